@@ -1,0 +1,178 @@
+"""Work that may crash, hang or eat the memory runs in a child process with limits, and dies with its parent."""
+
+import ctypes
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from groundwork.canonical import canonical_json
+from groundwork.errors import ChildError, FalseworkError, InputError, RejectedSceneError
+from groundwork.progress import SILENT, Progress
+
+_POLL = 0.1  # [s] how often limits are looked at
+_PREFIX = "\x1efalsework "  # marks a child's messages among whatever native libraries print
+
+
+def run_child(
+    module: str,
+    request: dict[str, Any],
+    *,
+    time_limit: float,
+    memory_limit: float,
+    progress: Progress = SILENT,
+    environment: dict[str, str] | None = None,
+) -> Any:  # noqa: ANN401  whatever JSON the child answers
+    """Run `python -m module` with a JSON request and wait for its JSON answer.
+
+    Args:
+        module: Module that calls `answer_parent` under `__main__`.
+        request: JSON for the child.
+        time_limit: Wall time after which it is killed [s].
+        memory_limit: Resident memory above which it is killed [GB].
+        progress: Listener for the child's progress.
+        environment: Variables to add to the child's environment.
+
+    Returns:
+        The child's answer.
+
+    Raises:
+        ChildError: Killed at a limit, died of a signal, or failed; the text ends in its last error line.
+        InputError: The child found bad input.
+        RejectedSceneError: The child found that the scene cannot go on.
+    """
+    with tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(
+            [sys.executable, "-m", module],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
+            env={**os.environ, **(environment or {})}, preexec_fn=_die_with_parent(os.getpid()),
+        )  # fmt: skip
+        replies: list[dict[str, Any]] = []
+        reader = threading.Thread(target=_listen, args=(process, replies, progress), daemon=True)
+        reader.start()
+        try:
+            _send(process, request)
+            verdict = _watch(process, time_limit, memory_limit)
+        finally:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            reader.join()
+        errors.seek(0)
+        return _conclude(module, process.returncode, verdict, replies, errors.read().decode(errors="replace"))
+
+
+def answer_parent(work: Callable[[dict[str, Any], Progress], Any]) -> None:
+    """Serve one request: the body of a child's `__main__`.
+
+    Args:
+        work: Called with the request and a listener that reaches the parent; returns JSON.
+    """
+    request = json.loads(sys.stdin.buffer.readline())
+    try:
+        result = work(request, _ToParent())
+    except RejectedSceneError as error:
+        _say("rejected", [error.reason, str(error)])
+        sys.exit(error.exit_code)
+    except FalseworkError as error:
+        _say("error", [error.exit_code, str(error)])
+        sys.exit(error.exit_code)
+    _say("result", result)
+
+
+class _ToParent:
+    def stage(self, name: str, total: int) -> None:
+        _say("stage", [name, total])
+
+    def advance(self, done: int) -> None:
+        _say("advance", done)
+
+    def note(self, message: str) -> None:
+        _say("note", message)
+
+
+def _say(kind: str, value: object) -> None:
+    sys.stdout.write(f"{_PREFIX}{canonical_json({'kind': kind, 'value': value})}\n")
+    sys.stdout.flush()
+
+
+def _send(process: subprocess.Popen[bytes], request: dict[str, Any]) -> None:
+    assert process.stdin is not None
+    try:
+        process.stdin.write(canonical_json(request).encode() + b"\n")
+        process.stdin.close()
+    except BrokenPipeError:
+        pass  # it died before listening; its exit code tells why
+
+
+def _listen(process: subprocess.Popen[bytes], replies: list[dict[str, Any]], progress: Progress) -> None:
+    assert process.stdout is not None
+    for raw in process.stdout:
+        _, found, text = raw.decode(errors="replace").partition(_PREFIX)
+        if not found:
+            continue
+        message = json.loads(text)
+        match message["kind"]:
+            case "stage":
+                progress.stage(*message["value"])
+            case "advance":
+                progress.advance(message["value"])
+            case "note":
+                progress.note(message["value"])
+            case _:
+                replies.append(message)
+
+
+def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: float) -> str | None:
+    begin = time.monotonic()
+    while True:
+        try:
+            process.wait(_POLL)
+            return None
+        except subprocess.TimeoutExpired:
+            if time.monotonic() - begin > time_limit:
+                return f"ran longer than {time_limit:.0f} s"
+            if _resident(process.pid) > memory_limit:
+                return f"used more than {memory_limit:.1f} GB of memory"
+
+
+def _resident(pid: int) -> float:
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, IndexError):
+        return 0.0
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e9
+
+
+def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[str, Any]], errors: str) -> object:
+    final = replies[-1] if replies else {"kind": "none", "value": None}
+    if verdict is not None:
+        raise ChildError(f"{module}: stopped because it {verdict}. Use fewer or smaller images, or raise the limit")
+    if final["kind"] == "result" and code == 0:
+        return final["value"]
+    if final["kind"] == "rejected":
+        raise RejectedSceneError(*final["value"])
+    if final["kind"] == "error":
+        exit_code, text = final["value"]
+        raise InputError(text) if exit_code == InputError.exit_code else ChildError(text)
+    last = next((line for line in reversed(errors.splitlines()) if line.strip()), "it printed nothing")
+    how = f"died of {signal.Signals(-code).name}" if code < 0 else f"failed with exit code {code}"
+    raise ChildError(f"{module}: {how}: {last}")
+
+
+def _die_with_parent(parent: int) -> Callable[[], None]:
+    libc = ctypes.CDLL(None)
+
+    def ask_the_kernel() -> None:
+        libc.prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+        if os.getppid() != parent:  # it died between fork and prctl
+            os._exit(1)
+
+    return ask_the_kernel

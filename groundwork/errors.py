@@ -1,0 +1,83 @@
+"""The errors that Falsework raises on purpose, each with the exit code that the command line gives it."""
+
+from typing import ClassVar
+
+
+class FalseworkError(Exception):
+    """Base of every error that Falsework raises on purpose.
+
+    Its text is one line that a user can act on: what happened, where, and the mend.
+    """
+
+    exit_code: ClassVar[int] = 1
+
+
+class InputError(FalseworkError, ValueError):
+    """Bad input: names the file, the field, the value, what is allowed, and the mend, all in one line."""
+
+    exit_code: ClassVar[int] = 2
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: object = None,
+        field: str | None = None,
+        value: object = None,
+        allowed: str | None = None,
+        mend: str | None = None,
+    ) -> None:
+        """Put the parts together in a fixed order.
+
+        Args:
+            what: What is wrong, a short sentence without a full stop.
+            where: File, folder or stage that holds it.
+            field: Key, prim path or column.
+            value: The value found.
+            allowed: The values that would be right.
+            mend: What to do about it.
+        """
+        parts = [str(where)] if where is not None else []
+        if field is not None:
+            parts.append(field)
+        sentence = what if value is None else f"{what} (found {value!r})"
+        if allowed is not None:
+            sentence += f"; allowed: {allowed}"
+        if mend is not None:
+            sentence += f". {mend}"
+        parts.append(sentence)
+        super().__init__(" ".join(": ".join(parts).split()))
+
+
+class MissingError(InputError, FileNotFoundError):
+    """A file or folder that was named does not exist."""
+
+
+class OutOfSpaceError(FalseworkError, OSError):
+    """The disk is full, or would be."""
+
+    exit_code: ClassVar[int] = 4
+
+
+class ChildError(FalseworkError, RuntimeError):
+    """A child process failed, was stopped at a limit, or died of a signal."""
+
+
+class RejectedSceneError(FalseworkError):
+    """A scene cannot become a cloud (too few cameras, no texture …): a result that is counted, not a crash.
+
+    Attributes:
+        reason: Short reason code, e.g. `too_few_cameras`.
+    """
+
+    exit_code: ClassVar[int] = 0
+
+    def __init__(self, reason: str, message: str) -> None:
+        """Keep the reason code beside the sentence.
+
+        Args:
+            reason: Short reason code in snake_case.
+            message: One line for people.
+        """
+        super().__init__(message)
+        self.reason = reason

@@ -1,0 +1,48 @@
+"""How long-running work reports where it is: a protocol that is passed in, and two plain implementations."""
+
+from typing import Protocol
+
+
+class Progress(Protocol):
+    """Listener for the progress of one piece of work."""
+
+    def stage(self, name: str, total: int) -> None:
+        """Begin a stage.
+
+        Args:
+            name: What is being done, e.g. `render`.
+            total: How many units it has; 0 when unknown.
+        """
+        ...
+
+    def advance(self, done: int) -> None:
+        """Report how far the current stage is.
+
+        Args:
+            done: Units finished so far.
+        """
+        ...
+
+    def note(self, message: str) -> None:
+        """Pass on one line for people (a warning, a figure).
+
+        Args:
+            message: One line of text.
+        """
+        ...
+
+
+class Silent:
+    """A listener that listens to nothing."""
+
+    def stage(self, name: str, total: int) -> None:
+        """Ignore the beginning of a stage."""
+
+    def advance(self, done: int) -> None:
+        """Ignore a step."""
+
+    def note(self, message: str) -> None:
+        """Ignore a line."""
+
+
+SILENT: Progress = Silent()

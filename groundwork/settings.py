@@ -1,0 +1,87 @@
+"""Frozen settings: the pydantic base of every room's settings, and errors that name the key and its nearest neighbour."""
+
+import difflib
+import tomllib
+import types
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+from groundwork.errors import InputError, MissingError
+
+
+class Settings(BaseModel):
+    """Base of all settings: immutable, and a key that nobody knows is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+
+
+S = TypeVar("S", bound=Settings)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file as nested dicts.
+
+    Args:
+        path: File to read.
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: It is not TOML, or not UTF-8.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MissingError("no such file", where=path, mend="Check the path") from None
+    except IsADirectoryError:
+        raise InputError("is a folder, not a TOML file", where=path, mend="Name the file inside it") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"not readable as TOML: {error}", where=path, mend="Correct this line") from None
+
+
+def parse_settings(model: type[S], values: dict[str, Any], where: object) -> S:
+    """Validate nested dicts as settings.
+
+    Args:
+        model: The settings class.
+        values: What the user wrote.
+        where: File name for the error message.
+
+    Raises:
+        InputError: The first thing wrong: unknown key (with the nearest known one), wrong type, out of range.
+    """
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise _as_input_error(model, error.errors()[0], where) from None
+
+
+def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) -> InputError:
+    field = ".".join(str(part) for part in detail["loc"])
+    if detail["type"] == "extra_forbidden":
+        known = _known_keys(model, detail["loc"][:-1])
+        near = difflib.get_close_matches(str(detail["loc"][-1]), known, n=1, cutoff=0.0)
+        mend = f"Did you mean {near[0]!r}?" if near else "Remove it"
+        return InputError("unknown key", where=where, field=field, allowed=", ".join(known) or "none", mend=mend)
+    return InputError(detail["msg"], where=where, field=field, value=detail["input"], mend="Correct this value")
+
+
+def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> list[str]:
+    current: list[type[Settings]] = [model]
+    for part in location:
+        if isinstance(part, int):
+            continue
+        fields = [m.model_fields[part] for m in current if part in m.model_fields]
+        below = [inner for field in fields for inner in _models_in(field.annotation)]
+        tagged = [m for m in current if m.__name__ == part]
+        current = below or tagged or current
+    return sorted({key for m in current for key in m.model_fields})
+
+
+def _models_in(annotation: object) -> list[type[Settings]]:
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        return [annotation] if issubclass(annotation, Settings) else []
+    return [inner for argument in typing.get_args(annotation) for inner in _models_in(argument)]

@@ -1,0 +1,280 @@
+"""A composed stage as flat arrays: what the renderer draws and the ray caster hits, without any USD object."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usd_schemas.components import ClassRow
+from usd_schemas.pinhole import Pinhole, UsdLens
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+U32 = NDArray[np.uint32]
+U8 = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Every unique mesh, concatenated; a part is a run of triangles with one material.
+
+    Attributes:
+        positions: Mesh-local positions [stage units], shape (V, 3), float32.
+        normals: Mesh-local unit normals [1], shape (V, 3), float32.
+        st: First UV set [m], or [1] on foreign stages, shape (V, 2), float32, v upwards as in USD.
+        st1: Second UV set, a 0 to 1 atlas [1], shape (V, 2), float32; zeros when absent.
+        colors: Linear displayColor [1], shape (V, 3), float32; white when absent.
+        triangles: Vertex numbers, counter-clockwise from outside, shape (T, 3), uint32.
+        part_first: First triangle of each part, shape (P,), int32.
+        part_count: Number of triangles of each part, shape (P,), int32.
+        part_double_sided: 1 where back faces are visible, shape (P,), uint8.
+    """
+
+    positions: F32
+    normals: F32
+    st: F32
+    st1: F32
+    colors: F32
+    triangles: U32
+    part_first: I32
+    part_count: I32
+    part_double_sided: U8
+
+
+@dataclass(frozen=True)
+class Draws:
+    """One row per visible part of each mesh instance.
+
+    Attributes:
+        part: Row in `Geometry.part_*`, shape (D,), int32.
+        transform: Mesh-local stage units to world [m], Z up, for column vectors, shape (D, 4, 4), float64.
+        material: Row in `FlatScene.materials`, shape (D,), int32.
+        instance: Instance id, 0 only for what has none, shape (D,), uint32.
+        label: Class id, shape (D,), uint8.
+    """
+
+    part: I32
+    transform: F64
+    material: I32
+    instance: U32
+    label: U8
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A texture file.
+
+    Attributes:
+        file: Resolved path.
+        srgb: Its values are sRGB-coded colours, not raw numbers.
+        scale: Multiplier of (s, t) before the look-up [1], or [1/m] for `st` in metres.
+        rotation: Counter-clockwise rotation of (s, t) [deg].
+        translation: Added to (s, t) last [1].
+        uv_set: 0 for `st`, 1 for `st1`.
+    """
+
+    file: str
+    srgb: bool
+    scale: tuple[float, float] = (1.0, 1.0)
+    rotation: float = 0.0
+    translation: tuple[float, float] = (0.0, 0.0)
+    uv_set: int = 0
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What `FalseworkDetailAPI` says: zero-mean multipliers of the base colour.
+
+    Attributes:
+        file: Tileable grey texture, mean 0.5; empty for none.
+        periods: Size of one tile of it for each octave [m].
+        amplitudes: Contrast of each octave [1]: the factor is 1 + amplitude * (2 g - 1).
+        macro_file: RGB texture on `st1`, mean 0.5, multiplied as 2 g; empty for none.
+    """
+
+    file: str = ""
+    periods: tuple[float, ...] = ()
+    amplitudes: tuple[float, ...] = ()
+    macro_file: str = ""
+
+
+@dataclass(frozen=True)
+class Material:
+    """A surface as UsdPreviewSurface describes it.
+
+    Attributes:
+        name: Prim path of the material, or a name for the fallback.
+        base_color: Linear diffuse colour, used without `base_texture` [1].
+        use_display_color: Take the vertex colour instead of `base_color`.
+        base_texture: Diffuse colour texture.
+        roughness: Roughness, used without `roughness_texture` [1].
+        roughness_texture: Roughness texture (red channel).
+        metallic: Metallic, used without a texture [1].
+        normal_texture: Tangent-space normal map.
+        emissive: Linear emitted colour [1].
+        opacity_threshold: Fragments whose texture alpha is below are cut out; 0 for none [1].
+        detail: Fine and macro detail.
+    """
+
+    name: str
+    base_color: tuple[float, float, float] = (0.5, 0.5, 0.5)
+    use_display_color: bool = False
+    base_texture: Texture | None = None
+    roughness: float = 0.7
+    roughness_texture: Texture | None = None
+    metallic: float = 0.0
+    normal_texture: Texture | None = None
+    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    opacity_threshold: float = 0.0
+    detail: Detail = field(default_factory=Detail)
+
+
+@dataclass(frozen=True)
+class Sun:
+    """A DistantLight.
+
+    Attributes:
+        direction: Unit vector from the scene towards the light [1], world axes.
+        radiance: Linear colour times intensity [1].
+        angle: Angular diameter [deg].
+    """
+
+    direction: tuple[float, float, float]
+    radiance: tuple[float, float, float]
+    angle: float = 0.53
+
+
+@dataclass(frozen=True)
+class Dome:
+    """A DomeLight.
+
+    Attributes:
+        radiance: Linear colour times intensity [1].
+        file: Latitude-longitude texture, or empty.
+        rotation: dome to world, shape (3, 3), row-major nested tuples [1].
+    """
+
+    radiance: tuple[float, float, float]
+    file: str = ""
+    rotation: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class CameraTrack:
+    """A camera and its poses, one per image.
+
+    Attributes:
+        name: Survey id, or the camera's prim name.
+        path: Prim path.
+        lens: Lens attributes.
+        poses: camera_to_world in metres, Z up, camera axes right-down-forward, shape (N, 4, 4), float64.
+        image_names: One stem per image, e.g. `000000`.
+        calibration: Exact intrinsics where the stage states them; they rule over `lens` at their image size.
+        sensor_width: Width of the sensor [m].
+        near: Near clipping distance [m].
+        gps: Measured local positions [m], shape (N, 3), float64, or None.
+        gps_sigma: Standard deviation of `gps` along x, y, z [m].
+        facts: Further JSON facts of the survey (kind, seed, spacing …).
+    """
+
+    name: str
+    path: str
+    lens: UsdLens
+    poses: F64
+    image_names: tuple[str, ...]
+    calibration: Pinhole | None = None
+    sensor_width: float = 0.036
+    near: float = 0.1
+    gps: F64 | None = None
+    gps_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    facts: dict[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Product:
+    """A RenderProduct: one camera at one resolution.
+
+    Attributes:
+        name: Survey id, or the product's prim name.
+        camera: Row in `FlatScene.cameras`.
+        width: Image width [px].
+        height: Image height [px].
+    """
+
+    name: str
+    camera: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class InstanceRow:
+    """What one instance id stands for.
+
+    Attributes:
+        id: Instance id, over 0.
+        path: Prim path that carries it.
+        component: Component kind; empty when unknown.
+        class_name: Class name.
+        parameters: JSON facts of the component, e.g. its dimensions.
+    """
+
+    id: int
+    path: str
+    component: str
+    class_name: str
+    parameters: dict[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class FlatScene:
+    """A stage at a glance.
+
+    Attributes:
+        geometry: Unique meshes.
+        draws: Their visible instances.
+        materials: Materials; row 0 is the fallback.
+        sun: DistantLight, or None.
+        dome: DomeLight, or None.
+        cameras: Cameras with at least one pose.
+        products: What shall be rendered.
+        instances: Instance ids in ascending order.
+        classes: Class table in force.
+        warnings: One line for each thing that could not be read as authored.
+        origin: Hash of the composed stage content that was read.
+    """
+
+    geometry: Geometry
+    draws: Draws
+    materials: tuple[Material, ...]
+    sun: Sun | None
+    dome: Dome | None
+    cameras: tuple[CameraTrack, ...]
+    products: tuple[Product, ...]
+    instances: tuple[InstanceRow, ...]
+    classes: tuple[ClassRow, ...]
+    warnings: tuple[str, ...]
+    origin: str
+
+
+def world_triangles(scene: FlatScene) -> tuple[F64, U32, U32]:
+    """Expand every draw into world space.
+
+    Args:
+        scene: Scene to expand.
+
+    Returns:
+        Corner positions [m], shape (T, 3, 3), float64; instance id per triangle, shape (T,), uint32; row in
+        `scene.draws` per triangle, shape (T,), uint32.
+    """
+    corners, ids, rows = [np.zeros((0, 3, 3))], [np.zeros(0, np.uint32)], [np.zeros(0, np.uint32)]
+    geometry, draws = scene.geometry, scene.draws
+    for row, part in enumerate(draws.part):
+        first, count = geometry.part_first[part], geometry.part_count[part]
+        local = geometry.positions[geometry.triangles[first : first + count]].astype(np.float64)
+        transform = draws.transform[row]
+        corners.append(local @ transform[:3, :3].T + transform[:3, 3])
+        ids.append(np.full(count, draws.instance[row], np.uint32))
+        rows.append(np.full(count, row, np.uint32))
+    return np.concatenate(corners), np.concatenate(ids), np.concatenate(rows)
