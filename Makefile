@@ -1,0 +1,72 @@
+# Two commands do all the set-up: `make demo` (the core) and `make test` (the core and the development tools), in either
+# order. Each extra leaves one stamp, so that a second call sets nothing up again.
+
+PYTHON ?= python3
+PYTHON_DCC ?= python3.11
+OUT ?= demo-out
+
+PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PYTEST := .venv/bin/python -m pytest
+PINS := pyproject.toml constraints.txt
+
+.PHONY: help setup demo test lint proof test-dcc test-faults bench docs
+.DELETE_ON_ERROR:
+
+help:
+	@echo "make demo         the whole chain on one small bridge; ends with the report's path in $(OUT)/"
+	@echo "make test         lint, types and every test that needs no Blender"
+	@echo "make setup        only what both of them install"
+	@echo "make proof        the same tests at full counts; writes docs/proof.json"
+	@echo "make test-dcc     the tests against Blender's bpy, in a virtual environment of its own"
+	@echo "make test-faults  only the tests that kill, corrupt and fill disks"
+	@echo "make bench docs   regenerate the measured tables and the generated pages"
+
+setup: .venv/.stamp-core .venv/.stamp-dev
+
+demo: .venv/.stamp-core
+	.venv/bin/falsework demo -o $(OUT)
+
+test: lint
+	$(PYTEST) -m "not dcc"
+
+lint: .venv/.stamp-dev
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/pyright
+
+proof: lint
+	$(PYTEST) -m "not dcc" --proof -o faulthandler_timeout=3600
+
+test-dcc: .venv/.stamp-dev .venv-dcc/.stamp
+	FALSEWORK_BPY_PYTHON=$(CURDIR)/.venv-dcc/bin/python $(PYTEST) -m dcc
+
+test-faults: .venv/.stamp-dev
+	$(PYTEST) -m faults
+
+bench: .venv/.stamp-dev
+	.venv/bin/python -m benchmarks
+
+docs: .venv/.stamp-dev
+	.venv/bin/python -m docs.generate --check
+
+.venv/.stamp-venv:
+	@command -v $(PYTHON) >/dev/null || { echo "falsework set-up: no $(PYTHON): apt-get install python3-venv" >&2; exit 2; }
+	@$(PYTHON) bootstrap/make_venv.py .venv
+	@touch $@
+
+.venv/.stamp-core: .venv/.stamp-venv $(PINS)
+	$(PIP) --editable .
+	@.venv/bin/python bootstrap/system_libraries.py core
+	@touch $@
+
+# Every extra of pyproject.toml: dev, learn, view, …
+.venv/.stamp-%: .venv/.stamp-core
+	$(PIP) --editable ".[$*]"
+	@touch $@
+
+.venv-dcc/.stamp: constraints-dcc.txt
+	@command -v $(PYTHON_DCC) >/dev/null || { echo "falsework set-up: bpy needs Python 3.11: name it with PYTHON_DCC=" >&2; exit 2; }
+	@$(PYTHON_DCC) bootstrap/make_venv.py .venv-dcc 3.11
+	.venv-dcc/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints-dcc.txt bpy
+	@.venv/bin/python bootstrap/system_libraries.py dcc
+	@touch $@

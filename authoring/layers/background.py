@@ -1,0 +1,26 @@
+"""Background layer: one world beyond the site's edge, a component asset that any scene may take as a payload."""
+
+from pxr import Kind, Sdf
+
+from authoring.layers.geometry import BACKGROUND
+from authoring.layers.layer import add_sublayers
+from authoring.layers.looks import surface_layer
+from authoring.looks.material import MaterialRecipe
+
+
+def background_layer(name: str, recipes: dict[str, MaterialRecipe]) -> Sdf.Layer:
+    """Author the root layer of a background.
+
+    Args:
+        name: Name of the background, e.g. `countryside`.
+        recipes: One recipe for each material that it uses.
+
+    Returns:
+        A layer in memory, to be written as `background/<name>/<name>.usda`.
+    """
+    layer = surface_layer(BACKGROUND, recipes)
+    prim = layer.GetPrimAtPath("/Background")
+    prim.SetInfo("kind", Kind.Tokens.component)
+    prim.SetInfo("assetInfo", {"name": name})
+    add_sublayers(layer, ["./semantics.usdc", "./geometry.usdc"])
+    return layer

@@ -1,0 +1,47 @@
+"""Bridge interface: what an artist sees before anything heavy is loaded, with the looks to choose from."""
+
+from pxr import Kind, Sdf, UsdGeom, Vt
+
+from authoring.layers.layer import add_sublayers, new_layer, new_stage
+from groundwork.canonical import canonical_json
+
+
+def bridge_layer(family: str, spans: tuple[float, ...], width: float, drawn: object, looks: dict[str, str]) -> Sdf.Layer:
+    """Author the interface layer of the bridge: facts, the variant set `look`, and the payload.
+
+    Args:
+        family: Bridge family.
+        spans: Span lengths along the axis [m].
+        width: Deck width [m].
+        drawn: Every drawn parameter, with a canonical JSON form.
+        looks: File of each look, relative to this layer; the first is selected.
+
+    Returns:
+        A layer in memory, to be written as `bridge/bridge.usda`.
+    """
+    stage = new_stage("Bridge")
+    prim = UsdGeom.Xform.Define(stage, "/Bridge").GetPrim()
+    prim.ApplyAPI("FalseworkBridgeAPI")
+    prim.GetAttribute("falsework:bridge:family").Set(family)
+    prim.GetAttribute("falsework:bridge:spans").Set(Vt.DoubleArray(spans))
+    prim.GetAttribute("falsework:bridge:width").Set(width)
+    prim.GetAttribute("falsework:bridge:parameters").Set(canonical_json(drawn))
+    layer = stage.GetRootLayer()
+    del stage, prim
+    spec = layer.GetPrimAtPath("/Bridge")
+    spec.SetInfo("kind", Kind.Tokens.assembly)
+    spec.payloadList.prependedItems = [Sdf.Payload("./payload.usda")]
+    spec.variantSetNameList.prependedItems = ["look"]
+    spec.variantSelections["look"] = next(iter(looks))
+    variants = Sdf.VariantSetSpec(spec, "look")
+    for name, file in sorted(looks.items()):
+        filled = Sdf.PrimSpec(Sdf.VariantSpec(variants, name).primSpec, "BridgeLooks", Sdf.SpecifierOver)
+        filled.referenceList.prependedItems = [Sdf.Reference(file)]
+    return layer
+
+
+def payload_layer() -> Sdf.Layer:
+    """Author the layer that joins semantics and geometry under one payload."""
+    layer = new_layer("Bridge")
+    add_sublayers(layer, ["./semantics.usdc", "./geometry.usdc"])
+    return layer

@@ -1,0 +1,54 @@
+"""Root layer: metadata and composition arcs only, short enough to read and to change by hand."""
+
+from pxr import Kind, Sdf
+
+from authoring.layers.layer import add_sublayers, new_layer
+from usd_schemas import tokens
+
+SUBLAYERS = ("./edits/user.usda", "./render.usda", "./surveys/surveys.usda", "./lighting.usda")
+
+
+def root_layer(look: str, background: str, backgrounds: dict[str, str], images: int) -> Sdf.Layer:
+    """Author `scene.usda`.
+
+    Args:
+        look: Selected look.
+        background: Selected background.
+        backgrounds: File of each background relative to this layer; an empty string for an empty world.
+        images: Number of images of the longest survey.
+
+    Returns:
+        A layer in memory, to be written as `scene.usda`.
+    """
+    layer = new_layer("World")
+    layer.pseudoRoot.SetInfo("renderSettingsPrimPath", tokens.RENDER_SETTINGS)
+    layer.startTimeCode, layer.endTimeCode = 0.0, float(max(images - 1, 0))
+    add_sublayers(layer, list(SUBLAYERS))
+    _define(layer, tokens.WORLD, Kind.Tokens.assembly)
+    _define(layer, tokens.SITE, Kind.Tokens.component).referenceList.prependedItems = [
+        Sdf.Reference("./site/site.usda")
+    ]
+    bridge = _define(layer, tokens.BRIDGE, Kind.Tokens.assembly)
+    bridge.referenceList.prependedItems = [Sdf.Reference("./bridge/bridge.usda")]
+    bridge.variantSelections["look"] = look
+    surroundings = _define(layer, tokens.BACKGROUND, Kind.Tokens.component)
+    surroundings.variantSetNameList.prependedItems = ["background"]
+    surroundings.variantSelections["background"] = background
+    variants = Sdf.VariantSetSpec(surroundings, "background")
+    for name, file in sorted(backgrounds.items()):
+        variant = Sdf.VariantSpec(variants, name)
+        if file:
+            variant.primSpec.payloadList.prependedItems = [Sdf.Payload(file)]
+    return layer
+
+
+def edits_layer() -> Sdf.Layer:
+    """Author the empty layer that waits for a user's edits, the strongest of all."""
+    return new_layer("World")
+
+
+def _define(layer: Sdf.Layer, path: str, kind: str) -> Sdf.PrimSpec:
+    spec = Sdf.CreatePrimInLayer(layer, path)
+    spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
+    spec.SetInfo("kind", kind)
+    return spec

@@ -1,0 +1,273 @@
+"""Recipes of concrete, asphalt, stone and brick."""
+
+import numpy as np
+
+from authoring.looks.noise import F32, Tile, cells, fractal, joints, per_cell, ramp, spots
+from authoring.looks.sheet import Color, Sheet, cover, paint
+
+_CEMENT: Color = (0.365, 0.350, 0.320)
+_SOOT: Color = (0.10, 0.095, 0.085)
+_LIME: Color = (0.62, 0.61, 0.58)
+
+
+def concrete_skin(tile: Tile, age: float) -> tuple[F32, F32]:
+    """Draw what all formed concrete shares: clouds of tone, sandy grain, aggregate showing through and pores.
+
+    Args:
+        tile: Where it repeats.
+        age: 0 for newly struck, 1 for decades of weather [1].
+
+    Returns:
+        Tone [1] around 1, and pores (1 inside), each of shape (H, W), float32.
+    """
+    clouds = fractal(tile, 2.0, 0.12)
+    grain = fractal(tile, 0.16, 0.012, slope=0.55)
+    sand = fractal(tile, 0.03, slope=0.0)
+    tone = 1 + (0.045 + 0.055 * age) * clouds + (0.045 + 0.055 * age) * grain + (0.03 + 0.03 * age) * sand
+    pores = np.maximum(spots(tile, 0.06, 0.011, 0.3), spots(tile, 0.022, 0.005, 0.12))
+    return (tone * (1 - 0.5 * pores)).astype(np.float32), pores
+
+
+def board_concrete(tile: Tile, age: float) -> Sheet:
+    """Concrete cast against sawn boards that lie along u.
+
+    Args:
+        tile: Where it repeats.
+        age: 0 for newly struck, 1 for decades of weather [1].
+    """
+    tone, pores = concrete_skin(tile, age)
+    boards = max(1, round(tile.metres / 0.125))
+    board = (np.arange(tile.pixels) * boards // tile.pixels).astype(np.int32)
+    drawn = tile.rng.integers(0, 1 << 16, (2, boards), np.uint16).astype(np.float32) * np.float32(2**-16)
+    wood = fractal(tile, 0.10, 0.006, slope=0.7, stretch=(0.06, 1.0))
+    seam = joints(tile, 0.125, 0.008, "u") * ramp(fractal(tile, 0.8, 0.1, stretch=(0.3, 1.0)), -1.0, 0.6)
+    tone = tone * (1 + 0.11 * (drawn[0, board][:, None] - 0.5) + 0.05 * wood) * (1 - 0.30 * seam)
+    albedo = _stained(tile, paint(_CEMENT, tone), age)
+    relief = 0.0012 * wood + 0.004 * drawn[1, board][:, None] - 0.003 * seam - 0.004 * pores
+    return Sheet(albedo, 0.86 + 0.03 * wood, relief.astype(np.float32))
+
+
+def panel_concrete(tile: Tile, age: float) -> Sheet:
+    """Concrete cast against plywood panels: joints, tie holes, a tone of its own for each panel.
+
+    Args:
+        tile: Where it repeats.
+        age: 0 for newly struck, 1 for decades of weather [1].
+    """
+    tone, pores = concrete_skin(tile, age)
+    seam = np.maximum(joints(tile, 1.25, 0.010, "u"), joints(tile, 2.5, 0.010, "v"))
+    seam = seam * ramp(fractal(tile, 1.0, 0.1), -1.2, 0.4)
+    rows, columns = max(1, round(tile.metres / 1.25)), max(1, round(tile.metres / 2.5))
+    panel = tile.rng.integers(0, 1 << 16, (rows, columns), np.uint16).astype(np.float32) * np.float32(2**-16)
+    row = np.arange(tile.pixels) * rows // tile.pixels
+    column = np.arange(tile.pixels) * columns // tile.pixels
+    tone = tone * (1 + 0.09 * (panel[row][:, column] - 0.5)) * (1 - 0.28 * seam)
+    holes, rims = _tie_holes(tile, rows, columns)
+    tone = tone * (1 + 0.10 * rims) * (1 - 0.75 * holes)
+    albedo = _stained(tile, paint(_CEMENT, tone), age)
+    return Sheet(albedo, 0.80 + 0.04 * fractal(tile, 0.6, 0.05), (-0.003 * seam - 0.015 * holes - 0.004 * pores))
+
+
+def smooth_concrete(tile: Tile, age: float) -> Sheet:
+    """Precast concrete from a steel mould: fewer marks, lighter, pores in the vertical faces.
+
+    Args:
+        tile: Where it repeats.
+        age: 0 for newly struck, 1 for decades of weather [1].
+    """
+    tone, pores = concrete_skin(tile, age)
+    drift = fractal(tile, 1.5, 0.06, stretch=(1.0, 0.3))
+    albedo = _stained(tile, paint((0.385, 0.375, 0.350), tone * (1 + 0.04 * drift)), 0.7 * age)
+    return Sheet(albedo, 0.78 + 0.03 * drift, -0.004 * pores)
+
+
+def deck_concrete(tile: Tile, age: float) -> Sheet:
+    """Concrete with a broomed, worn top: grooves along v, aggregate laid bare.
+
+    Args:
+        tile: Where it repeats.
+        age: 0 for newly struck, 1 for decades of weather [1].
+    """
+    tone, pores = concrete_skin(tile, age)
+    grooves = fractal(tile, 0.05, 0.008, slope=0.3, stretch=(1.0, 0.08))
+    stones = cells(tile, 0.022)
+    bare = ramp(stones.near, 0.42, 0.30) * ramp(fractal(tile, 0.9, 0.05), 0.2, 1.2) * np.float32(age)
+    albedo = paint((0.315, 0.300, 0.275), tone * (1 + 0.05 * grooves))
+    albedo = cover(albedo, 0.8 * bare, paint((0.27, 0.25, 0.22), 0.5 + per_cell(tile, stones)))
+    albedo = _stained(tile, _cracked(tile, albedo, 0.5 * age), age)
+    return Sheet(albedo, 0.88 + 0.03 * grooves, 0.001 * grooves - 0.003 * pores)
+
+
+def asphalt(tile: Tile, age: float) -> Sheet:
+    """Dense asphalt concrete: stones in bitumen, worn paths, oil, cracks and their sealing.
+
+    Args:
+        tile: Where it repeats.
+        age: 0 for newly laid, 1 for decades of traffic [1].
+    """
+    stones = cells(tile, 0.016)
+    own = per_cell(tile, stones)
+    bare = ramp(stones.near, 0.50, 0.30) * ramp(fractal(tile, 1.6, 0.04), -1.6, 1.0) * (0.35 + 0.65 * age)
+    tone = 1 + 0.14 * fractal(tile, 2.5, 0.15) + 0.12 * fractal(tile, 0.15, 0.012, slope=0.4)
+    albedo = paint((0.062, 0.061, 0.060), tone)
+    albedo = cover(albedo, bare * 0.85, paint((0.125, 0.122, 0.116), 0.45 + 1.1 * own * own))
+    oil = ramp(fractal(tile, 0.7, 0.08), 1.5, 2.6)
+    albedo = cover(albedo, 0.6 * oil, (0.030, 0.029, 0.028))
+    albedo = _cracked(tile, albedo, age)
+    relief = 0.004 * ramp(stones.near, 0.5, 0.1) * own
+    return Sheet(albedo, np.clip(0.90 - 0.35 * oil, 0.3, 1).astype(np.float32), relief)
+
+
+def plaster(tile: Tile, color: Color) -> Sheet:
+    """Rendered wall: rough cast, washed-out paint, damp patches, hairlines.
+
+    Args:
+        tile: Where it repeats.
+        color: Linear colour of the paint [1].
+    """
+    rough = fractal(tile, 0.06, 0.010, slope=0.3)
+    clouds, damp = fractal(tile, 2.5, 0.1), fractal(tile, 1.4, 0.05)
+    albedo = paint(color, 1 + 0.075 * rough + 0.06 * clouds)
+    albedo = cover(albedo, 0.35 * ramp(damp, 0.7, 2.4), (0.20, 0.185, 0.16))
+    albedo = cover(albedo, 0.8 * ramp(fractal(tile, 0.5, 0.02), 2.3, 2.6), (0.30, 0.285, 0.26))
+    return Sheet(_cracked(tile, albedo, 0.35), 0.9 + 0.02 * rough, 0.001 * rough)
+
+
+def brick(tile: Tile) -> Sheet:
+    """Fired brick in running bond with lime mortar.
+
+    Args:
+        tile: Where it repeats.
+    """
+    edge, own, hue = _courses(tile, 0.25, 0.077, 0.010)
+    grit = fractal(tile, 0.08, 0.008, slope=0.4)
+    fired = paint((0.235, 0.092, 0.060), 0.72 + 0.55 * own + 0.10 * grit)
+    fired = cover(fired, ramp(hue, 0.55, 1.0), paint((0.265, 0.140, 0.085), 0.75 + 0.4 * own + 0.08 * grit))
+    fired = cover(fired, 0.75 * ramp(hue, 0.14, 0.06), paint((0.085, 0.062, 0.058), 0.8 + 0.1 * grit))
+    mortar = paint((0.36, 0.34, 0.30), 1 + 0.10 * grit + 0.10 * fractal(tile, 0.8, 0.08))
+    bloom = 0.25 * ramp(fractal(tile, 1.1, 0.04), 0.9, 2.2)
+    albedo = cover(cover(mortar, edge, fired), bloom, (0.46, 0.44, 0.42))
+    return Sheet(albedo, (0.92 - 0.08 * edge).astype(np.float32), 0.008 * edge + 0.001 * grit)
+
+
+def masonry(tile: Tile, age: float) -> Sheet:
+    """Squared stone in courses with thin joints.
+
+    Args:
+        tile: Where it repeats.
+        age: 0 for newly dressed, 1 for centuries of weather [1].
+    """
+    edge, own, hue = _courses(tile, 0.80, 0.40, 0.014)
+    clouds, grain = fractal(tile, 0.5, 0.03), fractal(tile, 0.05, 0.008, slope=0.3)
+    tone = 0.82 + 0.36 * own + (0.06 + 0.06 * age) * clouds + 0.09 * grain
+    block = cover(paint((0.33, 0.30, 0.25), tone), ramp(hue, 0.5, 1.0), paint((0.30, 0.29, 0.27), tone))
+    albedo = cover(paint((0.24, 0.225, 0.20), 1 + 0.1 * grain), edge, block)
+    return Sheet(_stained(tile, albedo, age), 0.88 + 0.03 * grain, 0.014 * edge + 0.004 * clouds)
+
+
+def rock(tile: Tile) -> Sheet:
+    """Bedded, fissured rock.
+
+    Args:
+        tile: Where it repeats.
+    """
+    beds = fractal(tile, 1.2, 0.02, stretch=(0.35, 1.0))
+    blocks, chips = cells(tile, 0.55, stretch=1.6), cells(tile, 0.12, stretch=1.5)
+    fissure = np.maximum(ramp(blocks.second - blocks.near, 0.07, 0.01), 0.6 * ramp(chips.second - chips.near, 0.12, 0.02))
+    fissure = fissure * ramp(fractal(tile, 0.8, 0.08), -1.4, 0.5)
+    grain = fractal(tile, 0.06, slope=0.5)
+    tone = 0.92 + 0.16 * beds + 0.10 * grain + 0.22 * (per_cell(tile, blocks) - 0.5) + 0.2 * (per_cell(tile, chips) - 0.5)
+    albedo = paint((0.235, 0.220, 0.195), tone * (1 - 0.6 * fissure))
+    lichen = ramp(fractal(tile, 0.5, 0.02), 1.1, 1.9)
+    albedo = cover(albedo, 0.45 * lichen, (0.30, 0.30, 0.22))
+    return Sheet(albedo, 0.93 + 0.02 * grain, 0.02 * beds - 0.03 * fissure + 0.01 * per_cell(tile, blocks))
+
+
+def stones(tile: Tile, pitch: float, color: Color, bed: Color) -> Sheet:
+    """Loose stones: gravel, ballast, river cobbles.
+
+    Args:
+        tile: Where it repeats.
+        pitch: Mean size of the stones [m].
+        color: Mean linear colour of the stones [1].
+        bed: Linear colour between them [1].
+    """
+    large, small = cells(tile, pitch), cells(tile, 0.45 * pitch)
+    own, other = per_cell(tile, large), per_cell(tile, small)
+    present = (per_cell(tile, large) < 0.72).astype(np.float32)
+    body = ramp(large.second - large.near, 0.05, 0.22) * present
+    little = ramp(small.second - small.near, 0.05, 0.25)
+    grain = fractal(tile, 3 * pitch, slope=0.4)
+    albedo = cover(paint(bed, 1 + 0.15 * grain), little, paint(color, 0.45 + 0.75 * other + 0.08 * grain))
+    albedo = cover(albedo, body, paint(color, 0.55 + 0.85 * own + 0.10 * grain))
+    shade = 1 - 0.45 * ramp(large.second - large.near, 0.14, 0.02) * present
+    clouds = 1 + 0.07 * fractal(tile, 2.0, 0.2)
+    return Sheet(albedo * (shade * clouds)[..., None], 0.93 + 0.02 * grain, pitch * (0.3 * body + 0.1 * little))
+
+
+def roof_tile(tile: Tile) -> Sheet:
+    """Clay pantiles in rows; v runs up the slope.
+
+    Args:
+        tile: Where it repeats.
+    """
+    rows, columns = max(1, round(tile.metres / 0.32)), max(1, round(tile.metres / 0.20))
+    steps = (np.arange(tile.pixels, dtype=np.float32) + 0.5) / tile.pixels
+    down, across = (steps * rows)[:, None], (steps * columns)[None, :]
+    drawn = tile.rng.integers(0, 1 << 16, (rows, columns), np.uint16).astype(np.float32) * np.float32(2**-16)
+    own = drawn[down.astype(np.int32), across.astype(np.int32)]
+    lap, side = down - np.floor(down), np.abs(across - np.floor(across) - np.float32(0.5)) * 2
+    roll = (1 - side * side).astype(np.float32)
+    shade = (0.62 + 0.38 * roll) * (1 - 0.55 * ramp(lap, 0.10, 0.0)) * (1 - 0.4 * ramp(side, 0.86, 1.0))
+    grain = fractal(tile, 0.12, 0.008, slope=0.5)
+    albedo = paint((0.275, 0.120, 0.072), shade * (0.75 + 0.5 * own + 0.09 * grain))
+    moss = ramp(fractal(tile, 0.9, 0.03), 0.8, 1.9)
+    albedo = cover(albedo, 0.6 * moss, (0.095, 0.088, 0.058))
+    return Sheet(albedo, 0.88 + 0.02 * grain, 0.03 * roll + 0.02 * lap)
+
+
+def _stained(tile: Tile, albedo: F32, age: float) -> F32:
+    """Soot in patches and drawn-out drips, and a little lime."""
+    if age <= 0:
+        return albedo
+    damp = ramp(fractal(tile, 1.8, 0.03), 0.4, 2.6)
+    drips = ramp(fractal(tile, 0.5, 0.015, stretch=(1.0, 0.16)), 1.0, 2.6)
+    stained = cover(albedo, np.float32(age) * np.minimum(0.45 * damp + 0.28 * drips, 0.7), _SOOT)
+    lime = ramp(fractal(tile, 0.7, 0.02), 1.8, 2.8)
+    return cover(stained, 0.35 * np.float32(age) * lime, _LIME)
+
+
+def _cracked(tile: Tile, albedo: F32, amount: float) -> F32:
+    """Thin dark lines where a field passes through zero, broken off by another."""
+    where = ramp(fractal(tile, 1.6, 0.3), 1.1 - 0.9 * amount, 1.9 - 0.9 * amount)
+    path = np.abs(fractal(tile, 1.1, 0.015, slope=1.6))
+    line = ramp(path, 0.030, 0.008) * where
+    return albedo * (1 - 0.65 * line)[..., None]
+
+
+def _tie_holes(tile: Tile, rows: int, columns: int) -> tuple[F32, F32]:
+    """Two pairs of holes in each panel, and the lighter rims that their plugs leave."""
+    steps = (np.arange(tile.pixels, dtype=np.float32) + 0.5) / tile.pixels
+    down = np.abs((steps * 2 * rows) % 1 - 0.5)[:, None] * np.float32(tile.metres / (2 * rows))
+    across = np.abs((steps * 2 * columns) % 1 - 0.5)[None, :] * np.float32(tile.metres / (2 * columns))
+    far = np.sqrt(down * down + across * across).astype(np.float32)
+    holes = ramp(far, 0.016, 0.009)
+    return holes, ramp(far, 0.040, 0.030) - holes
+
+
+def _courses(tile: Tile, length: float, height: float, joint: float) -> tuple[F32, F32, F32]:
+    """Running bond: 1 on the faces of the units and 0 in the joints; a tone and a hue of its own for each unit."""
+    rows, columns = 2 * max(1, round(tile.metres / height / 2)), max(1, round(tile.metres / length))
+    wobble = fractal(tile, 0.3, 0.03)
+    texel = tile.metres / tile.pixels
+    steps = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) / tile.pixels
+    down = (steps * rows)[:, None]
+    row = down.astype(np.int32)
+    across = (steps * columns)[None, :] + np.float32(0.5) * (row % 2)
+    column = np.floor(across).astype(np.int32) % columns
+    aside = (0.5 - np.abs(across - np.floor(across) - 0.5)) * np.float32(tile.metres / columns)
+    above = (0.5 - np.abs(down - np.floor(down) - 0.5)) * np.float32(tile.metres / rows)
+    inside = np.minimum(aside, above) + np.float32(0.0012) * wobble
+    drawn = tile.rng.integers(0, 1 << 16, (2, rows, columns), np.uint16).astype(np.float32) * np.float32(2**-16)
+    face = ramp(inside, joint / 2 - texel / 2, joint / 2 + texel / 2)
+    return face, drawn[0][row, column], drawn[1][row, column]

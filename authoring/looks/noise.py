@@ -1,0 +1,227 @@
+"""Periodic random fields for textures: filtered noise, cells and lines, the same bytes on every machine.
+
+Sums, products, quotients and square roots are exact by IEEE 754; what is not (powers, trigonometry) is computed on small
+tables and rounded to `_GRID`, so that a last-digit difference between two processors cannot reach a texel.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+F32 = NDArray[np.float32]
+I32 = NDArray[np.int32]
+
+_GRID = 2.0**20
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A square of surface that repeats seamlessly.
+
+    Attributes:
+        pixels: Texels along a side.
+        metres: Length of a side [m].
+        rng: Random stream of this tile.
+    """
+
+    pixels: int
+    metres: float
+    rng: np.random.Generator
+
+
+def snap(values: NDArray[np.floating]) -> F32:
+    """Round to a fixed grid, so that the last digits of a transcendental function do not matter.
+
+    Args:
+        values: Any numbers, any shape.
+
+    Returns:
+        The same shape, float32.
+    """
+    return (np.round(values.astype(np.float64) * _GRID) / _GRID).astype(np.float32)
+
+
+def fractal(
+    tile: Tile, longest: float, shortest: float = 0.0, slope: float = 1.0, stretch: tuple[float, float] = (1.0, 1.0)
+) -> F32:
+    """Draw band-limited noise with a power-law spectrum.
+
+    Args:
+        tile: Where it repeats.
+        longest: Longest wavelength [m].
+        shortest: Shortest wavelength [m]; 0 for two texels.
+        slope: Amplitude falls with frequency to this power [1]; at 1 every octave has the same contrast.
+        stretch: Factors that draw the pattern out along columns (u) and rows (v) [1].
+
+    Returns:
+        Values with mean 0 and standard deviation 1, shape (pixels, pixels), float32.
+    """
+    count = tile.pixels
+    across = np.arange(count // 2 + 1, dtype=np.float32) * np.float32(stretch[0])
+    down = np.fft.fftfreq(count, 1 / count).astype(np.float32) * np.float32(stretch[1])
+    cycles = np.sqrt(across[None, :] ** 2 + down[:, None] ** 2)
+    lowest = tile.metres / longest
+    highest = min(tile.metres / shortest if shortest else count / 2, count / 2)
+    table = np.arange(int(cycles.max()) + 2, dtype=np.float64)
+    gain = snap(np.maximum(table, 0.5) ** -slope / (1 + (0.7 * lowest / np.maximum(table, 0.5)) ** 6))
+    gain *= snap(1 / (1 + (table / (1.1 * highest)) ** 8))
+    whole = cycles.astype(np.int32)
+    part = cycles - whole
+    spectrum = _white_spectrum(tile.rng, whole.shape)
+    spectrum *= gain[whole] * (1 - part) + gain[whole + 1] * part
+    spectrum[0, 0] = 0
+    return standard(fft.irfft2(spectrum, s=(count, count), overwrite_x=True))
+
+
+def standard(field: F32) -> F32:
+    """Shift and scale a field to mean 0 and standard deviation 1.
+
+    Args:
+        field: Any field, shape (H, W), float32.
+    """
+    centred = field - snap(np.mean(field, dtype=np.float64))
+    spread = float(np.round(np.std(centred, dtype=np.float64) * 2**40) / 2**40)
+    return centred * np.float32(1 / max(spread, 1e-12))
+
+
+def white(tile: Tile) -> F32:
+    """Draw independent values between 0 and 1.
+
+    Args:
+        tile: Where it repeats.
+
+    Returns:
+        Values, shape (pixels, pixels), float32.
+    """
+    drawn = tile.rng.integers(0, 1 << 16, (tile.pixels, tile.pixels), np.uint16)
+    return drawn.astype(np.float32) * np.float32(2**-16)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A plane cut into irregular cells (Worley noise).
+
+    Attributes:
+        near: Distance to the nearest seed in units of the pitch [1], shape (pixels, pixels), float32.
+        second: Distance to the second nearest seed [1], shape (pixels, pixels), float32.
+        seed: Number of the nearest seed, shape (pixels, pixels), int32.
+        count: Number of seeds.
+    """
+
+    near: F32
+    second: F32
+    seed: I32
+    count: int
+
+
+def cells(tile: Tile, pitch: float, stretch: float = 1.0, jitter: float = 0.8) -> Cells:
+    """Cut the tile into irregular cells, one seed in each square of a jittered grid.
+
+    Source: Worley, A cellular texture basis function, SIGGRAPH 1996.
+
+    Args:
+        tile: Where it repeats.
+        pitch: Mean distance of the seeds along v [m].
+        stretch: Seeds stand this much further apart along u [1].
+        jitter: How far a seed leaves the middle of its square [1].
+    """
+    rows = max(1, round(tile.metres / pitch))
+    columns = max(1, round(tile.metres / (pitch * stretch)))
+    drawn = tile.rng.integers(0, 1 << 16, (2, rows, columns), np.uint16).astype(np.float32) * np.float32(2**-16)
+    seed_v, seed_u = 0.5 + (drawn - 0.5) * np.float32(jitter)
+    steps = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) / np.float32(tile.pixels)
+    v, u = steps * np.float32(rows), steps * np.float32(columns)
+    row, column = v.astype(np.int32), u.astype(np.int32)
+    near = np.full((tile.pixels, tile.pixels), 9, np.float32)
+    second, seed = near.copy(), np.zeros(near.shape, np.int32)
+    for down in (-1, 0, 1):
+        other_row = ((row + down) % rows)[:, None]
+        base_v = (v - row - down)[:, None]
+        for across in (-1, 0, 1):
+            other_column = ((column + across) % columns)[None, :]
+            dv = base_v - seed_v[other_row, other_column]
+            du = (u - column - across)[None, :] - seed_u[other_row, other_column]
+            squared = dv * dv + du * du
+            closer = squared < near
+            np.minimum(second, np.where(closer, near, squared), out=second)
+            np.copyto(near, squared, where=closer)
+            np.copyto(seed, other_row * columns + other_column, where=closer)
+    return Cells(np.sqrt(near), np.sqrt(second), seed, rows * columns)
+
+
+def per_cell(tile: Tile, parts: Cells) -> F32:
+    """Give every cell a value of its own between 0 and 1.
+
+    Args:
+        tile: Its random stream is used.
+        parts: Cells of this tile.
+
+    Returns:
+        Values, shape (pixels, pixels), float32.
+    """
+    drawn = tile.rng.integers(0, 1 << 16, parts.count, np.uint16).astype(np.float32) * np.float32(2**-16)
+    return drawn[parts.seed]
+
+
+def spots(tile: Tile, pitch: float, radius: float, share: float) -> F32:
+    """Scatter soft round spots.
+
+    Args:
+        tile: Where it repeats.
+        pitch: Mean distance of possible places [m].
+        radius: Largest radius [m]; each spot draws its own.
+        share: Share of the places that carry a spot [1].
+
+    Returns:
+        1 inside a spot, 0 outside, shape (pixels, pixels), float32.
+    """
+    parts = cells(tile, pitch, jitter=0.6)
+    drawn = per_cell(tile, parts)
+    present = drawn < np.float32(share)
+    own = np.float32(radius / pitch) * (np.float32(0.4) + np.float32(0.6) * drawn / np.float32(share))
+    edge = np.float32(tile.metres / tile.pixels / pitch)
+    return ramp(parts.near, own + edge, own - edge) * present
+
+
+def ramp(field: F32, low: F32 | float, high: F32 | float) -> F32:
+    """Rise smoothly from 0 at `low` to 1 at `high` (a fall when `high` is lower).
+
+    Args:
+        field: Values, any shape, float32.
+        low: Where the result is 0.
+        high: Where the result is 1.
+
+    Returns:
+        Values between 0 and 1, the same shape, float32.
+    """
+    low, high = np.asarray(low, np.float32), np.asarray(high, np.float32)
+    step = np.clip((field - low) / (high - low), 0, 1)
+    return (step * step * (3 - 2 * step)).astype(np.float32)
+
+
+def joints(tile: Tile, pitch: float, width: float, along: Literal["u", "v"]) -> F32:
+    """Draw straight lines at an even pitch that divides the tile.
+
+    Args:
+        tile: Where it repeats.
+        pitch: Distance of the lines [m], adjusted to a whole number of them.
+        width: Width of a line [m].
+        along: Lines run along columns (`u`: horizontal) or along rows (`v`: upright).
+
+    Returns:
+        1 on a line, 0 beside it, shape (pixels, 1) or (1, pixels), float32.
+    """
+    count = max(1, round(tile.metres / pitch))
+    place = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) * np.float32(count / tile.pixels)
+    aside = np.abs(place - np.round(place)) * np.float32(tile.metres / count)
+    texel = tile.metres / tile.pixels
+    line = ramp(aside, width / 2 + texel / 2, max(width / 2 - texel / 2, 0.0))
+    return line[:, None] if along == "u" else line[None, :]
+
+
+def _white_spectrum(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.complex64]:
+    drawn = rng.integers(-(1 << 15), 1 << 15, (*shape, 2), np.int16).astype(np.float32)
+    return drawn.view(np.complex64)[..., 0]

@@ -1,0 +1,121 @@
+"""Recipes of what grows, of earth, wood and water."""
+
+import numpy as np
+
+from authoring.looks.noise import F32, Tile, cells, fractal, per_cell, ramp, spots
+from authoring.looks.sheet import Color, Sheet, cover, paint, palette
+
+
+def grass(tile: Tile, dry: float) -> Sheet:
+    """Turf seen from some metres: tufts, blades, dry stalks, soil showing through.
+
+    Args:
+        tile: Where it repeats.
+        dry: Share of straw [1].
+    """
+    tufts, blades = fractal(tile, 0.9, 0.06), _filaments(tile, 0.09)
+    fine = fractal(tile, 0.05, slope=0.2)
+    tone = 0.42 + 0.13 * tufts + 0.24 * blades + 0.08 * fine
+    albedo = palette(tone, ((0.016, 0.026, 0.008), (0.045, 0.075, 0.019), (0.085, 0.125, 0.032), (0.155, 0.185, 0.060)))
+    straw = ramp(fractal(tile, 1.4, 0.02) + 0.8 * blades, 2.0 - 2.2 * dry, 3.4 - 2.2 * dry)
+    albedo = cover(albedo, 0.75 * straw, paint((0.235, 0.200, 0.100), 0.8 + 0.25 * blades))
+    bare = ramp(fractal(tile, 1.1, 0.03), 1.5, 2.3)
+    albedo = cover(albedo, 0.7 * bare, paint((0.105, 0.075, 0.048), 1 + 0.25 * fine))
+    return Sheet(albedo, 0.92 + 0.02 * fine, 0.03 * tufts + 0.012 * blades)
+
+
+def meadow(tile: Tile) -> Sheet:
+    """Uncut grass with flowers.
+
+    Args:
+        tile: Where it repeats.
+    """
+    turf = grass(tile, 0.45)
+    albedo = cover(turf.albedo, spots(tile, 0.10, 0.016, 0.10), (0.55, 0.52, 0.45))
+    albedo = cover(albedo, spots(tile, 0.13, 0.016, 0.10), (0.48, 0.36, 0.05))
+    return Sheet(albedo, turf.roughness, turf.height)
+
+
+def soil(tile: Tile) -> Sheet:
+    """Bare earth with clods and pebbles.
+
+    Args:
+        tile: Where it repeats.
+    """
+    clods, grain, damp = fractal(tile, 0.35, 0.02), fractal(tile, 0.05, slope=0.3), fractal(tile, 2.2, 0.15)
+    albedo = paint((0.150, 0.108, 0.070), 1 + 0.13 * clods + 0.13 * grain + 0.12 * damp)
+    pebble = spots(tile, 0.07, 0.020, 0.30)
+    albedo = cover(albedo, 0.85 * pebble, paint((0.27, 0.245, 0.21), 0.9 + 0.2 * clods))
+    litter = ramp(_filaments(tile, 0.12) + 0.6 * damp, 1.9, 2.6)
+    albedo = cover(albedo, 0.6 * litter, (0.235, 0.190, 0.110))
+    return Sheet(albedo, 0.95 + 0.01 * grain, 0.012 * clods + 0.012 * pebble)
+
+
+def water(tile: Tile) -> Sheet:
+    """A slow river seen from the bank: the bed's murk, ripples, drifting foam.
+
+    Args:
+        tile: Where it repeats.
+    """
+    murk = fractal(tile, 4.0, 0.4)
+    ripples = fractal(tile, 0.7, 0.05, slope=0.8, stretch=(0.45, 1.0))
+    albedo = palette(0.45 + 0.10 * murk + 0.15 * ripples, ((0.018, 0.028, 0.024), (0.045, 0.062, 0.050), (0.085, 0.105, 0.088)))
+    foam = ramp(_filaments(tile, 0.5) + 0.5 * murk, 2.7, 3.6)
+    albedo = cover(albedo, 0.5 * foam, (0.42, 0.43, 0.40))
+    return Sheet(albedo, np.clip(0.16 + 0.03 * ripples, 0.05, 1).astype(np.float32), 0.012 * ripples)
+
+
+def timber(tile: Tile) -> Sheet:
+    """Weathered oak with the grain along u: checks, knots, tar.
+
+    Args:
+        tile: Where it repeats.
+    """
+    rings = fractal(tile, 0.10, 0.006, slope=0.6, stretch=(0.05, 1.0))
+    check = ramp(fractal(tile, 0.12, 0.006, stretch=(0.06, 1.0)), 1.5, 2.2)
+    albedo = paint((0.155, 0.120, 0.088), 1 + 0.20 * rings + 0.10 * fractal(tile, 0.8, 0.02))
+    albedo = cover(albedo, 0.8 * check, (0.030, 0.023, 0.017))
+    return Sheet(albedo, 0.9 + 0.02 * rings, 0.002 * rings - 0.006 * check)
+
+
+def bark(tile: Tile) -> Sheet:
+    """Furrowed bark with the stem along v.
+
+    Args:
+        tile: Where it repeats.
+    """
+    plates = cells(tile, 0.14, stretch=0.32)
+    furrow = ramp(plates.second - plates.near + 0.10 * fractal(tile, 0.2, 0.01), 0.30, 0.04)
+    grain = fractal(tile, 0.10, 0.005, slope=0.5, stretch=(1.0, 0.3))
+    albedo = paint((0.150, 0.120, 0.090), (0.75 + 0.5 * per_cell(tile, plates) + 0.16 * grain) * (1 - 0.65 * furrow))
+    albedo = cover(albedo, 0.5 * ramp(fractal(tile, 0.6, 0.02), 0.8, 1.8), (0.13, 0.145, 0.075))
+    return Sheet(albedo, 0.94 + 0.01 * grain, 0.012 * (1 - furrow))
+
+
+def foliage(tile: Tile) -> Sheet:
+    """A crown of broad leaves, opaque: leaves on leaves, dark gaps between twigs.
+
+    Args:
+        tile: Where it repeats.
+    """
+    albedo = paint((0.020, 0.032, 0.010), 1 + 0.2 * fractal(tile, 0.3, 0.01))
+    relief = np.zeros(albedo.shape[:2], np.float32)
+    for depth, pitch in enumerate((0.050, 0.060, 0.075)):
+        leaves = cells(tile, pitch, stretch=0.62)
+        own = per_cell(tile, leaves)
+        body = ramp(leaves.near, 0.46, 0.36) * (own > (0.2, 0.3, 0.45)[depth])
+        lit = (0.45, 0.72, 1.0)[depth] * (0.6 + 0.75 * per_cell(tile, leaves)) - 0.35 * leaves.near
+        albedo = cover(albedo, body, palette(0.75 * lit, _LEAVES))
+        relief = np.maximum(relief, body * np.float32(0.01 * (depth + 1)))
+    gaps = ramp(fractal(tile, 0.6, 0.05), 0.5, 1.9)
+    return Sheet(albedo * (1 - 0.65 * gaps)[..., None], (0.72 - 0.1 * relief).astype(np.float32), relief - 0.03 * gaps)
+
+
+_LEAVES: tuple[Color, ...] = ((0.014, 0.026, 0.008), (0.038, 0.070, 0.017), (0.075, 0.120, 0.030), (0.135, 0.180, 0.055))
+
+
+def _filaments(tile: Tile, length: float) -> F32:
+    """Thin crossing strands: the crests of two ridged fields."""
+    one = np.abs(fractal(tile, length, length / 8, slope=0.6, stretch=(1.0, 0.5)))
+    two = np.abs(fractal(tile, length, length / 8, slope=0.6, stretch=(0.5, 1.0)))
+    return (1.6 - 2.6 * np.minimum(one, two)).astype(np.float32)

@@ -1,0 +1,68 @@
+"""One baked surface in numbers, and the few colour operations that recipes are made of."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from authoring.looks.noise import F32
+
+Color = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One tileable surface.
+
+    Attributes:
+        albedo: Linear base colour [1], shape (H, W, 3), float32.
+        roughness: Roughness [1], shape (H, W), float32.
+        height: Relief [m], shape (H, W), float32, or None where it is too flat to matter.
+    """
+
+    albedo: F32
+    roughness: F32
+    height: F32 | None = None
+
+
+def paint(color: Color, tone: F32) -> F32:
+    """Colour a grey field.
+
+    Args:
+        color: Linear colour [1].
+        tone: Factor of it [1], shape (H, W), float32; negative values count as 0.
+
+    Returns:
+        Linear colour [1], shape (H, W, 3), float32.
+    """
+    return np.maximum(tone, 0)[..., None] * np.asarray(color, np.float32)
+
+
+def cover(below: F32, mask: F32, above: Color | F32) -> F32:
+    """Lay a colour over another.
+
+    Args:
+        below: Linear colour [1], shape (H, W, 3), float32.
+        mask: Opacity of what lies above [1], shape (H, W), float32.
+        above: Linear colour [1], one for all or shape (H, W, 3), float32.
+
+    Returns:
+        Linear colour [1], shape (H, W, 3), float32.
+    """
+    return below + mask[..., None] * (np.asarray(above, np.float32) - below)
+
+
+def palette(tone: F32, colors: tuple[Color, ...]) -> F32:
+    """Map a field from 0 to 1 onto a line of colours at even steps.
+
+    Args:
+        tone: Place on the line [1], shape (H, W), float32; clipped to 0 and 1.
+        colors: At least two linear colours [1].
+
+    Returns:
+        Linear colour [1], shape (H, W, 3), float32.
+    """
+    stops = np.asarray(colors, np.float32)
+    place = np.clip(tone, 0, 1) * np.float32(len(colors) - 1)
+    index = np.minimum(place.astype(np.int32), len(colors) - 2)
+    part = (place - index)[..., None]
+    return stops[index] * (1 - part) + stops[index + 1] * part

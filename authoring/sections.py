@@ -1,0 +1,146 @@
+"""Plane outlines of members: closed polygons in metres, counter-clockwise, and what can be measured or done on them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.component import F64, I32
+
+
+def rectangle(low: tuple[float, float], high: tuple[float, float]) -> F64:
+    """Draw an upright rectangle.
+
+    Args:
+        low: Lower left corner [m].
+        high: Upper right corner [m].
+
+    Returns:
+        Outline [m], shape (4, 2), float64.
+    """
+    return np.array([low, (high[0], low[1]), high, (low[0], high[1])], dtype=np.float64)
+
+
+def circle(diameter: float, sides: int) -> F64:
+    """Draw a regular polygon inscribed in a circle around the origin.
+
+    Args:
+        diameter: Diameter of the circle [m].
+        sides: Number of sides.
+
+    Returns:
+        Outline [m], shape (sides, 2), float64.
+    """
+    angle = 2.0 * np.pi * (np.arange(sides) + 0.5) / sides
+    return 0.5 * diameter * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def mirrored(right_half: list[tuple[float, float]]) -> F64:
+    """Complete an outline that is symmetric about x = 0.
+
+    Args:
+        right_half: Corners with x > 0, from the bottom to the top [m].
+
+    Returns:
+        Outline [m], shape (2 * len(right_half), 2), float64.
+    """
+    half = np.array(right_half, dtype=np.float64)
+    return np.concatenate([half, half[::-1] * (-1.0, 1.0)])
+
+
+def area(outline: F64) -> float:
+    """Measure the signed area of an outline, positive when counter-clockwise.
+
+    Args:
+        outline: Corners [m], shape (P, 2), float64.
+
+    Returns:
+        Area [m2].
+    """
+    x, y = outline.T
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def cut_corners(outline: F64, leg: float | F64) -> F64:
+    """Chamfer the corners of an outline.
+
+    Args:
+        outline: Corners [m], shape (P, 2), float64.
+        leg: Length taken from both sides of each corner [m], one value or shape (P,); 0 leaves a corner sharp.
+
+    Returns:
+        Outline [m], shape (Q, 2), float64: two corners for each cut one.
+    """
+    legs = np.broadcast_to(np.asarray(leg, dtype=np.float64), (len(outline),))
+    before = np.roll(outline, 1, axis=0) - outline
+    after = np.roll(outline, -1, axis=0) - outline
+    before /= np.linalg.norm(before, axis=1, keepdims=True)
+    after /= np.linalg.norm(after, axis=1, keepdims=True)
+    both = np.stack([outline + before * legs[:, None], outline + after * legs[:, None]], axis=1)
+    keep = np.stack([np.ones(len(legs), bool), legs > 0.0], axis=1)
+    return both[keep]
+
+
+def inset(outline: F64, distance: float) -> F64:
+    """Move every side of an outline inward; sides stay parallel to themselves.
+
+    Args:
+        outline: Corners, counter-clockwise [m], shape (P, 2), float64.
+        distance: How far [m]; so small that no side vanishes.
+
+    Returns:
+        Outline [m], shape (P, 2), float64.
+    """
+    along = np.roll(outline, -1, axis=0) - outline
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    previous = np.roll(inward, 1, axis=0)
+    # The mitre: the vector whose component along both neighbouring inward normals is one.
+    mitre = (previous + inward) / (1.0 + np.sum(previous * inward, axis=1, keepdims=True))
+    return outline + distance * mitre
+
+
+def is_convex(outline: F64) -> bool:
+    """Tell whether a counter-clockwise outline never turns right.
+
+    Args:
+        outline: Corners [m], shape (P, 2), float64.
+    """
+    side = np.roll(outline, -1, axis=0) - outline
+    turn = _cross(np.roll(side, 1, axis=0), side)
+    return bool(np.all(turn >= -1e-12))
+
+
+def triangulate(outline: F64) -> I32:
+    """Cut a simple polygon into triangles between its own corners, by clipping ears.
+
+    Source: G. Meisters, Polygons have ears, American Mathematical Monthly 82, 1975.
+
+    Args:
+        outline: Corners, counter-clockwise [m], shape (P, 2), float64.
+
+    Returns:
+        Corner numbers, shape (P - 2, 3), int32.
+    """
+    left, ears = list(range(len(outline))), []
+    while len(left) > 3:
+        found = max(range(len(left)), key=lambda k: _ear_quality(outline, left, k))
+        ears.append((left[found - 1], left[found], left[(found + 1) % len(left)]))
+        left.pop(found)
+    return np.array([*ears, left], dtype=np.int32)
+
+
+def _ear_quality(outline: F64, left: list[int], k: int) -> float:
+    before, tip, after = left[k - 1], left[k], left[(k + 1) % len(left)]
+    a, b, c = outline[before], outline[tip], outline[after]
+    double_area = float(_cross(b - a, c - b))
+    if double_area <= 1e-12:
+        return -np.inf
+    others = outline[[i for i in left if i not in (before, tip, after)]]
+    inside = np.ones(len(others), bool)
+    for start, end in ((a, b), (b, c), (c, a)):
+        inside &= _cross(end - start, others - start) >= -1e-12
+    longest = max(float(np.sum((q - p) ** 2)) for p, q in ((a, b), (b, c), (c, a)))
+    return -np.inf if inside.any() else double_area / longest
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

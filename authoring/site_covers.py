@@ -1,0 +1,153 @@
+"""Cut a height field along the borders of its covers: grass, banks, fills … meet in curves that share every vertex."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.alignment import Alignment
+from authoring.component import Mesh
+from authoring.site_grid import HeightField
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+SNAP = 0.04  # a border this close to a vertex goes through the vertex [m]
+
+
+@dataclass(frozen=True)
+class Soup:
+    """Triangles that share vertices, each vertex a row of numbers.
+
+    Attributes:
+        rows: Station, left, height [m], normal (3), then one column for each cover, shape (V, 6 + C), float64.
+        faces: Vertex numbers, shape (T, 3), int64.
+    """
+
+    rows: F64
+    faces: I64
+
+
+def soup_of(field: HeightField, covers: tuple[F64, ...], keep: NDArray[np.bool_] | None = None) -> Soup:
+    """Gather a height field with its covers.
+
+    Args:
+        field: The ground.
+        covers: Signed fields at the nodes [m], each of shape (S, L), float64.
+        keep: Which cells take part, shape (S-1, L-1), bool, or None for all.
+
+    Returns:
+        The triangles.
+    """
+    columns = [np.where(np.abs(cover) < SNAP, 0.0, cover).reshape(-1, 1) for cover in covers]
+    faces = field.triangles()
+    if keep is not None:
+        faces = faces[np.repeat(keep.reshape(-1), 2)]
+    return Soup(np.hstack([field.nodes(), field.normals(), *columns]), faces)
+
+
+def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:
+    """Cut triangles where a cover's field is zero.
+
+    Args:
+        soup: Triangles.
+        column: Number of the cover.
+
+    Returns:
+        The part inside the cover (positive) and the part outside.
+    """
+    value = soup.rows[:, 6 + column]
+    sign = np.sign(value)[soup.faces]
+    above, below = (sign > 0).any(axis=1), (sign < 0).any(axis=1)
+    crossing = above & below
+    rows, plus, minus = _split(soup.rows, soup.faces[crossing], value)
+    inside = np.concatenate([soup.faces[above & ~below], plus])
+    outside = np.concatenate([soup.faces[~above], minus])
+    return Soup(rows, inside), Soup(rows, outside)
+
+
+def drape(soup: Soup, alignment: Alignment, strip: tuple[float, float, float, float] | None = None) -> Mesh:
+    """Turn triangles into a mesh in world space; `st` counts metres along the axis and to its left.
+
+    Args:
+        soup: Triangles.
+        alignment: Axis of the bridge.
+        strip: Lowest and highest station and left [m] of the 0 to 1 atlas, or None for no atlas.
+
+    Returns:
+        The mesh.
+    """
+    used, corners = np.unique(soup.faces, return_inverse=True)
+    rows = soup.rows[used]
+    corners = corners.reshape(-1)
+    plan = rows[corners, :2]
+    unit = np.zeros((0, 2))
+    if strip is not None:
+        unit = np.stack(
+            [(plan[:, 0] - strip[0]) / (strip[1] - strip[0]), (plan[:, 1] - strip[2]) / (strip[3] - strip[2])], axis=1
+        )
+    return Mesh(
+        points=to_world(alignment, rows[:, :3]),
+        face_counts=np.full(len(soup.faces), 3, np.int32),
+        corners=corners.astype(np.int32),
+        normals=turn(alignment, _unit(rows[corners, 3:6])).astype(np.float32),
+        st=plan.astype(np.float32),
+        st1=unit.astype(np.float32),
+    )
+
+
+def to_world(alignment: Alignment, points: F64) -> F64:
+    """Turn bridge coordinates with world heights into world positions.
+
+    Args:
+        alignment: Axis of the bridge.
+        points: Station, left and world height [m], shape (N, 3), float64.
+
+    Returns:
+        World positions [m], shape (N, 3), float64.
+    """
+    world = alignment.point(points[:, 0], points[:, 1], np.zeros(len(points)))
+    world[:, 2] = points[:, 2]
+    return world
+
+
+def turn(alignment: Alignment, vectors: F64) -> F64:
+    """Turn directions from bridge coordinates to world axes, shape (N, 3), float64."""
+    cosine, sine = np.cos(alignment.heading), np.sin(alignment.heading)
+    x, y, z = vectors.T
+    return np.stack([x * cosine - y * sine, x * sine + y * cosine, z], axis=1)
+
+
+def _unit(vectors: F64) -> F64:
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def _split(rows: F64, faces: I64, value: F64) -> tuple[F64, I64, I64]:
+    """Split triangles that have corners on both sides; new vertices are shared by the two triangles of an edge."""
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    crossed = value[ends[:, 0]] * value[ends[:, 1]] < 0
+    upward = value[ends[:, 0]] > 0
+    pairs = np.where(upward[:, None], ends, ends[:, ::-1])  # from inside to outside, whichever way the face runs
+    unique, inverse = np.unique(pairs[crossed], axis=0, return_inverse=True)
+    share = value[unique[:, 0]] / (value[unique[:, 0]] - value[unique[:, 1]]) if len(unique) else np.zeros(0)
+    born = rows[unique[:, 0]] + share[:, None] * (rows[unique[:, 1]] - rows[unique[:, 0]])
+    born[:, 6:][np.abs(born[:, 6:]) < SNAP] = 0.0
+    middle = np.full(len(ends), -1, np.int64)
+    middle[crossed] = len(rows) + inverse.reshape(-1)
+    middle = middle.reshape(-1, 3)
+    plus: list[I64] = []
+    minus: list[I64] = []
+    for turn_by in range(3):
+        a, b, c = (np.roll(faces, -turn_by, axis=1)[:, i] for i in range(3))
+        ab, _, ca = (np.roll(middle, -turn_by, axis=1)[:, i] for i in range(3))
+        lone = (ab >= 0) & (ca >= 0)  # the first corner stands alone on its side
+        pair = (ab >= 0) & (value[c] == 0)  # the border leaves through the third corner
+        for chosen, tip, rest in (
+            (lone, [[a, ab, ca]], [[ab, b, c], [ab, c, ca]]),
+            (pair, [[a, ab, c]], [[ab, b, c]]),
+        ):
+            for side, wanted in ((plus, True), (minus, False)):
+                near = chosen & ((value[a] > 0) == wanted)
+                far = chosen & ((value[a] > 0) != wanted)
+                side.extend(np.stack(tri, axis=1)[near] for tri in tip)
+                side.extend(np.stack(tri, axis=1)[far] for tri in rest)
+    return np.vstack([rows, born]), np.concatenate(plus), np.concatenate(minus)

@@ -1,0 +1,106 @@
+"""Smooth random relief: octaves of lattice noise, the same on every platform because only sums and products enter it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+LATTICE = 64
+
+
+@dataclass(frozen=True)
+class Octave:
+    """One layer of noise.
+
+    Attributes:
+        wavelength: Distance between lattice nodes [m].
+        amplitude: Largest deviation from zero [m].
+        nodes: Values from -1 to 1, repeated beyond the lattice, shape (LATTICE, LATTICE), float64.
+    """
+
+    wavelength: float
+    amplitude: float
+    nodes: F64
+
+
+@dataclass(frozen=True)
+class Relief:
+    """A sum of octaves.
+
+    Attributes:
+        octaves: The layers, in any order.
+    """
+
+    octaves: tuple[Octave, ...]
+
+    def __call__(self, x: F64, y: F64) -> F64:
+        """Evaluate the relief.
+
+        Args:
+            x: First plan coordinate [m], any shape, float64.
+            y: Second plan coordinate [m], the same shape, float64.
+
+        Returns:
+            Heights [m], the same shape, float64.
+        """
+        total = np.zeros(np.broadcast(x, y).shape)
+        for octave in self.octaves:
+            total += octave.amplitude * _lattice_noise(octave.nodes, x / octave.wavelength, y / octave.wavelength)
+        return total
+
+
+def draw_relief(layers: tuple[tuple[float, float], ...], rng: np.random.Generator) -> Relief:
+    """Draw a relief.
+
+    Args:
+        layers: Wavelength [m] and amplitude [m] of each octave.
+        rng: Random stream.
+
+    Returns:
+        The relief.
+    """
+    return Relief(tuple(Octave(length, height, rng.uniform(-1, 1, (LATTICE, LATTICE))) for length, height in layers))
+
+
+def smoothstep(low: float, high: float, value: F64) -> F64:
+    """Rise from 0 at `low` to 1 at `high` without a kink.
+
+    Args:
+        low: Where the rise begins.
+        high: Where it ends.
+        value: Any shape, float64.
+
+    Returns:
+        From 0 to 1, the same shape, float64.
+    """
+    share = np.clip((value - low) / (high - low), 0.0, 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+def smooth_minimum(one: F64, other: F64, width: float) -> F64:
+    """Take the lower of two surfaces, rounded where they meet.
+
+    Args:
+        one: Heights [m], any shape, float64.
+        other: Heights [m], the same shape, float64.
+        width: Height difference within which the edge is rounded [m].
+
+    Returns:
+        Heights [m], nowhere above the lower of the two, the same shape, float64.
+    """
+    overlap = np.maximum(width - np.abs(one - other), 0.0) / width
+    return np.minimum(one, other) - overlap * overlap * width / 4.0
+
+
+def _lattice_noise(nodes: F64, x: F64, y: F64) -> F64:
+    """Interpolate lattice values with a curve whose first two derivatives vanish at the nodes."""
+    column, row = np.floor(x), np.floor(y)
+    across, along = x - column, y - row
+    fade = across * across * across * (across * (across * 6.0 - 15.0) + 10.0)
+    fade_along = along * along * along * (along * (along * 6.0 - 15.0) + 10.0)
+    left, low = column.astype(np.int64) % LATTICE, row.astype(np.int64) % LATTICE
+    right, high = (left + 1) % LATTICE, (low + 1) % LATTICE
+    below = nodes[left, low] + fade * (nodes[right, low] - nodes[left, low])
+    above = nodes[left, high] + fade * (nodes[right, high] - nodes[left, high])
+    return below + fade_along * (above - below)

@@ -1,0 +1,232 @@
+"""The shape of the ground: natural relief, the crossing that cuts it, and the fills that carry the approach roads."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.alignment import Layout
+from authoring.site_relief import Relief, smooth_minimum, smoothstep
+
+F64 = NDArray[np.float64]
+Hills = Callable[[F64, F64], F64]
+
+ABUTMENT_BACK = 1.2  # from the bearing line back to the abutment's back face [m]
+WING_WALL = 6.0  # length of the wing walls behind that face, along the axis [m]
+ABUTMENT_FRONT = 0.6  # from the bearing line forward to the natural ground at the abutment's foot [m]
+FILL_SLOPE = 1.75  # horizontal metres for each metre of height of a fill
+CUT_SLOPE = 1.5
+BANK_SLOPE = 2.0
+UNDERLAY = 0.07  # the ground lies this far below the road surface on it [m]
+SHOULDER = 1.2  # level strip beside a carriageway [m]
+WALL_STEP = (0.05, 0.35)  # range behind a wall's outer face in which the ground drops, hidden in the wall [m]
+MAX_APPROACH_GRADE = 0.045
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """What the bridge leads over: a winding line across the axis.
+
+    Attributes:
+        kind: `river` or `road`.
+        station: Where it meets the axis [m].
+        swing: Largest sideways swing of its centre line [m].
+        wavelength: Length over which the swing turns by one radian [m].
+        phase: Phase of the swing on the axis [rad].
+        half_width: Half the water surface, or half the carriageway [m].
+        level: Height of the water surface or of the carriageway's crown on the axis [m].
+        depth: Depth of the water; 0 for a road [m].
+    """
+
+    kind: str
+    station: float
+    swing: float
+    wavelength: float
+    phase: float
+    half_width: float
+    level: float
+    depth: float
+
+    def centre(self, left: F64) -> F64:
+        """Find the station of its centre line at distances to the left of the axis [m], shape (N,), float64."""
+        return self.station + self.swing * (np.sin(left / self.wavelength + self.phase) - np.sin(self.phase))
+
+    def distance(self, station: F64, left: F64) -> F64:
+        """Measure how far positions lie from its centre line, square to it [m], same shape, float64."""
+        slope = self.swing / self.wavelength * np.cos(left / self.wavelength + self.phase)
+        return np.abs(station - self.centre(left)) / np.sqrt(1.0 + slope * slope)
+
+
+@dataclass(frozen=True)
+class Approach:
+    """The road that leads from one end of the bridge into the land.
+
+    Attributes:
+        back: Station of the abutment's back face [m].
+        sign: -1 before the first abutment, +1 behind the last.
+        straight: Length on which it continues the bridge's axis [m].
+        bend: Sideways swing beyond that, positive to the left [m].
+        foot: Height of the road above the hills where it has come down [m].
+        half_width: Half the asphalt surface [m].
+    """
+
+    back: float
+    sign: int
+    straight: float
+    bend: float
+    foot: float
+    half_width: float
+
+    def along(self, station: F64) -> F64:
+        """Measure the distance behind the back face, negative towards the bridge [m], same shape, float64."""
+        return self.sign * (station - self.back)
+
+    def centre(self, station: F64) -> F64:
+        """Find how far to the left its centre line runs [m], same shape, float64."""
+        beyond = np.maximum(self.along(station) - self.straight, 0.0)
+        return self.bend * (1.0 - np.cos(beyond / 260.0))
+
+    def level(self, layout: Layout, hills: Hills, station: F64) -> F64:
+        """Find the height of the road's crown.
+
+        Args:
+            layout: The bridge; at its abutments the road continues its deck.
+            hills: Height of the land at large.
+            station: Distance along the axis [m], any shape, float64.
+
+        Returns:
+            World heights [m], the same shape, float64.
+        """
+        along = np.maximum(self.along(station), 0.0)
+        deck = layout.alignment.level + layout.alignment.grade * station
+        land = self.foot + hills(station, self.centre(station))
+        drop = abs(layout.alignment.level + layout.alignment.grade * self.back - self.foot)
+        share = smoothstep(0.0, max(1.5 * drop / MAX_APPROACH_GRADE, 60.0), along - 4.0)
+        return deck + share * (land - deck)
+
+
+def crossfall(along: F64, across: F64) -> F64:
+    """Find how far an approach road's surface lies below its crown; none where it meets the deck.
+
+    Args:
+        along: Distance behind the abutment's back face [m], any shape, float64.
+        across: Distance from the centre line [m], the same shape, float64.
+
+    Returns:
+        Drop [m], the same shape, float64.
+    """
+    return 0.02 * np.abs(across) * smoothstep(0.0, 12.0, along)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Ground heights and the fields that say what covers the ground: each is positive inside its cover.
+
+    Attributes:
+        height: World heights [m], any shape, float64.
+        covers: Signed fields [m], roughly distances, of the same shape, float64.
+    """
+
+    height: F64
+    covers: dict[str, F64]
+
+
+@dataclass(frozen=True)
+class Land:
+    """Everything that shapes the ground, in bridge coordinates; it does not end at the site's edge.
+
+    Attributes:
+        layout: The bridge.
+        crossing: River or road under it.
+        approaches: The roads before the first and behind the last abutment.
+        relief: Natural relief about height 0.
+        ragged: Noise that makes natural borders irregular [m].
+    """
+
+    layout: Layout
+    crossing: Crossing
+    approaches: tuple[Approach, Approach]
+    relief: Relief
+    ragged: Relief
+
+    def shape(self, station: F64, left: F64, hills: Hills) -> Shape:
+        """Shape the ground.
+
+        Args:
+            station: Distance along the axis [m], any shape, float64.
+            left: Distance to the left of the axis [m], the same shape, float64.
+            hills: Height of the land at large, 0 on the site.
+
+        Returns:
+            Heights and covers.
+        """
+        noise = self.ragged(station, left)
+        natural = self.relief(station, left) + hills(station, left)
+        carve = self._river if self.crossing.kind == "river" else self._cutting
+        height, covers = carve(station, left, natural, hills, noise)
+        covers["worn"] = self._under_deck(station, left) + 0.5 * noise
+        for approach in self.approaches:
+            height = self._approach(approach, station, left, height, hills, covers)
+        return Shape(height, covers)
+
+    def _under_deck(self, station: F64, left: F64) -> F64:
+        first, last = self.layout.supports[0], self.layout.supports[-1]
+        inside = np.minimum(station - first + 1.0, last - station + 1.0)
+        return np.minimum(inside, self.layout.width / 2 - 1.0 - np.abs(left))
+
+    def _river(
+        self, station: F64, left: F64, natural: F64, hills: Hills, noise: F64
+    ) -> tuple[F64, dict[str, F64]]:
+        """Cut the channel; its banks rise at 1:2 from the bed."""
+        crossing = self.crossing
+        distance = crossing.distance(station, left)
+        bed = crossing.level - crossing.depth
+        foot = crossing.half_width - crossing.depth * BANK_SLOPE
+        channel = bed + np.maximum(distance - foot, 0.0) / BANK_SLOPE + 0.12 * noise
+        height = smooth_minimum(natural, channel, 0.6)
+        shore = crossing.half_width + 0.9 + 0.8 * noise - distance
+        bank = np.minimum((natural - channel) * BANK_SLOPE + 0.6, 12.0) + 0.7 * noise
+        return height, {"shore": shore, "bank": bank}
+
+    def _cutting(
+        self, station: F64, left: F64, natural: F64, hills: Hills, noise: F64
+    ) -> tuple[F64, dict[str, F64]]:
+        """Level the ground under the crossing road and its shoulders, and batter it up or down to the land."""
+        crossing = self.crossing
+        distance = crossing.distance(station, left)
+        formation = crossing.half_width + SHOULDER
+        level = crossing.level + hills(crossing.centre(left), left) - UNDERLAY
+        level = level - 0.02 * np.minimum(distance, formation)
+        outside = np.maximum(distance - formation, 0.0)
+        height = np.clip(natural, level - outside / FILL_SLOPE, level + outside / CUT_SLOPE)
+        return height, {"verge": formation + 0.15 * noise - distance}
+
+    def _approach(
+        self, approach: Approach, station: F64, left: F64, natural: F64, hills: Hills, covers: dict[str, F64]
+    ) -> F64:
+        """Fill up to the road behind the wing walls, and round their ends in a quarter cone."""
+        along, across = approach.along(station), np.abs(left - approach.centre(station))
+        crest = self.layout.width / 2
+        walled = _ramp(along, WALL_STEP) * _ramp(crest - across, WALL_STEP) * (along < WING_WALL)
+        behind = approach.back + approach.sign * np.maximum(along, WING_WALL)
+        formation = approach.level(self.layout, hills, station) - UNDERLAY - crossfall(along, np.minimum(across, crest))
+        crown = approach.level(self.layout, hills, behind) - UNDERLAY - 0.02 * crest
+        outside = np.maximum(across - crest, 0.0)
+        reach = WING_WALL + ABUTMENT_BACK + ABUTMENT_FRONT
+        rise = np.maximum(crown - natural, 0.1)
+        ahead = np.maximum(WING_WALL - along, 0.0) / reach * rise
+        cone = crown - np.hypot(ahead, outside / FILL_SLOPE)
+        road = np.clip(natural, formation - outside / FILL_SLOPE, formation + outside / CUT_SLOPE)
+        spill = np.maximum(natural, cone)
+        retained = spill + walled * (formation - spill)
+        height = np.where(along >= WING_WALL, road, retained)
+        fill = np.where(along >= -ABUTMENT_BACK - ABUTMENT_FRONT - 1.0, height - natural - 0.12, -1.0) * FILL_SLOPE
+        covers["embankment"] = np.maximum(covers.get("embankment", np.full_like(fill, -9.0)), np.clip(fill, -9.0, 9.0))
+        verge = np.minimum(approach.half_width + SHOULDER - across, along - 0.2)
+        covers["shoulder"] = np.maximum(covers.get("shoulder", np.full_like(fill, -9.0)), np.clip(verge, -9.0, 9.0))
+        return height
+
+
+def _ramp(value: F64, step: tuple[float, float]) -> F64:
+    return np.clip((value - step[0]) / (step[1] - step[0]), 0.0, 1.0)

@@ -1,0 +1,39 @@
+"""What a survey hands to the layers: cameras in a row, and what the drone's receiver wrote down."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usd_schemas.pinhole import Pinhole
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """One survey, ready to be authored.
+
+    Attributes:
+        id: Survey id: a prim name, unique in the scene.
+        kind: Kind of survey, a key of the registry.
+        seed: Seed of the scene that it was drawn from.
+        calibration: Exact intrinsics.
+        sensor_width: Width of the sensor [m].
+        spacing: Mean distance between neighbouring images [m].
+        poses: camera_to_world, camera axes right-down-forward [m], shape (N, 4, 4), float64.
+        times: Seconds since the first image [s], shape (N,), float64.
+        gps: Measured positions [m], shape (N, 3), float64.
+        gps_sigma: Standard deviation of `gps` along x, y, z [m].
+    """
+
+    id: str
+    kind: str
+    seed: int
+    calibration: Pinhole
+    sensor_width: float
+    spacing: float
+    poses: F64
+    times: F64
+    gps: F64
+    gps_sigma: tuple[float, float, float]

@@ -1,0 +1,92 @@
+"""Write the pages that are generated from the code: every key of the scenario, and the class table.
+
+Usage: python -m docs.generate [--check]
+"""
+
+import sys
+import types
+import typing
+from pathlib import Path
+
+from pydantic_core import PydanticUndefined
+
+from falsework.scenario import Scenario
+from groundwork.files import write_text
+from groundwork.settings import Settings
+from usd_schemas.components import class_rows, component_classes
+
+HERE = Path(__file__).resolve().parent
+
+
+def scenario_page() -> str:
+    """Spell every key of the scenario as Markdown tables, one for each section."""
+    lines = ["# Keys of the scenario", "", "Generated from the settings models by `python -m docs.generate`.", ""]
+    for name, model in _sections(Scenario, ""):
+        lines += [f"## `[{name}]`" if name else "## Top level", "", "| key | type | default | meaning |", "|---|---|---|---|"]
+        for key, field in model.model_fields.items():
+            if not _models_in(field.annotation):
+                default = field.get_default(call_default_factory=True, validated_data={})
+                shown = "required" if default is PydanticUndefined else "drawn" if default is None else f"`{default!r}`"
+                meaning = (field.description or "").replace("\n", " ").replace("|", "\\|")
+                lines.append(f"| `{key}` | {_type_name(field.annotation)} | {shown} | {meaning} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def classes_page() -> str:
+    """Spell the class table and the components of each class as Markdown."""
+    lines = ["# Classes and components", "", "Generated from `usd_schemas/tables` by `python -m docs.generate`.", ""]
+    lines += ["| id | class | components |", "|---|---|---|"]
+    table = component_classes()
+    for row in class_rows():
+        kinds = ", ".join(f"`{kind}`" for kind, name in table.items() if name == row.name)
+        lines.append(f"| {row.id} | {row.name} | {kinds} |")
+    return "\n".join([*lines, ""])
+
+
+PAGES = {"scenario.md": scenario_page, "classes.md": classes_page}
+
+
+def main(arguments: list[str]) -> int:
+    """Write the pages, or with `--check` tell which of them are not what the code says.
+
+    Args:
+        arguments: Words of the command line.
+
+    Returns:
+        Exit code.
+    """
+    stale = [name for name, page in PAGES.items() if not (HERE / name).is_file() or (HERE / name).read_text() != page()]
+    if "--check" not in arguments:
+        for name in stale:
+            write_text(HERE / name, PAGES[name]())
+        return 0
+    for name in stale:
+        sys.stderr.write(f"docs/{name} is not what the code says: run python -m docs.generate\n")
+    sys.stdout.write(f"{len(PAGES) - len(stale)} passed, {len(stale)} failed\n")
+    return int(bool(stale))
+
+
+def _sections(model: type[Settings], name: str) -> list[tuple[str, type[Settings]]]:
+    found = [(name, model)]
+    for key, field in model.model_fields.items():
+        for inner in _models_in(field.annotation):
+            found += _sections(inner, f"{name}.{key}" if name else key)
+    return found
+
+
+def _models_in(annotation: object) -> list[type[Settings]]:
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        return [annotation] if issubclass(annotation, Settings) else []
+    return [inner for argument in typing.get_args(annotation) for inner in _models_in(argument)]
+
+
+def _type_name(annotation: object) -> str:
+    if typing.get_origin(annotation) is typing.Literal:
+        return ", ".join(f"`{choice}`" for choice in typing.get_args(annotation))
+    name = annotation.__name__ if isinstance(annotation, type) else str(annotation)
+    return name.replace("typing.", "").replace(" | None", "").replace("|", "or")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

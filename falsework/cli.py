@@ -1,0 +1,232 @@
+"""The command line: one verb per room, one line for every error, and exit codes that scripts can rely on."""
+
+import json
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from falsework.console import ConsoleProgress
+from groundwork.errors import FalseworkError
+
+INTERRUPTED = 130
+TERMINATED = 143
+SOME_SCENES_FAILED = 3
+JSON_VERSION = 1
+
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+File = tyro.conf.Positional[Path]
+
+
+def doctor(*, as_json: Annotated[bool, tyro.conf.arg(name="json")] = False) -> int:
+    """Check what works here (Python, packages, EGL, GPU, memory, disk) and say how to mend what does not.
+
+    Args:
+        as_json: Print one JSON object instead of lines.
+    """
+    from falsework.doctor import examine
+
+    checks = examine()
+    if as_json:
+        _answer({"checks": [{"name": c.name, "verdict": c.verdict, "found": c.found, "mend": c.mend} for c in checks]})
+    else:
+        for check in checks:
+            _say(f"{check.verdict:<4} {check.name:<18} {check.found}" + (f"  -> {check.mend}" if check.mend else ""))
+    return int(any(check.verdict == "FAIL" for check in checks))
+
+
+def demo(output: Output = Path("demo-out"), *, seed: int | None = None) -> int:
+    """Make one small bridge from nothing to an annotated point cloud and a report.
+
+    Args:
+        output: Folder to write into.
+        seed: Another bridge than the usual one.
+    """
+    from falsework.scenario import demo_scenario
+
+    scenario = demo_scenario()
+    return _run(scenario if seed is None else scenario.model_copy(update={"seed": seed}), output, None, False)
+
+
+def run(
+    scenario: File,
+    output: Output,
+    *,
+    scenes: str | None = None,
+    workers: Literal[0] = 0,
+    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> int:
+    """Run the whole chain of a scenario; a second call makes only what is missing.
+
+    Args:
+        scenario: TOML file.
+        output: Folder to write into.
+        scenes: Part of the scenes, as `first:end`.
+        workers: 0 is a plain loop in this process, the one way that there is so far.
+        as_json: Print one JSON object at the end instead of lines.
+    """
+    from falsework.scenario import load_scenario, scene_range
+
+    del workers  # one choice so far
+    loaded = load_scenario(scenario)
+    return _run(loaded, output, scene_range(scenes, loaded.scenes), as_json)
+
+
+def author(scenario: File, output: Output, *, scene: int = 0) -> int:
+    """Author the layered USD stage of one scene into a plain folder.
+
+    Args:
+        scenario: TOML file.
+        output: Folder to write: the scene folder itself.
+        scene: Number of the scene.
+    """
+    from falsework.scenario import load_scenario, scene_seed
+    from falsework.stages import STAGES
+    from groundwork.files import fresh_output
+
+    loaded = load_scenario(scenario)
+    settings = {"seed": scene_seed(loaded.seed, scene), "authoring": loaded.authoring()}
+    with ConsoleProgress() as progress:
+        fresh_output(output, "scene", lambda folder: STAGES["stage"].run(settings, {}, folder, progress))
+    _say(f"scene   {output / 'scene.usda'}")
+    return 0
+
+
+def render(
+    stage: File,
+    output: Output,
+    *,
+    survey: str | None = None,
+    quality: Literal["fast", "standard", "fine"] = "standard",
+    noise: bool = True,
+    seed: int = 7,
+) -> int:
+    """Render any USD stage into captures: one folder for each RenderProduct, or for each camera where there is none.
+
+    Args:
+        stage: USD file.
+        output: Folder to write into.
+        survey: Only this product or camera.
+        quality: How much shading.
+        noise: Add the sensor's noise to the images.
+        seed: Seed of the sensor's noise.
+    """
+    from falsework.single import render_stage_file
+
+    with ConsoleProgress() as progress:
+        for name in render_stage_file(stage, output, survey, quality, noise, seed, progress):
+            _say(f"capture {output / name}")
+    return 0
+
+
+def reconstruct(capture: File, output: Output, *, settings: Path | None = None) -> int:
+    """Reconstruct a capture into a cloud, annotated where the capture carries its truth.
+
+    Args:
+        capture: Capture folder.
+        output: Folder to write.
+        settings: Scenario whose `[recon]` section applies.
+    """
+    from falsework.single import reconstruct_folder
+
+    with ConsoleProgress() as progress:
+        reconstruct_folder(capture, output, settings, progress)
+    _say(f"cloud   {output}")
+    return 0
+
+
+def report(scene: File, output: Output) -> int:
+    """Write the report page of one finished scene anew.
+
+    Args:
+        scene: Folder such as `OUT/scenes/0000`.
+        output: HTML file to write.
+    """
+    from falsework.single import report_scene
+
+    report_scene(scene, output)
+    _say(f"report  {output}")
+    return 0
+
+
+def verify(output: File) -> int:
+    """Compare every stored result of a run with its checksums.
+
+    Args:
+        output: Output folder of a run.
+    """
+    from falsework.store import Store
+    from groundwork.errors import MissingError
+
+    if not (output / "store").is_dir():
+        raise MissingError("no store in this folder", where=output, mend="Name the output folder of a run")
+    wrong = Store(output).verify()
+    for line in wrong:
+        _say(line)
+    _say(f"{len(wrong)} of the stored files are not as they were written" if wrong else "all stored results are whole")
+    return int(bool(wrong))
+
+
+VERBS = {
+    "doctor": doctor,
+    "demo": demo,
+    "run": run,
+    "author": author,
+    "render": render,
+    "reconstruct": reconstruct,
+    "report": report,
+    "verify": verify,
+}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit with its code.
+
+    Args:
+        arguments: Words after the program's name; those of the process when None.
+    """
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(TERMINATED))
+    try:
+        code = tyro.extras.subcommand_cli_from_dict(VERBS, prog="falsework", description=__doc__, args=arguments)
+    except FalseworkError as error:
+        sys.stderr.write(f"falsework: {error}\n")
+        code = error.exit_code
+    except KeyboardInterrupt:
+        sys.stderr.write("falsework: interrupted; the same command goes on where it stopped\n")
+        code = INTERRUPTED
+    sys.exit(code)
+
+
+def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:
+    from falsework.pipeline import run_scenario
+    from falsework.scenario import Scenario
+
+    assert isinstance(scenario, Scenario)
+    with ConsoleProgress() as progress:
+        outcome = run_scenario(scenario, output, progress, scenes)
+    if as_json:
+        paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}
+        counts = {"made": outcome.made, "reused": outcome.reused}
+        _answer({**counts, **paths, "rejected": outcome.rejected, "failed": outcome.failed})
+        return SOME_SCENES_FAILED if outcome.failed else 0
+    for name, reason in outcome.rejected.items():
+        _say(f"scene {name} rejected: {reason}")
+    for name, reason in outcome.failed.items():
+        _say(f"scene {name} failed: {reason}")
+    _say(f"{outcome.made} results made, {outcome.reused} were there already" if outcome.made else
+         f"nothing to do: all {outcome.reused} results were there already")  # fmt: skip
+    for cloud in outcome.clouds:
+        _say(f"cloud   {cloud}")
+    for page in outcome.reports:
+        _say(f"report  {page}")
+    return SOME_SCENES_FAILED if outcome.failed else 0
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+
+
+def _answer(value: dict[str, object]) -> None:
+    sys.stdout.write(json.dumps({"version": JSON_VERSION, **value}) + "\n")

@@ -1,0 +1,140 @@
+"""What works on this machine, found by trying it, and how to mend what does not."""
+
+import os
+import shutil
+import sys
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from pathlib import Path
+from typing import Literal
+
+from groundwork.child import run_child
+from groundwork.errors import FalseworkError
+
+Verdict = Literal["OK", "WARN", "FAIL"]
+
+ROOMS = ("groundwork", "usd_schemas", "authoring", "render", "recon", "learn", "falsework")
+CORE = {
+    "usd-core": "pxr.Usd", "numpy": "numpy", "scipy": "scipy", "numba": "numba", "trimesh": "trimesh",
+    "moderngl": "moderngl", "opencv-python-headless": "cv2", "pycolmap": "pycolmap", "laspy": "laspy",
+    "lazrs": "lazrs", "OpenEXR": "OpenEXR", "pydantic": "pydantic", "tyro": "tyro", "rich": "rich",
+    "jinja2": "jinja2", "plotly": "plotly",
+}  # fmt: skip
+MEMORY_NEEDED = 4.0  # [GB] the demo's limit
+DISK_NEEDED = 2.0  # [GB]
+FRAME_TIME_LIMIT = 120.0  # [s]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was tried.
+
+    Attributes:
+        name: What was tried.
+        verdict: OK, WARN (works with less) or FAIL (does not work).
+        found: What was seen.
+        mend: What to do, empty when nothing.
+    """
+
+    name: str
+    verdict: Verdict
+    found: str
+    mend: str = ""
+
+
+def examine() -> list[Check]:
+    """Try everything that the chain needs.
+
+    Returns:
+        One row per check, in a fixed order.
+    """
+    checks = [_python(), *_packages(), _open3d(), *_graphics(), _gpu(), _threads(), _memory(), _disk(), *_collisions()]
+    return [check for check in checks if check is not None]
+
+
+def _python() -> Check:
+    found = sys.version.split()[0]
+    if sys.version_info < (3, 11):
+        return Check("python", "FAIL", found, "Use Python 3.11 or newer")
+    return Check("python", "OK", found)
+
+
+def _packages() -> list[Check]:
+    checks = []
+    for name, module in CORE.items():
+        try:
+            import_module(module)
+            checks.append(Check(name, "OK", version(name)))
+        except (ImportError, PackageNotFoundError) as error:
+            checks.append(Check(name, "FAIL", str(error), f"pip install {name}"))
+    return checks
+
+
+def _open3d() -> Check:
+    from usd_schemas.raycast import load_open3d
+
+    try:
+        return Check("open3d", "OK", str(load_open3d().__version__))
+    except (ImportError, OSError, FalseworkError) as error:
+        return Check("open3d", "FAIL", str(error), "pip install open3d-cpu libusb-package, or apt-get install libusb-1.0-0")
+
+
+def _graphics() -> list[Check]:
+    try:
+        answer = run_child("render.context", {"frame": True}, time_limit=FRAME_TIME_LIMIT, memory_limit=MEMORY_NEEDED)
+    except FalseworkError as error:
+        return [Check("gl", "FAIL", str(error), "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri")]
+    wrong = int(answer["wrong_pixels"])
+    verdict: Verdict = "FAIL" if wrong else "OK"
+    mend = "Update or replace the graphics driver" if wrong else ""
+    return [
+        Check("gl", "OK", f"{answer['gl_renderer']}, {answer['gl_version']}, by {answer['backend']}"),
+        Check("frame", verdict, f"64x64 frame, {wrong} wrong pixels", mend),
+    ]
+
+
+def _gpu() -> Check:
+    devices = sorted(Path("/dev").glob("nvidia[0-9]*"))
+    if devices:
+        return Check("gpu", "OK", f"{len(devices)} NVIDIA device(s)")
+    return Check("gpu", "WARN", "none; everything runs on the processor")
+
+
+def _threads() -> Check:
+    count = len(os.sched_getaffinity(0))
+    return Check("threads", "OK" if count > 1 else "WARN", f"{count}")
+
+
+def _memory() -> Check:
+    free = _available_memory()
+    short = free < MEMORY_NEEDED
+    mend = "Close other programs, or use fewer images" if short else ""
+    return Check("memory", "WARN" if short else "OK", f"{free:.1f} GB available", mend)
+
+
+def _disk() -> Check:
+    free = shutil.disk_usage(Path.cwd()).free / 1e9
+    short = free < DISK_NEEDED
+    mend = "Free some space, or choose another folder with -o" if short else ""
+    return Check("disk", "WARN" if short else "OK", f"{free:.1f} GB free in this folder", mend)
+
+
+def _collisions() -> list[Check]:
+    owners = packages_distributions()
+    foreign = {room: sorted({o for o in owners.get(room, []) if o.lower() != "falsework"}) for room in ROOMS}
+    rows = [
+        Check("package names", "FAIL", f"{room} also comes from {', '.join(names)}", f"pip uninstall {' '.join(names)}")
+        for room, names in foreign.items()
+        if names
+    ]
+    return rows or [Check("package names", "OK", "no other package installs our folders")]
+
+
+def _available_memory() -> float:
+    for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
+        if line.startswith("MemAvailable:"):
+            return int(line.split()[1]) * 1024 / 1e9
+    return 0.0
+
+

@@ -1,0 +1,149 @@
+"""The chain as the paper draws it: stage, then a capture and a cloud for each survey, then the report, for every scene."""
+
+import json
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from falsework.platform import recon_platform, render_platform
+from falsework.scenario import Scenario, scene_seed
+from falsework.stages import STAGES, surveys_of
+from falsework.store import Store, Task, link_result
+from groundwork.canonical import folder_digest
+from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
+from groundwork.files import MARK, claim_output, space_errors, write_text
+from groundwork.progress import Progress
+
+KIND = "run"
+
+
+@dataclass
+class Outcome:
+    """What came of one run.
+
+    Attributes:
+        made: Results made now.
+        reused: Results that were there already.
+        rejected: Scene name to the reason why it became no cloud.
+        failed: Scene name to what went wrong.
+        reports: The report page of each finished scene.
+        clouds: The cloud folder of each finished survey.
+    """
+
+    made: int = 0
+    reused: int = 0
+    rejected: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    reports: list[Path] = field(default_factory=list)
+    clouds: list[Path] = field(default_factory=list)
+
+
+def run_scenario(scenario: Scenario, out: Path, progress: Progress, scenes: Iterable[int] | None = None) -> Outcome:
+    """Run the whole chain, or what is left of it, in this process.
+
+    Args:
+        scenario: What to make.
+        out: Output folder: absent, empty, or of a former run.
+        progress: Listener.
+        scenes: Which scenes; all of the scenario when None.
+
+    Returns:
+        Counts and paths.
+
+    Raises:
+        InputError: The folder is not ours or not writable.
+        OutOfSpaceError: The disk is full; finished results stay.
+    """
+    claim_output(out, KIND)
+    with space_errors(out):
+        (out / "run").mkdir(parents=True, exist_ok=True)
+        write_text(out / MARK, KIND + "\n")
+        write_text(out / "scenario.toml", scenario.as_toml())
+    outcome = Outcome()
+    for index in range(scenario.scenes) if scenes is None else scenes:
+        name = f"{index:04d}"
+        try:
+            _run_scene(scenario, index, out, progress, outcome)
+        except RejectedSceneError as rejection:
+            outcome.rejected[name] = f"{rejection.reason}: {rejection}"
+        except OutOfSpaceError:
+            raise
+        except ChildError as error:
+            outcome.failed[name] = str(error)
+    return outcome
+
+
+def run_task(root: Path, task: Task, inputs: dict[str, Path], progress: Progress) -> bool:
+    """Make one result unless it is there: the unit of work that any worker can take.
+
+    Args:
+        root: Output folder of the run.
+        task: What to make.
+        inputs: Folder of each of the task's inputs.
+        progress: Listener.
+
+    Returns:
+        True when it was made now.
+    """
+    begin = time.time()
+    made = Store(root).produce(task, lambda folder: STAGES[task.stage].run(task.settings, inputs, folder, progress))
+    event = {"stage": task.stage, "key": task.key, "made": made, "begin": begin, "seconds": time.time() - begin}
+    with (root / "run" / "events.jsonl").open("a", encoding="utf-8") as file:
+        file.write(json.dumps(event) + "\n")  # a log: outside the promise of equal bytes, and of no use to a later run
+    return made
+
+
+def new_task(stage: str, settings: dict[str, Any], inputs: dict[str, str]) -> Task:
+    """Describe a task of the current version of its stage.
+
+    Args:
+        stage: Row of `STAGES`.
+        settings: JSON settings.
+        inputs: Name to key of each input.
+    """
+    return Task(stage, STAGES[stage].version, settings, inputs)
+
+
+def _run_scene(scenario: Scenario, index: int, out: Path, progress: Progress, outcome: Outcome) -> None:
+    scene = out / "scenes" / f"{index:04d}"
+    seed = scene_seed(scenario.seed, index)
+    maker = _Maker(out, scene, progress, outcome)
+    paths, keys = {}, {}
+    paths["stage"], keys["stage"] = _stage(scenario, seed, maker)
+    for survey in surveys_of(paths["stage"]):
+        shot, cloud = f"capture/{survey}", f"cloud/{survey}"
+        settings = {"seed": seed, "survey": survey, "render": scenario.render.model_dump(mode="json")}
+        settings["platform"] = render_platform()
+        keys[shot] = maker.make(new_task("capture", settings, {"stage": keys["stage"]}), paths, shot)
+        paths[shot] = scene / shot
+        settings = {"recon": scenario.recon.model_dump(mode="json"), "platform": recon_platform()}
+        keys[cloud] = maker.make(new_task("cloud", settings, {"capture": keys[shot]}), {"capture": paths[shot]}, cloud)
+        paths[cloud] = scene / cloud
+        outcome.clouds.append(paths[cloud])
+    maker.make(new_task("report", {"title": f"Scene {index:04d}"}, keys), paths, "report.html", "report.html")
+    outcome.reports.append(scene / "report.html")
+
+
+@dataclass(frozen=True)
+class _Maker:
+    out: Path
+    scene: Path
+    progress: Progress
+    outcome: Outcome
+
+    def make(self, task: Task, inputs: dict[str, Path], link: str, file: str = "") -> str:
+        made = run_task(self.out, task, inputs, self.progress)
+        self.outcome.made += made
+        self.outcome.reused += not made
+        link_result(self.scene / link, Store(self.out).folder(task) / file)
+        return task.key
+
+
+def _stage(scenario: Scenario, seed: int, maker: _Maker) -> tuple[Path, str]:
+    if scenario.stage is None:
+        settings = {"seed": seed, "authoring": scenario.authoring()}
+        return maker.scene / "stage", maker.make(new_task("stage", settings, {}), {}, "stage")
+    path = Path(scenario.stage.path)
+    return path, folder_digest(path.parent)  # a foreign stage counts by content, with every file that stands beside it

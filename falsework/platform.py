@@ -1,0 +1,46 @@
+"""What a capture or a cloud depends on besides its settings: package versions, the processor, the GL renderer."""
+
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from groundwork.child import run_child
+
+PROBE_TIME_LIMIT = 120.0  # [s]
+PROBE_MEMORY_LIMIT = 4.0  # [GB]
+
+RENDER_PACKAGES = ("moderngl", "numpy", "opencv-python-headless", "usd-core")
+RECON_PACKAGES = ("numpy", "opencv-python-headless", "pycolmap")
+
+
+@cache
+def render_platform() -> dict[str, str]:
+    """List what a capture's bytes depend on; opens a GL context in a child once.
+
+    Returns:
+        Package name to version, `cpu`, and `gl_renderer` and `gl_version`.
+
+    Raises:
+        InputError: No GL driver works here; the text holds the mend.
+    """
+    driver = run_child("render.context", {}, time_limit=PROBE_TIME_LIMIT, memory_limit=PROBE_MEMORY_LIMIT)
+    strings = {key: str(driver[key]) for key in ("gl_renderer", "gl_version")}
+    return {**{name: version(name) for name in RENDER_PACKAGES}, "cpu": processor(), **strings}
+
+
+@cache
+def recon_platform() -> dict[str, str]:
+    """List what a cloud's bytes depend on.
+
+    Returns:
+        Package name to version, and `cpu`.
+    """
+    return {**{name: version(name) for name in RECON_PACKAGES}, "cpu": processor()}
+
+
+def processor() -> str:
+    """Name the processor; libraries choose their kernels by it, and kernels differ in the last bits."""
+    for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return "unknown"

@@ -1,0 +1,98 @@
+"""The scenario: every room's settings in one TOML file; what is not fixed there is drawn from its seed."""
+
+import hashlib
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import Field
+
+from authoring.settings import AuthoringSettings
+from groundwork.errors import InputError, MissingError
+from groundwork.settings import Settings, parse_settings, read_toml
+from recon.settings import ReconSettings
+from render.settings import RenderSettings
+
+
+class StageSource(Settings):
+    """An existing stage to start from instead of authoring one."""
+
+    path: str = Field(description="USD file, relative to the scenario")
+
+
+class Scenario(AuthoringSettings):
+    """What `falsework run` makes."""
+
+    seed: int = Field(7, ge=0, description="Everything that is not fixed is drawn from it")
+    scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
+    stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")
+    render: RenderSettings = Field(default_factory=RenderSettings, description="Renderer and sensor")
+    recon: ReconSettings = Field(default_factory=ReconSettings, description="Reconstruction")
+
+    def authoring(self) -> dict[str, Any]:
+        """Return the sections that a stage is authored from, as JSON."""
+        return self.model_dump(mode="json", include=set(AuthoringSettings.model_fields))
+
+    def as_toml(self) -> str:
+        """Spell the scenario as TOML, defaults included."""
+        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True))
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read a scenario file.
+
+    Args:
+        path: TOML file; a stage that it names is looked for beside it.
+
+    Raises:
+        InputError: Missing, not TOML, or a key or value that is not allowed.
+    """
+    scenario = parse_settings(Scenario, read_toml(path), path)
+    if scenario.stage is None:
+        return scenario
+    stage = path.parent / scenario.stage.path
+    if not stage.exists():
+        raise MissingError("no such stage", where=path, field="stage.path", value=scenario.stage.path)
+    return scenario.model_copy(update={"stage": StageSource(path=str(stage))})
+
+
+def demo_scenario() -> Scenario:
+    """Read the demo's scenario, which is package data."""
+    with as_file(files("falsework").joinpath("scenarios/demo.toml")) as path:
+        return load_scenario(path)
+
+
+def scene_seed(seed: int, index: int) -> int:
+    """Derive the seed of one scene.
+
+    Args:
+        seed: Seed of the scenario.
+        index: Number of the scene.
+
+    Returns:
+        A number below 2^31 that depends on these two values only.
+    """
+    return int.from_bytes(hashlib.sha256(f"{seed}/{index}".encode()).digest()[:4], "little") >> 1
+
+
+def scene_range(text: str | None, count: int) -> range:
+    """Read a part of the scenes.
+
+    Args:
+        text: `first:end`, either side may be empty; None for all.
+        count: Number of scenes of the scenario.
+
+    Raises:
+        InputError: Not of this form, or outside the scenario.
+    """
+    if text is None:
+        return range(count)
+    first, colon, end = text.partition(":")
+    try:
+        part = range(int(first or 0), int(end or count))
+    except ValueError:
+        part = range(0)
+    if not colon or not part or part.start < 0 or part.stop > count:
+        raise InputError("no such scenes", field="--scenes", value=text, allowed=f"first:end within 0:{count}")
+    return part

@@ -1,0 +1,116 @@
+"""The stages of the chain: for each, what its result depends on and how it is made from its inputs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from groundwork.child import run_child
+from groundwork.progress import Progress
+from groundwork.settings import parse_settings
+
+RENDER_TIME_LIMIT = 6 * 3600.0  # [s] per survey
+RENDER_MEMORY_LIMIT = 16.0  # [GB]
+
+Run = Callable[[dict[str, Any], dict[str, Path], Path, Progress], None]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One kind of task.
+
+    Attributes:
+        version: Raised by hand whenever the same settings would give another result.
+        run: Called with the task's settings, the folders of its inputs, an empty folder to fill, and a listener.
+    """
+
+    version: int
+    run: Run
+
+
+def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Write a layered stage.
+
+    Args:
+        settings: `{seed, authoring}`.
+        inputs: None.
+        folder: Empty folder to fill.
+        progress: Listener.
+    """
+    from authoring.scene import author_scene
+    from authoring.settings import AuthoringSettings
+
+    author_scene(parse_settings(AuthoringSettings, settings["authoring"], "scenario"), settings["seed"], folder, progress)
+
+
+def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Render one survey of a stage; in a child, because a graphics driver may crash and belongs to one process.
+
+    Args:
+        settings: `{seed, render, survey, platform}`.
+        inputs: `stage`: the root layer, or the folder that holds `scene.usda`.
+        folder: Empty folder to fill.
+        progress: Listener.
+    """
+    run_child(
+        "render.frames",
+        {
+            "scene": str(root_layer(inputs["stage"]).resolve()),
+            "folder": str(folder.resolve()),
+            "settings": settings["render"],
+            "seed": settings["seed"],
+            "survey": settings["survey"],
+        },
+        time_limit=RENDER_TIME_LIMIT,
+        memory_limit=RENDER_MEMORY_LIMIT,
+        progress=progress,
+    )
+
+
+def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Reconstruct a capture and annotate its points.
+
+    Args:
+        settings: `{recon, platform}`.
+        inputs: `capture`: a capture folder.
+        folder: Empty folder to fill.
+        progress: Listener.
+    """
+    from recon.reconstruct import reconstruct
+    from recon.settings import ReconSettings
+
+    reconstruct(inputs["capture"], folder, parse_settings(ReconSettings, settings["recon"], "scenario"), progress)
+
+
+def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Write the page that shows one scene.
+
+    Args:
+        settings: `{title}`.
+        inputs: `stage`, and `capture/<survey>` and `cloud/<survey>` for each survey.
+        folder: Empty folder to fill.
+        progress: Listener.
+    """
+    from falsework.report import write_report
+
+    progress.stage("report", 0)
+    surveys = sorted(name.partition("/")[2] for name in inputs if name.startswith("capture/"))
+    pairs = {survey: (inputs[f"capture/{survey}"], inputs.get(f"cloud/{survey}")) for survey in surveys}
+    write_report(folder / "report.html", settings["title"], inputs["stage"], pairs)
+
+
+def root_layer(stage: Path) -> Path:
+    """Find the root layer of a stage.
+
+    Args:
+        stage: A USD file, or a scene folder.
+    """
+    return stage / "scene.usda" if stage.is_dir() else stage
+
+
+STAGES: dict[str, Stage] = {
+    "stage": Stage(1, author),
+    "capture": Stage(1, capture),
+    "cloud": Stage(1, cloud),
+    "report": Stage(1, report),
+}

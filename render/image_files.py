@@ -1,0 +1,142 @@
+"""Image files of a capture: lossless labels and depth, photographs, and decoding that refuses a damaged file."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError, MissingError
+from groundwork.files import write_bytes
+
+_DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
+_FLOAT_PREDICTOR = 3
+_JPEG_END = b"\xff\xd9"
+_RUN_LENGTH = 3  # PNG strategy: half the time of the default at the same size
+WIDE_ID = 0x10000
+
+
+def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
+    """Encode a photograph as JPEG with full colour resolution (4:4:4).
+
+    Args:
+        pixels: sRGB colours [0 to 255], shape (H, W, 3), uint8.
+        quality: JPEG quality, 1 to 100.
+
+    Returns:
+        The file's bytes, without EXIF.
+    """
+    options = [
+        cv2.IMWRITE_JPEG_QUALITY, quality,
+        cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+    ]  # fmt: skip
+    return _encode(".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)
+
+
+def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
+    """Encode grey values or sRGB colours as PNG.
+
+    Args:
+        pixels: Shape (H, W) uint8 or uint16, or (H, W, 3) uint8 in the order red, green, blue.
+
+    Returns:
+        The file's bytes.
+    """
+    ordered = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels
+    return _encode(".png", ordered, [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, _RUN_LENGTH])
+
+
+def encode_depth(depth: NDArray[np.float32]) -> bytes:
+    """Encode a depth image as TIFF without loss.
+
+    Args:
+        depth: Planar depth [m], +inf where there is nothing, shape (H, W), float32.
+
+    Returns:
+        The file's bytes.
+    """
+    options = [cv2.IMWRITE_TIFF_COMPRESSION, _DEFLATE, cv2.IMWRITE_TIFF_PREDICTOR, _FLOAT_PREDICTOR]
+    return _encode(".tiff", depth, options)
+
+
+def encode_wide_ids(ids: NDArray[np.uint32]) -> bytes:
+    """Encode ids above 65,535 as TIFF without loss.
+
+    Args:
+        ids: Instance ids, shape (H, W), uint32.
+
+    Returns:
+        The file's bytes.
+    """
+    return _encode(".tiff", ids, [cv2.IMWRITE_TIFF_COMPRESSION, _DEFLATE])
+
+
+def write_ids(folder: Path, name: str, ids: NDArray[np.uint32], *, wide: bool) -> None:
+    """Write instance ids as 16-bit PNG, or as 32-bit TIFF.
+
+    Args:
+        folder: Where to write.
+        name: Stem of the file.
+        ids: Instance ids, shape (H, W), uint32.
+        wide: Whether any id of the scene is above 65,535: one kind of file for all its images.
+    """
+    if wide:
+        write_bytes(folder / f"{name}.tiff", encode_wide_ids(ids))
+    else:
+        write_bytes(folder / f"{name}.png", encode_png(ids.astype(np.uint16)))
+
+
+def read_ids(folder: Path, name: str) -> NDArray[np.uint32]:
+    """Read the ids that `write_ids` wrote.
+
+    Args:
+        folder: Where they lie.
+        name: Stem of the file.
+
+    Returns:
+        Instance ids, shape (H, W), uint32.
+    """
+    wide = folder / f"{name}.tiff"
+    return decode(wide if wide.exists() else folder / f"{name}.png").astype(np.uint32)
+
+
+def decode(path: Path) -> NDArray[Any]:
+    """Decode an image file as it is: channels, depth and values unchanged, colours in the order red, green, blue.
+
+    Args:
+        path: JPEG, PNG or TIFF.
+
+    Returns:
+        Values, shape (H, W) or (H, W, 3).
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: The file is cut off, or not an image.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError:
+        raise MissingError("no such image", where=path, mend="Put it back, or take it out of cameras.json") from None
+    jpeg = data[:2] == b"\xff\xd8"
+    whole = bool(data) and (not jpeg or data.rstrip(b"\x00")[-2:] == _JPEG_END)
+    pixels = _decode(data, jpeg=jpeg) if whole else None
+    if pixels is None:
+        raise InputError("the image is cut off or damaged", where=path, mend="Copy it again, or leave it out")
+    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB) if pixels.ndim == 3 else pixels
+
+
+def _decode(data: bytes, *, jpeg: bool) -> NDArray[Any] | None:
+    # A photograph is turned upright by its EXIF nowhere here: the calibration belongs to the stored pixels.
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if jpeg else cv2.IMREAD_UNCHANGED
+    former = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our error says it in our words
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        return None
+    finally:
+        cv2.utils.logging.setLogLevel(former)
+
+
+def _encode(suffix: str, pixels: NDArray[Any], options: list[int]) -> bytes:
+    return cv2.imencode(suffix, np.ascontiguousarray(pixels), options)[1].tobytes()

@@ -1,0 +1,62 @@
+"""Scenarios: what a user may get wrong costs one clear line."""
+
+from pathlib import Path
+
+import pytest
+
+from falsework.scenario import Scenario, demo_scenario, load_scenario, scene_range, scene_seed
+from groundwork.errors import InputError
+from groundwork.settings import parse_settings, read_toml
+
+BAD = {
+    "unknown key": ("[brigde]\nfamily = 'beam'", ["brigde", "Did you mean 'bridge'"]),
+    "unknown inner key": ("[recon]\nmod = 'sparse'", ["recon.mod", "Did you mean 'mode'"]),
+    "unknown survey key": ("[[survey]]\nkind = 'global'\nimagse = 5", ["survey.0.", "imagse", "Did you mean 'images'"]),
+    "wrong type": ("seed = 'seven'", ["seed", "'seven'", "integer"]),
+    "out of range": ("scenes = 0", ["scenes", "0", "greater than or equal to 1"]),
+    "wrong choice": ("[render]\nquality = 'best'", ["render.quality", "'best'", "standard"]),
+    "missing stage": ("[stage]\npath = 'nowhere.usda'", ["stage.path", "nowhere.usda"]),
+    "not TOML": ("seed = = 7", ["line 1"]),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_scenario_is_one_line(case: str, tmp_path: Path) -> None:
+    """The line names the file, the field, the value and the mend."""
+    text, parts = BAD[case]
+    path = tmp_path / "scenario.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        load_scenario(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert [part for part in ["scenario.toml", *parts] if part not in message] == []
+
+
+def test_toml_round_trip(tmp_path: Path) -> None:
+    """A scenario written down reads back as itself."""
+    scenario = demo_scenario()
+    path = tmp_path / "again.toml"
+    path.write_text(scenario.as_toml())
+    assert parse_settings(Scenario, read_toml(path), path) == scenario
+
+
+def test_scene_seeds_differ_and_stay() -> None:
+    """Seeds of scenes are distinct, and are the same on every machine and day."""
+    seeds = {scene_seed(seed, index) for seed in range(20) for index in range(50)}
+    assert len(seeds) == 1000
+    assert scene_seed(7, 0) == 1093066553
+
+
+@pytest.mark.parametrize("text", ["3", "2:1", "0:99", "a:b", "-1:2"])
+def test_bad_scene_range(text: str) -> None:
+    """A part of the scenes that does not exist is refused."""
+    with pytest.raises(InputError, match="--scenes"):
+        scene_range(text, 10)
+
+
+def test_good_scene_ranges() -> None:
+    """Either side of a range may be left out."""
+    assert [scene_range(text, 10) for text in (None, ":", "2:", ":3", "4:6")] == [
+        range(10), range(10), range(2, 10), range(3), range(4, 6),
+    ]  # fmt: skip

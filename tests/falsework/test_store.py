@@ -1,0 +1,130 @@
+"""The store: a result is whole or absent, is made once, and is found again by what it depends on."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from falsework.store import Store, Task, link_result
+from groundwork.errors import RejectedSceneError
+
+TASK = Task("stage", 1, {"seed": 7}, {"parent": "abc"})
+
+JSON = st.recursive(st.none() | st.booleans() | st.integers() | st.text(), lambda inner: st.lists(inner), max_leaves=5)
+
+
+def _write(folder: Path) -> None:
+    (folder / "a.txt").write_text("alpha")
+    (folder / "sub").mkdir()
+    (folder / "sub" / "b.bin").write_bytes(b"\x00\x01")
+
+
+def test_second_request_makes_nothing(tmp_path: Path) -> None:
+    """A result that is there is not made again, and its bytes verify."""
+    store = Store(tmp_path)
+    assert store.produce(TASK, _write)
+    assert not store.produce(TASK, lambda folder: pytest.fail("made twice"))
+    assert store.verify() == []
+    assert not list((tmp_path / "work").iterdir())
+
+
+@given(st.dictionaries(st.text(), JSON, min_size=1))
+def test_key_depends_on_everything_and_on_no_order(settings: dict[str, object]) -> None:
+    """Every part of a task changes its key; the order of the settings does not."""
+    task = Task("stage", 1, settings, {"parent": "abc"})
+    turned = Task("stage", 1, dict(reversed(settings.items())), {"parent": "abc"})
+    assert task.key == turned.key
+    others = [
+        Task("cloud", 1, settings, {"parent": "abc"}),
+        Task("stage", 2, settings, {"parent": "abc"}),
+        Task("stage", 1, {**settings, "one more": 1}, {"parent": "abc"}),
+        Task("stage", 1, settings, {"parent": "abd"}),
+    ]
+    assert len({task.key, *(other.key for other in others)}) == 5
+
+
+def test_failure_leaves_no_result(tmp_path: Path) -> None:
+    """An exception in the middle leaves nothing under the final name, and the next try starts clean."""
+    store = Store(tmp_path)
+
+    def half(folder: Path) -> None:
+        _write(folder)
+        raise RuntimeError("in the middle")
+
+    with pytest.raises(RuntimeError):
+        store.produce(TASK, half)
+    assert not store.has(TASK)
+    seen: list[list[Path]] = []
+    assert store.produce(TASK, lambda folder: (seen.append(list(folder.iterdir())), _write(folder))[1])
+    assert seen == [[]]
+
+
+def test_rejection_is_remembered(tmp_path: Path) -> None:
+    """A rejected scene is a result: it is not computed again, and keeps its reason."""
+
+    def reject(folder: Path) -> None:
+        raise RejectedSceneError("no_texture", "nothing to match")
+
+    store = Store(tmp_path)
+    for make in (reject, lambda folder: pytest.fail("computed again")):
+        with pytest.raises(RejectedSceneError, match="nothing to match") as caught:
+            store.produce(TASK, make)
+        assert caught.value.reason == "no_texture"
+
+
+def test_verify_finds_every_kind_of_damage(tmp_path: Path) -> None:
+    """A changed, a missing and an extra file are each named."""
+    store = Store(tmp_path)
+    store.produce(TASK, _write)
+    folder = store.folder(TASK)
+    (folder / "a.txt").chmod(0o644)
+    (folder / "a.txt").write_text("alphb")
+    (folder / "sub" / "b.bin").unlink()
+    (folder / "c").write_text("new")
+    found = sorted(line.rsplit("/", 1)[-1] for line in store.verify())
+    assert found == ["a.txt: changed", "b.bin: missing", "c: not in the manifest"]
+
+
+@pytest.mark.faults
+def test_kill_in_the_middle_then_resume(tmp_path: Path) -> None:
+    """A process killed while it makes a result leaves no visible part, and its lock falls with it."""
+    code = """
+        import sys, time
+        from pathlib import Path
+        from falsework.store import Store, Task
+        def make(folder):
+            (folder / "a.txt").write_text("half")
+            print("begun", flush=True)
+            time.sleep(60)
+        Store(Path(sys.argv[1])).produce(Task("stage", 1, {"seed": 7}, {"parent": "abc"}), make)
+    """
+    process = subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(code), str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    store = Store(tmp_path)
+    assert not store.has(TASK)
+    begin = time.monotonic()
+    assert store.produce(TASK, _write)
+    assert time.monotonic() - begin < 5
+    assert store.verify() == []
+
+
+def test_links_are_relative_and_replaced(tmp_path: Path) -> None:
+    """A readable name survives moving the whole output, and a second link replaces the first."""
+    root = tmp_path / "out"
+    for name in ("one", "two"):
+        (root / "store" / name).mkdir(parents=True)
+        link_result(root / "scenes" / "0000" / "stage", root / "store" / name)
+    moved = root.rename(tmp_path / "moved")
+    assert (moved / "scenes" / "0000" / "stage").resolve() == moved / "store" / "two"

@@ -1,0 +1,117 @@
+"""Imports point one way through the house, and the door opens without the heavy packages."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+
+import pytest
+
+from tests.house.house import ROOMS, assert_clean, python_files
+
+# What each room may import of the house; a dotted name opens one module of a room and no other.
+ALLOWED: dict[str, set[str]] = {
+    "groundwork": {"groundwork"},
+    "usd_schemas": {"groundwork", "usd_schemas"},
+    "authoring": {"groundwork", "usd_schemas", "authoring"},
+    "render": {"groundwork", "usd_schemas", "render"},
+    "recon": {"groundwork", "usd_schemas", "render.capture", "recon"},
+    "learn": {"groundwork", "usd_schemas", "recon.cloud", "learn"},
+    "falsework": set(ROOMS),
+}
+# The two lowest rooms are read by everything, so what they pull in is a closed list.
+OUTSIDE: dict[str, set[str]] = {
+    "groundwork": {"pydantic", "pydantic_core"},
+    "usd_schemas": {"pxr", "numpy", "pydantic", "open3d", "libusb_package"},
+}
+HEAVY = {"torch", "open3d", "pycolmap", "moderngl", "lightning", "dask", "distributed", "cv2", "plotly"}
+
+
+def imported_names(source: str) -> list[tuple[int, str]]:
+    """List what a module imports, inside functions too: (line, dotted name); a relative import is a lone dot."""
+    names: list[tuple[int, str]] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names += [(node.lineno, alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names += [(node.lineno, "." if node.level else f"{node.module}.{alias.name}") for alias in node.names]
+    return names
+
+
+def wrong_imports(room: str, source: str) -> list[str]:
+    """Name the imports that the room may not make."""
+    found = []
+    for line, name in imported_names(source):
+        first = name.split(".")[0]
+        if name == ".":
+            found.append(f"{line}: relative import")
+        elif first in ROOMS:
+            if not any(f"{name}.".startswith(f"{allowed}.") for allowed in ALLOWED[room]):
+                found.append(f"{line}: {room} may not import {name}")
+        elif room in OUTSIDE and first not in OUTSIDE[room] | set(sys.stdlib_module_names):
+            found.append(f"{line}: {room} may not import {first}")
+    return found
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_imports_point_to_lower_rooms(room: str) -> None:
+    """No room imports one above it, nor its neighbour."""
+    assert_clean(lambda source: wrong_imports(room, source), python_files(room))
+
+
+@pytest.mark.parametrize(
+    ("room", "source"),
+    [
+        ("groundwork", "import usd_schemas.tokens"),
+        ("groundwork", "import numpy as np"),
+        ("usd_schemas", "from authoring import scene"),
+        ("authoring", "def f():\n    from render.capture import read_capture"),
+        ("render", "import authoring"),
+        ("recon", "from render import passes"),
+        ("recon", "from render.context import open_context"),
+        ("recon", "import render"),
+        ("learn", "from recon.sparse import mapper"),
+        ("learn", "import falsework.cli"),
+        ("render", "from .capture import read_capture"),
+    ],
+)
+def test_a_wrong_import_is_found(room: str, source: str) -> None:
+    """Each arrow drawn the wrong way is one finding."""
+    assert len(wrong_imports(room, source)) == 1
+
+
+@pytest.mark.parametrize(
+    ("room", "source"),
+    [
+        ("recon", "from render.capture import read_capture"),
+        ("recon", "from render import capture"),
+        ("recon", "import render.capture"),
+        ("learn", "from recon.cloud import read_cloud"),
+        ("render", "from usd_schemas.flat_scene import FlatScene"),
+        ("falsework", "import learn.training, render.frames"),
+        ("groundwork", "import tomllib, pydantic"),
+    ],
+)
+def test_a_right_import_passes(room: str, source: str) -> None:
+    """The arrows of the design are no findings."""
+    assert wrong_imports(room, source) == []
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Run a statement in a fresh interpreter and name the top-level modules that it loaded."""
+    program = f"import json, sys; {statement}; print(json.dumps(sorted({{m.split('.')[0] for m in sys.modules}})))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return set(json.loads(done.stdout))
+
+
+@pytest.mark.parametrize("module", ["falsework", "falsework.cli"])
+def test_the_door_opens_without_heavy_packages(module: str) -> None:
+    """A fresh import of the public API, and of the command line, loads none of the heavy packages."""
+    assert loaded_by(f"import {module}") & HEAVY == set()
+
+
+def test_a_heavy_package_would_be_seen() -> None:
+    """The probe reports what is loaded."""
+    assert "moderngl" in loaded_by("import moderngl") & HEAVY

@@ -1,0 +1,164 @@
+"""The capture format: what is written is read back, and what is damaged is refused by name."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from groundwork.errors import InputError, MissingError
+from groundwork.files import write_bytes
+from render import image_files
+from render.capture import (
+    CalibrationPrior,
+    Capture,
+    CaptureImage,
+    FrameTruth,
+    load_image,
+    make_folders,
+    read_capture,
+    read_truth,
+    write_cameras,
+    write_frame_truth,
+    write_truth,
+)
+from tests.render.scenes import CAMERA, random_scene
+from usd_schemas.flat_scene import FlatScene, world_triangles
+
+SHAPE = (CAMERA.height, CAMERA.width)
+
+
+def frame_truth(seed: int, highest: int) -> FrameTruth:
+    """Draw one frame with sky in its first rows."""
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(1, 3000, SHAPE).astype(np.float32)
+    depth[:20] = np.inf
+    ids = rng.integers(0, highest + 1, SHAPE, np.uint32)
+    ids[0, 0] = highest
+    return FrameTruth(depth, rng.integers(0, 16, SHAPE, np.uint8), ids)
+
+
+def write_example(folder: Path, *, highest: int = 65535) -> tuple[Capture, FlatScene]:
+    """Write a capture of three noise images."""
+    scene = random_scene(1, np.zeros(3), count=8)
+    make_folders(folder)
+    images = []
+    for row, name in enumerate(scene.cameras[0].image_names):
+        rng = np.random.default_rng(row)
+        pixels = cv2.GaussianBlur(rng.integers(0, 255, (*SHAPE, 3), np.uint8), (0, 0), 2.0)
+        write_bytes(folder / "images" / f"{name}.jpg", image_files.encode_jpeg(pixels.astype(np.uint8), 95))
+        write_frame_truth(folder, name, frame_truth(row, highest), wide_ids=highest > 65535)
+        images.append(CaptureImage(name=name, file=f"images/{name}.jpg", gps=(1.5, -2.25, row / 3), time=row * 2.0))
+    capture = Capture(
+        folder, "local", (CAMERA.width, CAMERA.height), CalibrationPrior(focal_px=141.0, cx=80.0, cy=60.0),
+        (0.5, 0.5, 1.0), {"kind": "local", "spacing": 2.0}, tuple(images),
+    )  # fmt: skip
+    write_cameras(capture)
+    write_truth(folder, CAMERA, scene.cameras[0].image_names, scene.cameras[0].poses, scene)
+    return capture, scene
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    """Every record, image, pose, table and triangle comes back as it was written."""
+    written, scene = write_example(tmp_path)
+    capture = read_capture(tmp_path)
+    assert capture == written
+    truth = read_truth(capture)
+    assert truth is not None
+    assert truth.camera == CAMERA
+    assert truth.instances == scene.instances
+    assert truth.classes == scene.classes
+    np.testing.assert_array_equal(truth.poses, scene.cameras[0].poses)
+    for row in range(3):
+        expected = frame_truth(row, 65535)
+        np.testing.assert_array_equal(truth.depth(row), expected.depth)
+        np.testing.assert_array_equal(truth.semantic(row), expected.semantic)
+        np.testing.assert_array_equal(truth.instance(row), expected.instance)
+        assert truth.depth(row).dtype == np.float32
+        assert truth.instance(row).dtype == np.uint32
+        assert load_image(capture, row).shape == (*SHAPE, 3)
+    assert (tmp_path / "truth/instance/000000.png").exists()
+    corners, ids, labels = truth.surface()
+    expected_corners, expected_ids, rows = world_triangles(scene)
+    np.testing.assert_allclose(corners, expected_corners, atol=1e-12)
+    np.testing.assert_array_equal(ids, expected_ids)
+    np.testing.assert_array_equal(labels, scene.draws.label[rows])
+
+
+def test_ids_above_16_bit_are_kept_as_tiff(tmp_path: Path) -> None:
+    """An id of 4,000,000,000 survives, in a 32-bit TIFF."""
+    write_example(tmp_path, highest=4_000_000_000)
+    truth = read_truth(read_capture(tmp_path))
+    assert truth is not None
+    np.testing.assert_array_equal(truth.instance(1), frame_truth(1, 4_000_000_000).instance)
+    assert not (tmp_path / "truth/instance/000001.png").exists()
+
+
+def test_two_writes_are_the_same_bytes(tmp_path: Path) -> None:
+    """No clock, path or hash order reaches a file."""
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        write_example(tmp_path / name)
+    files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
+    assert len(files) == 16
+    assert [
+        path for path in files if (tmp_path / "a" / path).read_bytes() != (tmp_path / "b" / path).read_bytes()
+    ] == []
+
+
+def test_truth_is_optional_and_never_needed(tmp_path: Path) -> None:
+    """Photographs alone are a capture."""
+    write_example(tmp_path)
+    (tmp_path / "truth").rename(tmp_path.parent / f"{tmp_path.name}-truth")
+    capture = read_capture(tmp_path)
+    assert read_truth(capture) is None
+    assert load_image(capture, 2).dtype == np.uint8
+
+
+@pytest.mark.parametrize("keep", [0, 1, 10, 600, 5000, -2, -1])
+def test_truncated_jpeg_is_refused_by_name(tmp_path: Path, keep: int) -> None:
+    """However much is missing, the error names the file."""
+    write_example(tmp_path)
+    path = tmp_path / "images/000001.jpg"
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(InputError, match=r"000001\.jpg.*cut off or damaged"):
+        load_image(read_capture(tmp_path), 1)
+
+
+def test_truncated_label_image_is_refused(tmp_path: Path) -> None:
+    """A cut PNG or TIFF is not read as far as it goes."""
+    write_example(tmp_path)
+    truth = read_truth(read_capture(tmp_path))
+    assert truth is not None
+    for path in (tmp_path / "truth/semantic/000000.png", tmp_path / "truth/depth/000000.tiff"):
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    for read in (truth.semantic, truth.depth):
+        with pytest.raises(InputError, match="cut off or damaged"):
+            read(0)
+
+
+def test_damaged_tables_are_named(tmp_path: Path) -> None:
+    """A wrong key, a missing image, a path that climbs and a foreign truth each give one line."""
+    write_example(tmp_path)
+    path = tmp_path / "cameras.json"
+    good = path.read_text()
+    for old, new, message in (
+        ('"survey"', '"surve"', "surve"),
+        ("images/000001.jpg", "images/000009.jpg", r"000009\.jpg"),
+        ("images/000001.jpg", "../000001.jpg", "leaves the capture"),
+        ('"name": "000001"', '"name": "000000"', "same name"),
+        ('"format_version": 1', '"format_version": 2', "format_version"),
+        ("{", "[", "JSON"),
+    ):
+        path.write_text(good.replace(old, new, 1))
+        with pytest.raises(InputError, match=message):
+            read_capture(tmp_path)
+    path.write_text(good)
+    poses = tmp_path / "truth/poses.json"
+    value = json.loads(poses.read_text())
+    poses.write_text(json.dumps({**value, "poses": value["poses"][1:]}))
+    with pytest.raises(InputError, match="different images"):
+        read_truth(read_capture(tmp_path))
+    with pytest.raises(MissingError, match="not a capture"):
+        read_capture(tmp_path / "images")

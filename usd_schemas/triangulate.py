@@ -1,0 +1,132 @@
+"""Polygons into triangles: triangles, quads and convex faces all at once, concave faces by ear clipping."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+FLAT = 1e-12  # a turn is a bend when its area is above this share of the face's area [1]
+
+
+def triangulate(points: F64, face_counts: I64, corners: I64) -> tuple[I64, I64]:
+    """Split the faces of a mesh into triangles that keep the faces' winding and cover exactly their area.
+
+    Args:
+        points: Positions [any unit], shape (V, 3), float64.
+        face_counts: Corners of each face, shape (F,), int64; faces with fewer than three give nothing.
+        corners: Vertex number of each face corner, shape (C,), int64.
+
+    Returns:
+        Corner numbers (rows of `corners`), shape (T, 3), int64, and the face of each triangle, shape (T,), int64;
+        triangles are in the order of the faces.
+    """
+    starts = np.cumsum(face_counts) - face_counts
+    pieces, owners = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
+    for count in np.unique(face_counts[face_counts >= 3]).tolist():
+        faces = np.flatnonzero(face_counts == count)
+        local = points[corners[starts[faces][:, None] + np.arange(count)]]
+        triangles = starts[faces][:, None, None] + _split(local)
+        pieces.append(triangles.reshape(-1, 3))
+        owners.append(np.repeat(faces, count - 2))
+    owner = np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    return np.concatenate(pieces)[order], owner[order]
+
+
+def face_normals(points: F64, face_counts: I64, corners: I64) -> F64:
+    """Find the area vector of every face by Newell's method: normal to it, as long as twice its area.
+
+    Args:
+        points: Positions [any unit], shape (V, 3), float64.
+        face_counts: Corners of each face, shape (F,), int64.
+        corners: Vertex number of each face corner, shape (C,), int64.
+
+    Returns:
+        Area vectors [unit squared], shape (F, 3), float64.
+    """
+    starts = np.cumsum(face_counts) - face_counts
+    face = np.repeat(np.arange(len(face_counts)), face_counts)
+    following = np.arange(len(corners)) + 1
+    ends = (starts + face_counts)[face_counts > 0]
+    following[ends - 1] = starts[face_counts > 0]
+    # Counting from the face's first corner keeps the digits of small faces far from the origin.
+    origin = points[corners[starts[face]]]
+    here, there = points[corners] - origin, points[corners[following]] - origin
+    crossed = np.cross(here, there)
+    return np.stack([np.bincount(face, crossed[:, axis], len(face_counts)) for axis in range(3)], axis=1)
+
+
+def _split(faces: F64) -> I64:
+    """Split faces of one size, shape (F, N, 3): corner numbers within each face, shape (F, N - 2, 3)."""
+    count = faces.shape[1]
+    step = np.arange(count - 2)
+    fan = np.stack([np.zeros_like(step), step + 1, step + 2], axis=1)
+    result = np.repeat(fan[None], len(faces), axis=0)
+    if count == 3:
+        return result
+    local = faces - faces[:, :1]
+    area = np.cross(local, np.roll(local, -1, axis=1)).sum(axis=1)
+    before, after = local - np.roll(local, 1, axis=1), np.roll(local, -1, axis=1) - local
+    turns = np.einsum("fnk,fk->fn", np.cross(before, after), area)
+    least = FLAT * np.einsum("fk,fk->f", area, area)[:, None]
+    concave = np.any(turns < -least, axis=1)
+    if count == 4:
+        # A quad with a reflex corner is split at that corner; the fan already does so at corners 0 and 2.
+        result[concave & ((turns[:, 1] < -least[:, 0]) | (turns[:, 3] < -least[:, 0]))] = [[1, 2, 3], [1, 3, 0]]
+        return result
+    for row in np.flatnonzero(concave | (np.any(abs(turns) <= least, axis=1))):
+        result[row] = _clip_ears(_flatten(local[row], area[row]))
+    return result
+
+
+def _flatten(polygon: F64, normal: F64) -> F64:
+    """Project a polygon, shape (N, 3), on the plane across its normal, so that it runs counter-clockwise: (N, 2)."""
+    length = np.linalg.norm(normal)
+    if length == 0.0:
+        return polygon[:, :2]
+    upright = normal / length
+    first = np.cross(upright, np.eye(3)[np.argmin(abs(upright))])
+    first /= np.linalg.norm(first)
+    return np.stack([polygon @ first, polygon @ np.cross(upright, first)], axis=1)
+
+
+def _clip_ears(polygon: F64) -> I64:
+    """Cut a simple polygon, shape (N, 2), counter-clockwise, into N - 2 triangles.
+
+    Source: G. H. Meisters, Polygons have ears, American Mathematical Monthly 82 (1975).
+    """
+    ring = list(range(len(polygon)))
+    least = FLAT * abs(float(np.ptp(polygon, axis=0).prod()))
+    triangles = []
+    place = 0
+    while len(ring) > 3:
+        tried = 0
+        while tried < len(ring) and not _is_ear(polygon, ring, place, least):
+            place = (place + 1) % len(ring)
+            tried += 1
+        # Every simple polygon has an ear; one that crosses itself may have none, and any corner will do there.
+        triangles.append([ring[place - 1], ring[place], ring[(place + 1) % len(ring)]])
+        del ring[place]
+        # Going on past the next corner spreads the cuts, where staying would make a fan of slivers.
+        place = (place + 1) % len(ring)
+    triangles.append(ring)
+    return np.array(triangles, np.int64)
+
+
+def _is_ear(polygon: F64, ring: list[int], place: int, least: float) -> bool:
+    """Tell whether the corner at a place of the remaining ring can be cut off."""
+    a, b, c = polygon[ring[place - 1]], polygon[ring[place]], polygon[ring[(place + 1) % len(ring)]]
+    if _turn(a, b, c) < -least:
+        return False
+    others = polygon[ring]
+    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
+    # Corners of the ear itself, and points that only repeat them (a slit to a hole), do not count.
+    for corner in (a, b, c):
+        inside &= np.any(others != corner, axis=1)
+    return not bool(np.any(inside))
+
+
+def _turn(a: F64, b: F64, c: F64) -> F64:
+    """Twice the signed area of the triangles a, b, c; over 0 when counter-clockwise; c has shape (2,) or (N, 2)."""
+    return (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])
