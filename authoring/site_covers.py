@@ -7,11 +7,40 @@ from numpy.typing import NDArray
 
 from authoring.alignment import Alignment
 from authoring.component import Mesh
-from authoring.site_grid import HeightField
+from authoring.site_shape import Shape
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 SNAP = 0.04  # a border this close to a vertex goes through the vertex [m]
+
+
+@dataclass(frozen=True)
+class Cover:
+    """One kind of ground cover.
+
+    Attributes:
+        name: Name of the field that bounds it.
+        prim: Leaf prim name of its piece.
+        kind: Component kind.
+        role: Material recipe.
+    """
+
+    name: str
+    prim: str
+    kind: str
+    role: str
+
+
+COVERS = (
+    Cover("verge", "Verge", "ground", "gravel"),
+    Cover("shoulder", "Shoulder", "ground", "gravel"),
+    Cover("shore", "Shore", "riverbank", "gravel"),
+    Cover("embankment", "Embankment", "embankment", "grass"),
+    Cover("bank", "Riverbank", "riverbank", "soil"),
+    Cover("worn", "UnderDeck", "ground", "soil"),
+    Cover("patch", "TallGrass", "ground", "meadow"),
+)
+REMAINDER = Cover("", "Grass", "ground", "grass")
 
 
 @dataclass(frozen=True)
@@ -21,28 +50,48 @@ class Soup:
     Attributes:
         rows: Station, left, height [m], normal (3), then one column for each cover, shape (V, 6 + C), float64.
         faces: Vertex numbers, shape (T, 3), int64.
+        covers: The covers of the columns, the first in the list wins.
     """
 
     rows: F64
     faces: I64
+    covers: tuple[Cover, ...]
 
 
-def soup_of(field: HeightField, covers: tuple[F64, ...], keep: NDArray[np.bool_] | None = None) -> Soup:
-    """Gather a height field with its covers.
+def soup_of(nodes: F64, normals: F64, faces: I64, shape: Shape, covers: tuple[Cover, ...] = COVERS) -> Soup:
+    """Gather ground triangles with their covers.
 
     Args:
-        field: The ground.
-        covers: Signed fields at the nodes [m], each of shape (S, L), float64.
-        keep: Which cells take part, shape (S-1, L-1), bool, or None for all.
+        nodes: Station, left and world height of each node [m], shape (V, 3), float64.
+        normals: Unit normals in bridge coordinates, shape (V, 3), float64.
+        faces: Node numbers, shape (T, 3), int64.
+        shape: The covers, each field holding V values.
+        covers: Covers to look for, the winning ones first.
 
     Returns:
         The triangles.
     """
-    columns = [np.where(np.abs(cover) < SNAP, 0.0, cover).reshape(-1, 1) for cover in covers]
-    faces = field.triangles()
-    if keep is not None:
-        faces = faces[np.repeat(keep.reshape(-1), 2)]
-    return Soup(np.hstack([field.nodes(), field.normals(), *columns]), faces)
+    present = tuple(cover for cover in covers if cover.name in shape.covers)
+    values = [shape.covers[cover.name].reshape(-1, 1) for cover in present]
+    columns = [np.where(np.abs(value) < SNAP, 0.0, value) for value in values]
+    return Soup(np.hstack([nodes, normals, *columns]), faces, present)
+
+
+def covered(soup: Soup) -> list[tuple[Cover, Soup]]:
+    """Cut the ground into its covers.
+
+    Args:
+        soup: Triangles of the whole ground.
+
+    Returns:
+        Every cover that occurs, with its triangles; what no cover claims comes last.
+    """
+    pieces = []
+    for column, cover in enumerate(soup.covers):
+        inside, soup = cut(soup, column)
+        if len(inside.faces):
+            pieces.append((cover, inside))
+    return [*pieces, (REMAINDER, soup)] if len(soup.faces) else pieces
 
 
 def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:
@@ -62,7 +111,7 @@ def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:
     rows, plus, minus = _split(soup.rows, soup.faces[crossing], value)
     inside = np.concatenate([soup.faces[above & ~below], plus])
     outside = np.concatenate([soup.faces[~above], minus])
-    return Soup(rows, inside), Soup(rows, outside)
+    return Soup(rows, inside, soup.covers), Soup(rows, outside, soup.covers)
 
 
 def drape(soup: Soup, alignment: Alignment, strip: tuple[float, float, float, float] | None = None) -> Mesh:

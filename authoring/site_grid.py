@@ -1,6 +1,7 @@
 """A height field on a graded tensor grid in bridge coordinates: lines, heights, exact interpolation, normals."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,22 +56,26 @@ class HeightField:
         pairs = np.stack([np.stack([low, ahead, high], -1), np.stack([low, high, beside], -1)], axis=2)
         return pairs.reshape(-1, 3)
 
-    def normals(self) -> F64:
-        """Average the face normals at each node, weighted by plan area; near-vertical faces do not count.
 
-        Returns:
-            Unit normals in bridge coordinates, shape (S * L, 3), float64.
-        """
-        nodes, faces = self.nodes(), self.triangles()
-        corner = nodes[faces]
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        slope = np.hypot(normal[:, 0], normal[:, 1]) / normal[:, 2]
-        weight = np.where(slope > STEEP, 1e-6, 1.0)
-        total = np.zeros_like(nodes)
-        for vertex in range(3):
-            for axis in range(3):
-                total[:, axis] += np.bincount(faces[:, vertex], normal[:, axis] * weight, len(nodes))
-        return total / np.linalg.norm(total, axis=1, keepdims=True)
+def surface_normals(nodes: F64, faces: I64) -> F64:
+    """Average the face normals at each node, weighted by plan area; near-vertical faces do not count.
+
+    Args:
+        nodes: Positions, z up [m], shape (N, 3), float64.
+        faces: Triangles seen counter-clockwise from above, shape (T, 3), int64.
+
+    Returns:
+        Unit normals, shape (N, 3), float64.
+    """
+    corner = nodes[faces]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    slope = np.hypot(normal[:, 0], normal[:, 1]) / normal[:, 2]
+    weight = np.where(slope > STEEP, 1e-6, 1.0)
+    total = np.zeros_like(nodes)
+    for vertex in range(3):
+        for axis in range(3):
+            total[:, axis] += np.bincount(faces[:, vertex], normal[:, axis] * weight, len(nodes))
+    return total / np.linalg.norm(total, axis=1, keepdims=True)
 
 
 def graded_lines(fixed: tuple[float, ...], fine: tuple[float, float], spacing: float, coarse: float) -> F64:
@@ -87,7 +92,7 @@ def graded_lines(fixed: tuple[float, ...], fine: tuple[float, float], spacing: f
     """
     low, high = max(fine[0], min(fixed)), min(fine[1], max(fixed))
     inner = sorted({low, high, *(value for value in fixed if low < value < high)})
-    pieces = [np.linspace(a, b, int(np.ceil((b - a) / spacing - 1e-9)) + 1) for a, b in zip(inner, inner[1:], strict=False)]
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / spacing - 1e-9)) + 1) for a, b in pairwise(inner)]
     ahead = growing_steps(max(fixed) - high, spacing, coarse)
     behind = growing_steps(low - min(fixed), spacing, coarse)
     lines = np.concatenate([low - behind[::-1], *pieces, high + ahead])

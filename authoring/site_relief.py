@@ -1,4 +1,4 @@
-"""Smooth random relief: octaves of lattice noise, the same on every platform because only sums and products enter it."""
+"""Smooth random relief: octaves of lattice noise, made of sums and products only: the same on every platform."""
 
 from dataclasses import dataclass
 

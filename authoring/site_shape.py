@@ -20,8 +20,9 @@ CUT_SLOPE = 1.5
 BANK_SLOPE = 2.0
 UNDERLAY = 0.07  # the ground lies this far below the road surface on it [m]
 SHOULDER = 1.2  # level strip beside a carriageway [m]
-WALL_STEP = (0.05, 0.35)  # range behind a wall's outer face in which the ground drops, hidden in the wall [m]
+WALL_STEP = (0.05, 0.35)  # distances from a wall's face between which the ground drops, hidden in the wall [m]
 MAX_APPROACH_GRADE = 0.045
+BEND_LENGTH = 260.0  # length over which an approach road's swing turns by one radian [m]
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,12 @@ class Crossing:
 
     def distance(self, station: F64, left: F64) -> F64:
         """Measure how far positions lie from its centre line, square to it [m], same shape, float64."""
+        return np.abs(station - self.centre(left)) / self.stretch(left)
+
+    def stretch(self, left: F64) -> F64:
+        """Find how much longer than its width a cut through it along the axis is [1], same shape, float64."""
         slope = self.swing / self.wavelength * np.cos(left / self.wavelength + self.phase)
-        return np.abs(station - self.centre(left)) / np.sqrt(1.0 + slope * slope)
+        return np.sqrt(1.0 + slope * slope)
 
 
 @dataclass(frozen=True)
@@ -85,7 +90,13 @@ class Approach:
     def centre(self, station: F64) -> F64:
         """Find how far to the left its centre line runs [m], same shape, float64."""
         beyond = np.maximum(self.along(station) - self.straight, 0.0)
-        return self.bend * (1.0 - np.cos(beyond / 260.0))
+        return self.bend * (1.0 - np.cos(beyond / BEND_LENGTH))
+
+    def stretch(self, station: F64) -> F64:
+        """Find how much longer than its width a cut through it square to the axis is [1], same shape, float64."""
+        beyond = np.maximum(self.along(station) - self.straight, 0.0)
+        slope = self.bend / BEND_LENGTH * np.sin(beyond / BEND_LENGTH)
+        return np.sqrt(1.0 + slope * slope)
 
     def level(self, layout: Layout, hills: Hills, station: F64) -> F64:
         """Find the height of the road's crown.
@@ -142,6 +153,7 @@ class Land:
         approaches: The roads before the first and behind the last abutment.
         relief: Natural relief about height 0.
         ragged: Noise that makes natural borders irregular [m].
+        patches: Positive where taller grass grows [m].
     """
 
     layout: Layout
@@ -149,6 +161,7 @@ class Land:
     approaches: tuple[Approach, Approach]
     relief: Relief
     ragged: Relief
+    patches: Relief
 
     def shape(self, station: F64, left: F64, hills: Hills) -> Shape:
         """Shape the ground.
@@ -165,6 +178,7 @@ class Land:
         natural = self.relief(station, left) + hills(station, left)
         carve = self._river if self.crossing.kind == "river" else self._cutting
         height, covers = carve(station, left, natural, hills, noise)
+        covers["patch"] = np.clip(self.patches(station, left) - 0.6, -6.0, 6.0)
         covers["worn"] = self._under_deck(station, left) + 0.5 * noise
         for approach in self.approaches:
             height = self._approach(approach, station, left, height, hills, covers)
@@ -175,9 +189,7 @@ class Land:
         inside = np.minimum(station - first + 1.0, last - station + 1.0)
         return np.minimum(inside, self.layout.width / 2 - 1.0 - np.abs(left))
 
-    def _river(
-        self, station: F64, left: F64, natural: F64, hills: Hills, noise: F64
-    ) -> tuple[F64, dict[str, F64]]:
+    def _river(self, station: F64, left: F64, natural: F64, hills: Hills, noise: F64) -> tuple[F64, dict[str, F64]]:
         """Cut the channel; its banks rise at 1:2 from the bed."""
         crossing = self.crossing
         distance = crossing.distance(station, left)
@@ -189,9 +201,7 @@ class Land:
         bank = np.minimum((natural - channel) * BANK_SLOPE + 0.6, 12.0) + 0.7 * noise
         return height, {"shore": shore, "bank": bank}
 
-    def _cutting(
-        self, station: F64, left: F64, natural: F64, hills: Hills, noise: F64
-    ) -> tuple[F64, dict[str, F64]]:
+    def _cutting(self, station: F64, left: F64, natural: F64, hills: Hills, noise: F64) -> tuple[F64, dict[str, F64]]:
         """Level the ground under the crossing road and its shoulders, and batter it up or down to the land."""
         crossing = self.crossing
         distance = crossing.distance(station, left)
@@ -206,9 +216,9 @@ class Land:
         self, approach: Approach, station: F64, left: F64, natural: F64, hills: Hills, covers: dict[str, F64]
     ) -> F64:
         """Fill up to the road behind the wing walls, and round their ends in a quarter cone."""
-        along, across = approach.along(station), np.abs(left - approach.centre(station))
+        along, across = approach.along(station), np.abs(left - approach.centre(station)) / approach.stretch(station)
         crest = self.layout.width / 2
-        walled = _ramp(along, WALL_STEP) * _ramp(crest - across, WALL_STEP) * (along < WING_WALL)
+        walled = _ramp(along + sum(WALL_STEP), WALL_STEP) * _ramp(crest - across, WALL_STEP)
         behind = approach.back + approach.sign * np.maximum(along, WING_WALL)
         formation = approach.level(self.layout, hills, station) - UNDERLAY - crossfall(along, np.minimum(across, crest))
         crown = approach.level(self.layout, hills, behind) - UNDERLAY - 0.02 * crest
@@ -221,7 +231,7 @@ class Land:
         spill = np.maximum(natural, cone)
         retained = spill + walled * (formation - spill)
         height = np.where(along >= WING_WALL, road, retained)
-        fill = np.where(along >= -ABUTMENT_BACK - ABUTMENT_FRONT - 1.0, height - natural - 0.12, -1.0) * FILL_SLOPE
+        fill = (height - natural - 0.12) * FILL_SLOPE
         covers["embankment"] = np.maximum(covers.get("embankment", np.full_like(fill, -9.0)), np.clip(fill, -9.0, 9.0))
         verge = np.minimum(approach.half_width + SHOULDER - across, along - 0.2)
         covers["shoulder"] = np.maximum(covers.get("shoulder", np.full_like(fill, -9.0)), np.clip(verge, -9.0, 9.0))

@@ -205,7 +205,9 @@ def _sides(sections: F64, rings: F64, lengths: F64, girth_of: I32) -> _Faces:
 def _cap(outline: F64, first_vertex: int, *, back: bool) -> _Faces:
     pieces = np.arange(len(outline), dtype=np.int32)[None] if is_convex(outline) else triangulate(outline)
     flat = (pieces[:, ::-1] if back else pieces).ravel()
-    return _Faces(np.full(len(pieces), pieces.shape[1], np.int32), (flat + first_vertex).astype(np.int32), outline[flat])
+    return _Faces(
+        np.full(len(pieces), pieces.shape[1], np.int32), (flat + first_vertex).astype(np.int32), outline[flat]
+    )
 
 
 def _reverse_faces(face_counts: I32) -> I32:

@@ -22,7 +22,12 @@ def scenario_page() -> str:
     """Spell every key of the scenario as Markdown tables, one for each section."""
     lines = ["# Keys of the scenario", "", "Generated from the settings models by `python -m docs.generate`.", ""]
     for name, model in _sections(Scenario, ""):
-        lines += [f"## `[{name}]`" if name else "## Top level", "", "| key | type | default | meaning |", "|---|---|---|---|"]
+        lines += [
+            f"## `[{name}]`" if name else "## Top level",
+            "",
+            "| key | type | default | meaning |",
+            "|---|---|---|---|",
+        ]
         for key, field in model.model_fields.items():
             if not _models_in(field.annotation):
                 default = field.get_default(call_default_factory=True, validated_data={})

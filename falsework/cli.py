@@ -113,11 +113,13 @@ def render(
         noise: Add the sensor's noise to the images.
         seed: Seed of the sensor's noise.
     """
-    from falsework.single import render_stage_file
+    from falsework.verbs import render_file
 
+    settings = {"quality": quality, "noise": noise}
     with ConsoleProgress() as progress:
-        for name in render_stage_file(stage, output, survey, quality, noise, seed, progress):
-            _say(f"capture {output / name}")
+        names = render_file(stage, output, survey, settings, seed, progress)
+    for name in names:
+        _say(f"capture {output / name}")
     return 0
 
 
@@ -129,7 +131,7 @@ def reconstruct(capture: File, output: Output, *, settings: Path | None = None) 
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
     """
-    from falsework.single import reconstruct_folder
+    from falsework.verbs import reconstruct_folder
 
     with ConsoleProgress() as progress:
         reconstruct_folder(capture, output, settings, progress)
@@ -144,7 +146,7 @@ def report(scene: File, output: Output) -> int:
         scene: Folder such as `OUT/scenes/0000`.
         output: HTML file to write.
     """
-    from falsework.single import report_scene
+    from falsework.verbs import report_scene
 
     report_scene(scene, output)
     _say(f"report  {output}")

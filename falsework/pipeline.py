@@ -1,4 +1,4 @@
-"""The chain as the paper draws it: stage, then a capture and a cloud for each survey, then the report, for every scene."""
+"""The chain as the paper draws it: for every scene its stage, a capture and a cloud for each survey, and the report."""
 
 import json
 import time
@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from falsework.platform import recon_platform, render_platform
+from falsework.products import surveys_of
 from falsework.scenario import Scenario, scene_seed
-from falsework.stages import STAGES, surveys_of
+from falsework.stages import STAGES
 from falsework.store import Store, Task, link_result
 from groundwork.canonical import folder_digest
 from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
@@ -90,8 +91,8 @@ def run_task(root: Path, task: Task, inputs: dict[str, Path], progress: Progress
     begin = time.time()
     made = Store(root).produce(task, lambda folder: STAGES[task.stage].run(task.settings, inputs, folder, progress))
     event = {"stage": task.stage, "key": task.key, "made": made, "begin": begin, "seconds": time.time() - begin}
-    with (root / "run" / "events.jsonl").open("a", encoding="utf-8") as file:
-        file.write(json.dumps(event) + "\n")  # a log: outside the promise of equal bytes, and of no use to a later run
+    with (root / "run" / "events.jsonl").open("a", encoding="utf-8") as file:  # not atomic: a log grows line by line
+        file.write(json.dumps(event) + "\n")
     return made
 
 
@@ -112,7 +113,7 @@ def _run_scene(scenario: Scenario, index: int, out: Path, progress: Progress, ou
     maker = _Maker(out, scene, progress, outcome)
     paths, keys = {}, {}
     paths["stage"], keys["stage"] = _stage(scenario, seed, maker)
-    for survey in surveys_of(paths["stage"]):
+    for survey in [s.id for s in scenario.survey] if scenario.stage is None else surveys_of(paths["stage"]):
         shot, cloud = f"capture/{survey}", f"cloud/{survey}"
         settings = {"seed": seed, "survey": survey, "render": scenario.render.model_dump(mode="json")}
         settings["platform"] = render_platform()

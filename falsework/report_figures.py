@@ -102,7 +102,8 @@ def flight_figure(centres: F64, statuses: list[str], bridge: F64) -> go.Figure:
                 )  # fmt: skip
     _plain_layout(figure, 520)
     figure.update_layout(
-        xaxis={"domain": [0, 1], "anchor": "y", "title": "x [m]"}, yaxis={"domain": [0.48, 1], "scaleanchor": "x", "title": "y [m]"},
+        xaxis={"domain": [0, 1], "anchor": "y", "title": "x [m]"},
+        yaxis={"domain": [0.48, 1], "scaleanchor": "x", "title": "y [m]"},
         xaxis2={"domain": [0, 1], "anchor": "y2", "matches": "x", "title": "x [m]"},
         yaxis2={"domain": [0, 0.34], "scaleanchor": "x2", "title": "z [m]"},
     )  # fmt: skip
@@ -138,7 +139,9 @@ def uncertainty_figure(uncertainty: NDArray[np.float32], threshold: float) -> go
     finite = uncertainty[np.isfinite(uncertainty) & (uncertainty > 0)]
     edges = np.logspace(-4, 2, 49)
     counts, _ = np.histogram(finite, edges)
-    figure = go.Figure(go.Bar(x=np.sqrt(edges[1:] * edges[:-1]), y=counts, width=np.diff(edges), marker_color="#4a7ab5"))
+    figure = go.Figure(
+        go.Bar(x=np.sqrt(edges[1:] * edges[:-1]), y=counts, width=np.diff(edges), marker_color="#4a7ab5")
+    )
     figure.add_vline(x=threshold, line={"color": "#c8322b", "dash": "dash"}, annotation_text=f"{threshold:g} m")
     _plain_layout(figure, 340)
     return figure.update_layout(xaxis={"type": "log", "title": "uncertainty [m]"}, yaxis={"title": "points"}, bargap=0)
@@ -148,7 +151,8 @@ def cloud_figure(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...]
     """Show the cloud and the cameras in 3D, with buttons for the colouring.
 
     Args:
-        columns: `coord` [m] (N, 3), `color` (N, 3) uint8, `segment` (N,), `uncertainty` [m] (N,).
+        columns: `coord` [m], shape (N, 3), `color`, shape (N, 3), uint8, `segment`, shape (N,), uint8, and
+            `uncertainty` [m], shape (N,), float32.
         classes: Class table.
         centres: Camera centres [m], shape (M, 3), float64.
     """
@@ -161,7 +165,7 @@ def cloud_figure(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...]
     log = np.log10(np.clip(np.nan_to_num(part["uncertainty"], nan=1.0, posinf=10.0), 1e-3, 10.0))
     heat = cv2.applyColorMap(((log + 3) / 4 * 255).astype(np.uint8), cv2.COLORMAP_TURBO)[:, 0, ::-1]
     colours = {
-        "photo": _css_all(part["color"]), "class": _css_all(palette[part["segment"]]), "uncertainty": _css_all(heat)
+        "photo": _css_all(part["color"]), "class": _css_all(palette[part["segment"]]), "uncertainty": _css_all(heat.astype(np.uint8))
     }  # fmt: skip
     figure = go.Figure(
         [
@@ -183,8 +187,9 @@ def cloud_figure(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...]
     low, high = centres.min(axis=0) - 5, centres.max(axis=0) + 5
     axis = {"showbackground": False, "title": "", "showticklabels": False}
     ranges = {f"{k}axis": {**axis, "range": [float(low[i]), float(high[i])]} for i, k in enumerate("xy")}
+    menu = {"type": "buttons", "direction": "right", "buttons": buttons, "x": 0, "y": 1.06, "xanchor": "left"}
     return figure.update_layout(
-        updatemenus=[{"type": "buttons", "direction": "right", "buttons": buttons, "x": 0, "y": 1.06, "xanchor": "left"}],
+        updatemenus=[menu],
         scene={"aspectmode": "data", **ranges, "zaxis": {**axis, "range": [float(low[2]) - 3, float(high[2])]}},
         showlegend=False,
     )  # fmt: skip

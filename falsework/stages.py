@@ -40,7 +40,9 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     from authoring.scene import author_scene
     from authoring.settings import AuthoringSettings
 
-    author_scene(parse_settings(AuthoringSettings, settings["authoring"], "scenario"), settings["seed"], folder, progress)
+    author_scene(
+        parse_settings(AuthoringSettings, settings["authoring"], "scenario"), settings["seed"], folder, progress
+    )
 
 
 def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:

@@ -29,7 +29,7 @@ def run_child(
     memory_limit: float,
     progress: Progress = SILENT,
     environment: dict[str, str] | None = None,
-) -> Any:  # noqa: ANN401  whatever JSON the child answers
+) -> Any:
     """Run `python -m module` with a JSON request and wait for its JSON answer.
 
     Args:

@@ -56,7 +56,7 @@ def write_json(path: Path, value: object) -> None:
     write_text(path, json.dumps(json.loads(canonical_json(value)), sort_keys=True, indent=2) + "\n")
 
 
-def read_json(path: Path) -> Any:  # noqa: ANN401  JSON is any value
+def read_json(path: Path) -> Any:
     """Read a JSON file.
 
     Args:
@@ -90,9 +90,13 @@ def space_errors(where: Path) -> Iterator[None]:
         if isinstance(error, OutOfSpaceError | InputError):
             raise
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise OutOfSpaceError(f"{where}: no space left on the disk. Free some, then run the same command again") from None
+            raise OutOfSpaceError(
+                f"{where}: no space left on the disk. Free some, then run the same command again"
+            ) from None
         if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-            raise InputError("not writable", where=where, mend="Choose another folder with -o, or change its rights") from None
+            raise InputError(
+                "not writable", where=where, mend="Choose another folder with -o, or change its rights"
+            ) from None
         raise
 
 
@@ -105,7 +109,8 @@ def write_manifest(folder: Path, record: dict[str, Any]) -> None:
     """
     files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / MANIFEST)
     table = {
-        path.relative_to(folder).as_posix(): {"bytes": path.stat().st_size, "sha256": file_digest(path)} for path in files
+        path.relative_to(folder).as_posix(): {"bytes": path.stat().st_size, "sha256": file_digest(path)}
+        for path in files
     }
     write_json(folder / MANIFEST, {**record, "files": table})
 

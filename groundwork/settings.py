@@ -1,4 +1,4 @@
-"""Frozen settings: the pydantic base of every room's settings, and errors that name the key and its nearest neighbour."""
+"""Frozen settings: the base of every room's settings, and errors that name the key and its nearest neighbour."""
 
 import difflib
 import tomllib

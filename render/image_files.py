@@ -108,7 +108,7 @@ def decode(path: Path) -> NDArray[Any]:
         path: JPEG, PNG or TIFF.
 
     Returns:
-        Values, shape (H, W) or (H, W, 3).
+        Values, shape (H, W), (H, W, 3), or (H, W, 4) with opacity last.
 
     Raises:
         MissingError: There is no such file.
@@ -117,13 +117,15 @@ def decode(path: Path) -> NDArray[Any]:
     try:
         data = path.read_bytes()
     except OSError:
-        raise MissingError("no such image", where=path, mend="Put it back, or take it out of cameras.json") from None
+        raise MissingError("no such image", where=path, mend="Put it back") from None
     jpeg = data[:2] == b"\xff\xd8"
     whole = bool(data) and (not jpeg or data.rstrip(b"\x00")[-2:] == _JPEG_END)
     pixels = _decode(data, jpeg=jpeg) if whole else None
     if pixels is None:
         raise InputError("the image is cut off or damaged", where=path, mend="Copy it again, or leave it out")
-    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB) if pixels.ndim == 3 else pixels
+    if pixels.ndim == 2:
+        return pixels
+    return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB)
 
 
 def _decode(data: bytes, *, jpeg: bool) -> NDArray[Any] | None:

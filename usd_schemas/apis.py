@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,9 +195,10 @@ def _apply_calibration(prim: Usd.Prim, camera: Pinhole, sensor_width: float) -> 
 def _read_calibration(prim: Usd.Prim) -> Pinhole | None:
     size = _get(prim, "falsework:cal:imageSize")
     values = [_get(prim, f"falsework:cal:{name}") for name in ("fx", "fy", "cx", "cy")]
-    if size is None or any(value is None for value in values):
+    if size is None or None in values:
         return None
-    return Pinhole(int(size[0]), int(size[1]), *(float(value) for value in values))
+    fx, fy, cx, cy = (float(value or 0.0) for value in values)
+    return Pinhole(int(size[0]), int(size[1]), fx, fy, cx, cy)
 
 
 def _set(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: object) -> None:
@@ -207,6 +209,6 @@ def _mirror(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: object) -
     prim.CreateAttribute(name, kind, True).Set(value)
 
 
-def _get(prim: Usd.Prim, name: str):  # noqa: ANN202  USD values have many types
+def _get(prim: Usd.Prim, name: str) -> Any:
     attribute = prim.GetAttribute(name)
     return attribute.Get() if attribute else None

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Usd, UsdGeom
 
 from usd_schemas.shapes import SHAPES, read_shape
 from usd_schemas.triangulate import face_normals, triangulate
@@ -254,12 +254,7 @@ def _weld(faces: _Faces, values: list[_Values]) -> tuple[I64, list[F32]]:
     for value in values:
         if len(value.data) > 1 and not np.array_equal(value.index, faces.corners):
             _, key = np.unique(key * len(value.data) + value.index, return_inverse=True)
-    if key is faces.corners:
-        used, vertex = np.unique(key, return_inverse=True)
-        representative = np.zeros(len(used), np.int64)
-        representative[vertex[::-1]] = np.arange(len(vertex))[::-1]
-    else:
-        _, representative, vertex = np.unique(key, return_index=True, return_inverse=True)
+    _, representative, vertex = np.unique(key, return_index=True, return_inverse=True)
     points = faces.points[faces.corners[representative]]
     arrays = [points, *(value.data[value.index[representative]] for value in values)]
     return vertex, [np.ascontiguousarray(array, np.float32) for array in arrays]
@@ -282,18 +277,3 @@ def subset_faces(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, I64]]:
                 indices = np.array(subset.GetIndicesAttr().Get(EARLIEST) or [], np.int64)
                 found.append((child, str(subset.GetFamilyNameAttr().Get() or ""), indices))
     return found
-
-
-def asset_file(value: Sdf.AssetPath | None) -> str:
-    """Find the file that an asset path means.
-
-    Args:
-        value: Value of an asset attribute.
-
-    Returns:
-        Absolute path of an existing file, or empty.
-    """
-    from pathlib import Path
-
-    resolved = str(value.resolvedPath) if value is not None else ""
-    return resolved if resolved and Path(resolved).is_file() else ""

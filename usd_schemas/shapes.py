@@ -134,7 +134,7 @@ def _cube(size: float) -> Shape:
             turn[axis, 2] = sign
             turn[(axis + 1) % 3, 0] = 1.0
             turn[(axis + 2) % 3, 1] = sign
-            points = (square.points + [0.0, 0.0, size / 2]) @ turn.T
+            points = (square.points + np.array([0.0, 0.0, size / 2])) @ turn.T
             faces.append(Shape(points, square.face_counts, square.corners, square.normals @ turn.T, square.st))
     return _joined(faces)
 

@@ -56,5 +56,5 @@ def export(layer: Sdf.Layer, path: Path) -> None:
         OSError: USD could not write the file.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    if not layer.Export(str(path)):
+    if not layer.Export(str(path)):  # inside an atomic folder
         raise OSError(f"{path}: not written")

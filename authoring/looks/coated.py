@@ -18,7 +18,7 @@ def painted_steel(tile: Tile, color: Color, age: float) -> Sheet:
     """
     clouds, dust = fractal(tile, 1.8, 0.05), fractal(tile, 0.05, slope=0.2)
     albedo = paint(color, 1 + (0.02 + 0.08 * age) * clouds + (0.015 + 0.065 * age) * dust)
-    chalk = ramp(fractal(tile, 0.8, 0.03, stretch=(1.0, 0.3)), 0.3, 2.4)
+    chalk = ramp(fractal(tile, 0.8, 0.03, stretch=(1.0, 3.3)), 0.3, 2.4)
     pale = (0.6 * color[0] + 0.14, 0.6 * color[1] + 0.14, 0.6 * color[2] + 0.135)
     albedo = cover(albedo, 0.45 * np.float32(age) * chalk, pale)
     bloom = fractal(tile, 0.5, 0.012)
@@ -48,7 +48,7 @@ def rail_steel(tile: Tile, age: float) -> Sheet:
         tile: Where it repeats.
         age: 0 for newly laid, 1 for old [1].
     """
-    albedo = cover(paint((0.16, 0.15, 0.145), 1 + 0.1 * fractal(tile, 0.3, 0.02, stretch=(0.1, 1.0))),
+    albedo = cover(paint((0.16, 0.15, 0.145), 1 + 0.1 * fractal(tile, 0.3, 0.02, stretch=(10.0, 1.0))),
                    np.full((tile.pixels, tile.pixels), 0.4 + 0.5 * age, np.float32), rusted(tile))  # fmt: skip
     return Sheet(albedo, np.full((tile.pixels, tile.pixels), 0.75, np.float32))
 
@@ -102,7 +102,7 @@ def glass(tile: Tile) -> Sheet:
     Args:
         tile: Where it repeats.
     """
-    veil = fractal(tile, 1.5, 0.05, stretch=(1.0, 0.5))
-    albedo = paint((0.048, 0.056, 0.064), 1 + 0.22 * veil + 0.05 * fractal(tile, 0.05, slope=0.3))
+    veil = fractal(tile, 1.5, 0.05, stretch=(1.0, 2.0))
+    albedo = paint((0.048, 0.056, 0.064), 1 + 0.12 * veil + 0.05 * fractal(tile, 0.05, slope=0.3))
     albedo = cover(albedo, 0.3 * spots(tile, 0.05, 0.008, 0.10), (0.14, 0.14, 0.13))
     return Sheet(albedo, (0.10 + 0.02 * np.clip(veil, -2, 2)).astype(np.float32))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from authoring.looks.noise import F32, Tile, cells, fractal, joints, per_cell, ramp, spots
+from authoring.looks.noise import F32, Tile, cells, draw, fractal, joints, per_cell, ramp, spots
 from authoring.looks.sheet import Color, Sheet, cover, paint
 
 _CEMENT: Color = (0.365, 0.350, 0.320)
@@ -36,14 +36,12 @@ def board_concrete(tile: Tile, age: float) -> Sheet:
         age: 0 for newly struck, 1 for decades of weather [1].
     """
     tone, pores = concrete_skin(tile, age)
-    boards = max(1, round(tile.metres / 0.125))
-    board = (np.arange(tile.pixels) * boards // tile.pixels).astype(np.int32)
-    drawn = tile.rng.integers(0, 1 << 16, (2, boards), np.uint16).astype(np.float32) * np.float32(2**-16)
-    wood = fractal(tile, 0.10, 0.006, slope=0.7, stretch=(0.06, 1.0))
-    seam = joints(tile, 0.125, 0.008, "u") * ramp(fractal(tile, 0.8, 0.1, stretch=(0.3, 1.0)), -1.0, 0.6)
-    tone = tone * (1 + 0.11 * (drawn[0, board][:, None] - 0.5) + 0.05 * wood) * (1 - 0.30 * seam)
+    wood = fractal(tile, 0.10, 0.006, slope=0.7, stretch=(16.0, 1.0))
+    board, seam = _boards(tile, 0.125, 2.5)
+    seam = seam * ramp(fractal(tile, 0.8, 0.1, stretch=(3.0, 1.0)), -1.6, 0.4)
+    tone = tone * (1 + 0.16 * (board - 0.5) + (0.035 + 0.025 * age) * wood) * (1 - 0.38 * seam)
     albedo = _stained(tile, paint(_CEMENT, tone), age)
-    relief = 0.0012 * wood + 0.004 * drawn[1, board][:, None] - 0.003 * seam - 0.004 * pores
+    relief = 0.0012 * wood + 0.004 * board - 0.003 * seam - 0.004 * pores
     return Sheet(albedo, 0.86 + 0.03 * wood, relief.astype(np.float32))
 
 
@@ -56,12 +54,12 @@ def panel_concrete(tile: Tile, age: float) -> Sheet:
     """
     tone, pores = concrete_skin(tile, age)
     seam = np.maximum(joints(tile, 1.25, 0.010, "u"), joints(tile, 2.5, 0.010, "v"))
-    seam = seam * ramp(fractal(tile, 1.0, 0.1), -1.2, 0.4)
+    seam = seam * ramp(fractal(tile, 1.0, 0.1), -2.0, -0.2)
     rows, columns = max(1, round(tile.metres / 1.25)), max(1, round(tile.metres / 2.5))
-    panel = tile.rng.integers(0, 1 << 16, (rows, columns), np.uint16).astype(np.float32) * np.float32(2**-16)
+    panel = draw(tile.rng, (rows, columns))
     row = np.arange(tile.pixels) * rows // tile.pixels
     column = np.arange(tile.pixels) * columns // tile.pixels
-    tone = tone * (1 + 0.09 * (panel[row][:, column] - 0.5)) * (1 - 0.28 * seam)
+    tone = tone * (1 + 0.14 * (panel[row][:, column] - 0.5)) * (1 - 0.42 * seam)
     holes, rims = _tie_holes(tile, rows, columns)
     tone = tone * (1 + 0.10 * rims) * (1 - 0.75 * holes)
     albedo = _stained(tile, paint(_CEMENT, tone), age)
@@ -76,7 +74,7 @@ def smooth_concrete(tile: Tile, age: float) -> Sheet:
         age: 0 for newly struck, 1 for decades of weather [1].
     """
     tone, pores = concrete_skin(tile, age)
-    drift = fractal(tile, 1.5, 0.06, stretch=(1.0, 0.3))
+    drift = fractal(tile, 1.5, 0.06, stretch=(1.0, 3.3))
     albedo = _stained(tile, paint((0.385, 0.375, 0.350), tone * (1 + 0.04 * drift)), 0.7 * age)
     return Sheet(albedo, 0.78 + 0.03 * drift, -0.004 * pores)
 
@@ -89,7 +87,7 @@ def deck_concrete(tile: Tile, age: float) -> Sheet:
         age: 0 for newly struck, 1 for decades of weather [1].
     """
     tone, pores = concrete_skin(tile, age)
-    grooves = fractal(tile, 0.05, 0.008, slope=0.3, stretch=(1.0, 0.08))
+    grooves = fractal(tile, 0.05, 0.008, slope=0.3, stretch=(1.0, 12.5))
     stones = cells(tile, 0.022)
     bare = ramp(stones.near, 0.42, 0.30) * ramp(fractal(tile, 0.9, 0.05), 0.2, 1.2) * np.float32(age)
     albedo = paint((0.315, 0.300, 0.275), tone * (1 + 0.05 * grooves))
@@ -145,7 +143,7 @@ def brick(tile: Tile) -> Sheet:
     fired = cover(fired, ramp(hue, 0.55, 1.0), paint((0.265, 0.140, 0.085), 0.75 + 0.4 * own + 0.08 * grit))
     fired = cover(fired, 0.75 * ramp(hue, 0.14, 0.06), paint((0.085, 0.062, 0.058), 0.8 + 0.1 * grit))
     mortar = paint((0.36, 0.34, 0.30), 1 + 0.10 * grit + 0.10 * fractal(tile, 0.8, 0.08))
-    bloom = 0.25 * ramp(fractal(tile, 1.1, 0.04), 0.9, 2.2)
+    bloom = 0.20 * ramp(fractal(tile, 1.1, 0.04), 0.9, 2.6)
     albedo = cover(cover(mortar, edge, fired), bloom, (0.46, 0.44, 0.42))
     return Sheet(albedo, (0.92 - 0.08 * edge).astype(np.float32), 0.008 * edge + 0.001 * grit)
 
@@ -171,16 +169,16 @@ def rock(tile: Tile) -> Sheet:
     Args:
         tile: Where it repeats.
     """
-    beds = fractal(tile, 1.2, 0.02, stretch=(0.35, 1.0))
-    blocks, chips = cells(tile, 0.55, stretch=1.6), cells(tile, 0.12, stretch=1.5)
-    fissure = np.maximum(ramp(blocks.second - blocks.near, 0.07, 0.01), 0.6 * ramp(chips.second - chips.near, 0.12, 0.02))
-    fissure = fissure * ramp(fractal(tile, 0.8, 0.08), -1.4, 0.5)
-    grain = fractal(tile, 0.06, slope=0.5)
-    tone = 0.92 + 0.16 * beds + 0.10 * grain + 0.22 * (per_cell(tile, blocks) - 0.5) + 0.2 * (per_cell(tile, chips) - 0.5)
-    albedo = paint((0.235, 0.220, 0.195), tone * (1 - 0.6 * fissure))
-    lichen = ramp(fractal(tile, 0.5, 0.02), 1.1, 1.9)
-    albedo = cover(albedo, 0.45 * lichen, (0.30, 0.30, 0.22))
-    return Sheet(albedo, 0.93 + 0.02 * grain, 0.02 * beds - 0.03 * fissure + 0.01 * per_cell(tile, blocks))
+    beds = fractal(tile, 1.0, 0.03, stretch=(3.0, 1.0))
+    facets, chips = cells(tile, 0.42, stretch=1.7, jitter=1.0), cells(tile, 0.13, stretch=1.4, jitter=1.0)
+    grain = fractal(tile, 0.06, slope=0.4)
+    fissure = ramp(np.abs(fractal(tile, 1.2, 0.02, slope=1.4, stretch=(1.8, 1.0))), 0.10, 0.02)
+    fissure = fissure * ramp(fractal(tile, 1.0, 0.1), -0.4, 0.9)
+    shades = 0.24 * (per_cell(tile, facets) - 0.5) + 0.26 * (per_cell(tile, chips) - 0.5)
+    albedo = paint((0.235, 0.218, 0.190), (1 + shades + 0.11 * beds + 0.10 * grain) * (1 - 0.55 * fissure))
+    albedo = cover(albedo, 0.5 * ramp(beds, 0.9, 2.4), (0.27, 0.215, 0.155))
+    albedo = cover(albedo, 0.5 * ramp(fractal(tile, 0.5, 0.02), 1.1, 2.2), (0.29, 0.29, 0.215))
+    return Sheet(albedo, 0.93 + 0.02 * grain, 0.02 * beds - 0.03 * fissure + 0.05 * shades)
 
 
 def stones(tile: Tile, pitch: float, color: Color, bed: Color) -> Sheet:
@@ -192,17 +190,17 @@ def stones(tile: Tile, pitch: float, color: Color, bed: Color) -> Sheet:
         color: Mean linear colour of the stones [1].
         bed: Linear colour between them [1].
     """
-    large, small = cells(tile, pitch), cells(tile, 0.45 * pitch)
-    own, other = per_cell(tile, large), per_cell(tile, small)
-    present = (per_cell(tile, large) < 0.72).astype(np.float32)
-    body = ramp(large.second - large.near, 0.05, 0.22) * present
-    little = ramp(small.second - small.near, 0.05, 0.25)
-    grain = fractal(tile, 3 * pitch, slope=0.4)
-    albedo = cover(paint(bed, 1 + 0.15 * grain), little, paint(color, 0.45 + 0.75 * other + 0.08 * grain))
-    albedo = cover(albedo, body, paint(color, 0.55 + 0.85 * own + 0.10 * grain))
-    shade = 1 - 0.45 * ramp(large.second - large.near, 0.14, 0.02) * present
-    clouds = 1 + 0.07 * fractal(tile, 2.0, 0.2)
-    return Sheet(albedo * (shade * clouds)[..., None], 0.93 + 0.02 * grain, pitch * (0.3 * body + 0.1 * little))
+    grain, clouds = fractal(tile, 3 * pitch, slope=0.4), fractal(tile, 2.0, 0.2)
+    albedo, relief = paint(bed, 1 + 0.2 * grain), np.zeros_like(grain)
+    for share, size, stretch in ((0.9, 0.45, 1.3), (0.75, 0.7, 0.8), (0.6, 1.15, 1.25)):
+        layer = cells(tile, size * pitch, stretch=stretch)
+        own, chance, radius = (per_cell(tile, layer) for _ in range(3))
+        border = np.minimum(0.36 + 0.22 * radius - layer.near, 0.8 * (layer.second - layer.near))
+        body = ramp(border, 0.0, 0.10) * (chance < np.float32(share))
+        rim = 0.72 + 0.28 * ramp(border, 0.0, 0.30)
+        albedo = cover(albedo * (1 - 0.3 * body)[..., None], body, paint(color, (0.5 + own) * rim + 0.08 * grain))
+        relief = np.maximum(relief, body * ramp(border, -0.1, 0.5) * np.float32(0.5 * size * pitch))
+    return Sheet(albedo * (1 + 0.06 * clouds)[..., None], 0.93 + 0.02 * grain, relief)
 
 
 def roof_tile(tile: Tile) -> Sheet:
@@ -214,7 +212,7 @@ def roof_tile(tile: Tile) -> Sheet:
     rows, columns = max(1, round(tile.metres / 0.32)), max(1, round(tile.metres / 0.20))
     steps = (np.arange(tile.pixels, dtype=np.float32) + 0.5) / tile.pixels
     down, across = (steps * rows)[:, None], (steps * columns)[None, :]
-    drawn = tile.rng.integers(0, 1 << 16, (rows, columns), np.uint16).astype(np.float32) * np.float32(2**-16)
+    drawn = draw(tile.rng, (rows, columns))
     own = drawn[down.astype(np.int32), across.astype(np.int32)]
     lap, side = down - np.floor(down), np.abs(across - np.floor(across) - np.float32(0.5)) * 2
     roll = (1 - side * side).astype(np.float32)
@@ -231,7 +229,7 @@ def _stained(tile: Tile, albedo: F32, age: float) -> F32:
     if age <= 0:
         return albedo
     damp = ramp(fractal(tile, 1.8, 0.03), 0.4, 2.6)
-    drips = ramp(fractal(tile, 0.5, 0.015, stretch=(1.0, 0.16)), 1.0, 2.6)
+    drips = ramp(fractal(tile, 0.5, 0.015, stretch=(1.0, 6.2)), 1.0, 2.6)
     stained = cover(albedo, np.float32(age) * np.minimum(0.45 * damp + 0.28 * drips, 0.7), _SOOT)
     lime = ramp(fractal(tile, 0.7, 0.02), 1.8, 2.8)
     return cover(stained, 0.35 * np.float32(age) * lime, _LIME)
@@ -243,6 +241,19 @@ def _cracked(tile: Tile, albedo: F32, amount: float) -> F32:
     path = np.abs(fractal(tile, 1.1, 0.015, slope=1.6))
     line = ramp(path, 0.030, 0.008) * where
     return albedo * (1 - 0.65 * line)[..., None]
+
+
+def _boards(tile: Tile, height: float, length: float) -> tuple[F32, F32]:
+    """Boards along u with butt joints at random: a value of its own for each board, and 1 on the seams."""
+    rows, columns = max(1, round(tile.metres / height)), max(1, round(tile.metres / length))
+    shift = draw(tile.rng, (rows,))
+    steps = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) / tile.pixels
+    row = (steps * rows).astype(np.int32)
+    across = steps[None, :] * columns + shift[row][:, None]
+    column = across.astype(np.int32) % columns
+    aside = np.abs(across - np.round(across)) * np.float32(tile.metres / columns)
+    butt = ramp(aside, 0.006, 0.002)
+    return draw(tile.rng, (rows, columns))[row[:, None], column], np.maximum(joints(tile, height, 0.009, "u"), butt)
 
 
 def _tie_holes(tile: Tile, rows: int, columns: int) -> tuple[F32, F32]:
@@ -268,6 +279,6 @@ def _courses(tile: Tile, length: float, height: float, joint: float) -> tuple[F3
     aside = (0.5 - np.abs(across - np.floor(across) - 0.5)) * np.float32(tile.metres / columns)
     above = (0.5 - np.abs(down - np.floor(down) - 0.5)) * np.float32(tile.metres / rows)
     inside = np.minimum(aside, above) + np.float32(0.0012) * wobble
-    drawn = tile.rng.integers(0, 1 << 16, (2, rows, columns), np.uint16).astype(np.float32) * np.float32(2**-16)
+    drawn = draw(tile.rng, (2, rows, columns))
     face = ramp(inside, joint / 2 - texel / 2, joint / 2 + texel / 2)
     return face, drawn[0][row, column], drawn[1][row, column]

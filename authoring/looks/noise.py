@@ -15,6 +15,7 @@ F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
 
 _GRID = 2.0**20
+_BLOCK = 64  # lines of texels worked on at once, so that they stay in the cache
 
 
 @dataclass(frozen=True)
@@ -96,8 +97,20 @@ def white(tile: Tile) -> F32:
     Returns:
         Values, shape (pixels, pixels), float32.
     """
-    drawn = tile.rng.integers(0, 1 << 16, (tile.pixels, tile.pixels), np.uint16)
-    return drawn.astype(np.float32) * np.float32(2**-16)
+    return draw(tile.rng, (tile.pixels, tile.pixels))
+
+
+def draw(rng: np.random.Generator, shape: tuple[int, ...]) -> F32:
+    """Draw independent values from 0 up to 1.
+
+    Args:
+        rng: Random stream.
+        shape: Shape of the result.
+
+    Returns:
+        Values of that shape, float32.
+    """
+    return rng.integers(0, 1 << 16, shape, np.uint16).astype(np.float32) * np.float32(2**-16)
 
 
 @dataclass(frozen=True)
@@ -130,26 +143,39 @@ def cells(tile: Tile, pitch: float, stretch: float = 1.0, jitter: float = 0.8) -
     """
     rows = max(1, round(tile.metres / pitch))
     columns = max(1, round(tile.metres / (pitch * stretch)))
-    drawn = tile.rng.integers(0, 1 << 16, (2, rows, columns), np.uint16).astype(np.float32) * np.float32(2**-16)
-    seed_v, seed_u = 0.5 + (drawn - 0.5) * np.float32(jitter)
-    steps = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) / np.float32(tile.pixels)
-    v, u = steps * np.float32(rows), steps * np.float32(columns)
+    seed_v, seed_u = 0.5 + (draw(tile.rng, (2, rows, columns)) - 0.5) * np.float32(jitter)
+    count = tile.pixels
+    near, second = np.empty((2, count, count), np.float32)
+    seed = np.empty((count, count), np.int32)
+    for top in range(0, count, _BLOCK):
+        part = slice(top, min(top + _BLOCK, count))
+        near[part], second[part], seed[part] = _nearest(seed_v, seed_u, np.arange(part.start, part.stop), count)
+    return Cells(np.sqrt(near), np.sqrt(second), seed, rows * columns)
+
+
+def _nearest(seed_v: F32, seed_u: F32, lines: NDArray[np.intp], count: int) -> tuple[F32, F32, I32]:
+    """Squared distances to the two nearest seeds, and the number of the nearest, for some lines of texels."""
+    rows, columns = seed_v.shape
+    v = (lines + np.float32(0.5)).astype(np.float32) * np.float32(rows / count)
+    u = (np.arange(count, dtype=np.float32) + np.float32(0.5)) * np.float32(columns / count)
     row, column = v.astype(np.int32), u.astype(np.int32)
-    near = np.full((tile.pixels, tile.pixels), 9, np.float32)
+    near = np.full((len(lines), count), 9, np.float32)
     second, seed = near.copy(), np.zeros(near.shape, np.int32)
     for down in (-1, 0, 1):
-        other_row = ((row + down) % rows)[:, None]
-        base_v = (v - row - down)[:, None]
+        other_row = (row + down) % rows
+        line_v, line_u = seed_v[other_row], seed_u[other_row]
         for across in (-1, 0, 1):
-            other_column = ((column + across) % columns)[None, :]
-            dv = base_v - seed_v[other_row, other_column]
-            du = (u - column - across)[None, :] - seed_u[other_row, other_column]
-            squared = dv * dv + du * du
+            other_column = (column + across) % columns
+            squared = (v - row - down)[:, None] - np.take(line_v, other_column, axis=1)
+            squared *= squared
+            aside = (u - column - across)[None, :] - np.take(line_u, other_column, axis=1)
+            aside *= aside
+            squared += aside
             closer = squared < near
-            np.minimum(second, np.where(closer, near, squared), out=second)
-            np.copyto(near, squared, where=closer)
-            np.copyto(seed, other_row * columns + other_column, where=closer)
-    return Cells(np.sqrt(near), np.sqrt(second), seed, rows * columns)
+            np.minimum(second, np.maximum(near, squared), out=second)
+            np.minimum(near, squared, out=near)
+            np.copyto(seed, (other_row * columns)[:, None] + other_column[None, :], where=closer)
+    return near, second, seed
 
 
 def per_cell(tile: Tile, parts: Cells) -> F32:
@@ -162,8 +188,7 @@ def per_cell(tile: Tile, parts: Cells) -> F32:
     Returns:
         Values, shape (pixels, pixels), float32.
     """
-    drawn = tile.rng.integers(0, 1 << 16, parts.count, np.uint16).astype(np.float32) * np.float32(2**-16)
-    return drawn[parts.seed]
+    return np.take(draw(tile.rng, (parts.count,)), parts.seed)
 
 
 def spots(tile: Tile, pitch: float, radius: float, share: float) -> F32:
@@ -178,12 +203,22 @@ def spots(tile: Tile, pitch: float, radius: float, share: float) -> F32:
     Returns:
         1 inside a spot, 0 outside, shape (pixels, pixels), float32.
     """
-    parts = cells(tile, pitch, jitter=0.6)
-    drawn = per_cell(tile, parts)
-    present = drawn < np.float32(share)
-    own = np.float32(radius / pitch) * (np.float32(0.4) + np.float32(0.6) * drawn / np.float32(share))
-    edge = np.float32(tile.metres / tile.pixels / pitch)
-    return ramp(parts.near, own + edge, own - edge) * present
+    places = max(1, round(tile.metres / pitch))
+    offset_v, offset_u, size, chance = draw(tile.rng, (4, places, places))
+    row, column = np.nonzero(chance < np.float32(share))
+    texels = np.float32(tile.pixels / tile.metres)
+    step = np.float32(tile.pixels / places)
+    centre_v, centre_u = (row + offset_v[row, column]) * step, (column + offset_u[row, column]) * step
+    own = np.float32(radius) * texels * (np.float32(0.4) + np.float32(0.6) * size[row, column])
+    reach = np.arange(-int(radius * texels + 2), int(radius * texels + 2) + 1)
+    v = (np.floor(centre_v)[:, None] + reach)[:, :, None]
+    u = (np.floor(centre_u)[:, None] + reach)[:, None, :]
+    aside = np.sqrt((v + 0.5 - centre_v[:, None, None]) ** 2 + (u + 0.5 - centre_u[:, None, None]) ** 2)
+    inside = np.clip(own[:, None, None] - aside.astype(np.float32) + np.float32(0.5), 0, 1)
+    flat = (v.astype(np.int64) % tile.pixels) * tile.pixels + u.astype(np.int64) % tile.pixels
+    spotted = np.zeros(tile.pixels * tile.pixels, np.float32)
+    np.maximum.at(spotted, flat.ravel(), inside.ravel())
+    return spotted.reshape(tile.pixels, tile.pixels)
 
 
 def ramp(field: F32, low: F32 | float, high: F32 | float) -> F32:

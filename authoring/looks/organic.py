@@ -58,7 +58,7 @@ def water(tile: Tile) -> Sheet:
         tile: Where it repeats.
     """
     murk = fractal(tile, 4.0, 0.4)
-    ripples = fractal(tile, 0.7, 0.05, slope=0.8, stretch=(0.45, 1.0))
+    ripples = fractal(tile, 0.7, 0.05, slope=0.8, stretch=(2.2, 1.0))
     albedo = palette(0.45 + 0.10 * murk + 0.15 * ripples, ((0.018, 0.028, 0.024), (0.045, 0.062, 0.050), (0.085, 0.105, 0.088)))
     foam = ramp(_filaments(tile, 0.5) + 0.5 * murk, 2.7, 3.6)
     albedo = cover(albedo, 0.5 * foam, (0.42, 0.43, 0.40))
@@ -71,8 +71,8 @@ def timber(tile: Tile) -> Sheet:
     Args:
         tile: Where it repeats.
     """
-    rings = fractal(tile, 0.10, 0.006, slope=0.6, stretch=(0.05, 1.0))
-    check = ramp(fractal(tile, 0.12, 0.006, stretch=(0.06, 1.0)), 1.5, 2.2)
+    rings = fractal(tile, 0.10, 0.006, slope=0.6, stretch=(20.0, 1.0))
+    check = ramp(fractal(tile, 0.12, 0.006, stretch=(16.7, 1.0)), 1.5, 2.2)
     albedo = paint((0.155, 0.120, 0.088), 1 + 0.20 * rings + 0.10 * fractal(tile, 0.8, 0.02))
     albedo = cover(albedo, 0.8 * check, (0.030, 0.023, 0.017))
     return Sheet(albedo, 0.9 + 0.02 * rings, 0.002 * rings - 0.006 * check)
@@ -84,12 +84,14 @@ def bark(tile: Tile) -> Sheet:
     Args:
         tile: Where it repeats.
     """
-    plates = cells(tile, 0.14, stretch=0.32)
-    furrow = ramp(plates.second - plates.near + 0.10 * fractal(tile, 0.2, 0.01), 0.30, 0.04)
-    grain = fractal(tile, 0.10, 0.005, slope=0.5, stretch=(1.0, 0.3))
-    albedo = paint((0.150, 0.120, 0.090), (0.75 + 0.5 * per_cell(tile, plates) + 0.16 * grain) * (1 - 0.65 * furrow))
-    albedo = cover(albedo, 0.5 * ramp(fractal(tile, 0.6, 0.02), 0.8, 1.8), (0.13, 0.145, 0.075))
-    return Sheet(albedo, 0.94 + 0.01 * grain, 0.012 * (1 - furrow))
+    ridges = np.abs(fractal(tile, 0.10, 0.012, slope=0.8, stretch=(1.0, 4.0)))
+    cross = np.abs(fractal(tile, 0.16, 0.02, slope=0.8, stretch=(1.0, 1.2)))
+    furrow = np.maximum(ramp(ridges, 0.55, 0.05), 0.7 * ramp(cross, 0.18, 0.02))
+    grain = fractal(tile, 0.06, 0.005, slope=0.5, stretch=(1.0, 3.0))
+    tone = (1 + 0.16 * grain + 0.10 * fractal(tile, 0.5, 0.05)) * (1 - 0.62 * furrow)
+    albedo = paint((0.165, 0.132, 0.098), tone)
+    albedo = cover(albedo, 0.5 * ramp(fractal(tile, 0.6, 0.02), 0.8, 2.0), (0.12, 0.135, 0.07))
+    return Sheet(albedo, 0.94 + 0.01 * grain, 0.014 * (1 - furrow))
 
 
 def foliage(tile: Tile) -> Sheet:
@@ -100,12 +102,12 @@ def foliage(tile: Tile) -> Sheet:
     """
     albedo = paint((0.020, 0.032, 0.010), 1 + 0.2 * fractal(tile, 0.3, 0.01))
     relief = np.zeros(albedo.shape[:2], np.float32)
-    for depth, pitch in enumerate((0.050, 0.060, 0.075)):
-        leaves = cells(tile, pitch, stretch=0.62)
-        own = per_cell(tile, leaves)
-        body = ramp(leaves.near, 0.46, 0.36) * (own > (0.2, 0.3, 0.45)[depth])
-        lit = (0.45, 0.72, 1.0)[depth] * (0.6 + 0.75 * per_cell(tile, leaves)) - 0.35 * leaves.near
-        albedo = cover(albedo, body, palette(0.75 * lit, _LEAVES))
+    for depth, (pitch, stretch, share) in enumerate(((0.060, 0.60, 0.8), (0.055, 1.6, 0.7), (0.075, 0.75, 0.55))):
+        leaves = cells(tile, pitch, stretch=stretch, jitter=1.0)
+        own, chance = per_cell(tile, leaves), per_cell(tile, leaves)
+        body = ramp(leaves.near, 0.48, 0.38) * (chance < np.float32(share))
+        lit = (0.42, 0.68, 0.95)[depth] * (0.55 + 0.8 * own) - 0.3 * leaves.near
+        albedo = cover(albedo, body, palette(0.8 * lit, _LEAVES))
         relief = np.maximum(relief, body * np.float32(0.01 * (depth + 1)))
     gaps = ramp(fractal(tile, 0.6, 0.05), 0.5, 1.9)
     return Sheet(albedo * (1 - 0.65 * gaps)[..., None], (0.72 - 0.1 * relief).astype(np.float32), relief - 0.03 * gaps)
@@ -116,6 +118,6 @@ _LEAVES: tuple[Color, ...] = ((0.014, 0.026, 0.008), (0.038, 0.070, 0.017), (0.0
 
 def _filaments(tile: Tile, length: float) -> F32:
     """Thin crossing strands: the crests of two ridged fields."""
-    one = np.abs(fractal(tile, length, length / 8, slope=0.6, stretch=(1.0, 0.5)))
-    two = np.abs(fractal(tile, length, length / 8, slope=0.6, stretch=(0.5, 1.0)))
+    one = np.abs(fractal(tile, length, length / 8, slope=0.6, stretch=(1.0, 2.0)))
+    two = np.abs(fractal(tile, length, length / 8, slope=0.6, stretch=(2.0, 1.0)))
     return (1.6 - 2.6 * np.minimum(one, two)).astype(np.float32)

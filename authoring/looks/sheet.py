@@ -8,6 +8,8 @@ from authoring.looks.noise import F32
 
 Color = tuple[float, float, float]
 
+_STEPS = 1024  # of a palette, far finer than 8 bits show
+
 
 @dataclass(frozen=True)
 class Sheet:
@@ -62,7 +64,8 @@ def palette(tone: F32, colors: tuple[Color, ...]) -> F32:
         Linear colour [1], shape (H, W, 3), float32.
     """
     stops = np.asarray(colors, np.float32)
-    place = np.clip(tone, 0, 1) * np.float32(len(colors) - 1)
+    place = np.arange(_STEPS, dtype=np.float32) * np.float32((len(colors) - 1) / (_STEPS - 1))
     index = np.minimum(place.astype(np.int32), len(colors) - 2)
-    part = (place - index)[..., None]
-    return stops[index] * (1 - part) + stops[index + 1] * part
+    part = (place - index)[:, None]
+    table = stops[index] * (1 - part) + stops[index + 1] * part
+    return np.take(table, (np.clip(tone, 0, 1) * np.float32(_STEPS - 1)).astype(np.int32), axis=0)

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from authoring.surveys.box import OrientedBox, oriented_box
-from authoring.surveys.gaze import aim, points_of_interest
+from authoring.surveys.gaze import aim, along_axis, inner_box
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import Subject
 from groundwork.errors import InputError
@@ -15,7 +15,7 @@ F64 = NDArray[np.float64]
 STEP = 0.25  # [m] between the points of the route before images are placed on it
 DIP_LENGTH = 26.0  # [m] of the side of a bridge for one dive under the deck
 BEYOND = (1.0, 2.5)  # [m] past the ends of the bridge
-SHARES = {"box50": (0.5, 0.5, 0.5), "axis": (0.82, 0.4, 0.3)}
+POINTS_OF_INTEREST = {"box50": inner_box, "axis": along_axis}
 
 
 def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generator) -> F64:
@@ -41,7 +41,7 @@ def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generat
     positions = place_images(route, settings.images, settings.spacing)
     local = box.to_local(positions)
     middle = np.array([0.0, 0.0, (local[:, 2].min() + local[:, 2].max()) / 2])
-    targets = middle + points_of_interest(local - middle, SHARES[settings.poi])
+    targets = middle + POINTS_OF_INTEREST[settings.poi](local - middle)
     return aim(positions, box.to_world(targets))
 
 

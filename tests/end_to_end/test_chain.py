@@ -26,9 +26,9 @@ def test_chain_makes_an_annotated_cloud(chain: Chain) -> None:
     scene = chain.out / "scenes" / "0000"
     assert (scene / "stage" / "scene.usda").is_file()
     cloud = read_cloud(scene / "cloud" / "global")
-    near = cloud.surface_distance < 0.1
-    assert len(cloud.coord) > 1000
-    assert np.mean(cloud.segment[near] == cloud.surface_class[near]) > 0.95
+    near = cloud.columns["surface_distance"] < 0.1
+    assert len(cloud) > 1000
+    assert np.mean(cloud.columns["segment"][near] == cloud.columns["surface_class"][near]) > 0.95
 
 
 def test_second_run_makes_nothing(chain: Chain) -> None:
@@ -90,14 +90,14 @@ def demo_figures(scenario: Scenario, out: Path) -> dict[str, float]:
     """
     outcome: Outcome = run_scenario(scenario, out, SILENT)
     cloud = read_cloud(outcome.clouds[0])
-    near = cloud.surface_distance < 0.1
-    errors = np.array([camera.center_error for camera in cloud.cameras if camera.status == "ok"])
-    counts = np.bincount(cloud.segment, minlength=256)
+    near = cloud.columns["surface_distance"] < 0.1
+    errors = np.array([camera["center_error"] for camera in cloud.cameras if camera["status"] == "ok"])
+    counts = np.bincount(cloud.columns["segment"], minlength=256)
     figures = {
-        "registered_share": float(np.mean([camera.status == "ok" for camera in cloud.cameras])),
+        "registered_share": float(np.mean([camera["status"] == "ok" for camera in cloud.cameras])),
         "median_centre_error_m": float(np.median(errors)),
-        "points": float(len(cloud.coord)),
+        "points": float(len(cloud)),
         "near_share": float(near.mean()),
-        "right_class_share": float(np.mean(cloud.segment[near] == cloud.surface_class[near])),
+        "right_class_share": float(np.mean(cloud.columns["segment"][near] == cloud.columns["surface_class"][near])),
     }
     return figures | {f"points_{row.name}": float(counts[row.id]) for row in class_rows() if counts[row.id]}

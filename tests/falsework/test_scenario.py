@@ -45,7 +45,7 @@ def test_scene_seeds_differ_and_stay() -> None:
     """Seeds of scenes are distinct, and are the same on every machine and day."""
     seeds = {scene_seed(seed, index) for seed in range(20) for index in range(50)}
     assert len(seeds) == 1000
-    assert scene_seed(7, 0) == 1093066553
+    assert scene_seed(7, 0) == 648731404
 
 
 @pytest.mark.parametrize("text", ["3", "2:1", "0:99", "a:b", "-1:2"])

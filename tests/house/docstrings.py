@@ -19,7 +19,7 @@ PHYSICAL = frozenset(
     | {"elevation", "altitude", "offset", "overhang", "span", "spans", "chainage", "station"}
     | {"angle", "heading", "yaw", "roll", "skew", "azimuth", "fov", "time", "duration", "seconds", "speed"}
 )
-NUMBERS = re.compile(r"\b(float|int)\b")
+MEASURED = re.compile(r"\bfloat\b")  # an int is a count, an index or pixels
 
 
 def sections(doc: str) -> dict[str, str]:
@@ -80,4 +80,4 @@ def is_physical(name: str, annotation: ast.expr | None, aliases: set[str]) -> bo
     if annotation is None or name.split("_")[-1] not in PHYSICAL:
         return False
     text = ast.unparse(annotation)
-    return (bool(NUMBERS.search(text)) and "Callable" not in text) or is_array(annotation, aliases)
+    return (bool(MEASURED.search(text)) and "Callable" not in text) or is_array(annotation, aliases)

@@ -136,6 +136,7 @@ def function(signature: str, *doc: str) -> str:
         (function("(pier_height: float) -> None", "Args:", "    pier_height: From the ground up."), 1),
         (function("(pier_height: float) -> None", "Args:", "    pier_height: From the ground up [m]."), 0),
         (function("(pier_height: float) -> None", "Args:", "    pier_height: From 0 to 1, one of [a, b]."), 1),
+        (function("(span: int) -> None", "Args:", "    span: Number of the span."), 0),
         (function("(height: str) -> None", "Args:", "    height: Its name."), 0),
         (function("(length: Callable[[float], float]) -> None", "Args:", "    length: A function."), 0),
     ],

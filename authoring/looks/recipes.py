@@ -1,0 +1,90 @@
+"""The table of surfaces: how each is drawn, how large its sheet is, and how strong its fine detail."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from authoring.looks import coated, mineral, organic
+from authoring.looks.noise import Tile
+from authoring.looks.sheet import Sheet
+
+DETAIL_PERIODS = (5.3, 1.37, 0.41)  # [m] incommensurate with each other and with the sheets, so that nothing repeats
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How one surface is made.
+
+    Attributes:
+        draw: Draws the sheet.
+        metres: Length of the sheet's sides [m].
+        detail: Contrast of the fine detail at each of `DETAIL_PERIODS` [1].
+        patchy: On the site's ground: carries the patchy macro texture on `st1`.
+        relief: Write a normal map.
+    """
+
+    draw: Callable[[Tile], Sheet]
+    metres: float
+    detail: tuple[float, float, float]
+    patchy: bool = False
+    relief: bool = False
+
+
+_ROUGH = (0.16, 0.20, 0.24)
+_SMOOTH = (0.12, 0.12, 0.14)
+_FAINT = (0.06, 0.06, 0.08)
+
+
+def _marking(tile: Tile, age: float) -> Sheet:
+    return coated.marking(tile, age, mineral.asphalt(tile, age).albedo)
+
+
+RECIPES: dict[str, Recipe] = {
+    "board_concrete": Recipe(partial(mineral.board_concrete, age=0.8), 5.0, _ROUGH, relief=True),
+    "panel_concrete": Recipe(partial(mineral.panel_concrete, age=0.8), 5.0, _ROUGH),
+    "smooth_concrete": Recipe(partial(mineral.smooth_concrete, age=0.7), 5.0, _ROUGH),
+    "deck_concrete": Recipe(partial(mineral.deck_concrete, age=0.8), 5.0, _ROUGH),
+    "board_concrete_clean": Recipe(partial(mineral.board_concrete, age=0.1), 5.0, _SMOOTH, relief=True),
+    "panel_concrete_clean": Recipe(partial(mineral.panel_concrete, age=0.1), 5.0, _SMOOTH),
+    "smooth_concrete_clean": Recipe(partial(mineral.smooth_concrete, age=0.1), 5.0, _SMOOTH),
+    "deck_concrete_clean": Recipe(partial(mineral.deck_concrete, age=0.1), 5.0, _SMOOTH),
+    "concrete": Recipe(partial(mineral.panel_concrete, age=0.5), 5.0, _ROUGH),
+    "asphalt": Recipe(partial(mineral.asphalt, age=0.7), 4.0, _ROUGH),
+    "asphalt_clean": Recipe(partial(mineral.asphalt, age=0.1), 4.0, _ROUGH),
+    "road_marking": Recipe(partial(_marking, age=0.6), 4.0, _SMOOTH),
+    "road_marking_clean": Recipe(partial(_marking, age=0.1), 4.0, _FAINT),
+    "masonry": Recipe(partial(mineral.masonry, age=0.8), 4.0, _ROUGH, relief=True),
+    "masonry_clean": Recipe(partial(mineral.masonry, age=0.1), 4.0, _SMOOTH, relief=True),
+    "brick": Recipe(mineral.brick, 4.0, _ROUGH, relief=True),
+    "plaster": Recipe(partial(mineral.plaster, color=(0.52, 0.46, 0.36)), 5.0, _ROUGH),
+    "roof_tile": Recipe(mineral.roof_tile, 4.0, _ROUGH, relief=True),
+    "rock": Recipe(mineral.rock, 5.0, _ROUGH, relief=True),
+    "gravel": Recipe(
+        partial(mineral.stones, pitch=0.05, color=(0.23, 0.215, 0.19), bed=(0.12, 0.105, 0.085)), 4.0, _ROUGH, relief=True
+    ),
+    "ballast": Recipe(
+        partial(mineral.stones, pitch=0.07, color=(0.165, 0.155, 0.145), bed=(0.06, 0.055, 0.05)), 4.0, _ROUGH, relief=True
+    ),
+    "grass": Recipe(partial(organic.grass, dry=0.2), 4.5, _ROUGH, patchy=True),
+    "meadow": Recipe(organic.meadow, 4.5, _ROUGH, patchy=True),
+    "soil": Recipe(organic.soil, 4.5, _ROUGH, patchy=True),
+    "water": Recipe(organic.water, 6.0, _SMOOTH),
+    "timber": Recipe(organic.timber, 2.6, _ROUGH),
+    "bark": Recipe(organic.bark, 2.0, _ROUGH, relief=True),
+    "foliage": Recipe(organic.foliage, 3.0, _ROUGH),
+    "painted_steel": Recipe(partial(coated.painted_steel, color=(0.095, 0.155, 0.145), age=0.7), 5.0, _SMOOTH),
+    "painted_steel_clean": Recipe(partial(coated.painted_steel, color=(0.105, 0.190, 0.175), age=0.0), 5.0, _FAINT),
+    "painted_metal": Recipe(partial(coated.painted_steel, color=(0.235, 0.240, 0.235), age=0.45), 3.0, _SMOOTH),
+    "galvanised_steel": Recipe(partial(coated.galvanised, age=0.8), 3.0, _SMOOTH),
+    "galvanised_steel_clean": Recipe(partial(coated.galvanised, age=0.1), 3.0, _FAINT),
+    "rail_steel": Recipe(partial(coated.rail_steel, age=0.8), 3.0, _SMOOTH),
+    "rail_steel_clean": Recipe(partial(coated.rail_steel, age=0.2), 3.0, _FAINT),
+    "rubber": Recipe(partial(coated.rubber, age=0.8), 2.0, _SMOOTH),
+    "rubber_clean": Recipe(partial(coated.rubber, age=0.1), 2.0, _FAINT),
+    "window": Recipe(coated.glass, 3.0, _FAINT),
+}
+
+SURFACES = (
+    "grass", "meadow", "soil", "gravel", "rock", "asphalt", "road_marking", "water",
+    "brick", "plaster", "concrete", "roof_tile", "window", "bark", "foliage", "painted_metal",
+)  # fmt: skip

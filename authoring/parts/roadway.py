@@ -1,0 +1,207 @@
+"""The road's cross-section on the bridge: lanes, shoulders, kerbs, footways, asphalt, markings, expansion joints."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from authoring.alignment import Alignment
+from authoring.component import F64
+from authoring.parts.drawing import draw, drawn
+from authoring.parts.part import SUPERSTRUCTURE, Part
+from authoring.parts.spans import ABUTMENT_BACK, Spans
+from authoring.sections import cut_corners, rectangle
+from authoring.sweep import Surface, joined, prism
+from groundwork.settings import Settings
+
+EMBEDDED = 0.005  # [m] how far asphalt, kerbs and joints reach into what they lie on
+MARKING_HEIGHT = 0.006  # [m] above the asphalt
+_LANE_WEIGHTS = (0.05, 0.50, 0.10, 0.25, 0.05, 0.05)  # 1 to 6 lanes
+_SHORTEST_DASH = 0.4  # [m]
+
+
+class RoadwaySettings(Settings):
+    """Cross-section of a road deck, the same on both sides; what is left out is drawn."""
+
+    lanes: int | None = Field(None, ge=1, le=6, description="Traffic lanes; drawn, mostly 2 or 4")
+    lane_width: float | None = drawn(3.0, 3.75, "Width of a lane [m]", ge=2.5, le=4.5)
+    shoulder: float | None = drawn(0.3, 1.5, "From the edge line to the kerb [m]", ge=0.0, le=3.0)
+    footway: bool | None = Field(None, description="Footways on both sides; drawn, half of the time")
+    footway_width: float | None = drawn(1.5, 2.2, "Footway without its kerb [m]", ge=0.8, le=4.0)
+    kerb_width: float | None = drawn(0.15, 0.20, "Kerb beside a footway [m]", ge=0.10, le=0.40)
+    verge_width: float | None = drawn(0.35, 0.60, "Raised verge where there is no footway [m]", ge=0.20, le=1.0)
+    kerb_height: float | None = drawn(0.10, 0.15, "Kerb above the asphalt [m]", ge=0.05, le=0.25)
+    surfacing: float | None = drawn(0.07, 0.10, "Asphalt [m]", ge=0.04, le=0.15)
+    marking_width: float | None = drawn(0.12, 0.15, "Width of lines [m]", ge=0.08, le=0.40)
+    dash: float | None = drawn(2.0, 4.0, "Length of a dash [m]", ge=0.5, le=12.0)
+    dash_gap: float | None = drawn(2.0, 6.0, "Gap between dashes [m]", ge=0.5, le=18.0)
+    joint_width: float | None = drawn(0.20, 0.30, "Expansion joint along the bridge [m]", ge=0.15, le=0.60)
+
+
+@dataclass(frozen=True)
+class Roadway:
+    """Cross-section of a road deck.
+
+    Attributes:
+        lanes: Traffic lanes.
+        lane_width: Width of a lane [m].
+        shoulder: From the edge line to the kerb [m].
+        kerb_width: Kerb, or raised verge where there is no footway [m].
+        footway_width: Behind the kerb, each side [m]; 0 for none.
+        kerb_height: Above the asphalt [m].
+        surfacing: Asphalt [m].
+        marking_width: Width of lines [m].
+        dash: Length of a dash [m].
+        dash_gap: Gap between dashes [m].
+        joint_width: Expansion joint along the bridge [m].
+    """
+
+    lanes: int
+    lane_width: float
+    shoulder: float
+    kerb_width: float
+    footway_width: float
+    kerb_height: float
+    surfacing: float
+    marking_width: float
+    dash: float
+    dash_gap: float
+    joint_width: float
+
+    @property
+    def kerb_face(self) -> float:
+        """From the axis to the face of the kerb [m]."""
+        return 0.5 * self.lanes * self.lane_width + self.shoulder
+
+    @property
+    def half_width(self) -> float:
+        """From the axis to the foot of the parapet [m]."""
+        return self.kerb_face + self.kerb_width + self.footway_width
+
+
+def draw_roadway(settings: RoadwaySettings, rng: np.random.Generator) -> Roadway:
+    """Draw the cross-section.
+
+    Args:
+        settings: What the user fixed.
+        rng: Random stream of the bridge.
+    """
+    lanes = 1 + int(np.searchsorted(np.cumsum(_LANE_WEIGHTS)[:-1], rng.random(), side="right"))
+    chance = rng.random() < 0.5
+    footway = chance if settings.footway is None else settings.footway
+    footway_width, kerb, verge = (draw(settings, key, rng) for key in ("footway_width", "kerb_width", "verge_width"))
+    return Roadway(
+        lanes=settings.lanes or lanes,
+        lane_width=draw(settings, "lane_width", rng),
+        shoulder=draw(settings, "shoulder", rng),
+        kerb_width=kerb if footway else verge,
+        footway_width=footway_width if footway else 0.0,
+        kerb_height=draw(settings, "kerb_height", rng),
+        surfacing=draw(settings, "surfacing", rng),
+        marking_width=draw(settings, "marking_width", rng),
+        dash=draw(settings, "dash", rng),
+        dash_gap=draw(settings, "dash_gap", rng),
+        joint_width=draw(settings, "joint_width", rng),
+    )
+
+
+def asphalt_ranges(roadway: Roadway, spans: Spans) -> list[tuple[float, float]]:
+    """Find the stations between which asphalt lies: before the first joint, on each span, behind the last joint.
+
+    Args:
+        roadway: Cross-section.
+        spans: Stations.
+    """
+    half = 0.5 * roadway.joint_width - EMBEDDED
+    joints = [spans.joint(support) for support in range(spans.count + 1)]
+    begins = [spans.supports[0] - ABUTMENT_BACK, *(joint + half for joint in joints)]
+    ends = [*(joint - half for joint in joints), spans.supports[-1] + ABUTMENT_BACK]
+    return list(zip(begins, ends, strict=True))
+
+
+def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Part]:
+    """Build the asphalt with its markings, and the expansion joints that cut it.
+
+    Args:
+        roadway: Cross-section.
+        spans: Stations.
+        place: Axis of the bridge.
+    """
+    parts = []
+    half, depth = roadway.kerb_face + EMBEDDED, roadway.surfacing + EMBEDDED
+    for number, (low, high) in enumerate(asphalt_ranges(roadway, spans)):
+        surface = prism(rectangle((-half, -depth), (half, 0.0)), low, high, "station", place)
+        size: dict[str, object] = {"length": high - low, "width": 2.0 * half, "thickness": roadway.surfacing}
+        name = f"Surfacing_{number:03d}"
+        parts.append(Part(name, "surfacing", "Role_DeckAsphalt", SUPERSTRUCTURE, surface, size))
+        parts += _marking_parts(roadway, number, low, high, place)
+    for support in range(spans.count + 1):
+        middle = spans.joint(support)
+        low, high = middle - 0.5 * roadway.joint_width, middle + 0.5 * roadway.joint_width
+        outline = rectangle((-half, -depth), (half, 0.008))
+        surface = prism(outline, low, high, "station", place)
+        size = {"width": roadway.joint_width, "length": 2.0 * half}
+        name = f"Joint_{support:03d}"
+        parts.append(Part(name, "expansion_joint", "Role_BearingRubber", SUPERSTRUCTURE, surface, size))
+    return parts
+
+
+def _marking_parts(roadway: Roadway, number: int, low: float, high: float, place: Alignment) -> list[Part]:
+    lines = (np.arange(roadway.lanes + 1) - 0.5 * roadway.lanes) * roadway.lane_width
+    low, high = low + 0.15, high - 0.15  # clear of the joints
+    parts = []
+    for line, left in enumerate(lines):
+        edge = line in (0, roadway.lanes)
+        runs = np.array([[low, high]]) if edge else _dashes(roadway, low, high)
+        if len(runs) == 0:
+            continue
+        surface = joined([_stripe(roadway, float(left), float(a), float(b), place) for a, b in runs])
+        facts: dict[str, object] = {"width": roadway.marking_width, "dashed": not edge}
+        name = f"Marking_{number:03d}_{line:02d}"
+        parts.append(Part(name, "road_marking", "Role_RoadMarking", SUPERSTRUCTURE, surface, facts))
+    return parts
+
+
+def _dashes(roadway: Roadway, low: float, high: float) -> F64:
+    period = roadway.dash + roadway.dash_gap
+    begin = np.arange(np.floor(low / period), np.ceil(high / period) + 1.0) * period
+    runs = np.clip(np.stack([begin, begin + roadway.dash], axis=1), low, high)
+    return runs[runs[:, 1] - runs[:, 0] >= _SHORTEST_DASH]
+
+
+def _stripe(roadway: Roadway, left: float, low: float, high: float, place: Alignment) -> Surface:
+    half = 0.5 * roadway.marking_width
+    return prism(rectangle((left - half, -EMBEDDED), (left + half, MARKING_HEIGHT)), low, high, "station", place)
+
+
+def kerb_parts(roadway: Roadway, name: str, low: float, high: float, place: Alignment) -> list[Part]:
+    """Build kerb and footway of both sides over one run.
+
+    Args:
+        roadway: Cross-section.
+        name: Ending of the names, e.g. `000`.
+        low: Station where they begin [m].
+        high: Station where they end [m].
+        place: Axis of the bridge.
+    """
+    parts = []
+    bottom = -roadway.surfacing - EMBEDDED
+    for side, sign in (("L", 1.0), ("R", -1.0)):
+        face, back = roadway.kerb_face, roadway.kerb_face + roadway.kerb_width
+        # Kerb and footway reach a little under what stands beside them: no face is shared, no light shines through.
+        behind = back + (0.0 if roadway.footway_width else 2.0 * EMBEDDED)
+        kerb = cut_corners(rectangle((face, bottom), (behind, roadway.kerb_height)), np.array([0.0, 0.0, 0.0, 0.02]))
+        surface = prism(_sided(kerb, sign), low, high, "station", place)
+        size: dict[str, object] = {"width": roadway.kerb_width, "height": roadway.kerb_height, "length": high - low}
+        parts.append(Part(f"Kerb_{name}_{side}", "kerb", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
+        if roadway.footway_width:
+            far = roadway.half_width + 2.0 * EMBEDDED
+            path = rectangle((back - EMBEDDED, bottom), (far, roadway.kerb_height - 0.006))
+            surface = prism(_sided(path, sign), low, high, "station", place)
+            size = {"width": roadway.footway_width, "length": high - low}
+            parts.append(Part(f"Footway_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
+    return parts
+
+
+def _sided(outline: F64, sign: float) -> F64:
+    return outline if sign > 0.0 else (outline * (-1.0, 1.0))[::-1]

@@ -1,0 +1,31 @@
+"""What a scenario may say about the scene: one section a layer."""
+
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from authoring.backgrounds.registry import BackgroundSettings
+from authoring.layout import BridgeSettings
+from authoring.lighting import LightSettings
+from authoring.looks.bake import LookSettings
+from authoring.site import SiteSettings
+from authoring.surveys.settings import AnySurvey, GlobalSettings
+from groundwork.settings import Settings
+
+
+class AuthoringSettings(Settings):
+    """Everything that `author_scene` understands; what is left out is drawn from the seed."""
+
+    bridge: BridgeSettings = Field(default_factory=BridgeSettings, description="The bridge and its alignment")
+    site: SiteSettings = Field(default_factory=SiteSettings, description="The ground that it stands on")
+    background: BackgroundSettings = Field(default_factory=BackgroundSettings, description="The world beyond")
+    look: LookSettings = Field(default_factory=LookSettings, description="Materials of the bridge")
+    light: LightSettings = Field(default_factory=LightSettings, description="Sun and sky")
+    survey: tuple[AnySurvey, ...] = Field((GlobalSettings(),), min_length=1, description="Inspection flights")
+
+    @model_validator(mode="after")
+    def _survey_ids_differ(self) -> Self:
+        ids = [survey.id for survey in self.survey]
+        if len(set(ids)) < len(ids):
+            raise ValueError(f"two surveys have the same id; allowed: a different id each, found {', '.join(ids)}")
+        return self

@@ -1,0 +1,103 @@
+"""The site: the strip of ground that bridge and surveys depend on, with its crossing, fills, roads and plants."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from authoring.alignment import Layout
+from authoring.component import FIRST_SITE_ID, Component, Scatter
+from authoring.site_covers import covered, drape
+from authoring.site_extent import Box, keep_out, strip_corners, strip_edge
+from authoring.site_grid import HeightField
+from authoring.site_land import draw_land, strip_ground, strip_lines
+from authoring.site_roads import way_pieces
+from authoring.site_scatter import ScatterSettings, scatter_plants
+from authoring.site_shape import Land
+from groundwork.settings import Settings
+
+F64 = NDArray[np.float64]
+
+
+class SiteSettings(Settings):
+    """What the site looks like."""
+
+    crossing: Literal["river", "road"] = Field("river", description="what the bridge leads over")
+    half_width: float = Field(80.0, ge=40.0, le=200.0, description="reach of the strip to either side of the axis [m]")
+    run_out: float = Field(60.0, ge=30.0, le=200.0, description="reach of the strip beyond the abutments [m]")
+    fine_reach: float = Field(15.0, ge=5.0, le=60.0, description="reach of the fine ground mesh round the bridge [m]")
+    fine_spacing: float = Field(0.7, ge=0.2, le=2.0, description="spacing of the ground mesh there [m]")
+    coarse_spacing: float = Field(2.6, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
+    relief: float = Field(1.0, ge=0.0, le=1.5, description="scale of the natural relief, 1 = about 0.5 m [1]")
+    scatter: ScatterSettings = Field(default_factory=ScatterSettings, description="stones, shrubs and tufts")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Site:
+    """The ground strip and all that belongs to it.
+
+    Attributes:
+        land: What shapes the ground, here and beyond the strip.
+        field: The ground of the strip before any bridge part.
+        pieces: Its components and scatters, ids from `FIRST_SITE_ID`.
+        extent: Corners of the strip in plan, counter-clockwise [m], shape (4, 2), float64.
+        edge: Ground nodes along the strip's border, counter-clockwise from the first corner [m], shape (B, 3), float64.
+        keep_out: Boxes that backgrounds leave empty.
+    """
+
+    land: Land
+    field: HeightField
+    pieces: tuple[Component | Scatter, ...]
+    extent: F64
+    edge: F64
+    keep_out: tuple[Box, ...]
+
+    def ground(self, xy: F64) -> F64:
+        """Find the height of the ground mesh; beyond the strip its edge goes on level.
+
+        Args:
+            xy: World positions in plan [m], shape (N, 2), float64.
+
+        Returns:
+            World heights [m], shape (N,), float64.
+        """
+        return self.field(*self.land.layout.alignment.locate(xy))
+
+
+def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) -> Site:
+    """Draw a site for a bridge.
+
+    Args:
+        settings: What the site looks like.
+        layout: The bridge's axis, supports, width and depth.
+        rng: Random stream `site`.
+
+    Returns:
+        The site.
+    """
+    land = draw_land(settings.crossing, settings.relief, layout, settings.run_out, rng)
+    fine = (settings.fine_reach, settings.fine_spacing, settings.coarse_spacing)
+    stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)
+    ground, soup = strip_ground(land, stations, lefts)
+    strip = (stations[0], stations[-1], lefts[0], lefts[-1])
+    parts = [
+        (cover.prim, cover.kind, cover.role, "Ground", drape(piece, layout.alignment, strip))
+        for cover, piece in covered(soup)
+    ]
+    parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in way_pieces(land, ground)]
+    components = [
+        Component(f"Site_{prim}", kind, role, group, mesh, FIRST_SITE_ID + number)
+        for number, (prim, kind, role, group, mesh) in enumerate(parts)
+    ]
+    plants = scatter_plants(settings.scatter, land, ground, rng, FIRST_SITE_ID + len(components))
+    axis = layout.alignment
+    return Site(
+        land,
+        ground,
+        (*components, *plants),
+        strip_corners(axis, ground),
+        strip_edge(axis, ground),
+        (keep_out(axis, ground),),
+    )

@@ -1,0 +1,140 @@
+"""Small natural shapes of unit size, around their own origin: pebbles, tufts of grass, leafy bushes and crowns."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.component import Mesh
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+ICOSAHEDRON = (
+    *(0, 11, 5, 0, 5, 1, 0, 1, 7, 0, 7, 10, 0, 10, 11, 1, 5, 9, 5, 11, 4, 11, 10, 2, 10, 7, 6, 7, 1, 8),
+    *(3, 9, 4, 3, 4, 2, 3, 2, 6, 3, 6, 8, 3, 8, 9, 4, 9, 5, 2, 4, 11, 6, 2, 10, 8, 6, 7, 9, 8, 1),
+)
+
+
+def pebble(rng: np.random.Generator) -> Mesh:
+    """Make a stone about 1 m wide, half sunk in the ground.
+
+    Args:
+        rng: Random stream.
+
+    Returns:
+        A closed mesh.
+    """
+    points, faces = icosphere(1)
+    points = _bulge(points, 0.22, rng) * np.array([0.5, rng.uniform(0.34, 0.48), rng.uniform(0.22, 0.36)])
+    points[:, 2] += 0.08
+    return faceted(points, faces)
+
+
+def blade_tuft(rng: np.random.Generator, blades: int = 9) -> Mesh:
+    """Make a tuft of grass about 1 m high; each blade is a slim three-sided spike, so that no face needs a back.
+
+    Args:
+        rng: Random stream.
+        blades: How many.
+
+    Returns:
+        Spikes whose open feet stand in the ground.
+    """
+    around = rng.uniform(0.0, 2 * np.pi, blades)
+    root = rng.uniform(0.0, 0.14, blades)[:, None] * np.stack([np.cos(around), np.sin(around)], 1)
+    lean = rng.uniform(0.1, 0.55, blades)[:, None] * np.stack([np.cos(around), np.sin(around)], 1)
+    height, width = rng.uniform(0.55, 1.0, blades), rng.uniform(0.02, 0.045, blades)
+    points = []
+    for blade in range(blades):
+        turned = around[blade] + np.array([0.0, 2.1, 4.2])
+        foot = root[blade] + width[blade] * np.stack([np.cos(turned), np.sin(turned)], 1)
+        points.append(
+            np.vstack([np.column_stack([foot, np.full(3, -0.05)]), [*(root[blade] + lean[blade]), height[blade]]])
+        )
+    sides = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    return faceted(np.concatenate(points), np.concatenate([sides + 4 * blade for blade in range(blades)]))
+
+
+def leaf_bush(rng: np.random.Generator, blobs: int = 3) -> Mesh:
+    """Make a bush about 1 m high and wide.
+
+    Args:
+        rng: Random stream.
+        blobs: Rounded masses of leaves that it is made of.
+
+    Returns:
+        Closed masses that run into each other.
+    """
+    pieces = []
+    for _ in range(blobs):
+        points, faces = icosphere(1)
+        size = rng.uniform(0.26, 0.42)
+        points = _bulge(points, 0.3, rng) * np.array([size, size, size * rng.uniform(0.85, 1.15)])
+        away, angle = rng.uniform(0.05, 0.26), rng.uniform(0.0, 2 * np.pi)
+        points += np.array([away * np.cos(angle), away * np.sin(angle), rng.uniform(0.3, 0.55)])
+        pieces.append((points, faces))
+    starts = np.cumsum([0, *(len(points) for points, _ in pieces[:-1])])
+    faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts, strict=True)])
+    return faceted(np.concatenate([points for points, _ in pieces]), faces)
+
+
+def icosphere(level: int) -> tuple[F64, I64]:
+    """Divide an icosahedron.
+
+    Args:
+        level: How often every triangle is divided into four.
+
+    Returns:
+        Unit positions, shape (V, 3), float64, and triangles seen counter-clockwise from outside, shape (T, 3), int64.
+    """
+    golden = (1.0 + np.sqrt(5.0)) / 2.0
+    plane = [[-1.0, golden], [1.0, golden], [-1.0, -golden], [1.0, -golden]]
+    turns = ((0, 1, 2), (2, 0, 1), (1, 2, 0))
+    points = np.concatenate([np.column_stack([plane, np.zeros(4)])[:, turn] for turn in turns])
+    faces = np.array(ICOSAHEDRON).reshape(-1, 3)
+    for _ in range(level):
+        ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+        edges, inverse = np.unique(ends, axis=0, return_inverse=True)
+        ab, bc, ca = (len(points) + inverse.reshape(3, -1))[:3]
+        points = np.vstack([points, points[edges].mean(axis=1)])
+        a, b, c = faces.T
+        corners = ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))
+        faces = np.concatenate([np.stack(corner, axis=1) for corner in corners])
+    return points / np.linalg.norm(points, axis=1, keepdims=True), faces
+
+
+def faceted(points: F64, faces: I64, smooth: float = 0.6) -> Mesh:
+    """Finish a natural shape: normals between flat and smooth, and box-projected `st` in metres.
+
+    Args:
+        points: Positions [m], shape (V, 3), float64.
+        faces: Triangles, shape (T, 3), int64.
+        smooth: Share of the smooth normal [1].
+
+    Returns:
+        The mesh.
+    """
+    corner = points[faces]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    total = np.zeros_like(points)
+    for vertex in range(3):
+        for axis in range(3):
+            total[:, axis] += np.bincount(faces[:, vertex], normal[:, axis], len(points))
+    flat = np.repeat(normal / np.linalg.norm(normal, axis=1, keepdims=True), 3, axis=0)
+    round_normals = (total / np.linalg.norm(total, axis=1, keepdims=True))[faces.reshape(-1)]
+    mixed = smooth * round_normals + (1.0 - smooth) * flat
+    plane = np.repeat(np.argmax(np.abs(normal), axis=1), 3)
+    at = points[faces.reshape(-1)]
+    st = np.where((plane == 0)[:, None], at[:, [1, 2]], np.where((plane == 1)[:, None], at[:, [0, 2]], at[:, [0, 1]]))
+    return Mesh(
+        points=points,
+        face_counts=np.full(len(faces), 3, np.int32),
+        corners=faces.reshape(-1).astype(np.int32),
+        normals=(mixed / np.linalg.norm(mixed, axis=1, keepdims=True)).astype(np.float32),
+        st=st.astype(np.float32),
+    )
+
+
+def _bulge(points: F64, amount: float, rng: np.random.Generator) -> F64:
+    """Push the points of a unit sphere in and out with a few random waves."""
+    ways = rng.normal(size=(7, 3))
+    waves = np.sin(points @ (2.4 * ways.T) + rng.uniform(0.0, 2 * np.pi, 7)).sum(axis=1) / np.sqrt(7.0)
+    return points * (1.0 + amount * (0.6 * waves + 0.4 * rng.uniform(-1, 1, len(points))))[:, None]

@@ -1,0 +1,107 @@
+"""The ways through a site: water or road under the bridge, and the approach roads on their fills."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.component import Mesh
+from authoring.site_grid import HeightField
+from authoring.site_land import no_hills
+from authoring.site_shape import BANK_SLOPE, Hills, Land, crossfall
+from authoring.site_ways import Line, carriageway, dashes, merged, ribbon
+
+F64 = NDArray[np.float64]
+Piece = tuple[str, str, str, Mesh]
+STEP = 2.0  # distance between cross-sections of a road [m]
+WATER_STEP = 4.0
+BURIED = 0.9  # height of bank in which the water's edge disappears [m]
+DASHES, SOLID = (3.0, 6.0), (1.0, 0.0)
+
+
+def way_pieces(land: Land, ground: HeightField) -> list[Piece]:
+    """Build the crossing and the approach roads on the strip.
+
+    Args:
+        land: The land.
+        ground: The strip.
+
+    Returns:
+        Leaf prim name, component kind, material recipe and mesh of each piece.
+    """
+    low, high = ground.lefts[[0, -1]]
+    pieces = crossing_pieces(land, spread(low, high, WATER_STEP), no_hills, "")
+    for number, (approach, border) in enumerate(zip(land.approaches, ground.stations[[0, -1]], strict=True)):
+        pieces += approach_pieces(land, number, spread(approach.back, border, STEP), no_hills, "")
+    return pieces
+
+
+def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: HeightField | None = None) -> list[Piece]:
+    """Build a stretch of the river or road that the bridge crosses.
+
+    Args:
+        land: The land.
+        lefts: Its cross-sections, by their distance to the left of the axis [m], shape (N,), float64.
+        hills: Height of the land at large.
+        suffix: Ending of the prim names.
+        lift: Ground that a road must not sink into, or None.
+
+    Returns:
+        Pieces as in `way_pieces`.
+    """
+    crossing, axis = land.crossing, land.layout.alignment
+    line = Line(crossing.centre(lefts), lefts, np.column_stack([-crossing.stretch(lefts), np.zeros(len(lefts))]))
+    if crossing.kind == "river":
+        half = crossing.half_width + BURIED * BANK_SLOPE
+        level = np.full(len(lefts), crossing.level)
+        rows = [np.column_stack([line.offset(side), level]) for side in (half, 0.0, -half)]
+        return [(f"Water{suffix}", "water", "water", ribbon(axis, rows, line.length(), (half, 0.0, -half)))]
+    crown = crossing.level + hills(line.station, lefts)
+    fall = np.full(len(lefts), 0.02 * crossing.half_width)
+    return _road(land, line, crown, fall, crossing.half_width, f"Road{suffix}", f"RoadMarking{suffix}", lift)
+
+
+def approach_pieces(
+    land: Land, number: int, stations: F64, hills: Hills, suffix: str, lift: HeightField | None = None
+) -> list[Piece]:
+    """Build a stretch of an approach road.
+
+    Args:
+        land: The land.
+        number: 0 before the first abutment, 1 behind the last.
+        stations: Its cross-sections, in the direction away from the bridge [m], shape (N,), float64.
+        hills: Height of the land at large.
+        suffix: Ending of the prim names.
+        lift: Ground that the road must not sink into, or None.
+
+    Returns:
+        Pieces as in `way_pieces`.
+    """
+    approach = land.approaches[number]
+    aside = approach.sign * approach.stretch(stations)
+    line = Line(stations, approach.centre(stations), np.column_stack([np.zeros(len(stations)), aside]))
+    crown = approach.level(land.layout, hills, stations)
+    fall = crossfall(approach.along(stations), np.full(len(stations), approach.half_width))
+    names = (f"ApproachRoad_{number}{suffix}", f"ApproachMarking_{number}{suffix}")
+    return _road(land, line, crown, fall, approach.half_width, *names, lift)
+
+
+def spread(first: float, last: float, step: float) -> F64:
+    """Divide a range into equal steps of at most `step` [m], float64."""
+    return np.linspace(first, last, int(np.ceil(abs(last - first) / step)) + 1)
+
+
+def _road(
+    land: Land, line: Line, crown: F64, fall: F64, half: float, road: str, marking: str, lift: HeightField | None
+) -> list[Piece]:
+    axis = land.layout.alignment
+    if lift is not None:
+        sides = [line.offset(share * half) for share in (-1.0, -0.5, 0.0, 0.5, 1.0)]
+        crown = np.max([crown, *(lift(side[:, 0], side[:, 1]) + fall + 0.05 for side in sides)], axis=0)
+    edge = half - 0.3
+    paint = [
+        dashes(axis, line, crown, 0.0, DASHES),
+        dashes(axis, line, crown - fall * edge / half, edge, SOLID),
+        dashes(axis, line, crown - fall * edge / half, -edge, SOLID),
+    ]
+    surface = carriageway(axis, line, crown, fall, half)
+    strips = merged([strip for strip in paint if strip is not None])
+    return [(road, "road", "asphalt", surface), (marking, "road", "road_marking", strips)]

@@ -1,0 +1,107 @@
+"""Stones, shrubs and tufts of grass: small repeats strewn over the site, denser near the bridge."""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from authoring.component import Scatter
+from authoring.site_covers import to_world
+from authoring.site_grid import HeightField
+from authoring.site_growth import blade_tuft, leaf_bush, pebble
+from authoring.site_shape import SHOULDER, Land
+from groundwork.settings import Settings
+
+F64 = NDArray[np.float64]
+B = NDArray[np.bool_]
+NEAR = 28.0  # distance from the axis or the crossing at which density has fallen to about a third [m]
+
+
+class ScatterSettings(Settings):
+    """How much is strewn over the site."""
+
+    stones: int = Field(420, ge=0, le=20_000, description="stones tried [1]")
+    shrubs: int = Field(130, ge=0, le=5_000, description="shrubs tried [1]")
+    tufts: int = Field(1500, ge=0, le=50_000, description="tufts of grass tried [1]")
+
+
+def scatter_plants(
+    settings: ScatterSettings, land: Land, ground: HeightField, rng: np.random.Generator, first_id: int
+) -> tuple[Scatter, ...]:
+    """Strew stones, shrubs and tufts; none on roads, in water or where the bridge stands.
+
+    Args:
+        settings: How many of each.
+        land: The land.
+        ground: The strip.
+        rng: Random stream.
+        first_id: Instance id of the first run.
+
+    Returns:
+        One run of each that has any.
+    """
+    stones = tuple((("rock", pebble(rng)),) for _ in range(4))
+    shrubs = tuple((("foliage", leaf_bush(rng)),) for _ in range(3))
+    tufts = tuple((("meadow", blade_tuft(rng)),) for _ in range(3))
+    runs = (
+        ("Site_Stones", "rock", stones, settings.stones, (0.08, 0.55), 0.3, 0.4),
+        ("Site_Shrubs", "shrub", shrubs, settings.shrubs, (0.7, 1.9), 3.0, 1.4),
+        ("Site_Tufts", "vegetation", tufts, settings.tufts, (0.25, 0.7), 0.5, 0.3),
+    )
+    scatters = []
+    for name, kind, prototypes, count, size, bridge_gap, edge_gap in runs:
+        places = _places(land, ground, count, bridge_gap, edge_gap, kind, rng)
+        scale = np.exp(rng.uniform(np.log(size[0]), np.log(size[1]), len(places)))
+        scales = scale[:, None] * rng.uniform(0.8, 1.2, (len(places), 3))
+        yaw, chosen = rng.uniform(0.0, 2 * np.pi, len(places)), rng.integers(0, len(prototypes), len(places))
+        if len(places):
+            positions = to_world(land.layout.alignment, places)
+            number = first_id + len(scatters)
+            scatters.append(
+                Scatter(name, kind, "Plants", prototypes, chosen.astype(np.int32), positions, yaw, scales, (number,))
+            )
+    return tuple(scatters)
+
+
+def _places(
+    land: Land, ground: HeightField, count: int, bridge_gap: float, edge_gap: float, kind: str, rng: np.random.Generator
+) -> F64:
+    """Draw bridge coordinates with ground heights, shape (N, 3), more of them near the axis and the crossing."""
+    border = edge_gap + 0.5
+    station = rng.uniform(ground.stations[0] + border, ground.stations[-1] - border, 6 * count)
+    left = rng.uniform(ground.lefts[0] + border, ground.lefts[-1] - border, 6 * count)
+    beside = np.abs(left) - land.layout.width / 2
+    nearest = np.maximum(np.minimum(beside, 1.5 * land.crossing.distance(station, left)), 0.0)
+    wanted = rng.uniform(0.0, 1.0, 6 * count) < np.exp(-nearest / NEAR)
+    free = wanted & clear(land, station, left, bridge_gap, edge_gap)
+    if kind == "rock":
+        shore = land.crossing.distance(station, left) < land.crossing.half_width + 5.0
+        free &= shore | (rng.uniform(0.0, 1.0, 6 * count) < 0.25)
+    rows = np.flatnonzero(free)[:count]
+    height = ground(station[rows], left[rows])
+    return np.column_stack([station[rows], left[rows], height])
+
+
+def clear(land: Land, station: F64, left: F64, bridge_gap: float, edge_gap: float) -> B:
+    """Tell where nothing stands in the way: no road, no water, no bridge.
+
+    Args:
+        land: The land.
+        station: Distance along the axis [m], shape (N,), float64.
+        left: Distance to the left of the axis [m], shape (N,), float64.
+        bridge_gap: Distance to keep from the bridge's outline [m].
+        edge_gap: Distance to keep from roads, their shoulders and the water's edge [m].
+
+    Returns:
+        Shape (N,), bool.
+    """
+    half = land.layout.width / 2
+    first, last = (approach.back for approach in land.approaches)
+    beside = np.maximum(np.abs(left) - half, 0.0)
+    beyond = np.maximum(np.maximum(first - 7.0 - station, station - last - 7.0), 0.0)
+    free = np.hypot(beside, beyond) > bridge_gap
+    verge = SHOULDER if land.crossing.kind == "road" else 0.5
+    free &= land.crossing.distance(station, left) > land.crossing.half_width + verge + edge_gap
+    for approach in land.approaches:
+        across = np.abs(left - approach.centre(station))
+        free &= (approach.along(station) < -1.0) | (across > approach.half_width + SHOULDER + edge_gap)
+    return free

@@ -1,0 +1,145 @@
+"""One self-contained page about a scene: its frames, its flight, its reconstruction and its cloud."""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+import numpy as np
+import plotly.graph_objects as go
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from falsework.report_figures import (
+    class_figure,
+    cloud_figure,
+    contact_sheet,
+    flight_figure,
+    uncertainty_figure,
+)
+from groundwork.files import read_json, write_text
+from render.capture import Capture, Truth, read_capture, read_truth
+
+if TYPE_CHECKING:
+    from recon.cloud import Cloud
+
+NOISE_THRESHOLD = 0.1  # [m] Shi 2024 calls points above it noisy
+NEAR = 0.1  # [m]
+
+
+def write_report(path: Path, title: str, stage: Path, surveys: dict[str, tuple[Path, Path | None]]) -> None:
+    """Write the page of one scene.
+
+    Args:
+        path: HTML file to write.
+        title: Heading.
+        stage: Scene folder or USD file; the manifest beside it gives the lead line.
+        surveys: Survey id to its capture folder and its cloud folder, or None.
+    """
+    template = files("falsework").joinpath("templates/report.html.j2").read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    page = environment.from_string(template).render(
+        title=title,
+        lead=_lead(stage),
+        plotly=Markup(get_plotlyjs()),
+        surveys=[_survey(name, capture, cloud) for name, (capture, cloud) in sorted(surveys.items())],
+    )
+    write_text(path, page)
+
+
+def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[str, Any]:
+    from recon.cloud import read_cloud
+
+    capture = read_capture(capture_folder)
+    truth = read_truth(capture)
+    cloud = None if cloud_folder is None else read_cloud(cloud_folder)
+    centres = _centres(capture, truth)
+    bridge = np.zeros((0, 3)) if truth is None else _bridge_outline(truth)
+    statuses = ["ok"] * len(centres) if cloud is None else [camera["status"] for camera in cloud.cameras]
+    seen = {row.name for row in truth.classes} if truth is not None else set()
+    shown = {
+        "name": name,
+        "tiles": _tiles(capture, cloud),
+        "frames": contact_sheet(capture, truth),
+        "flight": _html(flight_figure(centres, statuses, bridge), f"flight-{name}"),
+        "legend": [row for row in truth.classes if row.name in seen] if truth is not None else [],
+        "facts": [] if cloud is None else _facts(cloud),
+        "cloud": "",
+    }
+    if cloud is None:
+        return shown
+    columns = {key: cloud.columns[key] for key in ("coord", "color", "segment", "uncertainty")}
+    figures = {
+        "cloud": cloud_figure(columns, cloud.classes, centres),
+        "classes": class_figure(cloud.columns["segment"], cloud.classes),
+        "uncertainty": uncertainty_figure(cloud.columns["uncertainty"], NOISE_THRESHOLD),
+    }
+    return shown | {key: _html(figure, f"{key}-{name}") for key, figure in figures.items()}
+
+
+def _tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:
+    tiles = [{"label": "images", "value": f"{len(capture.images)}"}]
+    if cloud is None:
+        return tiles
+    good = [camera for camera in cloud.cameras if camera["status"] == "ok"]
+    tiles[0] = {"label": "cameras registered", "value": f"{len(good)} of {len(cloud.cameras)}"}
+    tiles.append({"label": "points", "value": f"{len(cloud):,}"})
+    errors = np.array([camera["center_error"] for camera in good], dtype=np.float64)
+    if np.isfinite(errors).any():
+        tiles.append({"label": "median camera-centre error", "value": f"{np.nanmedian(errors) * 1000:.0f} mm"})
+    if np.isfinite(cloud.columns["surface_distance"]).any():
+        near = cloud.columns["surface_distance"] <= NEAR
+        right = (
+            float(np.mean(cloud.columns["segment"][near] == cloud.columns["surface_class"][near]))
+            if near.any()
+            else 0.0
+        )
+        quiet = float(np.mean(cloud.columns["uncertainty"] <= NOISE_THRESHOLD))
+        tiles.append(
+            {"label": f"of the points lie within {NEAR:g} m of the true surface", "value": f"{near.mean():.1%}"}
+        )
+        tiles.append({"label": f"have an uncertainty of at most {NOISE_THRESHOLD:g} m", "value": f"{quiet:.1%}"})
+        tiles.append({"label": "of the near points carry the surface's class", "value": f"{right:.1%}"})
+    return tiles
+
+
+def _facts(cloud: "Cloud") -> list[tuple[str, str]]:
+    return [(key.replace("_", " "), _number(value)) for key, value in sorted(cloud.statistics.items()) if _plain(value)]
+
+
+def _plain(value: object) -> bool:
+    return isinstance(value, int | float | str)
+
+
+def _number(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _centres(capture: Capture, truth: Truth | None) -> np.ndarray:
+    if truth is not None:
+        return truth.poses[:, :3, 3]
+    return np.array([image.gps for image in capture.images if image.gps is not None]).reshape(-1, 3)
+
+
+def _bridge_outline(truth: Truth) -> np.ndarray:
+    corners, ids, _ = truth.surface()
+    bridge = [row.id for row in truth.instances if row.path.startswith("/World/Bridge")]
+    points = corners[np.isin(ids, bridge)].reshape(-1, 3)
+    return points[:: max(1, len(points) // 3000)]
+
+
+def _lead(stage: Path) -> str:
+    manifest = (stage if stage.is_dir() else stage.parent) / "manifest.json"
+    recipe = read_json(manifest).get("recipe", {}) if manifest.is_file() else {}
+    parts = [f"{key} {value}" for key in ("family", "background", "look", "seed") if (value := _find(recipe, key))]
+    return ", ".join(parts) or stage.name
+
+
+def _find(recipe: dict[str, Any], key: str) -> str:
+    value = recipe.get(key, recipe.get("bridge", {}).get(key) if isinstance(recipe.get("bridge"), dict) else None)
+    return str(value.get("name", "")) if isinstance(value, dict) else str(value or "")
+
+
+def _html(figure: go.Figure, name: str) -> Any:
+    text = figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config={"displaylogo": False})
+    return Markup(text)

@@ -1,0 +1,280 @@
+"""The similarity that carries a reconstruction into the world, and the verdict on every camera."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import RejectedSceneError
+from recon.settings import AlignmentSettings
+
+F64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+OK, UNREGISTERED, CENTRE_OUTLIER, ROTATION_OUTLIER = "ok", "unregistered", "centre_outlier", "rotation_outlier"
+_MIN_CAMERAS = 3
+_STRAIGHT = 1e-3  # second over first singular value below which centres fix no rotation
+_ROUNDS = 10
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """world = scale * rotation @ local + translation.
+
+    Attributes:
+        scale: World metres per unit [m].
+        rotation: Rotation [1], shape (3, 3), float64.
+        translation: Translation [m], shape (3,), float64.
+    """
+
+    scale: float
+    rotation: F64
+    translation: F64
+
+    def move(self, points: F64) -> F64:
+        """Carry points into the world.
+
+        Args:
+            points: Local positions, shape (N, 3), float64.
+
+        Returns:
+            World positions [m], shape (N, 3), float64.
+        """
+        return self.scale * points @ self.rotation.T + self.translation
+
+    def move_poses(self, poses: F64) -> F64:
+        """Carry camera poses into the world; their rotations stay rotations.
+
+        Args:
+            poses: Local camera_to_world, shape (N, 4, 4), float64.
+
+        Returns:
+            World camera_to_world [m], shape (N, 4, 4), float64.
+        """
+        moved = poses.copy()
+        moved[:, :3, :3] = self.rotation @ poses[:, :3, :3]
+        moved[:, :3, 3] = self.move(poses[:, :3, 3])
+        return moved
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where the cameras really were.
+
+    Attributes:
+        kind: `truth` or `gps`.
+        centres: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
+        rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
+        centre_limit: Distance above which a centre is an outlier [m].
+    """
+
+    kind: str
+    centres: F64
+    rotations: F64 | None
+    centre_limit: float
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The similarity and what it left over.
+
+    Attributes:
+        similarity: From the model into the world.
+        method: How its rotation was found: `centres+rotations` or `centres`.
+        status: Reason code of every image of the capture, `ok` for valid ones.
+        centre_errors: Distance between aligned and target centre [m], shape (N,), float64; NaN when unregistered.
+        rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.
+        singular_values: Of the centred target centres of valid cameras [m], shape (3,), float64, descending.
+    """
+
+    similarity: Similarity
+    method: str
+    status: tuple[str, ...]
+    centre_errors: F64
+    rotation_errors: F64
+    singular_values: F64
+
+
+def centre_limit(centres: F64, survey_kind: object, settings: AlignmentSettings) -> float:
+    """Settle the distance above which a camera centre is an outlier.
+
+    Args:
+        centres: Target camera centres [m], shape (N, 3), float64.
+        survey_kind: The survey's kind; `local` has its own limit.
+        settings: May fix the limit.
+
+    Returns:
+        Limit [m].
+    """
+    if settings.centre_limit is not None:
+        return settings.centre_limit
+    if survey_kind == "local":
+        return 0.25
+    return float(min(0.005 * np.linalg.norm(np.nanmax(centres, axis=0) - np.nanmin(centres, axis=0)), 0.5))
+
+
+def align(
+    poses: F64, rows: NDArray[np.int64], target: Target, settings: AlignmentSettings, rng: np.random.Generator
+) -> Alignment:
+    """Find the similarity on the cameras that agree with it, and judge every camera.
+
+    RANSAC over the centres finds the cameras that agree. By default the rotation is then the mean rotation between
+    the cameras' own frames: on a nearly straight flight the centres alone leave the roll about the path open.
+    Source: the paper aligns by RANSAC over centres (method `paper`).
+
+    Args:
+        poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
+        rows: Their rows in the capture, shape (I,), int64.
+        target: Where they were.
+        settings: Method and limits.
+        rng: Draws RANSAC's samples.
+
+    Returns:
+        The alignment.
+
+    Raises:
+        RejectedSceneError: `alignment_failed`, or `straight_path` where centres alone cannot fix the rotation.
+    """
+    rows_known = np.isfinite(target.centres[rows]).all(axis=1)
+    source, goal = poses[:, :3, 3], np.nan_to_num(target.centres[rows])
+    turned = None
+    if target.rotations is not None:
+        turned = target.rotations[rows] @ poses[:, :3, :3].transpose(0, 2, 1)
+    by_rotations = settings.method != "paper" and turned is not None
+    inliers = find_inliers(source, goal, rows_known, target.centre_limit, settings.iterations, rng)
+    if by_rotations and turned is not None:
+        inliers &= angles(turned, _central_rotation(turned, inliers)) <= settings.rotation_limit
+    similarity = _fit(source, goal, turned if by_rotations else None, inliers)
+    for _ in range(_ROUNDS):
+        far = np.linalg.norm(similarity.move(source) - goal, axis=1)
+        twist = angles(turned, similarity.rotation) if turned is not None else np.full(len(rows), np.nan)
+        straying = (far > target.centre_limit) | ~rows_known
+        twisted = (twist > settings.rotation_limit) if by_rotations else np.zeros(len(rows), bool)
+        agreeing = ~straying & ~twisted
+        if (agreeing == inliers).all():
+            break
+        inliers = agreeing
+        similarity = _fit(source, goal, turned if by_rotations else None, inliers)
+    spread = np.linalg.svd(goal[inliers] - goal[inliers].mean(axis=0), compute_uv=False)
+    if not by_rotations and spread[1] < _STRAIGHT * spread[0]:
+        raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
+    count = len(target.centres)
+    status = np.full(count, UNREGISTERED, dtype=object)
+    status[rows] = np.where(straying, CENTRE_OUTLIER, np.where(twisted, ROTATION_OUTLIER, OK))
+    centre_errors, rotation_errors = np.full(count, np.nan), np.full(count, np.nan)
+    centre_errors[rows], rotation_errors[rows] = np.where(rows_known, far, np.nan), twist
+    method = "centres+rotations" if by_rotations else "centres"
+    return Alignment(similarity, method, tuple(status), centre_errors, rotation_errors, spread)
+
+
+def check_share(status: tuple[str, ...], settings: AlignmentSettings) -> None:
+    """Reject a scene with too many invalid cameras.
+
+    Args:
+        status: Reason code of every image of the capture.
+        settings: Names the greatest share allowed.
+
+    Raises:
+        RejectedSceneError: `too_few_cameras`.
+    """
+    invalid, count = sum(code != OK for code in status), len(status)
+    if invalid > settings.max_invalid_share * count + 1e-9:
+        raise RejectedSceneError(
+            "too_few_cameras",
+            f"{invalid} of {count} cameras are invalid (unregistered or outliers), more than "
+            f"{settings.max_invalid_share:.0%}",
+        )
+
+
+def fit_similarity(source: F64, goal: F64) -> tuple[F64, F64, F64]:
+    """Fit similarities to matching points in the least-squares sense, many sets at once.
+
+    Source: Umeyama, Least-squares estimation of transformation parameters between two point patterns (1991).
+
+    Args:
+        source: Points, shape (..., N, 3), float64.
+        goal: Matching points, shape (..., N, 3), float64.
+
+    Returns:
+        Scales, shape (...,); rotations, shape (..., 3, 3); translations, shape (..., 3); all float64.
+    """
+    source_mean, goal_mean = source.mean(axis=-2), goal.mean(axis=-2)
+    source_free, goal_free = source - source_mean[..., None, :], goal - goal_mean[..., None, :]
+    left, values, right = np.linalg.svd(np.swapaxes(goal_free, -1, -2) @ source_free)
+    sign = np.ones_like(values)
+    sign[..., 2] = np.where(np.linalg.det(left) * np.linalg.det(right) < 0, -1.0, 1.0)
+    rotation = (left * sign[..., None, :]) @ right
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = (values * sign).sum(axis=-1) / (source_free**2).sum(axis=(-1, -2))
+        translation = goal_mean - scale[..., None] * np.einsum("...ij,...j->...i", rotation, source_mean)
+    return scale, rotation, translation
+
+
+def find_inliers(source: F64, goal: F64, known: Mask, limit: float, iterations: int, rng: np.random.Generator) -> Mask:
+    """Find the points that one similarity explains, by RANSAC over triples.
+
+    Args:
+        source: Points, shape (N, 3), float64.
+        goal: Matching points [m], shape (N, 3), float64.
+        known: Points that may take part, shape (N,), bool.
+        limit: Largest distance of an inlier [m].
+        iterations: Triples tried.
+        rng: Draws them.
+
+    Returns:
+        Inliers, shape (N,), bool.
+
+    Raises:
+        RejectedSceneError: `alignment_failed`: no similarity explains three points.
+    """
+    candidates = np.flatnonzero(known)
+    if len(candidates) >= _MIN_CAMERAS:
+        keys = rng.random((iterations, len(candidates)))
+        triples = candidates[np.argpartition(keys, _MIN_CAMERAS - 1, axis=1)[:, :_MIN_CAMERAS]]
+        scale, rotation, translation = fit_similarity(source[triples], goal[triples])
+        moved = scale[:, None, None] * (source @ rotation.transpose(0, 2, 1)) + translation[:, None, :]
+        far = np.nan_to_num(np.linalg.norm(moved - goal, axis=2), nan=np.inf, posinf=np.inf)
+        far[:, ~known] = np.inf
+        cost = np.minimum(far, limit).sum(axis=1)  # truncated: among equal counts the tighter fit wins
+        inliers = far[np.argmin(cost)] <= limit
+        if inliers.sum() >= _MIN_CAMERAS:
+            return inliers
+    raise RejectedSceneError("alignment_failed", "no similarity brings three cameras to where they were")
+
+
+def angles(rotations: F64, reference: F64) -> F64:
+    """Measure the angles between rotations and a reference.
+
+    Args:
+        rotations: Rotations [1], shape (N, 3, 3), float64.
+        reference: Rotation [1], shape (3, 3), float64.
+
+    Returns:
+        Angles [deg], shape (N,), float64.
+    """
+    chord = np.linalg.norm(rotations - reference, axis=(1, 2))  # 2 sqrt 2 sin(angle / 2), sharp at small angles
+    return np.degrees(2 * np.arcsin(np.clip(chord / np.sqrt(8.0), 0.0, 1.0)))
+
+
+def _central_rotation(rotations: F64, inliers: Mask) -> F64:
+    """Take the rotation whose median distance to the others is smallest: up to half of them may be wrong."""
+    chosen = rotations[inliers]
+    closeness = np.einsum("aij,bij->ab", chosen, chosen)  # trace of A^T B: grows as the angle shrinks
+    return chosen[np.argmax(np.median(closeness, axis=1))]
+
+
+def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarity:
+    if inliers.sum() < _MIN_CAMERAS:
+        raise RejectedSceneError("alignment_failed", "fewer than three cameras agree on where they were")
+    source, goal = source[inliers], goal[inliers]
+    if turned is None:
+        scale, rotation, translation = fit_similarity(source, goal)
+        return Similarity(float(scale), rotation, translation)
+    left, values, right = np.linalg.svd(turned[inliers].sum(axis=0))
+    rotation = (left * [1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    source_mean, goal_mean = source.mean(axis=0), goal.mean(axis=0)
+    spread = np.linalg.norm(source - source_mean)
+    if spread == 0.0:
+        raise RejectedSceneError("alignment_failed", "all cameras stand in one place, and nothing fixes the scale")
+    scale = float(np.linalg.norm(goal - goal_mean) / spread)
+    return Similarity(scale, rotation, goal_mean - scale * rotation @ source_mean)

@@ -1,0 +1,147 @@
+"""Labels of reconstructed points: what the true label images show at the keypoints that made them, put to the vote."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.observations import Observations
+from render.capture import Truth
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+U32 = NDArray[np.uint32]
+
+_HALF_PIXEL = 0.5
+
+
+@dataclass(frozen=True)
+class ObservedTruth:
+    """The truth at each observation's pixel.
+
+    Attributes:
+        label: Class id, shape (M,), uint8.
+        instance: Instance id, 0 for sky, shape (M,), uint32.
+        depth: True planar depth [m], +inf for sky, shape (M,), float32.
+        margin: Distance of the pixel's centre to the next label edge [px], shape (M,), float32.
+    """
+
+    label: U8
+    instance: U32
+    depth: F32
+    margin: F32
+
+
+@dataclass(frozen=True)
+class Annotation:
+    """The verdict on each point.
+
+    Attributes:
+        label: Class id, shape (N,), uint8.
+        instance: Instance id, shape (N,), uint32.
+        confidence: Share of the observations that voted for the class [1], shape (N,), float32.
+        margin: Largest distance of an observation to a label edge [px], shape (N,), float32.
+    """
+
+    label: U8
+    instance: U32
+    confidence: F32
+    margin: F32
+
+
+def gather(truth: Truth, observations: Observations) -> ObservedTruth:
+    """Look up the truth at each keypoint's pixel, one image at a time.
+
+    The pixel is that of the keypoint as it was found, not of the reprojected point: the images and their truth share
+    pixels exactly, whatever the reconstruction thinks of its lens.
+
+    Args:
+        truth: True label and depth images.
+        observations: Keypoints.
+
+    Returns:
+        What is there.
+    """
+    count = len(observations.image)
+    found = ObservedTruth(
+        np.zeros(count, np.uint8), np.zeros(count, np.uint32), np.zeros(count, np.float32), np.zeros(count, np.float32)
+    )
+    by_image = np.argsort(observations.image, kind="stable")
+    images, first = np.unique(observations.image[by_image], return_index=True)
+    pixel = observations.pixel
+    for image, rows in zip(images, np.split(by_image, first[1:]), strict=True):
+        labels = truth.semantic(int(image))
+        height, width = labels.shape
+        column, row = np.clip(pixel[rows, 0], 0, width - 1), np.clip(pixel[rows, 1], 0, height - 1)
+        found.label[rows] = labels[row, column]
+        found.instance[rows] = truth.instance(int(image))[row, column]
+        found.depth[rows] = truth.depth(int(image))[row, column]
+        found.margin[rows] = edge_distance(labels)[row, column]
+    return found
+
+
+def edge_distance(labels: U8) -> F32:
+    """Measure how far each pixel's centre lies from the next edge between labels.
+
+    Args:
+        labels: Class ids, shape (H, W), uint8.
+
+    Returns:
+        Distance [px], shape (H, W), float32: 0.5 beside an edge; the image's diagonal where there is no edge.
+    """
+    inner = np.ones(labels.shape, np.uint8)
+    across, down = labels[:, 1:] != labels[:, :-1], labels[1:] != labels[:-1]
+    inner[:, 1:][across] = inner[:, :-1][across] = 0
+    inner[1:][down] = inner[:-1][down] = 0
+    if inner.all():
+        return np.full(labels.shape, np.hypot(*labels.shape), np.float32)
+    return cv2.distanceTransform(inner, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) + np.float32(_HALF_PIXEL)
+
+
+def annotate(observed: ObservedTruth, depth_error: F64, observations: Observations) -> Annotation:
+    """Put labels to the vote: the class first, then the instance among the observations of that class.
+
+    The class goes first because a class may be many instances: three shrubs outvote two views of one parapet, and
+    the instance must belong to the class that won.
+
+    Args:
+        observed: Truth at the observations.
+        depth_error: Depth error of each observation [m], shape (M,), float64; the smallest settles a tie.
+        observations: Their points.
+
+    Returns:
+        The verdict on each point.
+    """
+    point = observations.point
+    label, votes = vote(point, observed.label.astype(np.int64), depth_error)
+    agreeing = observed.label == label[point]
+    instance, _ = vote(point[agreeing], observed.instance[agreeing].astype(np.int64), depth_error[agreeing])
+    return Annotation(
+        label.astype(np.uint8),
+        instance.astype(np.uint32),
+        (votes / np.maximum(observations.counts, 1)).astype(np.float32),
+        np.maximum.reduceat(observed.margin, observations.start[:-1]) if len(label) else np.zeros(0, np.float32),
+    )
+
+
+def vote(point: I64, label: I64, depth_error: F64) -> tuple[I64, I64]:
+    """Find the most frequent label of each point.
+
+    Args:
+        point: Point of each vote, shape (M,), int64, holding each number from 0 to N - 1.
+        label: Label of each vote, shape (M,), int64.
+        depth_error: Settles a tie: the label with the smallest one wins, then the smaller label, shape (M,), float64.
+
+    Returns:
+        Winning label and its number of votes, both of shape (N,), int64.
+    """
+    order = np.lexsort((depth_error, label, point))
+    point, label, depth_error = point[order], label[order], depth_error[order]
+    first = np.flatnonzero(np.diff(point, prepend=-1).astype(bool) | np.diff(label, prepend=-1).astype(bool))
+    votes = np.diff(first, append=len(point))
+    rank = np.lexsort((label[first], depth_error[first], -votes, point[first]))
+    best = rank[np.flatnonzero(np.diff(point[first][rank], prepend=-1))]
+    return label[first][best], votes[best]

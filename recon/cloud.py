@@ -1,0 +1,206 @@
+"""The cloud on disk: a folder of .npy columns, its observations, and `cloud.json`, which says what they mean."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError, MissingError
+from groundwork.files import read_json, space_errors, write_json
+from usd_schemas.components import NOISY_POINT, ClassRow
+
+FORMAT = "falsework.cloud"
+FORMAT_VERSION = 1
+OBSERVATIONS = "observations"
+
+Column = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class ColumnKind:
+    """What one column holds.
+
+    Attributes:
+        dtype: numpy name of its numbers.
+        width: Numbers per row; 1 for a flat column.
+        unit: Unit.
+        meaning: One sentence.
+    """
+
+    dtype: str
+    width: int
+    unit: str
+    meaning: str
+
+
+COLUMNS: Mapping[str, ColumnKind] = {
+    "coord": ColumnKind("float64", 3, "m", "Position in the world, Z up."),
+    "color": ColumnKind("uint8", 3, "1", "sRGB colour, mean over the views."),
+    "normal": ColumnKind("float32", 3, "1", "Unit normal; of a sparse point: towards the mean of its cameras."),
+    "segment": ColumnKind("uint8", 1, "1", "Class id by vote of the views; 255 without truth."),
+    "instance": ColumnKind("uint32", 1, "1", "Component id by vote within the class; 0 for none."),
+    "component": ColumnKind("uint16", 1, "1", "Row in the list `components` of cloud.json."),
+    "confidence": ColumnKind("float32", 1, "1", "Share of the views that voted for the class."),
+    "label_margin_px": ColumnKind("float32", 1, "px", "Largest distance of a keypoint to a label edge over the views."),
+    "uncertainty": ColumnKind(
+        "float32", 1, "m", "Median over the views of |true depth - reconstructed depth|, aligned reconstructed pose."
+    ),
+    "uncertainty_min": ColumnKind("float32", 1, "m", "Smallest depth error of a view."),
+    "uncertainty_max": ColumnKind("float32", 1, "m", "Largest depth error of a view."),
+    "uncertainty_relative": ColumnKind("float32", 1, "1", "Median of depth error over reconstructed depth."),
+    "displacement": ColumnKind(
+        "float32", 1, "m", "Median distance to the point that the true camera sees at the keypoint's true depth."
+    ),
+    "surface_distance": ColumnKind("float32", 1, "m", "Distance to the nearest true surface."),
+    "surface_class": ColumnKind("uint8", 1, "1", "Class id of the nearest true surface; 255 without truth."),
+    "reprojection_error": ColumnKind("float32", 1, "px", "Mean distance between keypoints and reprojected point."),
+    "n_views": ColumnKind("uint16", 1, "1", "Number of valid cameras that saw the point."),
+}
+
+OBSERVATION_COLUMNS: Mapping[str, ColumnKind] = {
+    "start": ColumnKind("int64", 1, "1", "First observation of each point and the end: one row more than points."),
+    "image": ColumnKind("uint32", 1, "1", "Row in the list `cameras` of cloud.json."),
+    "uv": ColumnKind("float64", 2, "px", "Keypoint as found; the top-left pixel's centre is (0.5, 0.5)."),
+    "label": ColumnKind("uint8", 1, "1", "Class id at the keypoint's pixel; 255 without truth."),
+    "instance": ColumnKind("uint32", 1, "1", "Component id at the keypoint's pixel."),
+    "depth_error": ColumnKind("float32", 1, "m", "|true depth - reconstructed depth| at the keypoint's pixel."),
+}
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """An annotated point cloud of N points with M observations.
+
+    Attributes:
+        columns: One array per name of `COLUMNS`, shape (N,) or (N, width).
+        observations: One array per name of `OBSERVATION_COLUMNS`, shape (M,) or (M, width); `start` (N + 1,).
+        components: Component kinds that the column `component` counts through; the first is empty, for none.
+        classes: Class table in force.
+        alignment: JSON facts of the alignment: target, method, scale, rotation, translation, singular values, limits.
+        cameras: One JSON row per image of the capture: name, status, center_error [m], rotation_error [deg].
+        statistics: JSON figures of the whole cloud.
+    """
+
+    columns: Mapping[str, Column]
+    observations: Mapping[str, Column]
+    components: tuple[str, ...]
+    classes: tuple[ClassRow, ...]
+    alignment: Mapping[str, Any]
+    cameras: tuple[Mapping[str, Any], ...]
+    statistics: Mapping[str, Any]
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return len(self.columns["coord"])
+
+
+def segment_with_noise(cloud: Cloud, threshold: float) -> NDArray[np.uint8]:
+    """Turn uncertain points into the class `noisy_point`.
+
+    Args:
+        cloud: A cloud.
+        threshold: Uncertainty above which a point is noisy [m]; infinite uncertainty always is, unknown never.
+
+    Returns:
+        Class ids, shape (N,), uint8.
+    """
+    noisy = cloud.columns["uncertainty"] > threshold
+    return np.where(noisy, NOISY_POINT, cloud.columns["segment"]).astype(np.uint8)
+
+
+def write_cloud(folder: Path, cloud: Cloud) -> None:
+    """Write the columns, the observations and `cloud.json`.
+
+    Args:
+        folder: An existing folder.
+        cloud: What to write.
+
+    Raises:
+        InputError: A column is missing or of a wrong shape or type.
+    """
+    _check(folder, cloud)
+    (folder / OBSERVATIONS).mkdir()
+    with space_errors(folder):
+        for name, kind in COLUMNS.items():
+            np.save(folder / f"{name}.npy", cloud.columns[name].astype(kind.dtype, copy=False))
+        for name, kind in OBSERVATION_COLUMNS.items():
+            np.save(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name].astype(kind.dtype, copy=False))
+    write_json(folder / "cloud.json", {
+        "format": FORMAT, "format_version": FORMAT_VERSION,
+        "count": len(cloud), "observation_count": len(cloud.observations["image"]),
+        "columns": {name: vars(kind) for name, kind in COLUMNS.items()},
+        "observations": {name: vars(kind) for name, kind in OBSERVATION_COLUMNS.items()},
+        "components": cloud.components, "classes": [vars(row) for row in cloud.classes],
+        "alignment": cloud.alignment, "cameras": cloud.cameras, "statistics": cloud.statistics,
+    })  # fmt: skip
+
+
+def read_cloud(folder: Path) -> Cloud:
+    """Read a cloud and check that it is whole.
+
+    Args:
+        folder: A cloud.
+
+    Raises:
+        MissingError: Not a cloud.
+        InputError: A column is missing, damaged, of a wrong type or length, or a coordinate is not finite.
+    """
+    path = folder / "cloud.json"
+    if not path.is_file():
+        raise MissingError("not a cloud: no cloud.json", where=folder, mend="Name the folder that holds cloud.json")
+    stored = read_json(path)
+    found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
+    if found != (FORMAT, FORMAT_VERSION):
+        raise InputError("not a cloud of this version", where=path, field="format", value=found,
+                         allowed=f"{FORMAT}, version {FORMAT_VERSION}")  # fmt: skip
+    try:
+        cloud = Cloud(
+            columns={name: _load(folder / f"{name}.npy") for name in COLUMNS},
+            observations={name: _load(folder / OBSERVATIONS / f"{name}.npy") for name in OBSERVATION_COLUMNS},
+            components=tuple(stored["components"]),
+            classes=tuple(ClassRow(row["id"], row["name"], tuple(row["color"])) for row in stored["classes"]),
+            alignment=stored["alignment"], cameras=tuple(stored["cameras"]), statistics=stored["statistics"],
+        )  # fmt: skip
+        count, observation_count = stored["count"], stored["observation_count"]
+    except (KeyError, TypeError) as error:
+        raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
+    _check(folder, cloud, count, observation_count)
+    return cloud
+
+
+def _load(path: Path) -> Column:
+    try:
+        return np.load(path, allow_pickle=False)
+    except FileNotFoundError:
+        raise MissingError("a column is missing", where=path, mend="Reconstruct again") from None
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"damaged: {error}", where=path, mend="Reconstruct again") from None
+
+
+def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_count: int | None = None) -> None:
+    count = len(cloud) if count is None else count
+    observation_count = len(cloud.observations["image"]) if observation_count is None else observation_count
+    for name, kind in COLUMNS.items():
+        _check_column(folder / f"{name}.npy", cloud.columns[name], kind, count)
+    for name, kind in OBSERVATION_COLUMNS.items():
+        rows = count + 1 if name == "start" else observation_count
+        _check_column(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name], kind, rows)
+    start, image = cloud.observations["start"], cloud.observations["image"]
+    if start[0] != 0 or start[-1] != observation_count or (np.diff(start) < 1).any():
+        raise InputError("does not count through the observations", where=folder / OBSERVATIONS / "start.npy")
+    if observation_count and image.max() >= len(cloud.cameras):
+        raise InputError("an image that is not listed", where=folder / OBSERVATIONS / "image.npy")
+    if not np.isfinite(cloud.columns["coord"]).all():
+        raise InputError("a coordinate is not finite", where=folder / "coord.npy")
+    if count and cloud.columns["component"].max() >= len(cloud.components):
+        raise InputError("a component that is not listed", where=folder / "component.npy")
+
+
+def _check_column(path: Path, column: Column, kind: ColumnKind, rows: int) -> None:
+    shape = (rows,) if kind.width == 1 else (rows, kind.width)
+    if column.shape != shape or column.dtype != np.dtype(kind.dtype):
+        raise InputError("a column of a wrong shape or type", where=path, value=f"{column.dtype} {column.shape}",
+                         allowed=f"{kind.dtype} {shape}", mend="Reconstruct again")  # fmt: skip

@@ -1,0 +1,84 @@
+"""How wrong each point is, measured three ways against the truth of the images that saw it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.observations import Observations, median_per_point
+from usd_schemas.pinhole import Pinhole, unproject
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Errors of each point; +inf where the truth is sky.
+
+    Attributes:
+        median: Median over its views of the depth error [m], shape (N,), float64.
+        least: Smallest depth error [m], shape (N,), float64.
+        greatest: Largest depth error [m], shape (N,), float64.
+        relative: Median of depth error over reconstructed depth [1], shape (N,), float64.
+        displacement: Median distance to the surface point that the true camera sees at the keypoint [m], shape (N,),
+            float64.
+    """
+
+    median: F64
+    least: F64
+    greatest: F64
+    relative: F64
+    displacement: F64
+
+
+def depths(points: F64, poses: F64, observations: Observations) -> F64:
+    """Take the planar depth of each observed point in the image that saw it.
+
+    Args:
+        points: World positions [m], shape (N, 3), float64.
+        poses: camera_to_world of every image of the capture [m], shape (K, 4, 4), float64.
+        observations: Who saw what.
+
+    Returns:
+        Depths [m], shape (M,), float64.
+    """
+    centres, forward = poses[observations.image, :3, 3], poses[observations.image, :3, 2]
+    return np.einsum("mi,mi->m", points[observations.point] - centres, forward)
+
+
+def measure(
+    points: F64, depth: F64, true_depth: F64, camera: Pinhole, true_poses: F64, observations: Observations
+) -> tuple[F64, Uncertainty]:
+    """Compare each observation with the truth.
+
+    The depth error takes the reconstructed depth with the aligned reconstructed pose, as the paper does: a camera that
+    drifted together with its points shows none. The displacement takes the true pose, and shows it.
+
+    Args:
+        points: World positions [m], shape (N, 3), float64.
+        depth: Reconstructed depth of each observation [m], shape (M,), float64.
+        true_depth: True depth at its keypoint's pixel [m], shape (M,), float64, +inf for sky.
+        camera: True intrinsics.
+        true_poses: True camera_to_world of every image of the capture [m], shape (K, 4, 4), float64.
+        observations: Who saw what.
+
+    Returns:
+        Depth error of each observation [m], shape (M,), float64, and what it says about each point.
+    """
+    error = np.abs(true_depth - depth)
+    sky = ~np.isfinite(true_depth)
+    away = np.full(len(error), np.inf)
+    # One image at a time: unproject takes one pose.
+    for image in np.unique(observations.image[~sky]):
+        seen = (observations.image == image) & ~sky
+        surface = unproject(observations.uv[seen], true_depth[seen], camera, true_poses[image])
+        away[seen] = np.linalg.norm(points[observations.point[seen]] - surface, axis=1)
+    first = observations.start[:-1]
+    none = np.zeros(0)
+    return error, Uncertainty(
+        median=median_per_point(error, observations),
+        least=np.minimum.reduceat(error, first) if len(first) else none,
+        greatest=np.maximum.reduceat(error, first) if len(first) else none,
+        relative=median_per_point(error / depth, observations),
+        displacement=median_per_point(away, observations),
+    )

@@ -1,0 +1,72 @@
+"""The few OpenGL functions that moderngl does not offer, called through ctypes."""
+
+import ctypes
+from collections.abc import Callable
+
+_LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
+_COLOR, _DEPTH = 0x1800, 0x1801
+_TEXTURE_2D = 0x0DE1
+_DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x1902, 0x8CAC, 0x1406
+
+
+class GlFunctions:
+    """OpenGL functions of the current context."""
+
+    def __init__(self, load: Callable[[str], int]) -> None:
+        """Look the functions up.
+
+        Args:
+            load: Gives the address of a function by name, 0 when absent.
+        """
+        self._clip_control = _function(load, "glClipControl", ctypes.c_uint, ctypes.c_uint)
+        self._clear_float = _function(load, "glClearBufferfv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
+        self._clear_uint = _function(load, "glClearBufferuiv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
+        self._bind_texture = _function(load, "glBindTexture", ctypes.c_uint, ctypes.c_uint)
+        sizes = (ctypes.c_uint, *[ctypes.c_int] * 5, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
+        self._texture_image = _function(load, "glTexImage2D", *sizes)
+
+    def clip_depth_zero_to_one(self) -> None:
+        """Let clip-space depth run from 0 to w, so that reversed depth keeps all digits of its float."""
+        self._clip_control(_LOWER_LEFT, _ZERO_TO_ONE)
+
+    def clear_color(self, attachment: int, value: tuple[float, float, float, float]) -> None:
+        """Clear one floating-point or normalised attachment of the bound framebuffer.
+
+        Args:
+            attachment: Number of the colour attachment.
+            value: What every pixel becomes.
+        """
+        self._clear_float(_COLOR, attachment, (ctypes.c_float * 4)(*value))
+
+    def clear_ids(self, attachment: int) -> None:
+        """Clear one unsigned integer attachment to 0; glClear leaves such a one undefined.
+
+        Args:
+            attachment: Number of the colour attachment.
+        """
+        self._clear_uint(_COLOR, attachment, (ctypes.c_uint * 4)(0, 0, 0, 0))
+
+    def clear_depth(self, value: float) -> None:
+        """Clear the depth of the bound framebuffer.
+
+        Args:
+            value: What every pixel becomes [1].
+        """
+        self._clear_float(_DEPTH, 0, (ctypes.c_float * 1)(value))
+
+    def make_depth_float(self, texture: int, width: int, height: int) -> None:
+        """Give a depth texture 32-bit float storage; moderngl's own has 24-bit integers.
+
+        Args:
+            texture: OpenGL name of the texture.
+            width: Width [px].
+            height: Height [px].
+        """
+        self._bind_texture(_TEXTURE_2D, texture)
+        self._texture_image(
+            _TEXTURE_2D, 0, _DEPTH_COMPONENT32F, width, height, 0, _DEPTH_COMPONENT, _FLOAT, None
+        )  # fmt: skip
+
+
+def _function(load: Callable[[str], int], name: str, *arguments: type) -> Callable[..., None]:
+    return ctypes.CFUNCTYPE(None, *arguments)(load(name))

@@ -1,0 +1,142 @@
+"""Materials as the shader reads them, and which shader each of them needs."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from render.textures import TextureKey, TextureSlot
+from usd_schemas.flat_scene import Material, Texture
+
+F32 = NDArray[np.float32]
+
+OCTAVES = 3  # the shader sums the first three; more would cost a look-up a pixel each
+_MIRROR_ROUGHNESS = 0.35  # rougher surfaces show no image of the sky
+
+# One row of the shader's material buffer; the order of `struct Material` in surface.frag.
+ROW = np.dtype(
+    [
+        ("base", "4f4"),  # colour, roughness
+        ("emissive", "4f4"),  # colour, metallic
+        ("albedo", "(2,4)f4"),  # rows of the affine map of (s, t, 1) and (layer, uv set)
+        ("roughness", "(2,4)f4"),
+        ("normal", "(2,4)f4"),
+        ("frequencies", "4f4"),  # detail: tiles per metre of each octave, layer
+        ("amplitudes", "4f4"),  # detail: contrast of each octave, macro layer
+        ("options", "4f4"),  # opacity threshold, takes the vertex colour
+    ]
+)
+SLOTS = ("albedo", "roughness", "normal", "detail", "macro")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What a material needs of the shader; materials of one variant are drawn together.
+
+    Attributes:
+        features: Names that the shader is compiled with.
+        arrays: Texture array of each of `SLOTS`, or None.
+    """
+
+    features: tuple[str, ...]
+    arrays: tuple[moderngl.TextureArray | None, ...]
+
+
+@dataclass(frozen=True)
+class MaterialTable:
+    """Every material of a scene, ready for the shader.
+
+    Attributes:
+        rows: Shader rows, shape (M,), dtype `ROW`.
+        variants: Variant of each material.
+        means: Mean linear base colour of each material [1], shape (M, 3), float64.
+    """
+
+    rows: NDArray[np.void]
+    variants: tuple[Variant, ...]
+    means: NDArray[np.float64]
+
+
+def texture_keys(materials: tuple[Material, ...]) -> list[TextureKey]:
+    """List the textures that materials name.
+
+    Args:
+        materials: Materials.
+    """
+    return [key for material in materials for key in _keys(material).values()]
+
+
+def tabulate_materials(
+    materials: tuple[Material, ...], slots: dict[TextureKey, TextureSlot], *, simple: bool
+) -> MaterialTable:
+    """Turn materials into shader rows and variants.
+
+    Args:
+        materials: Materials.
+        slots: Textures that could be loaded; a missing one leaves the constant.
+        simple: Leave out normal maps and images of the sky.
+    """
+    rows = np.zeros(len(materials), ROW)
+    variants = []
+    means = np.zeros((len(materials), 3))
+    for number, material in enumerate(materials):
+        found = {name: slots[key] for name, key in _keys(material).items() if key in slots}
+        if simple:
+            found.pop("normal", None)
+        _fill(rows[number], material, found)
+        features = [f"HAS_{name.upper()}" for name in SLOTS if name in found]
+        if "albedo" in found and material.opacity_threshold > 0 and found["albedo"].cut_out:
+            features.append("CUT_OUT")
+        if not simple and (material.roughness < _MIRROR_ROUGHNESS or material.metallic > 0.5):
+            features.append("MIRROR")
+        arrays = tuple(found[name].array if name in found else None for name in SLOTS)
+        variants.append(Variant(tuple(features), arrays))
+        means[number] = found["albedo"].mean if "albedo" in found else material.base_color
+    return MaterialTable(rows, tuple(variants), means)
+
+
+def _keys(material: Material) -> dict[str, TextureKey]:
+    keys: dict[str, TextureKey] = {}
+    for name, texture in (
+        ("albedo", material.base_texture),
+        ("roughness", material.roughness_texture),
+        ("normal", material.normal_texture),
+    ):
+        if texture is not None and texture.file:
+            keys[name] = TextureKey(texture.file, texture.srgb)
+    if material.detail.file and material.detail.periods:
+        keys["detail"] = TextureKey(material.detail.file, False)
+    if material.detail.macro_file:
+        keys["macro"] = TextureKey(material.detail.macro_file, False)
+    return keys
+
+
+def _fill(row: NDArray[np.void], material: Material, found: dict[str, TextureSlot]) -> None:
+    row["base"] = (*material.base_color, material.roughness)
+    row["emissive"] = (*material.emissive, material.metallic)
+    for name, texture in (
+        ("albedo", material.base_texture),
+        ("roughness", material.roughness_texture),
+        ("normal", material.normal_texture),
+    ):
+        if texture is not None and name in found:
+            row[name] = _placement(texture, found[name].layer)
+    octaves = min(OCTAVES, len(material.detail.periods), len(material.detail.amplitudes))
+    for octave in range(octaves):
+        row["frequencies"][octave] = 1.0 / material.detail.periods[octave]
+        row["amplitudes"][octave] = material.detail.amplitudes[octave]
+    row["frequencies"][3] = found["detail"].layer if "detail" in found else 0
+    row["amplitudes"][3] = found["macro"].layer if "macro" in found else 0
+    row["options"] = (material.opacity_threshold, float(material.use_display_color), 0, 0)
+
+
+def _placement(texture: Texture, layer: int) -> F32:
+    """Scale, then turn, then move (s, t), as UsdTransform2d does; shape (2, 4), float32."""
+    angle = np.deg2rad(texture.rotation)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    placement = np.zeros((2, 4), np.float32)
+    placement[:, :2] = turn @ np.diag(texture.scale)
+    placement[:, 2] = texture.translation
+    placement[:, 3] = (layer, texture.uv_set)
+    return placement

@@ -1,0 +1,35 @@
+"""Where a scene deserves its finest light: the box around what the pictures are about."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usd_schemas.flat_scene import FlatScene
+
+F64 = NDArray[np.float64]
+
+_NEAR_CAMERA = 40.0  # [m] what lies closer to a camera counts where nothing is labelled
+_LARGEST = 400.0  # [m] a longer box is cut to its middle
+
+
+def region_of_interest(scene: FlatScene, lower: F64, upper: F64) -> tuple[F64, F64]:
+    """Box the labelled draws; without labels, what lies near the cameras; without cameras, everything.
+
+    Args:
+        scene: A scene.
+        lower: Lower corner of each draw's box [m], shape (D, 3), float64.
+        upper: Upper corner of each draw's box [m], shape (D, 3), float64.
+
+    Returns:
+        Lower and upper corner [m], each of shape (3,), float64.
+    """
+    chosen = (scene.draws.label > 0) & (scene.draws.label < 255)
+    eyes = np.concatenate([track.poses[:, :3, 3] for track in scene.cameras] or [np.zeros((0, 3))])
+    if not chosen.any() and len(eyes):
+        gap = np.maximum(np.maximum(lower - eyes.max(axis=0), eyes.min(axis=0) - upper), 0.0)
+        chosen = np.linalg.norm(gap, axis=1) < _NEAR_CAMERA
+    if not chosen.any():
+        chosen = np.ones(len(lower), bool)
+    low, high = lower[chosen].min(axis=0), upper[chosen].max(axis=0)
+    center = (low + high) / 2
+    half = np.minimum((high - low) / 2, _LARGEST / 2)
+    return center - half, center + half

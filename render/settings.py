@@ -1,0 +1,53 @@
+"""What a user may choose about rendering."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from groundwork.settings import Settings
+
+
+class SensorSettings(Settings):
+    """The camera behind the lens: acts on the photographs only, never on depth or labels."""
+
+    noise: bool = Field(default=True, description="Apply exposure jitter, blur and noise; off gives the ideal image.")
+    exposure_sigma: float = Field(default=0.04, ge=0, le=2, description="Frame-to-frame spread of the exposure [EV].")
+    white_balance_sigma: float = Field(
+        default=0.008, ge=0, le=0.2, description="Frame-to-frame spread of the red and blue gains [1]."
+    )
+    blur_sigma: float = Field(
+        default=0.6, ge=0, le=5, description="Point spread of lens and pixel, Gaussian sigma [px]."
+    )
+    full_well: float = Field(
+        default=9000.0, ge=100, le=1e6, description="Electrons at sensor white; sets the shot noise [1]."
+    )
+    read_noise: float = Field(default=4.0, ge=0, le=200, description="Noise of an unlit pixel [electrons].")
+    image_format: Literal["jpg", "png"] = Field(
+        default="jpg", description="Photographs as JPEG 4:4:4 with EXIF, or as PNG."
+    )
+    jpeg_quality: int = Field(default=95, ge=1, le=100, description="JPEG quality [1].")
+    focal_error: float = Field(
+        default=0.01, ge=0, le=0.2, description="Largest error of the focal length in the prior [1]."
+    )
+
+
+class RenderSettings(Settings):
+    """Everything the renderer can be told."""
+
+    quality: Literal["fast", "standard", "fine"] = Field(
+        "standard",
+        description="fast: simple light; standard: light volume, soft shadows; fine: 2x2 samples a pixel too.",
+    )
+    device: str = Field(default="auto", description="auto, gpu, software, osmesa, or the number of an EGL device.")
+    normals: bool = Field(default=False, description="Write surface normals to truth/normal.")
+    shadow_size: int = Field(default=4096, ge=256, le=8192, description="Side of each of the two sun shadow maps [px].")
+    volume_probes: int = Field(default=60000, ge=1000, le=1_000_000, description="Most probes in the light volume [1].")
+    volume_rays: int = Field(default=64, ge=16, le=1024, description="Rays per probe [1].")
+    texture_side: int = Field(
+        default=2048, ge=64, le=8192, description="Larger textures are reduced to this side [px]."
+    )
+    haze_distance: float = Field(
+        default=3500.0, gt=0, description="Distance at which haze takes 63 % of the contrast [m]."
+    )
+    encoders: int = Field(default=2, ge=1, le=64, description="Threads that develop and encode finished frames [1].")
+    sensor: SensorSettings = Field(default_factory=SensorSettings, description="The camera behind the lens.")

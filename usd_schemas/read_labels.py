@@ -1,0 +1,172 @@
+"""What every drawn prim is called: class, component and instance id, from the nearest prim above it that says so."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Usd
+
+from usd_schemas import tokens
+from usd_schemas.apis import direct_label, read_component
+from usd_schemas.components import BACKGROUND, ClassRow, class_rows, component_classes
+from usd_schemas.flat_scene import InstanceRow
+
+U32 = NDArray[np.uint32]
+Warn = Callable[[str], None]
+
+SEMANTIC_VAR = f"{tokens.RENDER_VARS}/semantic"
+
+
+@dataclass(frozen=True)
+class Label:
+    """What a prim passes on to those below it.
+
+    Attributes:
+        class_name: Training class; empty where none is known.
+        component: Component kind; empty where none is known.
+        instance_id: Instance id; 0 where none is authored.
+        carrier: Path of the prim that carries the id or, where none does, of the prim that shall get one.
+        parameters: Facts about the component.
+    """
+
+    class_name: str = ""
+    component: str = ""
+    instance_id: int = 0
+    carrier: Sdf.Path = Sdf.Path.emptyPath
+    parameters: dict[str, object] = field(default_factory=dict)
+
+
+def inherit_label(prim: Usd.Prim, above: Label, keep_id: bool = False) -> Label:
+    """Find what a prim is called, given what the prim above it is called.
+
+    A label in the taxonomy `class` counts first, then the class of a `component` label; each may be a LabelsAPI label
+    or the mirror among the user properties that DCCs keep. The same prim's component API is the last resort.
+
+    Args:
+        prim: Any prim.
+        above: What its parent is called.
+        keep_id: The id from above stays even where the prim carries one (inside an instance that has its own).
+    """
+    facts = read_component(prim)
+    component = direct_label(prim, tokens.COMPONENT_TAXONOMY) or facts.kind
+    name = direct_label(prim, tokens.CLASS_TAXONOMY) or component_classes().get(component, component)
+    label = above
+    if name:
+        label = replace(label, class_name=name, component=component)
+    mirror = prim.GetAttribute(tokens.USER_INSTANCE_ID)
+    number = facts.instance_id or (int(mirror.Get() or 0) if mirror and isinstance(mirror.Get(), int) else 0)
+    if number > 0 and not keep_id:
+        label = replace(label, instance_id=number, carrier=prim.GetPath(), parameters=facts.parameters)
+    elif facts.parameters and not label.instance_id:
+        label = replace(label, parameters=facts.parameters)
+    return label
+
+
+def read_classes(stage: Usd.Stage, warn: Warn) -> tuple[ClassRow, ...]:
+    """Read the class table that the stage's semantic render variable carries, else take the project's own.
+
+    Args:
+        stage: Composed stage.
+        warn: Called with one line where the table is unusable.
+    """
+    prim = stage.GetPrimAtPath(SEMANTIC_VAR)
+    names = _value(prim, tokens.CLASS_NAMES)
+    if not names:
+        return class_rows()
+    ids = _value(prim, tokens.CLASS_IDS)
+    ids = range(len(names)) if ids is None else ids
+    if len(ids) != len(names) or not all(0 <= number <= 255 for number in ids) or len(set(ids)) != len(ids):
+        warn(f"{SEMANTIC_VAR}: classNames and classIds do not fit together; the built-in classes are used")
+        return class_rows()
+    colors = np.array(_value(prim, tokens.CLASS_COLORS) or [], np.float64).reshape(-1, 3)
+    if len(colors) == len(names) and colors.max(initial=0.0) <= 1.0:
+        colors = colors * 255.0
+    known = {row.name: row.color for row in class_rows()}
+    rows = []
+    for place, (number, name) in enumerate(zip(ids, names, strict=True)):
+        own = tuple(round(value) for value in colors[place].tolist()) if len(colors) == len(names) else None
+        red, green, blue = own or known.get(str(name), (128, 128, 128))
+        rows.append(ClassRow(int(number), str(name), (red, green, blue)))
+    return tuple(sorted(rows, key=lambda row: row.id))
+
+
+class Register:
+    """Turns labels into class ids and instance ids, and keeps the table of instances.
+
+    Attributes:
+        rows: Instance rows by id, filled as draws are registered.
+    """
+
+    def __init__(self, classes: tuple[ClassRow, ...], warn: Warn) -> None:
+        """Start an empty table.
+
+        Args:
+            classes: Class table in force.
+            warn: Called with one line for each unknown class and each id that two prims share.
+        """
+        self.rows: dict[int, InstanceRow] = {}
+        self._classes = {row.name: row.id for row in classes}
+        self._names = {row.id: row.name for row in classes}
+        self._warn = warn
+        self._unknown: set[str] = set()
+        self._given: dict[Sdf.Path, int] = {}
+        self._next = 1
+        self._used: set[int] = set()
+
+    def reserve(self, numbers: set[int]) -> None:
+        """Say which ids are authored somewhere, so that none of them is given to an unnumbered prim.
+
+        Args:
+            numbers: Authored ids.
+        """
+        self._used |= numbers
+
+    def class_id(self, label: Label) -> int:
+        """Find the class id of a label; what the table does not know is background.
+
+        Args:
+            label: Label of a drawn prim.
+        """
+        if label.class_name and label.class_name not in self._classes and label.class_name not in self._unknown:
+            self._unknown.add(label.class_name)
+            self._warn(f"{label.carrier or 'label'}: unknown class {label.class_name!r}: drawn as background")
+        return self._classes.get(label.class_name, BACKGROUND)
+
+    def instance_ids(self, label: Label, own: Sdf.Path, numbers: U32 | None, count: int) -> U32:
+        """Find the instance id of each instance of a drawn prim.
+
+        Args:
+            label: Its label.
+            own: Path of the prim that gets an id where none is authored.
+            numbers: Ids that its instancer carries, shape (N,), uint32, or None.
+            count: Number of instances.
+
+        Returns:
+            Ids over 0, shape (N,), uint32.
+        """
+        ids = numbers if numbers is not None else np.full(count, self._number(label, own), np.uint32)
+        carrier = str(label.carrier if label.instance_id or numbers is not None else own)
+        for number in dict.fromkeys(ids.tolist()):
+            row = self.rows.get(number)
+            if row is None:
+                name = self._names.get(self.class_id(label), "background")
+                self.rows[number] = InstanceRow(number, carrier, label.component, name, label.parameters)
+            elif row.path != carrier:
+                self._warn(f"{carrier}: instance id {number} is already that of {row.path}")
+        return ids
+
+    def _number(self, label: Label, own: Sdf.Path) -> int:
+        if label.instance_id:
+            return label.instance_id
+        if own not in self._given:
+            while self._next in self._used:
+                self._next += 1
+            self._given[own] = self._next
+            self._used.add(self._next)
+        return self._given[own]
+
+
+def _value(prim: Usd.Prim, name: str):  # noqa: ANN202  USD values have many types
+    attribute = prim.GetAttribute(name) if prim else None
+    return attribute.Get() if attribute else None

@@ -1,0 +1,92 @@
+"""The sun and the sky of a stage.
+
+A DistantLight shines along its local -z. A DomeLight shows a latitude-longitude picture as the OpenEXR specification
+and UsdLux define it: the pole is +y of the dome's space, the middle column of the picture lies towards +z, a quarter of
+the width left of it towards +x: direction = (cos lat sin lon, sin lat, cos lat cos lon) with lon = pi (1 - 2 u) and
+lat = pi (1/2 - v), u from the left and v from the top. `Dome.rotation` takes directions of that space to the world, the
+stage's up axis included. A plain DomeLight keeps its pole along the stage's y, so that a stage with z up has to turn it
+by 90 degrees about x (`UsdLux.DomeLight.OrientToStageUpAxis`); DomeLight_1 turns by itself.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom, UsdLux
+
+from usd_schemas.flat_scene import Dome, Sun
+from usd_schemas.read_labels import Warn
+from usd_schemas.read_materials import asset_file
+from usd_schemas.read_meshes import EARLIEST
+
+F64 = NDArray[np.float64]
+
+_UNLIT = ("SphereLight", "RectLight", "DiskLight", "CylinderLight", "GeometryLight", "PortalLight", "DomeLight_1")
+_POLE_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # dome's +y to the stage's +z
+
+
+def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Sun | None, Dome | None]:
+    """Read the first visible DistantLight and the first visible DomeLight.
+
+    Args:
+        stage: Composed stage.
+        stage_to_world: Stage units to metres with z up, shape (4, 4), float64.
+        warn: Called with one line for each light that is left out.
+    """
+    suns: list[Sun] = []
+    domes: list[Dome] = []
+    left_out: dict[str, list[str]] = {}
+    turn = stage_to_world[:3, :3] / np.linalg.norm(stage_to_world[:3, 0])
+    for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
+        kind = str(prim.GetTypeName())
+        if kind not in ("DistantLight", "DomeLight", *_UNLIT):
+            continue
+        if UsdGeom.Imageable(prim).ComputeVisibility(EARLIEST) == UsdGeom.Tokens.invisible:
+            continue
+        if kind == "DistantLight" and not suns:
+            suns.append(_read_sun(prim, turn))
+        elif kind in ("DomeLight", "DomeLight_1") and not domes:
+            domes.append(_read_dome(prim, turn, warn))
+        else:
+            left_out.setdefault(kind, []).append(str(prim.GetPath()))
+    for kind, paths in sorted(left_out.items()):
+        warn(f"{paths[0]}: {kind} is left out" + (f" (and {len(paths) - 1} more)" if len(paths) > 1 else ""))
+    return (suns[0] if suns else None), (domes[0] if domes else None)
+
+
+def _radiance(prim: Usd.Prim) -> tuple[float, float, float]:
+    light = UsdLux.LightAPI(prim)
+    color = np.array(light.GetColorAttr().Get(EARLIEST), np.float64)
+    if light.GetEnableColorTemperatureAttr().Get(EARLIEST):
+        kelvin = float(light.GetColorTemperatureAttr().Get(EARLIEST))
+        color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin))
+    strength = light.GetIntensityAttr().Get(EARLIEST) * 2.0 ** light.GetExposureAttr().Get(EARLIEST)
+    red, green, blue = (color * strength).tolist()
+    return red, green, blue
+
+
+def _rotation(prim: Usd.Prim) -> F64:
+    matrix = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(EARLIEST)
+    rotation = np.array(matrix).T[:3, :3]
+    return rotation / np.linalg.norm(rotation, axis=0)
+
+
+def _read_sun(prim: Usd.Prim, turn: F64) -> Sun:
+    x, y, z = (turn @ _rotation(prim)[:, 2]).tolist()
+    return Sun((x, y, z), _radiance(prim), float(UsdLux.DistantLight(prim).GetAngleAttr().Get(EARLIEST)))
+
+
+def _read_dome(prim: Usd.Prim, turn: F64, warn: Warn) -> Dome:
+    rotation = turn @ _rotation(prim)
+    if prim.GetTypeName() == "DomeLight_1":
+        pole = str(prim.GetAttribute("poleAxis").Get() or "scene")
+        up = UsdGeom.GetStageUpAxis(prim.GetStage()) if pole == "scene" else pole
+        rotation = rotation @ _POLE_UP if up == UsdGeom.Tokens.z else rotation
+    attribute = prim.GetAttribute("inputs:texture:file")
+    value = attribute.Get(EARLIEST) if attribute else None
+    layout = str(prim.GetAttribute("inputs:texture:format").Get(EARLIEST))
+    file = asset_file(value)
+    if value is not None and value.path and not file:
+        warn(f"{prim.GetPath()}: no texture {value.path}: the dome is plain")
+    elif file and layout not in ("automatic", "latlong"):
+        warn(f"{prim.GetPath()}: texture format {layout} is read as latlong")
+    rows = tuple((float(a), float(b), float(c)) for a, b, c in rotation.tolist())
+    return Dome(_radiance(prim), file, rows)

@@ -1,0 +1,231 @@
+"""UsdPreviewSurface networks as flat materials; what they cannot hold falls back visibly, with one warning each."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pxr import Sdf, Usd, UsdShade
+
+from usd_schemas.flat_scene import Detail, Material, Texture
+from usd_schemas.read_labels import Warn
+from usd_schemas.read_meshes import ATLAS_ST, EARLIEST
+
+GREY = (0.5, 0.5, 0.5)
+_DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)
+_DEFAULT_ROUGHNESS = 0.5
+_CONTEXTS = ["mtlx", "mdl", "ri", "glslfx", "arnold", "cycles"]
+
+
+@dataclass(frozen=True)
+class ReadMaterial:
+    """A material and the primvars that it reads.
+
+    Attributes:
+        material: The flat material; None where only displayColor or grey can stand in for it.
+        uv_names: Primvar names of its first and second UV set; empty where it names none.
+    """
+
+    material: Material | None
+    uv_names: tuple[str, str] = ("", "")
+
+
+@dataclass(frozen=True)
+class _Source:
+    """What feeds a shader input: a value, or an output of a shader."""
+
+    value: object = None
+    shader: UsdShade.Shader | None = None
+    output: str = ""
+
+
+@dataclass(frozen=True)
+class _Sampled:
+    """A texture before its UV set is known by number."""
+
+    texture: Texture
+    varname: str
+    output: str
+
+
+def read_material(material: UsdShade.Material, warn: Warn) -> ReadMaterial:
+    """Read one material.
+
+    Args:
+        material: Bound material.
+        warn: Called with one line for each thing that is left out.
+    """
+    path = str(material.GetPath())
+    surface, _, _ = material.ComputeSurfaceSource()
+    kind = surface.GetShaderId() if surface else ""
+    if kind != "UsdPreviewSurface":
+        other, _, _ = material.ComputeSurfaceSource(_CONTEXTS)
+        named = kind or (other.GetShaderId() if other else "") or "no surface"
+        warn(f"{path}: a material that is no UsdPreviewSurface ({named}): drawn in displayColor or grey")
+        return ReadMaterial(None)
+    return _read_preview(path, material, surface, warn)
+
+
+def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shader, warn: Warn) -> ReadMaterial:
+    def note(text: str) -> None:
+        warn(f"{path}: {text}")
+
+    base, color, by_vertex = _read_color(_source(surface, "diffuseColor"), note)
+    rough = _read_texture(_source(surface, "roughness"), False, "roughness", note)
+    if rough and rough.output != "r":
+        note(f"roughness from channel {rough.output} of a texture is left out")
+        rough = None
+    normal = _read_texture(_source(surface, "normal"), False, "normal", note)
+    for name in ("metallic", "emissiveColor"):
+        if _source(surface, name).shader:
+            note(f"a texture of {name} is left out")
+    detail = _read_detail(material.GetPrim(), note)
+    names = _uv_names([sampled.varname for sampled in (base, rough, normal) if sampled])
+
+    def numbered(sampled: _Sampled | None) -> Texture | None:
+        return replace(sampled.texture, uv_set=int(sampled.varname == names[1] != "")) if sampled else None
+
+    return ReadMaterial(
+        Material(
+            name=path,
+            base_color=color,
+            use_display_color=by_vertex,
+            base_texture=numbered(base),
+            roughness=_number(_source(surface, "roughness"), _DEFAULT_ROUGHNESS),
+            roughness_texture=numbered(rough),
+            metallic=_number(_source(surface, "metallic"), 0.0),
+            normal_texture=numbered(normal),
+            emissive=_triple(_source(surface, "emissiveColor"), (0.0, 0.0, 0.0)),
+            opacity_threshold=_read_opacity(surface, base, note),
+            detail=detail,
+        ),
+        names,
+    )
+
+
+def _uv_names(used: list[str]) -> tuple[str, str]:
+    """Give the primvars that textures read to the two UV sets: `st1` is always the second."""
+    first = [name for name in dict.fromkeys(used) if name and name != ATLAS_ST]
+    second = ATLAS_ST if ATLAS_ST in used else (first[1] if len(first) > 1 else "")
+    return (first[0] if first else ""), second
+
+
+def _source(shader: UsdShade.Shader, name: str) -> _Source:
+    """Follow an input through node graphs and material interfaces to what feeds it."""
+    source = shader.GetInput(name)
+    attributes = source.GetValueProducingAttributes() if source else []
+    if not attributes:
+        return _Source()
+    if UsdShade.Output.IsOutput(attributes[0]):
+        output = UsdShade.Output(attributes[0])
+        return _Source(shader=UsdShade.Shader(attributes[0].GetPrim()), output=str(output.GetBaseName()))
+    return _Source(value=attributes[0].Get(EARLIEST))
+
+
+def _read_color(source: _Source, note: Warn) -> tuple[_Sampled | None, tuple[float, float, float], bool]:
+    """Diffuse colour: its texture, else a constant, else the vertex colour."""
+    if source.shader is None:
+        return None, _triple(source, _DEFAULT_DIFFUSE), False
+    if source.shader.GetShaderId() == "UsdPrimvarReader_float3":
+        if str(_source(source.shader, "varname").value) == "displayColor":
+            return None, GREY, True
+        note("diffuseColor reads a primvar other than displayColor: drawn grey")
+        return None, GREY, False
+    sampled = _read_texture(source, True, "diffuseColor", note)
+    return sampled, GREY, False
+
+
+def _read_texture(source: _Source, is_color: bool, name: str, note: Warn) -> _Sampled | None:
+    shader = source.shader
+    if shader is None:
+        return None
+    if shader.GetShaderId() != "UsdUVTexture":
+        note(f"{name} is fed by {shader.GetShaderId() or 'an unknown node'}, which is not read")
+        return None
+    value = _source(shader, "file").value
+    file = asset_file(value)
+    if not file:
+        note(f"no texture {value.path if isinstance(value, Sdf.AssetPath) else '(none)'} for {name}: drawn plain grey")
+        return None
+    if is_color and _tinted(shader):
+        note(f"scale and bias of the {name} texture are left out")
+    space = str(_source(shader, "sourceColorSpace").value or "auto")
+    placed = _source(shader, "st")
+    scale, rotation, translation = (1.0, 1.0), 0.0, (0.0, 0.0)
+    if placed.shader and placed.shader.GetShaderId() == "UsdTransform2d":
+        scale = _pair(_source(placed.shader, "scale"), scale)
+        rotation = _number(_source(placed.shader, "rotation"), 0.0)
+        translation = _pair(_source(placed.shader, "translation"), translation)
+        placed = _source(placed.shader, "in")
+    varname = ""
+    if placed.shader and placed.shader.GetShaderId() == "UsdPrimvarReader_float2":
+        varname = str(_source(placed.shader, "varname").value or "")
+    # `auto` asks the file; files of colours are sRGB and files of data are not, whatever their header says.
+    srgb = space == "sRGB" or (space == "auto" and is_color)
+    return _Sampled(Texture(file, srgb, scale, rotation, translation), varname, source.output)
+
+
+def _tinted(texture: UsdShade.Shader) -> bool:
+    scale, bias = _source(texture, "scale").value, _source(texture, "bias").value
+    return (scale is not None and tuple(scale)[:3] != (1.0, 1.0, 1.0)) or (bias is not None and any(tuple(bias)[:3]))
+
+
+def _read_opacity(surface: UsdShade.Shader, base: _Sampled | None, note: Warn) -> float:
+    """Threshold of a cut-out whose alpha is in the base texture; anything else transparent is drawn opaque."""
+    threshold = _number(_source(surface, "opacityThreshold"), 0.0)
+    opacity = _source(surface, "opacity")
+    if opacity.shader is None:
+        if _number(opacity, 1.0) < 1.0:
+            note("is transparent: drawn opaque")
+        return 0.0
+    file = asset_file(_source(opacity.shader, "file").value) if opacity.shader.GetInput("file") else ""
+    if base is None or file != base.texture.file or opacity.output != "a":
+        note("opacity that is not the alpha of the diffuse texture is left out")
+        return 0.0
+    if threshold <= 0.0:
+        note("is blended by its alpha: drawn as a cut-out at 0.5")
+        return 0.5
+    return threshold
+
+
+def _read_detail(prim: Usd.Prim, note: Warn) -> Detail:
+    files = []
+    for name in ("falsework:detail:texture", "falsework:detail:macroTexture"):
+        attribute = prim.GetAttribute(name)
+        value = attribute.Get() if attribute else None
+        files.append(asset_file(value))
+        if value is not None and value.path and not files[-1]:
+            note(f"no texture {value.path} for {name}: left out")
+    periods, amplitudes = (
+        tuple(float(value) for value in (attribute.Get() if attribute else None) or ())
+        for attribute in map(prim.GetAttribute, ("falsework:detail:periods", "falsework:detail:amplitudes"))
+    )
+    if not files[0] or len(periods) != len(amplitudes):
+        return Detail(macro_file=files[1])
+    return Detail(files[0], periods, amplitudes, files[1])
+
+
+def asset_file(value: object) -> str:
+    """Find the file that an asset path means.
+
+    Args:
+        value: Value of an asset attribute.
+
+    Returns:
+        Absolute path of an existing file, or empty: also for a file inside a usdz package.
+    """
+    resolved = str(value.resolvedPath) if isinstance(value, Sdf.AssetPath) else ""
+    return str(Path(resolved).resolve()) if resolved and Path(resolved).is_file() else ""
+
+
+def _number(source: _Source, default: float) -> float:
+    return float(source.value) if isinstance(source.value, int | float) else default
+
+
+def _pair(source: _Source, default: tuple[float, float]) -> tuple[float, float]:
+    return default if source.value is None else (float(source.value[0]), float(source.value[1]))  # type: ignore[index]
+
+
+def _triple(source: _Source, default: tuple[float, float, float]) -> tuple[float, float, float]:
+    if source.value is None:
+        return default
+    red, green, blue = (float(value) for value in source.value)  # type: ignore[attr-defined]
+    return red, green, blue
