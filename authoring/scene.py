@@ -1,5 +1,6 @@
 """The conductor: from settings and a seed to a folder of layers that composes into one stage."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +92,7 @@ def _write_bridge(
         export(look_layer(recipes), place / "look.usda")
     files = {name: f"./looks/{name}/look.usda" for name in names}
     spans = tuple(np.diff(layout.supports).tolist())
-    export(bridge_layer(settings.bridge.family, spans, layout.width, drawn, files), folder / "bridge.usda")
+    export(bridge_layer(settings.bridge.family, spans, layout.width, asdict(drawn), files), folder / "bridge.usda")
 
 
 def _write_surveys(paths: list[CameraPath], folder: Path) -> None:

@@ -1,5 +1,7 @@
 """The ways through a site: water or road under the bridge, and the approach roads on their fills."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from authoring.site_ways import Line, carriageway, dashes, merged, ribbon
 
 F64 = NDArray[np.float64]
 Piece = tuple[str, str, str, Mesh]
+Lift = Callable[[F64, F64], F64]
 STEP = 2.0  # distance between cross-sections of a road [m]
 WATER_STEP = 4.0
 BURIED = 0.9  # height of bank in which the water's edge disappears [m]
@@ -34,7 +37,7 @@ def way_pieces(land: Land, ground: HeightField) -> list[Piece]:
     return pieces
 
 
-def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: HeightField | None = None) -> list[Piece]:
+def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lift | None = None) -> list[Piece]:
     """Build a stretch of the river or road that the bridge crosses.
 
     Args:
@@ -60,7 +63,7 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Hei
 
 
 def approach_pieces(
-    land: Land, number: int, stations: F64, hills: Hills, suffix: str, lift: HeightField | None = None
+    land: Land, number: int, stations: F64, hills: Hills, suffix: str, lift: Lift | None = None
 ) -> list[Piece]:
     """Build a stretch of an approach road.
 
@@ -90,7 +93,7 @@ def spread(first: float, last: float, step: float) -> F64:
 
 
 def _road(
-    land: Land, line: Line, crown: F64, fall: F64, half: float, road: str, marking: str, lift: HeightField | None
+    land: Land, line: Line, crown: F64, fall: F64, half: float, road: str, marking: str, lift: Lift | None
 ) -> list[Piece]:
     axis = land.layout.alignment
     if lift is not None:

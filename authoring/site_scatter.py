@@ -19,9 +19,9 @@ NEAR = 28.0  # distance from the axis or the crossing at which density has falle
 class ScatterSettings(Settings):
     """How much is strewn over the site."""
 
-    stones: int = Field(420, ge=0, le=20_000, description="stones tried [1]")
-    shrubs: int = Field(130, ge=0, le=5_000, description="shrubs tried [1]")
-    tufts: int = Field(1500, ge=0, le=50_000, description="tufts of grass tried [1]")
+    stones: int = Field(default=420, ge=0, le=20_000, description="stones tried [1]")
+    shrubs: int = Field(default=130, ge=0, le=5_000, description="shrubs tried [1]")
+    tufts: int = Field(default=1500, ge=0, le=50_000, description="tufts of grass tried [1]")
 
 
 def scatter_plants(

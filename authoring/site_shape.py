@@ -117,6 +117,11 @@ class Approach:
         return deck + share * (land - deck)
 
 
+def verge_fall(across: F64, half_road: float) -> F64:
+    """Find how far the verge falls beside a road's edge [m], same shape as `across`, float64."""
+    return 0.12 * np.clip(across - half_road, 0.0, SHOULDER)
+
+
 def crossfall(along: F64, across: F64) -> F64:
     """Find how far an approach road's surface lies below its crown; none where it meets the deck.
 
@@ -221,7 +226,9 @@ class Land:
         walled = _ramp(along + sum(WALL_STEP), WALL_STEP) * _ramp(crest - across, WALL_STEP)
         behind = approach.back + approach.sign * np.maximum(along, WING_WALL)
         formation = approach.level(self.layout, hills, station) - UNDERLAY - crossfall(along, np.minimum(across, crest))
+        formation = formation - verge_fall(across, approach.half_width)
         crown = approach.level(self.layout, hills, behind) - UNDERLAY - 0.02 * crest
+        crown = crown - verge_fall(np.full_like(across, crest), approach.half_width)
         outside = np.maximum(across - crest, 0.0)
         reach = WING_WALL + ABUTMENT_BACK + ABUTMENT_FRONT
         rise = np.maximum(crown - natural, 0.1)

@@ -138,7 +138,7 @@ def joined(surfaces: list[Surface]) -> Surface:
 
 
 def corner_normals(points: F64, face_counts: I32, corners: I32) -> F64:
-    """Find a normal for every face corner: smooth where neighbouring faces turn by less than 25 degrees, flat elsewhere.
+    """Find a normal for every face corner: smooth where neighbours turn by less than 25 degrees, else flat.
 
     Args:
         points: Positions [m], shape (V, 3), float64.

@@ -164,9 +164,8 @@ def cloud_figure(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...]
         palette[row.id] = row.color
     log = np.log10(np.clip(np.nan_to_num(part["uncertainty"], nan=1.0, posinf=10.0), 1e-3, 10.0))
     heat = cv2.applyColorMap(((log + 3) / 4 * 255).astype(np.uint8), cv2.COLORMAP_TURBO)[:, 0, ::-1]
-    colours = {
-        "photo": _css_all(part["color"]), "class": _css_all(palette[part["segment"]]), "uncertainty": _css_all(heat.astype(np.uint8))
-    }  # fmt: skip
+    painted = {"photo": part["color"], "class": palette[part["segment"]], "uncertainty": heat.astype(np.uint8)}
+    colours = {name: _css_all(values) for name, values in painted.items()}
     figure = go.Figure(
         [
             go.Scatter3d(

@@ -270,7 +270,7 @@ def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarit
     if turned is None:
         scale, rotation, translation = fit_similarity(source, goal)
         return Similarity(float(scale), rotation, translation)
-    left, values, right = np.linalg.svd(turned[inliers].sum(axis=0))
+    left, _, right = np.linalg.svd(turned[inliers].sum(axis=0))
     rotation = (left * [1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
     source_mean, goal_mean = source.mean(axis=0), goal.mean(axis=0)
     spread = np.linalg.norm(source - source_mean)

@@ -31,7 +31,7 @@ class SparseSettings(Settings):
     deterministic: bool = True
     """Map on one thread, so that the same images give the same bytes."""
     threads: int = Field(2, ge=1, le=256)
-    """Threads of extraction and matching, and of the mapper when not deterministic."""
+    """Threads of the extraction, and of the mapper when not deterministic; matching has one of its own."""
     seconds_per_image: float = Field(30.0, ge=1.0, le=3600.0)
     """Wall time that each stage may take per image, on top of two minutes [s]."""
     memory_limit: float = Field(3.0, ge=0.5, le=1024.0)

@@ -76,7 +76,7 @@ def write_world_model(
     run_child(_CHILD, request, time_limit=_SLACK, memory_limit=settings.sparse.memory_limit, progress=progress)
 
 
-def _run(stage: str, capture: Capture, work: Path, settings: ReconSettings, progress: Progress) -> Any:  # noqa: ANN401  JSON
+def _run(stage: str, capture: Capture, work: Path, settings: ReconSettings, progress: Progress) -> Any:
     sparse = settings.sparse
     threads = "1" if stage == "map" and sparse.deterministic else str(sparse.threads)
     return run_child(

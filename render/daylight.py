@@ -1,7 +1,7 @@
 """The light of a scene as numbers: the sun, a panorama of the sky, and the irradiance that the open sky gives.
 
-Radiance out of a Lambert surface is albedo * (E_sun * cos / pi * visibility + E_sky / pi); a DistantLight's colour times
-intensity is E_sun, a DomeLight's texel times intensity is the radiance of that direction.
+Radiance out of a Lambert surface is albedo * (E_sun * cos / pi * visibility + E_sky / pi). A DistantLight's colour
+times intensity is E_sun; a DomeLight's texel times intensity is the radiance of that direction.
 """
 
 from dataclasses import dataclass
@@ -109,7 +109,7 @@ def sphere(count: int) -> F64:
     return np.column_stack([level * np.cos(angle), level * np.sin(angle), z])
 
 
-def irradiance_coefficients(directions: F64, radiance: F64) -> F64:
+def irradiance_coefficients(directions: F64, radiance: F64 | F32) -> F64:
     """Project radiance on the first two bands of spherical harmonics, convolved with the cosine.
 
     Irradiance of a surface with normal n is E(n) = c0 + c1 nx + c2 ny + c3 nz; exact for a uniform half sphere.

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from pxr import Sdf, Usd, UsdShade
 
@@ -32,7 +33,7 @@ class ReadMaterial:
 class _Source:
     """What feeds a shader input: a value, or an output of a shader."""
 
-    value: object = None
+    value: Any = None
     shader: UsdShade.Shader | None = None
     output: str = ""
 
@@ -203,7 +204,7 @@ def _read_detail(prim: Usd.Prim, note: Warn) -> Detail:
     return Detail(files[0], periods, amplitudes, files[1])
 
 
-def asset_file(value: object) -> str:
+def asset_file(value: Any) -> str:
     """Find the file that an asset path means.
 
     Args:
@@ -221,11 +222,11 @@ def _number(source: _Source, default: float) -> float:
 
 
 def _pair(source: _Source, default: tuple[float, float]) -> tuple[float, float]:
-    return default if source.value is None else (float(source.value[0]), float(source.value[1]))  # type: ignore[index]
+    return default if source.value is None else (float(source.value[0]), float(source.value[1]))
 
 
 def _triple(source: _Source, default: tuple[float, float, float]) -> tuple[float, float, float]:
     if source.value is None:
         return default
-    red, green, blue = (float(value) for value in source.value)  # type: ignore[attr-defined]
+    red, green, blue = (float(value) for value in source.value)
     return red, green, blue

@@ -105,9 +105,10 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str]) -> FlatMesh:
     nothing = np.zeros((1, 2)), np.zeros(len(faces.corners), np.int64)
     white = _Values(np.ones((1, 3)), nothing[1])
     uv = [values or _Values(*nothing) for values in (st, st1)]
-    vertex, arrays = _weld(faces, [normals, *uv, colors or white])
+    vertex, (points, normal, first, second, color) = _weld(faces, [normals, *uv, colors or white])
     return FlatMesh(
-        *arrays, vertex[triangles[:, ::-1] if left_handed else triangles], face, len(faces.counts),
+        points, normal, first, second, color,
+        vertex[triangles[:, ::-1] if left_handed else triangles], face, len(faces.counts),
         bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(EARLIEST)), colors is not None, tuple(notes),
     )  # fmt: skip
 
@@ -193,29 +194,15 @@ def _on_corners(
     if not np.isfinite(data).all():
         notes.append(f"{name} is not finite: ignored")
         return None
-    if index is not None:
-        return _Values(data, index[corner])
-    if interpolation == UsdGeom.Tokens.faceVarying:
-        return _Values(data, _first_equal(data)[corner])
-    return _Values(data, corner)
-
-
-def _first_equal(data: F64) -> I64:
-    """For each row of a table, shape (K, W), find the first row that is equal to it."""
-    key = np.zeros(len(data), np.int64)
-    for column in data.T:
-        _, rank = np.unique(column, return_inverse=True)
-        _, key = np.unique(key * (int(rank.max(initial=0)) + 1) + rank, return_inverse=True)
-    _, first = np.unique(key, return_index=True)
-    return first[key]
+    return _Values(data, corner if index is None else index[corner])
 
 
 def _complete_normals(prim: Usd.Prim, normals: _Values | None, faces: _Faces, left_handed: bool) -> _Values:
     """Compute normals where there are none: flat for polygons, smooth for subdivision cages; mend zero ones."""
     areas = face_normals(faces.points, faces.counts, faces.corners) * (-1.0 if left_handed else 1.0)
     if normals is None and prim.IsA(UsdGeom.Mesh) and _scheme(prim) in _SMOOTH:
-        total = np.stack([np.bincount(faces.corners, areas[faces.owner, k], len(faces.points)) for k in range(3)], 1)
-        normals = _Values(total, faces.corners)
+        total = [np.bincount(faces.corners, areas[faces.owner, axis], len(faces.points)) for axis in range(3)]
+        normals = _Values(np.array(total, np.float64).T, faces.corners)
     if normals is None:
         return _Values(_unit(areas), faces.owner)
     short = np.linalg.norm(normals.data, axis=1) < 1e-12
@@ -253,11 +240,22 @@ def _weld(faces: _Faces, values: list[_Values]) -> tuple[I64, list[F32]]:
     key = faces.corners
     for value in values:
         if len(value.data) > 1 and not np.array_equal(value.index, faces.corners):
-            _, key = np.unique(key * len(value.data) + value.index, return_inverse=True)
+            key = _ranks(key * len(value.data) + _ranks_of_rows(value.data)[value.index])
     _, representative, vertex = np.unique(key, return_index=True, return_inverse=True)
     points = faces.points[faces.corners[representative]]
     arrays = [points, *(value.data[value.index[representative]] for value in values)]
     return vertex, [np.ascontiguousarray(array, np.float32) for array in arrays]
+
+
+def _ranks(keys: I64) -> I64:
+    return np.unique(keys, return_inverse=True)[1]
+
+
+def _ranks_of_rows(data: F64) -> I64:
+    """Number the rows of a table, shape (K, W), W over 1, so that equal rows, as float32, have equal numbers."""
+    plain = np.ascontiguousarray(data, np.float32) + np.float32(0.0)  # -0.0 is 0.0
+    ranks = _ranks(np.ascontiguousarray(plain[:, :2]).view(np.int64)[:, 0])
+    return ranks if plain.shape[1] == 2 else _ranks(ranks * len(plain) + _ranks(plain[:, 2]))
 
 
 def subset_faces(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, I64]]:

@@ -54,7 +54,7 @@ def face_normals(points: F64, face_counts: I64, corners: I64) -> F64:
     origin = points[corners[starts[face]]]
     here, there = points[corners] - origin, points[corners[following]] - origin
     crossed = np.cross(here, there)
-    return np.stack([np.bincount(face, crossed[:, axis], len(face_counts)) for axis in range(3)], axis=1)
+    return np.array([np.bincount(face, crossed[:, axis], len(face_counts)) for axis in range(3)], np.float64).T
 
 
 def _split(faces: F64) -> I64:
@@ -87,8 +87,8 @@ def _flatten(polygon: F64, normal: F64) -> F64:
         return polygon[:, :2]
     upright = normal / length
     first = np.cross(upright, np.eye(3)[np.argmin(abs(upright))])
-    first /= np.linalg.norm(first)
-    return np.stack([polygon @ first, polygon @ np.cross(upright, first)], axis=1)
+    axes = np.array([first, np.cross(upright, first)], np.float64) / np.linalg.norm(first)
+    return polygon @ axes.T
 
 
 def _clip_ears(polygon: F64) -> I64:

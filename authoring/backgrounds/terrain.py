@@ -5,17 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.component import Mesh
 from authoring.site import Site
-from authoring.site_covers import Cover, Soup, covered, drape, soup_of
+from authoring.site_covers import COVERS, Cover, Soup, soup_of
 from authoring.site_grid import HeightField, growing_steps, surface_normals
 from authoring.site_land import FIRST_STEP
-from authoring.site_relief import Relief, smoothstep
-from authoring.site_shape import Hills, Land, Shape
+from authoring.site_relief import Relief, draw_relief, smoothstep
+from authoring.site_shape import Hills, Land
 
 F64 = NDArray[np.float64]
 WIDEST_STEP = 30.0  # largest spacing of grid lines [m]
-INVERSIONS = 8  # rounds that find grid coordinates of a place; each shrinks the error at least threefold
+INVERSIONS = 8  # rounds that find the grid coordinates of a place; each shrinks the error about threefold
+FADE = 400.0  # distance over which the bends of the grid lines fade out [m]
+Cell = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,16 +25,18 @@ class Terrain:
 
     Attributes:
         land: The land.
+        hills: Height of the land at large.
         field: Heights over grid coordinates; in its middle lies the site.
-        inner: Lowest and highest station and left of the site [m].
+        inner: Lowest and highest station, lowest and highest left of the site [m].
     """
 
     land: Land
+    hills: Hills
     field: HeightField
-    inner: tuple[float, float, float, float]
+    inner: Cell
 
     def height(self, station: F64, left: F64) -> F64:
-        """Find ground heights, exact along the site, the river and the roads, within a few centimetres elsewhere.
+        """Find ground heights: exact on the site and along river and roads, to a few centimetres elsewhere.
 
         Args:
             station: Distance along the axis [m], shape (N,), float64.
@@ -42,14 +45,44 @@ class Terrain:
         Returns:
             World heights [m], shape (N,), float64.
         """
-        column, row = station.copy(), left.copy()
+        column, row = station, left
         for _ in range(INVERSIONS):
-            shift, aside = _bend(self.land, self.inner, column, row)
+            shift, aside = _bends(self.land, self.inner, column, row)
             column, row = station - shift, left - aside
         return self.field(column, row)
 
+    def beyond(self, station: F64, left: F64) -> F64:
+        """Measure the distance to the site, 0 inside it [m], same shape, float64."""
+        return distance_beyond(self.inner, station, left)
 
-def grow_terrain(site: Site, hills: Hills, reach: float) -> tuple[Terrain, F64, NDArray[np.int64]]:
+    def soup(self, extra: tuple[tuple[Cover, F64], ...]) -> Soup:
+        """Gather the triangles outside the site.
+
+        Args:
+            extra: Further covers that yield to the site's own, with their fields at the nodes [m], each (S, L).
+
+        Returns:
+            The triangles with their covers.
+        """
+        station, left = self.nodes()
+        nodes = np.stack([station, left, self.field.heights], axis=-1).reshape(-1, 3)
+        faces = self.field.triangles()
+        normals = surface_normals(nodes, faces)
+        shape = self.land.shape(station, left, self.hills)
+        shape.covers["patch"] = shape.covers["patch"] - 0.2 * self.beyond(station, left)  # too small for far cells
+        shape.covers.update({cover.name: values for cover, values in extra})
+        first, last, low, high = self.inner
+        columns, rows = self.field.stations[:-1], self.field.lefts[:-1]
+        outside = ((columns < first) | (columns >= last))[:, None] | ((rows < low) | (rows >= high))[None, :]
+        covers = (*COVERS[:-1], *(cover for cover, _ in extra), COVERS[-1])
+        return soup_of(nodes, normals, faces[np.repeat(outside.reshape(-1), 2)], shape, covers)
+
+    def nodes(self) -> tuple[F64, F64]:
+        """Find the stations and lefts of the nodes [m], each of shape (S, L), float64."""
+        return _bent_nodes(self.land, self.inner, self.field.stations, self.field.lefts)
+
+
+def grow_terrain(site: Site, hills: Hills, reach: float) -> Terrain:
     """Extend the site's grid outwards.
 
     Args:
@@ -58,19 +91,85 @@ def grow_terrain(site: Site, hills: Hills, reach: float) -> tuple[Terrain, F64, 
         reach: Distance of the terrain's border from the site's [m].
 
     Returns:
-        The terrain; its nodes in bridge coordinates [m], shape (V, 3), float64; and the triangles outside the
-        site, shape (T, 3), int64.
+        The terrain.
     """
-    lines = [_outward(line, reach) for line in (site.field.stations, site.field.lefts)]
-    inner = (*site.field.stations[[0, -1]].tolist(), *site.field.lefts[[0, -1]].tolist())
-    column, row = np.meshgrid(*lines, indexing="ij")
-    shift, aside = _bend(site.land, inner, column, row)
-    station, left = column + shift, row + aside
-    height = np.round(site.land.shape(station, left, hills).height, 4)
-    rows, columns = ((len(line) - len(own)) // 2 for line, own in zip(lines, site.field_lines, strict=True))
-    height[rows:-rows, columns:-columns] = site.field.heights
-    field = HeightField(lines[0], lines[1], height)
-    outside = np.ones((len(lines[0]) - 1, len(lines[1]) - 1), bool)
-    outside[rows:-rows, columns:-columns] = False
-    nodes = np.stack([station, left, height], axis=-1).reshape(-1, 3)
-    return Terrain(site.land, field, inner), nodes, field.triangles()[np.repeat(outside.reshape(-1), 2)]
+    own = site.field
+    stations, lefts = (_outward(line, reach) for line in (own.stations, own.lefts))
+    inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
+    station, left = _bent_nodes(site.land, inner, stations, lefts)
+    heights = np.round(site.land.shape(station, left, hills).height, 4)
+    column, row = np.searchsorted(stations, inner[0]), np.searchsorted(lefts, inner[2])
+    heights[column : column + len(own.stations), row : row + len(own.lefts)] = own.heights
+    return Terrain(site.land, hills, HeightField(stations, lefts, heights), inner)
+
+
+def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generator) -> Hills:
+    """Draw hills that spare the site, the river's valley and, in part, the roads.
+
+    Args:
+        land: The land.
+        inner: Lowest and highest station, lowest and highest left of the site [m].
+        height: Typical height of the far hills [m].
+        rng: Random stream.
+
+    Returns:
+        Height of the land at large at any place [m].
+    """
+    broad: Relief = draw_relief(((620.0, 1.0), (270.0, 0.33)), rng)
+    small: Relief = draw_relief(((120.0, 1.6), (45.0, 0.5)), rng)
+
+    def hills(station: F64, left: F64) -> F64:
+        away = distance_beyond(inner, station, left)
+        stream = np.abs(station - land.crossing.centre(left))
+        low, high = (30.0, 220.0) if land.crossing.kind == "road" else (45.0, 260.0)
+        floor = 0.2 if land.crossing.kind == "road" else 0.0
+        valley = floor + (1.0 - floor) * smoothstep(low, high, stream)
+        for approach in land.approaches:
+            aside = np.abs(left - approach.centre(station))
+            along = smoothstep(-80.0, 0.0, approach.along(station))
+            valley = valley * (1.0 - 0.8 * along * (1.0 - smoothstep(25.0, 220.0, aside)))
+        tall = height * (0.45 + 0.9 * broad(station, left)) * (0.35 + 0.65 * smoothstep(150.0, 800.0, away))
+        rise = 0.5 * (tall + np.sqrt(tall * tall + 40.0)) + small(station, left)
+        return smoothstep(FIRST_STEP + 4.0, 170.0, away) * valley * rise
+
+    return hills
+
+
+def distance_beyond(inner: Cell, station: F64, left: F64) -> F64:
+    """Measure the distance of places to a rectangle.
+
+    Args:
+        inner: Lowest and highest station, lowest and highest left of the rectangle [m].
+        station: Distance along the axis [m], any shape, float64.
+        left: Distance to the left of the axis [m], the same shape, float64.
+
+    Returns:
+        Distances, 0 inside [m], the same shape, float64.
+    """
+    first, last, low, high = inner
+    return np.hypot(
+        np.maximum(np.maximum(first - station, station - last), 0.0),
+        np.maximum(np.maximum(low - left, left - high), 0.0),
+    )
+
+
+def _outward(line: F64, reach: float) -> F64:
+    steps = np.concatenate([[0.0], growing_steps(reach - FIRST_STEP, FIRST_STEP, WIDEST_STEP)]) + FIRST_STEP
+    return np.concatenate([line[0] - steps[::-1], line, line[-1] + steps])
+
+
+def _bent_nodes(land: Land, inner: Cell, stations: F64, lefts: F64) -> tuple[F64, F64]:
+    column, row = np.meshgrid(stations, lefts, indexing="ij")
+    shift, aside = _bends(land, inner, column, row)
+    return column + shift, row + aside
+
+
+def _bends(land: Land, inner: Cell, column: F64, row: F64) -> tuple[F64, F64]:
+    """Find how far grid lines are shifted, so that the river keeps to its columns and the roads to their rows."""
+    first, last, low, high = inner
+    crossing = land.crossing
+    near = 1.0 - smoothstep(0.0, FADE, np.maximum(np.maximum(first - column, column - last), 0.0))
+    shift = near * (crossing.centre(row) - crossing.centre(np.clip(row, low, high)))
+    near = 1.0 - smoothstep(0.0, FADE, np.maximum(np.maximum(low - row, row - high), 0.0))
+    before, behind = land.approaches
+    return shift, near * (before.centre(column) + behind.centre(column))

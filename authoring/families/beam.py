@@ -32,7 +32,9 @@ class BeamSettings(Settings):
     """A concrete beam bridge; what is left out is drawn."""
 
     spans: tuple[float, ...] = Field(
-        (18.0, 22.0), max_length=8, description="Bearing line to bearing line [m], 6 to 60 each; empty: drawn, 12 to 30"
+        default=(18.0, 22.0),
+        max_length=8,
+        description="Bearing line to bearing line [m], 6 to 60 each; empty: drawn, 12 to 30",
     )
     span_count: int | None = drawn(1, 4, "Number of spans where they are drawn [1]", le=8)
     slab: float | None = drawn(0.20, 0.25, "Deck slab [m]", ge=0.15, le=0.40)

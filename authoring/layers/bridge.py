@@ -6,14 +6,14 @@ from authoring.layers.layer import add_sublayers, new_layer, new_stage
 from groundwork.canonical import canonical_json
 
 
-def bridge_layer(family: str, spans: tuple[float, ...], width: float, drawn: object, looks: dict[str, str]) -> Sdf.Layer:
+def bridge_layer(family: str, spans: tuple[float, ...], width: float, drawn: dict[str, object], looks: dict[str, str]) -> Sdf.Layer:
     """Author the interface layer of the bridge: facts, the variant set `look`, and the payload.
 
     Args:
         family: Bridge family.
         spans: Span lengths along the axis [m].
         width: Deck width [m].
-        drawn: Every drawn parameter, with a canonical JSON form.
+        drawn: Every drawn parameter as JSON.
         looks: File of each look, relative to this layer; the first is selected.
 
     Returns:

@@ -1,6 +1,7 @@
 """Bake surfaces and looks into texture files: sheets, the shared fine detail, and the macro texture of a bridge."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,8 +12,9 @@ from pydantic import Field
 from authoring.component import Component, Scatter
 from authoring.looks.material import MaterialRecipe
 from authoring.looks.noise import F32, Tile, fractal, snap
-from authoring.looks.recipes import DETAIL_PERIODS, RECIPES, Recipe
-from authoring.looks.roles import LOOKS
+from authoring.looks.recipes import DETAIL_PERIODS, RECIPES
+from authoring.looks.roles import AGES, LOOKS
+from authoring.looks.weathering import ground_patches, weather
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
 from groundwork.settings import Settings
@@ -59,9 +61,10 @@ def bake_look(
     used = set(_roles(components))
     baked: dict[str, MaterialRecipe] = {}
     for surface in dict.fromkeys(s for role, s in LOOKS[name].items() if role in used):
-        word = list(RECIPES).index(surface)
+        word = int.from_bytes(surface.encode(), "little")
         baked[surface] = bake_surface(surface, folder, np.random.default_rng([seed, word]), settings.texels)
-    return {role: baked[surface] for role, surface in LOOKS[name].items() if role in used}
+    macro = _bake_macro(settings, name, folder, components, np.random.default_rng([seed, 0]))
+    return {role: replace(baked[s], macro_file=macro) for role, s in LOOKS[name].items() if role in used}
 
 
 def bake_surface(name: str, folder: Path, rng: np.random.Generator, texels: int = 1024) -> MaterialRecipe:
@@ -80,25 +83,49 @@ def bake_surface(name: str, folder: Path, rng: np.random.Generator, texels: int 
         raise InputError("unknown surface", field="role", value=name, allowed=", ".join(RECIPES))
     recipe = RECIPES[name]
     sheet = recipe.draw(Tile(texels, recipe.metres, rng))
-    textures = folder / "textures"
-    textures.mkdir(parents=True, exist_ok=True)
-    coded = encode_srgb(sheet.albedo)
-    write_bytes(textures / f"{name}_albedo.png", png(coded))
-    rough = cv2.resize(encode_raw(sheet.roughness), (texels // 2, texels // 2), interpolation=cv2.INTER_NEAREST)
-    write_bytes(textures / f"{name}_roughness.png", png(rough))
-    write_bytes(textures / "detail.png", png(detail_texture()))
+    normals = encode_normals(sheet.height, recipe.metres) if recipe.relief and sheet.height is not None else None
+    patches = ground_patches(texels // 2, rng) if recipe.patchy else None
     mean = np.mean(sheet.albedo, axis=(0, 1), dtype=np.float64)
     return MaterialRecipe(
         name=name,
-        albedo_file=f"./textures/{name}_albedo.png",
+        albedo_file=_write(folder, f"{name}_albedo", encode_srgb(sheet.albedo)),
         color=(round(float(mean[0]), 4), round(float(mean[1]), 4), round(float(mean[2]), 4)),
-        roughness_file=f"./textures/{name}_roughness.png",
+        roughness_file=_write(folder, f"{name}_roughness", encode_raw(_halved(sheet.roughness))),
         roughness=round(float(np.mean(sheet.roughness, dtype=np.float64)), 3),
+        normal_file="" if normals is None else _write(folder, f"{name}_normal", normals),
         sheet=recipe.metres,
-        detail_file="./textures/detail.png",
+        detail_file=_write(folder, "detail", detail_texture()),
         periods=DETAIL_PERIODS,
         amplitudes=recipe.detail,
+        macro_file="" if patches is None else _write(folder, f"{name}_macro", encode_raw(patches / 2)),
     )
+
+
+def _bake_macro(
+    settings: LookSettings,
+    name: str,
+    folder: Path,
+    components: Iterable[Component | Scatter],
+    rng: np.random.Generator,
+) -> str:
+    charted = [item for item in components if isinstance(item, Component) and len(item.mesh.st1)]
+    if not charted:
+        return ""
+    age = AGES[name]
+    # What is nearly even needs no finer texture than its tones.
+    pixels = 2 * settings.texels if age > 0.5 else settings.texels
+    return _write(folder, "macro", encode_raw(weather(charted, pixels, age, rng) / 2))
+
+
+def _write(folder: Path, name: str, image: U8) -> str:
+    textures = folder / "textures"
+    textures.mkdir(parents=True, exist_ok=True)
+    write_bytes(textures / f"{name}.png", png(image))
+    return f"./textures/{name}.png"
+
+
+def _halved(field: F32) -> F32:
+    return (field[::2, ::2] + field[1::2, ::2] + field[::2, 1::2] + field[1::2, 1::2]) * np.float32(0.25)
 
 
 def detail_texture() -> U8:
@@ -137,6 +164,24 @@ def encode_raw(values: F32) -> U8:
         The same shape, uint8.
     """
     return np.clip(values * np.float32(255) + np.float32(0.5), 0, 255).astype(np.uint8)
+
+
+def encode_normals(height: F32, metres: float) -> U8:
+    """Turn relief into tangent-space normals at half the resolution: red along u, green along v (up the image).
+
+    Args:
+        height: Relief [m], shape (H, W), float32.
+        metres: Length of the sheet's sides [m].
+
+    Returns:
+        (n + 1) / 2, shape (H / 2, W / 2, 3), uint8.
+    """
+    half = _halved(height)
+    run = np.float32(2 * metres / len(half))
+    along = (np.roll(half, 1, 1) - np.roll(half, -1, 1)) / run
+    up = (np.roll(half, -1, 0) - np.roll(half, 1, 0)) / run
+    length = np.sqrt(along * along + up * up + 1)
+    return encode_raw(np.stack([along / length, up / length, 1 / length], axis=-1) * np.float32(0.5) + np.float32(0.5))
 
 
 def png(image: U8) -> bytes:

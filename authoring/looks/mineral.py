@@ -20,7 +20,7 @@ def concrete_skin(tile: Tile, age: float) -> tuple[F32, F32]:
     Returns:
         Tone [1] around 1, and pores (1 inside), each of shape (H, W), float32.
     """
-    clouds = fractal(tile, 2.0, 0.12)
+    clouds = fractal(tile, 1.2, 0.12)
     grain = fractal(tile, 0.16, 0.012, slope=0.55)
     sand = fractal(tile, 0.03, slope=0.0)
     tone = 1 + (0.045 + 0.055 * age) * clouds + (0.045 + 0.055 * age) * grain + (0.03 + 0.03 * age) * sand
@@ -103,17 +103,19 @@ def asphalt(tile: Tile, age: float) -> Sheet:
         tile: Where it repeats.
         age: 0 for newly laid, 1 for decades of traffic [1].
     """
-    stones = cells(tile, 0.016)
+    stones = cells(tile, 0.017)
     own = per_cell(tile, stones)
-    bare = ramp(stones.near, 0.50, 0.30) * ramp(fractal(tile, 1.6, 0.04), -1.6, 1.0) * (0.35 + 0.65 * age)
-    tone = 1 + 0.14 * fractal(tile, 2.5, 0.15) + 0.12 * fractal(tile, 0.15, 0.012, slope=0.4)
-    albedo = paint((0.062, 0.061, 0.060), tone)
-    albedo = cover(albedo, bare * 0.85, paint((0.125, 0.122, 0.116), 0.45 + 1.1 * own * own))
-    oil = ramp(fractal(tile, 0.7, 0.08), 1.5, 2.6)
-    albedo = cover(albedo, 0.6 * oil, (0.030, 0.029, 0.028))
+    bare = ramp(stones.near, 0.50, 0.30) * ramp(fractal(tile, 0.9, 0.04), -1.8, 0.8) * (0.35 + 0.65 * age)
+    tone = 1 + 0.10 * fractal(tile, 1.2, 0.15) + (0.12 + 0.08 * age) * fractal(tile, 0.20, 0.012, slope=0.5)
+    albedo = paint((0.066, 0.065, 0.063), tone)
+    albedo = cover(albedo, bare * 0.85, paint((0.150, 0.146, 0.138), 0.35 + 1.2 * own * own))
+    worn = ramp(fractal(tile, 0.30, 0.04), 0.9, 2.2)
+    albedo = cover(albedo, (0.15 + 0.50 * age) * worn, paint((0.175, 0.170, 0.158), tone))
+    oil = np.maximum(ramp(fractal(tile, 0.4, 0.05), 1.3, 2.2), spots(tile, 0.5, 0.05, 0.25))
+    albedo = cover(albedo, (0.3 + 0.35 * age) * oil, (0.026, 0.025, 0.024))
     albedo = _cracked(tile, albedo, age)
     relief = 0.004 * ramp(stones.near, 0.5, 0.1) * own
-    return Sheet(albedo, np.clip(0.90 - 0.35 * oil, 0.3, 1).astype(np.float32), relief)
+    return Sheet(albedo, np.clip(0.90 - 0.25 * oil, 0.3, 1).astype(np.float32), relief)
 
 
 def plaster(tile: Tile, color: Color) -> Sheet:
@@ -169,16 +171,17 @@ def rock(tile: Tile) -> Sheet:
     Args:
         tile: Where it repeats.
     """
-    beds = fractal(tile, 1.0, 0.03, stretch=(3.0, 1.0))
-    facets, chips = cells(tile, 0.42, stretch=1.7, jitter=1.0), cells(tile, 0.13, stretch=1.4, jitter=1.0)
+    beds = fractal(tile, 1.0, 0.05, stretch=(1.8, 1.0))
+    facets, chips = cells(tile, 0.38, stretch=1.5, jitter=1.0), cells(tile, 0.11, stretch=1.3, jitter=1.0)
     grain = fractal(tile, 0.06, slope=0.4)
-    fissure = ramp(np.abs(fractal(tile, 1.2, 0.02, slope=1.4, stretch=(1.8, 1.0))), 0.10, 0.02)
-    fissure = fissure * ramp(fractal(tile, 1.0, 0.1), -0.4, 0.9)
-    shades = 0.24 * (per_cell(tile, facets) - 0.5) + 0.26 * (per_cell(tile, chips) - 0.5)
-    albedo = paint((0.235, 0.218, 0.190), (1 + shades + 0.11 * beds + 0.10 * grain) * (1 - 0.55 * fissure))
-    albedo = cover(albedo, 0.5 * ramp(beds, 0.9, 2.4), (0.27, 0.215, 0.155))
-    albedo = cover(albedo, 0.5 * ramp(fractal(tile, 0.5, 0.02), 1.1, 2.2), (0.29, 0.29, 0.215))
-    return Sheet(albedo, 0.93 + 0.02 * grain, 0.02 * beds - 0.03 * fissure + 0.05 * shades)
+    ridges = np.abs(fractal(tile, 0.5, 0.012, slope=1.0)) - np.float32(0.8)
+    fissure = ramp(np.abs(fractal(tile, 1.2, 0.012, slope=1.3, stretch=(1.5, 1.0))), 0.07, 0.015)
+    fissure = fissure * ramp(fractal(tile, 1.0, 0.1), -0.6, 0.5)
+    shades = 0.30 * (per_cell(tile, facets) - 0.5) + 0.30 * (per_cell(tile, chips) - 0.5)
+    tone = (1 + shades + 0.05 * beds + 0.22 * ridges + 0.09 * grain) * (1 - 0.6 * fissure)
+    albedo = cover(paint((0.235, 0.218, 0.190), tone), 0.45 * ramp(beds, 0.8, 2.4), (0.25, 0.20, 0.15))
+    albedo = cover(albedo, 0.55 * ramp(fractal(tile, 0.4, 0.02), 1.1, 1.9), (0.30, 0.30, 0.225))
+    return Sheet(albedo, 0.93 + 0.02 * grain, 0.02 * ridges - 0.03 * fissure + 0.05 * shades)
 
 
 def stones(tile: Tile, pitch: float, color: Color, bed: Color) -> Sheet:
@@ -228,11 +231,13 @@ def _stained(tile: Tile, albedo: F32, age: float) -> F32:
     """Soot in patches and drawn-out drips, and a little lime."""
     if age <= 0:
         return albedo
-    damp = ramp(fractal(tile, 1.8, 0.03), 0.4, 2.6)
-    drips = ramp(fractal(tile, 0.5, 0.015, stretch=(1.0, 6.2)), 1.0, 2.6)
-    stained = cover(albedo, np.float32(age) * np.minimum(0.45 * damp + 0.28 * drips, 0.7), _SOOT)
-    lime = ramp(fractal(tile, 0.7, 0.02), 1.8, 2.8)
-    return cover(stained, 0.35 * np.float32(age) * lime, _LIME)
+    years = np.float32(age)
+    damp = ramp(fractal(tile, 1.2, 0.03), 0.6, 2.6)
+    drips = ramp(fractal(tile, 0.5, 0.015, stretch=(1.0, 6.0)), 1.0, 2.6)
+    blots = np.maximum(ramp(fractal(tile, 0.45, 0.10), 1.3, 2.1), 0.8 * ramp(fractal(tile, 0.14, 0.04), 1.7, 2.4))
+    stained = cover(albedo, years * np.minimum(0.35 * damp + 0.25 * drips + 0.5 * blots, 0.75), _SOOT)
+    lime = np.maximum(ramp(fractal(tile, 0.5, 0.02), 1.8, 2.6), 0.8 * ramp(fractal(tile, 0.18, 0.05), 1.9, 2.6))
+    return cover(stained, 0.5 * years * lime, _LIME)
 
 
 def _cracked(tile: Tile, albedo: F32, amount: float) -> F32:

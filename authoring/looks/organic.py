@@ -84,11 +84,11 @@ def bark(tile: Tile) -> Sheet:
     Args:
         tile: Where it repeats.
     """
-    ridges = np.abs(fractal(tile, 0.10, 0.012, slope=0.8, stretch=(1.0, 4.0)))
+    ridges = np.abs(fractal(tile, 0.16, 0.012, slope=1.0, stretch=(1.0, 5.0)))
     cross = np.abs(fractal(tile, 0.16, 0.02, slope=0.8, stretch=(1.0, 1.2)))
     furrow = np.maximum(ramp(ridges, 0.55, 0.05), 0.7 * ramp(cross, 0.18, 0.02))
     grain = fractal(tile, 0.06, 0.005, slope=0.5, stretch=(1.0, 3.0))
-    tone = (1 + 0.16 * grain + 0.10 * fractal(tile, 0.5, 0.05)) * (1 - 0.62 * furrow)
+    tone = (1.05 + 0.14 * grain + 0.10 * fractal(tile, 0.5, 0.05)) * (1 - 0.62 * furrow)
     albedo = paint((0.165, 0.132, 0.098), tone)
     albedo = cover(albedo, 0.5 * ramp(fractal(tile, 0.6, 0.02), 0.8, 2.0), (0.12, 0.135, 0.07))
     return Sheet(albedo, 0.94 + 0.01 * grain, 0.014 * (1 - furrow))

@@ -28,3 +28,5 @@ LOOKS: dict[str, dict[str, str]] = {
     "weathered": {role: _WEATHERED[role] for role in ROLES},
     "clean": {role: name if (name := _WEATHERED[role]) in _AGELESS else f"{name}_clean" for role in ROLES},
 }
+
+AGES = {"weathered": 1.0, "clean": 0.15}  # how far the weather has come in each look, 0 to 1

@@ -23,7 +23,7 @@ class AbutmentSettings(Settings):
     """Walls of both abutments; what is left out is drawn."""
 
     seat_margin: float | None = drawn(0.15, 0.30, "Seat in front of the plinths [m]", ge=0.05, le=1.0)
-    wing_length: float | None = drawn(3.0, 6.0, "Wing walls behind the wall [m]", ge=1.0, le=12.0)
+    wing_length: float | None = drawn(6.0, 7.0, "Wing walls behind the wall [m]", le=12.0)
     wing_thickness: float | None = drawn(0.45, 0.60, "Thickness of the wing walls [m]", ge=0.45, le=1.2)
     founding: float | None = drawn(0.5, 1.0, "Walls below the lowest ground at them [m]", ge=0.3, le=3.0)
     chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05)
@@ -129,7 +129,8 @@ def _backwall_part(
     half = 0.5 * width - _SIDE_STEP
     surface = prism(outline, -half, half, "left", level)
     size: dict[str, object] = {
-        "length": 2.0 * half, "thickness": ends[1] - ends[0], "height": -levels.surfacing - levels.seat, "support": support,
+        "length": 2.0 * half, "thickness": ends[1] - ends[0], "height": -levels.surfacing - levels.seat,
+        "support": support,
     }  # fmt: skip
     return Part(f"Abutment_{support:03d}_Backwall", "backwall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size)
 

@@ -93,17 +93,11 @@ def bearing_parts(
                 where = f"{span:03d}_{end}_{number:02d}"
                 facts: dict[str, object] = {"span": span, "support": span + end, "line": number}
                 pad = _block(station, line, b.pad_length, b.pad_width, pad_low, pad_high, place, 0.006)
-                size: dict[str, object] = {"width": b.pad_width, "length": b.pad_length, "height": b.pad_height}
-                parts.append(
-                    Part(f"Bearing_{where}", "bearing_pad", "Role_BearingRubber", SUBSTRUCTURE, pad, {**size, **facts})
-                )
+                size = {"width": b.pad_width, "length": b.pad_length, "height": b.pad_height, **facts}
+                parts.append(Part(f"Bearing_{where}", "bearing_pad", "Role_BearingRubber", SUBSTRUCTURE, pad, size))
                 plinth = _block(station, line, b.plinth_length, b.plinth_width, plinth_low, plinth_high, place, 0.015)
-                size = {"width": b.plinth_width, "length": b.plinth_length, "height": b.plinth_height}
-                parts.append(
-                    Part(
-                        f"Plinth_{where}", "bearing_plinth", "Role_CapConcrete", SUBSTRUCTURE, plinth, {**size, **facts}
-                    )
-                )
+                size = {"width": b.plinth_width, "length": b.plinth_length, "height": b.plinth_height, **facts}
+                parts.append(Part(f"Plinth_{where}", "bearing_plinth", "Role_CapConcrete", SUBSTRUCTURE, plinth, size))
     return parts
 
 

@@ -24,9 +24,13 @@ _MIN_CANTILEVER, _MAX_CANTILEVER = 0.6, 1.2  # [m]
 class GirderSettings(Settings):
     """Concrete girders; what is left out is drawn."""
 
-    shape: Literal["i", "t"] | None = Field(None, description="Section: precast I girder or T stem; drawn 60 : 40")
+    shape: Literal["i", "t"] | None = Field(
+        default=None, description="Section: precast I girder or T stem; drawn 60 : 40"
+    )
     slenderness: float | None = drawn(16.0, 22.0, "Longest span over girder depth [1]", ge=10.0, le=30.0)
-    count: int | None = Field(None, ge=2, le=20, description="Girder lines; drawn so that they lie 1.8 to 3.0 m apart")
+    count: int | None = Field(
+        default=None, ge=2, le=20, description="Girder lines; drawn so that they lie 1.8 to 3.0 m apart"
+    )
     spacing: float | None = drawn(2.0, 2.8, "Target distance between girder lines [m]", ge=1.8, le=3.0)
     top_width: float | None = drawn(0.45, 0.70, "Width of an I girder's top flange [m]", le=1.2)
     bottom_width: float | None = drawn(0.50, 0.66, "Width of an I girder's bottom flange [m]", le=1.0)
@@ -106,7 +110,7 @@ def _draw_lines(settings: GirderSettings, width: float, rng: np.random.Generator
         else:
             raise InputError(
                 f"{count} girder lines cannot carry a deck {width:.2f} m wide", field="bridge.beam.girder.count",
-                allowed=f"lines {_MIN_SPACING} to {_MAX_SPACING} m apart, {_MIN_CANTILEVER} to {_MAX_CANTILEVER} m from the edge",
+                allowed=f"{_MIN_SPACING} to {_MAX_SPACING} m apart, {_MIN_CANTILEVER} to {_MAX_CANTILEVER} m from an edge",
                 mend="Leave it out, or change the lanes",
             )  # fmt: skip
     cantilever = least + share * (most - least)
@@ -238,7 +242,7 @@ def diaphragm_parts(girders: Girders, spans: Spans, levels: Levels, place: Align
     for span in range(spans.count):
         for end, station in enumerate(spans.bearing_lines(span)):
             for bay, (first, second) in enumerate(zip(girders.lines[:-1], girders.lines[1:], strict=True)):
-                outline = diaphragm_outline(girders, first, second) + (0.0, levels.girder_soffit)
+                outline = diaphragm_outline(girders, first, second) + np.array([0.0, levels.girder_soffit])
                 half = 0.5 * girders.diaphragm
                 surface = prism(outline, station - half, station + half, "station", place)
                 parameters: dict[str, object] = {

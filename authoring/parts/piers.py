@@ -28,8 +28,10 @@ _COLUMN_PITCH = 7.0  # [m] no two columns stand further apart
 class PierSettings(Settings):
     """Caps, columns and footings; what is left out is drawn."""
 
-    columns: int | None = Field(None, ge=1, le=5, description="Columns of a pier; drawn by the deck's width")
-    column_shape: Literal["round", "rectangular"] | None = Field(None, description="Column section; drawn 65 : 35")
+    columns: int | None = Field(default=None, ge=1, le=5, description="Columns of a pier; drawn by the deck's width")
+    column_shape: Literal["round", "rectangular"] | None = Field(
+        default=None, description="Column section; drawn 65 : 35"
+    )
     diameter: float | None = drawn(0.9, 1.3, "Diameter of each of several columns [m]", ge=0.6, le=2.4)
     hammerhead_diameter: float | None = drawn(1.3, 1.8, "Diameter of a single column [m]", ge=0.9, le=3.0)
     cap_margin: float | None = drawn(0.15, 0.35, "Cap beyond the outer plinth [m]", ge=0.05, le=1.0)
@@ -182,7 +184,7 @@ def _column_parts(piers: Piers, support: int, station: float, low: float, high: 
     parts = []
     for number, line in enumerate(piers.column_lines):
         if piers.column_shape == "round":
-            outline = circle(piers.column_width, SIDES) + (station, line)
+            outline = circle(piers.column_width, SIDES) + np.array([station, line])
         else:
             half = 0.5 * np.array([piers.column_length, piers.column_width])
             outline = rectangle((station - half[0], line - half[1]), (station + half[0], line + half[1]))

@@ -23,10 +23,10 @@ _SHORTEST_DASH = 0.4  # [m]
 class RoadwaySettings(Settings):
     """Cross-section of a road deck, the same on both sides; what is left out is drawn."""
 
-    lanes: int | None = Field(None, ge=1, le=6, description="Traffic lanes; drawn, mostly 2 or 4")
+    lanes: int | None = Field(default=None, ge=1, le=6, description="Traffic lanes; drawn, mostly 2 or 4")
     lane_width: float | None = drawn(3.0, 3.75, "Width of a lane [m]", ge=2.5, le=4.5)
     shoulder: float | None = drawn(0.3, 1.5, "From the edge line to the kerb [m]", ge=0.0, le=3.0)
-    footway: bool | None = Field(None, description="Footways on both sides; drawn, half of the time")
+    footway: bool | None = Field(default=None, description="Footways on both sides; drawn, half of the time")
     footway_width: float | None = drawn(1.5, 2.2, "Footway without its kerb [m]", ge=0.8, le=4.0)
     kerb_width: float | None = drawn(0.15, 0.20, "Kerb beside a footway [m]", ge=0.10, le=0.40)
     verge_width: float | None = drawn(0.35, 0.60, "Raised verge where there is no footway [m]", ge=0.20, le=1.0)

@@ -2,12 +2,16 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from usd_schemas.pinhole import look_at
 
 F64 = NDArray[np.float64]
 
 END_PULL = 10.0  # [m] by which a camera at the end of a long bridge looks inwards
+STEADINESS = 1.0  # [images] over which the gaze is smoothed
+RISE = 3.0  # [m] over the bearings at which cameras begin to look for them
+PULL = 0.8  # share of the turn towards a bearing line [1]
 ACROSS, UPWARDS = 0.4, 0.3  # sizes of the box that cameras beside a long bridge look at [1]
 
 
@@ -41,6 +45,33 @@ def along_axis(offsets: F64) -> F64:
     share = offsets[:, 0] / np.abs(offsets[:, 0]).max()
     along = offsets[:, 0] - END_PULL * share * np.abs(share)
     return np.column_stack([along, offsets[:, 1] * ACROSS, offsets[:, 2] * UPWARDS])
+
+
+def drawn_to_lines(offsets: F64, targets: F64, lines: F64) -> F64:
+    """Let low cameras look back at the bearing line that they passed last, which a square view leaves out of the frame.
+
+    On the other side of the bridge the flight passes the lines the other way, so that each is seen from both of its
+    sides, and no camera has to swing from the line behind to the line ahead.
+
+    Args:
+        offsets: Camera centres of a closed flight in the axes of the box [m], shape (N, 3), float64.
+        targets: Points of interest without the turn [m], shape (N, 3), float64.
+        lines: Distance along the box and height of each line, in order [m], shape (L, 2), float64.
+
+    Returns:
+        Points of interest [m], shape (N, 3), float64.
+    """
+    if len(lines) < 2:
+        return targets
+    along = offsets[:, 0]
+    forwards = np.roll(along, -1) - np.roll(along, 1) > 0
+    bay = np.searchsorted(lines[:, 0], along, side="right")  # the number of lines that lie before the camera
+    passed = lines[np.clip(np.where(forwards, bay - 1, bay), 0, len(lines) - 1)]
+    inside = (bay > 0) & (bay < len(lines))
+    low = np.clip((passed[:, 1] + RISE - offsets[:, 2]) / RISE, 0.0, 1.0) * inside
+    aimed = np.column_stack([passed[:, 0], targets[:, 1], passed[:, 1]])
+    turned = targets + PULL * low[:, None] * (aimed - targets)
+    return gaussian_filter1d(turned, STEADINESS, axis=0, mode="wrap")
 
 
 def aim(positions: F64, targets: F64) -> F64:

@@ -48,9 +48,10 @@ def neighbour_overlap(path: CameraPath, subject: Subject) -> F64:
         points = _look(path.calibration, pose, subject)[0]
         other = path.poses[(row + 1) % len(path.poses)]
         pixels, depth = project(points, path.calibration, other)
-        framed = (depth > 0) & (pixels >= 0).all(axis=1) & (pixels < [path.calibration.width, path.calibration.height]).all(axis=1)
+        inside = (pixels >= 0) & (pixels < [path.calibration.width, path.calibration.height])
+        framed = (depth > 0) & inside.all(axis=1)
         rays = points[framed] - other[:3, 3]
-        reach = np.asarray(subject.obstacles.cast(np.broadcast_to(other[:3, 3], rays.shape), rays)[0], np.float64)
+        reach, _, _ = subject.obstacles.cast(np.broadcast_to(other[:3, 3], rays.shape), rays)
         shares[row] = (reach > 0.99).sum() / max(len(points), 1)
     return shares
 
@@ -76,4 +77,4 @@ def _look(camera: Pinhole, pose: F64, subject: Subject) -> tuple[F64, I64]:
     origins = np.broadcast_to(pose[:3, 3], directions.shape)
     reach, _, ids = subject.obstacles.cast(origins, directions)
     hit = np.isfinite(reach)
-    return origins[hit] + directions[hit] * np.asarray(reach, np.float64)[hit, None], np.asarray(ids, np.int64)[hit]
+    return origins[hit] + directions[hit] * reach[hit, None], ids[hit].astype(np.int64)

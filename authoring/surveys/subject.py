@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.component import Component, Mesh, Scatter, triangle_corners, triangles
+from usd_schemas.components import class_of
 from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
@@ -19,13 +20,17 @@ class Subject:
     Attributes:
         bridge: Corner positions of the bridge's triangles [m], shape (T, 3, 3), float64.
         bridge_ids: Instance id of each of them, shape (T,), int32.
+        seats: Middle of each bearing [m], shape (S, 3), float64: what is small and hides under the deck.
         obstacles: Bridge and site, for distances and lines of sight.
+        obstacle_ids: Instance id of each of their triangles, shape (T,), int32.
         ground: Site alone, for heights.
     """
 
     bridge: F64
     bridge_ids: I32
+    seats: F64
     obstacles: RayScene
+    obstacle_ids: I32
     ground: RayScene
 
     def ground_height(self, plan: F64) -> F64:
@@ -35,12 +40,13 @@ class Subject:
             plan: Positions in plan [m], shape (N, 2), float64.
 
         Returns:
-            Heights [m], shape (N,), float64; -inf where the site has ended.
+            Heights to the centimetre [m], shape (N,), float64; -inf where the site has ended.
         """
         top = 1000.0
         origins = np.column_stack([plan, np.full(len(plan), top)])
-        distance = np.asarray(self.ground.cast(origins, np.tile([0.0, 0.0, -1.0], (len(plan), 1)))[0], np.float64)
-        return np.where(np.isfinite(distance), top - distance, -np.inf)
+        distance, _, _ = self.ground.cast(origins, np.tile([0.0, 0.0, -1.0], (len(plan), 1)))
+        # The ray caster's last digits depend on the CPU; no camera may.
+        return np.where(np.isfinite(distance), np.round(top - distance, 2), -np.inf)
 
     def clearance(self, positions: F64) -> F64:
         """Find the distance to the nearest surface of bridge or site.
@@ -51,7 +57,7 @@ class Subject:
         Returns:
             Distances [m], shape (N,), float64.
         """
-        return np.asarray(self.obstacles.distance(positions)[0], np.float64)
+        return self.obstacles.distance(positions)[0]
 
 
 def make_subject(bridge: tuple[Component | Scatter, ...], site: tuple[Component | Scatter, ...]) -> Subject:
@@ -63,8 +69,14 @@ def make_subject(bridge: tuple[Component | Scatter, ...], site: tuple[Component 
     """
     corners, ids = piece_corners(bridge)
     site_corners, site_ids = piece_corners(site)
-    both = RayScene(np.concatenate([corners, site_corners]), np.concatenate([ids, site_ids]))
-    return Subject(corners, ids, both, RayScene(site_corners, site_ids))
+    both = np.concatenate([ids, site_ids])
+    obstacles = RayScene(np.concatenate([corners, site_corners]), both.astype(np.uint32))
+    seats = [
+        (piece.mesh.points.min(axis=0) + piece.mesh.points.max(axis=0)) / 2
+        for piece in bridge
+        if isinstance(piece, Component) and class_of(piece.kind) == "bearing"
+    ]
+    return Subject(corners, ids, np.array(seats).reshape(-1, 3), obstacles, both, RayScene(site_corners, site_ids.astype(np.uint32)))
 
 
 def piece_corners(pieces: tuple[Component | Scatter, ...]) -> tuple[F64, I32]:

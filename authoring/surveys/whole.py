@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from authoring.surveys.box import OrientedBox, oriented_box
-from authoring.surveys.gaze import aim, along_axis, inner_box
+from authoring.surveys.gaze import aim, along_axis, drawn_to_lines, inner_box
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import Subject
 from groundwork.errors import InputError
@@ -13,7 +13,11 @@ from groundwork.errors import InputError
 F64 = NDArray[np.float64]
 
 STEP = 0.25  # [m] between the points of the route before images are placed on it
-DIP_LENGTH = 26.0  # [m] of the side of a bridge for one dive under the deck
+DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
+DIVE = 26.0  # [m] of the side of a bridge without bearings for one dive
+LINGER = 1.5
+BEHIND = 2.0  # [m] behind the bearings of an abutment where the first dive begins
+SAME_LINE = 3.0  # [m] along the bridge within which bearings belong to one line
 BEYOND = (1.0, 2.5)  # [m] past the ends of the bridge
 POINTS_OF_INTEREST = {"box50": inner_box, "axis": along_axis}
 
@@ -37,23 +41,38 @@ def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generat
         InputError: No way round the bridge keeps the safety distance.
     """
     box = oriented_box(subject.bridge.reshape(-1, 3))
-    route = clear_route(draw_route(settings, box, subject, rng), box, subject, settings.safety)
-    positions = place_images(route, settings.images, settings.spacing)
+    lines = bearing_lines(box.to_local(subject.seats)) if len(subject.seats) else np.zeros((0, 2))
+    route = clear_route(draw_route(settings, box, lines[:, 0], subject, rng), box, subject, settings.safety)
+    positions = np.round(place_images(route, settings.images, settings.spacing), DECIMALS)
     local = box.to_local(positions)
     middle = np.array([0.0, 0.0, (local[:, 2].min() + local[:, 2].max()) / 2])
     targets = middle + POINTS_OF_INTEREST[settings.poi](local - middle)
-    return aim(positions, box.to_world(targets))
+    if settings.poi == "axis":
+        targets = drawn_to_lines(local, targets, lines)
+    return aim(positions, np.round(box.to_world(targets), DECIMALS))
 
 
-def draw_route(settings: GlobalSettings, box: OrientedBox, subject: Subject, rng: np.random.Generator) -> F64:
-    """Draw a closed route round the extended box.
+def bearing_lines(seats: F64) -> F64:
+    """Group bearings into the lines across the bridge that they stand in; one pier makes one line.
 
-    One side of the bridge has one dive more than the other, so that what one side sees from above is seen from below
-    on the other side.
+    Args:
+        seats: Middles of the bearings in the box's axes [m], shape (S, 3), float64.
+
+    Returns:
+        Distance along the box and height of each line, in order [m], shape (L, 2), float64.
+    """
+    order = seats[np.argsort(seats[:, 0], kind="stable")]
+    groups = np.split(order, np.flatnonzero(np.diff(order[:, 0]) > SAME_LINE) + 1)
+    return np.array([group[:, [0, 2]].mean(axis=0) for group in groups])
+
+
+def draw_route(settings: GlobalSettings, box: OrientedBox, lines: F64, subject: Subject, rng: np.random.Generator) -> F64:
+    """Draw a closed route round the extended box: over the bridge at its bearing lines and ends, low along its spans.
 
     Args:
         settings: What the scenario says.
         box: The bridge's box.
+        lines: Distances of the bearing lines along the box [m], shape (L,), float64.
         subject: Bridge and site.
         rng: Stream `survey/<id>`.
 
@@ -63,14 +82,11 @@ def draw_route(settings: GlobalSettings, box: OrientedBox, subject: Subject, rng
     length = box.half[0] + rng.uniform(*BEYOND)
     width = box.half[1] + rng.uniform(*settings.stand_off)
     top = box.half[2] + rng.uniform(*settings.over_deck)
-    dives = max(1, round(2 * length / DIP_LENGTH))
-    left, right = (dives, dives + 1) if rng.random() < 0.5 else (dives + 1, dives)
     plan = _racetrack(length, width)
     plan = np.roll(plan, int(rng.integers(len(plan))), axis=0)
     if rng.random() < 0.5:
         plan = plan[::-1]
-    progress = (plan[:, 0] + length) / (2 * length)
-    weight = 0.5 + 0.5 * np.cos(2 * np.pi * np.where(plan[:, 1] > 0, left, right) * progress)
+    weight = _wave(plan[:, 0], _dive_ends(lines, length))
     world = box.to_world(np.column_stack([plan, np.zeros(len(plan))]))
     floor = subject.ground_height(world[:, :2]) + settings.over_ground - box.center[2]
     floor = np.where(np.isfinite(floor), floor, top - 1.0)
@@ -108,7 +124,7 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
         amount = amount + 0.3 * maximum_filter1d(near.astype(float), round(2.0 / STEP) + 1, mode="wrap")
     row = int(subject.obstacles.distance(moved)[1][int(np.argmin(subject.clearance(moved)))])
     raise InputError(
-        f"no way round the bridge keeps {safety} m of distance: the instance {subject.obstacles.ids[row]} is in the way",
+        f"no way round the bridge keeps {safety} m of distance: the instance {subject.obstacle_ids[row]} is in the way",
         field="survey.safety", value=safety, mend="Lower it, or widen survey.stand_off",
     )  # fmt: skip
 
@@ -129,6 +145,21 @@ def place_images(route: F64, least: int, spacing: float) -> F64:
     count = max(least, int(np.ceil(arc[-1] / spacing)))
     stations = np.arange(count) * arc[-1] / count
     return np.column_stack([np.interp(stations, arc, closed[:, axis]) for axis in range(3)])
+
+
+def _dive_ends(lines: F64, length: float) -> F64:
+    if len(lines) < 2:
+        return np.linspace(-length, length, max(1, round(2 * length / DIVE)) + 1)
+    ends = lines.copy()
+    ends[0], ends[-1] = lines[0] - BEHIND, lines[-1] + BEHIND
+    return ends
+
+
+def _wave(along: F64, ends: F64) -> F64:
+    """Fall from 1 to 0 and rise to 1 again between each two ends, a little longer low than high."""
+    bay = np.clip(np.searchsorted(ends, along, side="right") - 1, 0, len(ends) - 2)
+    phase = np.clip((along - ends[bay]) / (ends[bay + 1] - ends[bay]), 0.0, 1.0)
+    return (0.5 + 0.5 * np.cos(2 * np.pi * phase)) ** LINGER
 
 
 def _racetrack(length: float, width: float) -> F64:

@@ -1,0 +1,71 @@
+"""The background `countryside`: rolling fields, hedges, woods and a hamlet; river and roads go on."""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from authoring.backgrounds.parcels import crop_fields, draw_parcels
+from authoring.backgrounds.terrain import Terrain, grow_terrain, rolling_hills
+from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
+from authoring.site import Site
+from authoring.site_covers import covered, drape
+from authoring.site_roads import Piece, approach_pieces, crossing_pieces, spread
+from groundwork.settings import Settings
+
+F64 = NDArray[np.float64]
+
+
+class CountrysideSettings(Settings):
+    """What the countryside looks like."""
+
+    reach: float = Field(default=1200.0, ge=400.0, le=5000.0, description="reach of the terrain beyond the site [m]")
+    hills: float = Field(default=42.0, ge=0.0, le=150.0, description="typical height of the far hills [m]")
+    buildings: int = Field(default=26, ge=0, le=60, description="buildings wanted [1]")
+    trees: int = Field(default=380, ge=0, le=2000, description="trees wanted [1]")
+
+
+def build_countryside(
+    settings: CountrysideSettings, site: Site, rng: np.random.Generator
+) -> tuple[Component | Scatter, ...]:
+    """Build the countryside round a site.
+
+    Args:
+        settings: What it looks like.
+        site: The site; its strip stays empty.
+        rng: Random stream `background`.
+
+    Returns:
+        Components and scatters, ids from `FIRST_BACKGROUND_ID`.
+    """
+    axis, own = site.land.layout.alignment, site.field
+    inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
+    terrain = grow_terrain(site, rolling_hills(site.land, inner, settings.hills, rng), settings.reach)
+    parcels = draw_parcels(terrain, rng)
+    pieces = [
+        (cover.prim, cover.kind, cover.role, "Ground", drape(soup, axis))
+        for cover, soup in covered(terrain.soup(crop_fields(terrain, parcels)))
+    ]
+    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
+    return tuple(
+        Component(f"Countryside_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)
+        for number, (prim, kind, role, group, mesh) in enumerate(pieces)
+    )
+
+
+def far_ways(terrain: Terrain) -> list[Piece]:
+    """Continue the crossing and the approach roads to the terrain's border.
+
+    Args:
+        terrain: The terrain.
+
+    Returns:
+        Leaf prim name, component kind, material recipe and mesh of each piece.
+    """
+    first, last, low, high = terrain.inner
+    field, land, hills = terrain.field, terrain.land, terrain.hills
+    pieces: list[Piece] = []
+    for suffix, start, stop in (("_Right", low, field.lefts[0]), ("_Left", high, field.lefts[-1])):
+        pieces += crossing_pieces(land, spread(start, stop, 5.0), hills, suffix, terrain.height)
+    for number, start, stop in ((0, first, field.stations[0]), (1, last, field.stations[-1])):
+        pieces += approach_pieces(land, number, spread(start, stop, 5.0), hills, "_Far", terrain.height)
+    return pieces

@@ -1,0 +1,117 @@
+"""Fields: a patchwork of ploughed land, crops and pasture, divided by hedges."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.terrain import Terrain
+from authoring.site_covers import Cover
+
+F64 = NDArray[np.float64]
+BALK = 1.0  # half the uncultivated strip between two fields [m]
+CROPS = (Cover("ploughed", "Ploughed", "ground", "soil"), Cover("crop", "Crop", "ground", "meadow"))
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A rectangular field.
+
+    Attributes:
+        centre: Station and left of its middle [m].
+        heading: Direction of its first side from the axis [rad].
+        half: Half the lengths of its sides [m].
+        crop: Name of its cover, or `` for pasture.
+    """
+
+    centre: tuple[float, float]
+    heading: float
+    half: tuple[float, float]
+    crop: str
+
+    def inside(self, station: F64, left: F64) -> F64:
+        """Measure how far places lie within its borders, negative outside [m], same shape, float64."""
+        cosine, sine = np.cos(self.heading), np.sin(self.heading)
+        east, north = station - self.centre[0], left - self.centre[1]
+        across, along = np.abs(east * cosine + north * sine), np.abs(north * cosine - east * sine)
+        return np.minimum(self.half[0] - across, self.half[1] - along)
+
+    def outline(self, step: float) -> F64:
+        """Walk round its border.
+
+        Args:
+            step: Distance between places [m].
+
+        Returns:
+            Stations and lefts [m], shape (N, 2), float64.
+        """
+        (a, b), corners = self.half, []
+        for start, stop in (((-a, -b), (a, -b)), ((a, -b), (a, b)), ((a, b), (-a, b)), ((-a, b), (-a, -b))):
+            count = max(int(np.hypot(stop[0] - start[0], stop[1] - start[1]) / step), 1)
+            corners.append(np.linspace(start, stop, count, endpoint=False))
+        local = np.concatenate(corners)
+        cosine, sine = np.cos(self.heading), np.sin(self.heading)
+        return np.asarray(self.centre) + local @ np.array([[cosine, sine], [-sine, cosine]])
+
+
+def draw_parcels(terrain: Terrain, rng: np.random.Generator) -> tuple[Parcel, ...]:
+    """Divide the land within about half a kilometre into fields, in two blocks with headings of their own.
+
+    Args:
+        terrain: The terrain.
+        rng: Random stream.
+
+    Returns:
+        Fields that do not overlap; roads, river and site cut into them.
+    """
+    parcels: list[Parcel] = []
+    middle = (terrain.inner[0] + terrain.inner[1]) / 2
+    for side in (-1.0, 1.0):
+        heading = rng.uniform(-0.22, 0.22)
+        depth = side * 92.0
+        while abs(depth) < 560.0:
+            width = rng.uniform(70.0, 130.0)
+            at = -620.0
+            while at < 620.0:
+                length = rng.uniform(80.0, 190.0)
+                crop = ("ploughed", "crop", "crop", "", "")[rng.integers(0, 5)]
+                local = np.array([at + length / 2, depth + side * width / 2])
+                turned = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]) @ local
+                half = (length / 2 - BALK, width / 2 - BALK)
+                parcels.append(Parcel((float(turned[0] + middle), float(turned[1])), heading, half, crop))
+                at += length
+            depth += side * width
+    return tuple(parcels)
+
+
+def crop_fields(terrain: Terrain, parcels: tuple[Parcel, ...]) -> tuple[tuple[Cover, F64], ...]:
+    """Evaluate where crops grow, for cutting the terrain.
+
+    Args:
+        terrain: The terrain.
+        parcels: The fields.
+
+    Returns:
+        Each cover with its signed field at the terrain's nodes [m], shape (S, L).
+    """
+    station, left = terrain.nodes()
+    free = open_land(terrain, station, left)
+    covers = []
+    for cover in CROPS:
+        best = np.full(station.shape, -30.0)
+        for parcel in parcels:
+            if parcel.crop == cover.name:
+                best = np.maximum(best, parcel.inside(station, left))
+        covers.append((cover, np.minimum(best, free)))
+    return tuple(covers)
+
+
+def open_land(terrain: Terrain, station: F64, left: F64) -> F64:
+    """Measure the distance to site, river and roads, less a margin, negative in their way [m], same shape, float64."""
+    land = terrain.land
+    free = np.minimum(terrain.beyond(station, left) - 9.0, 60.0)
+    free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - 13.0)
+    for approach in land.approaches:
+        aside = np.abs(left - approach.centre(station)) - approach.half_width - 15.0
+        free = np.minimum(free, np.where(approach.along(station) > -20.0, aside, 60.0))
+    return free

@@ -1,0 +1,76 @@
+"""The table of backgrounds: name, settings, and the function that builds it round a site."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from authoring.backgrounds.countryside import CountrysideSettings, build_countryside
+from authoring.component import Component, Scatter
+from authoring.site import Site
+from groundwork.errors import InputError
+from groundwork.settings import Settings
+
+Pieces = tuple[Component | Scatter, ...]
+
+
+class NoneSettings(Settings):
+    """The background `none` has nothing to set."""
+
+
+class BackgroundSettings(Settings):
+    """Which background surrounds the site, and what each looks like."""
+
+    name: str = Field("countryside", description="`none` or a procedural world")
+    none: NoneSettings = Field(default_factory=NoneSettings, description="settings of `none`")
+    countryside: CountrysideSettings = Field(
+        default_factory=CountrysideSettings, description="settings of `countryside`"
+    )
+
+
+@dataclass(frozen=True)
+class Background:
+    """A background.
+
+    Attributes:
+        settings: Its settings model.
+        build: Makes its pieces from the settings section of all backgrounds, a site and a random stream.
+    """
+
+    settings: type[Settings]
+    build: Callable[[BackgroundSettings, Site, np.random.Generator], Pieces]
+
+
+def _build_none(settings: BackgroundSettings, site: Site, rng: np.random.Generator) -> Pieces:
+    return ()
+
+
+def _build_countryside(settings: BackgroundSettings, site: Site, rng: np.random.Generator) -> Pieces:
+    return build_countryside(settings.countryside, site, rng)
+
+
+BACKGROUNDS = {
+    "none": Background(NoneSettings, _build_none),
+    "countryside": Background(CountrysideSettings, _build_countryside),
+}
+
+
+def build_background(name: str, settings: BackgroundSettings, site: Site, rng: np.random.Generator) -> Pieces:
+    """Build a background that joins a site's edge and leaves its strip empty.
+
+    Args:
+        name: A key of `BACKGROUNDS`.
+        settings: Settings of all backgrounds.
+        site: The site.
+        rng: Random stream `background`.
+
+    Returns:
+        Components and scatters, ids from `FIRST_BACKGROUND_ID`; none for `none`.
+
+    Raises:
+        InputError: There is no such background.
+    """
+    if name not in BACKGROUNDS:
+        raise InputError("unknown background", field="background.name", value=name, allowed=", ".join(BACKGROUNDS))
+    return BACKGROUNDS[name].build(settings, site, rng)

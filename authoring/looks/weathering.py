@@ -1,0 +1,206 @@
+"""What years of weather do to a bridge as a whole: the macro texture on the `st1` atlas, and patches on open ground."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from authoring.component import Component
+from authoring.looks.charts import Charts, draw_charts, spread
+from authoring.looks.noise import F32, I32, Tile, draw, fractal, ramp
+
+_FIELD_METRES = 32.0
+_FIELD_PIXELS = 1024
+_ROWS = 128  # rows of the atlas worked on at once, so that they stay in the cache
+_SOOT = np.array([0.50, 0.50, 0.47], np.float32)
+_LIME = np.array([1.38, 1.37, 1.34], np.float32)
+_RUST = np.array([0.95, 0.62, 0.42], np.float32)
+_MUD = np.array([0.66, 0.61, 0.51], np.float32)
+_MOSS = np.array([0.66, 0.70, 0.50], np.float32)
+
+
+@dataclass(frozen=True)
+class _Members:
+    """Facts of each component that weathering looks at, one row a component."""
+
+    low: F32
+    high: F32
+    tone: F32
+    shift: I32
+    lifts: F32
+    steel: F32
+    ground: F32
+    road: F32
+    middle: F32
+    axis: F32
+    lane: F32
+
+
+@dataclass(frozen=True)
+class _Fields:
+    """Noise on a vertical or level plane of 32 m that repeats: clouds, patches, streaks."""
+
+    clouds: F32
+    patches: F32
+    streaks: F32
+
+
+def weather(components: list[Component], pixels: int, age: float, rng: np.random.Generator) -> F32:
+    """Draw the factors that age multiplies the base colour with; their mean over the surface of each role is 1.
+
+    Args:
+        components: Components with `st1`.
+        pixels: Texels along a side of the atlas.
+        age: 0 for new, 1 for decades of weather [1].
+        rng: Random stream.
+
+    Returns:
+        Factors [1], shape (pixels, pixels, 3), float32.
+    """
+    charts = draw_charts(components, pixels)
+    members, fields = _members(components, age, rng), _fields(rng)
+    factors = np.ones((pixels, pixels, 3), np.float32)
+    for top in range(0, pixels, _ROWS):
+        block = charts.triangle[top : top + _ROWS]
+        row, column = np.nonzero(block >= 0)
+        if len(row):
+            triangle = block[row, column]
+            place = _places(charts, triangle, column, row + top)
+            factors[row + top, column] = _aged(charts, triangle, place, members, fields, np.float32(age))
+    covered = charts.triangle >= 0
+    roles = sorted({component.role for component in components})
+    role = np.array([roles.index(component.role) for component in components], np.int32)
+    mine = role[charts.owner][charts.triangle[covered]]
+    shown = factors[covered]
+    for number in range(len(roles)):
+        here = mine == number
+        if here.any():
+            shown[here] /= np.mean(shown[here], axis=0, dtype=np.float64).astype(np.float32)
+    factors[covered] = shown
+    return spread(factors, covered)
+
+
+def ground_patches(pixels: int, rng: np.random.Generator) -> F32:
+    """Draw moist, dry and trodden patches for open ground; the factors are 1 along the atlas's border.
+
+    Args:
+        pixels: Texels along a side.
+        rng: Random stream.
+
+    Returns:
+        Factors with mean 1 [1], shape (pixels, pixels, 3), float32.
+    """
+    tile = Tile(pixels, 160.0, rng)
+    broad, small = fractal(tile, 60.0, 3.0), fractal(tile, 9.0, 0.4, slope=0.8)
+    moist, dry = ramp(broad, 0.2, 1.8), ramp(-broad + 0.4 * small, 0.5, 2.2)
+    steps = (np.arange(pixels, dtype=np.float32) + np.float32(0.5)) / pixels
+    inside = ramp(np.minimum(steps, 1 - steps), 0.004, 0.05)
+    inside = (inside[:, None] * inside[None, :])[..., None]
+    factors = 1 + 0.10 * small[..., None] * np.array([1, 1, 1], np.float32)
+    factors = factors * (1 + moist[..., None] * np.array([-0.34, -0.20, -0.26], np.float32))
+    factors = factors * (1 + dry[..., None] * np.array([0.42, 0.22, 0.10], np.float32))
+    weight = np.mean(inside, dtype=np.float64)
+    mean = np.mean(factors * inside, axis=(0, 1), dtype=np.float64) / weight
+    return (1 + (factors / mean.astype(np.float32) - 1) * inside).astype(np.float32)
+
+
+def _members(components: list[Component], age: float, rng: np.random.Generator) -> _Members:
+    count = len(components)
+    low = np.array([component.mesh.points.min(axis=0) for component in components])
+    high = np.array([component.mesh.points.max(axis=0) for component in components])
+    along = np.array([_direction(component) for component in components])
+    wide = [np.ptp(c.mesh.points[:, :2] @ np.array([-a[1], a[0]])) for c, a in zip(components, along, strict=True)]
+    role = [component.role for component in components]
+    ground = [component.group == "Substructure" for component in components]
+    tone = (draw(rng, (count,)) - 0.5) * np.float32(0.04 + 0.12 * age)
+    return _Members(
+        low=low[:, 2].astype(np.float32),
+        high=high[:, 2].astype(np.float32),
+        tone=tone,
+        shift=(draw(rng, (count, 2)) * _FIELD_PIXELS).astype(np.int32),
+        lifts=(draw(rng, (count, 64)) - 0.5).astype(np.float32),
+        steel=np.array(["Steel" in name for name in role], np.float32),
+        ground=np.array([on and "Concrete" in name for on, name in zip(ground, role, strict=True)], np.float32),
+        road=np.array([name in ("Role_DeckAsphalt", "Role_RoadMarking") for name in role], np.float32),
+        middle=((low + high)[:, :2] / 2).astype(np.float32),
+        axis=along.astype(np.float32),
+        lane=(np.array(wide) / 4).astype(np.float32),
+    )
+
+
+def _direction(component: Component) -> tuple[float, float]:
+    """Longer direction in plan, from the second moments of the vertices."""
+    plan = component.mesh.points[:, :2] - component.mesh.points[:, :2].mean(axis=0)
+    xx, yy, xy = (plan[:, 0] ** 2).sum(), (plan[:, 1] ** 2).sum(), (plan[:, 0] * plan[:, 1]).sum()
+    root = np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
+    across, along = xy, root - (xx - yy) / 2
+    if abs(across) + abs(along) < 1e-9:
+        return (1.0, 0.0)
+    length = np.sqrt(across**2 + along**2)
+    return (float(across / length), float(along / length)) if xx < yy or abs(xy) > 1e-9 else (1.0, 0.0)
+
+
+def _fields(rng: np.random.Generator) -> _Fields:
+    tile = Tile(_FIELD_PIXELS, _FIELD_METRES, rng)
+    return _Fields(
+        clouds=fractal(tile, 5.0, 0.10),
+        patches=fractal(tile, 1.6, 0.07, slope=1.2),
+        streaks=fractal(tile, 1.2, 0.07, slope=0.7, stretch=(1.0, 14.0)),
+    )
+
+
+def _places(charts: Charts, triangle: I32, column: np.ndarray, row: np.ndarray) -> F32:
+    x, y = (column + 0.5).astype(np.float32)[:, None], (row + 0.5).astype(np.float32)[:, None]
+    return charts.place[triangle] + charts.across[triangle] * x + charts.down[triangle] * y
+
+
+def _aged(charts: Charts, triangle: I32, place: F32, members: _Members, fields: _Fields, age: np.float32) -> F32:
+    """Factors at some texels, shape (N, 3)."""
+    owner, normal = charts.owner[triangle], charts.normal[triangle]
+    wall = ramp(np.abs(normal[:, 2]), 0.75, 0.45)
+    side = np.maximum(np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2), np.float32(0.05))
+    along = (normal[:, 0] * place[:, 1] - normal[:, 1] * place[:, 0]) / side
+    upright = wall > 0.5
+    u = np.where(upright, along, place[:, 0])
+    v = np.where(upright, place[:, 2], place[:, 1])
+    texels = np.float32(_FIELD_PIXELS / _FIELD_METRES)
+    cell_u = (np.floor(u * texels).astype(np.int32) + members.shift[owner, 0]) % _FIELD_PIXELS
+    cell_v = (np.floor(v * texels).astype(np.int32) + members.shift[owner, 1]) % _FIELD_PIXELS
+    clouds, patches, streaks = (f[cell_v, cell_u] for f in (fields.clouds, fields.patches, fields.streaks))
+    depth, rise = members.high[owner] - place[:, 2], place[:, 2] - members.low[owner]
+    steel, road = members.steel[owner], members.road[owner]
+    factors = np.repeat((1 + members.tone[owner] + 0.09 * age * clouds * (1 - 0.5 * steel))[:, None], 3, axis=1)
+    factors *= _pours(rise, owner, members, age)[:, None]
+    run = wall * ramp(depth, 2.6 + 0.8 * clouds, 0.0)
+    soot = age * run * ramp(streaks, 0.2, 1.9)
+    factors = _toward(factors, soot * (1 - steel), _SOOT)
+    factors = _toward(factors, 0.8 * soot * steel, _RUST)
+    factors = _toward(factors, age * run * ramp(-streaks, 1.3, 2.4) * (1 - steel), _LIME)
+    splash = wall * members.ground[owner] * ramp(rise + 0.35 * clouds, 1.7, 0.3)
+    factors = _toward(factors, 0.75 * age * splash, _MUD)
+    under, above = ramp(-normal[:, 2], 0.5, 0.8), ramp(normal[:, 2], 0.5, 0.8)
+    factors = _toward(factors, age * under * ramp(patches, 0.9, 2.3) * (1 - steel), _LIME)
+    factors = _toward(factors, 0.8 * age * under * ramp(-patches, 0.8, 2.2), _SOOT)
+    factors = _toward(factors, age * above * (1 - road) * (0.25 + 0.75 * ramp(patches, 0.3, 1.8)), _MOSS)
+    return factors * _wheel_tracks(place, owner, members, age)[:, None]
+
+
+def _toward(factors: F32, amount: F32, goal: F32) -> F32:
+    return factors * (1 + amount[:, None] * (goal - 1))
+
+
+def _pours(rise: F32, owner: I32, members: _Members, age: np.float32) -> F32:
+    """Lifts of 2.4 m with a tone of their own and a dark line between them."""
+    lift = np.maximum(rise, 0) * np.float32(1 / 2.4)
+    number = np.minimum(lift.astype(np.int32), 63)
+    line = ramp(np.abs(lift - np.round(lift)) * np.float32(2.4), 0.05, 0.02) * (lift > 0.5)
+    return 1 + members.ground[owner] * ((0.05 + 0.07 * age) * members.lifts[owner, number] - 0.22 * age * line)
+
+
+def _wheel_tracks(place: F32, owner: I32, members: _Members, age: np.float32) -> F32:
+    """Two dark tracks in each of two lanes, and the oil between them."""
+    aside = place[:, :2] - members.middle[owner]
+    axis = members.axis[owner]
+    left = np.abs(aside[:, 1] * axis[:, 0] - aside[:, 0] * axis[:, 1])
+    off = np.abs(left - members.lane[owner])
+    track = ramp(np.abs(off - np.float32(0.88)), 0.45, 0.10) + 0.5 * ramp(off, 0.40, 0.05)
+    return 1 - members.road[owner] * age * 0.16 * track

@@ -1,0 +1,277 @@
+"""Draws views of an uploaded scene: photograph, ids and depth of one view come from one pass over the same samples."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from render.camera import clip_from_camera, clip_from_relative, visible_boxes
+from render.context import Gl
+from render.daylight import Daylight
+from render.gpu_scene import GpuScene
+from render.light_volume import LightVolume
+from render.materials import SLOTS
+from render.programs import Programs, set_uniform
+from render.shadows import ShadowMap, depth_groups
+from usd_schemas.pinhole import Pinhole
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+U16 = NDArray[np.uint16]
+U32 = NDArray[np.uint32]
+
+BRIGHTEST = 16.0  # radiance that the 16-bit code of a pixel ends at
+_SHADOW_UNIT, _VOLUME_UNIT, _PANORAMA_UNIT, _FIRST_TEXTURE_UNIT = 0, 1, 4, 5
+
+
+@dataclass(frozen=True)
+class View:
+    """What one pass sees.
+
+    Attributes:
+        code: Square root of linear radiance over `BRIGHTEST` [65535], shape (H, W, 3), uint16.
+        draw: Row of the draw plus 1, 0 for sky, shape (H, W), uint32.
+        depth: Planar depth [m], +inf for sky, shape (H, W), float32.
+        normal: Unit normals in world axes [1], zero for sky, shape (H, W, 3), float32, or None.
+    """
+
+    code: U16
+    draw: U32
+    depth: F32
+    normal: F32 | None
+
+
+@dataclass(frozen=True)
+class Illumination:
+    """Everything that lights a scene.
+
+    Attributes:
+        daylight: Sun and sky.
+        shadow: The sun's shadow maps, or None without a sun.
+        volume: The light volume, or None.
+        haze_distance: Distance at which haze takes 63 % of the contrast [m].
+    """
+
+    daylight: Daylight
+    shadow: ShadowMap | None
+    volume: LightVolume | None
+    haze_distance: float
+
+
+class Painter:
+    """Draws views of one scene at one size."""
+
+    def __init__(
+        self,
+        gl: Gl,
+        programs: Programs,
+        gpu: GpuScene,
+        light: Illumination,
+        camera: Pinhole,
+        quality: str,
+        *,
+        normals: bool,
+    ) -> None:
+        """Make the targets and upload the light.
+
+        Args:
+            gl: Open context.
+            programs: Shader programs.
+            gpu: Uploaded scene.
+            light: What lights it.
+            camera: Intrinsics of every view.
+            quality: `fast`, `standard` or `fine`.
+            normals: Whether normals are wanted.
+        """
+        self._gl, self._programs, self._gpu, self._light, self._camera = gl, programs, gpu, light, camera
+        self._fine = quality == "fine"
+        context, size = gl.context, (camera.width, camera.height)
+        self._color = context.texture(size, 4, dtype="nu2")
+        self._truth = [context.texture(size, 1, dtype="u4"), context.texture(size, 1, dtype="f4")]
+        if normals:
+            self._truth.append(context.texture(size, 4, dtype="f2"))
+        self._exact = self._framebuffer(self._truth if self._fine else [self._color, *self._truth])
+        if self._fine:
+            doubled = (2 * camera.width, 2 * camera.height)
+            self._samples = context.texture(doubled, 4, dtype="nu2")
+            self._supersampled = self._framebuffer([self._samples])
+            self._resolved = context.framebuffer([self._color])
+        self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
+        self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
+        features = ["SUN"] if light.shadow is not None else []
+        features += ["SOFT"] if quality != "fast" else []
+        features += ["VOLUME"] if light.volume is not None else []
+        self._features = tuple(features)
+        self._normals = ("NORMALS",) if normals else ()
+        self._upload_light()
+
+    def draw(self, camera_to_world: F64, near: float) -> View:
+        """Draw one view.
+
+        Args:
+            camera_to_world: Camera pose, shape (4, 4), float64.
+            near: Near plane [m].
+        """
+        gpu, camera = self._gpu, self._camera
+        rows = visible_boxes(gpu.lower, gpu.upper, camera, camera_to_world)
+        gpu.place(camera_to_world[:3, 3])
+        gpu.bind()
+        clip = clip_from_relative(camera, camera_to_world, near).T.tobytes()
+        if self._fine:
+            self._clear(self._supersampled, 1)
+            self._draw_surfaces(rows, clip, camera_to_world, self._features)
+            self._draw_sky(camera_to_world, ())
+            self._resolve()
+            self._clear(self._exact, 0)
+            self._draw_ids(rows, clip)
+        else:
+            self._clear(self._exact, 1)
+            self._draw_surfaces(rows, clip, camera_to_world, self._features + self._normals)
+            self._draw_sky(camera_to_world, self._normals)
+        return self._read()
+
+    def _framebuffer(self, colors: list[moderngl.Texture]) -> moderngl.Framebuffer:
+        width, height = colors[0].size
+        depth = self._gl.context.depth_texture((width, height))
+        self._gl.functions.make_depth_float(depth.glo, width, height)
+        return self._gl.context.framebuffer(colors, depth)
+
+    def _clear(self, framebuffer: moderngl.Framebuffer, colors: int) -> None:
+        """Clear the `colors` photographs of a framebuffer, and what follows them: ids, depth, normals."""
+        framebuffer.use()
+        context, functions = self._gl.context, self._gl.functions
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func, context.front_face = ">", "cw"  # rows run downwards, so that windings look reversed
+        functions.clear_depth(0.0)
+        for attachment in range(colors):
+            functions.clear_color(attachment, (0.0, 0.0, 0.0, 0.0))
+        if len(framebuffer.color_attachments) > colors:
+            functions.clear_ids(colors)
+            functions.clear_color(colors + 1, (np.inf, 0.0, 0.0, 0.0))
+        if len(framebuffer.color_attachments) > colors + 2:
+            functions.clear_color(colors + 2, (0.0, 0.0, 0.0, 0.0))
+
+    def _draw_surfaces(self, rows: NDArray[np.int64], clip: bytes, pose: F64, features: tuple[str, ...]) -> None:
+        groups = self._gpu.grouped(rows)
+        self._write_commands([members for _, members in groups])
+        first = 0
+        for variant, members in groups:
+            program = self._programs.get("surface.vert", "surface.frag", features + variant.features)
+            if program not in self._arrays:
+                self._set_light(program)
+            for unit, (name, array) in enumerate(zip(SLOTS, variant.arrays, strict=True), _FIRST_TEXTURE_UNIT):
+                if array is not None:
+                    array.use(unit)
+                    set_uniform(program, f"{name}_array", unit)
+            set_uniform(program, "clip_from_relative", clip)
+            eye = pose[:3, 3] - self._gpu.anchor
+            set_uniform(program, "eye", tuple(eye.tolist()))
+            self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(members), first=first)
+            first += len(members)
+
+    def _draw_ids(self, rows: NDArray[np.int64], clip: bytes) -> None:
+        groups = [
+            (features, array, rows[np.isin(rows, members)]) for features, array, members in depth_groups(self._gpu)
+        ]
+        self._write_commands([members for _, _, members in groups])
+        first = 0
+        for features, array, members in groups:
+            program = self._programs.get("surface.vert", "ids.frag", self._normals + features)
+            if array is not None:
+                array.use(_FIRST_TEXTURE_UNIT)
+                set_uniform(program, "albedo_array", _FIRST_TEXTURE_UNIT)
+            set_uniform(program, "clip_from_relative", clip)
+            self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(members), first=first)
+            first += len(members)
+
+    def _draw_sky(self, pose: F64, features: tuple[str, ...]) -> None:
+        program = self._programs.get("sky.vert", "sky.frag", features)
+        if program not in self._arrays:
+            self._set_light(program)
+            self._arrays[program] = self._gl.context.vertex_array(program, [])
+        clip = clip_from_camera(self._camera, 1.0)[:2, :3]
+        from_clip = np.array(
+            [[1 / clip[0, 0], 0, -clip[0, 2] / clip[0, 0]], [0, 1 / clip[1, 1], -clip[1, 2] / clip[1, 1]], [0, 0, 1]]
+        )
+        set_uniform(program, "world_from_clip", (pose[:3, :3] @ from_clip).T.astype(np.float32).tobytes())
+        self._gl.context.depth_func = ">="
+        self._arrays[program].render(moderngl.TRIANGLES, 3)
+
+    def _resolve(self) -> None:
+        self._resolved.use()
+        self._gl.context.enable_only(moderngl.NOTHING)
+        program = self._programs.get("sky.vert", "downsample.frag")
+        if program not in self._arrays:
+            self._arrays[program] = self._gl.context.vertex_array(program, [])
+        self._samples.use(0)
+        self._arrays[program].render(moderngl.TRIANGLES, 3)
+
+    def _write_commands(self, groups: list[NDArray[np.int64]]) -> None:
+        if any(len(rows) for rows in groups):
+            self._commands.write(self._gpu.commands[np.concatenate(groups)].tobytes())
+
+    def _vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
+        if program not in self._arrays:
+            self._arrays[program] = self._gpu.vertex_array(self._gl.context, program)
+        return self._arrays[program]
+
+    def _upload_light(self) -> None:
+        context, light = self._gl.context, self._light
+        panorama = light.daylight.panorama
+        self._panorama = context.texture(panorama.shape[1::-1], 3, panorama.astype(np.float16).tobytes(), dtype="f2")
+        self._panorama.build_mipmaps()
+        self._panorama.repeat_y = False
+        self._volume = []
+        if light.volume is not None:
+            coefficients = light.volume.coefficients.astype(np.float16)
+            size = coefficients.shape[2::-1]
+            for channel in range(3):
+                texture = context.texture3d(size, 4, coefficients[..., channel].tobytes(), dtype="f2")
+                texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+                texture.repeat_x = texture.repeat_y = texture.repeat_z = False
+                self._volume.append(texture)
+
+    def _set_light(self, program: moderngl.Program) -> None:
+        light, daylight = self._light, self._light.daylight
+        self._panorama.use(_PANORAMA_UNIT)
+        values: dict[str, object] = {
+            "to_sun": tuple(daylight.sun_direction.tolist()),
+            "sun_irradiance": tuple(daylight.sun_irradiance.tolist()),
+            "open_sky": daylight.open_sky.astype(np.float32).tobytes(),
+            "haze": tuple(daylight.haze.tolist()),
+            "haze_density": 1.0 / light.haze_distance,
+            "code_scale": 1.0 / BRIGHTEST,
+            "panorama": _PANORAMA_UNIT,
+            "dome_from_world": daylight.dome_from_world.T.astype(np.float32).tobytes(),
+        }
+        if light.shadow is not None:
+            light.shadow.texture.use(_SHADOW_UNIT)
+            values |= {
+                "shadow_map": _SHADOW_UNIT,
+                "shadow_from_scene": light.shadow.matrices.transpose(0, 2, 1).astype(np.float32).tobytes(),
+                "shadow_lift": light.shadow.lifts,
+                "shadow_texel": light.shadow.texel,
+            }
+        if light.volume is not None:
+            for row, (name, texture) in enumerate(zip(("red", "green", "blue"), self._volume, strict=True)):
+                texture.use(_VOLUME_UNIT + row)
+                values[f"volume_{name}"] = _VOLUME_UNIT + row
+            cell, counts = light.volume.cell, np.array(light.volume.coefficients.shape[2::-1])
+            values |= {
+                "volume_lower": tuple((light.volume.lower - cell / 2 - self._gpu.anchor).tolist()),
+                "volume_scale": tuple((1.0 / (cell * counts)).tolist()),
+                "volume_cell": cell,
+            }
+        for name, value in values.items():
+            set_uniform(program, name, value)
+
+    def _read(self) -> View:
+        height, width = self._camera.height, self._camera.width
+        code = np.frombuffer(self._color.read(), np.uint16).reshape(height, width, 4)[..., :3]
+        draw = np.frombuffer(self._truth[0].read(), np.uint32).reshape(height, width)
+        depth = np.frombuffer(self._truth[1].read(), np.float32).reshape(height, width)
+        if len(self._truth) < 3:
+            return View(code, draw, depth, None)
+        normal = np.frombuffer(self._truth[2].read(), np.float16).reshape(height, width, 4)[..., :3]
+        return View(code, draw, depth, normal.astype(np.float32))

@@ -1,0 +1,23 @@
+// Ids and depth alone, for the exact images beside a supersampled photograph.
+// #include material.glsl
+
+in vec3 normal;
+
+layout(location = 0) out uint out_draw;
+layout(location = 1) out float out_depth;
+#ifdef NORMALS
+layout(location = 2) out vec4 out_normal;
+#endif
+
+void main() {
+#ifdef CUT_OUT
+    Material material = materials[draws[draw].material.x];
+    if (look_up_albedo(material).a < material.options.x) discard;
+#endif
+    out_draw = draw + 1u;
+    out_depth = 1.0 / gl_FragCoord.w;
+#ifdef NORMALS
+    bool mirrored = draws[draw].material.y == 1u;
+    out_normal = vec4(normalize(normal) * (gl_FrontFacing != mirrored ? 1.0 : -1.0), 1.0);
+#endif
+}

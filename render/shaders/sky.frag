@@ -1,0 +1,27 @@
+// The dome behind everything: id 0, depth infinite.
+
+uniform sampler2D panorama;
+uniform mat3 dome_from_world;
+uniform float code_scale;
+
+in vec3 direction;
+
+layout(location = 0) out vec4 out_color;
+layout(location = 1) out uint out_draw;
+layout(location = 2) out float out_depth;
+#ifdef NORMALS
+layout(location = 3) out vec4 out_normal;
+#endif
+
+const float PI = 3.14159265;
+
+void main() {
+    vec3 d = normalize(dome_from_world * direction);
+    vec2 place = vec2(0.5 - atan(d.x, d.z) / (2.0 * PI), acos(clamp(d.y, -1.0, 1.0)) / PI);
+    out_color = vec4(sqrt(clamp(textureLod(panorama, place, 0.0).rgb * code_scale, 0.0, 1.0)), 1.0);
+    out_draw = 0u;
+    out_depth = uintBitsToFloat(0x7f800000u);
+#ifdef NORMALS
+    out_normal = vec4(0.0);
+#endif
+}

@@ -1,0 +1,171 @@
+// Shades a surface. Features (HAS_…, CUT_OUT, MIRROR, VOLUME, SUN, NORMALS) are put in front when it is compiled.
+// #include material.glsl
+
+uniform vec3 eye;               // camera centre, counted from the scene's anchor [m]
+uniform vec3 to_sun;
+uniform vec3 sun_irradiance;
+uniform vec3 open_sky[4];
+uniform vec3 haze;
+uniform float haze_density;     // [1/m]
+uniform float code_scale;       // 1 / brightest radiance that the target can hold
+
+uniform sampler2DShadow shadow_map;
+uniform mat4 shadow_from_scene[2];  // near and far half of the map
+uniform vec2 shadow_lift;           // normal offset of each half [m]
+uniform float shadow_texel;         // one texel of the map, along its rows and columns [1]
+
+uniform sampler3D volume_red;
+uniform sampler3D volume_green;
+uniform sampler3D volume_blue;
+uniform vec3 volume_lower;
+uniform vec3 volume_scale;      // 1 / size of the texture [1/m]
+uniform float volume_cell;      // [m]
+
+uniform sampler2D panorama;
+uniform mat3 dome_from_world;
+
+in vec3 relative;
+in vec3 normal;
+
+layout(location = 0) out vec4 out_color;
+layout(location = 1) out uint out_draw;
+layout(location = 2) out float out_depth;
+#ifdef NORMALS
+layout(location = 3) out vec4 out_normal;
+#endif
+
+const float PI = 3.14159265;
+
+#ifdef SUN
+float sun_visibility(vec3 scene, vec3 n) {
+    vec3 near = (shadow_from_scene[0] * vec4(scene + n * shadow_lift.x, 1.0)).xyz;
+    vec3 far = (shadow_from_scene[1] * vec4(scene + n * shadow_lift.y, 1.0)).xyz;
+    vec2 margin = vec2(2.0, 4.0) * shadow_texel;
+    bool inside = all(greaterThan(near.xy, margin)) && near.x < 0.5 - margin.x && near.y < 1.0 - margin.y;
+    vec3 place = inside ? near : far;
+    if (!inside && (far.x < 0.5 + margin.x || any(lessThan(far, vec3(0.0))) || any(greaterThan(far, vec3(1.0)))))
+        return 1.0;
+    vec2 step = vec2(0.5, 1.0) * shadow_texel;
+    float sum = 0.0;
+#ifdef SOFT
+    for (int y = -1; y <= 1; y++)
+        for (int x = -1; x <= 1; x++)
+            sum += texture(shadow_map, vec3(place.xy + vec2(x, y) * step, place.z));
+    return sum / 9.0;
+#else
+    return texture(shadow_map, place);
+#endif
+}
+#endif
+
+vec3 sky_irradiance(vec3 scene, vec3 n) {
+    vec3 open = open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3];
+#ifdef VOLUME
+    vec3 place = (scene + n * volume_cell - volume_lower) * volume_scale;
+    vec4 basis = vec4(1.0, n);
+    vec3 held = vec3(dot(texture(volume_red, place), basis), dot(texture(volume_green, place), basis),
+                     dot(texture(volume_blue, place), basis));
+    vec3 rim = min(place, 1.0 - place) / (volume_cell * volume_scale) - 0.5;
+    return max(mix(open, held, clamp(min(rim.x, min(rim.y, rim.z)), 0.0, 1.0)), 0.0);
+#else
+    return max(open, 0.0) * (0.72 + 0.28 * n.z);
+#endif
+}
+
+vec3 bumped(vec3 n, Material material) {
+#ifdef HAS_NORMAL
+    vec3 place_st = place(material.normal);
+    vec3 bump = texture(normal_array, place_st, SHARPER).xyz * 2.0 - 1.0;
+    vec3 dx = dFdx(relative), dy = dFdy(relative);
+    vec2 sx = dFdx(place_st.xy), sy = dFdy(place_st.xy);
+    float turn = sx.x * sy.y - sy.x * sx.y;
+    vec3 along = (dx * sy.y - dy * sx.y) * sign(turn);
+    along -= n * dot(n, along);
+    vec3 across = (dy * sx.x - dx * sy.x) * sign(turn);
+    across -= n * dot(n, across);
+    float length_along = dot(along, along), length_across = dot(across, across);
+    if (length_along < 1e-20 || length_across < 1e-20) return n;
+    return normalize(along * inversesqrt(length_along) * bump.x + across * inversesqrt(length_across) * bump.y
+                     + n * max(bump.z, 0.05));
+#else
+    return n;
+#endif
+}
+
+vec3 sky_towards(vec3 direction, float roughness) {
+    vec3 d = dome_from_world * direction;
+    vec2 place = vec2(0.5 - atan(d.x, d.z) / (2.0 * PI), acos(clamp(d.y, -1.0, 1.0)) / PI);
+    return textureLod(panorama, place, roughness * 6.0).rgb;
+}
+
+// Source: Walter et al., Microfacet models for refraction, EGSR 2007 (GGX); Schlick 1994 (Fresnel);
+// Karis, Real shading in Unreal Engine 4, SIGGRAPH 2013 course (visibility and roughness squared).
+float highlight(float ndl, float ndv, float ndh, float roughness) {
+    float a2 = roughness * roughness;
+    a2 *= a2;
+    float k = (roughness + 1.0) * (roughness + 1.0) / 8.0;
+    float spread = ndh * ndh * (a2 - 1.0) + 1.0;
+    return a2 / (PI * spread * spread) / (4.0 * (ndl * (1.0 - k) + k) * (ndv * (1.0 - k) + k));
+}
+
+vec3 shade(Material material, vec3 albedo, vec3 face) {
+    vec3 scene = relative + eye;
+    float away = length(relative);
+    vec3 view = -relative / away;
+    vec3 n = bumped(face, material);
+    float ndl = dot(n, to_sun);
+    float lit = 0.0;
+#ifdef SUN
+    if (dot(face, to_sun) > 0.0 && ndl > 0.0) lit = ndl * sun_visibility(scene, face);
+#endif
+    vec3 sky = sky_irradiance(scene, n);
+    float metallic = material.emissive.a;
+    vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
+#ifdef SOFT
+    float roughness = material.base.a;
+#ifdef HAS_ROUGHNESS
+    roughness = texture(roughness_array, place(material.roughness), SHARPER).r;
+#endif
+    roughness = clamp(roughness, 0.05, 1.0);
+    vec3 f0 = mix(vec3(0.04), albedo, metallic);
+    vec3 middle = normalize(view + to_sun);
+    float ndv = max(dot(n, view), 0.02);
+    float grazing = pow(1.0 - max(dot(middle, view), 0.0), 5.0);
+    light += sun_irradiance * lit * (f0 + (1.0 - f0) * grazing) * highlight(max(ndl, 0.0), ndv, max(dot(n, middle), 0.0), roughness);
+    float rim = pow(1.0 - ndv, 5.0) * (1.0 - roughness);
+#ifdef MIRROR
+    vec3 open = max(open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3], 1e-4);
+    vec3 bounce = reflect(-view, n);
+    if (n.z > 0.2) bounce.z = abs(bounce.z);  // rippled water never mirrors what is below it
+    light += (f0 + (1.0 - f0) * rim) * sky_towards(bounce, roughness) * min(sky / open, 1.0);
+#else
+    light += (f0 + (1.0 - f0) * rim) * sky / PI;
+#endif
+#endif
+    light += material.emissive.rgb;
+    return mix(haze, light, exp(-away * haze_density));
+}
+
+void main() {
+    Draw row = draws[draw];
+    Material material = materials[row.material.x];
+    vec3 albedo = material.base.rgb;
+#ifdef HAS_ALBEDO
+    vec4 texel = look_up_albedo(material);
+    albedo = texel.rgb;
+#ifdef CUT_OUT
+    if (texel.a < material.options.x) discard;
+#endif
+#endif
+    if (material.options.y > 0.5) albedo = vertex_color;
+    albedo = min(albedo * detail_factor(material) * macro_factor(material), vec3(0.95));
+    vec3 face = normalize(normal);
+    bool mirrored = row.material.y == 1u;
+    if (gl_FrontFacing == mirrored) face = -face;
+    out_color = vec4(sqrt(clamp(shade(material, albedo, face) * code_scale, 0.0, 1.0)), 1.0);
+    out_draw = draw + 1u;
+    out_depth = 1.0 / gl_FragCoord.w;
+#ifdef NORMALS
+    out_normal = vec4(face, 1.0);
+#endif
+}

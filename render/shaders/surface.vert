@@ -1,0 +1,39 @@
+// Places a vertex relative to the camera: what is large was subtracted in float64 before it came here.
+
+struct Draw {
+    vec4 linear[3];
+    vec4 cofactor[3];
+    uvec4 material;  // row of the material, mirrored
+};
+
+layout(std430, binding = 0) readonly buffer Draws { Draw draws[]; };
+layout(std430, binding = 2) readonly buffer Offsets { vec4 offsets[]; };
+
+uniform mat4 clip_from_relative;
+
+in vec3 in_position;
+in vec3 in_normal;
+in vec2 in_st;
+in vec2 in_st1;
+in vec4 in_color;
+in uint in_draw;
+
+out vec3 relative;
+out vec3 normal;
+out vec2 st;
+out vec2 st1;
+out vec3 vertex_color;
+flat out uint draw;
+
+void main() {
+    Draw row = draws[in_draw];
+    relative = vec3(dot(row.linear[0].xyz, in_position), dot(row.linear[1].xyz, in_position),
+                    dot(row.linear[2].xyz, in_position)) + offsets[in_draw].xyz;
+    normal = vec3(dot(row.cofactor[0].xyz, in_normal), dot(row.cofactor[1].xyz, in_normal),
+                  dot(row.cofactor[2].xyz, in_normal));
+    st = in_st;
+    st1 = in_st1;
+    vertex_color = in_color.rgb;
+    draw = in_draw;
+    gl_Position = clip_from_relative * vec4(relative, 1.0);
+}

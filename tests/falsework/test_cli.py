@@ -1,0 +1,91 @@
+"""The command line: bad input costs one line and exit code 2, never a traceback, and loses nothing."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from falsework.cli import main
+
+EMPTY_STAGE = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\ndef Xform "World"\n{\n}\n'
+
+
+def _fails(arguments: list[str | Path], capsys: pytest.CaptureFixture[str]) -> str:
+    """Run a command that must fail as bad input; give its one line."""
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in arguments])
+    error = capsys.readouterr().err
+    lines = [line for line in error.splitlines() if line.startswith("falsework: ")]
+    assert caught.value.code == 2, error
+    assert len(lines) == 1
+    assert "Traceback" not in error
+    return lines[0]
+
+
+def test_missing_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scenario that is not there is named, and no output is begun."""
+    line = _fails(["run", tmp_path / "no.toml", "-o", tmp_path / "out"], capsys)
+    assert "no.toml" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_unknown_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The line names the file, the key and its nearest neighbour."""
+    scenario = tmp_path / "s.toml"
+    scenario.write_text("[sight]\ncrossing = 'river'\n")
+    line = _fails(["run", scenario, "-o", tmp_path / "out"], capsys)
+    assert all(part in line for part in ("s.toml", "sight", "Did you mean 'site'"))
+
+
+def test_foreign_output_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder with somebody's files is never written into."""
+    scenario = tmp_path / "s.toml"
+    scenario.write_text("")
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
+    for verb in ("run", "author"):
+        line = _fails([verb, scenario, "-o", tmp_path / "thesis"], capsys)
+        assert "thesis" in line
+        assert "another folder" in line
+    assert [path.name for path in (tmp_path / "thesis").iterdir()] == ["chapter.tex"]
+
+
+def test_output_below_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An output folder that cannot be made is refused before any work."""
+    scenario = tmp_path / "s.toml"
+    scenario.write_text("")
+    assert "s.toml" in _fails(["run", scenario, "-o", scenario / "out"], capsys)
+
+
+def test_stage_without_geometry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A stage that shows nothing is said to, and leaves no capture."""
+    stage = tmp_path / "empty.usda"
+    stage.write_text(EMPTY_STAGE)
+    assert "empty.usda" in _fails(["render", stage, "-o", tmp_path / "out"], capsys)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"not a stage", b"#usda 1.0\ndef Mesh {", b"PXR-USDC\x00\x00"])
+def test_not_a_stage(content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file that is no stage is named."""
+    stage = tmp_path / "bad.usda"
+    stage.write_bytes(content)
+    assert "bad.usda" in _fails(["render", stage, "-o", tmp_path / "out"], capsys)
+
+
+def test_missing_capture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A capture that is not there, or is none, is named."""
+    assert "nowhere" in _fails(["reconstruct", tmp_path / "nowhere", "-o", tmp_path / "out"], capsys)
+    (tmp_path / "none").mkdir()
+    assert "cameras.json" in _fails(["reconstruct", tmp_path / "none", "-o", tmp_path / "out"], capsys)
+
+
+def test_doctor_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    """The doctor answers with one versioned object, and finds this machine fit."""
+    with pytest.raises(SystemExit) as caught:
+        main(["doctor", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    verdicts = {check["name"]: check["verdict"] for check in answer["checks"]}
+    assert answer["version"] == 1
+    assert verdicts["frame"] == "OK"
+    assert caught.value.code == 0
