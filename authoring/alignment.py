@@ -63,6 +63,8 @@ class Layout:
         width: Overall deck width [m].
         depth: From the finished deck surface down to the bearing seats [m].
         service: `road` or `rail`.
+        carriageway: Width of the asphalt from kerb to kerb [m]; 0 when not known.
+        edge_line: From the axis to the middle of the road's edge lines [m]; 0 when not known.
     """
 
     alignment: Alignment
@@ -70,3 +72,5 @@ class Layout:
     width: float
     depth: float
     service: str = "road"
+    carriageway: float = 0.0
+    edge_line: float = 0.0

@@ -1,14 +1,16 @@
 """Daylight: the sun from date and place, and a clear sky with clouds baked to a latitude-longitude OpenEXR texture.
 
-Light units. Radiance is linear and without a physical unit: colour * intensity * 2^exposure. The sky's texel times the
-DomeLight's intensity (1) is the radiance of that direction. The DistantLight's colour times intensity is the irradiance
-E_sun on a surface that faces it. A Lambert surface sends out albedo * (E_sun * cos / pi * visibility + E_sky / pi). The two
-are scaled together so that level open ground sends out `LightSettings.brightness` times its albedo.
+Light units. Radiance is linear and without a physical unit: colour * intensity * 2^exposure. The sky's texel times
+the DomeLight's intensity (1) is the radiance of that direction. The DistantLight's colour times intensity is the
+irradiance E_sun on a surface that faces it. A Lambert surface sends out
+albedo * (E_sun * cos / pi * visibility + E_sky / pi). Sun and sky are scaled together so that level open ground sends
+out `LightSettings.brightness` times its albedo.
 
-Orientation. World: +x east, +y north, +z up. UsdLux DomeLight follows OpenEXR: in the dome's own frame the pole is +y, the
-middle of the image looks along +z, and +x lies a quarter of the width from the left edge. The prim carries
-`xformOp:rotateX:orientToStageUpAxis` = 90, which turns the pole to +z: (x, y, z) of the dome is (x, -z, y) of the world.
-So the image's top row is the zenith, its middle is south (-y), a quarter from the left is east (+x), its two edges are north.
+Orientation. World: +x east, +y north, +z up. UsdLux DomeLight follows OpenEXR: in the dome's own frame the pole is +y,
+the middle of the image looks along +z, and +x lies a quarter of the width from the left edge. The prim carries
+`xformOp:rotateX:orientToStageUpAxis` = 90, which turns the pole to +z: (x, y, z) of the dome is (x, -z, y) of the
+world. So the image's top row is the zenith, its middle is south (-y), a quarter from the left is east (+x), its left
+and right edges are north.
 """
 
 from dataclasses import dataclass
@@ -42,7 +44,7 @@ class LightSettings(Settings):
     longitude: float = Field(0.0, ge=-180.0, le=180.0, description="Longitude, east positive [deg]")
     cloud_cover: float = Field(0.35, ge=0.0, le=1.0, description="Share of the sky behind clouds [1]")
     brightness: float = Field(1.25, gt=0.0, le=10.0, description="Radiance of level open ground over its albedo [1]")
-    sky_share: float = Field(0.30, gt=0.0, lt=1.0, description="Share of the sky in the light on level ground [1]")
+    sky_share: float = Field(0.40, gt=0.0, lt=1.0, description="Share of the sky in the light on level ground [1]")
     sky_height: int = Field(256, ge=64, le=2048, description="Rows of the sky texture; it is twice as wide [px]")
 
 
@@ -64,8 +66,8 @@ class Lighting:
 def sun_position(date: datetime, latitude: float, longitude: float) -> tuple[float, float]:
     """Find the sun; good to a few hundredths of a degree, refraction left out.
 
-    Source: NOAA Global Monitoring Laboratory, General solar position calculations (Fourier series for the equation of time
-    and the declination), and Meeus, Astronomical algorithms, chapter 25 (low-accuracy solar coordinates), used here.
+    Source: Meeus, Astronomical algorithms, 2nd edition, chapters 12, 13 and 25 (low accuracy), which the solar
+    calculator of NOAA's Global Monitoring Laboratory follows too.
 
     Args:
         date: Date and hour; without an offset it is Universal Time.
@@ -95,7 +97,7 @@ def sun_position(date: datetime, latitude: float, longitude: float) -> tuple[flo
 
 
 def bake_sky(settings: LightSettings, folder: Path, rng: np.random.Generator) -> Lighting:
-    """Write `textures/sky.exr` (half floats, ZIP; no sun disc, which the DistantLight carries) and weigh sun against sky.
+    """Write `textures/sky.exr` (half floats, no sun disc: the DistantLight carries it), and weigh sun against sky.
 
     Args:
         settings: Time, place and weather.
@@ -117,7 +119,7 @@ def bake_sky(settings: LightSettings, folder: Path, rng: np.random.Generator) ->
     irradiance = tint * ((1 - share) * level / max(cosine, 0.05) / float(tint @ _LUMINANCE))
     falling = np.sum(radiance * above[..., None], axis=(0, 1)) + irradiance * cosine
     below = _GROUND * falling / np.pi
-    mix = np.clip(-directions[..., 2] / 0.10, 0, 1)[..., None]
+    mix = np.clip((-directions[..., 2] - 0.01) / 0.10, 0, 1)[..., None]
     radiance = radiance * (1 - mix) + below * mix
     textures = folder / "textures"
     textures.mkdir(parents=True, exist_ok=True)
@@ -144,12 +146,13 @@ def author_lighting(stage: Usd.Stage, lighting: Lighting) -> None:
     sun.CreateColorAttr(Gf.Vec3f(*(float(value) for value in np.round(irradiance / max(intensity, 1e-9), 6))))
     sun.CreateAngleAttr(_SUN_ANGLE)
     turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), Gf.Vec3d(*lighting.sun_direction)).GetQuat()
-    sun.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(turn)
+    parts = [round(part, 9) for part in (turn.GetReal(), *turn.GetImaginary())]
+    sun.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(*parts))
     sky = UsdLux.DomeLight.Define(stage, f"{tokens.ENVIRONMENT}/Sky")
     sky.CreateIntensityAttr(1.0)
     sky.CreateTextureFileAttr(Sdf.AssetPath(lighting.sky_file))
     sky.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
-    sky.OrientToStageUpAxis()
+    sky.AddRotateXOp(opSuffix=UsdLux.Tokens.orientToStageUpAxis).Set(90.0)
 
 
 def sky_directions(rows: int) -> F64:
@@ -164,8 +167,8 @@ def sky_directions(rows: int) -> F64:
     latitude = (np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi)[:, None]
     longitude = (np.pi - (np.arange(2 * rows) + 0.5) / rows * np.pi)[None, :]
     level = np.cos(latitude)
-    dome = np.stack(np.broadcast_arrays(level * np.sin(longitude), np.sin(latitude), level * np.cos(longitude)), axis=-1)
-    return np.stack([dome[..., 0], -dome[..., 2], dome[..., 1]], axis=-1)
+    x, y, z = np.broadcast_arrays(level * np.sin(longitude), np.sin(latitude), level * np.cos(longitude))
+    return np.stack([x, -z, y], axis=-1)
 
 
 def encode_exr(radiance: F32) -> bytes:
@@ -222,25 +225,32 @@ def _sky_radiance(directions: F64, sun: F64, cover: float, rng: np.random.Genera
     tint = blue * (1 - haze) + pale * haze
     tint = tint * (1 - 0.7 * glow) + warm * (0.7 * glow)
     sky = luminance[..., None] * tint / (tint @ _LUMINANCE)[..., None]
-    clouds, thickness = _clouds(directions, cover, rng)
-    white = np.median(luminance) * (1.9 + 1.6 * np.exp(-2.2 * angle) - 0.9 * thickness)
-    cloud = white[..., None] * np.array([0.98, 1.0, 1.03])
-    mask = clouds[..., None] * (1 - 0.75 * haze)
+    opacity, lit = _clouds(directions, sun, cover, rng)
+    white = 0.9 * np.median(luminance) * (1.2 + 1.5 * lit + 1.2 * np.exp(-2.5 * angle))
+    cloud = white[..., None] * (np.array([0.93, 0.97, 1.04]) * (1 - lit[..., None]) + lit[..., None])
+    mask = opacity[..., None] * (1 - 0.8 * haze)
     return sky * (1 - mask) + cloud * mask
 
 
-def _clouds(directions: F64, cover: float, rng: np.random.Generator) -> tuple[F64, F64]:
-    """Clouds on a level sheet: opacity, and how thick (grey below) they are."""
-    plane = directions[..., :2] / (np.abs(directions[..., 2:]) + 0.12)
-    field = np.zeros(plane.shape[:2])
-    drift = rng.uniform(0, 64, 2)
-    for octave in range(6):
-        lattice = rng.integers(0, 1 << 16, (64, 64)) / 65_536
-        field += (_lattice_noise(lattice, plane * 0.9 * 2.03**octave + drift) - 0.5) * 0.55**octave
-    field = field / field.std()
-    edge = np.quantile(field, 1 - cover) if cover > 0 else np.inf
-    depth = np.clip((field - edge) / 0.9, 0, 1)
-    return depth * (2 - depth) * 0.9, depth
+def _clouds(directions: F64, sun: F64, cover: float, rng: np.random.Generator) -> tuple[F64, F64]:
+    """Clouds on a level sheet: their opacity, and how much of the sun reaches each of them (0 grey, 1 white)."""
+    plane = directions[..., :2] / (np.abs(directions[..., 2:]) + 0.10)
+    lattices = rng.integers(0, 1 << 16, (7, 64, 64)) / 65_536
+    drift = rng.integers(0, 1 << 16, 2) / 1024
+    field = _heap(lattices, plane + drift)
+    towards = _heap(lattices, plane + drift + 0.10 * sun[:2] / max(float(np.hypot(sun[0], sun[1])), 0.1))
+    spread = float(field.std())
+    edge = float(np.quantile(field[: len(field) // 2], 1 - cover)) if cover > 0 else np.inf
+    depth = np.clip((field - edge) / (1.1 * spread), 0, 1)
+    lit = np.clip(0.62 + 0.9 * (field - towards) / spread - 0.30 * depth, 0, 1)
+    return 0.92 * depth * (2 - depth), lit
+
+
+def _heap(lattices: F64, place: F64) -> F64:
+    field = np.zeros(place.shape[:2])
+    for octave, lattice in enumerate(lattices):
+        field += (_lattice_noise(lattice, place * 1.1 * 2.03**octave + 7.3 * octave) - 0.5) * 0.57**octave
+    return field
 
 
 def _lattice_noise(lattice: F64, place: F64) -> F64:

@@ -58,7 +58,8 @@ def author_scene(settings: AuthoringSettings, seed: int, folder: Path, progress:
     progress.advance(1)
     with space_errors(folder):
         _write_asset(SITE, site.pieces, folder / "site")
-        export(site_layer(_surfaces(SITE, site.pieces, folder / "site", seed)), folder / "site/site.usda")
+        recipes = _surfaces(site.pieces, folder / "site", settings.look.texels, seed)
+        export(site_layer(recipes), folder / "site/site.usda")
         progress.advance(2)
         _write_bridge(settings, layout, drawn, bridge, folder / "bridge", seed)
         progress.advance(3)
@@ -108,7 +109,7 @@ def _write_background(settings: AuthoringSettings, site: Site, folder: Path, see
     pieces = build_background(name, settings.background, site, stream(seed, "background"))
     place = folder / name
     _write_asset(BACKGROUND, pieces, place)
-    recipes = _surfaces(BACKGROUND, pieces, place, seed)
+    recipes = _surfaces(pieces, place, settings.look.texels, seed)
     export(background_layer(name, recipes), place / f"{name}.usda")
     return {NO_BACKGROUND: "", name: f"./background/{name}/{name}.usda"}
 
@@ -118,10 +119,9 @@ def _write_asset(asset: Asset, pieces: Pieces, folder: Path) -> None:
     export(semantics_layer(asset, pieces), folder / "semantics.usdc")
 
 
-def _surfaces(asset: Asset, pieces: Pieces, folder: Path, seed: int) -> dict[str, MaterialRecipe]:
-    # A stream for each surface, so that a site with one surface more changes none of the others.
-    section = asset.root.lower()
-    return {name: bake_surface(name, folder, stream(seed, f"{section}/{name}")) for name in roles_of(pieces)}
+def _surfaces(pieces: Pieces, folder: Path, texels: int, seed: int) -> dict[str, MaterialRecipe]:
+    # One stream a surface, the same for site and background: their grass is one grass, and goes on over the border.
+    return {name: bake_surface(name, folder, stream(seed, f"surface/{name}"), texels) for name in roles_of(pieces)}
 
 
 def _write_manifest(settings: AuthoringSettings, seed: int, folder: Path) -> None:

@@ -1,5 +1,7 @@
 """Small natural shapes of unit size, around their own origin: pebbles, tufts of grass, leafy bushes and crowns."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,8 @@ from authoring.component import Mesh
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+OCTAHEDRON = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
+OCTANTS = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
 ICOSAHEDRON = (
     *(0, 11, 5, 0, 5, 1, 0, 1, 7, 0, 7, 10, 0, 10, 11, 1, 5, 9, 5, 11, 4, 11, 10, 2, 10, 7, 6, 7, 1, 8),
     *(3, 9, 4, 3, 4, 2, 3, 2, 6, 3, 6, 8, 3, 8, 9, 4, 9, 5, 2, 4, 11, 6, 2, 10, 8, 6, 7, 9, 8, 1),
@@ -23,7 +27,7 @@ def pebble(rng: np.random.Generator) -> Mesh:
         A closed mesh.
     """
     points, faces = icosphere(1)
-    points = _bulge(points, 0.22, rng) * np.array([0.5, rng.uniform(0.34, 0.48), rng.uniform(0.22, 0.36)])
+    points = bulge(points, 0.22, rng) * np.array([0.5, rng.uniform(0.34, 0.48), rng.uniform(0.22, 0.36)])
     points[:, 2] += 0.08
     return faceted(points, faces)
 
@@ -53,27 +57,82 @@ def blade_tuft(rng: np.random.Generator, blades: int = 9) -> Mesh:
     return faceted(np.concatenate(points), np.concatenate([sides + 4 * blade for blade in range(blades)]))
 
 
-def leaf_bush(rng: np.random.Generator, blobs: int = 3) -> Mesh:
+def leaf_bush(rng: np.random.Generator, clumps: int = 13) -> Mesh:
     """Make a bush about 1 m high and wide.
 
     Args:
         rng: Random stream.
-        blobs: Rounded masses of leaves that it is made of.
+        clumps: Clumps of leaves that it is made of.
 
     Returns:
         Closed masses that run into each other.
     """
-    pieces = []
-    for _ in range(blobs):
-        points, faces = icosphere(1)
-        size = rng.uniform(0.26, 0.42)
-        points = _bulge(points, 0.3, rng) * np.array([size, size, size * rng.uniform(0.85, 1.15)])
-        away, angle = rng.uniform(0.05, 0.26), rng.uniform(0.0, 2 * np.pi)
-        points += np.array([away * np.cos(angle), away * np.sin(angle), rng.uniform(0.3, 0.55)])
-        pieces.append((points, faces))
+    return leaf_mass(rng, np.array([0.0, 0.0, 0.42]), np.array([0.46, 0.46, 0.48]), clumps, 0, 0.24)
+
+
+def leaf_mass(
+    rng: np.random.Generator, middle: F64, size: F64, clumps: int, core: int, clump: float, ragged: float = 0.3
+) -> Mesh:
+    """Make a mass of foliage: a core, and clumps of leaves that break its outline; shaded as one round mass.
+
+    Args:
+        rng: Random stream.
+        middle: Its middle [m], shape (3,), float64.
+        size: Its half axes [m], shape (3,), float64.
+        clumps: How many clumps.
+        core: How finely the core is divided, as in `icosphere`.
+        clump: Radius of a clump [m].
+        ragged: How unevenly the clumps are strewn [1].
+
+    Returns:
+        Closed masses that run into each other.
+    """
+    points, faces = icosphere(core)
+    pieces = [(middle + 0.78 * size * bulge(points, 0.12, rng), faces)]
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * (np.arange(clumps) + rng.uniform(0.0, 1.0, clumps) * ragged)
+    height = 1.0 - 1.75 * (np.arange(clumps) + rng.uniform(0.2, 0.8, clumps)) / clumps
+    round_ = np.sqrt(np.maximum(1.0 - height * height, 0.0))
+    spots = np.stack([round_ * np.cos(turn), round_ * np.sin(turn), height], 1) * rng.uniform(0.68, 0.95, (clumps, 1))
+    for spot in spots:
+        body = OCTAHEDRON + rng.uniform(-0.3, 0.3, (6, 3))
+        pieces.append((middle + size * spot + clump * rng.uniform(0.75, 1.35) * body * [1.0, 1.0, 0.8], OCTANTS))
     starts = np.cumsum([0, *(len(points) for points, _ in pieces[:-1])])
     faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts, strict=True)])
-    return faceted(np.concatenate([points for points, _ in pieces]), faces)
+    points = np.concatenate([points for points, _ in pieces])
+    mesh = faceted(points, faces, 0.5)
+    outward = ((points - middle) / size)[faces.reshape(-1)]
+    normals = mesh.normals + 0.9 * outward / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 0.05)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return replace(mesh, normals=normals.astype(np.float32))
+
+
+def stem(height: float, radius: float, sides: int, rng: np.random.Generator) -> Mesh:
+    """Make a tapered trunk or pole with a slight lean, closed at the top, its foot at height 0.
+
+    Args:
+        height: Height [m].
+        radius: Radius a little above the foot [m].
+        sides: Corners of its section.
+        rng: Random stream.
+
+    Returns:
+        The mesh; its foot is open and belongs into the ground.
+    """
+    angle = 2 * np.pi * np.arange(sides) / sides
+    rings, lean = [], rng.uniform(-0.02, 0.02, 2) * height
+    for share, width in ((0.0, 1.35), (0.12, 0.95), (1.0, 0.45)):
+        ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(sides)]) * radius * width
+        rings.append(ring + np.array([*(lean * share), share * height]))
+    points = np.vstack([*rings, [*lean, height]])
+    ahead = np.arange(sides)
+    behind = (ahead + 1) % sides
+    faces = []
+    for low in (0, sides):
+        high = low + sides
+        faces += [np.column_stack([low + ahead, low + behind, high + behind])]
+        faces += [np.column_stack([low + ahead, high + behind, high + ahead])]
+    faces.append(np.column_stack([2 * sides + ahead, 2 * sides + behind, np.full(sides, 3 * sides)]))
+    return faceted(points, np.concatenate(faces), 0.9)
 
 
 def icosphere(level: int) -> tuple[F64, I64]:
@@ -119,7 +178,8 @@ def faceted(points: F64, faces: I64, smooth: float = 0.6) -> Mesh:
         for axis in range(3):
             total[:, axis] += np.bincount(faces[:, vertex], normal[:, axis], len(points))
     flat = np.repeat(normal / np.linalg.norm(normal, axis=1, keepdims=True), 3, axis=0)
-    round_normals = (total / np.linalg.norm(total, axis=1, keepdims=True))[faces.reshape(-1)]
+    size = np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
+    round_normals = (total / size)[faces.reshape(-1)]
     mixed = smooth * round_normals + (1.0 - smooth) * flat
     plane = np.repeat(np.argmax(np.abs(normal), axis=1), 3)
     at = points[faces.reshape(-1)]
@@ -133,7 +193,7 @@ def faceted(points: F64, faces: I64, smooth: float = 0.6) -> Mesh:
     )
 
 
-def _bulge(points: F64, amount: float, rng: np.random.Generator) -> F64:
+def bulge(points: F64, amount: float, rng: np.random.Generator) -> F64:
     """Push the points of a unit sphere in and out with a few random waves."""
     ways = rng.normal(size=(7, 3))
     waves = np.sin(points @ (2.4 * ways.T) + rng.uniform(0.0, 2 * np.pi, 7)).sum(axis=1) / np.sqrt(7.0)

@@ -8,6 +8,7 @@ from authoring.site_covers import Soup, soup_of
 from authoring.site_grid import HeightField, graded_lines, surface_normals
 from authoring.site_relief import draw_relief
 from authoring.site_shape import ABUTMENT_BACK, SHOULDER, WALL_STEP, Approach, Crossing, Land, Shape
+from groundwork.errors import InputError
 
 F64 = NDArray[np.float64]
 RELIEF = ((95.0, 0.42), (31.0, 0.16), (9.0, 0.07), (3.1, 0.025))
@@ -15,6 +16,8 @@ RAGGED = ((6.3, 0.55), (2.1, 0.35))
 PATCHES = ((23.0, 3.2), (6.0, 1.4))
 MIN_SPAN_SHARE, MAX_SPAN_SHARE = 0.52, 0.66  # of the longest span that water covers [1]
 FIRST_STEP = 3.0  # distance from the strip's border to the first grid line of a background [m]
+NARROWEST = 3.0  # narrowest crossing [m]
+ROOM = 4.0  # between a crossing road and the supports beside it, both together [m]
 LANE = 3.25  # width of a lane of the crossing road [m]
 
 
@@ -39,7 +42,7 @@ def draw_land(kind: str, relief: float, layout: Layout, reach: float, rng: np.ra
     heights = draw_relief(tuple((length, height * relief) for length, height in RELIEF), rng)
     ragged, patches = draw_relief(RAGGED, rng), draw_relief(PATCHES, rng)
     crossing = _draw_crossing(kind, layout, rng)
-    half_road = max(layout.width / 2 - 1.1, 1.5)
+    half_road = layout.carriageway / 2 if layout.carriageway > 0 else max(layout.width / 2 - 1.1, 1.5)
     bends = rng.uniform(18.0, 32.0, 2) * rng.choice((-1.0, 1.0), 2)
     backs = (layout.supports[0] - ABUTMENT_BACK, layout.supports[-1] + ABUTMENT_BACK)
     first, last = (
@@ -111,7 +114,12 @@ def _draw_crossing(kind: str, layout: Layout, rng: np.random.Generator) -> Cross
         width = min(rng.uniform(MIN_SPAN_SHARE, MAX_SPAN_SHARE) * span, 60.0)
         level, depth = -rng.uniform(1.4, 1.8), min(rng.uniform(0.9, 1.4), width / 6)
     else:
-        width, level, depth = min(2 * LANE + 1.0, span - 4.0), 0.05, 0.0
+        width, level, depth = min(2 * LANE + 1.0, span - ROOM), 0.05, 0.0
+    if width < NARROWEST:
+        raise InputError(
+            "no room for it under the longest span", field="site.crossing", value=kind,
+            allowed=f"a {kind} under spans of {NARROWEST + ROOM:g} m and more", mend="Give the bridge a longer span",
+        )  # fmt: skip
     return Crossing(
         kind, station, float(swing), float(wavelength), float(phase), float(width / 2), float(level), float(depth)
     )

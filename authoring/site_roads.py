@@ -17,6 +17,8 @@ Lift = Callable[[F64, F64], F64]
 STEP = 2.0  # distance between cross-sections of a road [m]
 WATER_STEP = 4.0
 BURIED = 0.9  # height of bank in which the water's edge disappears [m]
+EDGE_LINE = 0.3  # from the edge of the asphalt to the middle of the edge line [m]
+LANE = 6.6  # width of a pair of lanes [m]
 DASHES, SOLID = (3.0, 6.0), (1.0, 0.0)
 
 
@@ -51,7 +53,8 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lif
         Pieces as in `way_pieces`.
     """
     crossing, axis = land.crossing, land.layout.alignment
-    line = Line(crossing.centre(lefts), lefts, np.column_stack([-crossing.stretch(lefts), np.zeros(len(lefts))]))
+    aside = -np.sign(lefts[-1] - lefts[0]) * crossing.stretch(lefts)
+    line = Line(crossing.centre(lefts), lefts, np.column_stack([aside, np.zeros(len(lefts))]))
     if crossing.kind == "river":
         half = crossing.half_width + BURIED * BANK_SLOPE
         level = np.full(len(lefts), crossing.level)
@@ -99,12 +102,15 @@ def _road(
     if lift is not None:
         sides = [line.offset(share * half) for share in (-1.0, -0.5, 0.0, 0.5, 1.0)]
         crown = np.max([crown, *(lift(side[:, 0], side[:, 1]) + fall + 0.05 for side in sides)], axis=0)
-    edge = half - 0.3
-    paint = [
-        dashes(axis, line, crown, 0.0, DASHES),
-        dashes(axis, line, crown - fall * edge / half, edge, SOLID),
-        dashes(axis, line, crown - fall * edge / half, -edge, SOLID),
-    ]
+    edge = half - EDGE_LINE
+    if road.startswith("Approach") and land.layout.edge_line > 0:
+        edge = min(land.layout.edge_line, half - 0.1)
+    lanes = max(2 * round(2 * edge / LANE), 2)
+    paint = []
+    for number in range(lanes + 1):
+        left = edge * (2 * number / lanes - 1)
+        style = SOLID if number in (0, lanes) else DASHES
+        paint.append(dashes(axis, line, crown - fall * abs(left) / half, left, style))
     surface = carriageway(axis, line, crown, fall, half)
     strips = merged([strip for strip in paint if strip is not None])
     return [(road, "road", "asphalt", surface), (marking, "road", "road_marking", strips)]

@@ -202,8 +202,8 @@ class Land:
         foot = crossing.half_width - crossing.depth * BANK_SLOPE
         channel = bed + np.maximum(distance - foot, 0.0) / BANK_SLOPE + 0.12 * noise
         height = smooth_minimum(natural, channel, 0.6)
-        shore = crossing.half_width + 0.9 + 0.8 * noise - distance
-        bank = np.minimum((natural - channel) * BANK_SLOPE + 0.6, 12.0) + 0.7 * noise
+        shore = crossing.half_width + 0.55 + 0.6 * noise - distance
+        bank = crossing.half_width + 1.9 + 1.1 * noise - distance
         return height, {"shore": shore, "bank": bank}
 
     def _cutting(self, station: F64, left: F64, natural: F64, hills: Hills, noise: F64) -> tuple[F64, dict[str, F64]]:

@@ -11,6 +11,7 @@ from authoring.sections import inset, is_convex, triangulate
 
 Axis = Literal["station", "left", "above"]
 
+GROOVE_DEPTH = 0.010  # [m], of a false joint
 _SMOOTH_COSINE = float(np.cos(np.radians(25.0)))
 _FLAT = 1e-9  # [m], how far a quad may leave its plane before it is split
 
@@ -83,8 +84,16 @@ def sweep(
     return _unmirrored(Surface(points, counts, corners, corner_normals(points, counts, corners), st, chart))
 
 
-def prism(outline: F64, low: float, high: float, axis: Axis, place: Alignment, chamfer: float = 0.0) -> Surface:
-    """Extrude an outline and chamfer the edges of both end faces.
+def prism(
+    outline: F64,
+    low: float,
+    high: float,
+    axis: Axis,
+    place: Alignment,
+    chamfer: float = 0.0,
+    grooves: tuple[float, ...] = (),
+) -> Surface:
+    """Extrude an outline, chamfer the edges of both end faces, and cut V grooves round the sides.
 
     Args:
         outline: Section, counter-clockwise [m], shape (P, 2), float64; its plane as in `sweep`.
@@ -93,19 +102,26 @@ def prism(outline: F64, low: float, high: float, axis: Axis, place: Alignment, c
         axis: Which way the member runs.
         place: Takes bridge coordinates to the world.
         chamfer: Leg of the chamfers [m]; 0 for none.
+        grooves: Where along the axis a groove lies [m], rising and well inside the ends; as deep as half its width.
 
     Returns:
         Closed surface, normals outward.
     """
-    if chamfer <= 0.0:
-        return sweep(np.stack([outline, outline]), np.array([low, high]), axis, place)
-    small = inset(outline, chamfer)
-    along = np.array([low, low + chamfer, high - chamfer, high])
-    ends = place.point(along[1:3] * (axis == "station"), along[1:3] * (axis == "left"), along[1:3] * (axis == "above"))
-    slant = chamfer * np.sqrt(2.0)
-    lengths = np.cumsum([0.0, slant, float(np.linalg.norm(ends[1] - ends[0])), slant])
-    sections = np.stack([small, outline, outline, small])
-    return sweep(sections, along, axis, place, lengths=lengths, girth_of=np.array([1, 1, 2, 2], np.int32))
+    along = [low, low + chamfer] if chamfer > 0.0 else [low]
+    depth = [chamfer, 0.0] if chamfer > 0.0 else [0.0]
+    for groove in grooves:
+        along += [groove - GROOVE_DEPTH, groove, groove + GROOVE_DEPTH]
+        depth += [0.0, GROOVE_DEPTH, 0.0]
+    along += [high - chamfer, high] if chamfer > 0.0 else [high]
+    depth += [0.0, chamfer] if chamfer > 0.0 else [0.0]
+    run = np.zeros((3, len(along)))
+    run[("station", "left", "above").index(axis)] = along
+    steps = np.linalg.norm(np.diff(place.point(*run), axis=0), axis=1)
+    lengths = np.concatenate([[0.0], np.cumsum(steps)])
+    sections = np.stack([inset(outline, d) if d > 0.0 else outline for d in depth])
+    # Every smaller outline has a full one for a neighbour, whose girth its texture follows.
+    full = [k if d == 0.0 else (k + 1 if k + 1 < len(depth) else k - 1) for k, d in enumerate(depth)]
+    return sweep(sections, np.array(along), axis, place, lengths=lengths, girth_of=np.array(full, np.int32))
 
 
 def turned(surface: Surface) -> Surface:

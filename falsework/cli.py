@@ -115,7 +115,7 @@ def render(
     """
     from falsework.verbs import render_file
 
-    settings = {"quality": quality, "noise": noise}
+    settings = {"quality": quality, "sensor": {"noise": noise}}
     with ConsoleProgress() as progress:
         names = render_file(stage, output, survey, settings, seed, progress)
     for name in names:

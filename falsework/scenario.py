@@ -12,7 +12,7 @@ from authoring.settings import AuthoringSettings
 from groundwork.errors import InputError, MissingError
 from groundwork.settings import Settings, parse_settings, read_toml
 from recon.settings import ReconSettings
-from render.settings import RenderSettings
+from render.settings import SensorSettings, ShadingSettings
 
 
 class StageSource(Settings):
@@ -27,12 +27,17 @@ class Scenario(AuthoringSettings):
     seed: int = Field(7, ge=0, description="Everything that is not fixed is drawn from it")
     scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
     stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")
-    render: RenderSettings = Field(default_factory=RenderSettings, description="Renderer and sensor")
+    render: ShadingSettings = Field(default_factory=ShadingSettings, description="Renderer")
+    sensor: SensorSettings = Field(default_factory=SensorSettings, description="The camera behind the lens")
     recon: ReconSettings = Field(default_factory=ReconSettings, description="Reconstruction")
 
     def authoring(self) -> dict[str, Any]:
         """Return the sections that a stage is authored from, as JSON."""
         return self.model_dump(mode="json", include=set(AuthoringSettings.model_fields))
+
+    def rendering(self) -> dict[str, Any]:
+        """Return what the renderer is told, as JSON."""
+        return {**self.render.model_dump(mode="json"), "sensor": self.sensor.model_dump(mode="json")}
 
     def as_toml(self) -> str:
         """Spell the scenario as TOML, defaults included."""

@@ -135,34 +135,35 @@ def align(
     Raises:
         RejectedSceneError: `alignment_failed`, or `straight_path` where centres alone cannot fix the rotation.
     """
-    rows_known = np.isfinite(target.centres[rows]).all(axis=1)
+    known = np.asarray(np.isfinite(target.centres[rows]).all(axis=1))
     source, goal = poses[:, :3, 3], np.nan_to_num(target.centres[rows])
-    turned = None
+    turned = None  # from the model into the world, as each camera by itself would have it
     if target.rotations is not None:
         turned = target.rotations[rows] @ poses[:, :3, :3].transpose(0, 2, 1)
     by_rotations = settings.method != "paper" and turned is not None
-    inliers = find_inliers(source, goal, rows_known, target.centre_limit, settings.iterations, rng)
-    if by_rotations and turned is not None:
-        inliers &= angles(turned, _central_rotation(turned, inliers)) <= settings.rotation_limit
-    similarity = _fit(source, goal, turned if by_rotations else None, inliers)
+    ruling = turned if by_rotations else None
+    inliers = find_inliers(source, goal, known, target.centre_limit, settings.iterations, rng)
+    if ruling is not None:
+        inliers &= angles(ruling, _central_rotation(ruling, inliers)) <= settings.rotation_limit
+    similarity = _fit(source, goal, ruling, inliers)
+    far, twist = _misfit(similarity, source, goal, turned)
     for _ in range(_ROUNDS):
-        far = np.linalg.norm(similarity.move(source) - goal, axis=1)
-        twist = angles(turned, similarity.rotation) if turned is not None else np.full(len(rows), np.nan)
-        straying = (far > target.centre_limit) | ~rows_known
-        twisted = (twist > settings.rotation_limit) if by_rotations else np.zeros(len(rows), bool)
-        agreeing = ~straying & ~twisted
+        agreeing = known & (far <= target.centre_limit) & ~(by_rotations & (twist > settings.rotation_limit))
         if (agreeing == inliers).all():
             break
         inliers = agreeing
-        similarity = _fit(source, goal, turned if by_rotations else None, inliers)
-    spread = np.linalg.svd(goal[inliers] - goal[inliers].mean(axis=0), compute_uv=False)
+        similarity = _fit(source, goal, ruling, inliers)
+        far, twist = _misfit(similarity, source, goal, turned)
+    spread = np.linalg.svd(goal[inliers] - goal[inliers].mean(axis=0), compute_uv=False).astype(np.float64)
     if not by_rotations and spread[1] < _STRAIGHT * spread[0]:
         raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
+    straying = ~known | (far > target.centre_limit)
+    twisted = by_rotations & (twist > settings.rotation_limit)
     count = len(target.centres)
     status = np.full(count, UNREGISTERED, dtype=object)
     status[rows] = np.where(straying, CENTRE_OUTLIER, np.where(twisted, ROTATION_OUTLIER, OK))
     centre_errors, rotation_errors = np.full(count, np.nan), np.full(count, np.nan)
-    centre_errors[rows], rotation_errors[rows] = np.where(rows_known, far, np.nan), twist
+    centre_errors[rows], rotation_errors[rows] = np.where(known, far, np.nan), twist
     method = "centres+rotations" if by_rotations else "centres"
     return Alignment(similarity, method, tuple(status), centre_errors, rotation_errors, spread)
 
@@ -261,6 +262,12 @@ def _central_rotation(rotations: F64, inliers: Mask) -> F64:
     chosen = rotations[inliers]
     closeness = np.einsum("aij,bij->ab", chosen, chosen)  # trace of A^T B: grows as the angle shrinks
     return chosen[np.argmax(np.median(closeness, axis=1))]
+
+
+def _misfit(similarity: Similarity, source: F64, goal: F64, turned: F64 | None) -> tuple[F64, F64]:
+    """Measure what a similarity leaves over: distances of centres [m] and angles [deg], both of shape (I,)."""
+    far = np.linalg.norm(similarity.move(source) - goal, axis=1).astype(np.float64)
+    return far, angles(turned, similarity.rotation) if turned is not None else np.full(len(source), np.nan)
 
 
 def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarity:

@@ -58,8 +58,8 @@ def write_laz(path: Path, cloud: Cloud) -> None:
     record.classification = np.where(segment == UNLABELLED, _UNCLASSIFIED, _FIRST_USER_CLASS + segment % 128)
     for name in _EXTRA:
         record[name] = columns[name]
-    with space_errors(path):
-        record.write(str(path), do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
+    with space_errors(path), path.open("wb") as file:
+        record.write(file, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
 
 
 def write_ply(path: Path, cloud: Cloud) -> None:

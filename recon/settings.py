@@ -10,31 +10,31 @@ from groundwork.settings import Settings
 class SparseSettings(Settings):
     """Structure from motion: features, pairs, mapper, and the limits of its child processes."""
 
-    peak_threshold: float = Field(0.004, ge=0.0005, le=0.05)
+    peak_threshold: float = Field(default=0.004, ge=0.0005, le=0.05)
     """Contrast that a SIFT keypoint needs [1]; smooth concrete wants 0.002 to 0.004."""
-    max_features: int = Field(8192, ge=256, le=65536)
+    max_features: int = Field(default=8192, ge=256, le=65536)
     """Strongest keypoints kept of each image."""
     pairing: Literal["auto", "spatial", "sequential", "exhaustive"] = "auto"
     """Which images are matched; auto: spatial with GPS, else exhaustive for few images and sequential for many."""
-    neighbours: int = Field(20, ge=2, le=200)
+    neighbours: int = Field(default=20, ge=2, le=200)
     """Nearest images by GPS that an image is matched with (spatial)."""
-    overlap: int = Field(10, ge=1, le=100)
+    overlap: int = Field(default=10, ge=1, le=100)
     """Following images that an image is matched with (sequential)."""
-    exhaustive_below: int = Field(40, ge=3, le=1000)
+    exhaustive_below: int = Field(default=40, ge=3, le=1000)
     """Up to this many images without GPS are matched exhaustively."""
     use_gps_in_mapping: bool = False
     """Let the bundle adjustment pull camera centres towards their GPS positions."""
     two_view_tracks: bool = True
     """Keep points that only two images saw."""
-    min_triangulation_angle: float = Field(1.5, ge=0.1, le=30.0)
+    min_triangulation_angle: float = Field(default=1.5, ge=0.1, le=30.0)
     """Smallest angle between two rays of a point [deg]."""
     deterministic: bool = True
     """Map on one thread, so that the same images give the same bytes."""
-    threads: int = Field(2, ge=1, le=256)
+    threads: int = Field(default=2, ge=1, le=256)
     """Threads of the extraction, and of the mapper when not deterministic; matching has one of its own."""
-    seconds_per_image: float = Field(30.0, ge=1.0, le=3600.0)
+    seconds_per_image: float = Field(default=30.0, ge=1.0, le=3600.0)
     """Wall time that each stage may take per image, on top of two minutes [s]."""
-    memory_limit: float = Field(3.0, ge=0.5, le=1024.0)
+    memory_limit: float = Field(default=3.0, ge=0.5, le=1024.0)
     """Resident memory that a stage may use [GB]."""
 
 
@@ -43,14 +43,14 @@ class AlignmentSettings(Settings):
 
     method: Literal["centres+rotations", "paper"] = "centres+rotations"
     """Take the rotation from the cameras' rotations, or everything from their centres alone (the paper)."""
-    centre_limit: float | None = Field(None, gt=0.0, le=100.0)
+    centre_limit: float | None = Field(default=None, gt=0.0, le=100.0)
     """Distance above which a camera centre is an outlier [m]; none: 0.25 for a local survey, else 0.5 % of the
     diagonal of the path and at most 0.5."""
-    rotation_limit: float = Field(2.0, gt=0.0, le=180.0)
+    rotation_limit: float = Field(default=2.0, gt=0.0, le=180.0)
     """Angle above which a camera is an outlier [deg]; not used by `paper`."""
-    iterations: int = Field(1000, ge=10, le=100_000)
+    iterations: int = Field(default=1000, ge=10, le=100_000)
     """Samples of three cameras that RANSAC tries."""
-    max_invalid_share: float = Field(0.40, ge=0.0, le=1.0)
+    max_invalid_share: float = Field(default=0.40, ge=0.0, le=1.0)
     """A scene with a greater share of unregistered and outlying cameras is rejected [1]."""
 
 
@@ -63,9 +63,9 @@ class ReconSettings(Settings):
     """Structure from motion."""
     alignment: AlignmentSettings = AlignmentSettings()
     """Alignment to the world."""
-    max_reprojection_error: float = Field(2.0, gt=0.0, le=20.0)
+    max_reprojection_error: float = Field(default=2.0, gt=0.0, le=20.0)
     """Mean reprojection error above which a point is dropped [px]."""
-    min_views: int = Field(2, ge=2, le=20)
+    min_views: int = Field(default=2, ge=2, le=20)
     """Valid cameras that must have seen a point."""
-    seed: int = Field(0, ge=0, lt=2**31)
+    seed: int = Field(default=0, ge=0, lt=2**31)
     """Seed of every random draw in here."""

@@ -7,6 +7,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+from groundwork.canonical import folder_digest
 from groundwork.child import run_child
 from groundwork.errors import RejectedSceneError
 from groundwork.progress import Progress
@@ -56,7 +57,7 @@ def run_sparse(
     models = _run("map", capture, work, settings, progress)
     if not models:
         raise RejectedSceneError("no_model", "the mapper found no pair of images to start from")
-    facts = {"keypoints": sum(keypoints), **matching, "models": models}
+    facts = {"keypoints": sum(keypoints), **matching, "models": models, "model_sha256": folder_digest(work / _MODEL)}
     return read_model(work / _MODEL), facts
 
 

@@ -3,6 +3,7 @@
 COLMAP may abort the whole process (a full disk, a broken file), so each stage is one request to a process of its own.
 """
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ from render.capture import Capture, load_image, read_capture
 
 DATABASE = "database.db"
 MODEL = "model"
-_PAIRS = "pairs.txt"
 _FATAL = 3  # the level of glog that stays quiet about everything else
 _NO_LIMIT = 1e9  # [m] spatial pairing drops pairs that are farther apart than this
 
@@ -108,14 +108,27 @@ def match(capture: Capture, work: Path, settings: SparseSettings, seed: int, pro
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
     kind = choose_pairing(capture, settings)
+    begin, device = (path, matching), pycolmap.Device.cpu
     with pycolmap.Database.open(path) as database:
-        lines = _pair_lines(database, kind, settings)
-    progress.stage("matching", len(lines))
-    (work / _PAIRS).write_text("".join(lines), encoding="utf-8")
-    listed = pycolmap.ImportedPairingOptions(match_list_path=work / _PAIRS)
-    pycolmap.match_image_pairs(path, matching, listed, verification, pycolmap.Device.cpu)
+        if kind == "spatial":
+            spatial = pycolmap.SpatialPairingOptions(
+                ignore_z=False, max_num_neighbors=settings.neighbours, max_distance=_NO_LIMIT, num_threads=1
+            )
+            pairs = pycolmap.SpatialPairGenerator(spatial, database).all_pairs()
+            run = partial(pycolmap.match_spatial, *begin, spatial, verification, device)
+        elif kind == "sequential":
+            sequential = pycolmap.SequentialPairingOptions(overlap=settings.overlap, num_threads=1)
+            pairs = pycolmap.SequentialPairGenerator(sequential, database).all_pairs()
+            run = partial(pycolmap.match_sequential, *begin, sequential, verification, device)
+        else:
+            exhaustive = pycolmap.ExhaustivePairingOptions()
+            pairs = pycolmap.ExhaustivePairGenerator(exhaustive, database).all_pairs()
+            run = partial(pycolmap.match_exhaustive, *begin, exhaustive, verification, device)
+    count = len({frozenset(pair) for pair in pairs})  # spatial pairing names most pairs from both sides
+    progress.stage("matching", count)
+    run()
     with pycolmap.Database.open(path) as database:
-        return {"pairing": kind, "pairs": len(lines), "verified": database.num_verified_image_pairs()}
+        return {"pairing": kind, "pairs": count, "verified": database.num_verified_image_pairs()}
 
 
 def choose_pairing(capture: Capture, settings: SparseSettings) -> str:
@@ -191,22 +204,6 @@ def transform(work: Path, out: Path, similarity: dict[str, Any]) -> object:
     out.mkdir()
     model.write_binary(out)
     return model.num_points3D()
-
-
-def _pair_lines(database: pycolmap.Database, kind: str, settings: SparseSettings) -> list[str]:
-    """List each pair once, in the order of image ids, as COLMAP's pair lists want it."""
-    if kind == "spatial":
-        spatial = pycolmap.SpatialPairingOptions(
-            ignore_z=False, max_num_neighbors=settings.neighbours, max_distance=_NO_LIMIT, num_threads=1
-        )
-        pairs = pycolmap.SpatialPairGenerator(spatial, database).all_pairs()
-    elif kind == "sequential":
-        sequential = pycolmap.SequentialPairingOptions(overlap=settings.overlap, num_threads=1)
-        pairs = pycolmap.SequentialPairGenerator(sequential, database).all_pairs()
-    else:
-        pairs = pycolmap.ExhaustivePairGenerator(pycolmap.ExhaustivePairingOptions(), database).all_pairs()
-    names = {image.image_id: image.name for image in database.read_all_images()}
-    return [f"{names[a]} {names[b]}\n" for a, b in sorted({(min(pair), max(pair)) for pair in pairs})]
 
 
 def _write_gps(capture: Capture, database: pycolmap.Database, rows: dict[str, pycolmap.Image]) -> None:

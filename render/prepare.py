@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from groundwork.progress import Progress
 from render.context import Gl
 from render.daylight import read_daylight
-from render.gpu_scene import check_scene, draw_boxes, upload_scene
+from render.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
 from render.light_volume import cast_light_volume
 from render.materials import tabulate_materials, texture_keys
 from render.passes import Illumination, Painter
@@ -23,21 +23,40 @@ class Prepared:
     """A scene ready to draw.
 
     Attributes:
-        painter: Draws its views.
+        gl: Open context.
+        programs: Shader programs.
+        gpu: Uploaded scene.
+        light: What lights it.
+        settings: How to draw it.
         warnings: One line for each thing that is drawn otherwise than authored.
     """
 
-    painter: Painter
+    gl: Gl
+    programs: Programs
+    gpu: GpuScene
+    light: Illumination
+    settings: RenderSettings
     warnings: tuple[str, ...]
 
+    def painter(self, camera: Pinhole, *, sharp: bool) -> Painter:
+        """Make what draws views of one size.
 
-def prepare(gl: Gl, scene: FlatScene, camera: Pinhole, settings: RenderSettings, progress: Progress) -> Prepared:
+        Args:
+            camera: Intrinsics of every view.
+            sharp: Draw as the settings say; else with one sample a pixel, which is enough for metering.
+        """
+        quality = self.settings.quality
+        if not sharp and quality == "fine":
+            quality = "standard"
+        return Painter(self.gl, self.programs, self.gpu, self.light, camera, quality, normals=self.settings.normals)
+
+
+def prepare(gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress) -> Prepared:
     """Upload a scene and light it.
 
     Args:
         gl: Open context.
         scene: What to draw.
-        camera: Intrinsics of every view.
         settings: How to draw it.
         progress: Told about the light volume.
 
@@ -63,5 +82,4 @@ def prepare(gl: Gl, scene: FlatScene, camera: Pinhole, settings: RenderSettings,
             scene, daylight, table.means, box, settings.volume_probes, settings.volume_rays, progress
         )
     light = Illumination(daylight, shadow, volume, settings.haze_distance)
-    painter = Painter(gl, programs, gpu, light, camera, settings.quality, normals=settings.normals)
-    return Prepared(painter, (*scene.warnings, *warnings, *dark))
+    return Prepared(gl, programs, gpu, light, settings, (*scene.warnings, *warnings, *dark))

@@ -31,11 +31,11 @@ class SensorSettings(Settings):
     )
 
 
-class RenderSettings(Settings):
-    """Everything the renderer can be told."""
+class ShadingSettings(Settings):
+    """How a stage becomes an ideal image: the section `[render]` of a scenario."""
 
     quality: Literal["fast", "standard", "fine"] = Field(
-        "standard",
+        default="standard",
         description="fast: simple light; standard: light volume, soft shadows; fine: 2x2 samples a pixel too.",
     )
     device: str = Field(default="auto", description="auto, gpu, software, osmesa, or the number of an EGL device.")
@@ -50,4 +50,12 @@ class RenderSettings(Settings):
         default=3500.0, gt=0, description="Distance at which haze takes 63 % of the contrast [m]."
     )
     encoders: int = Field(default=2, ge=1, le=64, description="Threads that develop and encode finished frames [1].")
+
+
+class RenderSettings(ShadingSettings):
+    """Everything the renderer can be told."""
+
+    geodetic_origin: tuple[float, float, float] = Field(
+        default=(46.0, 0.0, 0.0), description="Latitude [deg], longitude [deg], height [m] of the local zero, for EXIF."
+    )
     sensor: SensorSettings = Field(default_factory=SensorSettings, description="The camera behind the lens.")

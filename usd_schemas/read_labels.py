@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,6 +168,6 @@ class Register:
         return self._given[own]
 
 
-def _value(prim: Usd.Prim, name: str):  # noqa: ANN202  USD values have many types
+def _value(prim: Usd.Prim, name: str) -> Any:
     attribute = prim.GetAttribute(name) if prim else None
     return attribute.Get() if attribute else None

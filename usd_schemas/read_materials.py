@@ -13,7 +13,7 @@ from usd_schemas.read_meshes import ATLAS_ST, EARLIEST
 GREY = (0.5, 0.5, 0.5)
 _DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)
 _DEFAULT_ROUGHNESS = 0.5
-_CONTEXTS = ["mtlx", "mdl", "ri", "glslfx", "arnold", "cycles"]
+_CONTEXTS = ("mtlx", "mdl", "ri", "glslfx", "arnold", "cycles")
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,9 @@ def read_material(material: UsdShade.Material, warn: Warn) -> ReadMaterial:
     surface, _, _ = material.ComputeSurfaceSource()
     kind = surface.GetShaderId() if surface else ""
     if kind != "UsdPreviewSurface":
-        other, _, _ = material.ComputeSurfaceSource(_CONTEXTS)
-        named = kind or (other.GetShaderId() if other else "") or "no surface"
+        others = (material.ComputeSurfaceSource(context)[0] for context in _CONTEXTS)
+        names = (other.GetShaderId() or other.GetPrim().GetName() for other in others if other)
+        named = kind or next(names, "no surface")
         warn(f"{path}: a material that is no UsdPreviewSurface ({named}): drawn in displayColor or grey")
         return ReadMaterial(None)
     return _read_preview(path, material, surface, warn)

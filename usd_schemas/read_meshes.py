@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from usd_schemas.shapes import SHAPES, read_shape
-from usd_schemas.triangulate import face_normals, triangulate
+from usd_schemas.triangulate import cross, face_normals, triangulate
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -17,6 +17,7 @@ EARLIEST = Usd.TimeCode.EarliestTime()
 PLAIN_ST = "st"
 ATLAS_ST = "st1"
 _SMOOTH = ("catmullClark", "loop")
+_SHORT = 1e-12  # a normal of this length or less points nowhere [1]
 _UV_TYPES = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
 _UV_LIKE = (*_UV_TYPES, "float2[]", "double2[]", "half2[]")
 
@@ -99,7 +100,7 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str]) -> FlatMesh:
     normals = _complete_normals(prim, normals, faces, left_handed)
     triangles, face = triangulate(faces.points, faces.counts, faces.corners)
     corner = faces.points[faces.corners[triangles]]
-    area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    area = cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     solid = np.any(area != 0.0, axis=1) & ~_holes(prim, faces, face)
     triangles, face = triangles[solid], face[solid]
     nothing = np.zeros((1, 2)), np.zeros(len(faces.corners), np.int64)
@@ -199,16 +200,17 @@ def _on_corners(
 
 def _complete_normals(prim: Usd.Prim, normals: _Values | None, faces: _Faces, left_handed: bool) -> _Values:
     """Compute normals where there are none: flat for polygons, smooth for subdivision cages; mend zero ones."""
+    if normals is not None and np.einsum("ki,ki->k", normals.data, normals.data).min(initial=1.0) > _SHORT**2:
+        return _Values(_unit(normals.data), normals.index)
     areas = face_normals(faces.points, faces.counts, faces.corners) * (-1.0 if left_handed else 1.0)
     if normals is None and prim.IsA(UsdGeom.Mesh) and _scheme(prim) in _SMOOTH:
         total = [np.bincount(faces.corners, areas[faces.owner, axis], len(faces.points)) for axis in range(3)]
-        normals = _Values(np.array(total, np.float64).T, faces.corners)
+        return _Values(_unit(np.array(total, np.float64).T), faces.corners)
     if normals is None:
         return _Values(_unit(areas), faces.owner)
-    short = np.linalg.norm(normals.data, axis=1) < 1e-12
+    short = np.linalg.norm(normals.data, axis=1) <= _SHORT
     index = np.where(short[normals.index], len(normals.data) + faces.owner, normals.index)
-    data = np.concatenate([normals.data, areas]) if short.any() else normals.data
-    return _Values(_unit(data), index)
+    return _Values(_unit(np.concatenate([normals.data, areas])), index)
 
 
 def _unit(vectors: F64) -> F64:
@@ -247,7 +249,7 @@ def _weld(faces: _Faces, values: list[_Values]) -> tuple[I64, list[F32]]:
     return vertex, [np.ascontiguousarray(array, np.float32) for array in arrays]
 
 
-def _ranks(keys: I64) -> I64:
+def _ranks(keys: NDArray[np.generic]) -> I64:
     return np.unique(keys, return_inverse=True)[1]
 
 

@@ -74,7 +74,7 @@ def _arc(radius: float, first: float, last: float) -> F64:
     """Profile of a sphere between two latitudes [rad]: rows of radius, z, normal's radius, normal's z."""
     angle = np.linspace(first, last, round(abs(first - last) / (np.pi / 2)) * RINGS + 1)
     normal = np.round(np.stack([np.cos(angle), np.sin(angle)], axis=1), 12)  # a pole is one point
-    return np.concatenate([radius * normal, normal], axis=1)
+    return np.column_stack([radius * normal, normal]).astype(np.float64)
 
 
 def _turned(low: float, high: float, height: float) -> Shape:

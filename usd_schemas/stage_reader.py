@@ -48,7 +48,10 @@ def read_stage(path: Path, *, survey: str | None = None) -> FlatScene:
         stage = _open(path)
         for error in stage.GetCompositionErrors():
             warn(str(error))
-        scene = _flatten_stage(stage, path, warn)
+        scene = _flatten_stage(stage, warn)
+        if scene is None:
+            hint = next(iter(warnings), "Check visibility, purpose, payloads and variant selections")
+            raise InputError("the stage shows no geometry", where=path, mend=hint)
         if survey is not None:
             scene = _only(scene, survey, path)
         return replace(scene, warnings=tuple(warnings), origin=_origin(stage, scene))
@@ -86,15 +89,14 @@ def _open(path: Path) -> Usd.Stage:
         ) from None
 
 
-def _flatten_stage(stage: Usd.Stage, path: Path, warn: Warn) -> FlatScene:
+def _flatten_stage(stage: Usd.Stage, warn: Warn) -> FlatScene | None:
+    """Everything but warnings and origin; None where nothing is drawn."""
     transform = stage_to_world(stage)
     classes = read_classes(stage, warn)
     placements = find_placements(stage, warn)
     flat = flatten(placements, transform, classes, warn) if placements else None
     if flat is None or not len(flat.draws.part):
-        raise InputError(
-            "the stage shows no geometry", where=path, mend="Check visibility, purpose, payloads and variant selections"
-        )
+        return None
     cameras = read_cameras(stage, transform, warn)
     products = read_products(stage, cameras, warn)
     if not cameras:

@@ -53,8 +53,24 @@ def face_normals(points: F64, face_counts: I64, corners: I64) -> F64:
     # Counting from the face's first corner keeps the digits of small faces far from the origin.
     origin = points[corners[starts[face]]]
     here, there = points[corners] - origin, points[corners[following]] - origin
-    crossed = np.cross(here, there)
+    crossed = cross(here, there)
     return np.array([np.bincount(face, crossed[:, axis], len(face_counts)) for axis in range(3)], np.float64).T
+
+
+def cross(a: F64, b: F64) -> F64:
+    """Vector product, several times faster than numpy's on short arrays.
+
+    Args:
+        a: Vectors [any unit], shape (..., 3), float64.
+        b: Vectors [any unit], of a shape that broadcasts with `a`, float64.
+
+    Returns:
+        Products [unit squared], shape (..., 3), float64.
+    """
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape), np.float64)
+    for axis, first, second in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        result[..., axis] = a[..., first] * b[..., second] - a[..., second] * b[..., first]
+    return result
 
 
 def _split(faces: F64) -> I64:
@@ -66,9 +82,10 @@ def _split(faces: F64) -> I64:
     if count == 3:
         return result
     local = faces - faces[:, :1]
-    area = np.cross(local, np.roll(local, -1, axis=1)).sum(axis=1)
-    before, after = local - np.roll(local, 1, axis=1), np.roll(local, -1, axis=1) - local
-    turns = np.einsum("fnk,fk->fn", np.cross(before, after), area)
+    following, previous = local[:, [*range(1, count), 0]], local[:, [-1, *range(count - 1)]]
+    area = cross(local, following).sum(axis=1)
+    before, after = local - previous, following - local
+    turns = np.einsum("fnk,fk->fn", cross(before, after), area)
     least = FLAT * np.einsum("fk,fk->f", area, area)[:, None]
     concave = np.any(turns < -least, axis=1)
     if count == 4:
@@ -86,8 +103,8 @@ def _flatten(polygon: F64, normal: F64) -> F64:
     if length == 0.0:
         return polygon[:, :2]
     upright = normal / length
-    first = np.cross(upright, np.eye(3)[np.argmin(abs(upright))])
-    axes = np.array([first, np.cross(upright, first)], np.float64) / np.linalg.norm(first)
+    first = cross(upright, np.eye(3)[np.argmin(abs(upright))])
+    axes = np.array([first, cross(upright, first)], np.float64) / np.linalg.norm(first)
     return polygon @ axes.T
 
 

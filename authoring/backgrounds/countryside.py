@@ -4,8 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from authoring.backgrounds.hamlet import RADIUS, draw_hamlet, hamlet_components
 from authoring.backgrounds.parcels import crop_fields, draw_parcels
+from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.terrain import Terrain, grow_terrain, rolling_hills
+from authoring.backgrounds.vegetation import plant_trees
 from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.site import Site
 from authoring.site_covers import covered, drape
@@ -13,14 +16,16 @@ from authoring.site_roads import Piece, approach_pieces, crossing_pieces, spread
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
+FAR_STEP = 8.0  # distance between cross-sections of far roads and rivers [m]
 
 
 class CountrysideSettings(Settings):
     """What the countryside looks like."""
 
-    reach: float = Field(default=1200.0, ge=400.0, le=5000.0, description="reach of the terrain beyond the site [m]")
+    reach: float = Field(default=2000.0, ge=400.0, le=5000.0, description="reach of the terrain beyond the site [m]")
     hills: float = Field(default=42.0, ge=0.0, le=150.0, description="typical height of the far hills [m]")
     buildings: int = Field(default=26, ge=0, le=60, description="buildings wanted [1]")
+    hedge_bushes: int = Field(default=170, ge=0, le=3000, description="most bushes in hedges [1]")
     trees: int = Field(default=380, ge=0, le=2000, description="trees wanted [1]")
 
 
@@ -46,10 +51,19 @@ def build_countryside(
         for cover, soup in covered(terrain.soup(crop_fields(terrain, parcels)))
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
-    return tuple(
+    components = [
         Component(f"Countryside_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)
         for number, (prim, kind, role, group, mesh) in enumerate(pieces)
-    )
+    ]
+    houses = draw_hamlet(terrain, settings.buildings, rng)
+    components += hamlet_components(terrain, houses, rng, FIRST_BACKGROUND_ID + len(components))
+    taken = np.array([(house.station, house.left, RADIUS - 3.0) for house in houses]).reshape(-1, 3)
+    plants: list[Scatter] = []
+    for plant, count in ((plant_trees, settings.trees), (plant_hedges, settings.hedge_bushes)):
+        number = FIRST_BACKGROUND_ID + len(components) + len(plants)
+        plants += plant(terrain, parcels, taken, count, rng, number)
+    poles = plant_poles(terrain, FIRST_BACKGROUND_ID + len(components) + len(plants), rng)
+    return (*components, *plants, *poles)
 
 
 def far_ways(terrain: Terrain) -> list[Piece]:
@@ -65,7 +79,7 @@ def far_ways(terrain: Terrain) -> list[Piece]:
     field, land, hills = terrain.field, terrain.land, terrain.hills
     pieces: list[Piece] = []
     for suffix, start, stop in (("_Right", low, field.lefts[0]), ("_Left", high, field.lefts[-1])):
-        pieces += crossing_pieces(land, spread(start, stop, 5.0), hills, suffix, terrain.height)
+        pieces += crossing_pieces(land, spread(start, stop, FAR_STEP), hills, suffix, terrain.height)
     for number, start, stop in ((0, first, field.stations[0]), (1, last, field.stations[-1])):
-        pieces += approach_pieces(land, number, spread(start, stop, 5.0), hills, "_Far", terrain.height)
+        pieces += approach_pieces(land, number, spread(start, stop, FAR_STEP), hills, "_Far", terrain.height)
     return pieces

@@ -13,7 +13,7 @@ from authoring.site_relief import Relief, draw_relief, smoothstep
 from authoring.site_shape import Hills, Land
 
 F64 = NDArray[np.float64]
-WIDEST_STEP = 30.0  # largest spacing of grid lines [m]
+WIDEST_STEP = 55.0  # largest spacing of grid lines [m]
 INVERSIONS = 8  # rounds that find the grid coordinates of a place; each shrinks the error about threefold
 FADE = 400.0  # distance over which the bends of the grid lines fade out [m]
 Cell = tuple[float, float, float, float]
@@ -129,6 +129,7 @@ def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generat
             along = smoothstep(-80.0, 0.0, approach.along(station))
             valley = valley * (1.0 - 0.8 * along * (1.0 - smoothstep(25.0, 220.0, aside)))
         tall = height * (0.45 + 0.9 * broad(station, left)) * (0.35 + 0.65 * smoothstep(150.0, 800.0, away))
+        tall = tall + 1.1 * height * smoothstep(900.0, 2000.0, away)  # a far rim that hides where the land ends
         rise = 0.5 * (tall + np.sqrt(tall * tall + 40.0)) + small(station, left)
         return smoothstep(FIRST_STEP + 4.0, 170.0, away) * valley * rise
 
@@ -154,7 +155,7 @@ def distance_beyond(inner: Cell, station: F64, left: F64) -> F64:
 
 
 def _outward(line: F64, reach: float) -> F64:
-    steps = np.concatenate([[0.0], growing_steps(reach - FIRST_STEP, FIRST_STEP, WIDEST_STEP)]) + FIRST_STEP
+    steps = np.concatenate([[0.0], growing_steps(reach - FIRST_STEP, FIRST_STEP, WIDEST_STEP, 1.19)]) + FIRST_STEP
     return np.concatenate([line[0] - steps[::-1], line, line[-1] + steps])
 
 

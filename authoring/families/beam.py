@@ -104,13 +104,22 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, rng: np.random.Gen
     width = 2.0 * (roadway.half_width + parapets.thickness + LEDGE)
     longest = float(np.max(np.diff(spans.supports)))
     girders = draw_girders(settings.girder, width, longest, rng)
+    if bearings.pad_width > girders.bottom_width:
+        raise InputError(
+            "wider than the girders' soffit", field="bridge.bearing.pad_width", value=bearings.pad_width,
+            allowed=f"at most {girders.bottom_width:g} m", mend="Make the pad narrower or the girder wider",
+        )  # fmt: skip
     piers = draw_piers(shared.pier, width, girders.lines[-1], bearings, spans, rng)
     beam = DrawnBeam(spans, slab, roadway, parapets, girders, bearings, piers, abutments)
     clearance, grade = draw(shared, "clearance", rng), draw(shared, "grade", rng)
     lowest = min(grade * station for station in spans.supports)
     level = round(clearance - beam.levels.girder_soffit - lowest, 3)
     alignment = Alignment(level, grade, float(np.radians(shared.heading)))
-    return Layout(alignment, spans.supports, beam.width, -beam.levels.seat, "road"), beam
+    layout = Layout(
+        alignment, spans.supports, beam.width, -beam.levels.seat, "road",
+        carriageway=2.0 * roadway.kerb_face, edge_line=0.5 * roadway.lanes * roadway.lane_width,
+    )  # fmt: skip
+    return layout, beam
 
 
 def _draw_spans(settings: BeamSettings, bearings: Bearings, rng: np.random.Generator) -> Spans:
@@ -153,8 +162,10 @@ def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:
     parts += diaphragm_parts(beam.girders, spans, levels, place)
     parts += surfacing_parts(beam.roadway, spans, place)
     for name, (low, high) in runs:
-        parts += kerb_parts(beam.roadway, name, low, high, place)
-        parts += parapet_parts(beam.parapets, beam.roadway.half_width, -levels.surfacing, name, low, high, place)
+        # A little shorter than the slab, each by its own amount: end faces in one plane would flicker.
+        parts += kerb_parts(beam.roadway, name, low + 0.008, high - 0.008, place)
+        foot, slab_top = beam.roadway.half_width, -levels.surfacing
+        parts += parapet_parts(beam.parapets, foot, slab_top, name, low + 0.004, high - 0.004, place)
     parts += bearing_parts(beam.bearings, beam.girders.lines, spans, levels, place)
     parts += pier_parts(beam.piers, spans, levels, place, ground)
     parts += abutment_parts(beam.abutments, beam.width, spans, levels, place, ground)

@@ -17,7 +17,7 @@ class SharedSettings(Settings):
     clearance: float | None = drawn(5.0, 7.0, "Least height of the girders' soffit above z = 0 [m]", ge=3.0, le=30.0)
     grade: float | None = drawn(-0.015, 0.015, "Rise of the road per metre [1]", ge=-0.05, le=0.05)
     heading: float = Field(
-        0.0, ge=-180.0, le=180.0, description="Direction of the axis, counter-clockwise from +x [deg]"
+        default=0.0, ge=-180.0, le=180.0, description="Direction of the axis, counter-clockwise from +x [deg]"
     )
     roadway: RoadwaySettings = RoadwaySettings()
     parapet: ParapetSettings = ParapetSettings()

@@ -60,12 +60,12 @@ class Asset:
         Args:
             role: Material role or recipe name.
         """
-        return f"{self.looks}/{self.prefix}{role}"
+        return f"{self.looks}/{self.prefix}_{role}" if self.prefix else f"{self.looks}/{role}"
 
 
 BRIDGE = Asset("Bridge")
-SITE = Asset("Site", "Site_")
-BACKGROUND = Asset("Background", "Background_")
+SITE = Asset("Site", "Site")
+BACKGROUND = Asset("Background", "Background")
 
 
 def geometry_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sdf.Layer:

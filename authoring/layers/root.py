@@ -1,6 +1,6 @@
 """Root layer: metadata and composition arcs only, short enough to read and to change by hand."""
 
-from pxr import Kind, Sdf
+from pxr import Kind, Sdf, Vt
 
 from authoring.layers.layer import add_sublayers, new_layer
 from usd_schemas import tokens
@@ -39,6 +39,7 @@ def root_layer(look: str, background: str, backgrounds: dict[str, str], images: 
         variant = Sdf.VariantSpec(variants, name)
         if file:
             variant.primSpec.payloadList.prependedItems = [Sdf.Payload(file)]
+    _label_background(surroundings)
     return layer
 
 
@@ -52,3 +53,10 @@ def _define(layer: Sdf.Layer, path: str, kind: str) -> Sdf.PrimSpec:
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
     spec.SetInfo("kind", kind)
     return spec
+
+
+def _label_background(spec: Sdf.PrimSpec) -> None:
+    # A world that comes from elsewhere brings no labels; what it does not say itself is background.
+    spec.SetInfo("apiSchemas", Sdf.TokenListOp.Create([f"SemanticsLabelsAPI:{tokens.CLASS_TAXONOMY}"]))
+    label = Sdf.AttributeSpec(spec, f"semantics:labels:{tokens.CLASS_TAXONOMY}", Sdf.ValueTypeNames.TokenArray)
+    label.default = Vt.TokenArray(["background"])

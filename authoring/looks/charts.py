@@ -78,7 +78,12 @@ def spread(image: F32, covered: NDArray[np.bool_]) -> F32:
 
 
 def _gather(components: list[Component]) -> tuple[np.ndarray, np.ndarray, np.ndarray, I32]:
-    uv, points, normals, owner = [np.zeros((0, 3, 2))], [np.zeros((0, 3, 3))], [np.zeros((0, 3))], [np.zeros(0, np.int32)]
+    uv, points, normals, owner = (
+        [np.zeros((0, 3, 2))],
+        [np.zeros((0, 3, 3))],
+        [np.zeros((0, 3))],
+        [np.zeros(0, np.int32)],
+    )
     for number, component in enumerate(components):
         mesh = component.mesh
         corner = triangles(replace(mesh, corners=np.arange(len(mesh.corners), dtype=np.int32)))

@@ -26,7 +26,9 @@ def painted_steel(tile: Tile, color: Color, age: float) -> Sheet:
     halo = ramp(bloom, 1.9 - 1.0 * age, 2.8 - 1.0 * age) if age > 0 else np.zeros_like(bloom)
     albedo = cover(albedo, 0.40 * halo, (0.17, 0.095, 0.055))
     albedo = cover(albedo, rust, rusted(tile))
-    return Sheet(albedo, np.clip(0.42 + 0.25 * age + 0.25 * rust + 0.03 * clouds, 0, 1).astype(np.float32), 0.0006 * rust)
+    return Sheet(
+        albedo, np.clip(0.42 + 0.25 * age + 0.25 * rust + 0.03 * clouds, 0, 1).astype(np.float32), 0.0006 * rust
+    )
 
 
 def rusted(tile: Tile) -> F32:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pxr import Gf, Sdf, Usd, UsdShade
+from pxr import Gf, Sdf, Usd, UsdShade, Vt
 
 from usd_schemas.registration import register_schemas
 
@@ -96,9 +96,7 @@ def _placement(material: UsdShade.Material, recipe: MaterialRecipe) -> UsdShade.
     return transform.CreateOutput("result", _TYPES.Float2)
 
 
-def _texture(
-    material: UsdShade.Material, name: str, file: str, space: str, placed: UsdShade.Output
-) -> UsdShade.Shader:
+def _texture(material: UsdShade.Material, name: str, file: str, space: str, placed: UsdShade.Output) -> UsdShade.Shader:
     texture = _shader(material, name, "UsdUVTexture")
     texture.CreateInput("file", _TYPES.Asset).Set(Sdf.AssetPath(file))
     texture.CreateInput("sourceColorSpace", _TYPES.Token).Set(space)
@@ -118,8 +116,12 @@ def _author_detail(material: UsdShade.Material, recipe: MaterialRecipe) -> None:
         prim.CreateAttribute("falsework:detail:texture", _TYPES.Asset, False, uniform).Set(
             Sdf.AssetPath(recipe.detail_file)
         )
-        prim.CreateAttribute("falsework:detail:periods", _TYPES.FloatArray, False, uniform).Set(recipe.periods)
-        prim.CreateAttribute("falsework:detail:amplitudes", _TYPES.FloatArray, False, uniform).Set(recipe.amplitudes)
+        prim.CreateAttribute("falsework:detail:periods", _TYPES.FloatArray, False, uniform).Set(
+            Vt.FloatArray(recipe.periods)
+        )
+        prim.CreateAttribute("falsework:detail:amplitudes", _TYPES.FloatArray, False, uniform).Set(
+            Vt.FloatArray(recipe.amplitudes)
+        )
     if recipe.macro_file:
         prim.CreateAttribute("falsework:detail:macroTexture", _TYPES.Asset, False, uniform).Set(
             Sdf.AssetPath(recipe.macro_file)

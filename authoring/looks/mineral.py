@@ -24,8 +24,8 @@ def concrete_skin(tile: Tile, age: float) -> tuple[F32, F32]:
     grain = fractal(tile, 0.16, 0.012, slope=0.55)
     sand = fractal(tile, 0.03, slope=0.0)
     tone = 1 + (0.045 + 0.055 * age) * clouds + (0.045 + 0.055 * age) * grain + (0.03 + 0.03 * age) * sand
-    pores = np.maximum(spots(tile, 0.06, 0.011, 0.3), spots(tile, 0.022, 0.005, 0.12))
-    return (tone * (1 - 0.5 * pores)).astype(np.float32), pores
+    pores = np.maximum(spots(tile, 0.08, 0.0085, 0.25), 0.8 * spots(tile, 0.025, 0.0045, 0.12))
+    return (tone * (1 - 0.45 * pores)).astype(np.float32), pores
 
 
 def board_concrete(tile: Tile, age: float) -> Sheet:

@@ -1,7 +1,7 @@
 """Periodic random fields for textures: filtered noise, cells and lines, the same bytes on every machine.
 
-Sums, products, quotients and square roots are exact by IEEE 754; what is not (powers, trigonometry) is computed on small
-tables and rounded to `_GRID`, so that a last-digit difference between two processors cannot reach a texel.
+Sums, products, quotients and square roots are exact by IEEE 754; what is not (powers, trigonometry) is computed on
+small tables and rounded to `_GRID`, so that a last-digit difference between two processors does not reach a texel.
 """
 
 from dataclasses import dataclass

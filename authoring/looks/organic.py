@@ -43,7 +43,7 @@ def soil(tile: Tile) -> Sheet:
         tile: Where it repeats.
     """
     clods, grain, damp = fractal(tile, 0.35, 0.02), fractal(tile, 0.05, slope=0.3), fractal(tile, 2.2, 0.15)
-    albedo = paint((0.150, 0.108, 0.070), 1 + 0.13 * clods + 0.13 * grain + 0.12 * damp)
+    albedo = paint((0.150, 0.117, 0.083), 1 + 0.13 * clods + 0.13 * grain + 0.12 * damp)
     pebble = spots(tile, 0.07, 0.020, 0.30)
     albedo = cover(albedo, 0.85 * pebble, paint((0.27, 0.245, 0.21), 0.9 + 0.2 * clods))
     litter = ramp(_filaments(tile, 0.12) + 0.6 * damp, 1.9, 2.6)
@@ -59,7 +59,9 @@ def water(tile: Tile) -> Sheet:
     """
     murk = fractal(tile, 4.0, 0.4)
     ripples = fractal(tile, 0.7, 0.05, slope=0.8, stretch=(2.2, 1.0))
-    albedo = palette(0.45 + 0.10 * murk + 0.15 * ripples, ((0.018, 0.028, 0.024), (0.045, 0.062, 0.050), (0.085, 0.105, 0.088)))
+    albedo = palette(
+        0.45 + 0.10 * murk + 0.15 * ripples, ((0.018, 0.028, 0.024), (0.045, 0.062, 0.050), (0.085, 0.105, 0.088))
+    )
     foam = ramp(_filaments(tile, 0.5) + 0.5 * murk, 2.7, 3.6)
     albedo = cover(albedo, 0.5 * foam, (0.42, 0.43, 0.40))
     return Sheet(albedo, np.clip(0.16 + 0.03 * ripples, 0.05, 1).astype(np.float32), 0.012 * ripples)
@@ -113,7 +115,12 @@ def foliage(tile: Tile) -> Sheet:
     return Sheet(albedo * (1 - 0.65 * gaps)[..., None], (0.72 - 0.1 * relief).astype(np.float32), relief - 0.03 * gaps)
 
 
-_LEAVES: tuple[Color, ...] = ((0.014, 0.026, 0.008), (0.038, 0.070, 0.017), (0.075, 0.120, 0.030), (0.135, 0.180, 0.055))
+_LEAVES: tuple[Color, ...] = (
+    (0.014, 0.026, 0.008),
+    (0.038, 0.070, 0.017),
+    (0.075, 0.120, 0.030),
+    (0.135, 0.180, 0.055),
+)
 
 
 def _filaments(tile: Tile, length: float) -> F32:

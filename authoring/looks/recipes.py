@@ -60,10 +60,16 @@ RECIPES: dict[str, Recipe] = {
     "roof_tile": Recipe(mineral.roof_tile, 4.0, _ROUGH, relief=True),
     "rock": Recipe(mineral.rock, 5.0, _ROUGH, relief=True),
     "gravel": Recipe(
-        partial(mineral.stones, pitch=0.05, color=(0.23, 0.215, 0.19), bed=(0.12, 0.105, 0.085)), 4.0, _ROUGH, relief=True
+        partial(mineral.stones, pitch=0.05, color=(0.23, 0.215, 0.19), bed=(0.12, 0.105, 0.085)),
+        4.0,
+        _ROUGH,
+        relief=True,
     ),
     "ballast": Recipe(
-        partial(mineral.stones, pitch=0.07, color=(0.165, 0.155, 0.145), bed=(0.06, 0.055, 0.05)), 4.0, _ROUGH, relief=True
+        partial(mineral.stones, pitch=0.07, color=(0.165, 0.155, 0.145), bed=(0.06, 0.055, 0.05)),
+        4.0,
+        _ROUGH,
+        relief=True,
     ),
     "grass": Recipe(partial(organic.grass, dry=0.2), 4.5, _ROUGH, patchy=True),
     "meadow": Recipe(organic.meadow, 4.5, _ROUGH, patchy=True),

@@ -11,11 +11,11 @@ from authoring.looks.noise import F32, I32, Tile, draw, fractal, ramp
 _FIELD_METRES = 32.0
 _FIELD_PIXELS = 1024
 _ROWS = 128  # rows of the atlas worked on at once, so that they stay in the cache
-_SOOT = np.array([0.50, 0.50, 0.47], np.float32)
+_SOOT = np.array([0.54, 0.535, 0.51], np.float32)
 _LIME = np.array([1.38, 1.37, 1.34], np.float32)
 _RUST = np.array([0.95, 0.62, 0.42], np.float32)
-_MUD = np.array([0.66, 0.61, 0.51], np.float32)
-_MOSS = np.array([0.66, 0.70, 0.50], np.float32)
+_MUD = np.array([0.74, 0.70, 0.62], np.float32)
+_MOSS = np.array([0.70, 0.72, 0.60], np.float32)
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,10 @@ def weather(components: list[Component], pixels: int, age: float, rng: np.random
     roles = sorted({component.role for component in components})
     role = np.array([roles.index(component.role) for component in components], np.int32)
     mine = role[charts.owner][charts.triangle[covered]]
-    shown = factors[covered]
-    for number in range(len(roles)):
-        here = mine == number
-        if here.any():
-            shown[here] /= np.mean(shown[here], axis=0, dtype=np.float64).astype(np.float32)
-    factors[covered] = shown
+    # One mean for the three channels: a mossy top must not turn the soffit of the same role violet.
+    total = np.bincount(mine, factors[covered].sum(axis=1, dtype=np.float64), len(roles))
+    mean = total / np.maximum(3 * np.bincount(mine, minlength=len(roles)), 1)
+    factors[covered] /= mean.astype(np.float32)[mine][:, None]
     return spread(factors, covered)
 
 
@@ -132,11 +130,9 @@ def _direction(component: Component) -> tuple[float, float]:
     plan = component.mesh.points[:, :2] - component.mesh.points[:, :2].mean(axis=0)
     xx, yy, xy = (plan[:, 0] ** 2).sum(), (plan[:, 1] ** 2).sum(), (plan[:, 0] * plan[:, 1]).sum()
     root = np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-    across, along = xy, root - (xx - yy) / 2
-    if abs(across) + abs(along) < 1e-9:
-        return (1.0, 0.0)
+    across, along = float(xy), float(root - (xx - yy) / 2)
     length = np.sqrt(across**2 + along**2)
-    return (float(across / length), float(along / length)) if xx < yy or abs(xy) > 1e-9 else (1.0, 0.0)
+    return (across / length, along / length) if length > 1e-9 * (xx + yy) else (1.0, 0.0)
 
 
 def _fields(rng: np.random.Generator) -> _Fields:
@@ -170,17 +166,17 @@ def _aged(charts: Charts, triangle: I32, place: F32, members: _Members, fields: 
     steel, road = members.steel[owner], members.road[owner]
     factors = np.repeat((1 + members.tone[owner] + 0.09 * age * clouds * (1 - 0.5 * steel))[:, None], 3, axis=1)
     factors *= _pours(rise, owner, members, age)[:, None]
-    run = wall * ramp(depth, 2.6 + 0.8 * clouds, 0.0)
-    soot = age * run * ramp(streaks, 0.2, 1.9)
+    run = wall * ramp(depth, np.maximum(2.2 + 1.2 * clouds, 0.3), 0.0) * ramp(clouds, -1.8, 0.6)
+    soot = age * run * ramp(streaks, 0.5, 2.1)
     factors = _toward(factors, soot * (1 - steel), _SOOT)
     factors = _toward(factors, 0.8 * soot * steel, _RUST)
     factors = _toward(factors, age * run * ramp(-streaks, 1.3, 2.4) * (1 - steel), _LIME)
     splash = wall * members.ground[owner] * ramp(rise + 0.35 * clouds, 1.7, 0.3)
-    factors = _toward(factors, 0.75 * age * splash, _MUD)
+    factors = _toward(factors, 0.8 * age * splash, _MUD)
     under, above = ramp(-normal[:, 2], 0.5, 0.8), ramp(normal[:, 2], 0.5, 0.8)
-    factors = _toward(factors, age * under * ramp(patches, 0.9, 2.3) * (1 - steel), _LIME)
-    factors = _toward(factors, 0.8 * age * under * ramp(-patches, 0.8, 2.2), _SOOT)
-    factors = _toward(factors, age * above * (1 - road) * (0.25 + 0.75 * ramp(patches, 0.3, 1.8)), _MOSS)
+    factors = _toward(factors, 0.7 * age * under * ramp(patches, 1.3, 2.4) * (1 - steel), _LIME)
+    factors = _toward(factors, 0.7 * age * under * ramp(-patches, 1.0, 2.4), _SOOT)
+    factors = _toward(factors, age * above * (1 - road) * (0.25 + 0.6 * ramp(patches, 0.5, 2.0)), _MOSS)
     return factors * _wheel_tracks(place, owner, members, age)[:, None]
 
 

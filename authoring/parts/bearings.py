@@ -19,7 +19,7 @@ PLINTH_EMBEDDED = 0.020  # [m] into the cap, more than the grade lifts a plinth'
 class BearingSettings(Settings):
     """Pads and plinths; what is left out is drawn."""
 
-    pad_width: float | None = drawn(0.36, 0.46, "Pad across the bridge [m]", ge=0.20, le=0.90)
+    pad_width: float | None = drawn(0.36, 0.44, "Pad across the bridge [m]", ge=0.20, le=0.90)
     pad_length: float | None = drawn(0.28, 0.38, "Pad along the bridge [m]", ge=0.15, le=0.50)
     pad_height: float | None = drawn(0.06, 0.12, "Pad thickness [m]", ge=0.03, le=0.30)
     plinth_margin: float | None = drawn(0.05, 0.10, "From pad to plinth edge [m]", ge=0.02, le=0.15)

@@ -17,6 +17,7 @@ from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 EMBEDDED = 0.010  # [m] how far girders reach into the slab, and diaphragms into both
+_SHORTER = 0.012  # [m] than the slab at either end, so that their end faces do not lie in one plane
 _MIN_SPACING, _MAX_SPACING = 1.8, 3.0  # [m]
 _MIN_CANTILEVER, _MAX_CANTILEVER = 0.6, 1.2  # [m]
 
@@ -33,9 +34,9 @@ class GirderSettings(Settings):
     )
     spacing: float | None = drawn(2.0, 2.8, "Target distance between girder lines [m]", ge=1.8, le=3.0)
     top_width: float | None = drawn(0.45, 0.70, "Width of an I girder's top flange [m]", le=1.2)
-    bottom_width: float | None = drawn(0.50, 0.66, "Width of an I girder's bottom flange [m]", le=1.0)
+    bottom_width: float | None = drawn(0.52, 0.66, "Width of an I girder's bottom flange [m]", le=1.0)
     web: float | None = drawn(0.16, 0.20, "Thickness of an I girder's web [m]", ge=0.12, le=0.35)
-    stem: float | None = drawn(0.44, 0.56, "Width of a T stem at its soffit [m]", le=1.0)
+    stem: float | None = drawn(0.50, 0.60, "Width of a T stem at its soffit [m]", le=1.0)
     chamfer: float | None = drawn(0.015, 0.030, "Leg of chamfers on girder edges [m]", ge=0.0, le=0.05)
     diaphragm: float | None = drawn(0.25, 0.35, "Thickness of the diaphragms at the supports [m]", ge=0.15, le=0.6)
 
@@ -110,7 +111,7 @@ def _draw_lines(settings: GirderSettings, width: float, rng: np.random.Generator
         else:
             raise InputError(
                 f"{count} girder lines cannot carry a deck {width:.2f} m wide", field="bridge.beam.girder.count",
-                allowed=f"{_MIN_SPACING} to {_MAX_SPACING} m apart, {_MIN_CANTILEVER} to {_MAX_CANTILEVER} m from an edge",
+                allowed=f"{_MIN_SPACING} to {_MAX_SPACING} m apart, overhang {_MIN_CANTILEVER} to {_MAX_CANTILEVER} m",
                 mend="Leave it out, or change the lanes",
             )  # fmt: skip
     cantilever = least + share * (most - least)
@@ -186,6 +187,7 @@ def girder_parts(girders: Girders, spans: Spans, levels: Levels, place: Alignmen
     parts = []
     for span in range(spans.count):
         low, high = spans.ends(span)
+        low, high = low + _SHORTER, high - _SHORTER
         for number, line in enumerate(girders.lines):
             parameters: dict[str, object] = {
                 "shape": girders.shape, "length": high - low, "depth": girders.depth, "web": girders.web,

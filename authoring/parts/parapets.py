@@ -23,6 +23,7 @@ class ParapetSettings(Settings):
     batter: float | None = drawn(0.0, 0.08, "How much thinner the parapet is below its coping [m]", ge=0.0, le=0.15)
     coping_height: float | None = drawn(0.10, 0.16, "Height of the coping [m]", ge=0.05, le=0.30)
     coping_overhang: float | None = drawn(0.03, 0.06, "Coping over the parapet's faces [m]", ge=0.02, le=0.10)
+    joint_pitch: float | None = drawn(3.0, 6.0, "Distance between false joints [m]", ge=1.0, le=30.0)
     chamfer: float | None = drawn(0.015, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05)
 
 
@@ -36,6 +37,7 @@ class Parapets:
         batter: How much thinner the parapet is below its coping [m].
         coping_height: Height of the coping [m].
         coping_overhang: Coping over the parapet's faces [m].
+        joint_pitch: Largest distance between false joints [m].
         chamfer: Leg of chamfers [m].
     """
 
@@ -44,6 +46,7 @@ class Parapets:
     batter: float
     coping_height: float
     coping_overhang: float
+    joint_pitch: float
     chamfer: float
 
 
@@ -60,6 +63,7 @@ def draw_parapets(settings: ParapetSettings, rng: np.random.Generator) -> Parape
         batter=draw(settings, "batter", rng),
         coping_height=draw(settings, "coping_height", rng),
         coping_overhang=draw(settings, "coping_overhang", rng),
+        joint_pitch=draw(settings, "joint_pitch", rng),
         chamfer=draw(settings, "chamfer", rng),
     )
 
@@ -89,11 +93,13 @@ def parapet_parts(
          (outer + p.coping_overhang, p.height - 0.02), (foot + p.batter - p.coping_overhang, p.height)]
     )  # fmt: skip
     crown = cut_corners(crown, p.chamfer)
+    fields = int(np.ceil((high - low) / p.joint_pitch))
+    joints = tuple(float(joint) for joint in np.linspace(low, high, fields + 1)[1:-1])
     parts = []
     for side, sign in (("L", 1.0), ("R", -1.0)):
         for label, kind, outline in (("Parapet", "parapet", wall), ("Coping", "parapet_coping", crown)):
             sided = outline if sign > 0.0 else (outline * (-1.0, 1.0))[::-1]
-            surface = prism(sided, low, high, "station", place, p.chamfer)
+            surface = prism(sided, low, high, "station", place, p.chamfer, joints)
             size: dict[str, object] = {"length": high - low, "height": p.height, "thickness": p.thickness}
             parts.append(Part(f"{label}_{name}_{side}", kind, "Role_ParapetConcrete", FURNITURE, surface, size))
     return parts

@@ -21,7 +21,7 @@ Ground = Callable[[F64], F64]
 
 EMBEDDED = 0.010  # [m] column into cap and footing
 SIDES = 48  # of a round column
-_WIDEST_FOR_ONE, _NARROWEST_FOR_THREE = 11.0, 9.0  # [m] deck width
+_WIDEST_FOR_ONE, _NARROWEST_FOR_THREE = 12.0, 12.0  # [m] deck width
 _COLUMN_PITCH = 7.0  # [m] no two columns stand further apart
 
 

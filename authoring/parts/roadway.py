@@ -18,6 +18,8 @@ EMBEDDED = 0.005  # [m] how far asphalt, kerbs and joints reach into what they l
 MARKING_HEIGHT = 0.006  # [m] above the asphalt
 _LANE_WEIGHTS = (0.05, 0.50, 0.10, 0.25, 0.05, 0.05)  # 1 to 6 lanes
 _SHORTEST_DASH = 0.4  # [m]
+_SHORTER = 0.003  # [m] footway and joints against kerb and asphalt, so that no two faces lie in one plane
+_MARKING_CLEAR = 0.03  # [m] from the asphalt's ends
 
 
 class RoadwaySettings(Settings):
@@ -138,7 +140,7 @@ def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Pa
     for support in range(spans.count + 1):
         middle = spans.joint(support)
         low, high = middle - 0.5 * roadway.joint_width, middle + 0.5 * roadway.joint_width
-        outline = rectangle((-half, -depth), (half, 0.008))
+        outline = rectangle((-half + 0.001, -depth - _SHORTER), (half - 0.001, 0.008))
         surface = prism(outline, low, high, "station", place)
         size = {"width": roadway.joint_width, "length": 2.0 * half}
         name = f"Joint_{support:03d}"
@@ -148,7 +150,7 @@ def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Pa
 
 def _marking_parts(roadway: Roadway, number: int, low: float, high: float, place: Alignment) -> list[Part]:
     lines = (np.arange(roadway.lanes + 1) - 0.5 * roadway.lanes) * roadway.lane_width
-    low, high = low + 0.15, high - 0.15  # clear of the joints
+    low, high = low + _MARKING_CLEAR, high - _MARKING_CLEAR
     parts = []
     for line, left in enumerate(lines):
         edge = line in (0, roadway.lanes)
@@ -196,8 +198,8 @@ def kerb_parts(roadway: Roadway, name: str, low: float, high: float, place: Alig
         parts.append(Part(f"Kerb_{name}_{side}", "kerb", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
         if roadway.footway_width:
             far = roadway.half_width + 2.0 * EMBEDDED
-            path = rectangle((back - EMBEDDED, bottom), (far, roadway.kerb_height - 0.006))
-            surface = prism(_sided(path, sign), low, high, "station", place)
+            path = rectangle((back - EMBEDDED, bottom - _SHORTER), (far, roadway.kerb_height - 0.006))
+            surface = prism(_sided(path, sign), low + _SHORTER, high - _SHORTER, "station", place)
             size = {"width": roadway.footway_width, "length": high - low}
             parts.append(Part(f"Footway_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
     return parts

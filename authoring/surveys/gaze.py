@@ -9,9 +9,9 @@ from usd_schemas.pinhole import look_at
 F64 = NDArray[np.float64]
 
 END_PULL = 10.0  # [m] by which a camera at the end of a long bridge looks inwards
-STEADINESS = 1.0  # [images] over which the gaze is smoothed
-RISE = 3.0  # [m] over the bearings at which cameras begin to look for them
-PULL = 0.8  # share of the turn towards a bearing line [1]
+STEADINESS = 1.5  # [images] over which the gaze is smoothed
+RISE = 4.0  # [m] over the bearings at which cameras begin to look for them
+PULL = 0.6  # share of the turn towards a bearing line [1]
 ACROSS, UPWARDS = 0.4, 0.3  # sizes of the box that cameras beside a long bridge look at [1]
 
 

@@ -26,8 +26,8 @@ class GlobalSettings(SurveySettings):
     kind: Literal["global"] = "global"
     images: int = Field(52, ge=8, le=2000, description="Number of images; more are taken where the spacing needs them")
     spacing: float = Field(3.5, ge=0.3, le=20.0, description="Greatest distance between neighbouring images [m]")
-    stand_off: tuple[float, float] = Field((6.0, 8.0), description="Range of the distance to the bridge's sides [m]")
-    over_deck: tuple[float, float] = Field((3.0, 4.5), description="Range of the greatest height over the bridge's top [m]")
+    stand_off: tuple[float, float] = Field((6.5, 8.5), description="Range of the distance to the bridge's sides [m]")
+    over_deck: tuple[float, float] = Field((2.0, 3.5), description="Range of the greatest height over parapets and all else [m]")
     over_ground: float = Field(2.0, ge=1.5, le=20.0, description="Least height over ground or water [m]")
     poi: Literal["axis", "box50"] = Field("axis", description="Where cameras look: paper's box of half size, or the axis")
 

@@ -12,6 +12,8 @@ from usd_schemas.raycast import RayScene
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
+LAND = frozenset({"ground", "road", "rail_bed", "water", "embankment", "riverbank"})  # what heights count from
+
 
 @dataclass(frozen=True)
 class Subject:
@@ -23,7 +25,7 @@ class Subject:
         seats: Middle of each bearing [m], shape (S, 3), float64: what is small and hides under the deck.
         obstacles: Bridge and site, for distances and lines of sight.
         obstacle_ids: Instance id of each of their triangles, shape (T,), int32.
-        ground: Site alone, for heights.
+        ground: Ground, roads and water alone, for heights.
     """
 
     bridge: F64
@@ -69,6 +71,7 @@ def make_subject(bridge: tuple[Component | Scatter, ...], site: tuple[Component 
     """
     corners, ids = piece_corners(bridge)
     site_corners, site_ids = piece_corners(site)
+    land = piece_corners(tuple(piece for piece in site if piece.kind in LAND))
     both = np.concatenate([ids, site_ids])
     obstacles = RayScene(np.concatenate([corners, site_corners]), both.astype(np.uint32))
     seats = [
@@ -76,7 +79,7 @@ def make_subject(bridge: tuple[Component | Scatter, ...], site: tuple[Component 
         for piece in bridge
         if isinstance(piece, Component) and class_of(piece.kind) == "bearing"
     ]
-    return Subject(corners, ids, np.array(seats).reshape(-1, 3), obstacles, both, RayScene(site_corners, site_ids.astype(np.uint32)))
+    return Subject(corners, ids, np.array(seats).reshape(-1, 3), obstacles, both, RayScene(land[0], land[1].astype(np.uint32)))
 
 
 def piece_corners(pieces: tuple[Component | Scatter, ...]) -> tuple[F64, I32]:

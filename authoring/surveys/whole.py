@@ -18,7 +18,7 @@ DIVE = 26.0  # [m] of the side of a bridge without bearings for one dive
 LINGER = 1.5
 BEHIND = 2.0  # [m] behind the bearings of an abutment where the first dive begins
 SAME_LINE = 3.0  # [m] along the bridge within which bearings belong to one line
-BEYOND = (1.0, 2.5)  # [m] past the ends of the bridge
+BEYOND = (-1.5, 0.5)  # [m] past the ends of the bridge, whose wing walls reach back
 POINTS_OF_INTEREST = {"box50": inner_box, "axis": along_axis}
 
 

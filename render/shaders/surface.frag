@@ -132,7 +132,7 @@ vec3 shade(Material material, vec3 albedo, vec3 face) {
     float ndv = max(dot(n, view), 0.02);
     float grazing = pow(1.0 - max(dot(middle, view), 0.0), 5.0);
     light += sun_irradiance * lit * (f0 + (1.0 - f0) * grazing) * highlight(max(ndl, 0.0), ndv, max(dot(n, middle), 0.0), roughness);
-    float rim = pow(1.0 - ndv, 5.0) * (1.0 - roughness);
+    float rim = pow(1.0 - ndv, 5.0) * (1.0 - roughness) * (1.0 - roughness);
 #ifdef MIRROR
     vec3 open = max(open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3], 1e-4);
     vec3 bounce = reflect(-view, n);

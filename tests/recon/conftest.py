@@ -14,6 +14,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from groundwork.progress import SILENT
+from recon.reconstruct import reconstruct
+from recon.settings import ReconSettings, SparseSettings
 from usd_schemas.components import class_of, class_rows
 from usd_schemas.pinhole import Pinhole, look_at, unproject
 
@@ -59,7 +62,7 @@ def noise_texture(rng: np.random.Generator) -> NDArray[np.float32]:
 def see(camera: Pinhole, pose: F64, textures: list[NDArray[np.float32]]) -> tuple[NDArray[np.float32], F64, F64]:
     """Ray cast all planes: grey image (H, W), planar depth [m] (H, W), and instance id (H, W)."""
     columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    pixels = np.column_stack([columns.ravel(), rows.ravel()])
+    pixels = np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64)
     eye = pose[:3, 3]
     rays = unproject(pixels, np.ones(len(pixels)), camera, pose) - eye
     depth, ids, grey = np.full(len(pixels), np.inf), np.zeros(len(pixels)), np.full(len(pixels), 225.0, np.float32)
@@ -71,10 +74,10 @@ def see(camera: Pinhole, pose: F64, textures: list[NDArray[np.float32]]) -> tupl
             a, b = hit @ plane.along / (plane.along @ plane.along), hit @ plane.across / (plane.across @ plane.across)
             seen = (t > 0) & (t < depth) & (a >= 0) & (a <= 1) & (b >= 0) & (b <= 1)
         scale = TEXELS / np.linalg.norm(plane.along)
-        maps = [(v[seen] * np.linalg.norm(axis) * scale - 0.5).astype(np.float32)[None]
-                for v, axis in ((a, plane.along), (b, plane.across))]  # fmt: skip
+        x, y = ((v[seen] * np.linalg.norm(axis) * scale - 0.5).astype(np.float32)[None]
+                for v, axis in ((a, plane.along), (b, plane.across)))  # fmt: skip
         grey[seen] = np.concatenate([
-            cv2.remap(texture, *(m[:, i : i + 30_000] for m in maps), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)[0]
+            cv2.remap(texture, x[:, i : i + 30_000], y[:, i : i + 30_000], cv2.INTER_LINEAR, None, cv2.BORDER_WRAP)[0]
             for i in range(0, seen.sum(), 30_000)
         ])  # fmt: skip
         depth[seen], ids[seen] = t[seen], plane.id
@@ -141,11 +144,31 @@ def write(path: Path, value: object) -> None:
 
 @pytest.fixture(scope="session")
 def plane_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give a capture of the three planes from fourteen cameras; read only."""
-    return write_capture(tmp_path_factory.mktemp("planes") / "capture", poses_on_arc(14))
+    """Give a capture of the three planes from ten cameras; read only."""
+    return write_capture(tmp_path_factory.mktemp("planes") / "capture", poses_on_arc(10))
+
+
+@pytest.fixture(scope="session")
+def plane_settings() -> ReconSettings:
+    """Give settings with which the planes are reconstructed in seconds."""
+    return ReconSettings(sparse=SparseSettings(max_features=1800))
+
+
+@pytest.fixture(scope="session")
+def plane_cloud(plane_capture: Path, plane_settings: ReconSettings, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the cloud of the planes; read only."""
+    folder = tmp_path_factory.mktemp("cloud")
+    reconstruct(plane_capture, folder, plane_settings, SILENT)
+    return folder
 
 
 @pytest.fixture(scope="session")
 def make_capture() -> Callable[..., Path]:
-    """Give `write_capture`, for worlds without texture or with few cameras."""
+    """Give `write_capture(folder, poses, seed, textured)`."""
     return write_capture
+
+
+@pytest.fixture(scope="session")
+def arc() -> Callable[[int], F64]:
+    """Give `poses_on_arc(count)`."""
+    return poses_on_arc

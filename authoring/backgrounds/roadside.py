@@ -1,0 +1,93 @@
+"""What stands along roads and fields: poles of an overhead line, and hedges."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.parcels import Parcel, open_land
+from authoring.backgrounds.solids import Frame, box
+from authoring.backgrounds.terrain import Terrain
+from authoring.component import Mesh, Scatter
+from authoring.site_covers import to_world
+from authoring.site_growth import leaf_bush, stem
+from authoring.site_ways import merged
+
+F64 = NDArray[np.float64]
+POLE_STEP = 42.0  # distance between poles [m]
+HEDGE_STEP = 2.6  # distance between bushes of a hedge [m]
+HEDGE_REACH = 150.0  # distance from the site within which hedges grow [m]
+
+
+def plant_poles(terrain: Terrain, first_id: int, rng: np.random.Generator) -> tuple[Scatter, ...]:
+    """Set a row of poles beside both approach roads.
+
+    Args:
+        terrain: The terrain.
+        first_id: Instance id of the run.
+        rng: Random stream.
+
+    Returns:
+        One run.
+    """
+    rows, turns = [], []
+    side = rng.choice((-1.0, 1.0))
+    for approach in terrain.land.approaches:
+        far = abs((terrain.inner[0] if approach.sign < 0 else terrain.inner[1]) - approach.back)
+        along = np.arange(far + 12.0, far + 620.0, POLE_STEP)
+        station = approach.back + approach.sign * along
+        left = approach.centre(station) + side * (approach.half_width + 13.0)
+        rows.append(np.column_stack([station, left, terrain.height(station, left)]))
+        turns.append(np.full(len(along), terrain.land.layout.alignment.heading))
+    places, yaw = np.concatenate(rows), np.concatenate(turns)
+    apart = terrain.land.crossing.distance(places[:, 0], places[:, 1]) > terrain.land.crossing.half_width + 6.0
+    places, yaw = places[apart], yaw[apart]
+    positions = to_world(terrain.land.layout.alignment, places)
+    which, scales = np.zeros(len(places), np.int32), np.ones((len(places), 3))
+    return (Scatter("Countryside_Poles", "pole", "Plants", (_pole(rng),), which, positions, yaw, scales, (first_id,)),)
+
+
+def plant_hedges(
+    terrain: Terrain, parcels: tuple[Parcel, ...], taken: F64, count: int, rng: np.random.Generator, first_id: int
+) -> tuple[Scatter, ...]:
+    """Grow hedges along about half of the near fields.
+
+    Args:
+        terrain: The terrain.
+        parcels: The fields.
+        taken: Station, left and radius of what stands already [m], shape (K, 3), float64.
+        count: Most bushes.
+        rng: Random stream.
+        first_id: Instance id of the run.
+
+    Returns:
+        One run, or none where no field lies near.
+    """
+    rows = []
+    for parcel in parcels:
+        line = parcel.outline(HEDGE_STEP)
+        line = line + rng.uniform(-0.4, 0.4, line.shape)
+        grown = rng.uniform() < 0.5
+        if grown:
+            rows.append(line[rng.uniform(0.0, 1.0, len(line)) < 0.85])
+    places = np.concatenate([np.zeros((0, 2)), *rows])
+    away = terrain.beyond(places[:, 0], places[:, 1])
+    free = (open_land(terrain, places[:, 0], places[:, 1]) > 0.5) & (away < HEDGE_REACH)
+    for station, left, radius in taken:
+        free &= np.hypot(places[:, 0] - station, places[:, 1] - left) > radius + 2.0
+    places = places[free][np.argsort(away[free], kind="stable")][:count]
+    if len(places) == 0:
+        return ()
+    height = terrain.height(places[:, 0], places[:, 1]) - 0.05
+    positions = to_world(terrain.land.layout.alignment, np.column_stack([places, height]))
+    bushes = tuple((("foliage", leaf_bush(rng, 10)),) for _ in range(3))
+    which = rng.integers(0, len(bushes), len(places)).astype(np.int32)
+    scales = rng.uniform(1.5, 2.4, len(places))[:, None] * rng.uniform(0.85, 1.15, (len(places), 3))
+    yaw = rng.uniform(0.0, 2 * np.pi, len(places))
+    return (Scatter("Countryside_Hedges", "shrub", "Plants", bushes, which, positions, yaw, scales, (first_id,)),)
+
+
+def _pole(rng: np.random.Generator) -> tuple[tuple[str, Mesh], ...]:
+    """Make a timber pole with a crossarm and three insulators."""
+    frame = Frame(0.0, 0.0, 0.0, 0.0)
+    wood = merged([stem(8.6, 0.13, 7, rng), box(frame, (0.0, 0.0, 7.9), (0.06, 0.95, 0.06))])
+    cups = [box(frame, (0.0, at, 8.05), (0.04, 0.04, 0.09)) for at in (-0.85, -0.35, 0.85)]
+    return ("bark", wood), ("painted_metal", merged(cups))

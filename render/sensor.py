@@ -1,0 +1,143 @@
+"""The camera behind the lens: from linear radiance to a photograph, with the flaws of a real sensor, seeded per frame.
+
+Order: exposure and white balance, blur, shot and read noise, tone curve. Depth and labels never come here.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from render.settings import SensorSettings
+
+F32 = NDArray[np.float32]
+U8 = NDArray[np.uint8]
+U16 = NDArray[np.uint16]
+
+_TILE = 512  # the noise tile is larger than a frame by this, so that every frame takes it from another place [px]
+_STEPS = 4096  # entries of the tone table
+_WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
+_EXPOSED_GREY, _LATITUDE = 0.20, 1.7
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """What one frame's sensor did.
+
+    Attributes:
+        gain: Factor from scene radiance to exposed radiance, 1 for diffuse white [1].
+        red: Gain of the red channel [1].
+        blue: Gain of the blue channel [1].
+        noise_row: First row of the noise tile [px].
+        noise_column: First column of the noise tile [px].
+    """
+
+    gain: float
+    red: float
+    blue: float
+    noise_row: int
+    noise_column: int
+
+
+class Sensor:
+    """Develops the frames of one survey."""
+
+    def __init__(
+        self, settings: SensorSettings, gain: float, brightest: float, shape: tuple[int, int], seed: int
+    ) -> None:
+        """Draw the noise tile and the tone table.
+
+        Args:
+            settings: What the sensor is like.
+            gain: Exposure metered for the survey [1].
+            brightest: Radiance of the largest pixel code [1].
+            shape: Height and width of a frame [px].
+            seed: Seed of the survey's sensor.
+        """
+        self._settings, self._gain, self._seed = settings, gain, seed
+        self._scale = brightest / 65535.0**2
+        self._curve = _tone_table()
+        self._tile: F32 | None = None
+        if settings.noise:
+            rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
+            self._tile = rng.standard_normal((shape[0] + _TILE, shape[1] + _TILE, 3), np.float32)
+
+    def expose(self, frame: int) -> Exposure:
+        """Draw what the sensor does at one frame; frames do not depend on each other.
+
+        Args:
+            frame: Number of the frame.
+        """
+        settings = self._settings
+        if not settings.noise:
+            return Exposure(self._gain, 1.0, 1.0, 0, 0)
+        rng = np.random.default_rng(np.random.SeedSequence([self._seed, 1, frame]))
+        stops, red, blue = rng.standard_normal(3) * (
+            settings.exposure_sigma, settings.white_balance_sigma, settings.white_balance_sigma
+        )  # fmt: skip
+        row, column = rng.integers(0, _TILE, 2)
+        return Exposure(self._gain * float(2.0**stops), 1.0 + float(red), 1.0 + float(blue), int(row), int(column))
+
+    def develop(self, code: U16, exposure: Exposure) -> U8:
+        """Turn a rendered frame into a photograph.
+
+        Args:
+            code: Square root of radiance over the brightest one [65535], shape (H, W, 3), uint16.
+            exposure: What the sensor does at this frame.
+
+        Returns:
+            sRGB colours [0 to 255], shape (H, W, 3), uint8.
+        """
+        gains = np.array([exposure.red, 1.0, exposure.blue], np.float32) * np.float32(exposure.gain * self._scale)
+        light = code.astype(np.float32)
+        light *= light
+        light *= gains
+        if self._tile is not None:
+            light = self._disturb(light, exposure, self._tile)
+        np.clip(light, 0.0, _WHITEST, out=light)
+        steps = cv2.sqrt(light)
+        steps *= np.float32((_STEPS - 1) / np.sqrt(_WHITEST))
+        return self._curve[np.rint(steps, out=steps).astype(np.uint16)]
+
+    def _disturb(self, light: F32, exposure: Exposure, tile: F32) -> F32:
+        settings = self._settings
+        height, width = light.shape[:2]
+        if settings.blur_sigma > 0:
+            side = 2 * int(np.ceil(3 * settings.blur_sigma)) + 1
+            light = cv2.GaussianBlur(light, (side, side), settings.blur_sigma, borderType=cv2.BORDER_REFLECT).astype(
+                np.float32, copy=False
+            )
+        spread = light * np.float32(1.0 / settings.full_well)
+        spread += np.float32((settings.read_noise / settings.full_well) ** 2)
+        spread = cv2.sqrt(spread)
+        top, left = exposure.noise_row, exposure.noise_column
+        spread *= tile[top : top + height, left : left + width]
+        light += spread
+        return light
+
+
+def meter(luminance: F32) -> float:
+    """Choose one exposure for a survey: its middle tone becomes a middle grey, unless highlights would burn out.
+
+    Args:
+        luminance: Linear luminance of surfaces in some frames [1], shape (N,), float32.
+
+    Returns:
+        Gain [1].
+    """
+    if not len(luminance):
+        return 1.0
+    median, bright = (max(float(value), 1e-4) for value in np.quantile(luminance, [0.5, 0.98]))
+    return min(_EXPOSED_GREY / median, _LATITUDE / bright)
+
+
+def _tone_table() -> U8:
+    """Exposed radiance by its square root to sRGB.
+
+    Source: Narkowicz, ACES filmic tone mapping curve, 2016 (a rational fit); IEC 61966-2-1 (sRGB).
+    """
+    light = (np.arange(_STEPS) / (_STEPS - 1)) ** 2 * _WHITEST * 0.8
+    curve = np.clip(light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14), 0, 1)
+    coded = np.where(curve <= 0.0031308, 12.92 * curve, 1.055 * curve ** (1 / 2.4) - 0.055)
+    return np.rint(coded * 255).astype(np.uint8)

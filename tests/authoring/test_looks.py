@@ -1,0 +1,344 @@
+"""Looks: sheets that tile and look like their material, bytes that repeat, materials that validate."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
+
+from authoring.component import Component, Mesh
+from authoring.looks.bake import LookSettings, bake_look, bake_surface, detail_texture
+from authoring.looks.charts import draw_charts, spread
+from authoring.looks.material import MaterialRecipe, author_material
+from authoring.looks.recipes import RECIPES, SURFACES
+from authoring.looks.roles import AGES, LOOKS
+from authoring.looks.weathering import ground_patches, weather
+from groundwork.errors import InputError
+from usd_schemas.tokens import ROLES
+
+F32 = NDArray[np.float32]
+
+_FOCAL = 640.0  # [px]
+_LUMA = np.array([0.2126, 0.7152, 0.0722])
+
+
+def _rng(seed: int = 3) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def _load(folder: Path, file: str) -> NDArray[np.uint8]:
+    image = cv2.imread(str(folder / file), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    return image if image.ndim == 2 else image[..., ::-1]
+
+
+def _linear(image: NDArray[np.uint8]) -> F32:
+    code = image / 255.0
+    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def _look_up(image: F32, metres: float, x: F32, y: F32, foot: float) -> F32:
+    """Area-filtered look-up, as a renderer's mip map gives it."""
+    count = max(4, round(metres / max(foot, metres / len(image))))
+    small = cv2.resize(image, (count, count), interpolation=cv2.INTER_AREA)
+    u, v = (x / metres * count) % count - 0.5, (y / metres * count) % count - 0.5
+    return cv2.remap(small, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+
+
+def _seen(folder: Path, recipe: MaterialRecipe, distance: float) -> F32:
+    """Albedo times detail in 640 x 480 pixels, seen squarely."""
+    foot = distance / _FOCAL
+    x, y = np.meshgrid(np.arange(640, dtype=np.float32) * foot + 1.3, np.arange(480, dtype=np.float32) * foot + 0.7)
+    color = _look_up(_linear(_load(folder, recipe.albedo_file)), recipe.sheet, x, y, foot)
+    grey = (_load(folder, recipe.detail_file) / 255.0).astype(np.float32)
+    for period, amplitude in zip(recipe.periods, recipe.amplitudes, strict=True):
+        color = color * (1 + amplitude * (2 * _look_up(grey, period, x, y, foot) - 1))[..., None]
+    return color
+
+
+def _keypoints(color: F32) -> float:
+    """SIFT keypoints a megapixel on the picture of a surface in the sun."""
+    light = np.clip(1.25 * color, 0, 1)
+    code = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    grey = cv2.cvtColor((255 * code).astype(np.uint8), cv2.COLOR_RGB2GRAY)
+    return len(cv2.SIFT_create().detect(grey, None)) / grey.size * 1e6
+
+
+def _box(name: str, role: str, group: str, low: tuple[float, ...], high: tuple[float, ...], chart: int) -> Component:
+    """A box whose six faces lie side by side in one row of a 4-row atlas."""
+    corner = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    faces = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    axes = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], np.float32)
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 0.9 + 0.05
+    st1 = np.concatenate([(square + [face, chart]) / [6, 4] for face in range(6)]).astype(np.float32)
+    mesh = Mesh(corner, np.full(6, 4, np.int32), faces.ravel().astype(np.int32), np.repeat(axes, 4, 0), st1 * 5, st1)
+    return Component(name, "column", role, group, mesh, chart + 1)
+
+
+@pytest.fixture(scope="module")
+def parts() -> tuple[Component, ...]:
+    """A pier, a girder of steel, a road and a parapet."""
+    return (
+        _box("Pier", "Role_PierConcrete", "Substructure", (0, 0, -1), (2, 6, 7), 0),
+        _box("Girder", "Role_GirderSteel", "Superstructure", (0, 0, 7), (20, 1, 8.4), 1),
+        _box("Road", "Role_DeckAsphalt", "Superstructure", (0, 0, 8.5), (20, 8, 8.6), 2),
+        _box("Parapet", "Role_ParapetConcrete", "Furniture", (0, 0, 8.6), (20, 0.3, 9.7), 3),
+    )
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, MaterialRecipe]]:
+    """Every surface at 256 texels."""
+    folder = tmp_path_factory.mktemp("small")
+    return folder, {name: bake_surface(name, folder, _rng(), 256) for name in RECIPES}
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_sheet_has_no_seam(small: tuple[Path, dict[str, MaterialRecipe]], name: str) -> None:
+    """The step across the wrap is no larger than the largest step between neighbouring lines inside."""
+    folder, recipes = small
+    files = (recipes[name].albedo_file, recipes[name].roughness_file, recipes[name].normal_file)
+    for file in filter(None, files):
+        image = _load(folder, file).astype(np.float32)
+        for axis in (0, 1):
+            steps = np.abs(np.roll(image, -1, axis) - image).mean(axis=tuple(k for k in range(image.ndim) if k != axis))
+            assert steps[-1] <= 1.1 * steps[:-1].max()
+
+
+def test_detail_is_a_zero_mean_factor_that_tiles() -> None:
+    """Mean 0.5 within 1/512 in every quarter-period average of the whole, enough contrast, no seam."""
+    grey = detail_texture()
+    assert abs(grey.mean() / 255 - 0.5) < 1 / 512
+    assert 0.25 < (2 * grey / 255.0 - 1).std() < 0.45
+    steps = np.abs(np.roll(grey.astype(int), -1, 0) - grey).mean(axis=1)
+    assert steps[-1] <= 1.1 * steps[:-1].max()
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_detail_keeps_the_mean_albedo(small: tuple[Path, dict[str, MaterialRecipe]], name: str) -> None:
+    """Mean colour with the detail is the sheet's within 2 %."""
+    folder, recipes = small
+    with_detail = _seen(folder, recipes[name], 25.0).mean(axis=(0, 1))
+    assert with_detail == pytest.approx(recipes[name].color, rel=0.06)
+    plain = _linear(_load(folder, recipes[name].albedo_file)).mean(axis=(0, 1))
+    assert plain == pytest.approx(recipes[name].color, rel=0.02, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("names", "low", "high"),
+    [
+        ([name for name in RECIPES if "concrete" in name], 0.25, 0.45),
+        (["asphalt", "asphalt_clean"], 0.05, 0.12),
+        (["grass", "meadow"], 0.05, 0.15),
+        (["foliage"], 0.03, 0.10),
+        (["soil", "bark", "timber"], 0.07, 0.20),
+        (["gravel", "rock", "masonry", "brick"], 0.12, 0.35),
+        (["water", "rubber", "window"], 0.02, 0.08),
+        (["road_marking", "plaster"], 0.38, 0.65),
+        (["galvanised_steel", "galvanised_steel_clean"], 0.25, 0.45),
+    ],
+)
+def test_albedo_is_that_of_the_material(
+    small: tuple[Path, dict[str, MaterialRecipe]], names: list[str], low: float, high: float
+) -> None:
+    """Linear luminance lies in the measured range of the material."""
+    for name in names:
+        assert low <= float(np.asarray(small[1][name].color) @ _LUMA) <= high, name
+
+
+def test_no_surface_is_neon(small: tuple[Path, dict[str, MaterialRecipe]]) -> None:
+    """No mean colour is more saturated than turf or fired clay, nothing is whiter than fresh paint, turf is green."""
+    folder, recipes = small
+    for name, recipe in recipes.items():
+        assert 1 - min(recipe.color) / max(recipe.color) < 0.8, name
+        assert _linear(_load(folder, recipe.albedo_file)).max() < 0.9, name
+    red, green, blue = recipes["grass"].color
+    assert green > red > blue
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["board_concrete", "panel_concrete", "smooth_concrete", "deck_concrete", "asphalt", "grass", "gravel", "brick"],
+)
+def test_weathered_surfaces_feed_sift(tmp_path: Path, name: str) -> None:
+    """From 3 and 6 m: contrast over 8 % below 8 px, and at least 400 keypoints a megapixel."""
+    recipe = bake_surface(name, tmp_path, _rng())
+    for distance in (3.0, 6.0):
+        color = _seen(tmp_path, recipe, distance)
+        grey = color @ _LUMA.astype(np.float32)
+        assert (grey - cv2.GaussianBlur(grey, (0, 0), 8)).std() > 0.08 * grey.mean()
+        assert _keypoints(color) > 400, distance
+
+
+def test_fresh_paint_stays_poor(tmp_path: Path) -> None:
+    """New paint gives a tenth of the keypoints of old concrete, as it does outdoors."""
+    paint = _keypoints(_seen(tmp_path, bake_surface("painted_steel_clean", tmp_path, _rng()), 6.0))
+    old = _keypoints(_seen(tmp_path, bake_surface("board_concrete", tmp_path, _rng()), 6.0))
+    assert 10 * paint < old
+
+
+def test_every_role_and_surface_has_a_recipe() -> None:
+    """The tables agree with each other and with the roles that geometry may bind."""
+    assert set(AGES) == set(LOOKS)
+    for look in LOOKS.values():
+        assert tuple(look) == ROLES
+        assert set(look.values()) <= set(RECIPES)
+    assert set(SURFACES) <= set(RECIPES)
+
+
+def test_look_fills_the_roles_in_use_only(tmp_path: Path, parts: tuple[Component, ...]) -> None:
+    """One recipe for each role of the parts; another part changes no sheet of the others."""
+    settings = LookSettings(texels=256)
+    some = bake_look(settings, "weathered", tmp_path / "some", parts[:2], _rng())
+    more = bake_look(settings, "weathered", tmp_path / "more", parts, _rng())
+    assert list(some) == ["Role_PierConcrete", "Role_GirderSteel"]
+    assert len(more) == 4
+    for recipe in some.values():
+        assert (tmp_path / "some" / recipe.albedo_file).read_bytes() == (
+            tmp_path / "more" / recipe.albedo_file
+        ).read_bytes()
+
+
+def test_unknown_names_say_what_is_allowed(tmp_path: Path) -> None:
+    """A look or surface that nobody knows is a one-line error."""
+    with pytest.raises(InputError, match="allowed: weathered, clean"):
+        bake_look(LookSettings(), "shiny", tmp_path, (), _rng())
+    with pytest.raises(InputError, match="grass"):
+        bake_surface("lava", tmp_path, _rng())
+
+
+_BAKE = """
+import sys; from pathlib import Path; import numpy as np
+from authoring.looks.bake import bake_surface
+from authoring.lighting import LightSettings, bake_sky
+folder = Path(sys.argv[1])
+for name in ("board_concrete", "grass", "gravel", "painted_steel", "foliage", "road_marking"):
+    bake_surface(name, folder, np.random.default_rng(9), 256)
+bake_sky(LightSettings(sky_height=64), folder, np.random.default_rng(9))
+"""
+
+
+def test_bytes_repeat_on_an_older_processor(tmp_path: Path) -> None:
+    """Two processes, one with vector instructions switched off and another hash order: the same bytes."""
+    older = {"NPY_DISABLE_CPU_FEATURES": "X86_V4 X86_V3", "OPENBLAS_CORETYPE": "Nehalem", "PYTHONHASHSEED": "7"}
+    hashes = []
+    for name, extra in (("one", {}), ("two", older)):
+        environment = {**os.environ, **extra}
+        subprocess.run([sys.executable, "-W", "ignore", "-c", _BAKE, str(tmp_path / name)], check=True, env=environment)
+        files = sorted((tmp_path / name).rglob("*.*"))
+        hashes.append({file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files})
+    assert len(hashes[0]) > 14
+    assert json.dumps(hashes[0]) == json.dumps(hashes[1])
+
+
+def test_charts_know_the_place_of_each_texel(parts: tuple[Component, ...]) -> None:
+    """The affine map of a triangle gives back the corners of the box, and all six faces are drawn."""
+    charts = draw_charts(list(parts), 240)
+    pier = parts[0].mesh
+    texel = np.stack([pier.st1[:, 0] * 240, (1 - pier.st1[:, 1]) * 240], axis=1)
+    for number, (x, y) in enumerate(texel):
+        triangle = np.flatnonzero(charts.owner == 0)[2 * (number // 4) + (number % 4 == 3)]
+        place = charts.place[triangle] + charts.across[triangle] * x + charts.down[triangle] * y
+        assert place == pytest.approx(pier.points[pier.corners[number]], abs=1e-4)
+    drawn = charts.triangle >= 0
+    assert drawn.mean() == pytest.approx(0.81, abs=0.04)
+    assert len(np.unique(charts.triangle)) == 4 * 12 + 1
+
+
+def test_weather_keeps_the_mean_and_muddies_the_foot(parts: tuple[Component, ...]) -> None:
+    """Factors average 1 over every role; the foot of a pier is darker than its middle; new work is nearly even."""
+    charts = draw_charts(list(parts), 480)
+    covered = charts.triangle >= 0
+    owner = charts.owner[charts.triangle[covered]]
+    old, new = weather(list(parts), 480, 1.0, _rng()), weather(list(parts), 480, 0.15, _rng())
+    for number in range(len(parts)):
+        assert old[covered][owner == number].mean() == pytest.approx(1, abs=0.002)
+    assert new[covered].std() < 0.35 * old[covered].std()
+    row, column = np.nonzero(covered)
+    triangle = charts.triangle[covered]
+    height = charts.place[triangle, 2] + charts.across[triangle, 2] * column + charts.down[triangle, 2] * row
+    wall = (owner == 0) & (np.abs(charts.normal[triangle, 2]) < 0.1)
+    shown = old[covered].mean(axis=1)
+    assert shown[wall & (height < -0.5)].mean() < 0.9 * shown[wall & (height > 2) & (height < 4)].mean()
+
+
+def test_gaps_take_the_nearest_value() -> None:
+    """What lies outside all charts repeats the chart beside it."""
+    image, covered = np.zeros((9, 9, 3), np.float32), np.zeros((9, 9), bool)
+    image[4, 1], image[4, 7] = (1, 2, 3), (4, 5, 6)
+    covered[4, 1] = covered[4, 7] = True
+    filled = spread(image, covered)
+    assert filled[0, 0].tolist() == [1, 2, 3]
+    assert filled[8, 8].tolist() == [4, 5, 6]
+
+
+def test_ground_patches_fade_out() -> None:
+    """Mean 1, and 1 along the border, where the background's ground goes on."""
+    factors = ground_patches(256, _rng())
+    assert factors.mean(axis=(0, 1)) == pytest.approx([1, 1, 1], abs=0.01)
+    for edge in (factors[0], factors[-1], factors[:, 0], factors[:, -1]):
+        assert np.abs(edge - 1).max() < 1 / 255
+    assert factors.std() > 0.08
+
+
+def test_materials_validate_and_resolve(tmp_path: Path, parts: tuple[Component, ...]) -> None:
+    """A look's layer passes UsdValidation and finds every texture, also after the folder has moved."""
+    recipes = bake_look(LookSettings(texels=256), "weathered", tmp_path / "a", parts, _rng())
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1)
+    stage.SetDefaultPrim(UsdGeom.Scope.Define(stage, "/Look").GetPrim())
+    for role, recipe in recipes.items():
+        author_material(stage, f"/Look/{role}", recipe)
+    author_material(stage, "/Look/Plain", MaterialRecipe("plain"))
+    stage.GetRootLayer().Export(str(tmp_path / "a" / "look.usda"))
+    (tmp_path / "a").rename(tmp_path / "b")
+    file = str(tmp_path / "b" / "look.usda")
+    _, assets, missing = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(file))
+    assert not missing
+    assert len(assets) >= 4 * 2 + 2
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(file))
+    assert [error.GetErrorAsString() for error in errors] == []
+    assert str(tmp_path) not in Path(file).read_text()
+
+
+def test_material_network_follows_the_preview_specification(tmp_path: Path) -> None:
+    """Colour spaces, repeat, placement by sheet size, normal scale and bias, and the detail schema."""
+    recipe = bake_surface("brick", tmp_path, _rng(), 256)
+    stage = Usd.Stage.CreateInMemory()
+    material = author_material(stage, "/Brick", recipe)
+    surface = material.ComputeSurfaceSource()[0]
+    assert surface.GetShaderId() == "UsdPreviewSurface"
+    for name, space in (("diffuseColor", "sRGB"), ("roughness", "raw"), ("normal", "raw")):
+        texture = UsdShade.Shader(surface.GetInput(name).GetConnectedSources()[0][0].source.GetPrim())
+        assert texture.GetInput("sourceColorSpace").Get() == space
+        assert texture.GetInput("wrapS").Get() == texture.GetInput("wrapT").Get() == "repeat"
+        assert texture.GetInput("file").Get().path.startswith("./textures/brick_")
+        placed = UsdShade.Shader(texture.GetInput("st").GetConnectedSources()[0][0].source.GetPrim())
+        assert tuple(placed.GetInput("scale").Get()) == pytest.approx((1 / recipe.sheet, 1 / recipe.sheet))
+        reader = UsdShade.Shader(placed.GetInput("in").GetConnectedSources()[0][0].source.GetPrim())
+        assert reader.GetInput("varname").Get() == "st"
+    prim = material.GetPrim()
+    assert "FalseworkDetailAPI" in prim.GetAppliedSchemas()
+    assert prim.GetAttribute("falsework:detail:texture").Get().path == "./textures/detail.png"
+    assert list(prim.GetAttribute("falsework:detail:periods").Get()) == pytest.approx(recipe.periods)
+
+
+def test_normals_point_out_and_tilt_the_right_way(tmp_path: Path) -> None:
+    """Mean normal is +z; the left flank of each tile's roll tilts to -u and the right one to +u."""
+    recipe = bake_surface("roof_tile", tmp_path, _rng(), 512)
+    normal = _load(tmp_path, recipe.normal_file) / 127.5 - 1
+    assert normal.mean(axis=(0, 1)) == pytest.approx([0, 0, 0.9], abs=0.12)
+    across = normal[..., 0].mean(axis=0).reshape(20, -1) if normal.shape[1] % 20 == 0 else normal[..., 0].mean(axis=0)
+    phase = (np.arange(normal.shape[1]) + 0.5) / normal.shape[1] * 20 % 1
+    across = across.ravel()
+    assert across[(phase > 0.15) & (phase < 0.35)].mean() < -0.1
+    assert across[(phase > 0.65) & (phase < 0.85)].mean() > 0.1

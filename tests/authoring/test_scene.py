@@ -1,0 +1,162 @@
+"""The whole scene: the same bytes wherever it is authored, sound in every variant, each layer with its own stream."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pxr import Usd, UsdGeom, UsdShade
+
+from authoring.layers.geometry import BRIDGE
+from authoring.scene import author_scene
+from authoring.settings import AuthoringSettings
+from authoring.validate import validate_scene
+from groundwork.errors import InputError
+from groundwork.files import check_manifest, read_json
+from groundwork.progress import SILENT
+from groundwork.settings import parse_settings
+from usd_schemas import tokens
+from usd_schemas.pinhole import USD_FROM_CAMERA
+
+SEED = 7
+SMALL = {"look": {"texels": 256}, "light": {"sky_height": 64}}
+EARLY = ("site", "bridge/geometry.usdc", "bridge/semantics.usdc", "bridge/bridge.usda", "surveys", "render.usda")
+
+AUTHOR = """
+import json, sys
+from pathlib import Path
+from authoring.scene import author_scene
+from authoring.settings import AuthoringSettings
+from groundwork.progress import SILENT
+author_scene(AuthoringSettings.model_validate(json.loads(sys.argv[2])), int(sys.argv[3]), Path(sys.argv[1]), SILENT)
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Author one scene with small textures."""
+    return _author(tmp_path_factory.mktemp("scene"), SMALL)
+
+
+def test_another_process_writes_the_same_bytes(scene: Path, tmp_path: Path) -> None:
+    """Another folder, process and hash seed change no byte of any file."""
+    environment = {**os.environ, "PYTHONHASHSEED": "4711", "NPY_DISABLE_CPU_FEATURES": ""}
+    settings = AuthoringSettings.model_validate(SMALL).model_dump_json()
+    command = [sys.executable, "-c", AUTHOR, str(tmp_path), settings, str(SEED)]
+    subprocess.run(command, env=environment, check=True, cwd=Path(__file__).parents[2])
+    assert _files(tmp_path) == _files(scene)
+
+
+def test_scene_is_sound(scene: Path) -> None:
+    """No findings in any variant, and the manifest agrees with the files."""
+    assert validate_scene(scene / "scene.usda") == []
+    assert check_manifest(scene) == []
+
+
+def test_layers_lie_where_the_design_says(scene: Path) -> None:
+    """The folder, the composed hierarchy and the choices are those of the design."""
+    for name in (
+        "edits/user.usda", "render.usda", "surveys/surveys.usda", "surveys/global.usdc", "lighting.usda",
+        "site/site.usda", "bridge/bridge.usda", "bridge/payload.usda", "bridge/geometry.usdc",
+        "bridge/semantics.usdc", "bridge/looks/weathered/look.usda", "bridge/looks/clean/look.usda",
+        "background/countryside/countryside.usda", "manifest.json",
+    ):  # fmt: skip
+        assert (scene / name).is_file(), name
+    stage = Usd.Stage.Open(str(scene / "scene.usda"))
+    children = [prim.GetName() for prim in stage.GetPrimAtPath(tokens.WORLD).GetChildren()]
+    assert sorted(children) == ["Background", "Bridge", "Environment", "Site", "Surveys"]
+    assert [prim.GetName() for prim in stage.GetPrimAtPath(tokens.BRIDGE).GetChildren()] == ["BridgeGeom", "BridgeLooks"]
+    assert stage.GetPrimAtPath(tokens.BRIDGE).GetVariantSet("look").GetVariantNames() == ["clean", "weathered"]
+    background = stage.GetPrimAtPath(tokens.BACKGROUND).GetVariantSet("background")
+    assert background.GetVariantNames() == ["countryside", "none"]
+    assert background.GetVariantSelection() == "countryside"
+    assert stage.GetMetadata("renderSettingsPrimPath") == tokens.RENDER_SETTINGS
+
+
+def test_no_layer_knows_where_it_was_made(scene: Path) -> None:
+    """No file holds the folder's path; the manifest holds the recipe."""
+    needle = str(scene).encode()
+    assert [path for path in scene.rglob("*") if path.is_file() and needle in path.read_bytes()] == []
+    manifest = read_json(scene / "manifest.json")
+    assert manifest["seed"] == SEED
+    assert parse_settings(AuthoringSettings, manifest["settings"], "manifest") == AuthoringSettings.model_validate(SMALL)
+
+
+def test_every_role_is_filled_in_both_looks(scene: Path) -> None:
+    """Each material that geometry binds has a surface, whichever look is selected, and another one in each."""
+    stage = Usd.Stage.Open(str(scene / "scene.usda"))
+    looks = stage.GetPrimAtPath(tokens.BRIDGE).GetVariantSet("look")
+    files: dict[str, set[str]] = {}
+    for look in looks.GetVariantNames():
+        looks.SetVariantSelection(look)
+        roles = stage.GetPrimAtPath(f"{tokens.WORLD}{BRIDGE.looks}").GetChildren()
+        assert roles
+        for role in roles:
+            surface, _, _ = UsdShade.Material(role).ComputeSurfaceSource("")
+            assert surface, (look, role)
+            for texture in Usd.PrimRange(role):
+                file = texture.GetAttribute("inputs:file")
+                if file:
+                    files.setdefault(look, set()).add(file.Get().resolvedPath)
+    assert files["clean"]
+    assert not files["clean"] & files["weathered"]
+
+
+@pytest.mark.parametrize(
+    ("change", "stays"),
+    [
+        ({"look": {"texels": 256, "name": "clean"}}, (*EARLY[:3], *EARLY[4:], "background", "lighting.usda", "textures")),
+        ({"background": {"name": "none"}}, (*EARLY, "bridge/looks", "lighting.usda", "textures")),
+        ({"light": {"sky_height": 64, "date": "2024-12-21T10:00"}}, (*EARLY, "bridge", "background", "scene.usda")),
+        (
+            {"survey": [{"kind": "global", "images": 20, "spacing": 12.0}]},
+            ("site", "bridge", "background", "lighting.usda", "textures"),
+        ),
+    ],
+)
+def test_sections_draw_alone(
+    scene: Path, tmp_path: Path, change: dict[str, object], stays: tuple[str, ...]
+) -> None:
+    """Another look, background, light or survey leaves the files of all other layers byte-equal."""
+    before, after = _files(scene), _files(_author(tmp_path, {**SMALL, **change}))
+    assert before != after
+    kept = {name for name in before if any(name == stem or name.startswith(f"{stem}/") for stem in stays)}
+    assert kept
+    assert {name: before[name] for name in kept} == {name: after.get(name) for name in kept}
+
+
+def test_cameras_compose_to_what_the_renderer_reads(scene: Path) -> None:
+    """Through every arc of the scene, a camera's matrix is a rigid pose, one for each code of the stage's range."""
+    stage = Usd.Stage.Open(str(scene / "scene.usda"))
+    camera = UsdGeom.Camera(stage.GetPrimAtPath(f"{tokens.SURVEYS}/global/global_Camera"))
+    (operation,) = camera.GetOrderedXformOps()
+    codes = operation.GetTimeSamples()
+    assert codes == [float(code) for code in range(int(stage.GetEndTimeCode()) + 1)]
+    for code in codes:
+        pose = camera.ComputeLocalToWorldTransform(code)
+        turn = pose.ExtractRotationMatrix()
+        assert abs(turn.GetDeterminant() - 1) < 1e-8
+        down = USD_FROM_CAMERA[1, 1] * turn.GetRow(1)[2]
+        assert down < 0  # the image's down is the world's down
+
+
+def test_unknown_look_is_bad_input(tmp_path: Path) -> None:
+    """A look that nobody knows is named with those that are known."""
+    with pytest.raises(InputError, match="weathered"):
+        _author(tmp_path, {"look": {"name": "shiny"}})
+
+
+def test_two_surveys_need_two_ids() -> None:
+    """The same id twice is bad input, said in one line."""
+    with pytest.raises(InputError, match="same id"):
+        parse_settings(AuthoringSettings, {"survey": [{"kind": "global"}, {"kind": "global"}]}, "scenario.toml")
+
+
+def _author(folder: Path, settings: dict[str, object]) -> Path:
+    author_scene(AuthoringSettings.model_validate(settings), SEED, folder, SILENT)
+    return folder
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}

@@ -1,0 +1,80 @@
+"""Canonical JSON: one spelling for each value, and hashes that follow content only."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import BaseModel
+
+from groundwork.canonical import canonical_json, digest, file_digest, folder_digest
+
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
+    max_leaves=20,
+)
+
+
+class Point(BaseModel):
+    """A model with a path in it."""
+
+    x: float = 1.5
+    file: Path = Path("a/b")
+
+
+@given(value=PLAIN)
+def test_round_trip_and_ascii(value: object) -> None:
+    """What is written reads back as itself, in ASCII and on one line."""
+    text = canonical_json(value)
+    assert json.loads(text) == value
+    assert text.isascii()
+    assert "\n" not in text
+
+
+@given(value=st.dictionaries(st.text(), PLAIN, min_size=2))
+def test_key_order_does_not_matter(value: dict[str, object]) -> None:
+    """The same entries in another order have the same spelling and hash."""
+    turned = dict(reversed(list(value.items())))
+    assert canonical_json(turned) == canonical_json(value)
+    assert digest(turned) == digest(value)
+
+
+@given(first=PLAIN, second=PLAIN)
+def test_different_values_have_different_spellings(first: object, second: object) -> None:
+    """Equal text means equal value; 1 and 1.0 and True differ on purpose."""
+    if canonical_json(first) == canonical_json(second):
+        assert json.dumps(first, sort_keys=True) == json.dumps(second, sort_keys=True)
+
+
+def test_models_and_paths() -> None:
+    """Settings and paths have a form; tuples are lists; other objects have none."""
+    assert canonical_json({"p": Point(), "q": (Path("x") / "y",)}) == '{"p":{"file":"a/b","x":1.5},"q":["x/y"]}'
+    with pytest.raises(TypeError, match="set has no canonical form"):
+        canonical_json({1, 2})
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
+def test_numbers_that_are_not_finite_are_refused(number: float) -> None:
+    """JSON has no NaN."""
+    with pytest.raises(ValueError, match="JSON compliant"):
+        canonical_json([number])
+
+
+def test_file_and_folder_digests(tmp_path: Path) -> None:
+    """Content and names count, order of writing and place do not."""
+    for place, names in (("one", "abc"), ("two", "cba")):
+        folder = tmp_path / place / "in"
+        folder.mkdir(parents=True)
+        for name in names:
+            (folder / name).write_text(name * 3)
+    one, two = tmp_path / "one", tmp_path / "two"
+    assert folder_digest(one) == folder_digest(two)
+    assert file_digest(one / "in" / "a") == "9834876dcfb05cb167a5c24953eba58c4ac89b1adf57f28f2f9d09af107ee8f0"
+    (two / "in" / "a").rename(two / "in" / "d")
+    renamed = folder_digest(two)
+    assert renamed != folder_digest(one)
+    (two / "in" / "d").write_text("other")
+    assert folder_digest(two) not in (renamed, folder_digest(one))

@@ -1,0 +1,34 @@
+"""Errors are one line that a user can act on."""
+
+import pytest
+
+from groundwork.errors import ChildError, FalseworkError, InputError, MissingError, OutOfSpaceError, RejectedSceneError
+
+
+def test_parts_of_an_input_error_stand_in_order() -> None:
+    """File, field, what, value, allowed, mend."""
+    error = InputError("too deep", where="a.toml", field="beam.depth", value=9.0, allowed="0.4 to 3.0", mend="Lower it")
+    assert str(error) == "a.toml: beam.depth: too deep (found 9.0); allowed: 0.4 to 3.0. Lower it"
+    assert str(InputError("wrong")) == "wrong"
+
+
+def test_line_breaks_are_taken_out() -> None:
+    """A message from elsewhere with several lines still comes as one."""
+    assert str(InputError("first\n  second", mend="third\n")) == "first second. third"
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "kind"),
+    [
+        (InputError("x"), 2, ValueError),
+        (MissingError("x"), 2, FileNotFoundError),
+        (OutOfSpaceError("x"), 4, OSError),
+        (ChildError("x"), 1, RuntimeError),
+        (RejectedSceneError("few", "x"), 0, FalseworkError),
+    ],
+)
+def test_exit_codes_and_kinds(error: FalseworkError, code: int, kind: type[Exception]) -> None:
+    """Each error has the exit code of the design and the built-in kind that callers expect."""
+    assert error.exit_code == code
+    assert isinstance(error, kind)
+    assert str(error) == "x"

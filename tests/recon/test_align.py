@@ -1,0 +1,169 @@
+"""The alignment recovers known similarities, survives outliers and straight flights, and judges every camera."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from groundwork.errors import RejectedSceneError
+from recon.align import (
+    CENTRE_OUTLIER,
+    OK,
+    ROTATION_OUTLIER,
+    UNREGISTERED,
+    Similarity,
+    Target,
+    align,
+    angles,
+    centre_limit,
+    check_share,
+    fit_similarity,
+)  # fmt: skip
+from recon.settings import AlignmentSettings
+
+F64 = NDArray[np.float64]
+DEFAULT = AlignmentSettings(centre_limit=0.25)
+PAPER = AlignmentSettings(centre_limit=0.25, method="paper")
+
+
+def random_rotations(rng: np.random.Generator, count: int, degrees: float = 180.0) -> F64:
+    """Draw rotations about random axes by up to an angle, shape (N, 3, 3), float64 (Rodrigues)."""
+    axis = rng.normal(size=(count, 3))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    angle = np.radians(rng.uniform(0, degrees, count))[:, None, None]
+    cross = np.zeros((count, 3, 3))
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -axis[:, 2], axis[:, 1], -axis[:, 0]
+    cross -= cross.transpose(0, 2, 1)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def flight(rng: np.random.Generator, centres: F64) -> tuple[F64, F64, Similarity]:
+    """Make true poses at given centres, the same poses in model units, and the similarity between them."""
+    true = np.tile(np.eye(4), (len(centres), 1, 1))
+    true[:, :3, :3], true[:, :3, 3] = random_rotations(rng, len(centres)), centres
+    known = Similarity(3.7, random_rotations(rng, 1)[0], np.array([120.0, -45.0, 8.0]))
+    model = true.copy()
+    model[:, :3, :3] = known.rotation.T @ true[:, :3, :3]
+    model[:, :3, 3] = (centres - known.translation) @ known.rotation / known.scale
+    return true, model, known
+
+
+def target_of(true: F64, limit: float = 0.25) -> Target:
+    """Make the target of true poses."""
+    return Target("truth", true[:, :3, 3], true[:, :3, :3], limit)
+
+
+@pytest.mark.parametrize("settings", [DEFAULT, PAPER])
+def test_known_similarity_comes_back(settings: AlignmentSettings) -> None:
+    """Exact poses give the exact similarity, and every camera is valid."""
+    rng = np.random.default_rng(1)
+    true, model, known = flight(rng, rng.normal(0, 8, (20, 3)))
+    found = align(model, np.arange(20), target_of(true), settings, np.random.default_rng(2))
+    assert found.similarity.scale == pytest.approx(known.scale, rel=1e-12)
+    np.testing.assert_allclose(found.similarity.rotation, known.rotation, atol=1e-12)
+    np.testing.assert_allclose(found.similarity.translation, known.translation, atol=1e-9)
+    np.testing.assert_allclose(found.similarity.move_poses(model), true, atol=1e-9)
+    assert set(found.status) == {OK}
+
+
+@pytest.mark.parametrize("settings", [DEFAULT, PAPER])
+def test_half_the_cameras_may_lie(settings: AlignmentSettings) -> None:
+    """With 50 % of the centres misplaced by metres, the others still give the exact similarity."""
+    rng = np.random.default_rng(3)
+    true, model, known = flight(rng, rng.normal(0, 8, (40, 3)))
+    liars = np.arange(40) % 2 == 1
+    model[liars, :3, 3] += rng.normal(0, 2, (20, 3))
+    found = align(model, np.arange(40), target_of(true), settings, np.random.default_rng(4))
+    np.testing.assert_allclose(found.similarity.move(np.eye(3)), known.move(np.eye(3)), atol=1e-8)
+    assert [code == CENTRE_OUTLIER for code in found.status] == liars.tolist()
+
+
+def test_turned_cameras_do_not_turn_the_result() -> None:
+    """A camera in the right place that looks elsewhere is an outlier, and has no say in the mean rotation."""
+    rng = np.random.default_rng(5)
+    true, model, known = flight(rng, rng.normal(0, 8, (15, 3)))
+    model[:5, :3, :3] = random_rotations(rng, 5) @ model[:5, :3, :3]
+    found = align(model, np.arange(15), target_of(true), DEFAULT, np.random.default_rng(6))
+    assert found.status == (ROTATION_OUTLIER,) * 5 + (OK,) * 10
+    np.testing.assert_allclose(found.similarity.rotation, known.rotation, atol=1e-12)
+
+
+def test_nearly_straight_flight_needs_rotations() -> None:
+    """On a 30 m line with 1 cm of sway, centres leave the roll open: points 5 m off the path go astray by metres."""
+    rng = np.random.default_rng(7)
+    centres = np.column_stack([np.linspace(0, 30, 60), np.zeros(60), np.full(60, 3.0)])
+    true, model, known = flight(rng, centres + rng.normal(0, 0.002, (60, 3)))
+    model[:, :3, 3] += rng.normal(0, 0.03, (60, 3)) / known.scale
+    model[:, :3, :3] = random_rotations(rng, 60, 0.2) @ model[:, :3, :3]
+    aside = np.array([[15.0, 5.0, 3.0], [15.0, -5.0, 3.0], [15.0, 0.0, 8.0]])
+    local = (aside - known.translation) @ known.rotation / known.scale
+    full = AlignmentSettings(centre_limit=0.25).method
+    assert full == "centres+rotations"
+    found = align(model, np.arange(60), target_of(true), DEFAULT, np.random.default_rng(8))
+    assert np.linalg.norm(found.similarity.move(local) - aside, axis=1).max() < 0.03
+    with pytest.raises(RejectedSceneError) as rejected:
+        align(model, np.arange(60), target_of(true), PAPER, np.random.default_rng(8))
+    assert rejected.value.reason == "straight_path"
+    scale, rotation, translation = fit_similarity(model[:, :3, 3], true[:, :3, 3])
+    assert np.linalg.norm(scale * local @ rotation.T + translation - aside, axis=1).max() > 0.5
+
+
+def test_unregistered_cameras_and_unknown_positions() -> None:
+    """A camera without a pose is unregistered; one without a position takes no part; rows keep their places."""
+    rng = np.random.default_rng(9)
+    true, model, known = flight(rng, rng.normal(0, 8, (10, 3)))
+    rows = np.array([0, 2, 3, 4, 6, 7, 9])
+    centres = true[:, :3, 3].copy()
+    centres[4] = np.nan
+    found = align(model[rows], rows, Target("gps", centres, None, 0.25), DEFAULT, np.random.default_rng(1))
+    assert found.method == "centres"
+    assert found.similarity.scale == pytest.approx(known.scale, rel=1e-9)
+    assert [found.status[row] for row in (1, 5, 8)] == [UNREGISTERED] * 3
+    assert found.status[4] == CENTRE_OUTLIER
+    assert np.isnan(found.centre_errors[[1, 4, 5, 8]]).all()
+    assert np.isfinite(found.centre_errors[[0, 2, 3, 6, 7, 9]]).all()
+
+
+@pytest.mark.parametrize("kind", ["everything wrong", "two cameras", "one place"])
+def test_hopeless_cameras_are_rejected(kind: str) -> None:
+    """No agreement, too few cameras, or no extent: a reason code, no number."""
+    rng = np.random.default_rng(10)
+    true, model, _ = flight(rng, rng.normal(0, 8, (12, 3)))
+    rows = np.arange(2 if kind == "two cameras" else 12)
+    if kind == "everything wrong":
+        model[:, :3, 3] = rng.normal(0, 8, (12, 3))
+    if kind == "one place":
+        model[:, :3, 3] = model[0, :3, 3]
+    with pytest.raises(RejectedSceneError) as rejected:
+        align(model[rows], rows, target_of(true, 0.05), DEFAULT, np.random.default_rng(11))
+    assert rejected.value.reason == "alignment_failed"
+
+
+@pytest.mark.parametrize(("invalid", "count", "passes"), [(4, 10, True), (5, 10, False), (2, 5, True), (21, 52, False)])
+def test_forty_percent_is_the_limit(invalid: int, count: int, passes: bool) -> None:
+    """Exactly 40 % of invalid cameras pass, one more does not."""
+    status = (UNREGISTERED, CENTRE_OUTLIER, ROTATION_OUTLIER) * count
+    codes = status[:invalid] + (OK,) * (count - invalid)
+    if passes:
+        check_share(codes, DEFAULT)
+        return
+    with pytest.raises(RejectedSceneError, match=f"{invalid} of {count}") as rejected:
+        check_share(codes, DEFAULT)
+    assert rejected.value.reason == "too_few_cameras"
+
+
+def test_centre_limits() -> None:
+    """0.25 m for a local survey; else half a percent of the diagonal, at most 0.5 m; or what the user says."""
+    corners = np.array([[0.0, 0, 0], [30.0, 40.0, 0]])
+    free = AlignmentSettings()
+    assert centre_limit(corners, "local", free) == 0.25
+    assert centre_limit(corners, "global", free) == pytest.approx(0.25)
+    assert centre_limit(2 * corners, "global", free) == pytest.approx(0.5)
+    assert centre_limit(9 * corners, "global", free) == 0.5
+    assert centre_limit(corners, "local", AlignmentSettings(centre_limit=0.1)) == 0.1
+
+
+def test_small_angles_stay_sharp() -> None:
+    """An angle of 1e-6 degrees is not lost in an arc cosine."""
+    turn = np.radians(1e-6)
+    rotation = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    np.testing.assert_allclose(angles(np.stack([rotation, np.diag([-1.0, -1.0, 1.0])]), np.eye(3)), [1e-6, 180.0])

@@ -1,0 +1,162 @@
+"""The cloud on disk comes back as it was written, damage is found, and other programs' files hold the same points."""
+
+import dataclasses
+import json
+import shutil
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+from groundwork.canonical import folder_digest
+from groundwork.errors import InputError, MissingError
+from recon.cloud import COLUMNS, OBSERVATION_COLUMNS, Cloud, read_cloud, segment_with_noise, write_cloud
+from recon.export import LAZ_SCALE, write_laz, write_ply
+from usd_schemas.components import class_rows
+
+
+@pytest.fixture
+def cloud() -> Cloud:
+    """Make a cloud of 500 points with random content, some of it infinite or unknown."""
+    rng = np.random.default_rng(1)
+    counts = rng.integers(2, 6, 500)
+    total = int(counts.sum())
+    columns = {
+        name: (rng.random((500, kind.width)) * 100).astype(kind.dtype).reshape(500, *(kind.width,)[: kind.width - 1])
+        for name, kind in COLUMNS.items()
+    }
+    columns["coord"] = rng.normal((4e5, 5e6, 0), 300, (500, 3))
+    columns["component"] = rng.integers(0, 3, 500).astype(np.uint16)
+    columns["instance"] = rng.integers(0, 2**32, 500).astype(np.uint32)
+    columns["segment"] = rng.choice([0, 4, 9, 15, 255], 500).astype(np.uint8)
+    columns["uncertainty"][:3] = np.inf, np.nan, 0.1
+    observations = {
+        name: (rng.random((total, kind.width)) * 7).astype(kind.dtype).reshape(total, *(kind.width,)[: kind.width - 1])
+        for name, kind in OBSERVATION_COLUMNS.items()
+    }
+    observations["start"] = np.concatenate([[0], np.cumsum(counts)])
+    cameras = tuple(
+        {"name": f"{i:06d}", "status": "ok", "center_error": 0.01, "rotation_error": None} for i in range(7)
+    )
+    return Cloud(columns, observations, ("", "girder", "kerb"), class_rows(), {"scale": 2.0}, cameras, {"points": 500})
+
+
+def test_round_trip(cloud: Cloud, tmp_path: Path) -> None:
+    """Every array comes back bit for bit, every table equal; and the same cloud makes the same bytes."""
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        write_cloud(tmp_path / name, cloud)
+        write_laz(tmp_path / name / "cloud.laz", cloud)
+        write_ply(tmp_path / name / "cloud.ply", cloud)
+    back = read_cloud(tmp_path / "a")
+    for field in ("columns", "observations"):
+        for name, values in getattr(cloud, field).items():
+            np.testing.assert_array_equal(getattr(back, field)[name], values, strict=True)
+    for field in ("components", "classes", "alignment", "cameras", "statistics"):
+        assert getattr(back, field) == getattr(cloud, field)
+    assert folder_digest(tmp_path / "a") == folder_digest(tmp_path / "b")
+    described = json.loads((tmp_path / "a" / "cloud.json").read_text())["columns"]
+    assert described["uncertainty"]["unit"] == "m"
+    assert all(row["meaning"].endswith(".") for row in described.values())
+
+
+def _cut(folder: Path) -> None:
+    path = folder / "coord.npy"
+    path.write_bytes(path.read_bytes()[:-9])
+
+
+def _replace(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
+    return lambda folder: np.save(folder / name, change(np.load(folder / name)))
+
+
+def _to_nan(values: np.ndarray) -> np.ndarray:
+    values[3, 1] = np.nan
+    return values
+
+
+@pytest.mark.parametrize(
+    ("damage", "named"),
+    [
+        (_cut, "coord.npy"),
+        (lambda folder: (folder / "normal.npy").unlink(), "normal.npy"),
+        (lambda folder: (folder / "cloud.json").unlink(), "cloud.json"),
+        (_replace("coord.npy", _to_nan), "coord.npy"),
+        (_replace("segment.npy", lambda values: values[1:]), "segment.npy"),
+        (_replace("uncertainty.npy", lambda values: values.astype(np.float64)), "uncertainty.npy"),
+        (_replace("component.npy", lambda values: values + np.uint16(3)), "component.npy"),
+        (_replace("observations/start.npy", lambda values: values[::-1].copy()), "start.npy"),
+        (_replace("observations/image.npy", lambda values: values + np.uint32(7)), "image.npy"),
+    ],
+)
+def test_damage_is_named(cloud: Cloud, tmp_path: Path, damage: Callable[[Path], None], named: str) -> None:
+    """A cut, missing, retyped, shortened or impossible column is one line that names the file."""
+    write_cloud(tmp_path, cloud)
+    damage(tmp_path)
+    with pytest.raises(InputError, match=named) as error:
+        read_cloud(tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_other_folders_are_not_clouds(tmp_path: Path) -> None:
+    """An empty folder, or a cloud of another version."""
+    with pytest.raises(MissingError):
+        read_cloud(tmp_path)
+    (tmp_path / "cloud.json").write_text('{"format": "falsework.cloud", "format_version": 99}')
+    with pytest.raises(InputError, match="99"):
+        read_cloud(tmp_path)
+
+
+def test_noise_is_made_on_read(cloud: Cloud) -> None:
+    """Above the threshold and infinite are noisy, at the threshold and unknown are not; the cloud itself stays."""
+    before = cloud.columns["segment"].copy()
+    noisy = segment_with_noise(cloud, float(np.float32(0.1)))
+    assert (noisy[:3] == 16).tolist() == [True, False, False]
+    np.testing.assert_array_equal(noisy == 16, cloud.columns["uncertainty"] > np.float32(0.1))
+    np.testing.assert_array_equal(cloud.columns["segment"], before)
+
+
+def test_laz_holds_the_points(cloud: Cloud, tmp_path: Path) -> None:
+    """Positions to the tenth of a millimetre, classes, colours and extra dimensions, the class table, a forced date."""
+    write_laz(tmp_path / "cloud.laz", cloud)
+    back = laspy.read(tmp_path / "cloud.laz")
+    assert (str(back.header.version), back.header.point_format.id) == ("1.4", 7)
+    assert str(back.header.creation_date) == "2000-01-01"
+    assert np.abs(back.xyz - cloud.columns["coord"]).max() <= LAZ_SCALE / 2 + 1e-9
+    for name in ("segment", "instance", "component", "uncertainty", "confidence", "n_views"):
+        np.testing.assert_array_equal(np.asarray(back[name]), cloud.columns[name], strict=True)
+    colors = np.column_stack([np.asarray(back[name]) for name in ("red", "green", "blue")])
+    np.testing.assert_array_equal(colors // 257, cloud.columns["color"])
+    codes = {0: 64, 4: 68, 9: 73, 15: 79, 255: 1}
+    assert np.asarray(back.classification).tolist() == [codes[value] for value in cloud.columns["segment"].tolist()]
+    table = next(vlr for vlr in back.header.vlrs if type(vlr).__name__ == "ClassificationLookupVlr")
+    assert (table[73], table[68]) == ("deck", "bearing")
+
+
+def test_ply_holds_the_points(cloud: Cloud, tmp_path: Path) -> None:
+    """A reader that knows only the header finds the same numbers."""
+    write_ply(tmp_path / "cloud.ply", cloud)
+    data = (tmp_path / "cloud.ply").read_bytes()
+    head, body = data.split(b"end_header\n", 1)
+    lines = head.decode().splitlines()
+    assert lines[:3] == ["ply", "format binary_little_endian 1.0", "element vertex 500"]
+    codes = {"double": "d", "float": "f", "uchar": "B", "ushort": "H", "uint": "I"}
+    names = [line.split()[2] for line in lines[3:]]
+    layout = struct.Struct("<" + "".join(codes[line.split()[1]] for line in lines[3:]))
+    rows = np.array(list(layout.iter_unpack(body)))
+    assert rows.shape == (500, len(names))
+    np.testing.assert_array_equal(rows[:, :3], cloud.columns["coord"])
+    for name in ("segment", "instance", "uncertainty", "n_views", "displacement"):
+        np.testing.assert_array_equal(rows[:, names.index(name)], cloud.columns[name].astype(float))
+    assert names[3:9] == ["nx", "ny", "nz", "red", "green", "blue"]
+
+
+def test_an_odd_cloud_is_not_written(cloud: Cloud, tmp_path: Path) -> None:
+    """A column of a wrong length never reaches the disk."""
+    odd = dataclasses.replace(cloud, columns={**cloud.columns, "segment": cloud.columns["segment"][:-1]})
+    with pytest.raises(InputError, match="segment"):
+        write_cloud(tmp_path, odd)
+    assert not list(tmp_path.iterdir())
+    shutil.rmtree(tmp_path)

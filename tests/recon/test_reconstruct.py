@@ -1,0 +1,206 @@
+"""Structure from motion for real on a small known world: accuracy, labels, truth kept apart, and hopeless input."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pycolmap
+import pytest
+
+from groundwork.canonical import folder_digest
+from groundwork.errors import InputError, RejectedSceneError
+from groundwork.files import read_json, write_json
+from groundwork.progress import SILENT
+from recon.cloud import Cloud, read_cloud
+from recon.colmap_model import read_model
+from recon.observations import Observations
+from recon.reconstruct import reconstruct
+from recon.settings import ReconSettings, SparseSettings
+from recon.uncertainty import depths, measure
+from render.capture import CalibrationPrior, Capture, CaptureImage, read_capture, read_truth
+from usd_schemas.pinhole import Pinhole, look_at, project
+
+
+@pytest.fixture(scope="module")
+def cloud(plane_cloud: Path) -> Cloud:
+    """Read the cloud of the planes."""
+    return read_cloud(plane_cloud)
+
+
+def test_the_planes_come_back(cloud: Cloud) -> None:
+    """Every camera within millimetres, every point on its plane with its plane's label; nothing left behind."""
+    figures = cloud.statistics
+    assert figures["registered_share"] == 1.0
+    assert figures["center_error_median"] < 0.01
+    # A model whose pixels were half a pixel off would turn every camera by 0.5 / 420 rad = 0.07 degrees.
+    assert figures["rotation_error_median"] < 0.03
+    assert figures["points"] > 1000
+    assert figures["within_0.1m_share"] > 0.95
+    assert figures["right_class_share"] > 0.98
+    counts = figures["points_per_class"]
+    assert min(counts["abutment"], counts["background"], counts["parapet"]) > 100
+    assert sum(counts.values()) == len(cloud)
+    histogram = figures["uncertainty_histogram"]
+    assert sum(histogram["counts"]) + histogram["infinite"] == len(cloud)
+    kinds = np.array(cloud.components)[cloud.columns["component"]]
+    for instance, kind in ((11, "ground"), (12, "abutment_wall"), (13, "parapet")):
+        assert set(kinds[cloud.columns["instance"] == instance]) == {kind}
+
+
+def test_uncertainty_follows_the_true_distance(cloud: Cloud) -> None:
+    """Where a point is, measured three ways: consistent with each other and with the closed-form planes."""
+    columns = cloud.columns
+    wall = (columns["instance"] == 12) & (columns["surface_class"] == 1) & (np.abs(columns["coord"][:, 0]) < 4.5)
+    off_the_plane = np.abs(columns["coord"][wall, 1] - 5.0)
+    np.testing.assert_allclose(columns["surface_distance"][wall], off_the_plane, atol=1e-4)
+    finite = np.isfinite(columns["uncertainty"])
+    assert (columns["uncertainty_min"] <= columns["uncertainty"]).all()
+    assert (columns["uncertainty"] <= columns["uncertainty_max"]).all()
+    assert np.median(columns["uncertainty"][finite]) < 0.05
+    far = columns["surface_distance"] > 0.1
+    assert (columns["uncertainty"][far] > 0.1).mean() > 0.9
+    np.testing.assert_allclose(np.linalg.norm(columns["normal"], axis=1), 1.0, atol=1e-5)
+    assert (columns["normal"][:, 1] < 0).all()  # all cameras stand at negative y
+
+
+def test_half_a_pixel_would_show(plane_capture: Path, cloud: Cloud) -> None:
+    """With keypoints moved by half a pixel, points stand measurably away from where the true camera sees them."""
+    truth = read_truth(read_capture(plane_capture))
+    assert truth is not None
+    stored = cloud.observations
+    points, away = cloud.columns["coord"], []
+    for shift in (-0.5, 0.0, 0.5):
+        seen = Observations(stored["start"], stored["image"].astype(np.int64), stored["uv"] + [shift, 0.0])
+        depth = depths(points, truth.poses, seen)
+        _, measured = measure(points, depth, depth, truth.camera, truth.poses, seen)
+        away.append(float(np.median(measured.displacement)))
+    assert away[1] < 0.5 * min(away[0], away[2])
+
+
+def test_the_model_in_metres_is_the_cloud(plane_cloud: Path, cloud: Cloud) -> None:
+    """The COLMAP model beside the cloud holds the same points, poses and observations; our reader equals COLMAP's."""
+    ours, theirs = read_model(plane_cloud / "sparse"), pycolmap.Reconstruction(plane_cloud / "sparse")
+    rows = {tuple(row) for row in np.round(ours.points, 6)}
+    assert {tuple(row) for row in np.round(cloud.columns["coord"], 6)} <= rows
+    ids = sorted(theirs.points3D)
+    np.testing.assert_array_equal(ours.points, [theirs.points3D[number].xyz for number in ids])
+    np.testing.assert_array_equal(ours.colors, [theirs.points3D[number].color for number in ids])
+    np.testing.assert_array_equal(
+        np.bincount(ours.obs_point), [theirs.points3D[number].track.length() for number in ids]
+    )
+    poses = {
+        row["name"]: np.array(row["camera_to_world"]) for row in read_json(plane_cloud / "cameras_sfm.json")["poses"]
+    }
+    for image in theirs.images.values():
+        pose = ours.poses[ours.names.index(image.name)]
+        np.testing.assert_allclose(pose[:3, 3], image.projection_center(), atol=1e-12)
+        np.testing.assert_allclose(pose[:3, :3].T, image.cam_from_world().rotation.matrix(), atol=1e-12)
+        np.testing.assert_allclose(poses[Path(image.name).stem], pose, atol=1e-9)
+        elements = [p for p in image.points2D if p.has_point3D()]
+        mine = ours.obs_image == ours.names.index(image.name)
+        assert {tuple(p.xy) for p in elements} == {tuple(row) for row in ours.obs_uv[mine]}
+
+
+def test_without_truth_the_model_is_the_same(plane_capture: Path, plane_settings: ReconSettings, cloud: Cloud,
+                                             tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:  # fmt: skip
+    """Deleting truth/ leaves the model byte for byte; the cloud is then aligned to GPS, and says it has no labels."""
+    bare, folder = tmp_path / "bare", tmp_path / "cloud"
+    shutil.copytree(plane_capture, bare, ignore=shutil.ignore_patterns("truth"))
+    folder.mkdir()
+    reconstruct(bare, folder, plane_settings, SILENT)
+    found = read_cloud(folder)
+    assert found.statistics["sparse"] == cloud.statistics["sparse"]  # holds the digest of the model's files
+    assert found.alignment["target"] == "gps"
+    assert "without labels" in found.alignment["note"]
+    assert set(found.columns["segment"]) == {255}
+    assert np.isnan(found.columns["uncertainty"]).all()
+    assert found.statistics["right_class_share"] is None
+    assert found.statistics["center_error_median"] < 1.0
+    assert capfd.readouterr().out == ""
+    assert sorted(p.name for p in folder.iterdir() if p.is_dir()) == ["observations", "sparse"]
+
+
+def test_a_cut_image_is_named(plane_capture: Path, tmp_path: Path) -> None:
+    """COLMAP would take the grey rest of a cut JPEG for a picture; we find it before anything else runs."""
+    capture = tmp_path / "capture"
+    shutil.copytree(plane_capture, capture)
+    path = capture / "images" / "000004.jpg"
+    path.write_bytes(path.read_bytes()[:20_000])
+    folder = tmp_path / "cloud"
+    folder.mkdir()
+    with pytest.raises(InputError, match=r"000004\.jpg"):
+        reconstruct(capture, folder, ReconSettings(), SILENT)
+
+
+def _without_gps(capture: Path) -> None:
+    value: dict[str, Any] = read_json(capture / "cameras.json")
+    for image in value["images"]:
+        image["gps"] = None
+    write_json(capture / "cameras.json", value)
+
+
+@pytest.mark.parametrize(
+    ("reason", "count", "textured"), [("too_few_images", 2, True), ("no_texture", 3, False), ("no_overlap", 3, True)]
+)
+def test_hopeless_captures_have_reasons(
+    reason: str, count: int, textured: bool, make_capture: Callable[..., Path], arc: Callable[[int], np.ndarray],
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    """Too few images, bare walls, three different worlds: a reason code, and no crash."""
+    capture, folder = make_capture(tmp_path / "capture", arc(count), 1, textured), tmp_path / "cloud"
+    if reason == "no_overlap":
+        rng = np.random.default_rng(1)
+        for row in range(count):
+            blobs = cv2.resize(rng.integers(0, 255, (60, 80, 3), np.uint8), (480, 360), interpolation=cv2.INTER_CUBIC)
+            cv2.imwrite(str(capture / "images" / f"{row:06d}.jpg"), blobs)
+    _without_gps(capture)
+    folder.mkdir()
+    settings = ReconSettings(sparse=SparseSettings(max_features=500))
+    with pytest.raises(RejectedSceneError) as rejected:
+        reconstruct(capture, folder, settings, SILENT)
+    assert rejected.value.reason == reason
+
+
+@pytest.mark.parametrize(("gps", "count", "pairing"), [(True, 100, "spatial"), (False, 40, "exhaustive"),
+                                                       (False, 41, "sequential")])  # fmt: skip
+def test_pairing_is_chosen_by_what_is_known(gps: bool, count: int, pairing: str) -> None:
+    """GPS for every image: spatial; else exhaustive up to 40 images, sequential above."""
+    from recon.sparse_child import choose_pairing
+
+    images = tuple(
+        CaptureImage(name=str(i), file=f"{i}.jpg", gps=(0.0, 0.0, 0.0) if gps else None) for i in range(count)
+    )
+    capture = Capture(Path(), "s", (4, 3), CalibrationPrior(focal_px=4.0, cx=2.0, cy=1.5), (1.0, 1.0, 1.0), {}, images)
+    assert choose_pairing(capture, SparseSettings()) == pairing
+    assert choose_pairing(capture, SparseSettings(pairing="exhaustive")) == "exhaustive"
+
+
+def test_our_pixels_are_colmaps_pixels() -> None:
+    """A corner lands on the same pixel through our pinhole and through COLMAP's camera."""
+    camera = Pinhole(960, 720, 640.0, 640.0, 480.0, 360.0)
+    pose = look_at(np.array([3.0, -9.0, 2.0]), np.array([0.0, 0.0, 1.0]))
+    corners = np.random.default_rng(1).normal(0, 1, (50, 3))
+    pixels, _ = project(corners, camera, pose)
+    theirs = pycolmap.Camera(model="SIMPLE_RADIAL", width=960, height=720, params=[640.0, 480.0, 360.0, 0.0])
+    local = (corners - pose[:3, 3]) @ pose[:3, :3]
+    np.testing.assert_allclose(np.array(theirs.img_from_cam(local)), pixels, atol=1e-9)
+
+
+def test_a_cut_model_is_refused(plane_cloud: Path, tmp_path: Path) -> None:
+    """A model that lost its end is not read as a smaller one."""
+    for name in ("points3D.bin", "images.bin"):
+        folder = tmp_path / name
+        shutil.copytree(plane_cloud / "sparse", folder)
+        (folder / name).write_bytes((folder / name).read_bytes()[:-5])
+        with pytest.raises(InputError, match="not a whole COLMAP model"):
+            read_model(folder)
+
+
+def test_reading_changes_nothing(plane_cloud: Path) -> None:
+    """A cloud that was read is byte for byte the cloud that was written."""
+    before = folder_digest(plane_cloud)
+    read_cloud(plane_cloud)
+    assert folder_digest(plane_cloud) == before

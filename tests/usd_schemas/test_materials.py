@@ -1,0 +1,235 @@
+"""Materials: UsdPreviewSurface networks as they are written by us and by DCCs, and what falls back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.usd_schemas.stages import SQUARE, Z_UP, read_body
+from usd_schemas.flat_scene import FlatScene, Material
+
+UV = 'texCoord2f[] primvars:{} = [(0,0), (1,0), (1,1), (0,1)] (interpolation = "vertex")\n'
+
+
+def network(surface: str, nodes: str = "", outside: str = "") -> str:
+    """Write a material with a preview surface, and a square that it is bound to.
+
+    Args:
+        surface: Inputs of the surface.
+        nodes: Further shaders of the material.
+        outside: Further attributes of the material.
+    """
+    return f"""def Material "Mat" {{
+        token outputs:surface.connect = </Mat/S.outputs:surface>
+        {outside}
+        def Shader "S" {{
+            uniform token info:id = "UsdPreviewSurface"
+            {surface}
+            token outputs:surface
+        }}
+        {nodes}
+    }}
+    def Mesh "M" (prepend apiSchemas = ["MaterialBindingAPI"]) {{
+        rel material:binding = </Mat>
+        {SQUARE}{UV.format("st")}{UV.format("map7").replace("(1,1)", "(3,3)")}
+    }}"""
+
+
+def texture(name: str, file: str, more: str = "", varname: str = "st") -> str:
+    """Write a texture node, its placement and its reader."""
+    return f"""def Shader "{name}" {{
+            uniform token info:id = "UsdUVTexture"
+            asset inputs:file = @{file}@
+            float2 inputs:st.connect = </Mat/{name}Place.outputs:result>
+            {more}
+            float3 outputs:rgb
+            float outputs:r
+            float outputs:g
+            float outputs:a
+        }}
+        def Shader "{name}Place" {{
+            uniform token info:id = "UsdTransform2d"
+            float2 inputs:in.connect = </Mat/{name}Uv.outputs:result>
+            float2 inputs:scale = (0.25, 0.5)
+            float inputs:rotation = 30
+            float2 inputs:translation = (0.1, 0.2)
+            float2 outputs:result
+        }}
+        def Shader "{name}Uv" {{
+            uniform token info:id = "UsdPrimvarReader_float2"
+            string inputs:varname = "{varname}"
+            float2 outputs:result
+        }}\n"""
+
+
+def read_one(folder: Path, body: str) -> tuple[FlatScene, Material]:
+    """Read a stage and the material of its first draw; texture files exist as empty files."""
+    for name in ("a.png", "b.png", "c.png"):
+        (folder / name).write_bytes(b"")
+    scene = read_body(folder, body)
+    return scene, scene.materials[scene.draws.material[0]]
+
+
+def test_constants(tmp_path: Path) -> None:
+    """Plain values arrive as written."""
+    scene, material = read_one(tmp_path, network("""
+        color3f inputs:diffuseColor = (0.25, 0.5, 0.75)
+        float inputs:roughness = 0.25
+        float inputs:metallic = 1
+        color3f inputs:emissiveColor = (0, 1, 0)"""))  # fmt: skip
+    assert material == Material("/Mat", (0.25, 0.5, 0.75), roughness=0.25, metallic=1.0, emissive=(0.0, 1.0, 0.0))
+    assert not scene.warnings
+
+
+def test_textures_and_their_placement(tmp_path: Path) -> None:
+    """Three textures: colour as sRGB, data as raw, the atlas as second set, files absolute."""
+    scene, material = read_one(tmp_path, network(
+        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+        "float inputs:roughness.connect = </Mat/B.outputs:r>\n"
+        "normal3f inputs:normal.connect = </Mat/C.outputs:rgb>",
+        texture("A", "./a.png", 'token inputs:sourceColorSpace = "sRGB"')
+        + texture("B", "./b.png", varname="st1") + texture("C", "./c.png", 'token inputs:sourceColorSpace = "raw"'),
+    ))  # fmt: skip
+    base, rough, normal = material.base_texture, material.roughness_texture, material.normal_texture
+    assert base
+    assert rough
+    assert normal
+    assert base.file == str(tmp_path.resolve() / "a.png")
+    assert (base.srgb, rough.srgb, normal.srgb) == (True, False, False)
+    assert (base.uv_set, rough.uv_set, normal.uv_set) == (0, 1, 0)
+    assert (base.scale, base.translation) == ((0.25, 0.5), pytest.approx((0.1, 0.2)))
+    assert base.rotation == pytest.approx(30.0)
+    assert not scene.warnings
+
+
+@pytest.mark.parametrize(("named", "corner"), [("st", (1.0, 1.0)), ("map7", (3.0, 3.0)), ("nowhere", (1.0, 1.0))])
+def test_the_reader_names_the_uv_set(named: str, corner: tuple[float, float], tmp_path: Path) -> None:
+    """The primvar that the material reads becomes the first set; else `st`."""
+    body = network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./a.png", varname=named))
+    scene, material = read_one(tmp_path, body)
+    assert material.base_texture is not None
+    assert material.base_texture.uv_set == 0
+    np.testing.assert_allclose(scene.geometry.st.max(axis=0), corner)
+
+
+def test_two_foreign_uv_sets(tmp_path: Path) -> None:
+    """Two textures on two sets of any name get one column each."""
+    scene, material = read_one(tmp_path, network(
+        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+        "float inputs:roughness.connect = </Mat/B.outputs:r>",
+        texture("A", "./a.png", varname="map7") + texture("B", "./b.png", varname="st"),
+    ))  # fmt: skip
+    assert material.base_texture
+    assert material.roughness_texture
+    assert (material.base_texture.uv_set, material.roughness_texture.uv_set) == (0, 1)
+    np.testing.assert_allclose(scene.geometry.st.max(axis=0), (3.0, 3.0))
+    np.testing.assert_allclose(scene.geometry.st1.max(axis=0), (1.0, 1.0))
+
+
+def test_interface_inputs_are_followed(tmp_path: Path) -> None:
+    """Values and primvar names on the material itself reach the shaders, as Blender and usdex write them."""
+    nodes = texture("A", "./a.png").replace(
+        'string inputs:varname = "st"', "string inputs:varname.connect = </Mat.inputs:uv>"
+    )
+    body = network(
+        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+        "float inputs:roughness.connect = </Mat.inputs:rough>",
+        nodes, 'string inputs:uv = "map7"\nfloat inputs:rough = 0.125',
+    )  # fmt: skip
+    scene, material = read_one(tmp_path, body)
+    assert material.roughness == 0.125
+    np.testing.assert_allclose(scene.geometry.st.max(axis=0), (3.0, 3.0))
+
+
+def test_missing_texture_is_grey(tmp_path: Path) -> None:
+    """A texture that is not there costs one warning, which names no folder of this machine."""
+    body = network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./gone.png"))
+    scene, material = read_one(tmp_path, body)
+    assert material.base_texture is None
+    assert material.base_color == (0.5, 0.5, 0.5)
+    assert scene.warnings == ("/Mat: no texture ./gone.png for diffuseColor: drawn plain grey",)
+
+
+def test_unknown_surface_falls_back(tmp_path: Path) -> None:
+    """A material that is no preview surface: one warning, then displayColor where there is one, else grey."""
+    body = network("").replace("UsdPreviewSurface", "ND_standard_surface_surfaceshader")
+    scene, material = read_one(tmp_path, body)
+    assert material == scene.materials[0]
+    assert len(scene.warnings) == 1
+    assert "ND_standard_surface_surfaceshader" in scene.warnings[0]
+    colored = body.replace(
+        SQUARE, SQUARE + 'color3f[] primvars:displayColor = [(1, 0, 0)] (interpolation = "constant")\n'
+    )
+    _, material = read_one(tmp_path, colored)
+    assert material.use_display_color
+
+
+def test_only_an_mdl_surface(tmp_path: Path) -> None:
+    """A material for another renderer is named in the warning."""
+    body = network("").replace("token outputs:surface.connect", "token outputs:mdl:surface.connect")
+    scene, material = read_one(tmp_path, body.replace("UsdPreviewSurface", "OmniPBR"))
+    assert material == scene.materials[0]
+    assert "OmniPBR" in scene.warnings[0]
+
+
+def test_display_color_reader(tmp_path: Path) -> None:
+    """A diffuse colour that reads displayColor uses the vertex colours."""
+    reader = """def Shader "A" {
+        uniform token info:id = "UsdPrimvarReader_float3"
+        string inputs:varname = "displayColor"
+        float3 outputs:result
+    }"""
+    _, material = read_one(tmp_path, network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:result>", reader))
+    assert material.use_display_color
+
+
+def test_cut_outs_and_glass(tmp_path: Path) -> None:
+    """Alpha of the colour texture with a threshold is a cut-out; a see-through constant is drawn opaque."""
+    diffuse = "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+    alpha = "float inputs:opacity.connect = </Mat/A.outputs:a>\nfloat inputs:opacityThreshold = 0.375\n"
+    scene, material = read_one(tmp_path, network(diffuse + alpha, texture("A", "./a.png")))
+    assert material.opacity_threshold == 0.375
+    assert not scene.warnings
+    scene, material = read_one(tmp_path, network("float inputs:opacity = 0.3"))
+    assert material.opacity_threshold == 0.0
+    assert scene.warnings == ("/Mat: is transparent: drawn opaque",)
+
+
+def test_detail(tmp_path: Path) -> None:
+    """FalseworkDetailAPI arrives with absolute files."""
+    outside = """asset falsework:detail:texture = @./a.png@
+        uniform float[] falsework:detail:periods = [0.5, 0.125]
+        uniform float[] falsework:detail:amplitudes = [0.25, 0.5]
+        asset falsework:detail:macroTexture = @./b.png@"""
+    _, material = read_one(tmp_path, network("", "", outside))
+    assert material.detail.file == str(tmp_path.resolve() / "a.png")
+    assert material.detail.macro_file == str(tmp_path.resolve() / "b.png")
+    assert (material.detail.periods, material.detail.amplitudes) == ((0.5, 0.125), (0.25, 0.5))
+
+
+def test_collection_binding(tmp_path: Path) -> None:
+    """A material bound to a collection on a parent reaches its members only."""
+    material = network("color3f inputs:diffuseColor = (0, 0, 1)").split("def Mesh")[0]
+    group = f"""def Xform "G" (prepend apiSchemas = ["MaterialBindingAPI", "CollectionAPI:blue"]) {{
+        uniform token collection:blue:expansionRule = "expandPrims"
+        rel collection:blue:includes = </G/In>
+        rel material:binding:collection:blue = [</G.collection:blue>, </Mat>]
+        def Mesh "In" {{ {SQUARE} }}
+        def Mesh "Out" {{ {SQUARE} }}
+    }}"""
+    scene = read_body(tmp_path, material + group)
+    names = [scene.materials[row].name for row in scene.draws.material]
+    assert names == ["/Mat", "fallback"]
+
+
+def test_textures_of_a_referenced_layer(tmp_path: Path) -> None:
+    """A relative texture path counts from the layer that holds it."""
+    inner = tmp_path / "asset"
+    inner.mkdir()
+    (inner / "a.png").write_bytes(b"")
+    body = network("color3f inputs:diffuseColor.connect = </World/Mat/A.outputs:rgb>", texture("A", "./a.png"))
+    wrapped = 'def Xform "World" {\n' + body.replace("</Mat", "</World/Mat").replace("</World/World", "</World") + "\n}"
+    (inner / "asset.usda").write_text(f'#usda 1.0\n(\n {Z_UP}\n defaultPrim = "World"\n)\n{wrapped}\n')
+    scene = read_body(tmp_path, 'def "Here" (references = @./asset/asset.usda@) {}')
+    assert scene.materials[2].base_texture is not None
+    assert scene.materials[2].base_texture.file == str(inner.resolve() / "a.png")
