@@ -13,6 +13,7 @@ world. So the image's top row is the zenith, its middle is south (-y), a quarter
 and right edges are north.
 """
 
+import tempfile
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 from pydantic import Field
 
-from authoring.looks.noise import F32, snap
+from authoring.looks.noise import Floats, snap
 from groundwork.files import write_bytes
 from groundwork.settings import Settings
 from usd_schemas import tokens
@@ -38,14 +39,20 @@ class LightSettings(Settings):
     """Time, place and weather."""
 
     date: datetime = Field(
-        datetime(2024, 6, 21, 14, 0), description="Date and hour; without an offset it is Universal Time"
+        default=datetime(2024, 6, 21, 14, 0), description="Date and hour; without an offset it is Universal Time"
     )
-    latitude: float = Field(46.0, ge=-89.0, le=89.0, description="Latitude, north positive [deg]")
-    longitude: float = Field(0.0, ge=-180.0, le=180.0, description="Longitude, east positive [deg]")
-    cloud_cover: float = Field(0.35, ge=0.0, le=1.0, description="Share of the sky behind clouds [1]")
-    brightness: float = Field(1.25, gt=0.0, le=10.0, description="Radiance of level open ground over its albedo [1]")
-    sky_share: float = Field(0.40, gt=0.0, lt=1.0, description="Share of the sky in the light on level ground [1]")
-    sky_height: int = Field(256, ge=64, le=2048, description="Rows of the sky texture; it is twice as wide [px]")
+    latitude: float = Field(default=46.0, ge=-89.0, le=89.0, description="Latitude, north positive [deg]")
+    longitude: float = Field(default=0.0, ge=-180.0, le=180.0, description="Longitude, east positive [deg]")
+    cloud_cover: float = Field(default=0.35, ge=0.0, le=1.0, description="Share of the sky behind clouds [1]")
+    brightness: float = Field(
+        default=1.25, gt=0.0, le=10.0, description="Radiance of level open ground over its albedo [1]"
+    )
+    sky_share: float = Field(
+        default=0.40, gt=0.0, lt=1.0, description="Share of the sky in the light on level ground [1]"
+    )
+    sky_height: int = Field(
+        default=256, ge=64, le=2048, description="Rows of the sky texture; it is twice as wide [px]"
+    )
 
 
 @dataclass(frozen=True)
@@ -171,14 +178,12 @@ def sky_directions(rows: int) -> F64:
     return np.stack([x, -z, y], axis=-1)
 
 
-def encode_exr(radiance: F32) -> bytes:
+def encode_exr(radiance: Floats) -> bytes:
     """Write an image as OpenEXR: half floats, ZIP, nothing in the header but the image's shape.
 
     Args:
         radiance: Linear colours [1], shape (H, W, 3), float32.
     """
-    import tempfile
-
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}

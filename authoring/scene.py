@@ -1,6 +1,7 @@
 """The conductor: from settings and a seed to a folder of layers that composes into one stage."""
 
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from authoring.layout import DrawnBridge, draw_layout
 from authoring.lighting import bake_sky
 from authoring.looks.bake import bake_look, bake_surface
 from authoring.looks.material import MaterialRecipe
+from authoring.looks.roles import LOOKS
 from authoring.settings import AuthoringSettings
 from authoring.site import Site, draw_site
 from authoring.streams import stream
@@ -36,7 +38,6 @@ from groundwork.files import space_errors, write_manifest
 from groundwork.progress import Progress
 
 FORMAT_VERSION = 1
-LOOKS = ("weathered", "clean")  # a scene carries the selected look and another, so that swapping needs no authoring
 NO_BACKGROUND = "none"
 
 Pieces = tuple[Component | Scatter, ...]
@@ -85,7 +86,8 @@ def _write_bridge(
 ) -> None:
     _write_asset(BRIDGE, bridge, folder)
     export(payload_layer(), folder / "payload.usda")
-    names = sorted({settings.look.name, *LOOKS}, key=lambda name: (name != settings.look.name, name))[:2]
+    others = (name for name in LOOKS if name != settings.look.name)
+    names = [settings.look.name, *islice(others, 1)]  # a second look, so that a swap needs no authoring
     for name in names:
         place = folder / "looks" / name
         place.mkdir(parents=True)

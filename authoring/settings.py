@@ -4,10 +4,11 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from authoring.backgrounds.registry import BackgroundSettings
+from authoring.backgrounds.registry import BACKGROUNDS, BackgroundSettings
 from authoring.layout import BridgeSettings
 from authoring.lighting import LightSettings
 from authoring.looks.bake import LookSettings
+from authoring.looks.roles import LOOKS
 from authoring.site import SiteSettings
 from authoring.surveys.settings import AnySurvey, GlobalSettings
 from groundwork.settings import Settings
@@ -21,7 +22,15 @@ class AuthoringSettings(Settings):
     background: BackgroundSettings = Field(default_factory=BackgroundSettings, description="The world beyond")
     look: LookSettings = Field(default_factory=LookSettings, description="Materials of the bridge")
     light: LightSettings = Field(default_factory=LightSettings, description="Sun and sky")
-    survey: tuple[AnySurvey, ...] = Field((GlobalSettings(),), min_length=1, description="Inspection flights")
+    survey: tuple[AnySurvey, ...] = Field(default=(GlobalSettings(),), min_length=1, description="Inspection flights")
+
+    @model_validator(mode="after")
+    def _names_are_known(self) -> Self:
+        if self.look.name not in LOOKS:
+            raise ValueError(f"unknown look {self.look.name!r}; allowed: {', '.join(LOOKS)}")
+        if self.background.name not in BACKGROUNDS:
+            raise ValueError(f"unknown background {self.background.name!r}; allowed: {', '.join(BACKGROUNDS)}")
+        return self
 
     @model_validator(mode="after")
     def _survey_ids_differ(self) -> Self:

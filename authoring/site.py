@@ -24,13 +24,13 @@ F64 = NDArray[np.float64]
 class SiteSettings(Settings):
     """What the site looks like."""
 
-    crossing: Literal["river", "road"] = Field("river", description="what the bridge leads over")
-    half_width: float = Field(80.0, ge=40.0, le=200.0, description="reach of the strip to either side of the axis [m]")
-    run_out: float = Field(60.0, ge=30.0, le=200.0, description="reach of the strip beyond the abutments [m]")
-    fine_reach: float = Field(15.0, ge=5.0, le=60.0, description="reach of the fine ground mesh round the bridge [m]")
-    fine_spacing: float = Field(0.7, ge=0.2, le=2.0, description="spacing of the ground mesh there [m]")
-    coarse_spacing: float = Field(2.6, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
-    relief: float = Field(1.0, ge=0.0, le=1.5, description="scale of the natural relief, 1 = about 0.5 m [1]")
+    crossing: Literal["river", "road"] = Field(default="river", description="what the bridge leads over")
+    half_width: float = Field(default=80.0, ge=40.0, le=200.0, description="reach to either side of the axis [m]")
+    run_out: float = Field(default=60.0, ge=30.0, le=200.0, description="reach beyond the abutments [m]")
+    fine_reach: float = Field(default=15.0, ge=5.0, le=60.0, description="reach of the fine mesh round the bridge [m]")
+    fine_spacing: float = Field(default=0.7, ge=0.2, le=2.0, description="spacing of the ground mesh there [m]")
+    coarse_spacing: float = Field(default=2.6, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
+    relief: float = Field(default=1.0, ge=0.0, le=1.5, description="scale of the natural relief, 1 = about 0.5 m [1]")
     scatter: ScatterSettings = Field(default_factory=ScatterSettings, description="stones, shrubs and tufts")
 
 

@@ -19,6 +19,7 @@ WATER_STEP = 4.0
 BURIED = 0.9  # height of bank in which the water's edge disappears [m]
 EDGE_LINE = 0.3  # from the edge of the asphalt to the middle of the edge line [m]
 LANE = 6.6  # width of a pair of lanes [m]
+CLEARANCE = 0.05  # least height of a far road over the ground [m]
 DASHES, SOLID = (3.0, 6.0), (1.0, 0.0)
 
 
@@ -100,8 +101,9 @@ def _road(
 ) -> list[Piece]:
     axis = land.layout.alignment
     if lift is not None:
-        sides = [line.offset(share * half) for share in (-1.0, -0.5, 0.0, 0.5, 1.0)]
-        crown = np.max([crown, *(lift(side[:, 0], side[:, 1]) + fall + 0.05 for side in sides)], axis=0)
+        for share in (-1.0, -0.5, 0.0, 0.5, 1.0):
+            station, left = line.offset(share * half).T
+            crown = np.maximum(crown, lift(station, left) + fall * abs(share) + CLEARANCE)
     edge = half - EDGE_LINE
     if road.startswith("Approach") and land.layout.edge_line > 0:
         edge = min(land.layout.edge_line, half - 0.1)

@@ -117,7 +117,7 @@ def prism(
     run = np.zeros((3, len(along)))
     run[("station", "left", "above").index(axis)] = along
     steps = np.linalg.norm(np.diff(place.point(*run), axis=0), axis=1)
-    lengths = np.concatenate([[0.0], np.cumsum(steps)])
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(steps, np.diff(depth)))])
     sections = np.stack([inset(outline, d) if d > 0.0 else outline for d in depth])
     # Every smaller outline has a full one for a neighbour, whose girth its texture follows.
     full = [k if d == 0.0 else (k + 1 if k + 1 < len(depth) else k - 1) for k, d in enumerate(depth)]

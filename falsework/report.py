@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 NOISE_THRESHOLD = 0.1  # [m] Shi 2024 calls points above it noisy
 NEAR = 0.1  # [m]
+OUTLINE_POINTS = 4000
 
 
 def write_report(path: Path, title: str, stage: Path, surveys: dict[str, tuple[Path, Path | None]]) -> None:
@@ -56,7 +57,7 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[
     centres = _centres(capture, truth)
     bridge = np.zeros((0, 3)) if truth is None else _bridge_outline(truth)
     statuses = ["ok"] * len(centres) if cloud is None else [camera["status"] for camera in cloud.cameras]
-    seen = {row.name for row in truth.classes} if truth is not None else set()
+    seen = {row.class_name for row in truth.instances} if truth is not None else set()
     shown = {
         "name": name,
         "tiles": _tiles(capture, cloud),
@@ -122,24 +123,31 @@ def _centres(capture: Capture, truth: Truth | None) -> np.ndarray:
 
 
 def _bridge_outline(truth: Truth) -> np.ndarray:
+    """Scatter points evenly over what is neither background nor unlabelled."""
     corners, ids, _ = truth.surface()
-    bridge = [row.id for row in truth.instances if row.path.startswith("/World/Bridge")]
-    points = corners[np.isin(ids, bridge)].reshape(-1, 3)
-    return points[:: max(1, len(points) // 3000)]
+    bridge = [row.id for row in truth.instances if row.class_name not in ("background", "unlabelled")]
+    first, second, third = np.moveaxis(corners[np.isin(ids, bridge)], 1, 0)
+    if not len(first):
+        return first
+    area = np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    draw = np.random.default_rng(0)
+    pick = draw.choice(len(area), OUTLINE_POINTS, p=area / area.sum())
+    u, v = draw.random((2, OUTLINE_POINTS, 1))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    return first[pick] + u * (second - first)[pick] + v * (third - first)[pick]
 
 
 def _lead(stage: Path) -> str:
     manifest = (stage if stage.is_dir() else stage.parent) / "manifest.json"
-    recipe = read_json(manifest).get("recipe", {}) if manifest.is_file() else {}
-    parts = [f"{key} {value}" for key in ("family", "background", "look", "seed") if (value := _find(recipe, key))]
-    return ", ".join(parts) or stage.name
-
-
-def _find(recipe: dict[str, Any], key: str) -> str:
-    value = recipe.get(key, recipe.get("bridge", {}).get(key) if isinstance(recipe.get("bridge"), dict) else None)
-    return str(value.get("name", "")) if isinstance(value, dict) else str(value or "")
+    if not manifest.is_file():
+        return stage.name
+    recipe = read_json(manifest)
+    settings = recipe["settings"]
+    names = [f"{section} {settings[section]['name']}" for section in ("background", "look")]
+    return ", ".join([f"{settings['bridge']['family']} bridge", *names, f"scene seed {recipe['seed']}"])
 
 
 def _html(figure: go.Figure, name: str) -> Any:
-    text = figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config={"displaylogo": False})
+    options = {"displaylogo": False, "displayModeBar": False}
+    text = figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=options)
     return Markup(text)

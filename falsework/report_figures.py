@@ -100,12 +100,12 @@ def flight_figure(centres: F64, statuses: list[str], bridge: F64) -> go.Figure:
                     x=centres[mask, first], y=centres[mask, second], marker={"size": 6, "color": colour}, name=label,
                     **place,
                 )  # fmt: skip
-    _plain_layout(figure, 520)
+    _plain_layout(figure, 620)
     figure.update_layout(
         xaxis={"domain": [0, 1], "anchor": "y", "title": "x [m]"},
-        yaxis={"domain": [0.48, 1], "scaleanchor": "x", "title": "y [m]"},
+        yaxis={"domain": [0.4, 1], "scaleanchor": "x", "title": "y [m]"},
         xaxis2={"domain": [0, 1], "anchor": "y2", "matches": "x", "title": "x [m]"},
-        yaxis2={"domain": [0, 0.34], "scaleanchor": "x2", "title": "z [m]"},
+        yaxis2={"domain": [0, 0.27], "scaleanchor": "x2", "title": "z [m]"},
     )  # fmt: skip
     return figure
 

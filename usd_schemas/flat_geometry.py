@@ -13,6 +13,7 @@ from usd_schemas.read_labels import Label, Register, Warn, inherit_label
 from usd_schemas.read_materials import GREY, ReadMaterial, read_material
 from usd_schemas.read_meshes import FlatMesh, UnreadableMeshError, read_mesh, subset_faces
 from usd_schemas.read_placements import Placement
+from usd_schemas.traversal import EARLIEST
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -130,7 +131,7 @@ def _split(prim: Usd.Prim, warn: Warn) -> _Split:
     subsets = subset_faces(prim) if prim.IsA(UsdGeom.Mesh) else []
     if not subsets:
         return whole
-    count = len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(Usd.TimeCode.EarliestTime()) or [])
+    count = len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(EARLIEST) or [])
     names = ["", *(subset.GetName() for subset, _, _ in subsets)]
     bound, labelled = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for row, (subset, family, faces) in enumerate(subsets, start=1):

@@ -10,7 +10,7 @@ from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
 from usd_schemas.read_labels import Warn
-from usd_schemas.read_meshes import EARLIEST
+from usd_schemas.traversal import EARLIEST, composed_prims
 
 F64 = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def read_cameras(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Cam
         warn: Called with one line for each camera that is left out.
     """
     tracks = []
-    for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
+    for prim in composed_prims(stage):
         if not prim.IsA(UsdGeom.Camera):
             continue
         camera = UsdGeom.Camera(prim)
@@ -41,7 +41,7 @@ def read_cameras(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Cam
             warn(f"{prim.GetPath()}: only perspective cameras are rendered")
             continue
         lens = _read_lens(camera)
-        if min(lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture) <= 0.0:
+        if not min(lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture) > 0.0:
             warn(f"{prim.GetPath()}: a lens without focal length or aperture")
             continue
         track = _read_track(camera, lens, stage_to_world)
@@ -112,8 +112,9 @@ def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
         above = above.GetParent()
     if len(sampled) < 2:
         return [Usd.TimeCode(value) for value in sampled] or [EARLIEST]
-    if is_survey:
-        return [Usd.TimeCode(value) for value in sorted(sampled) if value.is_integer()]
+    whole = [Usd.TimeCode(value) for value in sorted(sampled) if value.is_integer()]
+    if is_survey and whole:
+        return whole
     stage = prim.GetStage()
     first, last = min(sampled), max(sampled)
     if stage.HasAuthoredTimeCodeRange():
@@ -145,7 +146,7 @@ def read_products(stage: Usd.Stage, cameras: tuple[CameraTrack, ...], warn: Warn
     settings = UsdRender.Settings.GetStageRenderSettings(stage)
     targets = settings.GetProductsRel().GetForwardedTargets() if settings else []
     prims = [stage.GetPrimAtPath(path) for path in targets] or [
-        prim for prim in stage.Traverse() if prim.IsA(UsdRender.Product)
+        prim for prim in composed_prims(stage) if prim.IsA(UsdRender.Product)
     ]
     products: list[Product] = []
     for prim in prims:

@@ -15,7 +15,7 @@ from pxr import Usd, UsdGeom, UsdLux
 from usd_schemas.flat_scene import Dome, Sun
 from usd_schemas.read_labels import Warn
 from usd_schemas.read_materials import asset_file
-from usd_schemas.read_meshes import EARLIEST
+from usd_schemas.traversal import EARLIEST, composed_prims
 
 F64 = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Sun 
     domes: list[Dome] = []
     left_out: dict[str, list[str]] = {}
     turn = stage_to_world[:3, :3] / np.linalg.norm(stage_to_world[:3, 0])
-    for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
+    for prim in composed_prims(stage):
         kind = str(prim.GetTypeName())
         if kind not in ("DistantLight", "DomeLight", *_UNLIT):
             continue

@@ -8,7 +8,8 @@ from pxr import Sdf, Usd, UsdShade
 
 from usd_schemas.flat_scene import Detail, Material, Texture
 from usd_schemas.read_labels import Warn
-from usd_schemas.read_meshes import ATLAS_ST, EARLIEST
+from usd_schemas.read_meshes import ATLAS_ST
+from usd_schemas.traversal import EARLIEST
 
 GREY = (0.5, 0.5, 0.5)
 _DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)

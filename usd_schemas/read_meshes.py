@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from usd_schemas.shapes import SHAPES, read_shape
+from usd_schemas.traversal import COMPOSED, EARLIEST
 from usd_schemas.triangulate import cross, face_normals, triangulate
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-EARLIEST = Usd.TimeCode.EarliestTime()
 PLAIN_ST = "st"
 ATLAS_ST = "st1"
 _SMOOTH = ("catmullClark", "loop")
@@ -270,7 +270,7 @@ def subset_faces(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, I64]]:
         Subset prim, family name, and face numbers, shape (K,), int64, in namespace order.
     """
     found = []
-    for child in prim.GetFilteredChildren(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
+    for child in prim.GetFilteredChildren(COMPOSED):
         if child.IsA(UsdGeom.Subset):
             subset = UsdGeom.Subset(child)
             if subset.GetElementTypeAttr().Get() == UsdGeom.Tokens.face:

@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
 from usd_schemas.read_labels import Label, Warn, inherit_label
-from usd_schemas.read_meshes import EARLIEST
 from usd_schemas.shapes import SHAPES
+from usd_schemas.traversal import COMPOSED, EARLIEST
 
 F64 = NDArray[np.float64]
 U32 = NDArray[np.uint32]
 
 DRAWN_PURPOSES = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
-_STAGE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 # Prototypes of an instancer may stand under `over` or `class` prims, which the default leaves out.
 _PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 _DEEPEST = 8  # nested instancers
@@ -54,6 +53,7 @@ class _Above:
     numbers: U32 | None
     owner: Usd.Prim | None
     own_id: bool
+    moves: bool
     depth: int
 
 
@@ -65,16 +65,19 @@ def find_placements(stage: Usd.Stage, warn: Warn) -> list[Placement]:
         warn: Called with one line for each thing that cannot be drawn.
     """
     walker = _Walker(warn)
-    above = _Above(np.eye(4)[None], None, UsdGeom.Tokens.default_, Label(), None, None, False, 0)
-    found = [item for prim in stage.GetPseudoRoot().GetFilteredChildren(_STAGE) for item in walker.walk(prim, above)]
+    above = _Above(np.eye(4)[None], None, UsdGeom.Tokens.default_, Label(), None, None, False, False, 0)
+    found = [item for prim in stage.GetPseudoRoot().GetFilteredChildren(COMPOSED) for item in walker.walk(prim, above)]
     for kind, paths in sorted(walker.undrawn.items()):
         warn(f"{paths[0]}: {kind} is not drawn" + (f" (nor {len(paths) - 1} more)" if len(paths) > 1 else ""))
+    if walker.moving:
+        warn(f"{walker.moving} parts move: drawn as they stand at the earliest time")
     return found
 
 
 class _Walker:
     def __init__(self, warn: Warn) -> None:
         self.undrawn: dict[str, list[str]] = {}
+        self.moving = 0
         self._warn = warn
         self._cache = UsdGeom.XformCache(EARLIEST)
 
@@ -90,17 +93,20 @@ class _Walker:
         label = inherit_label(prim, above.label, above.own_id)
         # Everything inside an instance shares its prototype's ids: an id on the instance itself tells instances apart.
         own_id = above.own_id or (prim.IsInstance() and label.carrier == prim.GetPath())
-        here = replace(above, purpose=purpose, label=label, own_id=own_id)
+        xformable = UsdGeom.Xformable(prim)
+        moves = above.moves or bool(xformable and xformable.TransformMightBeTimeVarying())
+        here = replace(above, purpose=purpose, label=label, own_id=own_id, moves=moves)
         if prim.IsA(UsdGeom.PointInstancer):
             yield from self._expand(UsdGeom.PointInstancer(prim), here)
             return
         if prim.IsA(UsdGeom.Gprim) and purpose in DRAWN_PURPOSES:
             if prim.IsA(UsdGeom.Mesh) or prim.GetTypeName() in SHAPES:
                 transforms = above.base @ self._relative(prim, above.root)
+                self.moving += here.moves or UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
                 yield Placement(prim, transforms, label, above.numbers, above.owner or prim)
             else:
                 self.undrawn.setdefault(str(prim.GetTypeName()), []).append(str(prim.GetPath()))
-        predicate = _STAGE if above.root is None else _PROTOTYPE
+        predicate = COMPOSED if above.root is None else _PROTOTYPE
         for child in prim.GetFilteredChildren(predicate):
             yield from self.walk(child, here)
 
@@ -143,7 +149,7 @@ class _Walker:
             label = here.label if numbers is None or here.numbers is not None else replace(here.label, carrier=path)
             yield from self.walk(target, _Above(
                 base, target, here.purpose, label, ids, here.owner or prim, bool(here.own_id or here.label.instance_id),
-                here.depth + 1,
+                here.moves, here.depth + 1,
             ))  # fmt: skip
 
     def _numbers(self, prim: Usd.Prim, count: int) -> U32 | None:

@@ -10,7 +10,6 @@ from authoring.component import Mesh
 from authoring.site_ways import merged
 
 F64 = NDArray[np.float64]
-PLINTH = 0.7  # walls go down this far below the floor [m]
 STOREY = 2.8
 
 
@@ -23,6 +22,7 @@ class House:
         left: Distance of its middle to the left of the axis [m].
         heading: Direction of its ridge from the axis [rad].
         floor: World height of its floor [m].
+        foot: World height of its walls' foot [m].
         length: Along the ridge [m].
         width: Across [m].
         storeys: Full storeys below the eaves.
@@ -35,6 +35,7 @@ class House:
     left: float
     heading: float
     floor: float
+    foot: float
     length: float
     width: float
     storeys: int
@@ -48,13 +49,15 @@ class House:
         return self.storeys * STOREY + (1.6 if self.barn else 0.3)
 
 
-def draw_house(place: F64, heading: float, floor: float, rng: np.random.Generator) -> House:
+def draw_house(
+    place: tuple[float, float], heading: float, levels: tuple[float, float], rng: np.random.Generator
+) -> House:
     """Draw a building for a place.
 
     Args:
-        place: Station and left of its middle [m], shape (2,), float64.
+        place: Station and left of its middle [m].
         heading: Direction of its ridge from the axis [rad].
-        floor: World height of its floor [m].
+        levels: World heights of its floor and of its walls' foot in the ground [m].
         rng: Random stream.
 
     Returns:
@@ -69,7 +72,7 @@ def draw_house(place: F64, heading: float, floor: float, rng: np.random.Generato
         ("painted_metal", "brick")[rng.integers(0, 2)] if barn else ("plaster", "plaster", "brick")[rng.integers(0, 3)]
     )
     return House(
-        float(place[0]), float(place[1]), heading, floor, float(length), float(width), storeys,
+        float(place[0]), float(place[1]), heading, *levels, float(length), float(width), storeys,
         float(rng.uniform(0.4, 0.55) if barn else rng.uniform(0.65, 1.0)), wall, barn,
     )  # fmt: skip
 
@@ -87,7 +90,7 @@ def house_pieces(house: House, rng: np.random.Generator) -> list[tuple[str, str,
     frame = Frame(house.station, house.left, house.floor, house.heading)
     half, side = house.length / 2, house.width / 2
     ridge = house.eaves + side * house.pitch
-    walls = gabled_walls(frame, (half, side), (-PLINTH, house.eaves, ridge))
+    walls = gabled_walls(frame, (half, side), (house.foot - house.floor, house.eaves, ridge))
     overhang = (0.35, 0.55)
     roof = roof_slab(
         frame, (half + overhang[0], side + overhang[1]), house.eaves - overhang[1] * house.pitch, ridge, 0.22

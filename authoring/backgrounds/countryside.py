@@ -78,8 +78,8 @@ def far_ways(terrain: Terrain) -> list[Piece]:
     first, last, low, high = terrain.inner
     field, land, hills = terrain.field, terrain.land, terrain.hills
     pieces: list[Piece] = []
-    for suffix, start, stop in (("_Right", low, field.lefts[0]), ("_Left", high, field.lefts[-1])):
+    for suffix, start, stop in (("_Right", low, field.lefts[1]), ("_Left", high, field.lefts[-2])):
         pieces += crossing_pieces(land, spread(start, stop, FAR_STEP), hills, suffix, terrain.height)
-    for number, start, stop in ((0, first, field.stations[0]), (1, last, field.stations[-1])):
+    for number, start, stop in ((0, first, field.stations[1]), (1, last, field.stations[-2])):
         pieces += approach_pieces(land, number, spread(start, stop, FAR_STEP), hills, "_Far", terrain.height)
     return pieces

@@ -11,7 +11,7 @@ from authoring.site_covers import to_world, turn
 
 F64 = NDArray[np.float64]
 RADIUS = 12.5  # circle that holds any building [m]
-STEEPEST = 2.4  # largest height difference under a building [m]
+STEEPEST = 1.6  # largest height difference under a building [m]
 FARTHEST = 300.0  # from the bridge's middle [m]
 
 
@@ -38,10 +38,12 @@ def draw_hamlet(terrain: Terrain, count: int, rng: np.random.Generator) -> tuple
             break
         if any(np.hypot(house.station - station, house.left - left) < 2 * RADIUS - 3.0 for house in houses):
             continue
-        rim = terrain.height(station + 0.6 * RADIUS * np.cos(around), left + 0.6 * RADIUS * np.sin(around))
+        reach = RADIUS * np.array([[0.3], [0.6], [0.9]])
+        spots = (station + reach * np.cos(around)).ravel(), (left + reach * np.sin(around)).ravel()
+        rim = terrain.height(*spots)
         if np.ptp(rim) < STEEPEST:
-            floor = float(np.round(rim.max() - 0.25, 3))
-            houses.append(draw_house(np.array([station, left]), float(heading), floor, rng))
+            floor, foot = np.round([rim.mean() + 0.15, rim.min() - 0.4], 3).tolist()
+            houses.append(draw_house((station, left), float(heading), (floor, foot), rng))
     return tuple(houses)
 
 

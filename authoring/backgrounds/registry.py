@@ -22,7 +22,7 @@ class NoneSettings(Settings):
 class BackgroundSettings(Settings):
     """Which background surrounds the site, and what each looks like."""
 
-    name: str = Field("countryside", description="`none` or a procedural world")
+    name: str = Field(default="countryside", description="`none` or a procedural world")
     none: NoneSettings = Field(default_factory=NoneSettings, description="settings of `none`")
     countryside: CountrysideSettings = Field(
         default_factory=CountrysideSettings, description="settings of `countryside`"

@@ -15,6 +15,7 @@ from authoring.site_shape import Hills, Land
 F64 = NDArray[np.float64]
 WIDEST_STEP = 55.0  # largest spacing of grid lines [m]
 INVERSIONS = 8  # rounds that find the grid coordinates of a place; each shrinks the error about threefold
+APRON = 2500.0  # plain margin beyond the land that ways and fields reach, so that no high camera sees its end [m]
 FADE = 400.0  # distance over which the bends of the grid lines fade out [m]
 Cell = tuple[float, float, float, float]
 
@@ -156,6 +157,7 @@ def distance_beyond(inner: Cell, station: F64, left: F64) -> F64:
 
 def _outward(line: F64, reach: float) -> F64:
     steps = np.concatenate([[0.0], growing_steps(reach - FIRST_STEP, FIRST_STEP, WIDEST_STEP, 1.19)]) + FIRST_STEP
+    steps = np.append(steps, steps[-1] + APRON)
     return np.concatenate([line[0] - steps[::-1], line, line[-1] + steps])
 
 

@@ -6,7 +6,9 @@ from authoring.layers.layer import add_sublayers, new_layer, new_stage
 from groundwork.canonical import canonical_json
 
 
-def bridge_layer(family: str, spans: tuple[float, ...], width: float, drawn: dict[str, object], looks: dict[str, str]) -> Sdf.Layer:
+def bridge_layer(
+    family: str, spans: tuple[float, ...], width: float, drawn: dict[str, object], looks: dict[str, str]
+) -> Sdf.Layer:
     """Author the interface layer of the bridge: facts, the variant set `look`, and the payload.
 
     Args:

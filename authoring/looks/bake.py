@@ -4,14 +4,13 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from authoring.component import Component, Scatter
 from authoring.looks.material import MaterialRecipe
-from authoring.looks.noise import F32, Tile, fractal, snap
+from authoring.looks.noise import Floats, Tile, fractal, snap
 from authoring.looks.recipes import DETAIL_PERIODS, RECIPES
 from authoring.looks.roles import AGES, LOOKS
 from authoring.looks.weathering import ground_patches, weather
@@ -29,8 +28,8 @@ _CODES = 1 << 14  # steps of linear light in the table that codes sRGB
 class LookSettings(Settings):
     """What a look is baked from."""
 
-    name: str = Field("weathered", description="Look of the bridge: weathered or clean")
-    texels: int = Field(1024, ge=256, le=4096, description="Texels along a side of a sheet of 4 to 6 m [px]")
+    name: str = Field(default="weathered", description="Look of the bridge: weathered or clean")
+    texels: int = Field(default=1024, ge=256, le=4096, description="Texels along a side of a sheet of 4 to 6 m [px]")
 
 
 def bake_look(
@@ -85,11 +84,11 @@ def bake_surface(name: str, folder: Path, rng: np.random.Generator, texels: int 
     sheet = recipe.draw(Tile(texels, recipe.metres, rng))
     normals = encode_normals(sheet.height, recipe.metres) if recipe.relief and sheet.height is not None else None
     patches = ground_patches(texels // 2, rng) if recipe.patchy else None
-    mean = np.mean(sheet.albedo, axis=(0, 1), dtype=np.float64)
+    red, green, blue = (round(float(np.mean(sheet.albedo[..., k], dtype=np.float64)), 4) for k in range(3))
     return MaterialRecipe(
         name=name,
         albedo_file=_write(folder, f"{name}_albedo", encode_srgb(sheet.albedo)),
-        color=(round(float(mean[0]), 4), round(float(mean[1]), 4), round(float(mean[2]), 4)),
+        color=(red, green, blue),
         roughness_file=_write(folder, f"{name}_roughness", encode_raw(_halved(sheet.roughness))),
         roughness=round(float(np.mean(sheet.roughness, dtype=np.float64)), 3),
         normal_file="" if normals is None else _write(folder, f"{name}_normal", normals),
@@ -124,7 +123,7 @@ def _write(folder: Path, name: str, image: U8) -> str:
     return f"./textures/{name}.png"
 
 
-def _halved(field: F32) -> F32:
+def _halved(field: Floats) -> Floats:
     return (field[::2, ::2] + field[1::2, ::2] + field[::2, 1::2] + field[1::2, 1::2]) * np.float32(0.25)
 
 
@@ -139,7 +138,7 @@ def detail_texture() -> U8:
     return encode_raw(0.5 + field * np.float32(0.36 / 2))
 
 
-def encode_srgb(albedo: F32) -> U8:
+def encode_srgb(albedo: Floats) -> U8:
     """Code linear colours as sRGB.
 
     Args:
@@ -154,7 +153,7 @@ def encode_srgb(albedo: F32) -> U8:
     return table[np.clip(albedo * np.float32(_CODES - 1) + np.float32(0.5), 0, _CODES - 1).astype(np.int32)]
 
 
-def encode_raw(values: F32) -> U8:
+def encode_raw(values: Floats) -> U8:
     """Code numbers from 0 to 1 in 8 bits.
 
     Args:
@@ -166,7 +165,7 @@ def encode_raw(values: F32) -> U8:
     return np.clip(values * np.float32(255) + np.float32(0.5), 0, 255).astype(np.uint8)
 
 
-def encode_normals(height: F32, metres: float) -> U8:
+def encode_normals(height: Floats, metres: float) -> U8:
     """Turn relief into tangent-space normals at half the resolution: red along u, green along v (up the image).
 
     Args:
@@ -190,6 +189,8 @@ def png(image: U8) -> bytes:
     Args:
         image: Grey or RGB values, shape (H, W) or (H, W, 3), uint8.
     """
+    import cv2
+
     picture = image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
     options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
     _, data = cv2.imencode(".png", picture, options)

@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from authoring.component import Component, triangles
-from authoring.looks.noise import F32, I32
+from authoring.looks.noise import I32, Floats
 
 _SUBTEXEL = 4  # bits behind the point in the rasteriser's coordinates
 
@@ -27,10 +26,10 @@ class Charts:
 
     triangle: I32
     owner: I32
-    normal: F32
-    place: F32
-    across: F32
-    down: F32
+    normal: Floats
+    place: Floats
+    across: Floats
+    down: Floats
 
 
 def draw_charts(components: list[Component], pixels: int) -> Charts:
@@ -61,17 +60,20 @@ def draw_charts(components: list[Component], pixels: int) -> Charts:
     )
 
 
-def spread(image: F32, covered: NDArray[np.bool_]) -> F32:
+def spread(image: Floats, covered: NDArray[np.bool_]) -> Floats:
     """Fill the gaps between charts with the nearest value, so that no filter mixes in anything else.
 
     Args:
         image: Values, shape (H, W, 3), float32.
         covered: Texels that hold a value, shape (H, W), bool.
     """
+    import cv2
+
     if covered.all() or not covered.any():
         return image
     gaps = (~covered).astype(np.uint8)
-    _, label = cv2.distanceTransformWithLabels(gaps, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL)
+    found = cv2.distanceTransformWithLabels(gaps, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL)
+    label = np.asarray(found[1], np.int64)
     nearest = np.zeros(int(label.max()) + 1, np.int64)
     nearest[label[covered]] = np.flatnonzero(covered)
     return image.reshape(-1, 3)[nearest[label]]
@@ -97,6 +99,8 @@ def _gather(components: list[Component]) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def _fill(texel: np.ndarray, pixels: int) -> I32:
+    import cv2
+
     image = np.zeros((pixels, pixels), np.int32)
     corners = np.round((texel - 0.5) * (1 << _SUBTEXEL)).astype(np.int32)
     for number, corner in enumerate(corners):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from authoring.looks.noise import F32, Tile, cells, fractal, per_cell, ramp, spots
+from authoring.looks.noise import Floats, Tile, cells, fractal, per_cell, ramp, spots
 from authoring.looks.sheet import Color, Sheet, cover, paint, palette
 
 _RUST: tuple[Color, ...] = ((0.045, 0.022, 0.014), (0.110, 0.048, 0.022), (0.200, 0.090, 0.038))
@@ -31,7 +31,7 @@ def painted_steel(tile: Tile, color: Color, age: float) -> Sheet:
     )
 
 
-def rusted(tile: Tile) -> F32:
+def rusted(tile: Tile) -> Floats:
     """Draw the colours of rust.
 
     Args:
@@ -84,7 +84,7 @@ def rubber(tile: Tile, age: float) -> Sheet:
     return Sheet(albedo, (0.72 + 0.15 * dust).astype(np.float32))
 
 
-def marking(tile: Tile, age: float, road: F32) -> Sheet:
+def marking(tile: Tile, age: float, road: Floats) -> Sheet:
     """Road paint that wears off the stones below it.
 
     Args:

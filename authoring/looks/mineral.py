@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from authoring.looks.noise import F32, Tile, cells, draw, fractal, joints, per_cell, ramp, spots
+from authoring.looks.noise import Floats, Tile, cells, draw, fractal, joints, per_cell, ramp, spots
 from authoring.looks.sheet import Color, Sheet, cover, paint
 
 _CEMENT: Color = (0.365, 0.350, 0.320)
@@ -10,7 +10,7 @@ _SOOT: Color = (0.10, 0.095, 0.085)
 _LIME: Color = (0.62, 0.61, 0.58)
 
 
-def concrete_skin(tile: Tile, age: float) -> tuple[F32, F32]:
+def concrete_skin(tile: Tile, age: float) -> tuple[Floats, Floats]:
     """Draw what all formed concrete shares: clouds of tone, sandy grain, aggregate showing through and pores.
 
     Args:
@@ -227,7 +227,7 @@ def roof_tile(tile: Tile) -> Sheet:
     return Sheet(albedo, 0.88 + 0.02 * grain, 0.03 * roll + 0.02 * lap)
 
 
-def _stained(tile: Tile, albedo: F32, age: float) -> F32:
+def _stained(tile: Tile, albedo: Floats, age: float) -> Floats:
     """Soot in patches and drawn-out drips, and a little lime."""
     if age <= 0:
         return albedo
@@ -240,7 +240,7 @@ def _stained(tile: Tile, albedo: F32, age: float) -> F32:
     return cover(stained, 0.5 * years * lime, _LIME)
 
 
-def _cracked(tile: Tile, albedo: F32, amount: float) -> F32:
+def _cracked(tile: Tile, albedo: Floats, amount: float) -> Floats:
     """Thin dark lines where a field passes through zero, broken off by another."""
     where = ramp(fractal(tile, 1.6, 0.3), 1.1 - 0.9 * amount, 1.9 - 0.9 * amount)
     path = np.abs(fractal(tile, 1.1, 0.015, slope=1.6))
@@ -248,7 +248,7 @@ def _cracked(tile: Tile, albedo: F32, amount: float) -> F32:
     return albedo * (1 - 0.65 * line)[..., None]
 
 
-def _boards(tile: Tile, height: float, length: float) -> tuple[F32, F32]:
+def _boards(tile: Tile, height: float, length: float) -> tuple[Floats, Floats]:
     """Boards along u with butt joints at random: a value of its own for each board, and 1 on the seams."""
     rows, columns = max(1, round(tile.metres / height)), max(1, round(tile.metres / length))
     shift = draw(tile.rng, (rows,))
@@ -261,7 +261,7 @@ def _boards(tile: Tile, height: float, length: float) -> tuple[F32, F32]:
     return draw(tile.rng, (rows, columns))[row[:, None], column], np.maximum(joints(tile, height, 0.009, "u"), butt)
 
 
-def _tie_holes(tile: Tile, rows: int, columns: int) -> tuple[F32, F32]:
+def _tie_holes(tile: Tile, rows: int, columns: int) -> tuple[Floats, Floats]:
     """Two pairs of holes in each panel, and the lighter rims that their plugs leave."""
     steps = (np.arange(tile.pixels, dtype=np.float32) + 0.5) / tile.pixels
     down = np.abs((steps * 2 * rows) % 1 - 0.5)[:, None] * np.float32(tile.metres / (2 * rows))
@@ -271,7 +271,7 @@ def _tie_holes(tile: Tile, rows: int, columns: int) -> tuple[F32, F32]:
     return holes, ramp(far, 0.040, 0.030) - holes
 
 
-def _courses(tile: Tile, length: float, height: float, joint: float) -> tuple[F32, F32, F32]:
+def _courses(tile: Tile, length: float, height: float, joint: float) -> tuple[Floats, Floats, Floats]:
     """Running bond: 1 on the faces of the units and 0 in the joints; a tone and a hue of its own for each unit."""
     rows, columns = 2 * max(1, round(tile.metres / height / 2)), max(1, round(tile.metres / length))
     wobble = fractal(tile, 0.3, 0.03)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-F32 = NDArray[np.float32]
+Floats = NDArray[np.floating]  # float32; the stubs of numpy widen a product with a Python number
 I32 = NDArray[np.int32]
 
 _GRID = 2.0**20
@@ -33,7 +33,7 @@ class Tile:
     rng: np.random.Generator
 
 
-def snap(values: NDArray[np.floating]) -> F32:
+def snap(values: Floats | np.floating) -> Floats:
     """Round to a fixed grid, so that the last digits of a transcendental function do not matter.
 
     Args:
@@ -47,7 +47,7 @@ def snap(values: NDArray[np.floating]) -> F32:
 
 def fractal(
     tile: Tile, longest: float, shortest: float = 0.0, slope: float = 1.0, stretch: tuple[float, float] = (1.0, 1.0)
-) -> F32:
+) -> Floats:
     """Draw band-limited noise with a power-law spectrum.
 
     Args:
@@ -74,10 +74,10 @@ def fractal(
     spectrum = _white_spectrum(tile.rng, whole.shape)
     spectrum *= gain[whole] * (1 - part) + gain[whole + 1] * part
     spectrum[0, 0] = 0
-    return standard(fft.irfft2(spectrum, s=(count, count), overwrite_x=True))
+    return standard(np.asarray(fft.irfft2(spectrum, s=(count, count), overwrite_x=True)))
 
 
-def standard(field: F32) -> F32:
+def standard(field: Floats) -> Floats:
     """Shift and scale a field to mean 0 and standard deviation 1.
 
     Args:
@@ -88,7 +88,7 @@ def standard(field: F32) -> F32:
     return centred * np.float32(1 / max(spread, 1e-12))
 
 
-def white(tile: Tile) -> F32:
+def white(tile: Tile) -> Floats:
     """Draw independent values between 0 and 1.
 
     Args:
@@ -100,7 +100,7 @@ def white(tile: Tile) -> F32:
     return draw(tile.rng, (tile.pixels, tile.pixels))
 
 
-def draw(rng: np.random.Generator, shape: tuple[int, ...]) -> F32:
+def draw(rng: np.random.Generator, shape: tuple[int, ...]) -> Floats:
     """Draw independent values from 0 up to 1.
 
     Args:
@@ -124,8 +124,8 @@ class Cells:
         count: Number of seeds.
     """
 
-    near: F32
-    second: F32
+    near: Floats
+    second: Floats
     seed: I32
     count: int
 
@@ -153,7 +153,7 @@ def cells(tile: Tile, pitch: float, stretch: float = 1.0, jitter: float = 0.8) -
     return Cells(np.sqrt(near), np.sqrt(second), seed, rows * columns)
 
 
-def _nearest(seed_v: F32, seed_u: F32, lines: NDArray[np.intp], count: int) -> tuple[F32, F32, I32]:
+def _nearest(seed_v: Floats, seed_u: Floats, lines: NDArray[np.intp], count: int) -> tuple[Floats, Floats, I32]:
     """Squared distances to the two nearest seeds, and the number of the nearest, for some lines of texels."""
     rows, columns = seed_v.shape
     v = (lines + np.float32(0.5)).astype(np.float32) * np.float32(rows / count)
@@ -178,7 +178,7 @@ def _nearest(seed_v: F32, seed_u: F32, lines: NDArray[np.intp], count: int) -> t
     return near, second, seed
 
 
-def per_cell(tile: Tile, parts: Cells) -> F32:
+def per_cell(tile: Tile, parts: Cells) -> Floats:
     """Give every cell a value of its own between 0 and 1.
 
     Args:
@@ -191,7 +191,7 @@ def per_cell(tile: Tile, parts: Cells) -> F32:
     return np.take(draw(tile.rng, (parts.count,)), parts.seed)
 
 
-def spots(tile: Tile, pitch: float, radius: float, share: float) -> F32:
+def spots(tile: Tile, pitch: float, radius: float, share: float) -> Floats:
     """Scatter soft round spots.
 
     Args:
@@ -221,7 +221,7 @@ def spots(tile: Tile, pitch: float, radius: float, share: float) -> F32:
     return spotted.reshape(tile.pixels, tile.pixels)
 
 
-def ramp(field: F32, low: F32 | float, high: F32 | float) -> F32:
+def ramp(field: Floats, low: Floats | float, high: Floats | float) -> Floats:
     """Rise smoothly from 0 at `low` to 1 at `high` (a fall when `high` is lower).
 
     Args:
@@ -237,7 +237,7 @@ def ramp(field: F32, low: F32 | float, high: F32 | float) -> F32:
     return (step * step * (3 - 2 * step)).astype(np.float32)
 
 
-def joints(tile: Tile, pitch: float, width: float, along: Literal["u", "v"]) -> F32:
+def joints(tile: Tile, pitch: float, width: float, along: Literal["u", "v"]) -> Floats:
     """Draw straight lines at an even pitch that divides the tile.
 
     Args:

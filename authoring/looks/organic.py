@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from authoring.looks.noise import F32, Tile, cells, fractal, per_cell, ramp, spots
+from authoring.looks.noise import Floats, Tile, cells, fractal, per_cell, ramp, spots
 from authoring.looks.sheet import Color, Sheet, cover, paint, palette
 
 
@@ -60,7 +60,7 @@ def water(tile: Tile) -> Sheet:
     murk = fractal(tile, 4.0, 0.4)
     ripples = fractal(tile, 0.7, 0.05, slope=0.8, stretch=(2.2, 1.0))
     albedo = palette(
-        0.45 + 0.10 * murk + 0.15 * ripples, ((0.018, 0.028, 0.024), (0.045, 0.062, 0.050), (0.085, 0.105, 0.088))
+        0.45 + 0.10 * murk + 0.11 * ripples, ((0.018, 0.028, 0.024), (0.045, 0.062, 0.050), (0.085, 0.105, 0.088))
     )
     foam = ramp(_filaments(tile, 0.5) + 0.5 * murk, 2.7, 3.6)
     albedo = cover(albedo, 0.5 * foam, (0.42, 0.43, 0.40))
@@ -123,7 +123,7 @@ _LEAVES: tuple[Color, ...] = (
 )
 
 
-def _filaments(tile: Tile, length: float) -> F32:
+def _filaments(tile: Tile, length: float) -> Floats:
     """Thin crossing strands: the crests of two ridged fields."""
     one = np.abs(fractal(tile, length, length / 8, slope=0.6, stretch=(1.0, 2.0)))
     two = np.abs(fractal(tile, length, length / 8, slope=0.6, stretch=(2.0, 1.0)))

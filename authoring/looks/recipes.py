@@ -74,7 +74,7 @@ RECIPES: dict[str, Recipe] = {
     "grass": Recipe(partial(organic.grass, dry=0.2), 4.5, _ROUGH, patchy=True),
     "meadow": Recipe(organic.meadow, 4.5, _ROUGH, patchy=True),
     "soil": Recipe(organic.soil, 4.5, _ROUGH, patchy=True),
-    "water": Recipe(organic.water, 6.0, _SMOOTH),
+    "water": Recipe(organic.water, 6.0, _FAINT),
     "timber": Recipe(organic.timber, 2.6, _ROUGH),
     "bark": Recipe(organic.bark, 2.0, _ROUGH, relief=True),
     "foliage": Recipe(organic.foliage, 3.0, _ROUGH),

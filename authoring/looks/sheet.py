@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.looks.noise import F32
+from authoring.looks.noise import Floats
 
 Color = tuple[float, float, float]
 
@@ -21,12 +21,12 @@ class Sheet:
         height: Relief [m], shape (H, W), float32, or None where it is too flat to matter.
     """
 
-    albedo: F32
-    roughness: F32
-    height: F32 | None = None
+    albedo: Floats
+    roughness: Floats
+    height: Floats | None = None
 
 
-def paint(color: Color, tone: F32) -> F32:
+def paint(color: Color, tone: Floats) -> Floats:
     """Colour a grey field.
 
     Args:
@@ -39,7 +39,7 @@ def paint(color: Color, tone: F32) -> F32:
     return np.maximum(tone, 0)[..., None] * np.asarray(color, np.float32)
 
 
-def cover(below: F32, mask: F32, above: Color | F32) -> F32:
+def cover(below: Floats, mask: Floats, above: Color | Floats) -> Floats:
     """Lay a colour over another.
 
     Args:
@@ -53,7 +53,7 @@ def cover(below: F32, mask: F32, above: Color | F32) -> F32:
     return below + mask[..., None] * (np.asarray(above, np.float32) - below)
 
 
-def palette(tone: F32, colors: tuple[Color, ...]) -> F32:
+def palette(tone: Floats, colors: tuple[Color, ...]) -> Floats:
     """Map a field from 0 to 1 onto a line of colours at even steps.
 
     Args:

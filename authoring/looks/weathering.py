@@ -6,7 +6,7 @@ import numpy as np
 
 from authoring.component import Component
 from authoring.looks.charts import Charts, draw_charts, spread
-from authoring.looks.noise import F32, I32, Tile, draw, fractal, ramp
+from authoring.looks.noise import I32, Floats, Tile, draw, fractal, ramp
 
 _FIELD_METRES = 32.0
 _FIELD_PIXELS = 1024
@@ -22,29 +22,29 @@ _MOSS = np.array([0.70, 0.72, 0.60], np.float32)
 class _Members:
     """Facts of each component that weathering looks at, one row a component."""
 
-    low: F32
-    high: F32
-    tone: F32
+    low: Floats
+    high: Floats
+    tone: Floats
     shift: I32
-    lifts: F32
-    steel: F32
-    ground: F32
-    road: F32
-    middle: F32
-    axis: F32
-    lane: F32
+    lifts: Floats
+    steel: Floats
+    ground: Floats
+    road: Floats
+    middle: Floats
+    axis: Floats
+    lane: Floats
 
 
 @dataclass(frozen=True)
 class _Fields:
     """Noise on a vertical or level plane of 32 m that repeats: clouds, patches, streaks."""
 
-    clouds: F32
-    patches: F32
-    streaks: F32
+    clouds: Floats
+    patches: Floats
+    streaks: Floats
 
 
-def weather(components: list[Component], pixels: int, age: float, rng: np.random.Generator) -> F32:
+def weather(components: list[Component], pixels: int, age: float, rng: np.random.Generator) -> Floats:
     """Draw the factors that age multiplies the base colour with; their mean over the surface of each role is 1.
 
     Args:
@@ -77,7 +77,7 @@ def weather(components: list[Component], pixels: int, age: float, rng: np.random
     return spread(factors, covered)
 
 
-def ground_patches(pixels: int, rng: np.random.Generator) -> F32:
+def ground_patches(pixels: int, rng: np.random.Generator) -> Floats:
     """Draw moist, dry and trodden patches for open ground; the factors are 1 along the atlas's border.
 
     Args:
@@ -144,12 +144,12 @@ def _fields(rng: np.random.Generator) -> _Fields:
     )
 
 
-def _places(charts: Charts, triangle: I32, column: np.ndarray, row: np.ndarray) -> F32:
+def _places(charts: Charts, triangle: I32, column: np.ndarray, row: np.ndarray) -> Floats:
     x, y = (column + 0.5).astype(np.float32)[:, None], (row + 0.5).astype(np.float32)[:, None]
     return charts.place[triangle] + charts.across[triangle] * x + charts.down[triangle] * y
 
 
-def _aged(charts: Charts, triangle: I32, place: F32, members: _Members, fields: _Fields, age: np.float32) -> F32:
+def _aged(charts: Charts, triangle: I32, place: Floats, members: _Members, fields: _Fields, age: np.float32) -> Floats:
     """Factors at some texels, shape (N, 3)."""
     owner, normal = charts.owner[triangle], charts.normal[triangle]
     wall = ramp(np.abs(normal[:, 2]), 0.75, 0.45)
@@ -180,11 +180,11 @@ def _aged(charts: Charts, triangle: I32, place: F32, members: _Members, fields: 
     return factors * _wheel_tracks(place, owner, members, age)[:, None]
 
 
-def _toward(factors: F32, amount: F32, goal: F32) -> F32:
+def _toward(factors: Floats, amount: Floats, goal: Floats) -> Floats:
     return factors * (1 + amount[:, None] * (goal - 1))
 
 
-def _pours(rise: F32, owner: I32, members: _Members, age: np.float32) -> F32:
+def _pours(rise: Floats, owner: I32, members: _Members, age: np.float32) -> Floats:
     """Lifts of 2.4 m with a tone of their own and a dark line between them."""
     lift = np.maximum(rise, 0) * np.float32(1 / 2.4)
     number = np.minimum(lift.astype(np.int32), 63)
@@ -192,7 +192,7 @@ def _pours(rise: F32, owner: I32, members: _Members, age: np.float32) -> F32:
     return 1 + members.ground[owner] * ((0.05 + 0.07 * age) * members.lifts[owner, number] - 0.22 * age * line)
 
 
-def _wheel_tracks(place: F32, owner: I32, members: _Members, age: np.float32) -> F32:
+def _wheel_tracks(place: Floats, owner: I32, members: _Members, age: np.float32) -> Floats:
     """Two dark tracks in each of two lanes, and the oil between them."""
     aside = place[:, :2] - members.middle[owner]
     axis = members.axis[owner]

@@ -21,7 +21,7 @@ Ground = Callable[[F64], F64]
 
 EMBEDDED = 0.010  # [m] column into cap and footing
 SIDES = 48  # of a round column
-_WIDEST_FOR_ONE, _NARROWEST_FOR_THREE = 12.0, 12.0  # [m] deck width
+_WIDEST_HAMMERHEAD = 12.0  # [m] deck width on a single column
 _COLUMN_PITCH = 7.0  # [m] no two columns stand further apart
 
 
@@ -94,9 +94,8 @@ def draw_piers(
         rng: Random stream of the bridge.
     """
     share, round_share = rng.random(), rng.random()
-    low = 1 if width <= _WIDEST_FOR_ONE else 2
-    high = 2 if width < _NARROWEST_FOR_THREE else 3
-    columns = settings.columns or max(low + int(share * (high - low + 1)), int(np.ceil(0.8 * width / _COLUMN_PITCH)))
+    least = 1 if width <= _WIDEST_HAMMERHEAD else max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
+    columns = settings.columns or least + int(2.0 * share)
     shape = settings.column_shape or ("round" if round_share < 0.65 else "rectangular")
     single = draw(settings, "hammerhead_diameter", rng)
     several = draw(settings, "diameter", rng)

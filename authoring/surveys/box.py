@@ -28,6 +28,9 @@ class OrientedBox:
 
         Args:
             local: Offsets from the centre along the axes [m], shape (N, 3), float64.
+
+        Returns:
+            World positions [m], shape (N, 3), float64.
         """
         return self.center + local @ self.axes
 
@@ -36,6 +39,9 @@ class OrientedBox:
 
         Args:
             points: World positions [m], shape (N, 3), float64.
+
+        Returns:
+            Offsets from the centre along the axes [m], shape (N, 3), float64.
         """
         return (points - self.center) @ self.axes.T
 

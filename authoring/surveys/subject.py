@@ -79,7 +79,9 @@ def make_subject(bridge: tuple[Component | Scatter, ...], site: tuple[Component 
         for piece in bridge
         if isinstance(piece, Component) and class_of(piece.kind) == "bearing"
     ]
-    return Subject(corners, ids, np.array(seats).reshape(-1, 3), obstacles, both, RayScene(land[0], land[1].astype(np.uint32)))
+    return Subject(
+        corners, ids, np.array(seats).reshape(-1, 3), obstacles, both, RayScene(land[0], land[1].astype(np.uint32))
+    )
 
 
 def piece_corners(pieces: tuple[Component | Scatter, ...]) -> tuple[F64, I32]:

@@ -15,7 +15,7 @@ F64 = NDArray[np.float64]
 STEP = 0.25  # [m] between the points of the route before images are placed on it
 DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
 DIVE = 26.0  # [m] of the side of a bridge without bearings for one dive
-LINGER = 1.5
+LINGER = 1.5  # power of the wave: over 1 stays longer low than high
 BEHIND = 2.0  # [m] behind the bearings of an abutment where the first dive begins
 SAME_LINE = 3.0  # [m] along the bridge within which bearings belong to one line
 BEYOND = (-1.5, 0.5)  # [m] past the ends of the bridge, whose wing walls reach back
@@ -66,7 +66,9 @@ def bearing_lines(seats: F64) -> F64:
     return np.array([group[:, [0, 2]].mean(axis=0) for group in groups])
 
 
-def draw_route(settings: GlobalSettings, box: OrientedBox, lines: F64, subject: Subject, rng: np.random.Generator) -> F64:
+def draw_route(
+    settings: GlobalSettings, box: OrientedBox, lines: F64, subject: Subject, rng: np.random.Generator
+) -> F64:
     """Draw a closed route round the extended box: over the bridge at its bearing lines and ends, low along its spans.
 
     Args:
@@ -116,6 +118,7 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
     push = outward @ box.axes / np.sqrt(2)
     margin = safety + STEP  # images lie on chords of the route
     amount = np.zeros(len(route))
+    moved = route
     for _ in range(60):
         moved = route + gaussian_filter1d(amount, 1.0 / STEP, mode="wrap")[:, None] * push
         near = subject.clearance(moved) < margin

@@ -256,16 +256,24 @@ def test_no_two_members_show_faces_in_one_plane(seed: int) -> None:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     weights = np.random.default_rng(0).dirichlet((1.0, 1.0, 1.0), (len(corners), 4))
     samples = np.einsum("tsk,tkd->tsd", weights, corners)
-    for t in range(len(corners)):
-        near = (owner > owner[t]) & (normal @ normal[t] > 0.9999)
-        near &= np.abs(np.sum((corners[:, 0] - corners[t, 0]) * normal[t], axis=1)) < 1e-3
-        for other in np.nonzero(near)[0]:
-            sides = [
-                np.cross(corners[other, (k + 1) % 3] - corners[other, k], samples[t] - corners[other, k]) @ normal[t]
-                for k in range(3)
-            ]
-            hidden = np.min(sides, axis=0) > 1e-9
-            assert not hidden.any(), (bridge[owner[t]].name, bridge[owner[other]].name)
+    offset = np.sum(corners[:, 0] * normal, axis=1)
+    for rows in np.array_split(np.arange(len(corners)), 12):
+        near = (owner[rows, None] < owner) & (normal[rows] @ normal.T > 0.9999)
+        near &= np.abs(corners[rows, 0] @ normal.T - offset) < 1e-3
+        row, other = np.nonzero(near)
+        row = rows[row]
+        sides = [
+            np.sum(
+                np.cross(corners[other, (k + 1) % 3] - corners[other, k], samples[row, s] - corners[other, k])
+                * normal[other],
+                axis=1,
+            )
+            for k in range(3)
+            for s in range(samples.shape[1])
+        ]
+        inside_by = np.array(sides).reshape(3, samples.shape[1], -1).min(axis=0).max(axis=0)
+        covered = [(bridge[owner[r]].name, bridge[owner[o]].name) for r, o in zip(row, other, strict=True)]
+        assert not [pair for pair, depth in zip(covered, inside_by, strict=True) if depth > 1e-9]
 
 
 def test_one_seed_is_one_bridge_and_sections_do_not_disturb_each_other() -> None:

@@ -30,7 +30,7 @@ def _solid_angle(rows: int) -> np.ndarray:
         (datetime(2003, 10, 17, 19, 30, 30), 39.742476, -105.1786, 39.888, 194.340),
         # June solstice 2024-06-20 20:51 UT: the declination is the obliquity, seen from near the pole as the height.
         (datetime(2024, 6, 20, 20, 51), 89.0, -132.3, 24.43, 180.0),
-        # March equinox 2024-03-20 03:06 UT, equation of time -7.4 min: overhead at 135.36 E, rising due east at 45.36 E.
+        # March equinox 2024-03-20 03:06 UT, equation of time -7.4 min: overhead at 135.36 E, rising at 45.36 E.
         (datetime(2024, 3, 20, 3, 6), 0.0, 45.36, 0.0, 90.0),
     ],
 )

@@ -23,7 +23,7 @@ from authoring.looks.weathering import ground_patches, weather
 from groundwork.errors import InputError
 from usd_schemas.tokens import ROLES
 
-F32 = NDArray[np.float32]
+F32 = NDArray[np.floating]
 
 _FOCAL = 640.0  # [px]
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
@@ -36,7 +36,7 @@ def _rng(seed: int = 3) -> np.random.Generator:
 def _load(folder: Path, file: str) -> NDArray[np.uint8]:
     image = cv2.imread(str(folder / file), cv2.IMREAD_UNCHANGED)
     assert image is not None
-    return image if image.ndim == 2 else image[..., ::-1]
+    return np.asarray(image if image.ndim == 2 else image[..., ::-1], np.uint8)
 
 
 def _linear(image: NDArray[np.uint8]) -> F32:
@@ -49,7 +49,7 @@ def _look_up(image: F32, metres: float, x: F32, y: F32, foot: float) -> F32:
     count = max(4, round(metres / max(foot, metres / len(image))))
     small = cv2.resize(image, (count, count), interpolation=cv2.INTER_AREA)
     u, v = (x / metres * count) % count - 0.5, (y / metres * count) % count - 0.5
-    return cv2.remap(small, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    return np.asarray(cv2.remap(small, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.float32)
 
 
 def _seen(folder: Path, recipe: MaterialRecipe, distance: float) -> F32:
@@ -68,7 +68,7 @@ def _keypoints(color: F32) -> float:
     light = np.clip(1.25 * color, 0, 1)
     code = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     grey = cv2.cvtColor((255 * code).astype(np.uint8), cv2.COLOR_RGB2GRAY)
-    return len(cv2.SIFT_create().detect(grey, None)) / grey.size * 1e6
+    return len(cv2.SIFT.create().detect(grey, None)) / grey.size * 1e6
 
 
 def _box(name: str, role: str, group: str, low: tuple[float, ...], high: tuple[float, ...], chart: int) -> Component:
@@ -77,7 +77,7 @@ def _box(name: str, role: str, group: str, low: tuple[float, ...], high: tuple[f
     faces = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
     axes = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], np.float32)
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 0.9 + 0.05
-    st1 = np.concatenate([(square + [face, chart]) / [6, 4] for face in range(6)]).astype(np.float32)
+    st1 = np.concatenate([(square + np.array([face, chart])) / [6, 4] for face in range(6)]).astype(np.float32)
     mesh = Mesh(corner, np.full(6, 4, np.int32), faces.ravel().astype(np.int32), np.repeat(axes, 4, 0), st1 * 5, st1)
     return Component(name, "column", role, group, mesh, chart + 1)
 

@@ -43,7 +43,7 @@ def test_box_is_the_turned_rectangle() -> None:
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         points = local.copy()
         points[:, :2] = local[:, :2] @ turn.T
-        found = oriented_box(points + [100.0, -50.0, 7.0])
+        found = oriented_box(points + np.array([100.0, -50.0, 7.0]))
         np.testing.assert_allclose(found.half, [20.0, 5.0, 3.0], atol=1e-4)
         np.testing.assert_allclose(found.center, [100.0, -50.0, 7.0], atol=1e-4)
         assert abs(found.axes[0, :2] @ turn[:, 0]) == pytest.approx(1.0, abs=1e-9)

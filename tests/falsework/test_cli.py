@@ -32,9 +32,9 @@ def test_missing_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_unknown_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The line names the file, the key and its nearest neighbour."""
     scenario = tmp_path / "s.toml"
-    scenario.write_text("[sight]\ncrossing = 'river'\n")
+    scenario.write_text("[sitte]\ncrossing = 'river'\n")
     line = _fails(["run", scenario, "-o", tmp_path / "out"], capsys)
-    assert all(part in line for part in ("s.toml", "sight", "Did you mean 'site'"))
+    assert all(part in line for part in ("s.toml", "sitte", "Did you mean 'site'"))
 
 
 def test_foreign_output_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

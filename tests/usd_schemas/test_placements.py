@@ -201,3 +201,25 @@ def test_nothing_visible(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"stage\.usda: the stage shows no geometry") as caught:
         read_body(tmp_path, f'def Mesh "M" {{\n{SQUARE}\n token visibility = "invisible"\n}}')
     assert "\n" not in str(caught.value)
+
+
+def test_what_moves_is_drawn_at_its_first_place(tmp_path: Path) -> None:
+    """Animated parts stand still at the earliest time, and one line says so; a moving camera rig alone does not."""
+    keys = "double3 xformOp:translate.timeSamples = {\n 1: (0, 0, 0),\n 5: (9, 0, 0),\n}\n"
+    keys += 'uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+    rig = f'def Xform "Rig" {{\n{keys}def Camera "C" {{}}\n}}\n'
+    assert not any("move" in line for line in read_body(tmp_path, rig + f'def Mesh "M" {{\n{SQUARE}}}').warnings)
+    scene = read_body(tmp_path, f'def Xform "X" {{\n{keys}def Mesh "M" {{\n{SQUARE}}}\ndef Cube "C" {{}}\n}}\n')
+    assert "2 parts move: drawn as they stand at the earliest time" in scene.warnings
+    np.testing.assert_allclose(bounds(scene), [[-1, -1, -1], [1, 1, 1]])
+
+
+def test_cameras_and_lights_of_prototypes_do_not_count(tmp_path: Path) -> None:
+    """A lamp scattered by an instancer neither shines nor films from the origin."""
+    lamp = 'def DistantLight "Lamp" {}\ndef Camera "Eye" {}\n'
+    text = INSTANCER.format(extra="", move="", scope="def Scope").replace(
+        'def Xform "Tall" {', 'def Xform "Tall" {\n' + lamp
+    )
+    scene = read_body(tmp_path, text)
+    assert scene.sun is None
+    assert [camera.name for camera in scene.cameras] == ["framing"]

@@ -1,0 +1,221 @@
+"""The countryside: joins the site without a gap, leaves it empty, and holds together."""
+
+import time
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from authoring.alignment import Alignment, Layout
+from authoring.backgrounds.registry import BACKGROUNDS, BackgroundSettings, build_background
+from authoring.backgrounds.terrain import grow_terrain, rolling_hills
+from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh, Scatter, triangle_corners, triangles
+from authoring.site import Site, SiteSettings, draw_site
+from authoring.streams import stream
+from groundwork.errors import InputError
+from usd_schemas.components import class_of
+
+F64 = NDArray[np.float64]
+Pieces = tuple[Component | Scatter, ...]
+World = tuple[Site, Pieces]
+LAYOUTS = {
+    "river": Layout(Alignment(7.0), (0.0, 18.0, 40.0), 11.5, 1.9),
+    "road": Layout(Alignment(7.0, 0.015, 0.4), (0.0, 18.0, 40.0), 11.5, 1.9, "road", 8.0, 3.4),
+}
+
+
+@pytest.fixture(scope="module", params=sorted(LAYOUTS))
+def world(request: pytest.FixtureRequest) -> World:
+    """A site with its countryside."""
+    site = draw_site(SiteSettings(crossing=request.param), LAYOUTS[request.param], stream(7, "site"))
+    return site, build_background("countryside", BackgroundSettings(), site, stream(7, "background"))
+
+
+def solids(pieces: Pieces) -> list[Component]:
+    """The components among some pieces."""
+    return [piece for piece in pieces if isinstance(piece, Component)]
+
+
+def runs(pieces: Pieces) -> list[Scatter]:
+    """The scatters among some pieces."""
+    return [piece for piece in pieces if isinstance(piece, Scatter)]
+
+
+def placed(run: Scatter) -> F64:
+    """World positions of all vertices of a scatter, shape (N, 3)."""
+    points = []
+    for row, which in enumerate(run.prototype):
+        local = np.concatenate([mesh.points for _, mesh in run.prototypes[which]]) * run.scales[row]
+        c, s = np.cos(run.yaw[row]), np.sin(run.yaw[row])
+        points.append(local @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + run.positions[row])
+    return np.concatenate(points)
+
+
+def along_border(site: Site, parts: list[Component]) -> set[bytes]:
+    """The vertices of some parts that lie on the strip's border, as bytes."""
+    points = np.concatenate([part.mesh.points for part in parts])
+    station, left = site.land.layout.alignment.locate(points)
+    (first, last), (low, high) = site.field.stations[[0, -1]], site.field.lefts[[0, -1]]
+    inside = (station > first - 1e-6) & (station < last + 1e-6) & (left > low - 1e-6) & (left < high + 1e-6)
+    deep = (station > first + 1e-6) & (station < last - 1e-6) & (left > low + 1e-6) & (left < high - 1e-6)
+    return {row.tobytes() for row in points[inside & ~deep]}
+
+
+@pytest.mark.parametrize("group", ["Ground", "Ways"])
+def test_joint_shares_every_vertex(world: World, group: str) -> None:
+    """Ground, roads and water of site and background have the very same vertices along the site's border."""
+    site, pieces = world
+    ours, theirs = (
+        along_border(site, [part for part in solids(side) if part.group == group and "Marking" not in part.name])
+        for side in (site.pieces, pieces)
+    )
+    assert len(ours) > (400 if group == "Ground" else 12)
+    assert ours == theirs
+
+
+def test_keep_out_is_empty(world: World) -> None:
+    """No vertex of the background lies in the strip, below or above ground."""
+    site, pieces = world
+    (box,) = site.keep_out
+    for component in solids(pieces):
+        assert not box.contains(component.mesh.points, margin=1e-6).any(), component.name
+    for run in runs(pieces):
+        assert not box.contains(placed(run)).any(), run.name
+
+
+def test_terrain_has_no_gap_and_no_overlap(world: World) -> None:
+    """The plan areas of the covers add up to the land less the site, and every triangle faces up."""
+    site, pieces = world
+    corners, _ = triangle_corners(tuple(part for part in solids(pieces) if part.group == "Ground"))
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert flat[:, 2].min() > 0
+    size = np.ptp(np.stack(site.land.layout.alignment.locate(corners.reshape(-1, 3))), axis=1)
+    land = size[0] * size[1] - np.ptp(site.field.stations) * np.ptp(site.field.lefts)
+    assert flat[:, 2].sum() / 2 == pytest.approx(land, rel=1e-3)
+    assert size.min() > 2000.0
+
+
+def test_height_agrees_with_the_mesh(world: World) -> None:
+    """Heights that plants and buildings stand on are the mesh's: exact near, within 15 cm anywhere near."""
+    site, _ = world
+    inner = (float(site.field.stations[0]), float(site.field.stations[-1]), -80.0, 80.0)
+    terrain = grow_terrain(site, rolling_hills(site.land, inner, 42.0, np.random.default_rng(3)), 2000.0)
+    station, left = terrain.nodes()
+    near = np.hypot(station - 20.0, left) < 600.0
+    error = np.abs(terrain.height(station[near], left[near]) - terrain.field.heights[near])
+    assert np.median(error) < 1e-6
+    assert error.max() < 0.15
+    crossing = site.land.crossing
+    left = np.linspace(-600.0, 600.0, 500)
+    below = crossing.level - terrain.height(crossing.centre(left), left)
+    if crossing.kind == "river":
+        assert below.min() > 0.3
+
+
+def test_ways_face_up(world: World) -> None:
+    """Every stretch of road and water shows its upper side."""
+    site, pieces = world
+    for part in (*solids(site.pieces), *solids(pieces)):
+        if part.group == "Ways":
+            corner = part.mesh.points[triangles(part.mesh)]
+            up = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])[:, 2]
+            assert up.min() > -1e-6, part.name
+            assert up.max() > 0, part.name
+
+
+def test_far_roads_stay_above_ground(world: World) -> None:
+    """Within half a kilometre no road vertex is covered by the ground, nor does it float."""
+    site, pieces = world
+    ground = np.concatenate([part.mesh.points for part in solids(pieces) if part.group == "Ground"])
+    for road in (part for part in solids(pieces) if part.role == "asphalt"):
+        top = road.mesh.points[np.unique(road.mesh.corners[road.mesh.normals[:, 2] > 0.9])]
+        near = np.hypot(*(top[:, :2] - site.extent.mean(axis=0)).T) < 500.0
+        for point in top[near][::7]:
+            close = ground[np.hypot(*(ground[:, :2] - point[:2]).T) < 1.5]
+            if len(close):
+                assert -0.02 < point[2] - close[:, 2].min() < 0.6, road.name
+
+
+def test_buildings_are_closed_and_stand_in_the_ground(world: World) -> None:
+    """Every solid is watertight with outward faces; walls reach into the ground; distances are as asked."""
+    site, pieces = world
+    houses = [part for part in solids(pieces) if part.name.endswith("_Walls")]
+    assert 15 <= len(houses) <= 40
+    for part in solids(pieces):
+        if part.group == "Buildings":
+            assert_closed(part.mesh)
+    ground = np.concatenate([part.mesh.points for part in solids(pieces) if part.group == "Ground"])
+    middle = site.land.layout.alignment.point(np.array([20.0]), np.zeros(1), np.zeros(1))[0, :2]
+    for house in houses:
+        centre = house.mesh.points.mean(axis=0)[:2]
+        assert 55.0 < np.hypot(*(centre - middle)) < 320.0
+        around = ground[np.hypot(*(ground[:, :2] - centre).T) < 12.0]
+        if len(around):
+            assert house.mesh.points[:, 2].min() < around[:, 2].min()
+
+
+def assert_closed(mesh: Mesh) -> None:
+    """Every edge is used once in each direction, and the enclosed volume is positive."""
+    faces = triangles(mesh)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    forward, backward = {tuple(edge) for edge in edges.tolist()}, {tuple(edge[::-1]) for edge in edges.tolist()}
+    assert len(forward) == len(edges)
+    assert forward == backward
+    corner = mesh.points[faces] - mesh.points.mean(axis=0)
+    assert np.einsum("ti,ti->t", corner[:, 0], np.cross(corner[:, 1], corner[:, 2])).sum() > 0
+
+
+def test_triangles_are_sound_and_few(world: World) -> None:
+    """No degenerate triangle, unit normals, a tree within 400 triangles, site and background within 350,000."""
+    site, pieces = world
+    total = 0
+    for piece in (*site.pieces, *pieces):
+        if isinstance(piece, Component):
+            meshes, weights = [piece.mesh], [1]
+        else:
+            counts = np.bincount(piece.prototype, minlength=len(piece.prototypes))
+            meshes = [mesh for prototype in piece.prototypes for _, mesh in prototype]
+            weights = [int(count) for count, prototype in zip(counts, piece.prototypes, strict=True) for _ in prototype]
+            assert all(sum(len(triangles(mesh)) for _, mesh in prototype) <= 400 for prototype in piece.prototypes)
+        for mesh, weight in zip(meshes, weights, strict=True):
+            corner = mesh.points[triangles(mesh)]
+            normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+            assert np.linalg.norm(normal, axis=1).min() > 1e-7, piece.name
+            np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
+            total += weight * len(corner)
+    assert total <= 350_000
+
+
+def test_pieces_carry_known_names_and_ids(world: World) -> None:
+    """Kinds are background, names and ids unique, ids in the background's range; there are trees of several species."""
+    site, pieces = world
+    assert {class_of(piece.kind) for piece in pieces} == {"background"}
+    ids = [part.instance_id for part in solids(pieces)] + [
+        number for run in runs(pieces) for number in run.instance_ids
+    ]
+    assert sorted(ids) == list(range(FIRST_BACKGROUND_ID, FIRST_BACKGROUND_ID + len(pieces)))
+    assert max(ids) <= LAST_ID
+    names = [piece.name for piece in (*site.pieces, *pieces)]
+    assert len(set(names)) == len(names)
+    trees = [run for run in runs(pieces) if run.kind == "tree"]
+    assert 100 <= sum(len(run.positions) for run in trees) <= 400
+    assert len(np.unique(np.concatenate([run.prototype for run in trees]))) >= 3
+
+
+def test_a_seed_is_a_countryside(world: World) -> None:
+    """A seed fixes the bytes, in at most five seconds of work; `none` is empty; unknown names are refused."""
+    site, pieces = world
+    start = time.process_time()
+    again = build_background("countryside", BackgroundSettings(), site, stream(7, "background"))
+    assert time.process_time() - start < 5.0
+    for one, other in zip(pieces, again, strict=True):
+        assert one.name == other.name
+        if isinstance(one, Component) and isinstance(other, Component):
+            assert one.mesh.points.tobytes() == other.mesh.points.tobytes()
+            assert one.mesh.normals.tobytes() == other.mesh.normals.tobytes()
+        elif isinstance(one, Scatter) and isinstance(other, Scatter):
+            assert one.positions.tobytes() == other.positions.tobytes()
+    assert build_background("none", BackgroundSettings(), site, stream(7, "background")) == ()
+    assert sorted(BACKGROUNDS) == ["countryside", "none"]
+    with pytest.raises(InputError, match="countryside"):
+        build_background("moon", BackgroundSettings(), site, stream(7, "background"))
