@@ -41,7 +41,7 @@ class HeightField:
         ahead, beside = self.heights[row + 1, column], self.heights[row, column + 1]
         first = low + along * (ahead - low) + across * (high - ahead)
         second = low + across * (beside - low) + along * (high - beside)
-        return np.where(along < across, first, second)
+        return np.where(along >= across, first, second)
 
     def nodes(self) -> F64:
         """List the nodes in bridge coordinates: station, left, height [m], shape (S * L, 3), float64."""

@@ -81,7 +81,7 @@ def _open3d() -> Check:
 
 def _graphics() -> list[Check]:
     try:
-        answer = run_child("render.context", {"frame": True}, time_limit=FRAME_TIME_LIMIT, memory_limit=MEMORY_NEEDED)
+        answer = run_child("render.probe", {"frame": True}, time_limit=FRAME_TIME_LIMIT, memory_limit=MEMORY_NEEDED)
     except FalseworkError as error:
         return [
             Check("gl", "FAIL", str(error), "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri")
@@ -90,7 +90,7 @@ def _graphics() -> list[Check]:
     verdict: Verdict = "FAIL" if wrong else "OK"
     mend = "Update or replace the graphics driver" if wrong else ""
     return [
-        Check("gl", "OK", f"{answer['gl_renderer']}, {answer['gl_version']}, by {answer['backend']}"),
+        Check("gl", "OK", f"{answer['renderer']}, {answer['version']}, by {answer['backend']}"),
         Check("frame", verdict, f"64x64 frame, {wrong} wrong pixels", mend),
     ]
 

@@ -116,7 +116,7 @@ def _run_scene(scenario: Scenario, index: int, out: Path, progress: Progress, ou
     for survey in [s.id for s in scenario.survey] if scenario.stage is None else surveys_of(paths["stage"]):
         shot, cloud = f"capture/{survey}", f"cloud/{survey}"
         settings = {"seed": seed, "survey": survey, "render": scenario.rendering()}
-        settings["platform"] = render_platform()
+        settings["platform"] = render_platform(scenario.render.device)
         keys[shot] = maker.make(new_task("capture", settings, {"stage": keys["stage"]}), paths, shot)
         paths[shot] = scene / shot
         settings = {"recon": scenario.recon.model_dump(mode="json"), "platform": recon_platform()}

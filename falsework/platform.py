@@ -14,8 +14,11 @@ RECON_PACKAGES = ("numpy", "opencv-python-headless", "pycolmap")
 
 
 @cache
-def render_platform() -> dict[str, str]:
+def render_platform(device: str = "auto") -> dict[str, str]:
     """List what a capture's bytes depend on; opens a GL context in a child once.
+
+    Args:
+        device: Which device draws, as in `render.settings`.
 
     Returns:
         Package name to version, `cpu`, and `gl_renderer` and `gl_version`.
@@ -23,8 +26,9 @@ def render_platform() -> dict[str, str]:
     Raises:
         InputError: No GL driver works here; the text holds the mend.
     """
-    driver = run_child("render.context", {}, time_limit=PROBE_TIME_LIMIT, memory_limit=PROBE_MEMORY_LIMIT)
-    strings = {key: str(driver[key]) for key in ("gl_renderer", "gl_version")}
+    request = {"device": device}
+    driver = run_child("render.probe", request, time_limit=PROBE_TIME_LIMIT, memory_limit=PROBE_MEMORY_LIMIT)
+    strings = {f"gl_{key}": str(driver[key]) for key in ("renderer", "version")}
     return {**{name: version(name) for name in RENDER_PACKAGES}, "cpu": processor(), **strings}
 
 

@@ -128,7 +128,8 @@ def match(capture: Capture, work: Path, settings: SparseSettings, seed: int, pro
     progress.stage("matching", count)
     run()
     with pycolmap.Database.open(path) as database:
-        return {"pairing": kind, "pairs": count, "verified": database.num_verified_image_pairs()}
+        _, inliers = database.read_two_view_geometry_num_inliers()
+        return {"pairing": kind, "pairs": count, "verified": sum(number > 0 for number in inliers)}
 
 
 def choose_pairing(capture: Capture, settings: SparseSettings) -> str:

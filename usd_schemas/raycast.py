@@ -27,7 +27,7 @@ class RayScene:
             corners: Corner positions of each triangle [m], shape (T, 3, 3), float64.
             ids: Id of each triangle, shape (T,), uint32.
         """
-        o3d = _open3d()
+        o3d = load_open3d()
         self._float = o3d.core.Dtype.Float32
         self._tensor = o3d.core.Tensor
         flat = np.asarray(corners, np.float64).reshape(-1, 3)
@@ -77,7 +77,7 @@ class RayScene:
         return triangle, ids
 
 
-def _open3d() -> Any:
+def load_open3d() -> Any:
     """Import open3d, which takes long, on first use; it needs libusb, which the system may lack and a wheel brings."""
     import libusb_package
 

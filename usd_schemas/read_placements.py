@@ -102,7 +102,7 @@ class _Walker:
         if prim.IsA(UsdGeom.Gprim) and purpose in DRAWN_PURPOSES:
             if prim.IsA(UsdGeom.Mesh) or prim.GetTypeName() in SHAPES:
                 transforms = above.base @ self._relative(prim, above.root)
-                self.moving += here.moves or UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
+                self.moving += here.moves or _deforms(prim)
                 yield Placement(prim, transforms, label, above.numbers, above.owner or prim)
             else:
                 self.undrawn.setdefault(str(prim.GetTypeName()), []).append(str(prim.GetPath()))
@@ -161,3 +161,7 @@ class _Walker:
             self._warn(f"{prim.GetPath()}: instanceIds do not fit the instances: ignored")
             return None
         return values.astype(np.uint32)
+
+
+def _deforms(prim: Usd.Prim) -> bool:
+    return prim.IsA(UsdGeom.Mesh) and UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying()

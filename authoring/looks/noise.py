@@ -81,7 +81,10 @@ def standard(field: Floats) -> Floats:
     """Shift and scale a field to mean 0 and standard deviation 1.
 
     Args:
-        field: Any field, shape (H, W), float32.
+        field: Any field [1], shape (H, W), float32.
+
+    Returns:
+        The field so changed [1], shape (H, W), float32.
     """
     centred = field - snap(np.mean(field, dtype=np.float64))
     spread = float(np.round(np.std(centred, dtype=np.float64) * 2**40) / 2**40)
@@ -226,8 +229,8 @@ def ramp(field: Floats, low: Floats | float, high: Floats | float) -> Floats:
 
     Args:
         field: Values, any shape, float32.
-        low: Where the result is 0.
-        high: Where the result is 1.
+        low: Where the result is 0; a number, or one for each value, the shape of `field`, float32.
+        high: Where the result is 1; a number, or one for each value, the shape of `field`, float32.
 
     Returns:
         Values between 0 and 1, the same shape, float32.

@@ -74,7 +74,9 @@ def weather(components: list[Component], pixels: int, age: float, rng: np.random
     total = np.bincount(mine, factors[covered].sum(axis=1, dtype=np.float64), len(roles))
     mean = total / np.maximum(3 * np.bincount(mine, minlength=len(roles)), 1)
     factors[covered] /= mean.astype(np.float32)[mine][:, None]
-    return spread(factors, covered)
+    factors = spread(factors, covered)
+    factors[:: pixels - 1, :: pixels - 1] = 1  # parts without a chart look up the corner (0, 0)
+    return factors
 
 
 def ground_patches(pixels: int, rng: np.random.Generator) -> Floats:

@@ -191,8 +191,9 @@ def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof)
         counts.append(len(path.poses))
     worst = {name: min(shares) for name, shares in sorted(seen.items())}
     assert set(worst) >= {"abutment", "bearing", "column", "deck", "girder", "parapet", "pier_cap"}
-    assert worst["bearing"] > 0.5
-    assert min(share for name, share in worst.items() if name != "bearing") > 0.7
+    # Diaphragms hide between the girders of wide bridges, and one wing wall may lie behind its embankment.
+    least = {"bearing": 0.5, "girder": 0.4, "abutment": 0.7}
+    assert all(share >= least.get(name, 0.85) for name, share in worst.items()), worst
     assert min(overlaps) > 0.7
     record_proof(
         "surveys: share of instances with 50 px in 3 images, worst bridge", len(seeds), 0,

@@ -130,7 +130,7 @@ def test_fault_in_a_variant_names_it(scene: Path) -> None:
         ("/etc/hostname", "must start with ./ and never climb"),
         ("../outside.png", "must start with ./ and never climb"),
         ("./a/../../outside.png", "must start with ./ and never climb"),
-        ("http://localhost/x.png", "must start with ./ and never climb"),
+        ("https:x.png", "must start with ./ and never climb"),
         ("./textures/gone.png", "there is no such file"),
     ],
 )

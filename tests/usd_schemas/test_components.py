@@ -1,0 +1,46 @@
+"""The one table of components and classes."""
+
+import pytest
+
+from groundwork.errors import InputError
+from usd_schemas.components import (
+    BACKGROUND,
+    NOISY_POINT,
+    UNLABELLED,
+    class_id,
+    class_of,
+    class_rows,
+    component_classes,
+)
+
+PAPER = (
+    "background", "abutment", "arch", "beam", "bearing", "cable", "cable_base", "cable_top", "column", "deck", "girder",
+    "parapet", "pier_cap", "slab", "sleeper", "track", "noisy_point",
+)  # fmt: skip
+
+
+def test_the_seventeen_classes_and_unlabelled() -> None:
+    """Ids 0 to 16 in the paper's order, 255 for what has no class; names and colours are unique."""
+    rows = class_rows()
+    assert tuple(row.name for row in rows[:-1]) == PAPER
+    assert [row.id for row in rows] == [*range(17), 255]
+    assert (rows[BACKGROUND].name, rows[NOISY_POINT].name, rows[-1].id) == ("background", "noisy_point", UNLABELLED)
+    assert len({row.color for row in rows}) == len({row.name for row in rows}) == len(rows)
+    assert all(0 <= value <= 255 for row in rows for value in row.color)
+
+
+def test_every_component_has_a_class() -> None:
+    """The table leads from each component to a class that exists, and every geometric class has components."""
+    names = {row.name for row in class_rows()}
+    table = component_classes()
+    assert set(table.values()) == names - {"noisy_point", "unlabelled"}
+    assert all(class_of(kind) == name and class_id(name) <= 15 for kind, name in table.items())
+    assert all(kind == kind.lower() and kind.isidentifier() for kind in table)
+
+
+def test_unknown_names_are_bad_input() -> None:
+    """The message lists what is allowed."""
+    with pytest.raises(InputError, match=r"unknown component .*'girdr'.*concrete_girder"):
+        class_of("girdr")
+    with pytest.raises(InputError, match=r"unknown class .*'girdr'.*girder"):
+        class_id("girdr")
