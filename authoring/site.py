@@ -9,7 +9,7 @@ from pydantic import Field
 
 from authoring.alignment import Layout
 from authoring.component import FIRST_SITE_ID, Component, Scatter
-from authoring.site_covers import covered, drape
+from authoring.site_covers import covered, drape, strip_atlas
 from authoring.site_extent import Box, keep_out, strip_corners, strip_edge
 from authoring.site_grid import HeightField
 from authoring.site_land import draw_land, strip_ground, strip_lines
@@ -81,9 +81,8 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     fine = (settings.fine_reach, settings.fine_spacing, settings.coarse_spacing)
     stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)
     ground, soup = strip_ground(land, stations, lefts)
-    strip = (stations[0], stations[-1], lefts[0], lefts[-1])
     parts = [
-        (cover.prim, cover.kind, cover.role, "Ground", drape(piece, layout.alignment, strip))
+        (cover.prim, cover.kind, cover.role, "Ground", drape(piece, layout.alignment, strip_atlas(piece, ground)))
         for cover, piece in covered(soup)
     ]
     parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in way_pieces(land, ground)]

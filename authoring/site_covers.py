@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from authoring.alignment import Alignment
 from authoring.component import Mesh
+from authoring.site_grid import HeightField
 from authoring.site_shape import Shape
 
 F64 = NDArray[np.float64]
@@ -114,13 +115,13 @@ def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:
     return Soup(rows, inside, soup.covers), Soup(rows, outside, soup.covers)
 
 
-def drape(soup: Soup, alignment: Alignment, strip: tuple[float, float, float, float] | None = None) -> Mesh:
+def drape(soup: Soup, alignment: Alignment, atlas: F64) -> Mesh:
     """Turn triangles into a mesh in world space; `st` counts metres along the axis and to its left.
 
     Args:
         soup: Triangles.
         alignment: Axis of the bridge.
-        strip: Lowest and highest station and left [m] of the 0 to 1 atlas, or None for no atlas.
+        atlas: `st1` at each corner of each triangle [1], shape (3 * T, 2), float64.
 
     Returns:
         The mesh.
@@ -128,20 +129,29 @@ def drape(soup: Soup, alignment: Alignment, strip: tuple[float, float, float, fl
     used, corners = np.unique(soup.faces, return_inverse=True)
     rows = soup.rows[used]
     corners = corners.reshape(-1)
-    plan = rows[corners, :2]
-    unit = np.zeros((0, 2))
-    if strip is not None:
-        unit = np.stack(
-            [(plan[:, 0] - strip[0]) / (strip[1] - strip[0]), (plan[:, 1] - strip[2]) / (strip[3] - strip[2])], axis=1
-        )
     return Mesh(
         points=to_world(alignment, rows[:, :3]),
         face_counts=np.full(len(soup.faces), 3, np.int32),
         corners=corners.astype(np.int32),
         normals=turn(alignment, _unit(rows[corners, 3:6])).astype(np.float32),
-        st=plan.astype(np.float32),
-        st1=unit.astype(np.float32),
+        st=rows[corners, :2].astype(np.float32),
+        st1=atlas.astype(np.float32),
     )
+
+
+def strip_atlas(soup: Soup, field: HeightField) -> F64:
+    """Chart a strip from 0 to 1 along and across its axis.
+
+    Args:
+        soup: Triangles of the strip.
+        field: The strip.
+
+    Returns:
+        `st1` at each corner of each triangle [1], shape (3 * T, 2), float64.
+    """
+    low = np.array([field.stations[0], field.lefts[0]])
+    size = np.array([field.stations[-1], field.lefts[-1]]) - low
+    return (soup.rows[soup.faces.reshape(-1), :2] - low) / size
 
 
 def to_world(alignment: Alignment, points: F64) -> F64:

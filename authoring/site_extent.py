@@ -35,7 +35,7 @@ class Box:
             margin: How far inside they must lie [m].
 
         Returns:
-            Shape (N,), bool.
+            Whether they do, shape (N,), bool.
         """
         offset = points - np.asarray(self.centre)
         cosine, sine = np.cos(self.heading), np.sin(self.heading)

@@ -88,7 +88,7 @@ def graded_lines(fixed: tuple[float, ...], fine: tuple[float, float], spacing: f
         coarse: Largest distance anywhere [m].
 
     Returns:
-        Lines [m], rising, float64.
+        Lines [m], rising, shape (N,), float64.
     """
     low, high = max(fine[0], min(fixed)), min(fine[1], max(fixed))
     inner = sorted({low, high, *(value for value in fixed if low < value < high)})
@@ -109,7 +109,7 @@ def growing_steps(reach: float, first: float, largest: float, ratio: float = 1.1
         ratio: Growth from step to step [1].
 
     Returns:
-        Distances [m], rising, the last equal to `reach`; empty when `reach` is 0.
+        Distances [m], rising, the last equal to `reach`, shape (N,), float64; empty when `reach` is 0.
     """
     if reach <= 0:
         return np.zeros(0)

@@ -27,7 +27,7 @@ def pebble(rng: np.random.Generator) -> Mesh:
         A closed mesh.
     """
     points, faces = icosphere(1)
-    points = bulge(points, 0.22, rng) * np.array([0.5, rng.uniform(0.34, 0.48), rng.uniform(0.22, 0.36)])
+    points = _bulge(points, 0.22, rng) * np.array([0.5, rng.uniform(0.34, 0.48), rng.uniform(0.22, 0.36)])
     points[:, 2] += 0.08
     return faceted(points, faces)
 
@@ -88,7 +88,7 @@ def leaf_mass(
         Closed masses that run into each other.
     """
     points, faces = icosphere(core)
-    pieces = [(middle + 0.78 * size * bulge(points, 0.12, rng), faces)]
+    pieces = [(middle + 0.78 * size * _bulge(points, 0.12, rng), faces)]
     turn = np.pi * (1.0 + np.sqrt(5.0)) * (np.arange(clumps) + rng.uniform(0.0, 1.0, clumps) * ragged)
     height = 1.0 - 1.75 * (np.arange(clumps) + rng.uniform(0.2, 0.8, clumps)) / clumps
     round_ = np.sqrt(np.maximum(1.0 - height * height, 0.0))
@@ -193,7 +193,7 @@ def faceted(points: F64, faces: I64, smooth: float = 0.6) -> Mesh:
     )
 
 
-def bulge(points: F64, amount: float, rng: np.random.Generator) -> F64:
+def _bulge(points: F64, amount: float, rng: np.random.Generator) -> F64:
     """Push the points of a unit sphere in and out with a few random waves."""
     ways = rng.normal(size=(7, 3))
     waves = np.sin(points @ (2.4 * ways.T) + rng.uniform(0.0, 2 * np.pi, 7)).sum(axis=1) / np.sqrt(7.0)

@@ -62,7 +62,7 @@ def strip_lines(land: Land, run_out: float, half_width: float, fine: tuple[float
         fine: Reach of the fine mesh round the bridge, spacing there, and largest spacing anywhere [m].
 
     Returns:
-        Stations and lefts [m], rising, float64.
+        Stations [m] and lefts [m], rising, shapes (S,) and (L,), float64.
     """
     reach, spacing, coarse = fine
     (first, last), half = (approach.back for approach in land.approaches), land.layout.width / 2
@@ -86,8 +86,8 @@ def strip_ground(land: Land, stations: F64, lefts: F64) -> tuple[HeightField, So
 
     Args:
         land: The land.
-        stations: Grid lines along the axis [m], float64.
-        lefts: Grid lines to its left [m], float64.
+        stations: Grid lines along the axis [m], shape (S,), float64.
+        lefts: Grid lines to its left [m], shape (L,), float64.
 
     Returns:
         The ground, and its triangles with their covers.

@@ -48,7 +48,7 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lif
         lefts: Its cross-sections, by their distance to the left of the axis [m], shape (N,), float64.
         hills: Height of the land at large.
         suffix: Ending of the prim names.
-        lift: Ground that a road must not sink into, or None.
+        lift: Height of ground that a road must not sink into [m], shape (N,), from station and left, or None.
 
     Returns:
         Pieces as in `way_pieces`.
@@ -77,7 +77,7 @@ def approach_pieces(
         stations: Its cross-sections, in the direction away from the bridge [m], shape (N,), float64.
         hills: Height of the land at large.
         suffix: Ending of the prim names.
-        lift: Ground that the road must not sink into, or None.
+        lift: Height of ground that the road must not sink into [m], shape (N,), from station and left, or None.
 
     Returns:
         Pieces as in `way_pieces`.
@@ -92,7 +92,7 @@ def approach_pieces(
 
 
 def spread(first: float, last: float, step: float) -> F64:
-    """Divide a range into equal steps of at most `step` [m], float64."""
+    """Divide a range into equal steps of at most `step` [m], shape (N,), float64."""
     return np.linspace(first, last, int(np.ceil(abs(last - first) / step)) + 1)
 
 

@@ -116,7 +116,7 @@ def clear(land: Land, station: F64, left: F64, bridge_gap: float, edge_gap: floa
         edge_gap: Distance to keep from roads, their shoulders and the water's edge [m].
 
     Returns:
-        Shape (N,), bool.
+        Whether it is so, shape (N,), bool.
     """
     half = land.layout.width / 2
     first, last = (approach.back for approach in land.approaches)

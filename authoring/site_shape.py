@@ -103,7 +103,7 @@ class Approach:
 
         Args:
             layout: The bridge; at its abutments the road continues its deck.
-            hills: Height of the land at large.
+            hills: Height of the land at large [m], the same shape.
             station: Distance along the axis [m], any shape, float64.
 
         Returns:
@@ -174,7 +174,7 @@ class Land:
         Args:
             station: Distance along the axis [m], any shape, float64.
             left: Distance to the left of the axis [m], the same shape, float64.
-            hills: Height of the land at large, 0 on the site.
+            hills: Height of the land at large [m], the same shape, 0 on the site.
 
         Returns:
             Heights and covers.

@@ -13,7 +13,7 @@ from typing import Any
 from groundwork.canonical import canonical_json, file_digest
 from groundwork.errors import InputError, OutOfSpaceError
 
-MANIFEST = "manifest.json"
+MANIFEST = "artefact.json"  # a scene folder has a manifest.json of its own
 MARK = ".falsework"
 
 
@@ -101,7 +101,7 @@ def space_errors(where: Path) -> Iterator[None]:
 
 
 def write_manifest(folder: Path, record: dict[str, Any]) -> None:
-    """Write `manifest.json`: the record plus size and SHA-256 of every other file of the folder.
+    """Write `artefact.json`: the record plus size and SHA-256 of every other file of the folder.
 
     Args:
         folder: A finished folder.

@@ -278,7 +278,7 @@ def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarit
         scale, rotation, translation = fit_similarity(source, goal)
         return Similarity(float(scale), rotation, translation)
     left, _, right = np.linalg.svd(turned[inliers].sum(axis=0))
-    rotation = (left * [1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    rotation = left @ right  # no reflection: the rotations lie within 45 degrees of each other
     source_mean, goal_mean = source.mean(axis=0), goal.mean(axis=0)
     spread = np.linalg.norm(source - source_mean)
     if spread == 0.0:

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from groundwork.errors import InputError
 from recon.observations import Observations
 from render.capture import Truth
 
@@ -64,6 +65,9 @@ def gather(truth: Truth, observations: Observations) -> ObservedTruth:
 
     Returns:
         What is there.
+
+    Raises:
+        InputError: A truth image is missing, damaged, or of another size; names it.
     """
     count = len(observations.image)
     found = ObservedTruth(
@@ -71,14 +75,18 @@ def gather(truth: Truth, observations: Observations) -> ObservedTruth:
     )
     by_image = np.argsort(observations.image, kind="stable")
     images, first = np.unique(observations.image[by_image], return_index=True)
-    pixel = observations.pixel
+    height, width = truth.camera.height, truth.camera.width
+    pixel = np.clip(observations.pixel, 0, [width - 1, height - 1])  # a keypoint may lie on the image's very edge
     for image, rows in zip(images, np.split(by_image, first[1:]), strict=True):
-        labels = truth.semantic(int(image))
-        height, width = labels.shape
-        column, row = np.clip(pixel[rows, 0], 0, width - 1), np.clip(pixel[rows, 1], 0, height - 1)
+        column, row = pixel[rows].T
+        labels, instances, depth = truth.semantic(int(image)), truth.instance(int(image)), truth.depth(int(image))
+        for kind, values in (("semantic", labels), ("instance", instances), ("depth", depth)):
+            if values.shape != (height, width):
+                where = truth.folder / kind / truth.names[image]
+                raise InputError("not the size of its photograph", where=where, value=values.shape,
+                                 allowed=f"{height} rows, {width} columns", mend="Render the survey again")  # fmt: skip
         found.label[rows] = labels[row, column]
-        found.instance[rows] = truth.instance(int(image))[row, column]
-        found.depth[rows] = truth.depth(int(image))[row, column]
+        found.instance[rows], found.depth[rows] = instances[row, column], depth[row, column]
         found.margin[rows] = edge_distance(labels)[row, column]
     return found
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
-from groundwork.files import read_json, space_errors, write_json
+from groundwork.files import read_json, write_bytes, write_json
 from usd_schemas.components import NOISY_POINT, ClassRow
 
 FORMAT = "falsework.cloud"
@@ -123,11 +124,10 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
     """
     _check(folder, cloud)
     (folder / OBSERVATIONS).mkdir()
-    with space_errors(folder):
-        for name, kind in COLUMNS.items():
-            np.save(folder / f"{name}.npy", cloud.columns[name].astype(kind.dtype, copy=False))
-        for name, kind in OBSERVATION_COLUMNS.items():
-            np.save(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name].astype(kind.dtype, copy=False))
+    for name in COLUMNS:
+        _save(folder / f"{name}.npy", cloud.columns[name])
+    for name in OBSERVATION_COLUMNS:
+        _save(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name])
     write_json(folder / "cloud.json", {
         "format": FORMAT, "format_version": FORMAT_VERSION,
         "count": len(cloud), "observation_count": len(cloud.observations["image"]),
@@ -169,6 +169,12 @@ def read_cloud(folder: Path) -> Cloud:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
     _check(folder, cloud, count, observation_count)
     return cloud
+
+
+def _save(path: Path, column: Column) -> None:
+    data = BytesIO()
+    np.lib.format.write_array(data, column, allow_pickle=False)
+    write_bytes(path, data.getvalue())
 
 
 def _load(path: Path) -> Column:

@@ -1,12 +1,13 @@
 """A cloud as one file for other programs: LAZ and PLY, without a clock in any header."""
 
 from datetime import date
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.files import space_errors, write_bytes
+from groundwork.files import write_bytes
 from recon.cloud import Cloud
 from usd_schemas.components import UNLABELLED
 
@@ -58,8 +59,9 @@ def write_laz(path: Path, cloud: Cloud) -> None:
     record.classification = np.where(segment == UNLABELLED, _UNCLASSIFIED, _FIRST_USER_CLASS + segment % 128)
     for name in _EXTRA:
         record[name] = columns[name]
-    with space_errors(path), path.open("wb") as file:
-        record.write(file, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
+    data = BytesIO()
+    record.write(data, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
+    write_bytes(path, data.getvalue())
 
 
 def write_ply(path: Path, cloud: Cloud) -> None:

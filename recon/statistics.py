@@ -21,7 +21,7 @@ def describe(
     """Sum up a cloud.
 
     Args:
-        columns: The cloud's columns.
+        columns: The cloud's columns, shape (N,) or (N, width) each; units and types as in `recon.cloud.COLUMNS`.
         alignment: Its alignment.
         model: The model that it came from.
         classes: Class table in force.

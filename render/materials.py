@@ -68,27 +68,32 @@ def texture_keys(materials: tuple[Material, ...]) -> list[TextureKey]:
 
 
 def tabulate_materials(
-    materials: tuple[Material, ...], slots: dict[TextureKey, TextureSlot], *, simple: bool
+    materials: tuple[Material, ...], slots: dict[TextureKey, TextureSlot], quality: str
 ) -> MaterialTable:
     """Turn materials into shader rows and variants.
 
     Args:
         materials: Materials.
         slots: Textures that could be loaded; a missing one leaves the constant.
-        simple: Leave out normal maps and images of the sky.
+        quality: `fast` leaves out normal maps and images of the sky; only `fine` looks the roughness up at each pixel,
+            else its mean serves: concrete, soil and grass shine too little to show the difference.
     """
     rows = np.zeros(len(materials), ROW)
     variants = []
     means = np.zeros((len(materials), 3))
     for number, material in enumerate(materials):
         found = {name: slots[key] for name, key in _keys(material).items() if key in slots}
-        if simple:
+        if quality == "fast":
             found.pop("normal", None)
+        roughness = found["roughness"].mean[0] if "roughness" in found else material.roughness
         _fill(rows[number], material, found)
+        rows[number]["base"][3] = roughness
+        if quality != "fine":
+            found.pop("roughness", None)
         features = [f"HAS_{name.upper()}" for name in SLOTS if name in found]
         if "albedo" in found and material.opacity_threshold > 0 and found["albedo"].cut_out:
             features.append("CUT_OUT")
-        if not simple and (material.roughness < _MIRROR_ROUGHNESS or material.metallic > 0.5):
+        if quality != "fast" and (roughness < _MIRROR_ROUGHNESS or material.metallic > 0.5):
             features.append("MIRROR")
         arrays = tuple(found[name].array if name in found else None for name in SLOTS)
         variants.append(Variant(tuple(features), arrays))

@@ -240,7 +240,7 @@ class Painter:
             "sun_irradiance": tuple(daylight.sun_irradiance.tolist()),
             "open_sky": daylight.open_sky.astype(np.float32).tobytes(),
             "haze": tuple(daylight.haze.tolist()),
-            "haze_density": 1.0 / light.haze_distance,
+            "haze_density": 1.0 / (np.log(2.0) * light.haze_distance),
             "code_scale": 1.0 / BRIGHTEST,
             "panorama": _PANORAMA_UNIT,
             "dome_from_world": daylight.dome_from_world.T.astype(np.float32).tobytes(),
@@ -249,9 +249,10 @@ class Painter:
             light.shadow.texture.use(_SHADOW_UNIT)
             values |= {
                 "shadow_map": _SHADOW_UNIT,
-                "shadow_from_scene": light.shadow.matrices.transpose(0, 2, 1).astype(np.float32).tobytes(),
+                "sun_axes": light.shadow.axes.astype(np.float32).tobytes(),
+                "near_map": tuple(light.shadow.maps[0].tolist()),
+                "far_map": tuple(light.shadow.maps[1].tolist()),
                 "shadow_lift": light.shadow.lifts,
-                "shadow_texel": light.shadow.texel,
             }
         if light.volume is not None:
             for row, (name, texture) in enumerate(zip(("red", "green", "blue"), self._volume, strict=True)):

@@ -64,11 +64,10 @@ def prepare(gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progre
         InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
     """
     check_scene(scene)
-    simple = settings.quality == "fast"
     slots, warnings = load_textures(
         gl.context, texture_keys(scene.materials), settings.texture_side, gl.driver.anisotropy()
     )
-    table = tabulate_materials(scene.materials, slots, simple=simple)
+    table = tabulate_materials(scene.materials, slots, settings.quality)
     lower, upper = draw_boxes(scene)
     box = region_of_interest(scene, lower, upper)
     gpu = upload_scene(gl.context, scene, table, (box[0] + box[1]) / 2)
@@ -77,7 +76,7 @@ def prepare(gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progre
     sunny = bool(daylight.sun_irradiance.any())
     shadow = draw_shadows(gl.context, programs, gpu, daylight, box, settings.shadow_size) if sunny else None
     volume = None
-    if not simple:
+    if settings.quality != "fast":
         volume = cast_light_volume(
             scene, daylight, table.means, box, settings.volume_probes, settings.volume_rays, progress
         )

@@ -23,15 +23,17 @@ class ShadowMap:
 
     Attributes:
         texture: Depth texture, compared on look-up.
-        matrices: Scene position, counted from the anchor, to texture place and depth, shape (2, 4, 4), float64.
+        axes: Scene position, counted from the anchor, to right and up of the sun's view [m] and to the map's depth [1],
+            shape (3, 4), float64.
+        maps: For the fine and the coarse map 1 / half width, centre along right and up in half widths, and how far from
+            the centre it may be used [1], shape (2, 4), float64.
         lifts: How far a look-up moves along the normal in each map [m].
-        texel: Height of a texel in texture space [1].
     """
 
     texture: moderngl.Texture
-    matrices: F64
+    axes: F64
+    maps: F64
     lifts: tuple[float, float]
-    texel: float
 
 
 def draw_shadows(
@@ -54,26 +56,27 @@ def draw_shadows(
     low, high = gpu.lower.min(axis=0), gpu.upper.max(axis=0)
     near = (box[0] - _NEAR_MARGIN, box[1] + _NEAR_MARGIN)
     far = (np.maximum(low, box[0] - _FAR_REACH), np.minimum(high, box[1] + _FAR_REACH))
-    matrices, lifts = np.zeros((2, 4, 4)), [0.0, 0.0]
+    axes = _sun_axes(light.sun_direction, _corners(low, high) - gpu.anchor)
+    maps = np.array([_fit(axes, _corners(*bounds) - gpu.anchor, size) for bounds in (near, far)])
     gpu.place(gpu.anchor)
     gpu.bind()
     context.enable_only(moderngl.DEPTH_TEST)
     context.depth_func = "<"
     context.polygon_offset = (1.5, 2.0)
-    for half, bounds in enumerate((near, far)):
-        clip, width = _sun_clip(light.sun_direction, bounds, (low, high), gpu.anchor)
+    for half in range(2):
         framebuffer.viewport = (half * size, 0, size, size)
         framebuffer.scissor = framebuffer.viewport
+        clip = np.vstack([axes, [0.0, 0.0, 0.0, 1.0]])
+        clip[:2] *= maps[half, 0]
+        clip[:2, 3] += maps[half, 1:3]
         _draw_depth(context, programs, gpu, clip)
-        halved = np.array([[0.25, 0, 0, 0.25 + 0.5 * half], [0, 0.5, 0, 0.5], [0, 0, 1, 0], [0, 0, 0, 1]])
-        matrices[half] = halved @ clip
-        lifts[half] = _LIFT_TEXELS * width / size
     context.polygon_offset = (0.0, 0.0)
     texture.compare_func = "<="
     texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
     texture.repeat_x = texture.repeat_y = False
     framebuffer.release()
-    return ShadowMap(texture, matrices, (lifts[0], lifts[1]), 1.0 / size)
+    fine, coarse = (_LIFT_TEXELS * 2 / (size * maps[:, 0])).tolist()
+    return ShadowMap(texture, axes, maps, (fine, coarse))
 
 
 def depth_groups(gpu: GpuScene) -> list[tuple[tuple[str, ...], moderngl.TextureArray | None, NDArray[np.int64]]]:
@@ -110,22 +113,25 @@ def _draw_depth(context: moderngl.Context, programs: Programs, gpu: GpuScene, cl
         commands.release()
 
 
-def _sun_clip(to_sun: F64, bounds: tuple[F64, F64], casters: tuple[F64, F64], anchor: F64) -> tuple[F64, float]:
-    """Fit a square parallel projection to a box, deep enough for every caster; also its width [m]."""
+def _sun_axes(to_sun: F64, casters: F64) -> F64:
+    """Right and up of the sun's view [m], and its depth: 0 before the nearest caster, 1 behind the farthest."""
     up = np.array([0.0, 0.0, 1.0]) if abs(to_sun[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
     right = np.cross(up, to_sun)
     right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(to_sun, right), to_sun])
-    seen, all_casters = _corners(*bounds) - anchor, _corners(*casters) - anchor
-    flat, depth = seen @ axes.T, all_casters @ to_sun
+    height = casters @ to_sun
+    nearest, farthest = height.max() + 0.5, height.min() - 0.5
+    axes = np.zeros((3, 4))
+    axes[0, :3], axes[1, :3] = right, np.cross(to_sun, right)
+    axes[2, :3], axes[2, 3] = -to_sun / (nearest - farthest), nearest / (nearest - farthest)
+    return axes
+
+
+def _fit(axes: F64, corners: F64, size: int) -> F64:
+    """Fit a square map to a box: one row of `ShadowMap.maps`."""
+    flat = corners @ axes[:2, :3].T
     center = (flat.min(axis=0) + flat.max(axis=0)) / 2
-    width = float(np.max(flat.max(axis=0)[:2] - flat.min(axis=0)[:2])) * 1.01 + 0.1
-    nearest, farthest = float(depth.max()) + 0.5, float(depth.min()) - 0.5
-    clip = np.eye(4)
-    clip[0, :3], clip[0, 3] = axes[0] * 2 / width, -center[0] * 2 / width
-    clip[1, :3], clip[1, 3] = axes[1] * 2 / width, -center[1] * 2 / width
-    clip[2, :3], clip[2, 3] = -to_sun / (nearest - farthest), nearest / (nearest - farthest)
-    return clip, width
+    half = float(np.max(flat.max(axis=0) - flat.min(axis=0))) / 2 + 0.1
+    return np.array([1 / half, -center[0] / half, -center[1] / half, 1.0 - 6.0 / size])
 
 
 def _corners(low: F64, high: F64) -> F64:

@@ -107,7 +107,7 @@ def mesh_key(prim: Usd.Prim) -> object:
 
 
 def world_bounds(scene: FlatScene | Flattened) -> tuple[F64, F64]:
-    """Find the axis-aligned box of everything that is drawn.
+    """Find an axis-aligned box that holds everything that is drawn; turned meshes count with their own boxes.
 
     Args:
         scene: Scene with at least one draw.
@@ -120,9 +120,11 @@ def world_bounds(scene: FlatScene | Flattened) -> tuple[F64, F64]:
     for part in np.unique(draws.part).tolist():
         first, count = geometry.part_first[part], geometry.part_count[part]
         used = geometry.positions[np.unique(geometry.triangles[first : first + count])].astype(np.float64)
-        for transform in draws.transform[draws.part == part]:
-            placed = used @ transform[:3, :3].T + transform[:3, 3]
-            low, high = np.minimum(low, placed.min(axis=0)), np.maximum(high, placed.max(axis=0))
+        ends = np.stack([used.min(axis=0), used.max(axis=0)])
+        corners = np.array([[ends[bit, axis] for axis, bit in enumerate(bits)] for bits in np.ndindex(2, 2, 2)])
+        transforms = draws.transform[draws.part == part]
+        placed = np.einsum("nij,cj->nci", transforms[:, :3, :3], corners) + transforms[:, None, :3, 3]
+        low, high = np.minimum(low, placed.min(axis=(0, 1))), np.maximum(high, placed.max(axis=(0, 1)))
     return low, high
 
 

@@ -87,12 +87,11 @@ def _split(faces: F64) -> I64:
     before, after = local - previous, following - local
     turns = np.einsum("fnk,fk->fn", cross(before, after), area)
     least = FLAT * np.einsum("fk,fk->f", area, area)[:, None]
-    concave = np.any(turns < -least, axis=1)
     if count == 4:
         # A quad with a reflex corner is split at that corner; the fan already does so at corners 0 and 2.
-        result[concave & ((turns[:, 1] < -least[:, 0]) | (turns[:, 3] < -least[:, 0]))] = [[1, 2, 3], [1, 3, 0]]
+        result[np.any(turns[:, [1, 3]] < -least, axis=1)] = [[1, 2, 3], [1, 3, 0]]
         return result
-    for row in np.flatnonzero(concave | (np.any(abs(turns) <= least, axis=1))):
+    for row in np.flatnonzero(np.any(turns <= least, axis=1)):
         result[row] = _clip_ears(_flatten(local[row], area[row]))
     return result
 

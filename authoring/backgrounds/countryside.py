@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from authoring.backgrounds.hamlet import RADIUS, draw_hamlet, hamlet_components
-from authoring.backgrounds.parcels import crop_fields, draw_parcels
+from authoring.backgrounds.parcels import crop_fields, draw_parcels, uncropped
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.terrain import Terrain, grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import plant_trees
@@ -45,9 +45,11 @@ def build_countryside(
     axis, own = site.land.layout.alignment, site.field
     inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
     terrain = grow_terrain(site, rolling_hills(site.land, inner, settings.hills, rng), settings.reach)
-    parcels = draw_parcels(terrain, rng)
+    houses = draw_hamlet(terrain, settings.buildings, rng)
+    taken = np.array([(house.station, house.left, RADIUS - 3.0) for house in houses]).reshape(-1, 3)
+    parcels = uncropped(draw_parcels(terrain, rng), taken)
     pieces = [
-        (cover.prim, cover.kind, cover.role, "Ground", drape(soup, axis))
+        (cover.prim, cover.kind, cover.role, "Ground", drape(soup, axis, terrain.atlas(soup)))
         for cover, soup in covered(terrain.soup(crop_fields(terrain, parcels)))
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
@@ -55,9 +57,7 @@ def build_countryside(
         Component(f"Countryside_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)
         for number, (prim, kind, role, group, mesh) in enumerate(pieces)
     ]
-    houses = draw_hamlet(terrain, settings.buildings, rng)
     components += hamlet_components(terrain, houses, rng, FIRST_BACKGROUND_ID + len(components))
-    taken = np.array([(house.station, house.left, RADIUS - 3.0) for house in houses]).reshape(-1, 3)
     plants: list[Scatter] = []
     for plant, count in ((plant_trees, settings.trees), (plant_hedges, settings.hedge_bushes)):
         number = FIRST_BACKGROUND_ID + len(components) + len(plants)

@@ -1,6 +1,6 @@
 """Fields: a patchwork of ploughed land, crops and pasture, divided by hedges."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +82,23 @@ def draw_parcels(terrain: Terrain, rng: np.random.Generator) -> tuple[Parcel, ..
                 at += length
             depth += side * width
     return tuple(parcels)
+
+
+def uncropped(parcels: tuple[Parcel, ...], taken: F64) -> tuple[Parcel, ...]:
+    """Leave fields as pasture where buildings stand on them.
+
+    Args:
+        parcels: The fields.
+        taken: Station, left and radius of each building [m], shape (K, 3), float64.
+
+    Returns:
+        The fields, some without their crop.
+    """
+    kept = []
+    for parcel in parcels:
+        built = (parcel.inside(taken[:, 0], taken[:, 1]) > -taken[:, 2]).any()
+        kept.append(replace(parcel, crop="") if built else parcel)
+    return tuple(kept)
 
 
 def crop_fields(terrain: Terrain, parcels: tuple[Parcel, ...]) -> tuple[tuple[Cover, F64], ...]:

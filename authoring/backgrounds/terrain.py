@@ -16,6 +16,7 @@ F64 = NDArray[np.float64]
 WIDEST_STEP = 55.0  # largest spacing of grid lines [m]
 INVERSIONS = 8  # rounds that find the grid coordinates of a place; each shrinks the error about threefold
 APRON = 2500.0  # plain margin beyond the land that ways and fields reach, so that no high camera sees its end [m]
+FIRST_TILE, TILE_GROWTH = 130.0, 1.3  # size of the atlas tiles beside the site [m], and their growth outwards [1]
 FADE = 400.0  # distance over which the bends of the grid lines fade out [m]
 Cell = tuple[float, float, float, float]
 
@@ -46,11 +47,7 @@ class Terrain:
         Returns:
             World heights [m], shape (N,), float64.
         """
-        column, row = station, left
-        for _ in range(INVERSIONS):
-            shift, aside = _bends(self.land, self.inner, column, row)
-            column, row = station - shift, left - aside
-        return self.field(column, row)
+        return self.field(*self._unbent(station, left))
 
     def beyond(self, station: F64, left: F64) -> F64:
         """Measure the distance to the site, 0 inside it [m], same shape, float64."""
@@ -60,7 +57,7 @@ class Terrain:
         """Gather the triangles outside the site.
 
         Args:
-            extra: Further covers that yield to the site's own, with their fields at the nodes [m], each (S, L).
+            extra: Further covers that yield to the site's own, with their fields at the nodes [m], shape (S, L).
 
         Returns:
             The triangles with their covers.
@@ -77,6 +74,39 @@ class Terrain:
         outside = ((columns < first) | (columns >= last))[:, None] | ((rows < low) | (rows >= high))[None, :]
         covers = (*COVERS[:-1], *(cover for cover, _ in extra), COVERS[-1])
         return soup_of(nodes, normals, faces[np.repeat(outside.reshape(-1), 2)], shape, covers)
+
+    def atlas(self, soup: Soup) -> F64:
+        """Chart the land in tiles from 0 to 1, wider and wider outwards; turned and mirrored, no two neighbours match.
+
+        A macro texture that is neutral along its border goes on over every tile's border, and over the site's.
+
+        Args:
+            soup: Triangles outside the site; none crosses a tile's border.
+
+        Returns:
+            `st1` at each corner of each triangle [1], shape (3 * T, 2), float64.
+        """
+        corner = soup.rows[soup.faces.reshape(-1), :2]
+        place = np.stack(self._unbent(corner[:, 0], corner[:, 1]), axis=1)
+        middle = np.repeat(place.reshape(-1, 3, 2).mean(axis=1), 3, axis=0)
+        tile, share = np.zeros(place.shape, np.int64), np.zeros(place.shape)
+        for axis, lines in enumerate((self.field.stations, self.field.lefts)):
+            borders = _tile_borders(lines, self.inner[2 * axis], self.inner[2 * axis + 1])
+            tile[:, axis] = np.clip(np.searchsorted(borders, middle[:, axis]) - 1, 0, len(borders) - 2)
+            start, size = borders[tile[:, axis]], np.diff(borders)[tile[:, axis]]
+            share[:, axis] = np.clip((place[:, axis] - start) / size, 0.0, 1.0)
+        code = 3 * tile[:, 0] + 5 * tile[:, 1] + tile[:, 0] * tile[:, 1]
+        share[:, 0] = np.where(code & 1, 1.0 - share[:, 0], share[:, 0])
+        share[:, 1] = np.where(code & 2, 1.0 - share[:, 1], share[:, 1])
+        return np.where((code & 4)[:, None] > 0, share[:, ::-1], share)
+
+    def _unbent(self, station: F64, left: F64) -> tuple[F64, F64]:
+        """Find the grid coordinates of places."""
+        column, row = station, left
+        for _ in range(INVERSIONS):
+            shift, aside = _bends(self.land, self.inner, column, row)
+            column, row = station - shift, left - aside
+        return column, row
 
     def nodes(self) -> tuple[F64, F64]:
         """Find the stations and lefts of the nodes [m], each of shape (S, L), float64."""
@@ -159,6 +189,19 @@ def _outward(line: F64, reach: float) -> F64:
     steps = np.concatenate([[0.0], growing_steps(reach - FIRST_STEP, FIRST_STEP, WIDEST_STEP, 1.19)]) + FIRST_STEP
     steps = np.append(steps, steps[-1] + APRON)
     return np.concatenate([line[0] - steps[::-1], line, line[-1] + steps])
+
+
+def _tile_borders(lines: F64, low: float, high: float) -> F64:
+    """Choose grid lines that bound atlas tiles: the site's borders, and outwards ever farther ones."""
+    sides = []
+    for outward, border in ((lines[lines > high], high), (-lines[lines < low][::-1], -low)):
+        chosen, size = [border], FIRST_TILE
+        for line in outward:
+            if line - chosen[-1] >= size or line == outward[-1]:
+                chosen.append(float(line))
+                size *= TILE_GROWTH
+        sides.append(np.array(chosen))
+    return np.concatenate([-sides[1][::-1], sides[0]])
 
 
 def _bent_nodes(land: Land, inner: Cell, stations: F64, lefts: F64) -> tuple[F64, F64]:

@@ -10,9 +10,10 @@ uniform float haze_density;     // [1/m]
 uniform float code_scale;       // 1 / brightest radiance that the target can hold
 
 uniform sampler2DShadow shadow_map;
-uniform mat4 shadow_from_scene[2];  // near and far half of the map
-uniform vec2 shadow_lift;           // normal offset of each half [m]
-uniform float shadow_texel;         // one texel of the map, along its rows and columns [1]
+uniform vec4 sun_axes[3];       // scene to right and up of the sun's view [m], and to the map's depth [1]
+uniform vec4 near_map;          // 1 / half width, centre, usable half width of the left, fine half of the map
+uniform vec4 far_map;           // the same of the right, coarse half
+uniform vec2 shadow_lift;       // normal offset of each half [m]
 
 uniform sampler3D volume_red;
 uniform sampler3D volume_green;
@@ -37,23 +38,34 @@ layout(location = 3) out vec4 out_normal;
 const float PI = 3.14159265;
 
 #ifdef SUN
+// Percentage-closer filter: the mean of a 3x3 texel square at any place, from four gathers of 2x2 comparisons.
 float sun_visibility(vec3 scene, vec3 n) {
-    vec3 near = (shadow_from_scene[0] * vec4(scene + n * shadow_lift.x, 1.0)).xyz;
-    vec3 far = (shadow_from_scene[1] * vec4(scene + n * shadow_lift.y, 1.0)).xyz;
-    vec2 margin = vec2(2.0, 4.0) * shadow_texel;
-    bool inside = all(greaterThan(near.xy, margin)) && near.x < 0.5 - margin.x && near.y < 1.0 - margin.y;
-    vec3 place = inside ? near : far;
-    if (!inside && (far.x < 0.5 + margin.x || any(lessThan(far, vec3(0.0))) || any(greaterThan(far, vec3(1.0)))))
-        return 1.0;
-    vec2 step = vec2(0.5, 1.0) * shadow_texel;
-    float sum = 0.0;
+    vec3 ray = vec3(dot(sun_axes[0], vec4(scene, 1.0)), dot(sun_axes[1], vec4(scene, 1.0)),
+                    dot(sun_axes[2], vec4(scene, 1.0)));
+    vec3 turned = vec3(dot(sun_axes[0].xyz, n), dot(sun_axes[1].xyz, n), dot(sun_axes[2].xyz, n));
+    vec2 near = abs(ray.xy * near_map.x + near_map.yz);
+    bool inside = max(near.x, near.y) < near_map.w;
+    vec4 map = inside ? near_map : far_map;
+    ray += turned * (inside ? shadow_lift.x : shadow_lift.y);
+    vec2 place = ray.xy * map.x + map.yz;
+    if (max(abs(place.x), abs(place.y)) > map.w) return 1.0;
+    place = vec2(place.x * 0.25 + (inside ? 0.25 : 0.75), place.y * 0.5 + 0.5);
+    float depth = ray.z;
 #ifdef SOFT
-    for (int y = -1; y <= 1; y++)
-        for (int x = -1; x <= 1; x++)
-            sum += texture(shadow_map, vec3(place.xy + vec2(x, y) * step, place.z));
-    return sum / 9.0;
+    vec2 texels = place * vec2(textureSize(shadow_map, 0)) - 0.5;
+    vec2 part = fract(texels);
+    vec2 texel = 1.0 / vec2(textureSize(shadow_map, 0));
+    vec2 corner = (floor(texels) + 0.0) * texel;
+    vec4 a = textureGather(shadow_map, corner, depth);
+    vec4 b = textureGather(shadow_map, corner + vec2(2.0, 0.0) * texel, depth);
+    vec4 c = textureGather(shadow_map, corner + vec2(0.0, 2.0) * texel, depth);
+    vec4 d = textureGather(shadow_map, corner + vec2(2.0, 2.0) * texel, depth);
+    // A gather returns (left upper, right upper, right lower, left lower); rows grow upwards.
+    vec4 rows = vec4((1.0 - part.x) * a.w + a.z + b.w + part.x * b.z, (1.0 - part.x) * a.x + a.y + b.x + part.x * b.y,
+                     (1.0 - part.x) * c.w + c.z + d.w + part.x * d.z, (1.0 - part.x) * c.x + c.y + d.x + part.x * d.y);
+    return dot(rows, vec4(1.0 - part.y, 1.0, 1.0, part.y)) / 9.0;
 #else
-    return texture(shadow_map, place);
+    return texture(shadow_map, vec3(place, depth));
 #endif
 }
 #endif
@@ -108,6 +120,11 @@ float highlight(float ndl, float ndv, float ndh, float roughness) {
     return a2 / (PI * spread * spread) / (4.0 * (ndl * (1.0 - k) + k) * (ndv * (1.0 - k) + k));
 }
 
+float fifth(float x) {
+    float square = x * x;
+    return square * square * x;
+}
+
 vec3 shade(Material material, vec3 albedo, vec3 face) {
     vec3 scene = relative + eye;
     float away = length(relative);
@@ -130,9 +147,9 @@ vec3 shade(Material material, vec3 albedo, vec3 face) {
     vec3 f0 = mix(vec3(0.04), albedo, metallic);
     vec3 middle = normalize(view + to_sun);
     float ndv = max(dot(n, view), 0.02);
-    float grazing = pow(1.0 - max(dot(middle, view), 0.0), 5.0);
+    float grazing = fifth(1.0 - max(dot(middle, view), 0.0));
     light += sun_irradiance * lit * (f0 + (1.0 - f0) * grazing) * highlight(max(ndl, 0.0), ndv, max(dot(n, middle), 0.0), roughness);
-    float rim = pow(1.0 - ndv, 5.0) * (1.0 - roughness) * (1.0 - roughness);
+    float rim = fifth(1.0 - ndv) * (1.0 - roughness) * (1.0 - roughness);
 #ifdef MIRROR
     vec3 open = max(open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3], 1e-4);
     vec3 bounce = reflect(-view, n);
@@ -143,7 +160,7 @@ vec3 shade(Material material, vec3 albedo, vec3 face) {
 #endif
 #endif
     light += material.emissive.rgb;
-    return mix(haze, light, exp(-away * haze_density));
+    return mix(haze, light, exp2(-away * haze_density));
 }
 
 void main() {

@@ -95,6 +95,18 @@ def test_terrain_has_no_gap_and_no_overlap(world: World) -> None:
     assert size.min() > 2000.0
 
 
+def test_atlas_tiles_end_on_the_sites_border(world: World) -> None:
+    """`st1` stays within 0 to 1, and is on a tile's border, where patches are neutral, all along the site."""
+    site, pieces = world
+    border = along_border(site, [part for part in solids(pieces) if part.group == "Ground"])
+    for part in (part for part in solids(pieces) if part.group == "Ground"):
+        assert part.mesh.st1.min() >= 0
+        assert part.mesh.st1.max() <= 1
+        corner = part.mesh.points[part.mesh.corners]
+        joint = np.array([row.tobytes() in border for row in corner])
+        assert np.minimum(part.mesh.st1, 1 - part.mesh.st1)[joint].min(axis=1).max(initial=0.0) < 1e-5, part.name
+
+
 def test_height_agrees_with_the_mesh(world: World) -> None:
     """Heights that plants and buildings stand on are the mesh's: exact near, within 15 cm anywhere near."""
     site, _ = world

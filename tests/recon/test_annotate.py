@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from groundwork.errors import InputError
 from recon.annotate import annotate, edge_distance, gather, vote
 from recon.colmap_model import SparseModel
 from recon.observations import Observations, median_per_point, select_points
@@ -86,6 +87,15 @@ def test_half_a_pixel_changes_the_label(three_views: Truth) -> None:
     for shift in (-0.5, 0.5):
         moved = observations([0, 0, 0, 0], [1] * 4, [(u + shift, v) for u, v in uv])
         assert gather(three_views, moved).label.tolist() != labels
+
+
+def test_truth_of_another_size_is_refused(three_views: Truth, tmp_path: Path) -> None:
+    """Labels must share the photograph's pixels: anything else would be silently wrong."""
+    small = np.zeros((6, 8), np.uint8)
+    frame = FrameTruth(np.ones((6, 8), np.float32), small, small.astype(np.uint32))
+    write_frame_truth(tmp_path, "000001", frame, wide_ids=False)
+    with pytest.raises(InputError, match="000001"):
+        gather(three_views, observations([0, 0], [0, 1], [(1.0, 1.0), (1.0, 1.0)]))
 
 
 def test_ties_go_to_the_nearest_surface() -> None:

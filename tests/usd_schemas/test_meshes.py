@@ -120,6 +120,16 @@ def test_equal_face_varying_values_are_welded(tmp_path: Path) -> None:
     np.testing.assert_allclose(scene.geometry.st, scene.geometry.positions[:, :2])
 
 
+def test_values_that_differ_in_one_component_are_kept_apart(tmp_path: Path) -> None:
+    """Normals that differ only in z, without indices, are not welded."""
+    up, tilted = ["(0, 0.6, 0.8)"] * 4, ["(0, 0.6, -0.8)"] * 4
+    text = f'normal3f[] normals = [{", ".join(up + tilted)}] (interpolation = "faceVarying")'
+    scene = read_body(tmp_path, mesh(TWO_FACES + text))
+    corner = scene.geometry.normals[scene.geometry.triangles]
+    np.testing.assert_allclose(corner[:2], np.tile([0, 0.6, 0.8], (2, 3, 1)), rtol=1e-6)
+    np.testing.assert_allclose(corner[2:], np.tile([0, 0.6, -0.8], (2, 3, 1)), rtol=1e-6)
+
+
 def test_zero_normals_are_mended(tmp_path: Path) -> None:
     """A zero normal is replaced by the face's own."""
     text = f'normal3f[] normals = [{", ".join(["(0,0,0)"] * 8)}] (interpolation = "faceVarying")'

@@ -148,6 +148,8 @@ def test_nested_point_instancers(tmp_path: Path) -> None:
     expected = sorted(tuple(np.round((t * o).Transform((0, 0, 0)), 4).tolist()) for o in outer for t in trees)
     found = sorted(tuple(np.round(transform[:3, 3], 4).tolist()) for transform in scene.draws.transform)
     np.testing.assert_allclose(found, expected, atol=2e-4)
+    second = scene.draws.transform[:, 0, 3] > 50
+    assert (scene.draws.instance == np.where(second, 22, 21)).all()
 
 
 @pytest.mark.parametrize(

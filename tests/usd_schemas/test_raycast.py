@@ -9,18 +9,22 @@ from usd_schemas.raycast import NOTHING, RayScene
 F64 = NDArray[np.float64]
 
 
-def two_squares(offset: F64) -> tuple[F64, NDArray[np.uint32]]:
-    """Two squares of 2 x 2 facing up at z = 0 (id 5) and z = 3 (id 9), the upper one shifted by 1 along x."""
-    square = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]], float)
+def two_rectangles(offset: F64) -> tuple[F64, NDArray[np.uint32]]:
+    """Two rectangles of 2 x 2.6 facing up at z = 0 (id 5) and z = 3 (id 9), the upper one shifted by 1 along x."""
+    square = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]], float) * [
+        1.0,
+        1.3,
+        1.0,
+    ]
     corners = np.concatenate([square, square + np.array([1.0, 0.0, 3.0])]) + offset
     return corners, np.array([5, 5, 9, 9], np.uint32)
 
 
-@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (5e5, 4.6e6, 30.0)])
-def test_first_hit_and_misses(offset: tuple[float, ...], tmp_path: object) -> None:
-    """The nearer square hides the farther one; a miss is +inf, `NOTHING` and id 0; far away nothing is lost."""
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (5e5 + 0.37, 4.6e6 + 0.21, 30.0)])
+def test_first_hit_and_misses(offset: tuple[float, ...]) -> None:
+    """The nearer rectangle hides the farther one; a miss is +inf, `NOTHING` and id 0; far away nothing is lost."""
     place = np.array(offset)
-    scene = RayScene(*two_squares(place))
+    scene = RayScene(*two_rectangles(place))
     origins = np.array([[0.5, 0.2, 10.0], [-0.5, 0.2, 10.0], [9.0, 0.0, 10.0], [0.5, 0.2, -4.0]]) + place
     directions = np.array([[0, 0, -1], [0, 0, -2], [0, 0, -1], [0, 0, 1]], float)
     distance, triangle, ids = scene.cast(origins, directions)
@@ -30,14 +34,14 @@ def test_first_hit_and_misses(offset: tuple[float, ...], tmp_path: object) -> No
     assert (triangle[[0, 1, 3]] // 2).tolist() == [1, 0, 0]
 
 
-@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (5e5, 4.6e6, 30.0)])
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (5e5 + 0.37, 4.6e6 + 0.21, 30.0)])
 def test_distance_to_the_surface(offset: tuple[float, ...]) -> None:
     """Distances above, below, beside an edge and beyond a corner."""
     place = np.array(offset)
-    scene = RayScene(*two_squares(place))
+    scene = RayScene(*two_rectangles(place))
     points = np.array([[-0.5, 0.0, 1.0], [0.5, 0.0, 2.5], [-4.0, 0.0, 0.0], [5.0, 5.0, 3.0]]) + place
     distance, triangle = scene.distance(points)
-    np.testing.assert_allclose(distance, [1.0, 0.5, 3.0, 5.0], rtol=1e-5)
+    np.testing.assert_allclose(distance, [1.0, 0.5, 3.0, np.hypot(3.0, 3.7)], rtol=1e-5)
     assert (triangle // 2).tolist() == [0, 1, 0, 1]
 
 
