@@ -15,6 +15,7 @@ INTERRUPTED = 130
 TERMINATED = 143
 SOME_SCENES_FAILED = 3
 JSON_VERSION = 1
+ABOUT = "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo"
 
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 File = tyro.conf.Positional[Path]
@@ -191,7 +192,9 @@ def main(arguments: list[str] | None = None) -> None:
     """
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(TERMINATED))
     try:
-        code = tyro.extras.subcommand_cli_from_dict(VERBS, prog="falsework", description=__doc__, args=arguments)
+        code = tyro.extras.subcommand_cli_from_dict(
+            VERBS, prog="falsework", description=ABOUT, args=arguments, config=(tyro.conf.FlagCreatePairsOff,)
+        )
     except FalseworkError as error:
         sys.stderr.write(f"falsework: {error}\n")
         code = error.exit_code
