@@ -135,4 +135,4 @@ def _write_manifest(settings: AuthoringSettings, seed: int, folder: Path) -> Non
         "versions": {"usd": ".".join(str(part) for part in Usd.GetVersion()), "numpy": np.__version__},
         "scene": folder_digest(folder),
     }
-    write_manifest(folder, record)
+    write_manifest(folder, record, "manifest.json")

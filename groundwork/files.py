@@ -100,19 +100,20 @@ def space_errors(where: Path) -> Iterator[None]:
         raise
 
 
-def write_manifest(folder: Path, record: dict[str, Any]) -> None:
-    """Write `artefact.json`: the record plus size and SHA-256 of every other file of the folder.
+def write_manifest(folder: Path, record: dict[str, Any], name: str = MANIFEST) -> None:
+    """Write a manifest: the record plus size and SHA-256 of every other file of the folder.
 
     Args:
         folder: A finished folder.
         record: Stable facts about how it was made; no clock, host or absolute path.
+        name: File name of the manifest.
     """
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / MANIFEST)
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / name)
     table = {
         path.relative_to(folder).as_posix(): {"bytes": path.stat().st_size, "sha256": file_digest(path)}
         for path in files
     }
-    write_json(folder / MANIFEST, {**record, "files": table})
+    write_json(folder / name, {**record, "files": table})
 
 
 def check_manifest(folder: Path) -> list[str]:
