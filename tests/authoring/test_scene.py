@@ -57,7 +57,7 @@ def test_another_process_writes_the_same_bytes(scene: Path, tmp_path: Path) -> N
 def test_scene_is_sound(scene: Path) -> None:
     """No findings in any variant, and the manifest agrees with the files."""
     assert validate_scene(scene / "scene.usda") == []
-    assert check_manifest(scene) == []
+    assert check_manifest(scene, "manifest.json") == []
 
 
 def test_layers_lie_where_the_design_says(scene: Path) -> None:
