@@ -28,6 +28,16 @@ class AtlasRaster:
         self._mesh = np.full((texels, texels), -1, np.int32)
         self._meshes = 0
         self._twice = 0
+        self._areas: dict[int, tuple[float, float]] = {}
+
+    def footprint(self, number: int) -> float:
+        """Tell how much of the first UV set one texel shows, on average [m].
+
+        Args:
+            number: Owner.
+        """
+        on_surface, on_atlas = self._areas.get(number, (0.0, 1.0))
+        return float(np.sqrt(on_surface / on_atlas))
 
     @property
     def shared(self) -> float:
@@ -44,6 +54,8 @@ class AtlasRaster:
         """
         texels = len(self.owner)
         pixels = np.stack([charts[..., 0] * texels, (1 - charts[..., 1]) * texels], axis=-1).astype(np.float64)
+        former = self._areas.get(number, (0.0, 1e-12))
+        self._areas[number] = (former[0] + _area(st.astype(np.float64)), former[1] + _area(pixels))
         for corners, values in zip(pixels, st.astype(np.float64), strict=True):
             self._triangle(corners, values, number)
         self._meshes += 1
@@ -85,13 +97,21 @@ class AtlasRaster:
         second = (x * two[1] - y * two[0]) / area
         third = (one[0] * y - one[1] * x) / area
         inside = (second >= 0) & (third >= 0) & (second + third <= 1)
-        if not inside.any():
-            return
         rows, columns = np.nonzero(inside)
         weights = np.stack([1 - second[inside] - third[inside], second[inside], third[inside]], axis=-1)
         rows, columns = rows + low[1], columns + low[0]
+        if not len(rows):  # thinner than a texel: it has the one that it lies in, where nobody else is
+            middle = np.clip(corners.mean(axis=0).astype(int), 0, texels - 1)
+            if self.owner[middle[1], middle[0]] >= 0:
+                return
+            rows, columns, weights = middle[1:], middle[:1], np.full((1, 3), 1 / 3)
         former = self._mesh[rows, columns]
         self._twice += int(((former >= 0) & (former != self._meshes)).sum())
         self._mesh[rows, columns] = self._meshes
         self.owner[rows, columns] = number
         self.st[rows, columns] = weights @ values
+
+
+def _area(triangles: NDArray[np.float64]) -> float:
+    one, two = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    return float(np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]).sum() / 2)

@@ -128,50 +128,63 @@ def _corners(mesh: UsdGeom.Mesh, name: str) -> F32:
 
 def _shade(image: F32, raster: AtlasRaster, number: int, material: Material) -> None:
     rows, columns = np.nonzero(raster.owner == number)
-    st = raster.st[rows, columns]
-    texels = len(raster.owner)
+    st, metres, texels = raster.st[rows, columns], raster.footprint(number), len(raster.owner)
     st1 = np.stack([(columns + 0.5) / texels, 1 - (rows + 0.5) / texels], axis=-1).astype(np.float32)
     color = np.tile(np.array(material.base_color, np.float32), (len(rows), 1))
-    if material.base_texture:
-        sampled = _sample(material.base_texture.file, _place(st, st1, material.base_texture))
-        color = _linear(sampled) if material.base_texture.srgb else sampled
-    image[rows, columns] = np.minimum(color * _detail(material.detail, st, st1), _BRIGHTEST)
+    texture = material.base_texture
+    if texture:
+        tiles = 1 / texels if texture.uv_set else metres
+        color = _sample(texture.file, _place(st, st1, texture), tiles * max(texture.scale), texture.srgb)
+    image[rows, columns] = np.minimum(color * _detail(material.detail, st, st1, metres), _BRIGHTEST)
 
 
-def _detail(detail: Detail, st: F32, st1: F32) -> F32:
+def _detail(detail: Detail, st: F32, st1: F32, metres: float) -> F32:
     factor = np.ones((len(st), 3), np.float32)
     for period, amplitude in zip(detail.periods, detail.amplitudes, strict=True) if detail.file else ():
-        factor *= 1 + np.float32(amplitude) * (2 * _sample(detail.file, st / np.float32(period))[:, :1] - 1)
+        grey = _sample(detail.file, st / np.float32(period), metres / period, False)[:, :1]
+        factor *= 1 + np.float32(amplitude) * (2 * grey - 1)
     if detail.macro_file:
-        factor *= 2 * _sample(detail.macro_file, st1)
+        factor *= 2 * _sample(detail.macro_file, st1, 0.0, False)
     return factor
 
 
 def _place(st: F32, st1: F32, texture: Texture) -> F32:
     angle = np.radians(texture.rotation)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]], np.float32)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     source = st1 if texture.uv_set else st
-    return ((source * np.array(texture.scale, np.float32)) @ turn.T + np.array(texture.translation, np.float32)).astype(
-        np.float32
-    )
+    return ((source * np.array(texture.scale)) @ turn.T + np.array(texture.translation)).astype(np.float32)
 
 
-def _sample(file: str, uv: F32) -> F32:
-    """Look a tiled texture up with bilinear filtering: values [1], shape (N, 3), float32."""
+def _sample(file: str, uv: F32, footprint: float, srgb: bool) -> F32:
+    """Look a tiled texture up, averaged over what one texel of the atlas shows.
+
+    Args:
+        file: Texture.
+        uv: Where [tiles], shape (N, 2), float32, v upwards.
+        footprint: Size of an atlas texel [tiles].
+        srgb: The texture holds coded colours.
+
+    Returns:
+        Linear values [1], shape (N, 3), float32.
+    """
     import cv2
 
-    picture = cv2.imread(file, cv2.IMREAD_COLOR)
-    if picture is None:
+    found = cv2.imread(file, cv2.IMREAD_COLOR)
+    if found is None:
         raise InputError("not readable as an image", where=file)
-    height, width = picture.shape[:2]
-    x = uv[:, 0] % 1 * width - np.float32(0.5)
-    y = (1 - uv[:, 1] % 1) * height - np.float32(0.5)
-    found = np.zeros((len(uv), 3), np.float32)
+    picture = found.astype(np.float32) / np.float32(255)
+    picture = _linear(picture) if srgb else picture
+    size = [max(round(side / max(footprint * side, 1.0)), 1) for side in picture.shape[:2]]
+    if size != list(picture.shape[:2]):
+        picture = cv2.resize(picture, (size[1], size[0]), interpolation=cv2.INTER_AREA).reshape(*size, 3)
+    x = uv[:, 0] % 1 * size[1] - np.float32(0.5)
+    y = (1 - uv[:, 1] % 1) * size[0] - np.float32(0.5)
+    values = np.zeros((len(uv), 3), np.float32)
     for start in range(0, len(uv), 32_000):  # the library's images have at most 32,767 rows
         part = slice(start, start + 32_000)
         sampled = cv2.remap(picture, x[part], y[part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-        found[part] = sampled.reshape(-1, 3)[:, ::-1]
-    return found / np.float32(255)
+        values[part] = sampled.reshape(-1, 3)[:, ::-1]
+    return values
 
 
 def _linear(values: F32) -> F32:

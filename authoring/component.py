@@ -1,4 +1,4 @@
-"""The record that generators hand to the layers: a closed mesh with its component kind, material role and instance id."""
+"""What generators hand to the layers: a closed mesh with its component kind, material role and instance id."""
 
 from dataclasses import dataclass, field
 

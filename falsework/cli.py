@@ -15,6 +15,7 @@ INTERRUPTED = 130
 TERMINATED = 143
 SOME_SCENES_FAILED = 3
 JSON_VERSION = 1
+ABOUT = "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo"
 
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 File = tyro.conf.Positional[Path]
@@ -203,7 +204,9 @@ def main(arguments: list[str] | None = None) -> None:
         if words[:1] == ["scene"]:
             code = _scene(words[1:])
         else:
-            code = tyro.extras.subcommand_cli_from_dict(VERBS, prog="falsework", description=__doc__, args=words)
+            code = tyro.extras.subcommand_cli_from_dict(
+                VERBS, prog="falsework", description=ABOUT, args=words, config=(tyro.conf.FlagCreatePairsOff,)
+            )
     except FalseworkError as error:
         sys.stderr.write(f"falsework: {error}\n")
         code = error.exit_code

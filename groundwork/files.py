@@ -100,38 +100,40 @@ def space_errors(where: Path) -> Iterator[None]:
         raise
 
 
-def write_manifest(folder: Path, record: dict[str, Any]) -> None:
-    """Write `artefact.json`: the record plus size and SHA-256 of every other file of the folder.
+def write_manifest(folder: Path, record: dict[str, Any], name: str = MANIFEST) -> None:
+    """Write a manifest: the record plus size and SHA-256 of every other file of the folder.
 
     Args:
         folder: A finished folder.
         record: Stable facts about how it was made; no clock, host or absolute path.
+        name: File name of the manifest.
     """
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / MANIFEST)
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / name)
     table = {
         path.relative_to(folder).as_posix(): {"bytes": path.stat().st_size, "sha256": file_digest(path)}
         for path in files
     }
-    write_json(folder / MANIFEST, {**record, "files": table})
+    write_json(folder / name, {**record, "files": table})
 
 
-def check_manifest(folder: Path) -> list[str]:
+def check_manifest(folder: Path, name: str = MANIFEST) -> list[str]:
     """Compare a folder with its manifest.
 
     Args:
         folder: Folder that should hold a manifest.
+        name: File name of the manifest.
 
     Returns:
         One line per missing, changed or extra file; empty when all is well.
     """
-    table = read_json(folder / MANIFEST)["files"]
-    present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {MANIFEST}
-    wrong = [f"{name}: missing" for name in sorted(table.keys() - present)]
-    wrong += [f"{name}: not in the manifest" for name in sorted(present - table.keys())]
+    table = read_json(folder / name)["files"]
+    present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {name}
+    wrong = [f"{file}: missing" for file in sorted(table.keys() - present)]
+    wrong += [f"{file}: not in the manifest" for file in sorted(present - table.keys())]
     wrong += [
-        f"{name}: changed"
-        for name in sorted(present & table.keys())
-        if file_digest(folder / name) != table[name]["sha256"]
+        f"{file}: changed"
+        for file in sorted(present & table.keys())
+        if file_digest(folder / file) != table[file]["sha256"]
     ]
     return wrong
 

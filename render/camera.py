@@ -54,7 +54,7 @@ def clip_from_relative(camera: Pinhole, camera_to_world: F64, near: float) -> F3
 
 
 def visible_boxes(lower: F64, upper: F64, camera: Pinhole, camera_to_world: F64) -> NDArray[np.int64]:
-    """Find the boxes that may be in view, nearest first.
+    """Find the boxes that may be in view, nearest first; large ones later, for the ground hides little of the rest.
 
     Args:
         lower: Lower corners [m], shape (D, 3), float64.
@@ -63,7 +63,7 @@ def visible_boxes(lower: F64, upper: F64, camera: Pinhole, camera_to_world: F64)
         camera_to_world: Camera pose, shape (4, 4), float64.
 
     Returns:
-        Rows, ordered by the distance of the box from the camera; equal distances by row.
+        Rows, ordered by distance from the camera plus half the diagonal, equal ones by row; shape (N,), int64.
     """
     eye = camera_to_world[:3, 3]
     planes = _frustum_planes(camera) @ camera_to_world[:3, :3].T
@@ -71,7 +71,7 @@ def visible_boxes(lower: F64, upper: F64, camera: Pinhole, camera_to_world: F64)
     reach = center @ planes.T + half @ np.abs(planes).T
     rows = np.flatnonzero(np.all(reach >= 0.0, axis=1))
     gap = np.maximum(np.abs(center[rows]) - half[rows], 0.0)
-    return rows[np.lexsort((rows, np.einsum("ij,ij->i", gap, gap)))]
+    return rows[np.lexsort((rows, np.linalg.norm(gap, axis=1) + np.linalg.norm(half[rows], axis=1)))]
 
 
 def _frustum_planes(camera: Pinhole) -> F64:

@@ -336,7 +336,7 @@ def _write_surface(path: Path, scene: FlatScene) -> None:
         "draw_instance": draws.instance, "draw_label": draws.label,
     }  # fmt: skip
     with space_errors(path):
-        np.savez_compressed(path, **arrays)
+        np.savez_compressed(path, **arrays)  # inside an atomic folder
 
 
 def _color(red: int, green: int, blue: int) -> tuple[int, int, int]:

@@ -19,10 +19,11 @@ from render import image_files
 from render.capture import CalibrationPrior, FrameTruth, make_folders, write_cameras, write_frame_truth, write_truth
 from render.context import open_context
 from render.exif import insert_exif
-from render.passes import BRIGHTEST, View
+from render.illumination import BRIGHTEST
+from render.passes import View
 from render.prepare import Prepared, prepare
 from render.records import capture_record, draw_prior, note_shot, write_render_record
-from render.sensor import Sensor, meter
+from render.sensor import Exposure, Sensor, meter
 from render.settings import RenderSettings
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole, pinhole_from_lens
@@ -101,12 +102,12 @@ def render_scene(
         gain = _meter_survey(prepared, track, camera)
         sensor = Sensor(settings.sensor, gain, BRIGHTEST, (camera.height, camera.width), seed)
         make_folders(folder)
-        _photograph(assignment, prepared, sensor, progress)
+        exposures = _photograph(assignment, prepared, sensor, progress)
     finally:
         gl.close()
     write_cameras(capture_record(folder, product.name, track, camera, prior, settings))
     write_truth(folder, camera, track.image_names, track.poses, scene)
-    write_render_record(folder, gl.driver, settings, sensor, track.image_names)
+    write_render_record(folder, gl.driver, settings, track.image_names, exposures)
     return {
         "frames": len(track.poses), "driver": asdict(gl.driver), "gain": gain, "warnings": list(prepared.warnings)
     }  # fmt: skip
@@ -143,34 +144,36 @@ def _meter_survey(prepared: Prepared, track: CameraTrack, camera: Pinhole) -> fl
     return meter(np.concatenate(samples))
 
 
-def _photograph(assignment: Assignment, prepared: Prepared, sensor: Sensor, progress: Progress) -> None:
+def _photograph(assignment: Assignment, prepared: Prepared, sensor: Sensor, progress: Progress) -> list[Exposure]:
     """Draw on this thread, develop and encode on others; a few frames at most are in flight."""
     settings, track = assignment.settings, assignment.track
     painter = prepared.painter(assignment.camera, sharp=True)
-    waiting: deque[Future[None]] = deque()
-    done = 0
+    waiting: deque[Future[Exposure]] = deque()
+    exposures: list[Exposure] = []
+
+    def collect() -> None:
+        exposures.append(waiting.popleft().result())
+        progress.advance(len(exposures))
+
     progress.stage("render", len(track.poses))
     with ThreadPoolExecutor(settings.encoders) as pool:
         for row, pose in enumerate(track.poses):
             waiting.append(pool.submit(_finish_frame, assignment, sensor, row, painter.draw(pose, track.near)))
             while len(waiting) > 2 * settings.encoders or (waiting and waiting[0].done()):
-                waiting.popleft().result()
-                done += 1
-                progress.advance(done)
+                collect()
         while waiting:
-            waiting.popleft().result()
-            done += 1
-            progress.advance(done)
+            collect()
+    return exposures
 
 
-def _finish_frame(assignment: Assignment, sensor: Sensor, row: int, view: View) -> None:
+def _finish_frame(assignment: Assignment, sensor: Sensor, row: int, view: View) -> Exposure:
     scene, track, folder = assignment.scene, assignment.track, assignment.folder
     name = track.image_names[row]
     ids = np.concatenate([np.zeros(1, np.uint32), scene.draws.instance])
     labels = np.concatenate([np.zeros(1, np.uint8), scene.draws.label])
     frame = FrameTruth(view.depth, labels[view.draw], ids[view.draw], view.normal)
     write_frame_truth(folder, name, frame, wide_ids=int(ids.max()) >= image_files.WIDE_ID)
-    exposure = sensor.expose(row)
+    exposure = sensor.expose(row, view.code)
     pixels = sensor.develop(view.code, exposure)
     settings = assignment.settings.sensor
     if settings.image_format == "png":
@@ -180,6 +183,7 @@ def _finish_frame(assignment: Assignment, sensor: Sensor, row: int, view: View) 
         shot = note_shot(track, assignment.camera, assignment.prior, assignment.settings, exposure, row)
         data = insert_exif(image_files.encode_jpeg(pixels, settings.jpeg_quality), shot, width, height)
     write_bytes(folder / "images" / f"{name}.{settings.image_format}", data)
+    return exposure
 
 
 def _serve(request: dict[str, Any], progress: Progress) -> dict[str, Any]:

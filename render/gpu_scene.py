@@ -20,6 +20,7 @@ _VERTEX = np.dtype([("p", "3f4"), ("n", "3f4"), ("st", "2f4"), ("st1", "2f4"), (
 _DRAW = np.dtype([("linear", "(3,4)f4"), ("cofactor", "(3,4)f4"), ("material", "4u4")])
 # DrawElementsIndirectCommand
 COMMAND = np.dtype([("count", "u4"), ("instances", "u4"), ("first", "u4"), ("vertex", "u4"), ("draw", "u4")])
+_BANDS = 4
 DRAW_BINDING, MATERIAL_BINDING, OFFSET_BINDING = 0, 1, 2
 
 
@@ -74,14 +75,20 @@ class GpuScene:
         self.offsets.bind_to_storage_buffer(OFFSET_BINDING)
 
     def grouped(self, rows: I64) -> list[tuple[Variant, I64]]:
-        """Split ordered draws by variant, the variant with the nearest draw first.
+        """Split ordered draws by variant, in a few bands of distance, so that near things still hide far ones.
 
         Args:
             rows: Draws in the order in which they should be drawn, shape (N,), int64.
+
+        Returns:
+            Variant and rows of its draws, shape (M,), int64, of each group.
         """
-        kinds = self.variant_rows[rows]
-        present, first = np.unique(kinds, return_index=True)
-        return [(self.variants[kind], rows[kinds == kind]) for kind in present[np.argsort(first)]]
+        groups = []
+        for band in np.array_split(rows, _BANDS):
+            kinds = self.variant_rows[band]
+            present, first = np.unique(kinds, return_index=True)
+            groups += [(self.variants[kind], band[kinds == kind]) for kind in present[np.argsort(first)]]
+        return groups
 
     def vertex_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
         """Connect a program to the buffers; attributes that it does not use are skipped.
@@ -89,6 +96,9 @@ class GpuScene:
         Args:
             context: Open context.
             program: Compiled program.
+
+        Returns:
+            OpenGL's vertex array over the vertex buffer, shape (V,).
         """
         used = [name for name in VERTEX_NAMES if name in program]
         formats = [code if name in used else f"{size}x" for name, (code, size) in _ATTRIBUTES.items()]

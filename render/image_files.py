@@ -38,7 +38,7 @@ def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     """Encode grey values or sRGB colours as PNG.
 
     Args:
-        pixels: Shape (H, W) uint8 or uint16, or (H, W, 3) uint8 in the order red, green, blue.
+        pixels: Grey, shape (H, W), uint8 or uint16; or red, green, blue, shape (H, W, 3), uint8 [0 to 255].
 
     Returns:
         The file's bytes.

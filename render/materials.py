@@ -36,7 +36,7 @@ class Variant:
 
     Attributes:
         features: Names that the shader is compiled with.
-        arrays: Texture array of each of `SLOTS`, or None.
+        arrays: Texture array of each of `SLOTS`, shape (side, side, layers), RGBA uint8, or None.
     """
 
     features: tuple[str, ...]

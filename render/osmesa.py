@@ -5,6 +5,7 @@ The wheel `lavavu-osmesa` brings libOSMesa and its own LLVM; nothing else of it 
 
 import ctypes
 import importlib.util
+import os
 from pathlib import Path
 
 # libOSMesa has no run path: its siblings are loaded first, in the order in which they need each other.
@@ -16,6 +17,7 @@ _ATTRIBUTES = (
     0x36, 4, 0x37, 5,  # version 4.5
     0,
 )  # fmt: skip
+_MODE = os.RTLD_NOW | os.RTLD_LOCAL | os.RTLD_DEEPBIND  # never mixed up with a system Mesa of the same symbols
 _UNSIGNED_BYTE = 0x1401
 _SIDE = 16  # its own surface is never drawn to
 
@@ -34,8 +36,8 @@ class OsmesaContext:
         """
         for name in _SIBLINGS:
             for library in sorted(folder.glob(f"lib{name}*.so*")):
-                ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
-        self._mesa = ctypes.CDLL(str(_library(folder)), mode=ctypes.RTLD_GLOBAL)
+                ctypes.CDLL(str(library), mode=_MODE)
+        self._mesa = ctypes.CDLL(str(_library(folder)), mode=_MODE)
         create = self._mesa.OSMesaCreateContextAttribs
         create.restype, create.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_void_p]
         self._mesa.OSMesaMakeCurrent.argtypes = [ctypes.c_void_p, ctypes.c_void_p, *[ctypes.c_int] * 3]

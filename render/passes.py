@@ -8,21 +8,17 @@ from numpy.typing import NDArray
 
 from render.camera import clip_from_camera, clip_from_relative, visible_boxes
 from render.context import Gl
-from render.daylight import Daylight
 from render.gpu_scene import GpuScene
-from render.light_volume import LightVolume
+from render.illumination import FIRST_FREE_UNIT, Illumination, Lamps
 from render.materials import SLOTS
 from render.programs import Programs, set_uniform
-from render.shadows import ShadowMap, depth_groups
+from render.shadows import depth_groups
 from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 U16 = NDArray[np.uint16]
 U32 = NDArray[np.uint32]
-
-BRIGHTEST = 16.0  # radiance that the 16-bit code of a pixel ends at
-_SHADOW_UNIT, _VOLUME_UNIT, _PANORAMA_UNIT, _FIRST_TEXTURE_UNIT = 0, 1, 4, 5
 
 
 @dataclass(frozen=True)
@@ -40,23 +36,6 @@ class View:
     draw: U32
     depth: F32
     normal: F32 | None
-
-
-@dataclass(frozen=True)
-class Illumination:
-    """Everything that lights a scene.
-
-    Attributes:
-        daylight: Sun and sky.
-        shadow: The sun's shadow maps, or None without a sun.
-        volume: The light volume, or None.
-        haze_distance: Distance at which haze takes 63 % of the contrast [m].
-    """
-
-    daylight: Daylight
-    shadow: ShadowMap | None
-    volume: LightVolume | None
-    haze_distance: float
 
 
 class Painter:
@@ -84,7 +63,7 @@ class Painter:
             quality: `fast`, `standard` or `fine`.
             normals: Whether normals are wanted.
         """
-        self._gl, self._programs, self._gpu, self._light, self._camera = gl, programs, gpu, light, camera
+        self._gl, self._programs, self._gpu, self._camera = gl, programs, gpu, camera
         self._fine = quality == "fine"
         context, size = gl.context, (camera.width, camera.height)
         self._color = context.texture(size, 4, dtype="nu2")
@@ -99,12 +78,9 @@ class Painter:
             self._resolved = context.framebuffer([self._color])
         self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
-        features = ["SUN"] if light.shadow is not None else []
-        features += ["SOFT"] if quality != "fast" else []
-        features += ["VOLUME"] if light.volume is not None else []
-        self._features = tuple(features)
+        self._features = (*light.features(), *(("SOFT",) if quality != "fast" else ()))
         self._normals = ("NORMALS",) if normals else ()
-        self._upload_light()
+        self._lamps = Lamps(context, light, gpu.anchor)
 
     def draw(self, camera_to_world: F64, near: float) -> View:
         """Draw one view.
@@ -159,8 +135,8 @@ class Painter:
         for variant, members in groups:
             program = self._programs.get("surface.vert", "surface.frag", features + variant.features)
             if program not in self._arrays:
-                self._set_light(program)
-            for unit, (name, array) in enumerate(zip(SLOTS, variant.arrays, strict=True), _FIRST_TEXTURE_UNIT):
+                self._lamps.shine_on(program)
+            for unit, (name, array) in enumerate(zip(SLOTS, variant.arrays, strict=True), FIRST_FREE_UNIT):
                 if array is not None:
                     array.use(unit)
                     set_uniform(program, f"{name}_array", unit)
@@ -179,8 +155,8 @@ class Painter:
         for features, array, members in groups:
             program = self._programs.get("surface.vert", "ids.frag", self._normals + features)
             if array is not None:
-                array.use(_FIRST_TEXTURE_UNIT)
-                set_uniform(program, "albedo_array", _FIRST_TEXTURE_UNIT)
+                array.use(FIRST_FREE_UNIT)
+                set_uniform(program, "albedo_array", FIRST_FREE_UNIT)
             set_uniform(program, "clip_from_relative", clip)
             self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(members), first=first)
             first += len(members)
@@ -188,7 +164,7 @@ class Painter:
     def _draw_sky(self, pose: F64, features: tuple[str, ...]) -> None:
         program = self._programs.get("sky.vert", "sky.frag", features)
         if program not in self._arrays:
-            self._set_light(program)
+            self._lamps.shine_on(program)
             self._arrays[program] = self._gl.context.vertex_array(program, [])
         clip = clip_from_camera(self._camera, 1.0)[:2, :3]
         from_clip = np.array(
@@ -204,7 +180,8 @@ class Painter:
         program = self._programs.get("sky.vert", "downsample.frag")
         if program not in self._arrays:
             self._arrays[program] = self._gl.context.vertex_array(program, [])
-        self._samples.use(0)
+        self._samples.use(FIRST_FREE_UNIT)
+        set_uniform(program, "samples", FIRST_FREE_UNIT)
         self._arrays[program].render(moderngl.TRIANGLES, 3)
 
     def _write_commands(self, groups: list[NDArray[np.int64]]) -> None:
@@ -215,57 +192,6 @@ class Painter:
         if program not in self._arrays:
             self._arrays[program] = self._gpu.vertex_array(self._gl.context, program)
         return self._arrays[program]
-
-    def _upload_light(self) -> None:
-        context, light = self._gl.context, self._light
-        panorama = light.daylight.panorama
-        self._panorama = context.texture(panorama.shape[1::-1], 3, panorama.astype(np.float16).tobytes(), dtype="f2")
-        self._panorama.build_mipmaps()
-        self._panorama.repeat_y = False
-        self._volume = []
-        if light.volume is not None:
-            coefficients = light.volume.coefficients.astype(np.float16)
-            size = coefficients.shape[2::-1]
-            for channel in range(3):
-                texture = context.texture3d(size, 4, coefficients[..., channel].tobytes(), dtype="f2")
-                texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-                texture.repeat_x = texture.repeat_y = texture.repeat_z = False
-                self._volume.append(texture)
-
-    def _set_light(self, program: moderngl.Program) -> None:
-        light, daylight = self._light, self._light.daylight
-        self._panorama.use(_PANORAMA_UNIT)
-        values: dict[str, object] = {
-            "to_sun": tuple(daylight.sun_direction.tolist()),
-            "sun_irradiance": tuple(daylight.sun_irradiance.tolist()),
-            "open_sky": daylight.open_sky.astype(np.float32).tobytes(),
-            "haze": tuple(daylight.haze.tolist()),
-            "haze_density": 1.0 / (np.log(2.0) * light.haze_distance),
-            "code_scale": 1.0 / BRIGHTEST,
-            "panorama": _PANORAMA_UNIT,
-            "dome_from_world": daylight.dome_from_world.T.astype(np.float32).tobytes(),
-        }
-        if light.shadow is not None:
-            light.shadow.texture.use(_SHADOW_UNIT)
-            values |= {
-                "shadow_map": _SHADOW_UNIT,
-                "sun_axes": light.shadow.axes.astype(np.float32).tobytes(),
-                "near_map": tuple(light.shadow.maps[0].tolist()),
-                "far_map": tuple(light.shadow.maps[1].tolist()),
-                "shadow_lift": light.shadow.lifts,
-            }
-        if light.volume is not None:
-            for row, (name, texture) in enumerate(zip(("red", "green", "blue"), self._volume, strict=True)):
-                texture.use(_VOLUME_UNIT + row)
-                values[f"volume_{name}"] = _VOLUME_UNIT + row
-            cell, counts = light.volume.cell, np.array(light.volume.coefficients.shape[2::-1])
-            values |= {
-                "volume_lower": tuple((light.volume.lower - cell / 2 - self._gpu.anchor).tolist()),
-                "volume_scale": tuple((1.0 / (cell * counts)).tolist()),
-                "volume_cell": cell,
-            }
-        for name, value in values.items():
-            set_uniform(program, name, value)
 
     def _read(self) -> View:
         height, width = self._camera.height, self._camera.width

@@ -6,9 +6,10 @@ from groundwork.progress import Progress
 from render.context import Gl
 from render.daylight import read_daylight
 from render.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
+from render.illumination import Illumination
 from render.light_volume import cast_light_volume
 from render.materials import tabulate_materials, texture_keys
-from render.passes import Illumination, Painter
+from render.passes import Painter
 from render.programs import Programs
 from render.region import region_of_interest
 from render.settings import RenderSettings

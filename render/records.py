@@ -9,7 +9,7 @@ from groundwork.files import write_json
 from render.capture import TRUTH, CalibrationPrior, Capture, CaptureImage
 from render.context import Driver
 from render.exif import Shot
-from render.sensor import Exposure, Sensor
+from render.sensor import Exposure
 from render.settings import RenderSettings
 from usd_schemas.flat_scene import CameraTrack
 from usd_schemas.pinhole import Pinhole
@@ -78,7 +78,7 @@ def capture_record(
 
 
 def write_render_record(
-    folder: Path, driver: Driver, settings: RenderSettings, sensor: Sensor, names: tuple[str, ...]
+    folder: Path, driver: Driver, settings: RenderSettings, names: tuple[str, ...], exposures: list[Exposure]
 ) -> None:
     """Write `truth/render.json`: driver, settings, and what the sensor did at each frame.
 
@@ -86,10 +86,10 @@ def write_render_record(
         folder: Capture folder.
         driver: What drew.
         settings: How it drew.
-        sensor: The survey's sensor.
         names: Name of each image.
+        exposures: What the sensor did at each of them.
     """
-    frames = [{"name": name, **asdict(sensor.expose(row))} for row, name in enumerate(names)]
+    frames = [{"name": name, **asdict(exposure)} for name, exposure in zip(names, exposures, strict=True)]
     write_json(folder / TRUTH / "render.json", {"driver": asdict(driver), "settings": settings, "frames": frames})
 
 

@@ -18,7 +18,9 @@ U16 = NDArray[np.uint16]
 _TILE = 512  # the noise tile is larger than a frame by this, so that every frame takes it from another place [px]
 _STEPS = 4096  # entries of the tone table
 _WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
-_EXPOSED_GREY, _LATITUDE = 0.20, 1.7
+_EXPOSED_GREY, _LATITUDE = 0.20, 1.7  # where the middle tone and the brightest 2 % of a survey come to lie
+_METER_STEP = 8  # [px]
+_MOST_FOLLOWED = 1.0  # [EV]
 
 
 @dataclass(frozen=True)
@@ -63,15 +65,19 @@ class Sensor:
             rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
             self._tile = rng.standard_normal((shape[0] + _TILE, shape[1] + _TILE, 3), np.float32)
 
-    def expose(self, frame: int) -> Exposure:
-        """Draw what the sensor does at one frame; frames do not depend on each other.
+    def expose(self, frame: int, code: U16) -> Exposure:
+        """Meter one frame and draw the sensor's flaws; frames do not depend on each other.
 
         Args:
             frame: Number of the frame.
+            code: Square root of radiance over the brightest one [65535], shape (H, W, 3), uint16.
         """
         settings = self._settings
         if not settings.noise:
             return Exposure(self._gain, 1.0, 1.0, 0, 0)
+        green = float(np.median(code[::_METER_STEP, ::_METER_STEP, 1])) ** 2 * self._scale * self._gain
+        follow = settings.auto_exposure * float(np.log2(_EXPOSED_GREY / max(green, 1e-3)))
+        follow = min(max(follow, -_MOST_FOLLOWED), _MOST_FOLLOWED)
         rng = np.random.default_rng(np.random.SeedSequence([self._seed, 1, frame]))
         stops, red, blue = rng.standard_normal(3) * (
             settings.exposure_sigma, settings.white_balance_sigma, settings.white_balance_sigma
@@ -133,11 +139,12 @@ def meter(luminance: F32) -> float:
 
 
 def _tone_table() -> U8:
-    """Exposed radiance by its square root to sRGB.
+    """Exposed radiance by its square root to sRGB: a filmic shoulder, and shadows as open as a camera's.
 
-    Source: Narkowicz, ACES filmic tone mapping curve, 2016 (a rational fit); IEC 61966-2-1 (sRGB).
+    Source: the rational form of Narkowicz, ACES filmic tone mapping curve, 2016, with a flatter toe; sRGB of
+    IEC 61966-2-1.
     """
-    light = (np.arange(_STEPS) / (_STEPS - 1)) ** 2 * _WHITEST * 0.8
-    curve = np.clip(light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14), 0, 1)
+    light = (np.arange(_STEPS) / (_STEPS - 1)) ** 2 * _WHITEST * 0.65
+    curve = np.clip(light * (2.51 * light + 0.10) / (light * (2.43 * light + 0.65) + 0.14), 0, 1)
     coded = np.where(curve <= 0.0031308, 12.92 * curve, 1.055 * curve ** (1 / 2.4) - 0.055)
     return np.rint(coded * 255).astype(np.uint8)

@@ -12,6 +12,12 @@ class SensorSettings(Settings):
 
     noise: bool = Field(default=True, description="Apply exposure jitter, blur and noise; off gives the ideal image.")
     exposure_sigma: float = Field(default=0.04, ge=0, le=2, description="Frame-to-frame spread of the exposure [EV].")
+    auto_exposure: float = Field(
+        default=0.5,
+        ge=0,
+        le=1,
+        description="Share of a frame's difference from the survey that its exposure follows [1].",
+    )
     white_balance_sigma: float = Field(
         default=0.008, ge=0, le=0.2, description="Frame-to-frame spread of the red and blue gains [1]."
     )
@@ -47,7 +53,7 @@ class ShadingSettings(Settings):
         default=2048, ge=64, le=8192, description="Larger textures are reduced to this side [px]."
     )
     haze_distance: float = Field(
-        default=3500.0, gt=0, description="Distance at which haze takes 63 % of the contrast [m]."
+        default=6000.0, gt=0, description="Distance at which haze takes 63 % of the contrast [m]."
     )
     encoders: int = Field(default=2, ge=1, le=64, description="Threads that develop and encode finished frames [1].")
 

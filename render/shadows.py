@@ -86,7 +86,7 @@ def depth_groups(gpu: GpuScene) -> list[tuple[tuple[str, ...], moderngl.TextureA
         gpu: Uploaded scene.
 
     Returns:
-        Features, texture array, and rows of the draws of each group.
+        Features, texture array, and rows of the draws, shape (M,), int64, of each group.
     """
     keys = [
         (("HAS_ALBEDO", "CUT_OUT"), variant.arrays[0]) if "CUT_OUT" in variant.features else ((), None)

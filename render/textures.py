@@ -39,7 +39,7 @@ class TextureSlot:
     """Where a texture went.
 
     Attributes:
-        array: The texture array.
+        array: The texture array, shape (side, side, layers), RGBA uint8.
         side: Side of the array's layers [px].
         layer: Its layer.
         mean: Mean linear value of red, green, blue [1].

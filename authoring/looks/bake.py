@@ -81,7 +81,7 @@ def bake_surface(name: str, folder: Path, rng: np.random.Generator, texels: int 
     if name not in RECIPES:
         raise InputError("unknown surface", field="role", value=name, allowed=", ".join(RECIPES))
     recipe = RECIPES[name]
-    sheet = recipe.draw(Tile(texels, recipe.metres, rng))
+    sheet = recipe.draw(Tile(recipe.finer * texels, recipe.metres, rng))
     normals = encode_normals(sheet.height, recipe.metres) if recipe.relief and sheet.height is not None else None
     patches = ground_patches(texels // 2, rng) if recipe.patchy else None
     red, green, blue = (round(float(np.mean(sheet.albedo[..., k], dtype=np.float64)), 4) for k in range(3))

@@ -21,6 +21,7 @@ class Recipe:
         detail: Contrast of the fine detail at each of `DETAIL_PERIODS` [1].
         patchy: On the site's ground: carries the patchy macro texture on `st1`.
         relief: Write a normal map.
+        finer: Texels along a side, as a multiple of what the settings ask for.
     """
 
     draw: Callable[[Tile], Sheet]
@@ -28,9 +29,10 @@ class Recipe:
     detail: tuple[float, float, float]
     patchy: bool = False
     relief: bool = False
+    finer: int = 1
 
 
-_ROUGH = (0.16, 0.20, 0.24)
+_ROUGH = (0.34, 0.26, 0.24)  # strong enough that a patch differs from itself one sheet on
 _SMOOTH = (0.12, 0.12, 0.14)
 _FAINT = (0.06, 0.06, 0.08)
 
@@ -49,8 +51,10 @@ RECIPES: dict[str, Recipe] = {
     "smooth_concrete_clean": Recipe(partial(mineral.smooth_concrete, age=0.1), 5.0, _SMOOTH),
     "deck_concrete_clean": Recipe(partial(mineral.deck_concrete, age=0.1), 5.0, _SMOOTH),
     "concrete": Recipe(partial(mineral.panel_concrete, age=0.5), 5.0, _ROUGH),
-    "asphalt": Recipe(partial(mineral.asphalt, age=0.7), 4.0, _ROUGH),
-    "asphalt_clean": Recipe(partial(mineral.asphalt, age=0.1), 4.0, _ROUGH),
+    # A sheet as wide as the road: when it was 4 m, a camera that crossed the road by 3.3 m from image to image matched
+    # the asphalt one sheet on, and half of the flight was put together 18 m off.
+    "asphalt": Recipe(partial(mineral.asphalt, age=0.7), 12.7, _ROUGH, finer=2),
+    "asphalt_clean": Recipe(partial(mineral.asphalt, age=0.1), 12.7, _ROUGH, finer=2),
     "road_marking": Recipe(partial(_marking, age=0.6), 4.0, _SMOOTH),
     "road_marking_clean": Recipe(partial(_marking, age=0.1), 4.0, _FAINT),
     "masonry": Recipe(partial(mineral.masonry, age=0.8), 4.0, _ROUGH, relief=True),

@@ -66,6 +66,7 @@ def weather(components: list[Component], pixels: int, age: float, rng: np.random
             triangle = block[row, column]
             place = _places(charts, triangle, column, row + top)
             factors[row + top, column] = _aged(charts, triangle, place, members, fields, np.float32(age))
+    factors *= _mottle(pixels, age, rng)
     covered = charts.triangle >= 0
     roles = sorted({component.role for component in components})
     role = np.array([roles.index(component.role) for component in components], np.int32)
@@ -77,6 +78,13 @@ def weather(components: list[Component], pixels: int, age: float, rng: np.random
     factors = spread(factors, covered)
     factors[:: pixels - 1, :: pixels - 1] = 1  # parts without a chart look up the corner (0, 0)
     return factors
+
+
+def _mottle(pixels: int, age: float, rng: np.random.Generator) -> Floats:
+    """Draw blotches of a few texels that occur once on the whole bridge, so that sheets never repeat exactly."""
+    tile = Tile(pixels, 1.0, rng)
+    blotches = fractal(tile, 96.0 / pixels, 2.5 / pixels, slope=0.5)
+    return (1 + np.float32(0.06 + 0.06 * age) * np.clip(blotches, -2.6, 2.6))[..., None]
 
 
 def ground_patches(pixels: int, rng: np.random.Generator) -> Floats:

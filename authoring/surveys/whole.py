@@ -19,6 +19,11 @@ LINGER = 1.5  # power of the wave: over 1 stays longer low than high
 BEHIND = 2.0  # [m] behind the bearings of an abutment where the first dive begins
 SAME_LINE = 3.0  # [m] along the bridge within which bearings belong to one line
 BEYOND = (-1.5, 0.5)  # [m] past the ends of the bridge, whose wing walls reach back
+# Over the road little but slanted asphalt is near: with the step of the sides, what links the two sides of the bridge
+# there is hundreds of metres away, and one side came to lie 18 m off.
+CROSSING = 3.0  # [m] before the ends of the bridge where a crossing of the road begins
+CROSSING_DENSITY = 1.8  # images a metre there, over those along the sides
+CLIMB = 3.0  # [m] that the crossings fly higher, so that the road is seen from above
 POINTS_OF_INTEREST = {"box50": inner_box, "axis": along_axis}
 
 
@@ -43,7 +48,9 @@ def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generat
     box = oriented_box(subject.bridge.reshape(-1, 3))
     lines = bearing_lines(box.to_local(subject.seats)) if len(subject.seats) else np.zeros((0, 2))
     route = clear_route(draw_route(settings, box, lines[:, 0], subject, rng), box, subject, settings.safety)
-    positions = np.round(place_images(route, settings.images, settings.spacing), DECIMALS)
+    crossing = np.abs(box.to_local(route)[:, 0]) > box.half[0] - CROSSING
+    density = np.where(crossing, CROSSING_DENSITY, 1.0)
+    positions = np.round(place_images(route, density, settings.images, settings.spacing), DECIMALS)
     local = box.to_local(positions)
     middle = np.array([0.0, 0.0, (local[:, 2].min() + local[:, 2].max()) / 2])
     targets = middle + POINTS_OF_INTEREST[settings.poi](local - middle)
@@ -94,7 +101,9 @@ def draw_route(
     floor = np.where(np.isfinite(floor), floor, top - 1.0)
     reach = round(3.0 / STEP)
     floor = gaussian_filter1d(maximum_filter1d(floor, 2 * reach + 1, mode="wrap"), reach / 2, mode="wrap")
-    height = floor + weight * np.maximum(top - floor, 0.0)
+    climb = CLIMB * np.clip((np.abs(plan[:, 0]) - box.half[0] + CROSSING) / CROSSING, 0.0, 1.0)
+    climb = gaussian_filter1d(climb, reach / 2, mode="wrap")
+    height = floor + weight * np.maximum(top - floor, 0.0) + climb
     return box.to_world(np.column_stack([plan, height]))
 
 
@@ -132,11 +141,12 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
     )  # fmt: skip
 
 
-def place_images(route: F64, least: int, spacing: float) -> F64:
-    """Place images at equal steps of arc length on a closed route.
+def place_images(route: F64, density: F64, least: int, spacing: float) -> F64:
+    """Place images on a closed route at steps that are equal where its density is.
 
     Args:
         route: Closed route [m], shape (M, 3), float64.
+        density: Images a metre at each point of the route, over those where it is 1 [1], shape (M,), float64.
         least: Least number of images.
         spacing: Greatest step [m].
 
@@ -144,7 +154,8 @@ def place_images(route: F64, least: int, spacing: float) -> F64:
         Camera centres [m], shape (N, 3), float64.
     """
     closed = np.concatenate([route, route[:1]])
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    weight = (density + np.roll(density, -1)) / 2
+    arc = np.concatenate([[0.0], np.cumsum(weight * np.linalg.norm(np.diff(closed, axis=0), axis=1))])
     count = max(least, int(np.ceil(arc[-1] / spacing)))
     stations = np.arange(count) * arc[-1] / count
     return np.column_stack([np.interp(stations, arc, closed[:, axis]) for axis in range(3)])

@@ -18,6 +18,6 @@ void main() {
     out_depth = 1.0 / gl_FragCoord.w;
 #ifdef NORMALS
     bool mirrored = draws[draw].material.y == 1u;
-    out_normal = vec4(normalize(normal) * (gl_FrontFacing != mirrored ? 1.0 : -1.0), 1.0);
+    out_normal = vec4(normalize(normal + vec3(0.0, 0.0, 1e-12)) * (gl_FrontFacing != mirrored ? 1.0 : -1.0), 1.0);
 #endif
 }

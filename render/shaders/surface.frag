@@ -176,7 +176,7 @@ void main() {
 #endif
     if (material.options.y > 0.5) albedo = vertex_color;
     albedo = min(albedo * detail_factor(material) * macro_factor(material), vec3(0.95));
-    vec3 face = normalize(normal);
+    vec3 face = normalize(normal + vec3(0.0, 0.0, 1e-12));  // a mesh without area has no normal
     bool mirrored = row.material.y == 1u;
     if (gl_FrontFacing == mirrored) face = -face;
     out_color = vec4(sqrt(clamp(shade(material, albedo, face) * code_scale, 0.0, 1.0)), 1.0);

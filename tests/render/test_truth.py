@@ -141,3 +141,17 @@ def test_a_plate_before_the_camera_is_cut_at_the_near_plane(gl: Gl, small: Rende
     assert view.draw[60, 80] == 1
     assert view.depth[60, 80] == pytest.approx(4.5, rel=1e-6)
     assert 2 not in view.draw
+
+
+@pytest.mark.parametrize("quality", ["fast", "standard", "fine"])
+def test_a_view_does_not_depend_on_the_views_before_it(gl: Gl, small: RenderSettings, quality: str) -> None:
+    """The same pose drawn first, and again after others, gives the same bits."""
+    scene = random_scene(5, np.zeros(3))
+    settings = small.model_copy(update={"quality": quality})
+    painter = prepare(gl, scene, settings, SILENT).painter(CAMERA, sharp=True)
+    poses = scene.cameras[0].poses
+    first = painter.draw(poses[0], NEAR)
+    painter.draw(poses[1], NEAR)
+    again = painter.draw(poses[0], NEAR)
+    for name in ("code", "draw", "depth", "normal"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(first, name))

@@ -1,0 +1,200 @@
+"""Radiance in closed form: Lambert's law, the sun's shadow against a ray caster, the light volume, textures."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from groundwork.progress import SILENT
+from render.context import Gl
+from render.daylight import irradiance_coefficients, read_daylight, sphere
+from render.illumination import BRIGHTEST
+from render.light_volume import cast_light_volume
+from render.prepare import prepare
+from render.settings import RenderSettings
+from tests.render.scenes import CAMERA, SceneBuilder, placed
+from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Sun, Texture, world_triangles
+from usd_schemas.pinhole import look_at, unproject
+from usd_schemas.raycast import RayScene
+
+F64 = NDArray[np.float64]
+
+DOWN = look_at(np.array([0.0, 0.0, 8.0]), np.array([0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+WHITE_DOME = Dome((1.0, 1.0, 1.0))
+SQUARE = np.array([[[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0]], [[-0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]])
+
+
+def radiance(gl: Gl, scene: FlatScene, settings: RenderSettings) -> tuple[F64, F64]:
+    """Draw the first pose: linear radiance (H, W, 3) and depth (H, W)."""
+    prepared = prepare(gl, scene, settings, SILENT)
+    view = prepared.painter(CAMERA, sharp=True).draw(scene.cameras[0].poses[0], 0.1)
+    return (view.code.astype(np.float64) / 65535) ** 2 * BRIGHTEST, view.depth.astype(np.float64)
+
+
+def plate(material: Material, size: float = 20.0) -> SceneBuilder:
+    """Start a scene with a level plate at z = 0; st runs from 0 to 1 over it."""
+    builder = SceneBuilder(materials=[material])
+    builder.add_mesh(SQUARE, placed((0, 0, 0), (size, size, 1.0)), 1, st=SQUARE[..., :2] + 0.5)
+    return builder
+
+
+@pytest.mark.parametrize("quality", ["fast", "standard", "fine"])
+def test_grey_card_under_a_white_dome(gl: Gl, ideal: RenderSettings, quality: str) -> None:
+    """Irradiance of a uniform dome is pi times its radiance: the card's radiance is its albedo."""
+    scene = plate(Material("card", base_color=(0.18, 0.36, 0.72), roughness=1.0)).build(DOWN[None])
+    scene = replace(scene, dome=WHITE_DOME)
+    settings = ideal.model_copy(update={"quality": quality})
+    light, _ = radiance(gl, scene, settings)
+    # Beyond `fast`, a dielectric mirrors another 4 %, and two bands see a little of the dome below the edge.
+    gloss, tolerance = (0.0, 0.002) if quality == "fast" else (0.04, 0.03)
+    np.testing.assert_allclose(light[60, 80], np.array([0.18, 0.36, 0.72]) + gloss, rtol=tolerance)
+
+
+def test_lambert_cosine_of_the_sun(gl: Gl, ideal: RenderSettings) -> None:
+    """Radiance is albedo * E_sun * cos / pi for a sun at any height."""
+    settings = ideal.model_copy(update={"quality": "fast"})
+    for height in (15.0, 40.0, 90.0):
+        rise = np.deg2rad(height)
+        scene = plate(Material("card", base_color=(0.5, 0.5, 0.5))).build(DOWN[None])
+        scene = replace(scene, sun=Sun((float(np.cos(rise)), 0.0, float(np.sin(rise))), (3.0, 2.0, 1.0)))
+        light, _ = radiance(gl, scene, settings)
+        np.testing.assert_allclose(light[60, 80], 0.5 * np.array([3.0, 2.0, 1.0]) * np.sin(rise) / np.pi, rtol=2e-3)
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (5.0e5, 4.6e6, 30.0)])
+@pytest.mark.parametrize(("quality", "tolerance"), [("fast", 0.02), ("standard", 0.1)])
+def test_shadows_fall_where_the_ray_caster_says(
+    gl: Gl, ideal: RenderSettings, offset: tuple[float, float, float], quality: str, tolerance: float
+) -> None:
+    """Lit and shaded pixels agree with rays towards the sun: no acne, no shadow torn off its object."""
+    builder = SceneBuilder(materials=[Material("card", base_color=(0.1, 0.1, 0.1), roughness=1.0)])
+    builder.add_box(placed((offset[0], offset[1], offset[2] - 0.5), (40, 40, 1)), 1)
+    builder.add_box(placed((offset[0], offset[1], offset[2] + 1), (1, 1, 2), 0.4), 2)
+    builder.add_box(placed((offset[0] - 2, offset[1] + 1, offset[2] + 2), (-3, 0.3, 0.2)), 3)
+    pose = look_at(np.array([4.0, -5.0, 6.0]) + offset, np.array(offset))
+    sun = np.array([-0.5, -0.4, 0.6]) / np.linalg.norm([-0.5, -0.4, 0.6])
+    scene = replace(builder.build(pose[None]), sun=Sun((sun[0], sun[1], sun[2]), (15.0, 15.0, 15.0)))
+    settings = ideal.model_copy(update={"shadow_size": 4096, "quality": quality})
+    light, depth = radiance(gl, scene, settings)
+    v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width] + 0.5
+    seen = np.isfinite(depth)
+    points = unproject(np.column_stack([u[seen], v[seen]]), depth[seen], CAMERA, pose)
+    corners, ids, rows = world_triangles(scene)
+    tracer = RayScene(corners, ids)
+    _, triangle = tracer.distance(points)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[triangle]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal *= np.where(np.linalg.det(scene.draws.transform[:, :3, :3])[rows[triangle]] < 0, -1, 1)[:, None]
+    free, _, _ = tracer.cast(points + 1e-3 * normal, np.broadcast_to(sun, points.shape))
+    lit = np.zeros(depth.shape, bool)
+    lit[seen] = np.isinf(free) & (normal @ sun > 0)
+    sure = seen.copy()
+    for shift in (-2, -1, 1, 2):
+        for axis in (0, 1):
+            sure &= np.roll(lit, shift, axis) == lit
+    expected = np.zeros(depth.shape)
+    expected[seen] = 0.1 * 15.0 / np.pi * np.maximum(normal @ sun, 0)
+    error = np.abs(light[..., 1] - expected * lit)
+    assert 0.05 < lit[seen].mean() < 0.98
+    assert np.mean(error[sure] < tolerance) > 0.999
+
+
+def test_a_wall_hides_half_the_sky(gl: Gl) -> None:
+    """At the foot of a long black wall the light volume holds half the irradiance of the open dome."""
+    builder = SceneBuilder(materials=[Material("black", base_color=(0.0, 0.0, 0.0))])
+    builder.add_box(placed((0.0, 0.5, 200.0), (800.0, 1.0, 400.0)), 1, label=1)
+    builder.add_box(placed((0.0, 0.0, -0.5), (300.0, 300.0, 1.0)), 2, label=1)
+    scene = replace(builder.build(DOWN[None]), dome=WHITE_DOME)
+    light, _ = read_daylight(scene)
+    box = (np.array([-2.0, -2.0, 0.0]), np.array([2.0, 2.0, 2.0]))
+    volume = cast_light_volume(scene, light, np.zeros((1, 3)), box, 3000, 256, SILENT)
+    probe, inside = volume.nearest(np.array([[0.0, -0.6, 0.6]]))
+    assert inside.all()
+    c0, _, _, c3 = volume.coefficients.reshape(-1, 4, 3)[probe[0]]
+    np.testing.assert_allclose(c0 + c3, np.pi / 2, rtol=0.1)
+
+
+def test_coefficients_of_half_a_dome() -> None:
+    """A uniform half dome gives pi * (1 + cos) / 2 exactly, in every direction."""
+    directions = sphere(20000)
+    radiance_up = np.repeat((directions[:, 2] > 0).astype(float)[:, None], 3, axis=1)
+    rows = irradiance_coefficients(directions, radiance_up[None])[0]
+    np.testing.assert_allclose(rows[0], np.pi / 2, rtol=1e-3)
+    np.testing.assert_allclose(rows[3], np.pi / 2, rtol=1e-3)
+    np.testing.assert_allclose(rows[1:3], 0, atol=1e-3)
+
+
+def test_a_stage_without_light_gets_a_day(gl: Gl, ideal: RenderSettings) -> None:
+    """Neither black nor silent."""
+    scene = plate(Material("card")).build(DOWN[None])
+    prepared = prepare(gl, scene, ideal, SILENT)
+    assert any("default sun and sky" in line for line in prepared.warnings)
+    light, _ = radiance(gl, scene, ideal)
+    assert 0.1 < light[60, 80, 1] < 2.0
+
+
+def write_quadrants(path: Path) -> None:
+    """Write red over green on the left, blue over white on the right."""
+    pixels = np.zeros((64, 64, 3), np.uint8)
+    pixels[:32, :32], pixels[32:, :32], pixels[:32, 32:], pixels[32:, 32:] = (
+        (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255),
+    )  # fmt: skip
+    cv2.imwrite(str(path), pixels[..., ::-1])
+
+
+def test_textures_stand_upright(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+    """(0, 1) of USD's st is the upper left corner of the picture; placements follow UsdTransform2d."""
+    write_quadrants(tmp_path / "q.png")
+    red, green, blue = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+    settings = ideal.model_copy(update={"quality": "fast"})
+    for texture, upper_left, lower_left, upper_right in (
+        (Texture(str(tmp_path / "q.png"), True), red, green, blue),
+        (Texture(str(tmp_path / "q.png"), True, rotation=90.0), green, (1, 1, 1), red),
+        (Texture(str(tmp_path / "q.png"), True, translation=(0.5, 0.0)), blue, (1, 1, 1), red),
+        (Texture(str(tmp_path / "q.png"), True, scale=(-1.0, 1.0)), blue, (1, 1, 1), red),
+    ):
+        scene = plate(Material("card", base_texture=texture), 6.0).build(DOWN[None])
+        light, _ = radiance(gl, replace(scene, dome=WHITE_DOME), settings)
+        for row, column, expected in ((40, 60, upper_left), (80, 60, lower_left), (40, 100, upper_right)):
+            np.testing.assert_allclose(light[row, column] / 0.95, expected, atol=0.06)
+
+
+def test_colours_detail_and_macro_are_the_documented_factors(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+    """SRGB 188 is half of white; detail multiplies by 1 + a (2 g - 1) per octave; macro by 2 g."""
+    for name, value in (("half", 188), ("detail", 255), ("macro", 64)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.full((16, 16, 3), value, np.uint8))
+    detail = Detail(str(tmp_path / "detail.png"), (1.0, 0.3), (0.2, 0.1), str(tmp_path / "macro.png"))
+    base = Texture(str(tmp_path / "half.png"), True)
+    scene = plate(Material("card", base_texture=base, detail=detail)).build(DOWN[None])
+    light, _ = radiance(gl, replace(scene, dome=WHITE_DOME), ideal.model_copy(update={"quality": "fast"}))
+    np.testing.assert_allclose(light[60, 80], 0.5 * 1.2 * 1.1 * 128 / 255, rtol=0.02)
+
+
+def test_a_missing_texture_is_told_and_drawn_grey(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+    """One warning that names the file; the constant colour stays."""
+    texture = Texture(str(tmp_path / "gone.png"), True)
+    scene = plate(Material("card", base_color=(0.4, 0.4, 0.4), base_texture=texture)).build(DOWN[None])
+    scene = replace(scene, dome=WHITE_DOME)
+    assert [line for line in prepare(gl, scene, ideal, SILENT).warnings if "gone.png" in line]
+    light, _ = radiance(gl, scene, ideal.model_copy(update={"quality": "fast"}))
+    np.testing.assert_allclose(light[60, 80], 0.4, rtol=0.01)
+
+
+def test_cut_outs_open_colour_depth_and_shadow(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+    """Where the texture is transparent, the plate behind is seen, measured and lit."""
+    pixels = np.full((64, 64, 4), 255, np.uint8)
+    pixels[:, :32, 3] = 0
+    cv2.imwrite(str(tmp_path / "leaf.png"), pixels)
+    leaf = Material("leaf", base_texture=Texture(str(tmp_path / "leaf.png"), True), opacity_threshold=0.5)
+    for quality in ("standard", "fine"):
+        builder = plate(Material("ground", base_color=(0.5, 0.5, 0.5), roughness=1.0))
+        builder.materials.append(leaf)
+        builder.add_mesh(SQUARE, placed((0, 0, 2), (4, 4, 1)), 2, material=1, st=SQUARE[..., :2] + 0.5)
+        scene = replace(builder.build(DOWN[None]), sun=Sun((0.0, 0.0, 1.0), (3.0, 3.0, 3.0)))
+        light, depth = radiance(gl, scene, ideal.model_copy(update={"quality": quality}))
+        assert depth[60, 60] == pytest.approx(8.0, rel=1e-6)
+        assert depth[60, 100] == pytest.approx(6.0, rel=1e-6)
+        np.testing.assert_allclose(light[60, 60], 0.5 * 3 / np.pi, rtol=0.15)

@@ -1,0 +1,134 @@
+"""The sensor's statistics, the metering, and the EXIF that a photograph carries."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from render.exif import Shot, geodetic, insert_exif
+from render.illumination import BRIGHTEST
+from render.image_files import encode_jpeg
+from render.sensor import Sensor, meter
+from render.settings import SensorSettings
+
+SHAPE = (240, 320)
+GREY = 0.2
+
+
+def coded(radiance: float) -> np.ndarray:
+    """Code a uniform frame."""
+    return np.full((*SHAPE, 3), round(np.sqrt(radiance / BRIGHTEST) * 65535), np.uint16)
+
+
+def linear(pixels: np.ndarray, ideal: Sensor) -> np.ndarray:
+    """Invert the tone curve by searching the ideal sensor's answers to a ramp."""
+    ramp = np.linspace(0.001, 2.0, 4096)
+    codes = np.sqrt(ramp / BRIGHTEST) * 65535
+    image = np.repeat(np.rint(codes).astype(np.uint16)[None, :, None], 3, axis=2)
+    answers = ideal.develop(image, ideal.expose(0, image))[0, :, 1]
+    assert np.all(np.diff(answers.astype(int)) >= 0), "the tone curve must rise"
+    return np.interp(pixels.astype(float), answers, ramp)
+
+
+@pytest.mark.parametrize("level", [0.05, 0.2, 0.6])
+def test_noise_has_the_variance_of_photons_and_amplifier(level: float) -> None:
+    """Without blur, variance is signal / full well + (read noise / full well)^2, and the mean is unharmed."""
+    settings = SensorSettings(exposure_sigma=0, white_balance_sigma=0, auto_exposure=0, blur_sigma=0, full_well=600)
+    sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
+    values = linear(sensor.develop(coded(level), sensor.expose(3, coded(level))), ideal)
+    assert values.mean() == pytest.approx(level, rel=0.01)
+    assert values.var() == pytest.approx(level / 600 + (4 / 600) ** 2, rel=0.06)
+
+
+def test_frames_have_noise_of_their_own_and_repeat_exactly() -> None:
+    """Another frame or seed gives other noise; the same gives the same bytes; channels are independent."""
+    frame = coded(GREY)
+
+    def shot(seed: int, row: int) -> np.ndarray:
+        sensor = Sensor(SensorSettings(), 1.0, BRIGHTEST, SHAPE, seed)
+        return sensor.develop(frame, sensor.expose(row, frame)).astype(float)
+
+    np.testing.assert_array_equal(shot(5, 1), shot(5, 1))
+    for other in (shot(5, 2), shot(6, 1)):
+        assert abs(np.corrcoef(shot(5, 1)[..., 1].ravel(), other[..., 1].ravel())[0, 1]) < 0.02
+    assert abs(np.corrcoef(shot(5, 1)[..., 0].ravel(), shot(5, 1)[..., 1].ravel())[0, 1]) < 0.02
+
+
+def test_the_point_spread_is_the_gaussian_asked_for() -> None:
+    """The second moment of a blurred line is sigma squared."""
+    settings = SensorSettings(exposure_sigma=0, white_balance_sigma=0, auto_exposure=0, full_well=1e6, read_noise=0)
+    sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
+    frame = coded(0.02)
+    frame[:, 160] = coded(0.5)[:, 160]
+    profile = linear(sensor.develop(frame, sensor.expose(0, frame)), ideal)[..., 1].mean(axis=0)
+    rows = profile[157:164] - profile[:150].mean()
+    offsets = np.arange(-3, 4)
+    assert np.sum(rows * offsets**2) / np.sum(rows) == pytest.approx(0.36, rel=0.1)
+
+
+def test_without_noise_the_tone_curve_alone_is_left() -> None:
+    """A grey stays one value; sensor white and middle grey come where a camera puts them."""
+    sensor = Sensor(SensorSettings(noise=False), 1.0, BRIGHTEST, SHAPE, 5)
+    for level, low, high in ((0.0, 0, 0), (GREY, 110, 140), (1.0, 200, 235), (6.0, 245, 255)):
+        pixels = sensor.develop(coded(level), sensor.expose(0, coded(level)))
+        assert pixels.min() == pixels.max()
+        assert low <= pixels[0, 0, 0] <= high
+
+
+def test_metering_brings_the_middle_tone_to_grey_and_keeps_highlights() -> None:
+    """A survey twice as bright is exposed half as long; a few bright walls hold the exposure back."""
+    rng = np.random.default_rng(1)
+    light = rng.uniform(0.05, 0.15, 5000).astype(np.float32)
+    assert meter(light) * np.median(light) == pytest.approx(GREY, rel=0.01)
+    assert meter(2 * light) == pytest.approx(meter(light) / 2)
+    light[:400] = 3.0
+    assert meter(light) * 3.0 < 2.0
+    assert meter(np.zeros(0, np.float32)) == 1.0
+
+
+def read_tags(tiff: bytes, offset: int) -> dict[int, object]:
+    """Read one EXIF directory of a little-endian TIFF structure."""
+    tags: dict[int, object] = {}
+    for row in range(struct.unpack_from("<H", tiff, offset)[0]):
+        tag, kind, count = struct.unpack_from("<HHI", tiff, offset + 2 + 12 * row)
+        size = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 7: 1}[kind] * count
+        place = offset + 10 + 12 * row
+        data = (
+            tiff[place : place + size]
+            if size <= 4
+            else tiff[(at := struct.unpack_from("<I", tiff, place)[0]) : at + size]
+        )
+        if kind == 2:
+            tags[tag] = data[:-1].decode()
+        elif kind == 5:
+            parts = struct.unpack(f"<{2 * count}I", data)
+            tags[tag] = [a / b for a, b in zip(parts[::2], parts[1::2], strict=True)]
+        elif kind in (3, 4):
+            tags[tag] = struct.unpack(f"<{count}{'H' if kind == 3 else 'I'}", data)[0]
+        else:
+            tags[tag] = data
+    return tags
+
+
+def test_exif_is_read_back() -> None:
+    """Make, focal lengths, size and GPS come back from the bytes; the picture is unharmed."""
+    jpeg = encode_jpeg(np.zeros((48, 64, 3), np.uint8), 95)
+    origin = (46.0, -8.5, 400.0)
+    shot = Shot(0.0244, 0.036, 1 / 640, 12.0, (120.0, -250.0, 33.5), origin)
+    tagged = insert_exif(jpeg, shot, 64, 48)
+    assert tagged[:4] == b"\xff\xd8\xff\xe1"
+    assert tagged.endswith(jpeg[20:])
+    tiff = tagged[12 : 4 + struct.unpack(">H", tagged[4:6])[0]]
+    root = read_tags(tiff, 8)
+    assert root[0x010F] == root[0x0110] == "Falsework"
+    assert root[0x0132] == "2024:06:21 12:00:12"
+    photo, gps = read_tags(tiff, int(str(root[0x8769]))), read_tags(tiff, int(str(root[0x8825])))
+    assert photo[0x920A] == [pytest.approx(24.4)]
+    assert (photo[0xA405], photo[0xA002], photo[0xA003]) == (24, 64, 48)
+    assert (gps[1], gps[3]) == ("N", "W")
+    latitude, longitude, height = geodetic((120.0, -250.0, 33.5), origin)
+    for tag, value in ((2, latitude), (4, -longitude)):
+        degrees = np.array(gps[tag]) @ [1, 1 / 60, 1 / 3600]
+        assert degrees == pytest.approx(value, abs=1e-9)
+    assert gps[6] == [pytest.approx(height)]
+    assert (latitude - 46.0) * 111_140 == pytest.approx(-250.0, rel=2e-3)
