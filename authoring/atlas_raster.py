@@ -65,6 +65,9 @@ class AtlasRaster:
 
         Args:
             image: Colours of the drawn texels, shape (H, H, 3), float32.
+
+        Returns:
+            Colours everywhere, shape (H, H, 3), float32.
         """
         import cv2
 

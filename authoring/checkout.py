@@ -33,7 +33,9 @@ def checkout_scene(source: Path, out: Path) -> Path:
     partial = out.with_name(f".{out.name}.partial")
     with space_errors(out):
         shutil.rmtree(partial, ignore_errors=True)
-        shutil.copytree(home, partial, copy_function=shutil.copyfile, ignore=shutil.ignore_patterns(MANIFEST, MARK))
+        unwanted = shutil.ignore_patterns(MANIFEST, MARK)
+        # inside an atomic folder: it gets its name with one rename below
+        shutil.copytree(home, partial, copy_function=shutil.copyfile, ignore=unwanted)
         if out.exists():
             out.rmdir()
         commit_folder(partial, out)

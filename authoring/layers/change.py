@@ -27,7 +27,7 @@ def change_layer(path: Path, change: Callable[[Sdf.Layer], None]) -> None:
     else:
         with tempfile.TemporaryDirectory() as scratch:
             file = Path(scratch) / f"layer{path.suffix}"
-            layer.Export(str(file))  # beside its place first: `write_bytes` puts it there with one rename
+            layer.Export(str(file))  # not atomic: a scratch file; `write_bytes` puts it there with one rename
             write_bytes(path, file.read_bytes())
     known = Sdf.Layer.Find(str(path.resolve()))
     if known is not None:

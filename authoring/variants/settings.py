@@ -25,10 +25,10 @@ class LightVariant(LightSettings):
 class VariantSettings(Settings):
     """Variants of one scene: the product of these lists."""
 
-    look: tuple[str, ...] = Field((), description="Looks of the bridge; empty: the one of [look]")
-    background: tuple[str, ...] = Field((), description="Backgrounds; empty: the one of [background]")
+    look: tuple[str, ...] = Field(default=(), description="Looks of the bridge; empty: the one of [look]")
+    background: tuple[str, ...] = Field(default=(), description="Backgrounds; empty: the one of [background]")
     light: tuple[LightVariant, ...] = Field(
-        (), description="Lights, each a table with a name; empty: the one of [light], which is called default"
+        default=(), description="Lights, each a table with a name; empty: the one of [light], which is called default"
     )
 
     @model_validator(mode="after")
