@@ -138,15 +138,16 @@ def bake_sky(settings: LightSettings, folder: Path, rng: np.random.Generator) ->
     )
 
 
-def author_lighting(stage: Usd.Stage, lighting: Lighting) -> None:
-    """Define `/World/Environment/{Sun,Sky}`.
+def author_lighting(stage: Usd.Stage, lighting: Lighting, environment: str = tokens.ENVIRONMENT) -> None:
+    """Define `Sun` and `Sky`.
 
     Args:
         stage: Stage whose edit target receives them; that layer must lie beside the sky's `textures` folder.
         lighting: Sun and sky.
+        environment: Path of the Scope that holds them.
     """
-    UsdGeom.Scope.Define(stage, tokens.ENVIRONMENT)
-    sun = UsdLux.DistantLight.Define(stage, f"{tokens.ENVIRONMENT}/Sun")
+    UsdGeom.Scope.Define(stage, environment)
+    sun = UsdLux.DistantLight.Define(stage, f"{environment}/Sun")
     irradiance = np.asarray(lighting.sun_irradiance)
     intensity = float(irradiance.max())
     sun.CreateIntensityAttr(round(intensity, 6))
@@ -155,7 +156,7 @@ def author_lighting(stage: Usd.Stage, lighting: Lighting) -> None:
     turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), Gf.Vec3d(*lighting.sun_direction)).GetQuat()
     parts = [round(part, 9) for part in (turn.GetReal(), *turn.GetImaginary())]
     sun.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(*parts))
-    sky = UsdLux.DomeLight.Define(stage, f"{tokens.ENVIRONMENT}/Sky")
+    sky = UsdLux.DomeLight.Define(stage, f"{environment}/Sky")
     sky.CreateIntensityAttr(1.0)
     sky.CreateTextureFileAttr(Sdf.AssetPath(lighting.sky_file))
     sky.CreateTextureFormatAttr(UsdLux.Tokens.latlong)

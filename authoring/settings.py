@@ -1,6 +1,6 @@
 """What a scenario may say about the scene: one section a layer."""
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -11,7 +11,19 @@ from authoring.looks.bake import LookSettings
 from authoring.looks.roles import LOOKS
 from authoring.site import SiteSettings
 from authoring.surveys.settings import AnySurvey, GlobalSettings
+from authoring.variants.settings import VariantSettings
 from groundwork.settings import Settings
+
+
+class LabelSettings(Settings):
+    """How the scene's parts are classed."""
+
+    taxonomy: Literal["falsework", "kim2020", "kim2023", "semanticbridge", "randla_bridgenet", "hgcnn", "ifc43"] = (
+        Field(default="falsework", description="Table that gives the components the classes of label images and clouds")
+    )
+    replicator: bool = Field(
+        default=False, description="Write the labels once more in the older SemanticsAPI: compat_replicator.usda"
+    )
 
 
 class AuthoringSettings(Settings):
@@ -21,8 +33,12 @@ class AuthoringSettings(Settings):
     site: SiteSettings = Field(default_factory=SiteSettings, description="The ground that it stands on")
     background: BackgroundSettings = Field(default_factory=BackgroundSettings, description="The world beyond")
     look: LookSettings = Field(default_factory=LookSettings, description="Materials of the bridge")
+    labels: LabelSettings = Field(default_factory=LabelSettings, description="How parts are classed")
     light: LightSettings = Field(default_factory=LightSettings, description="Sun and sky")
     survey: tuple[AnySurvey, ...] = Field(default=(GlobalSettings(),), min_length=1, description="Inspection flights")
+    variants: VariantSettings = Field(
+        default_factory=VariantSettings, description="Other looks, backgrounds and lights of the same bridge"
+    )
 
     @model_validator(mode="after")
     def _names_are_known(self) -> Self:

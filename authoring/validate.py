@@ -12,6 +12,7 @@ from usd_schemas import tokens
 from usd_schemas.apis import direct_label, read_component, read_survey
 from usd_schemas.components import class_rows, component_classes
 from usd_schemas.pinhole import UsdLens, lens_from_pinhole
+from usd_schemas.read_labels import read_taxonomy
 
 LENS_TOLERANCE = 1e-4  # relative
 
@@ -67,10 +68,16 @@ def usd_findings(stage: Usd.Stage) -> Iterator[str]:
 def label_findings(stage: Usd.Stage) -> Iterator[str]:
     """Every visible surface has one component and one class, both in the tables and in agreement.
 
+    The class that a prim carries is always that of the base table; a taxonomy that the stage brings must be usable and
+    have a row for each component.
+
     Args:
         stage: Stage to look at.
     """
     table, names = component_classes(), {row.name for row in class_rows()}
+    unusable: list[str] = []
+    in_force = read_taxonomy(stage, unusable.append)
+    yield from unusable
     for prim in surfaces(stage):
         component = _inherited(prim, tokens.COMPONENT_TAXONOMY)
         label = _inherited(prim, tokens.CLASS_TAXONOMY)
@@ -80,8 +87,10 @@ def label_findings(stage: Usd.Stage) -> Iterator[str]:
             yield f"{prim.GetPath()}: component {component!r} is not in the component table"
         elif component and table[component] != label:
             yield f"{prim.GetPath()}: component {component!r} belongs to class {table[component]!r}, not {label!r}"
-        elif not component and not str(prim.GetPath()).startswith(tokens.BACKGROUND):
+        elif not component and not str(prim.GetPath()).startswith((tokens.BACKGROUND, tokens.ADDITIONS)):
             yield f"{prim.GetPath()}: has no component label"
+        if component and in_force.classes and component not in in_force.classes:
+            yield f"{prim.GetPath()}: component {component!r} has no row in the taxonomy {in_force.name!r}"
 
 
 def id_findings(stage: Usd.Stage) -> Iterator[str]:
@@ -101,7 +110,9 @@ def id_findings(stage: Usd.Stage) -> Iterator[str]:
         ids.update(set(own))
     yield from (f"instance id {number}: used by {count} prims" for number, count in ids.items() if count > 1)
     xforms = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Xformable)]
-    names = Counter(prim.GetName() for prim in xforms)
+    # A world from elsewhere has names of its own, and nothing in it is matched by name.
+    named = [prim for prim in xforms if _known(prim) or not str(prim.GetPath()).startswith(tokens.BACKGROUND)]
+    names = Counter(prim.GetName() for prim in named)
     yield from (f"prim name {name}: used {count} times" for name, count in names.items() if count > 1)
     stable = Counter(str(prim.GetAttribute(tokens.USER_FALSEWORK_ID).Get() or "") for prim in xforms)
     yield from (f"falseworkId {name}: used {count} times" for name, count in stable.items() if name and count > 1)
@@ -176,6 +187,10 @@ def vars_of(lens: UsdLens) -> tuple[float, float, float, float, float]:
         lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture, lens.horizontal_offset,
         lens.vertical_offset,
     )  # fmt: skip
+
+
+def _known(prim: Usd.Prim) -> bool:
+    return bool(prim.GetAttribute(tokens.USER_FALSEWORK_ID).Get())
 
 
 def _inherited(prim: Usd.Prim, taxonomy: str) -> str:

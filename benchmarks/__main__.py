@@ -3,7 +3,8 @@
 Usage: python -m benchmarks
 """
 
-from benchmarks import chain
+from benchmarks import chain, stage
 
 if __name__ == "__main__":
+    stage.main()
     chain.main()

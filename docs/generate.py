@@ -1,4 +1,4 @@
-"""Write the pages that are generated from the code: every key of the scenario, and the class table.
+"""Write the pages that are generated from the code: every key of the scenario, and the tables of classes.
 
 Usage: python -m docs.generate [--check]
 """
@@ -13,9 +13,18 @@ from pydantic_core import PydanticUndefined
 from falsework.scenario import Scenario
 from groundwork.files import write_text
 from groundwork.settings import Settings
-from usd_schemas.components import class_rows, component_classes
+from usd_schemas.components import ClassRow, component_classes
+from usd_schemas.taxonomies import TAXONOMIES, Taxonomy, taxonomy
 
 HERE = Path(__file__).resolve().parent
+
+_INTRODUCTION = (
+    "Each part of a scene carries a `component` and the class that it has in the base table, `falsework`. Another",
+    'table is switched in as a layer (`[labels] taxonomy = "kim2023"`), and label images, instance tables and clouds',
+    "then carry its classes. *Class alone* is what a prim is taken for that says a class of the base table and no",
+    "component. Ids 16 and 255 mean the same in every table: `noisy_point` is made on read by a threshold,",
+    "`unlabelled` says that no class is known. Class 0 is what the sky shows.",
+)
 
 
 def scenario_page() -> str:
@@ -39,14 +48,18 @@ def scenario_page() -> str:
 
 
 def classes_page() -> str:
-    """Spell the class table and the components of each class as Markdown."""
+    """Spell every table of classes and the components of each class as Markdown."""
     lines = ["# Classes and components", "", "Generated from `usd_schemas/tables` by `python -m docs.generate`.", ""]
-    lines += ["| id | class | components |", "|---|---|---|"]
-    table = component_classes()
-    for row in class_rows():
-        kinds = ", ".join(f"`{kind}`" for kind, name in table.items() if name == row.name)
-        lines.append(f"| {row.id} | {row.name} | {kinds} |")
-    return "\n".join([*lines, ""])
+    lines += [*_INTRODUCTION, ""]
+    for name in TAXONOMIES:
+        table = taxonomy(name)
+        note = " The original's own list of classes could not be read: these are ours." if table.reconstructed else ""
+        lines += [f"## `{name}`: {table.title}", "", f"Source: {table.source}.{note}", ""]
+        lines += ["| id | class | color | components | class alone |", "|---|---|---|---|---|"]
+        lines += [f"| {row.id} | {row.name} | {_color(row)} | {_kinds(table, row)} | {_alone(table, row)} |"
+                  for row in table.rows]  # fmt: skip
+        lines.append("")
+    return "\n".join(lines)
 
 
 PAGES = {"scenario.md": scenario_page, "classes.md": classes_page}
@@ -72,6 +85,20 @@ def main(arguments: list[str]) -> int:
     return int(bool(stale))
 
 
+def _kinds(table: Taxonomy, row: ClassRow) -> str:
+    return ", ".join(f"`{kind}`" for kind in component_classes() if table.classes[kind] == row.name)
+
+
+def _alone(table: Taxonomy, row: ClassRow) -> str:
+    base = dict.fromkeys(component_classes().values())
+    return ", ".join(name for name in base if table.classes[name] == row.name)
+
+
+def _color(row: ClassRow) -> str:
+    red, green, blue = row.color
+    return f"`#{red:02x}{green:02x}{blue:02x}`"
+
+
 def _sections(model: type[Settings], name: str) -> list[tuple[str, type[Settings]]]:
     found = [(name, model)]
     for key, field in model.model_fields.items():
@@ -89,6 +116,10 @@ def _models_in(annotation: object) -> list[type[Settings]]:
 def _type_name(annotation: object) -> str:
     if typing.get_origin(annotation) is typing.Literal:
         return ", ".join(f"`{choice}`" for choice in typing.get_args(annotation))
+    if typing.get_origin(annotation) is typing.Annotated:
+        return _type_name(typing.get_args(annotation)[0])
+    if typing.get_origin(annotation) is tuple:
+        return f"tuple[{', '.join('...' if part is ... else _type_name(part) for part in typing.get_args(annotation))}]"
     name = annotation.__name__ if isinstance(annotation, type) else str(annotation)
     return name.replace("typing.", "").replace(" | None", "").replace("|", "or")
 

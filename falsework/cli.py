@@ -103,6 +103,7 @@ def render(
     quality: Literal["fast", "standard", "fine"] = "standard",
     noise: bool = True,
     seed: int = 7,
+    allow_root: tuple[Path, ...] = (),
 ) -> int:
     """Render any USD stage into captures: one folder for each RenderProduct, or for each camera where there is none.
 
@@ -113,12 +114,13 @@ def render(
         quality: How much shading.
         noise: Add the sensor's noise to the images.
         seed: Seed of the sensor's noise.
+        allow_root: Folders beside that of the stage from which it may take layers and textures.
     """
     from falsework.verbs import render_file
 
     settings = {"quality": quality, "sensor": {"noise": noise}}
     with ConsoleProgress() as progress:
-        names = render_file(stage, output, survey, settings, seed, progress)
+        names = render_file(stage, output, survey, settings, seed, progress, allow_root)
     for name in names:
         _say(f"capture {output / name}")
     return 0
@@ -172,6 +174,11 @@ def verify(output: File) -> int:
     return int(bool(wrong))
 
 
+def scene() -> int:
+    """Look into a scene, choose its look, background and light, compare, copy, package: falsework scene --help."""
+    return _scene(["--help"])  # with further words, `main` asks for the group's own verbs
+
+
 VERBS = {
     "doctor": doctor,
     "demo": demo,
@@ -181,6 +188,7 @@ VERBS = {
     "reconstruct": reconstruct,
     "report": report,
     "verify": verify,
+    "scene": scene,
 }
 
 
@@ -192,9 +200,13 @@ def main(arguments: list[str] | None = None) -> None:
     """
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(TERMINATED))
     try:
-        code = tyro.extras.subcommand_cli_from_dict(
-            VERBS, prog="falsework", description=ABOUT, args=arguments, config=(tyro.conf.FlagCreatePairsOff,)
-        )
+        words = sys.argv[1:] if arguments is None else arguments
+        if words[:1] == ["scene"]:
+            code = _scene(words[1:])
+        else:
+            code = tyro.extras.subcommand_cli_from_dict(
+                VERBS, prog="falsework", description=ABOUT, args=words, config=(tyro.conf.FlagCreatePairsOff,)
+            )
     except FalseworkError as error:
         sys.stderr.write(f"falsework: {error}\n")
         code = error.exit_code
@@ -202,6 +214,14 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stderr.write("falsework: interrupted; the same command goes on where it stopped\n")
         code = INTERRUPTED
     sys.exit(code)
+
+
+def _scene(words: list[str]) -> int:
+    from falsework import scene_verbs
+
+    return tyro.extras.subcommand_cli_from_dict(
+        scene_verbs.SCENE_VERBS, prog="falsework scene", description=scene_verbs.__doc__, args=words
+    )
 
 
 def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:

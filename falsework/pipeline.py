@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -113,18 +114,57 @@ def _run_scene(scenario: Scenario, index: int, out: Path, progress: Progress, ou
     maker = _Maker(out, scene, progress, outcome)
     paths, keys = {}, {}
     paths["stage"], keys["stage"] = _stage(scenario, seed, maker)
-    for survey in [s.id for s in scenario.survey] if scenario.stage is None else surveys_of(paths["stage"]):
-        shot, cloud = f"capture/{survey}", f"cloud/{survey}"
-        settings = {"seed": seed, "survey": survey, "render": scenario.rendering()}
-        settings["platform"] = render_platform(scenario.render.device)
-        keys[shot] = maker.make(new_task("capture", settings, {"stage": keys["stage"]}), paths, shot)
-        paths[shot] = scene / shot
-        settings = {"recon": scenario.recon.model_dump(mode="json"), "platform": recon_platform()}
-        keys[cloud] = maker.make(new_task("cloud", settings, {"capture": keys[shot]}), {"capture": paths[shot]}, cloud)
-        paths[cloud] = scene / cloud
-        outcome.clouds.append(paths[cloud])
+    surveys = _surveys(scenario, paths["stage"], progress)
+    for survey, variant in product(surveys, scenario.variants.combinations() or [""]):
+        name = f"{survey}@{variant}" if variant else survey
+        flight = _Flight(scenario, seed, survey, variant, name)
+        try:
+            _run_flight(flight, maker, paths, keys)
+        except RejectedSceneError as rejection:
+            if not variant:
+                raise
+            outcome.rejected[f"{index:04d}/{name}"] = f"{rejection.reason}: {rejection}"  # the other variants go on
     maker.make(new_task("report", {"title": f"Scene {index:04d}"}, keys), paths, "report.html", "report.html")
     outcome.reports.append(scene / "report.html")
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """One survey of one variant of a scene.
+
+    Attributes:
+        scenario: What to make.
+        seed: Seed of the scene.
+        survey: Survey id.
+        variant: Name of the variant, or empty.
+        name: Name of its capture and cloud.
+    """
+
+    scenario: Scenario
+    seed: int
+    survey: str
+    variant: str
+    name: str
+
+
+def _run_flight(flight: _Flight, maker: "_Maker", paths: dict[str, Path], keys: dict[str, str]) -> None:
+    """Make the capture and the cloud of one flight, and add them to `paths` and `keys`."""
+    scenario, shot, cloud = flight.scenario, f"capture/{flight.name}", f"cloud/{flight.name}"
+    settings = {"seed": flight.seed, "survey": flight.survey, "render": scenario.rendering()}
+    settings |= {"variant": flight.variant} if flight.variant else {}
+    settings["platform"] = render_platform(scenario.render.device)
+    keys[shot] = maker.make(new_task("capture", settings, {"stage": keys["stage"]}), paths, shot)
+    paths[shot] = maker.scene / shot
+    settings = {"recon": scenario.recon.model_dump(mode="json"), "platform": recon_platform()}
+    keys[cloud] = maker.make(new_task("cloud", settings, {"capture": keys[shot]}), {"capture": paths[shot]}, cloud)
+    paths[cloud] = maker.scene / cloud
+    maker.outcome.clouds.append(paths[cloud])
+
+
+def _surveys(scenario: Scenario, stage: Path, progress: Progress) -> list[str]:
+    if scenario.stage is None:
+        return [survey.id for survey in scenario.survey]
+    return surveys_of(stage, tuple(Path(root) for root in scenario.stage.allow_root), progress)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ class StageSource(Settings):
     """An existing stage to start from instead of authoring one."""
 
     path: str = Field(description="USD file, relative to the scenario")
+    allow_root: tuple[str, ...] = Field((), description="folders beside its own from which it may take files")
 
 
 class Scenario(AuthoringSettings):
@@ -56,10 +57,16 @@ def load_scenario(path: Path) -> Scenario:
     scenario = parse_settings(Scenario, read_toml(path), path)
     if scenario.stage is None:
         return scenario
+    if scenario.variants.combinations():
+        raise InputError(
+            "variants are authored with a scene, not with a stage that is there", where=path, field="variants",
+            mend="Choose there: falsework scene set SCENE look=… --variant NAME, then name variant_NAME.usda here",
+        )  # fmt: skip
     stage = path.parent / scenario.stage.path
     if not stage.exists():
         raise MissingError("no such stage", where=path, field="stage.path", value=scenario.stage.path)
-    return scenario.model_copy(update={"stage": StageSource(path=str(stage))})
+    roots = tuple(str(path.parent / root) for root in scenario.stage.allow_root)
+    return scenario.model_copy(update={"stage": StageSource(path=str(stage), allow_root=roots)})
 
 
 def demo_scenario() -> Scenario:

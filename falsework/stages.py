@@ -49,7 +49,7 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
     """Render one survey of a stage; in a child, because a graphics driver may crash and belongs to one process.
 
     Args:
-        settings: `{seed, render, survey, platform}`.
+        settings: `{seed, render, survey, platform}`, and `variant` where one of the scene's variants is rendered.
         inputs: `stage`: the root layer, or the folder that holds `scene.usda`.
         folder: Empty folder to fill.
         progress: Listener.
@@ -57,7 +57,7 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
     run_child(
         "render.frames",
         {
-            "scene": str(root_layer(inputs["stage"]).resolve()),
+            "scene": str(root_layer(inputs["stage"], settings.get("variant", "")).resolve()),
             "folder": str(folder.resolve()),
             "settings": settings["render"],
             "seed": settings["seed"],
@@ -101,17 +101,19 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     write_report(folder / "report.html", settings["title"], inputs["stage"], pairs)
 
 
-def root_layer(stage: Path) -> Path:
+def root_layer(stage: Path, variant: str = "") -> Path:
     """Find the root layer of a stage.
 
     Args:
         stage: A USD file, or a scene folder.
+        variant: Name of a variant of the scene, or empty for the scene as it is.
     """
-    return stage / "scene.usda" if stage.is_dir() else stage
+    name = f"variant_{variant}.usda" if variant else "scene.usda"
+    return stage / name if stage.is_dir() else stage
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(1, author),
+    "stage": Stage(2, author),
     "capture": Stage(1, capture),
     "cloud": Stage(1, cloud),
     "report": Stage(1, report),

@@ -14,8 +14,9 @@ from recon.settings import ReconSettings
 
 
 def render_file(
-    stage: Path, out: Path, survey: str | None, settings: dict[str, Any], seed: int, progress: Progress
-) -> list[str]:
+    stage: Path, out: Path, survey: str | None, settings: dict[str, Any], seed: int, progress: Progress,
+    allow_roots: tuple[Path, ...] = (),
+) -> list[str]:  # fmt: skip
     """Render the products of any stage, each into a capture of its own.
 
     Args:
@@ -25,6 +26,7 @@ def render_file(
         settings: JSON of `RenderSettings`.
         seed: Seed of the sensor.
         progress: Listener.
+        allow_roots: Folders beside that of the stage from which it may take files.
 
     Returns:
         Names of the captures.
@@ -35,7 +37,7 @@ def render_file(
     if not stage.is_file():
         raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
     claim_output(out, "captures")
-    names = surveys_of(stage)
+    names = surveys_of(stage, allow_roots, progress)
     if survey is not None and survey not in names:
         raise InputError("no such product or camera", where=stage, value=survey, allowed=", ".join(names))
     chosen = names if survey is None else [survey]

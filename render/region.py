@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from usd_schemas.components import BACKGROUND, UNLABELLED, class_rows
 from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
@@ -22,7 +23,7 @@ def region_of_interest(scene: FlatScene, lower: F64, upper: F64) -> tuple[F64, F
     Returns:
         Lower and upper corner [m], each of shape (3,), float64.
     """
-    chosen = (scene.draws.label > 0) & (scene.draws.label < 255)
+    chosen = _labelled(scene)
     eyes = np.concatenate([track.poses[:, :3, 3] for track in scene.cameras] or [np.zeros((0, 3))])
     if not chosen.any() and len(eyes):
         gap = np.maximum(np.maximum(lower - eyes.max(axis=0), eyes.min(axis=0) - upper), 0.0)
@@ -33,3 +34,12 @@ def region_of_interest(scene: FlatScene, lower: F64, upper: F64) -> tuple[F64, F
     center = (low + high) / 2
     half = np.minimum((high - low) / 2, _LARGEST / 2)
     return center - half, center + half
+
+
+def _labelled(scene: FlatScene) -> NDArray[np.bool_]:
+    """Mark the draws that are no background, shape (D,); by the base table, so that no other one moves the light."""
+    background = class_rows()[BACKGROUND].name
+    known = {row.id: row.base_class != background for row in scene.instances if row.base_class}
+    other = (scene.draws.label != BACKGROUND) & (scene.draws.label != UNLABELLED)
+    pairs = zip(scene.draws.instance.tolist(), other.tolist(), strict=True)
+    return np.array([known.get(number, label) for number, label in pairs], bool)

@@ -13,6 +13,7 @@ from usd_schemas import tokens
 from usd_schemas.components import class_of
 from usd_schemas.pinhole import Pinhole
 from usd_schemas.registration import register_schemas
+from usd_schemas.taxonomies import Taxonomy
 
 register_schemas()
 
@@ -100,6 +101,28 @@ def direct_label(prim: Usd.Prim, taxonomy: str) -> str:
         return str(labels[0])
     mirror = {tokens.COMPONENT_TAXONOMY: tokens.USER_COMPONENT, tokens.CLASS_TAXONOMY: tokens.USER_CLASS}.get(taxonomy)
     return str(_get(prim, mirror) or "") if mirror else ""
+
+
+def apply_taxonomy(prim: Usd.Prim, table: Taxonomy) -> None:
+    """Author a table of classes: its rows, and the map from labels to them.
+
+    The map travels with the stage, so that it also holds for what is loaded or added later, and a reader without our
+    tables needs nothing else.
+
+    Args:
+        prim: The semantic render variable, or an override of it in another layer.
+        table: The table that shall be in force.
+    """
+    colors = Vt.Vec3iArray([Gf.Vec3i(*row.color) for row in table.rows])
+    for name, kind, value in (
+        (tokens.TAXONOMY_NAME, _TYPES.Token, table.name),
+        (tokens.CLASS_NAMES, _TYPES.TokenArray, Vt.TokenArray([row.name for row in table.rows])),
+        (tokens.CLASS_IDS, _TYPES.IntArray, Vt.IntArray([row.id for row in table.rows])),
+        (tokens.CLASS_COLORS, _TYPES.Int3Array, colors),
+        (tokens.LABEL_NAMES, _TYPES.TokenArray, Vt.TokenArray(list(table.classes))),
+        (tokens.LABEL_CLASSES, _TYPES.TokenArray, Vt.TokenArray(list(table.classes.values()))),
+    ):
+        prim.CreateAttribute(name, kind, True, Sdf.VariabilityUniform).Set(value)
 
 
 @dataclass(frozen=True)

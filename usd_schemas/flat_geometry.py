@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
-from usd_schemas.components import ClassRow
 from usd_schemas.flat_scene import Draws, FlatScene, Geometry, InstanceRow, Material
 from usd_schemas.geometry_pile import GeometryPile
 from usd_schemas.read_labels import Label, Register, Warn, inherit_label
 from usd_schemas.read_materials import GREY, ReadMaterial, read_material
 from usd_schemas.read_meshes import FlatMesh, UnreadableMeshError, read_mesh, subset_faces
 from usd_schemas.read_placements import Placement
+from usd_schemas.taxonomies import Taxonomy
 from usd_schemas.traversal import EARLIEST
 
 F64 = NDArray[np.float64]
@@ -56,13 +56,13 @@ class Flattened:
     instances: tuple[InstanceRow, ...]
 
 
-def flatten(placements: list[Placement], stage_to_world: F64, classes: tuple[ClassRow, ...], warn: Warn) -> Flattened:
+def flatten(placements: list[Placement], stage_to_world: F64, table: Taxonomy, warn: Warn) -> Flattened:
     """Read every placed mesh once and list its draws.
 
     Args:
         placements: What is drawn.
         stage_to_world: Stage units to metres with z up, shape (4, 4), float64.
-        classes: Class table in force.
+        table: Class table in force.
         warn: Called with one line for each thing that could not be read as authored.
     """
     splits: dict[object, _Split] = {}
@@ -71,7 +71,7 @@ def flatten(placements: list[Placement], stage_to_world: F64, classes: tuple[Cla
         if key not in splits:
             splits[key] = _split(placement.prim, warn)
     materials = _Materials(placements, splits, warn)
-    register = Register(classes, warn)
+    register = Register(table, warn)
     register.reserve(_authored_ids(placements, splits))
     pile = GeometryPile()
     parts = _Parts(pile, warn)

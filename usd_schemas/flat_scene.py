@@ -216,8 +216,9 @@ class InstanceRow:
         id: Instance id, over 0.
         path: Prim path that carries it.
         component: Component kind; empty when unknown.
-        class_name: Class name.
+        class_name: Class name in the table in force.
         parameters: JSON facts of the component, e.g. its dimensions.
+        base_class: Class name in the base table, whatever table is in force; empty when unknown.
     """
 
     id: int
@@ -225,6 +226,7 @@ class InstanceRow:
     component: str
     class_name: str
     parameters: dict[str, object] = field(default_factory=dict)
+    base_class: str = ""
 
 
 @dataclass(frozen=True)

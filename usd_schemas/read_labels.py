@@ -12,11 +12,10 @@ from usd_schemas import tokens
 from usd_schemas.apis import direct_label, read_component
 from usd_schemas.components import BACKGROUND, ClassRow, class_rows, component_classes
 from usd_schemas.flat_scene import InstanceRow
+from usd_schemas.taxonomies import RESERVED, Taxonomy
 
 U32 = NDArray[np.uint32]
 Warn = Callable[[str], None]
-
-SEMANTIC_VAR = f"{tokens.RENDER_VARS}/semantic"
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class Label:
     """What a prim passes on to those below it.
 
     Attributes:
-        class_name: Training class; empty where none is known.
+        class_name: Class in the base table; empty where none is known.
         component: Component kind; empty where none is known.
         instance_id: Instance id; 0 where none is authored.
         carrier: Path of the prim that carries the id or, where none does, of the prim that shall get one.
@@ -64,32 +63,27 @@ def inherit_label(prim: Usd.Prim, above: Label, keep_id: bool = False) -> Label:
     return label
 
 
-def read_classes(stage: Usd.Stage, warn: Warn) -> tuple[ClassRow, ...]:
+def read_taxonomy(stage: Usd.Stage, warn: Warn) -> Taxonomy:
     """Read the class table that the stage's semantic render variable carries, else take the project's own.
 
     Args:
         stage: Composed stage.
         warn: Called with one line where the table is unusable.
     """
-    prim = stage.GetPrimAtPath(SEMANTIC_VAR)
-    names = _value(prim, tokens.CLASS_NAMES)
-    if not names:
-        return class_rows()
-    ids = _value(prim, tokens.CLASS_IDS)
-    ids = range(len(names)) if ids is None else ids
-    if len(ids) != len(names) or not all(0 <= number <= 255 for number in ids) or len(set(ids)) != len(ids):
-        warn(f"{SEMANTIC_VAR}: classNames and classIds do not fit together; the built-in classes are used")
-        return class_rows()
-    colors = np.array(_value(prim, tokens.CLASS_COLORS) or [], np.float64).reshape(-1, 3)
-    if len(colors) == len(names) and colors.max(initial=0.0) <= 1.0:
-        colors = colors * 255.0
-    known = {row.name: row.color for row in class_rows()}
-    rows = []
-    for place, (number, name) in enumerate(zip(ids, names, strict=True)):
-        own = tuple(round(value) for value in colors[place].tolist()) if len(colors) == len(names) else None
-        red, green, blue = own or known.get(str(name), (128, 128, 128))
-        rows.append(ClassRow(int(number), str(name), (red, green, blue)))
-    return tuple(sorted(rows, key=lambda row: row.id))
+    prim = stage.GetPrimAtPath(tokens.SEMANTIC_VAR)
+    rows = _read_rows(prim, warn)
+    if rows is None:
+        return Taxonomy("", class_rows())
+    reserved = {row.id: row.name for row in class_rows() if row.id in RESERVED}
+    for row in rows:
+        if row.name != reserved.get(row.id, row.name):
+            warn(f"{tokens.SEMANTIC_VAR}: class id {row.id} is kept for {reserved[row.id]}, not for {row.name!r}")
+    labels, classes = _value(prim, tokens.LABEL_NAMES) or [], _value(prim, tokens.LABEL_CLASSES) or []
+    if len(labels) != len(classes) or not set(classes) <= {row.name for row in rows}:
+        warn(f"{tokens.SEMANTIC_VAR}: labelNames and labelClasses do not fit the classes: ignored")
+        labels, classes = [], []
+    pairs = {str(label): str(name) for label, name in zip(labels, classes, strict=True)}
+    return Taxonomy(str(_value(prim, tokens.TAXONOMY_NAME) or ""), rows, pairs)
 
 
 class Register:
@@ -99,16 +93,17 @@ class Register:
         rows: Instance rows by id, filled as draws are registered.
     """
 
-    def __init__(self, classes: tuple[ClassRow, ...], warn: Warn) -> None:
+    def __init__(self, table: Taxonomy, warn: Warn) -> None:
         """Start an empty table.
 
         Args:
-            classes: Class table in force.
+            table: Class table in force.
             warn: Called with one line for each unknown class and each id that two prims share.
         """
         self.rows: dict[int, InstanceRow] = {}
-        self._classes = {row.name: row.id for row in classes}
-        self._names = {row.id: row.name for row in classes}
+        self._table = table
+        self._classes = {row.name: row.id for row in table.rows}
+        self._names = {row.id: row.name for row in table.rows}
         self._warn = warn
         self._unknown: set[str] = set()
         self._given: dict[Sdf.Path, int] = {}
@@ -129,10 +124,11 @@ class Register:
         Args:
             label: Label of a drawn prim.
         """
-        if label.class_name and label.class_name not in self._classes and label.class_name not in self._unknown:
-            self._unknown.add(label.class_name)
-            self._warn(f"{label.carrier or 'label'}: unknown class {label.class_name!r}: drawn as background")
-        return self._classes.get(label.class_name, BACKGROUND)
+        name = self._table.class_of(label.component, label.class_name)
+        if name and name not in self._classes and name not in self._unknown:
+            self._unknown.add(name)
+            self._warn(f"{label.carrier or 'label'}: unknown class {name!r}: drawn as background")
+        return self._classes.get(name, BACKGROUND)
 
     def instance_ids(self, label: Label, own: Sdf.Path, numbers: U32 | None, count: int) -> U32:
         """Find the instance id of each instance of a drawn prim.
@@ -148,11 +144,12 @@ class Register:
         """
         ids = numbers if numbers is not None else np.full(count, self._number(label, own), np.uint32)
         carrier = str(label.carrier if label.instance_id or numbers is not None else own)
+        base = label.class_name if label.class_name in component_classes().values() else ""
         for number in dict.fromkeys(ids.tolist()):
             row = self.rows.get(number)
             if row is None:
                 name = self._names.get(self.class_id(label), "background")
-                self.rows[number] = InstanceRow(number, carrier, label.component, name, label.parameters)
+                self.rows[number] = InstanceRow(number, carrier, label.component, name, label.parameters, base)
             elif row.path != carrier:
                 self._warn(f"{carrier}: instance id {number} is already that of {row.path}")
         return ids
@@ -171,3 +168,25 @@ class Register:
 def _value(prim: Usd.Prim, name: str) -> Any:
     attribute = prim.GetAttribute(name) if prim else None
     return attribute.Get() if attribute else None
+
+
+def _read_rows(prim: Usd.Prim, warn: Warn) -> tuple[ClassRow, ...] | None:
+    """Read names, ids and colours of the classes; None where there are none or they are unusable."""
+    names = _value(prim, tokens.CLASS_NAMES)
+    if not names:
+        return None
+    ids = _value(prim, tokens.CLASS_IDS)
+    ids = range(len(names)) if ids is None else ids
+    if len(ids) != len(names) or not all(0 <= number <= 255 for number in ids) or len(set(ids)) != len(ids):
+        warn(f"{tokens.SEMANTIC_VAR}: classNames and classIds do not fit together; the built-in classes are used")
+        return None
+    colors = np.array(_value(prim, tokens.CLASS_COLORS) or [], np.float64).reshape(-1, 3)
+    if len(colors) == len(names) and colors.max(initial=0.0) <= 1.0:
+        colors = colors * 255.0
+    known = {row.name: row.color for row in class_rows()}
+    rows = []
+    for place, (number, name) in enumerate(zip(ids, names, strict=True)):
+        own = tuple(round(value) for value in colors[place].tolist()) if len(colors) == len(names) else None
+        red, green, blue = own or known.get(str(name), (128, 128, 128))
+        rows.append(ClassRow(int(number), str(name), (red, green, blue)))
+    return tuple(sorted(rows, key=lambda row: row.id))

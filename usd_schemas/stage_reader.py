@@ -12,7 +12,7 @@ from groundwork.errors import InputError, MissingError
 from usd_schemas.flat_geometry import flatten, world_bounds
 from usd_schemas.flat_scene import CameraTrack, Dome, FlatScene, Material, Product
 from usd_schemas.read_cameras import framing_camera, read_cameras, read_products
-from usd_schemas.read_labels import Warn, read_classes
+from usd_schemas.read_labels import Warn, read_taxonomy
 from usd_schemas.read_lights import read_lights
 from usd_schemas.read_placements import find_placements
 from usd_schemas.registration import register_schemas
@@ -92,9 +92,9 @@ def _open(path: Path) -> Usd.Stage:
 def _flatten_stage(stage: Usd.Stage, warn: Warn) -> FlatScene | None:
     """Everything but warnings and origin; None where nothing is drawn."""
     transform = stage_to_world(stage)
-    classes = read_classes(stage, warn)
+    table = read_taxonomy(stage, warn)
     placements = find_placements(stage, warn)
-    flat = flatten(placements, transform, classes, warn) if placements else None
+    flat = flatten(placements, transform, table, warn) if placements else None
     if flat is None or not len(flat.draws.part):
         return None
     cameras = read_cameras(stage, transform, warn)
@@ -104,7 +104,7 @@ def _flatten_stage(stage: Usd.Stage, warn: Warn) -> FlatScene | None:
         cameras, products = (track,), (product,)
     sun, dome = read_lights(stage, transform, warn)
     return FlatScene(
-        flat.geometry, flat.draws, flat.materials, sun, dome, cameras, products, flat.instances, classes, (), ""
+        flat.geometry, flat.draws, flat.materials, sun, dome, cameras, products, flat.instances, table.rows, (), ""
     )
 
 

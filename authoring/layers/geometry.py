@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from authoring.component import Component, Mesh, Scatter
-from authoring.layers.layer import new_stage
+from authoring.layers.layer import new_outlined_stage
 from usd_schemas import tokens
 from usd_schemas.apis import ComponentFacts, apply_component
 
@@ -78,7 +78,11 @@ def geometry_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sdf
     Returns:
         A layer in memory, to be written as `geometry.usdc`.
     """
-    stage = new_stage(asset.root)
+    names = sorted({piece.group for piece in pieces})
+    outline = {asset.group(name): "Xform" for name in names}
+    for piece in pieces:
+        outline[asset.prim(piece)] = "Mesh" if isinstance(piece, Component) else "PointInstancer"
+    stage = new_outlined_stage(asset.root, outline)
     root = UsdGeom.Xform.Define(stage, f"/{asset.root}").GetPrim()
     _set_id(root, asset.root)
     # A model hierarchy must have no gaps: a bridge is an assembly of groups; site and background are one component.
@@ -89,7 +93,7 @@ def geometry_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sdf
     UsdGeom.Scope.Define(stage, asset.looks)
     for role in roles_of(pieces):
         UsdShade.Material.Define(stage, asset.material(role))
-    for name in sorted({piece.group for piece in pieces}):
+    for name in names:
         group = UsdGeom.Xform.Define(stage, asset.group(name)).GetPrim()
         _set_id(group, group.GetName())
         if grouped:

@@ -1,12 +1,13 @@
 """Render layer: what shall be rendered, for our renderer and for any other that reads UsdRender."""
 
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
 
 from authoring.layers.layer import new_stage
 from authoring.layers.surveys import camera_path
 from authoring.surveys.path import CameraPath
 from usd_schemas import tokens
-from usd_schemas.components import class_rows
+from usd_schemas.apis import apply_taxonomy
+from usd_schemas.taxonomies import BASE, taxonomy
 
 _TYPES = {"rgb": "color3f", "depth": "float", "semantic": "int", "instance": "int", "normal": "normal3f"}
 _MEANING = {
@@ -57,12 +58,5 @@ def _author_variable(stage: Usd.Stage, name: str) -> Sdf.Path:
     prim = variable.GetPrim()
     prim.SetDocumentation(_MEANING[name])
     if name == "semantic":
-        rows = class_rows()
-        colors = Vt.Vec3iArray([Gf.Vec3i(*row.color) for row in rows])
-        for attribute, kind, value in (
-            (tokens.CLASS_NAMES, Sdf.ValueTypeNames.TokenArray, Vt.TokenArray([row.name for row in rows])),
-            (tokens.CLASS_IDS, Sdf.ValueTypeNames.IntArray, Vt.IntArray([row.id for row in rows])),
-            (tokens.CLASS_COLORS, Sdf.ValueTypeNames.Int3Array, colors),
-        ):
-            prim.CreateAttribute(attribute, kind, True, Sdf.VariabilityUniform).Set(value)
+        apply_taxonomy(prim, taxonomy(BASE))
     return prim.GetPath()

@@ -4,7 +4,7 @@ from pxr import Sdf
 
 from authoring.component import Component, Scatter
 from authoring.layers.geometry import Asset
-from authoring.layers.layer import new_stage
+from authoring.layers.layer import new_outlined_stage
 from usd_schemas.apis import apply_labels
 
 
@@ -18,7 +18,7 @@ def semantics_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sd
     Returns:
         A layer in memory, to be written as `semantics.usdc`.
     """
-    stage = new_stage(asset.root)
+    stage = new_outlined_stage(asset.root, {asset.prim(piece): "" for piece in pieces})
     for piece in pieces:
         ids = (piece.instance_id,) if isinstance(piece, Component) else piece.instance_ids
         apply_labels(stage.OverridePrim(asset.prim(piece)), piece.kind, ids[0] if len(ids) == 1 else 0)

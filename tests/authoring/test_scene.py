@@ -10,11 +10,12 @@ import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
 from authoring.layers.geometry import BRIDGE
+from authoring.manifest import changed_files
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from authoring.validate import validate_scene
 from groundwork.errors import InputError
-from groundwork.files import check_manifest, read_json
+from groundwork.files import read_json
 from groundwork.progress import SILENT
 from groundwork.settings import parse_settings
 from usd_schemas import tokens
@@ -57,7 +58,7 @@ def test_another_process_writes_the_same_bytes(scene: Path, tmp_path: Path) -> N
 def test_scene_is_sound(scene: Path) -> None:
     """No findings in any variant, and the manifest agrees with the files."""
     assert validate_scene(scene / "scene.usda") == []
-    assert check_manifest(scene, "manifest.json") == []
+    assert changed_files(scene) == []
 
 
 def test_layers_lie_where_the_design_says(scene: Path) -> None:

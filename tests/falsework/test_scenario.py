@@ -16,6 +16,10 @@ BAD = {
     "out of range": ("scenes = 0", ["scenes", "0", "greater than or equal to 1"]),
     "wrong choice": ("[render]\nquality = 'best'", ["render.quality", "'best'", "standard"]),
     "missing stage": ("[stage]\npath = 'nowhere.usda'", ["stage.path", "nowhere.usda"]),
+    "unknown variant": ("[variants]\nlook = ['shiny']", ["variants", "'shiny'", "weathered"]),
+    "variant twice": ("[variants]\nlook = ['clean', 'clean']", ["variants", "twice"]),
+    "light without a name": ("[[variants.light]]\nbrightness = 1.0", ["variants.light.0.name", "required"]),
+    "variants of a stage": ("[stage]\npath = 's.usda'\n[variants]\nlook = ['clean']", ["variants", "scene set"]),
     "not TOML": ("seed = = 7", ["line 1"]),
 }
 
@@ -39,6 +43,24 @@ def test_toml_round_trip(tmp_path: Path) -> None:
     path = tmp_path / "again.toml"
     path.write_text(scenario.as_toml())
     assert parse_settings(Scenario, read_toml(path), path) == scenario
+
+
+def test_variants_are_a_product() -> None:
+    """Two looks and two lights are four variants; a light keeps what it does not say from the scenario's own."""
+    light = {"date": "2024-06-21T14:00", "cloud_cover": 0.9}
+    variants = {
+        "look": ["clean", "weathered"],
+        "light": [{"name": "noon"}, {"name": "dusk", "date": "2024-06-21T20:00"}],
+    }
+    scenario = parse_settings(Scenario, {"light": light, "variants": variants}, "test")
+    names = list(scenario.variants.combinations())
+    assert names == ["clean_noon", "clean_dusk", "weathered_noon", "weathered_dusk"]
+    lights = scenario.variants.lights(scenario.light)
+    assert list(lights) == ["default", "noon", "dusk"]
+    assert lights["noon"] == lights["default"]
+    assert lights["dusk"].cloud_cover == 0.9
+    assert lights["dusk"].date.hour == 20
+    assert parse_settings(Scenario, {}, "test").variants.combinations() == {}
 
 
 def test_scene_seeds_differ_and_stay() -> None:

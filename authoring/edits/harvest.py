@@ -1,0 +1,259 @@
+"""What a DCC changed in a scene, as a sparse layer: `edits/user.usda` holds the changes and nothing else."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pxr import Sdf, Usd, UsdGeom, UsdShade
+
+from authoring.edits import additions
+from authoring.edits.additions import ADDITIONS, Labelling, material_name, write_binding
+from authoring.edits.matching import Matches, match_stages
+from authoring.edits.materials import Place, Textures, bound_name, changed_inputs, materials_by_name, write_inputs
+from authoring.edits.placements import moved_prims, write_transform
+from authoring.edits.shapes import read_surface, write_reshaped
+from authoring.layers.change import change_layer, check_editable
+from authoring.layers.root import edits_layer
+from authoring.manifest import refresh_manifest
+from groundwork.errors import InputError, MissingError
+from groundwork.files import write_bytes
+from usd_schemas import tokens
+from usd_schemas.apis import read_component
+from usd_schemas.registration import register_schemas
+
+register_schemas()
+
+EDITS = "edits/user.usda"
+
+
+@dataclass
+class Harvest:
+    """What was found, by name of prim or material, in the order of the scene.
+
+    Attributes:
+        moved: Prims that stand elsewhere.
+        reshaped: Meshes with other points, faces, normals or texture coordinates.
+        recoloured: Materials with other values or textures, and meshes that wear another material.
+        added: New objects and their labels.
+        removed: Prims that were switched off.
+        missing: Prims that the edited stage lacks and that stay.
+    """
+
+    moved: list[str] = field(default_factory=list)
+    reshaped: list[str] = field(default_factory=list)
+    recoloured: list[str] = field(default_factory=list)
+    added: dict[str, str] = field(default_factory=dict)
+    removed: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+
+
+def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = False) -> Harvest:
+    """Compare an edited stage with the scene that it came from, and write the scene's edits layer anew.
+
+    The scene is taken without its earlier edits, so that harvesting the same file twice changes nothing. What earlier
+    edits said about things that no DCC brings back (other variants, cameras, light) stays.
+
+    Args:
+        edited: USD file that a DCC exported.
+        scene: Root layer of the scene.
+        labels: What new objects are called.
+        remove: Switch off what the edited stage lacks, instead of only reporting it.
+
+    Returns:
+        What was found and written.
+
+    Raises:
+        InputError: Not readable, a stored scene, not one with an edits layer, or a texture is missing.
+    """
+    before, layer, target = _open_scene(scene)
+    check_editable(target)
+    after = _open(edited)
+    matches = match_stages(before, after)
+    if not matches.pairs:
+        raise InputError(
+            "holds no prim with a userProperties:falseworkId of the scene", where=edited,
+            mend="Export with custom properties, from a file that the scene was imported into",
+        )  # fmt: skip
+    former = _former_ids(layer)
+    place = _placer(before)
+    found = Harvest(missing=[path.name for path in matches.missing])
+    _forget(layer, place, before, matches)
+    for path, transform in moved_prims(before, after, matches.pairs).items():
+        write_transform(layer, place(path), before.GetPrimAtPath(path), transform)
+        found.moved.append(path.name)
+    for path, prim in _meshes(before, matches):
+        if write_reshaped(layer, place(path), read_surface(before.GetPrimAtPath(path)), read_surface(prim)):
+            found.reshaped.append(path.name)
+    copies = _recolour(layer, place, before, after, matches, Textures(scene.parent), found)
+    copies |= _add(layer, before, after, matches, labels, former, found)
+    if remove:
+        for path in matches.missing:
+            Sdf.CreatePrimInLayer(layer, place(path)).SetInfo("active", False)
+        found.removed, found.missing = found.missing, []
+    _write(layer, copies, target)
+    return found
+
+
+def _open_scene(scene: Path) -> tuple[Usd.Stage, Sdf.Layer, Path]:
+    """Open a scene without its edits, and a copy of these."""
+    full = _open(scene)
+    target = scene.resolve().parent / EDITS
+    own = next((layer for layer in full.GetLayerStack(False) if Path(layer.realPath or ".").resolve() == target), None)
+    if own is None:
+        raise InputError(f"has no sublayer ./{EDITS}", where=scene, mend="Name the scene.usda of a scene")
+    chosen = {
+        (prim, name): full.GetPrimAtPath(prim).GetVariantSet(name).GetVariantSelection()
+        for prim, name in ((tokens.BRIDGE, "look"), (tokens.BACKGROUND, "background"))
+        if full.GetPrimAtPath(prim)
+    }
+    layer = edits_layer()
+    layer.TransferContent(own)
+    full.MuteLayer(own.identifier)
+    full.SetEditTarget(full.GetSessionLayer())
+    for (prim, name), selection in chosen.items():
+        if selection:
+            full.GetPrimAtPath(prim).GetVariantSet(name).SetVariantSelection(selection)
+    return full, layer, target
+
+
+def _open(path: Path) -> Usd.Stage:
+    if not path.is_file():
+        raise MissingError("no such file", where=path)
+    try:
+        return Usd.Stage.Open(str(path))
+    except Exception as error:
+        raise InputError("not readable as a USD stage", where=path, mend="Check the file") from error
+
+
+def _placer(scene: Usd.Stage) -> Place:
+    """Say where edits of a prim go: those of materials and backgrounds into the variant that is selected."""
+    homes = []
+    for prim, name, scope in (
+        (tokens.BRIDGE, "look", f"{tokens.BRIDGE}/BridgeLooks"), (tokens.BACKGROUND, "background", tokens.BACKGROUND),
+    ):  # fmt: skip
+        owner = scene.GetPrimAtPath(prim)
+        selected = owner.GetVariantSet(name).GetVariantSelection() if owner else ""
+        if selected:
+            homes.append((Sdf.Path(scope), Sdf.Path(prim), Sdf.Path(prim).AppendVariantSelection(name, selected)))
+
+    def place(path: Sdf.Path) -> Sdf.Path:
+        for scope, owner, variant in homes:
+            if path.HasPrefix(scope) and path != owner:
+                return path.ReplacePrefix(owner, variant)
+        return path
+
+    return place
+
+
+def _worn(place: Place, path: Sdf.Path) -> Sdf.Path:
+    """Say where the binding of a mesh goes: into the look, when it belongs to the bridge."""
+    bridge = Sdf.Path(tokens.BRIDGE)
+    if not path.HasPrefix(bridge):
+        return place(path)
+    look = place(Sdf.Path(f"{tokens.BRIDGE}/BridgeLooks")).GetParentPath()
+    return path.ReplacePrefix(bridge, look)
+
+
+def _meshes(scene: Usd.Stage, matches: Matches) -> Iterator[tuple[Sdf.Path, Usd.Prim]]:
+    for path, prim in sorted(matches.pairs.items()):
+        if scene.GetPrimAtPath(path).IsA(UsdGeom.Mesh) and prim.IsA(UsdGeom.Mesh):
+            yield path, prim
+
+
+def _recolour(
+    layer: Sdf.Layer, place: Place, before: Usd.Stage, after: Usd.Stage, matches: Matches, textures: Textures,
+    found: Harvest,
+) -> dict[str, str]:  # fmt: skip
+    copies: dict[str, str] = {}
+    ours, theirs = materials_by_name(before), materials_by_name(after)
+    for name in sorted(ours.keys() & theirs.keys()):
+        changed = changed_inputs(ours[name], theirs[name], textures)
+        if changed:
+            copies |= write_inputs(layer, place, ours[name], changed)
+            found.recoloured.append(name)
+    for path, prim in _meshes(before, matches):
+        name = material_name(prim)
+        if name and name != bound_name(before.GetPrimAtPath(path)):
+            copies |= _wear(layer, _worn(place, path), name, ours, theirs)
+            found.recoloured.append(path.name)
+    return copies
+
+
+def _wear(
+    layer: Sdf.Layer, path: Sdf.Path, name: str, ours: dict[str, UsdShade.Material],
+    theirs: dict[str, UsdShade.Material],
+) -> dict[str, str]:  # fmt: skip
+    """Bind a prim to a material of the scene, or to a copy of one that the scene lacks."""
+    if name in ours:
+        write_binding(layer, path, ours[name].GetPath())
+        return {}
+    copy, copies = additions.write_material(layer, theirs[name])
+    write_binding(layer, path, copy)
+    return copies
+
+
+def _add(
+    layer: Sdf.Layer, before: Usd.Stage, after: Usd.Stage, matches: Matches, labels: Labelling,
+    former: dict[str, int], found: Harvest,
+) -> dict[str, str]:  # fmt: skip
+    copies: dict[str, str] = {}
+    ours, theirs = materials_by_name(before), materials_by_name(after)
+    used = {number for prim in before.Traverse() for number in _numbers(prim)} | set(former.values())
+    number = additions.FIRST_EDIT_ID
+    for name, prim in matches.added.items():
+        if name not in former:
+            while number in used:
+                number += 1
+            used.add(number)
+        label = labels.label(name, prim)
+        additions.write_addition(layer, name, prim, label, former.get(name, number), before)
+        worn = material_name(prim)
+        if worn:
+            copies |= _wear(layer, Sdf.Path(f"{ADDITIONS}/{name}"), worn, ours, theirs)
+        found.added[name] = label
+    return copies
+
+
+def _numbers(prim: Usd.Prim) -> tuple[int, ...]:
+    facts = read_component(prim)
+    return (facts.instance_id, *facts.instance_ids)
+
+
+def _former_ids(layer: Sdf.Layer) -> dict[str, int]:
+    """Read the ids that objects added earlier have; they keep them."""
+    root = layer.GetPrimAtPath(ADDITIONS)
+    found = {}
+    for spec in root.nameChildren if root else ():
+        number = spec.attributes.get("falsework:component:instanceId")
+        if number is not None:
+            found[spec.name] = int(number.default)
+    return found
+
+
+def _forget(layer: Sdf.Layer, place: Place, scene: Usd.Stage, matches: Matches) -> None:
+    """Take out of earlier edits what the edited stage brings anew: matched prims, materials and additions."""
+    doomed = [Sdf.Path(ADDITIONS), *(place(material.GetPath()) for material in materials_by_name(scene).values())]
+    for path in matches.pairs:
+        doomed += [place(path), _worn(place, path)]
+    for path in doomed:
+        spec = layer.GetPrimAtPath(path)
+        if spec is None:
+            continue
+        for prop in list(spec.properties):
+            spec.RemoveProperty(prop)
+        if path.StripAllVariantSelections() == Sdf.Path(ADDITIONS) or "Looks" in path.GetParentPath().name:
+            del spec.nameParent.nameChildren[spec.name]
+    layer.RemoveInertSceneDescription()
+
+
+def _write(layer: Sdf.Layer, copies: dict[str, str], target: Path) -> None:
+    for prim in (tokens.BRIDGE, tokens.BACKGROUND):
+        spec = layer.GetPrimAtPath(prim)
+        if spec and list(spec.variantSets):
+            spec.variantSetNameList.prependedItems = sorted(spec.variantSets.keys())
+    textures = target.parent / "textures"
+    for name, source in sorted(copies.items()):
+        textures.mkdir(parents=True, exist_ok=True)
+        write_bytes(target.parent / name, Path(source).read_bytes())
+    change_layer(target, lambda former: former.TransferContent(layer))
+    refresh_manifest(target.parent.parent)

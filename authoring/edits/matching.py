@@ -1,0 +1,149 @@
+"""Which prim of an edited stage is which prim of the scene: by stable id, whatever the DCC did to paths and names."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pxr import Sdf, Usd, UsdGeom
+
+from usd_schemas import tokens
+
+DCC_ROOT = "root"  # Blender's exporter puts everything under a prim of this name
+OBJECT_NAME = "userProperties:blender:object_name"
+DATA_NAME = "userProperties:blender:data_name"
+
+
+@dataclass(frozen=True)
+class Matches:
+    """What an edited stage has in common with a scene.
+
+    Attributes:
+        pairs: Path in the scene to the prim of the edited stage.
+        missing: Prims of the scene that the edited stage lacks, sorted.
+        added: Meshes of the edited stage that the scene lacks, by name, sorted.
+    """
+
+    pairs: dict[Sdf.Path, Usd.Prim]
+    missing: tuple[Sdf.Path, ...]
+    added: dict[str, Usd.Prim]
+
+
+def match_stages(scene: Usd.Stage, edited: Usd.Stage) -> Matches:
+    """Match two stages by `userProperties:falseworkId`.
+
+    Copies inherit the id of what they were copied from: the prim that kept the name is the original, others are new.
+    A mesh that lost its id, as Blender's modifiers and triangulation make it, is matched by its object's name.
+    What stands inside instancers and instances is skipped, since a DCC writes it out as copies.
+
+    Args:
+        scene: The scene without earlier edits.
+        edited: What a DCC made of it.
+    """
+    ours = {identity: prim.GetPath() for prim in _scene_prims(scene) if (identity := stable_id(prim))}
+    candidates: dict[str, list[Usd.Prim]] = {}
+    for prim in edited.Traverse():
+        if (identity := stable_id(prim)) in ours:
+            candidates.setdefault(identity, []).append(prim)
+    pairs = {}
+    for identity, found in candidates.items():
+        home = ours[identity]
+        pairs[home] = min(found, key=lambda prim: (object_name(prim) != home.name, str(prim.GetPath())))
+    lost = [path for path in ours.values() if path not in pairs and scene.GetPrimAtPath(path).IsA(UsdGeom.Gprim)]
+    pairs |= _by_name(lost, edited)
+    missing = [path for path in lost if path not in pairs]
+    return Matches(pairs, tuple(sorted(missing)), dict(_added(scene, edited, pairs)))
+
+
+def stable_id(prim: Usd.Prim) -> str:
+    """Read the id that survives a DCC.
+
+    Args:
+        prim: Any prim.
+
+    Returns:
+        The id, or an empty string.
+    """
+    value = prim.GetAttribute(tokens.USER_FALSEWORK_ID).Get()
+    return value if isinstance(value, str) else ""
+
+
+def object_name(prim: Usd.Prim) -> str:
+    """Find what a DCC calls a prim: Blender nests `X/X`, and the outer one carries the object's name.
+
+    Args:
+        prim: Prim of an edited stage.
+    """
+    holder = prim.GetParent() if _nests(prim) else prim
+    name = holder.GetAttribute(OBJECT_NAME).Get()
+    return name if isinstance(name, str) else holder.GetName()
+
+
+def home_path(prim: Usd.Prim) -> Sdf.Path:
+    """Undo what Blender's exporter does to a path: the prefix `/root`, and `X/X` for `X`.
+
+    Args:
+        prim: Prim of an edited stage.
+    """
+    path = prim.GetPath()
+    root = Sdf.Path.absoluteRootPath.AppendChild(DCC_ROOT)
+    if path.HasPrefix(root) and path != root:
+        path = path.ReplacePrefix(root, Sdf.Path.absoluteRootPath)
+    return path.GetParentPath() if _nests(prim) else path
+
+
+def _nests(prim: Usd.Prim) -> bool:
+    # The outer Xform is named after the object, the inner mesh after its data.
+    parent = prim.GetParent()
+    if not prim.IsA(UsdGeom.Gprim) or not parent.IsA(UsdGeom.Xform):
+        return False
+    return parent.HasAttribute(OBJECT_NAME) or parent.GetName() == prim.GetName()
+
+
+def _scene_prims(scene: Usd.Stage) -> Iterator[Usd.Prim]:
+    prims = iter(scene.Traverse())
+    for prim in prims:
+        yield prim
+        if _expanded(prim):
+            prims.PruneChildren()
+
+
+def _expanded(prim: Usd.Prim) -> bool:
+    return prim.IsA(UsdGeom.PointInstancer) or prim.IsInstance()
+
+
+def _by_name(lost: list[Sdf.Path], edited: Usd.Stage) -> dict[Sdf.Path, Usd.Prim]:
+    plain: dict[str, list[Usd.Prim]] = {}
+    for prim in edited.Traverse():
+        if prim.IsA(UsdGeom.Gprim) and not stable_id(prim):
+            plain.setdefault(object_name(prim), []).append(prim)
+    return {path: plain[path.name][0] for path in lost if len(plain.get(path.name, ())) == 1}
+
+
+def _added(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> Iterator[tuple[str, Usd.Prim]]:
+    kept = {prim.GetPath() for prim in pairs.values()}
+    copied = [prim.GetPath() for prim in _scene_prims(scene) if _expanded(prim)]
+    # Names of prototypes, and of what a background from elsewhere brought without ids.
+    known = {prim.GetName() for prim in Usd.PrimRange.Stage(scene, Usd.TraverseInstanceProxies()) if _anonymous(prim)}
+    taken = {prim.GetName() for prim in scene.Traverse()}
+    for prim in sorted(edited.Traverse(), key=lambda one: (object_name(one), str(one.GetPath()))):
+        if not prim.IsA(UsdGeom.Mesh) or prim.GetPath() in kept or not prim.GetAttribute("points").Get():
+            continue
+        if any(home_path(prim).HasPrefix(path) for path in copied):
+            continue
+        if not stable_id(prim) and (prim.GetAttribute(DATA_NAME).Get() or prim.GetName()) in known:
+            continue
+        name = _free_name(object_name(prim), taken)
+        taken.add(name)
+        yield name, prim
+
+
+def _anonymous(prim: Usd.Prim) -> bool:
+    return prim.IsA(UsdGeom.Mesh) and not stable_id(prim)
+
+
+def _free_name(wanted: str, taken: set[str]) -> str:
+    plain = "".join(letter if letter.isascii() and (letter.isalnum() or letter == "_") else "_" for letter in wanted)
+    plain = plain if plain[:1].isalpha() or plain[:1] == "_" else f"Object_{plain}"
+    name, number = plain, 2
+    while name in taken:
+        name, number = f"{plain}_{number}", number + 1
+    return name

@@ -1,0 +1,92 @@
+"""What was moved: the transforms that differ by more than a DCC's single precision explains."""
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Usd, UsdGeom, UsdLux
+
+from usd_schemas.stage_reader import stage_to_world
+
+F64 = NDArray[np.float64]
+
+MOVED = 1e-4  # [m] single precision is 1e-5 m a kilometre away
+TURNED = 1e-5  # [1] entries of the linear part
+_DECIMALS = 6  # what is written is rounded to the micrometre
+
+
+def moved_prims(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> dict[Sdf.Path, F64]:
+    """Find the prims that stand elsewhere than before.
+
+    A moved group moves what is in it, which is then not moved itself.
+
+    Args:
+        scene: The scene.
+        edited: What a DCC made of it, in any unit and up axis.
+        pairs: Path in the scene to the prim of the edited stage.
+
+    Returns:
+        New local transform of each moved prim, in the scene's units, shape (4, 4), float64, for column vectors.
+    """
+    ours, theirs = UsdGeom.XformCache(), UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
+    to_scene = np.linalg.inv(stage_to_world(scene)) @ stage_to_world(edited)
+    worlds: dict[Sdf.Path, F64] = {Sdf.Path.absoluteRootPath: np.eye(4)}
+    moved: dict[Sdf.Path, F64] = {}
+    for prim in scene.Traverse():
+        path, above = prim.GetPath(), worlds[prim.GetPath().GetParentPath()]
+        before = np.array(ours.GetLocalTransformation(prim)[0]).T if prim.IsA(UsdGeom.Xformable) else np.eye(4)
+        worlds[path] = above @ before
+        if path not in pairs or not _movable(prim):
+            continue
+        world = to_scene @ np.array(theirs.GetLocalToWorldTransform(pairs[path])).T
+        after = np.linalg.inv(above) @ world
+        if differs(before, after):
+            moved[path] = _snapped(before, after)
+            worlds[path] = above @ moved[path]
+    return moved
+
+
+def differs(before: F64, after: F64) -> bool:
+    """Tell whether two transforms differ by more than a round trip does.
+
+    Args:
+        before: Transform, shape (4, 4), float64.
+        after: Transform, shape (4, 4), float64.
+    """
+    apart = np.abs(after - before)
+    return bool(apart[:3, 3].max() > MOVED or apart[:3, :3].max() > TURNED)
+
+
+def write_transform(layer: Sdf.Layer, path: Sdf.Path, prim: Usd.Prim, transform: F64) -> None:
+    """Author a local transform: just the translation where that is all there was and is.
+
+    Args:
+        layer: Layer to write into.
+        path: Where in the layer.
+        prim: The prim as the scene has it.
+        transform: Local transform for column vectors, shape (4, 4), float64.
+    """
+    spec = Sdf.CreatePrimInLayer(layer, path)
+    order = [str(name) for name in prim.GetAttribute("xformOpOrder").Get() or ()]
+    if order == ["xformOp:translate"] and np.array_equal(transform[:3, :3], np.eye(3)):
+        shift = Sdf.AttributeSpec(spec, "xformOp:translate", Sdf.ValueTypeNames.Double3)
+        shift.default = tuple(transform[:3, 3].tolist())
+        return
+    matrix = Sdf.AttributeSpec(spec, "xformOp:transform", Sdf.ValueTypeNames.Matrix4d)
+    matrix.default = matrix.typeName.type.pythonClass(*transform.T.ravel().tolist())
+    written = Sdf.AttributeSpec(
+        spec, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform
+    )  # fmt: skip
+    written.default = ["xformOp:transform"]
+
+
+def _movable(prim: Usd.Prim) -> bool:
+    # Surveys are time-sampled and lights have a direction only: both are authored, not pushed about.
+    if prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI) or prim.IsA(UsdGeom.PointInstancer):
+        return False
+    return prim.IsA(UsdGeom.Xformable)
+
+
+def _snapped(before: F64, after: F64) -> F64:
+    """Keep the exact old value of every entry that did not change, and round the others."""
+    limit = np.full((4, 4), TURNED)
+    limit[:3, 3] = MOVED
+    return np.where(np.abs(after - before) <= limit, before, np.round(after, _DECIMALS))

@@ -1,0 +1,104 @@
+"""`manifest.json` of a scene folder: the recipe that it was authored from, and the hash of every file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Usd
+
+from authoring.settings import AuthoringSettings
+from groundwork.canonical import digest, file_digest
+from groundwork.errors import InputError
+from groundwork.files import MANIFEST, MARK, read_json, write_json
+from groundwork.settings import parse_settings
+
+FORMAT = "falsework.scene"
+FORMAT_VERSION = 1
+NAME = "manifest.json"
+_NOT_OURS = {NAME, MANIFEST, MARK}
+
+
+@dataclass(frozen=True)
+class SceneRecipe:
+    """What a scene was authored from.
+
+    Attributes:
+        settings: What the scenario said.
+        seed: Seed of the scene.
+    """
+
+    settings: AuthoringSettings
+    seed: int
+
+
+def write_scene_manifest(recipe: SceneRecipe, folder: Path) -> None:
+    """Write the manifest of a finished scene folder.
+
+    Args:
+        recipe: What the scene was authored from.
+        folder: Scene folder.
+    """
+    record = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "seed": recipe.seed,
+        "settings": recipe.settings,
+        "versions": {"usd": ".".join(str(part) for part in Usd.GetVersion()), "numpy": np.__version__},
+    }
+    write_json(folder / NAME, {**record, **_hashes(folder)})
+
+
+def refresh_manifest(folder: Path) -> None:
+    """Bring the hashes up to date after files were added or changed; a folder without a manifest gets none.
+
+    Args:
+        folder: Scene folder.
+    """
+    if (folder / NAME).is_file():
+        write_json(folder / NAME, {**read_json(folder / NAME), **_hashes(folder)})
+
+
+def read_recipe(folder: Path) -> SceneRecipe:
+    """Read what a scene was authored from.
+
+    Args:
+        folder: Scene folder.
+
+    Raises:
+        InputError: It has no manifest, or one of another format.
+    """
+    path = folder / NAME
+    if not path.is_file():
+        raise InputError("has no manifest.json, so that nothing can be authored for it", where=folder)
+    record: dict[str, Any] = read_json(path)
+    if record.get("format") != FORMAT or record.get("format_version") != FORMAT_VERSION:
+        raise InputError(
+            "unknown format", where=path, value=f"{record.get('format')} {record.get('format_version')}",
+            allowed=f"{FORMAT} {FORMAT_VERSION}",
+        )  # fmt: skip
+    return SceneRecipe(parse_settings(AuthoringSettings, record["settings"], path), int(record["seed"]))
+
+
+def changed_files(folder: Path) -> list[str]:
+    """Compare a scene folder with its manifest.
+
+    Args:
+        folder: Scene folder.
+
+    Returns:
+        One line for each file that is missing, new or changed; empty without a manifest.
+    """
+    if not (folder / NAME).is_file():
+        return []
+    then, now = read_json(folder / NAME)["files"], _hashes(folder)["files"]
+    lines = {name: "missing" for name in then.keys() - now.keys()}
+    lines |= {name: "new" for name in now.keys() - then.keys()}
+    lines |= {name: "changed" for name in then.keys() & now.keys() if then[name] != now[name]}
+    return [f"{name}: {what}" for name, what in sorted(lines.items())]
+
+
+def _hashes(folder: Path) -> dict[str, Any]:
+    paths = sorted(path for path in folder.rglob("*") if path.is_file() and path.name not in _NOT_OURS)
+    files = {path.relative_to(folder).as_posix(): file_digest(path) for path in paths}
+    return {"files": files, "scene": digest(files)}

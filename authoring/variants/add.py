@@ -1,0 +1,138 @@
+"""More choices for a scene that is there: looks, backgrounds and lights authored from its recipe when asked for."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from pxr import Sdf, Usd
+
+from authoring.assets import Pieces
+from authoring.backgrounds.registry import BACKGROUNDS
+from authoring.families.registry import build_bridge
+from authoring.layers.change import check_editable
+from authoring.layers.variant import variant_layer
+from authoring.layout import draw_layout
+from authoring.looks.roles import LOOKS
+from authoring.manifest import SceneRecipe, read_recipe, refresh_manifest
+from authoring.site import Site, draw_site
+from authoring.streams import stream
+from authoring.variants.arcs import add_background, add_light, add_look
+from authoring.variants.foreign_background import import_background
+from authoring.variants.foreign_look import import_look
+from authoring.variants.selection import AXES, choose, offered, unknown_choice
+from authoring.variants.write import write_background, write_light, write_look
+from groundwork.errors import InputError
+from groundwork.files import space_errors, write_text
+from usd_schemas.layer_walk import Warn
+
+USD_FILES = (".usd", ".usda", ".usdc", ".usdz")
+
+
+def set_choices(scene: Path, choices: dict[str, str], warn: Warn) -> dict[str, str]:
+    """Choose a look, a background, a light; what the scene does not offer yet is added to it first.
+
+    Args:
+        scene: Root layer of a scene.
+        choices: Axis to the name of a choice; to the path of the user's own USD file; or, for a light, to a date and
+            hour such as 2024-12-21T10:00.
+        warn: Called with one line for each thing that a file of the user's loses on the way.
+
+    Returns:
+        Axis to the name selected.
+
+    Raises:
+        InputError: A stored scene, an unknown axis or choice, or an unusable file.
+    """
+    check_editable(scene)
+    names = {}
+    for axis, value in choices.items():
+        if axis not in AXES:
+            raise InputError("no such choice", where=scene, field=axis, allowed=", ".join(AXES))
+        names[axis] = _ensure(scene, axis, value, warn)
+    choose(scene, names)
+    refresh_manifest(scene.parent)
+    return names
+
+
+def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn) -> Path:
+    """Write a scene variant beside a scene, whose own selections stay as they are.
+
+    Args:
+        scene: Root layer of a scene.
+        name: Name of the variant.
+        choices: As for `set_choices`.
+        warn: As for `set_choices`.
+
+    Returns:
+        `variant_<name>.usda`.
+
+    Raises:
+        InputError: As for `set_choices`.
+    """
+    check_editable(scene)
+    for axis in choices.keys() - AXES.keys():
+        raise InputError("no such choice", where=scene, field=axis, allowed=", ".join(AXES))
+    names = {axis: _ensure(scene, axis, value, warn) for axis, value in choices.items()}
+    path = scene.with_name(f"variant_{name}.usda")
+    layer = variant_layer(Sdf.Layer.OpenAsAnonymous(str(scene), metadataOnly=False), scene.name, names)
+    write_text(path, layer.ExportToString())
+    refresh_manifest(scene.parent)
+    return path
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A scene's bridge and site, drawn again."""
+
+    recipe: SceneRecipe
+    bridge: Pieces
+    site: Site
+
+
+def _ensure(scene: Path, axis: str, value: str, warn: Warn) -> str:
+    """Make sure that a scene offers a choice, and tell its name."""
+    known = offered(Usd.Stage.Open(str(scene), Usd.Stage.LoadNone)).get(axis, ())
+    if value in known:
+        return value
+    with space_errors(scene.parent):
+        if Path(value).suffix in USD_FILES and axis != "light":
+            bring = import_background if axis == "background" else import_look
+            return bring(scene, Path(value), warn)
+        makeable = {"look": tuple(LOOKS), "background": tuple(BACKGROUNDS), "light": ()}[axis]
+        date = _date(value) if axis == "light" else None
+        if value not in makeable and date is None:
+            raise unknown_choice(scene, axis, value, tuple(sorted({*known, *makeable})))
+        return _author(scene, axis, value, date)
+
+
+def _author(scene: Path, axis: str, value: str, date: datetime | None) -> str:
+    folder = scene.parent
+    if date is not None:
+        recipe = read_recipe(folder)
+        name = f"light_{date:%Y%m%d_%H%M}"
+        settings = recipe.settings.light.model_copy(update={"date": date})
+        add_light(folder / "lighting.usda", name, write_light(settings, recipe.seed, name, folder))
+        return name
+    drawn = _draw(read_recipe(folder))
+    settings, seed = drawn.recipe.settings, drawn.recipe.seed
+    if axis == "look":
+        add_look(
+            folder / "bridge/bridge.usda", value, write_look(settings, seed, value, drawn.bridge, folder / "bridge")
+        )
+    else:
+        add_background(scene, value, write_background(settings, seed, value, drawn.site, folder))
+    return value
+
+
+def _draw(recipe: SceneRecipe) -> _Drawn:
+    settings, seed = recipe.settings, recipe.seed
+    layout, drawn = draw_layout(settings.bridge, stream(seed, "bridge"))
+    site = draw_site(settings.site, layout, stream(seed, "site"))
+    return _Drawn(recipe, build_bridge(layout, drawn, site.ground), site)
+
+
+def _date(text: str) -> datetime | None:
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        return None

@@ -1,0 +1,100 @@
+"""Materials of the user's as a look: those that are named like the roles fill them, others come from another look."""
+
+import shutil
+from pathlib import Path
+
+from pxr import Sdf, Usd, UsdShade
+
+from authoring.layers.layer import export, new_layer
+from authoring.layers.provenance import author_provenance
+from authoring.variants.arcs import add_look
+from authoring.variants.foreign_file import flatten_foreign, open_foreign, safe_name
+from groundwork.canonical import file_digest
+from groundwork.errors import InputError
+from usd_schemas import tokens
+from usd_schemas.layer_walk import Warn
+
+
+def import_look(scene: Path, file: Path, warn: Warn) -> str:
+    """Bring in the materials of a USD file as a look of the bridge; a former one of the same name is replaced.
+
+    Args:
+        scene: Root layer of the scene.
+        file: USD file with materials named like the roles, `Role_PierConcrete` and so on, anywhere in it.
+        warn: Called with one line about the roles that the file does not fill.
+
+    Returns:
+        Name of the look.
+
+    Raises:
+        InputError: Not readable, it fills no role, or a texture is missing.
+    """
+    name = safe_name(file.stem)
+    stage = open_foreign(file)
+    materials = {
+        prim.GetName(): prim.GetPath()
+        for prim in stage.Traverse()
+        if prim.IsA(UsdShade.Material) and prim.GetName() in tokens.ROLES
+    }
+    roles = _roles(scene)
+    if not materials.keys() & roles:
+        raise InputError("holds no material that is named like a role", where=file, allowed=", ".join(sorted(roles)))
+    looks = scene.parent / "bridge/looks"
+    fresh = looks / f".{name}.partial"
+    shutil.rmtree(fresh, ignore_errors=True)
+    fresh.mkdir(parents=True)
+    layer = _look(flatten_foreign(stage, file, fresh), materials, file)
+    author_provenance(layer, "/Look", {"file": file.name, "sha256": file_digest(file)})
+    export(layer, fresh / "look.usda")
+    others = _fallbacks(scene, roles - materials.keys(), name)
+    shutil.rmtree(looks / name, ignore_errors=True)
+    fresh.rename(looks / name)
+    if others:
+        warn(f"roles that {file.name} does not fill, taken from other looks: {', '.join(sorted(others))}")
+    add_look(scene.parent / "bridge/bridge.usda", name, f"./looks/{name}/look.usda", others)
+    return name
+
+
+def _roles(scene: Path) -> set[str]:
+    stage = Usd.Stage.Open(str(scene))
+    looks = stage.GetPrimAtPath(f"{tokens.BRIDGE}/BridgeLooks")
+    if not looks:
+        raise InputError(f"has no {tokens.BRIDGE}/BridgeLooks", where=scene, mend="Name the scene.usda of a scene")
+    return {prim.GetName() for prim in looks.GetChildren()}
+
+
+def _look(flat: Sdf.Layer, materials: dict[str, Sdf.Path], file: Path) -> Sdf.Layer:
+    layer = new_layer("Look")
+    root = Sdf.CreatePrimInLayer(layer, "/Look")
+    root.specifier, root.typeName = Sdf.SpecifierDef, "Scope"
+    for role, path in sorted(materials.items()):
+        place = root.path.AppendChild(role)
+        Sdf.CopySpec(flat, path, layer, place)
+        outside: list[Sdf.Path] = []
+
+        def look(spec_path: Sdf.Path, place: Sdf.Path = place, outside: list[Sdf.Path] = outside) -> None:
+            spec = layer.GetObjectAtPath(spec_path)
+            if isinstance(spec, Sdf.AttributeSpec):
+                outside.extend(one for one in spec.connectionPathList.GetAppliedItems() if not one.HasPrefix(place))
+
+        layer.Traverse(place, look)
+        if outside:
+            raise InputError(
+                "is connected to something outside of itself", where=file, field=str(path), value=str(outside[0]),
+                mend="Keep the whole network below the material",
+            )  # fmt: skip
+    return layer
+
+
+def _fallbacks(scene: Path, missing: set[str], name: str) -> dict[str, str]:
+    stage = Usd.Stage.Open(str(scene), Usd.Stage.LoadNone)
+    variants = stage.GetPrimAtPath(tokens.BRIDGE).GetVariantSet("look")
+    order = [variants.GetVariantSelection(), *sorted(variants.GetVariantNames())]
+    found: dict[str, str] = {}
+    for look in order:
+        file = scene.parent / f"bridge/looks/{look}/look.usda"
+        layer = Sdf.Layer.FindOrOpen(str(file)) if look != name and file.is_file() else None
+        for role in missing - found.keys():
+            if layer is not None and layer.GetPrimAtPath(f"/Look/{role}"):
+                found[role] = f"./looks/{look}/look.usda"
+    return found

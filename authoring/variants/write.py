@@ -1,0 +1,98 @@
+"""One look, background or light on disk: a folder of its own, with the same bytes whenever it is written."""
+
+from pathlib import Path
+
+from authoring.assets import Pieces, bake_surfaces, write_asset
+from authoring.backgrounds.registry import build_background
+from authoring.layers.background import background_layer
+from authoring.layers.geometry import BACKGROUND
+from authoring.layers.layer import export
+from authoring.layers.lighting import light_layer
+from authoring.layers.looks import look_layer
+from authoring.layers.provenance import author_provenance
+from authoring.lighting import LightSettings, bake_sky
+from authoring.looks.bake import bake_look
+from authoring.settings import AuthoringSettings
+from authoring.site import Site
+from authoring.streams import stream
+from groundwork.canonical import digest
+
+NO_BACKGROUND = "none"
+_SECTIONS = {"bridge": ("bridge",), "site": ("bridge", "site"), "background": ("bridge", "site", "background")}
+
+
+def made_from(settings: AuthoringSettings, seed: int, asset: str) -> dict[str, str]:
+    """Name what an asset depends on; another look or survey is none of the bridge's business.
+
+    Args:
+        settings: What the scenario says.
+        seed: Seed of the scene.
+        asset: `bridge`, `site` or `background`.
+    """
+    sections = {name: getattr(settings, name) for name in _SECTIONS[asset]}
+    return {"seed": str(seed), "settings": digest(sections)}
+
+
+def write_look(settings: AuthoringSettings, seed: int, name: str, bridge: Pieces, folder: Path) -> str:
+    """Bake a look for a bridge.
+
+    Args:
+        settings: What the scenario says.
+        seed: Seed of the scene.
+        name: Name of the look.
+        bridge: Pieces of the bridge.
+        folder: Folder of the bridge.
+
+    Returns:
+        Its file, relative to that folder.
+    """
+    file = f"./looks/{name}/look.usda"
+    place = (folder / file).parent
+    place.mkdir(parents=True, exist_ok=True)
+    recipes = bake_look(settings.look, name, place, bridge, stream(seed, f"look/{name}"))
+    export(look_layer(recipes), folder / file)
+    return file
+
+
+def write_background(settings: AuthoringSettings, seed: int, name: str, site: Site, folder: Path) -> str:
+    """Build a background round a site.
+
+    Args:
+        settings: What the scenario says.
+        seed: Seed of the scene.
+        name: Name of the background.
+        site: The site.
+        folder: Scene folder.
+
+    Returns:
+        Its file, relative to that folder; empty for the empty world.
+    """
+    if name == NO_BACKGROUND:
+        return ""
+    file = f"./background/{name}/{name}.usda"
+    place = (folder / file).parent
+    pieces = build_background(name, settings.background, site, stream(seed, "background"))
+    write_asset(BACKGROUND, pieces, place)
+    recipes = bake_surfaces(pieces, place, settings.look.texels, seed)
+    layer = background_layer(name, recipes)
+    export(author_provenance(layer, "/Background", made_from(settings, seed, "background")), folder / file)
+    return file
+
+
+def write_light(settings: LightSettings, seed: int, name: str, folder: Path) -> str:
+    """Bake a light; all lights of a scene have the same clouds.
+
+    Args:
+        settings: Time, place and weather.
+        seed: Seed of the scene.
+        name: Name of the light.
+        folder: Scene folder.
+
+    Returns:
+        Its file, relative to that folder.
+    """
+    file = f"./lights/{name}/light.usda"
+    place = (folder / file).parent
+    place.mkdir(parents=True, exist_ok=True)
+    export(light_layer(bake_sky(settings, place, stream(seed, "light"))), folder / file)
+    return file

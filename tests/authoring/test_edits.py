@@ -1,0 +1,190 @@
+"""Edits of a DCC come home as a sparse layer: what was changed, no more, and where it belongs."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from authoring.edits.additions import Labelling
+from authoring.edits.harvest import EDITS, Harvest, harvest_edits
+from authoring.edits.shapes import flat_normals, read_surface
+from authoring.layers.layer import export
+from authoring.layers.root import edits_layer
+from authoring.validate import validate_scene
+from groundwork.errors import InputError
+from groundwork.files import MANIFEST
+from tests.authoring.box_scene import write_box_scene
+
+F64 = NDArray[np.float64]
+
+SUBSTRUCTURE = "/World/Bridge/BridgeGeom/Substructure"
+CAP, DECK = f"{SUBSTRUCTURE}/Pier_001_Cap", "/World/Bridge/BridgeGeom/Superstructure/Deck_000"
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write one scene to copy from."""
+    return write_box_scene(tmp_path_factory.mktemp("original")).parent
+
+
+@pytest.fixture
+def scene(original: Path, tmp_path: Path) -> Path:
+    """Copy the scene, free to be edited."""
+    shutil.copytree(original, tmp_path / "scene")
+    return tmp_path / "scene/scene.usda"
+
+
+@pytest.fixture
+def other(scene: Path, tmp_path: Path) -> Usd.Stage:
+    """Open what a DCC would save: one layer with everything in it."""
+    Usd.Stage.Open(str(scene)).Flatten(False).Export(str(tmp_path / "other.usda"))
+    return Usd.Stage.Open(str(tmp_path / "other.usda"))
+
+
+def bring_home(scene: Path, other: Usd.Stage, *labels: str, remove: bool = False) -> tuple[Harvest, str]:
+    """Save and harvest; give what was found, and the layer's text."""
+    other.GetRootLayer().Save()
+    found = harvest_edits(Path(other.GetRootLayer().realPath), scene, Labelling.parse(labels), remove)
+    return found, (scene.parent / EDITS).read_text(encoding="utf-8")
+
+
+def cube(stage: Usd.Stage, path: str) -> UsdGeom.Mesh:
+    """Add a mesh of one triangle."""
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+    mesh.CreateFaceVertexCountsAttr([3])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2])
+    mesh.CreateDoubleSidedAttr(True)
+    return mesh
+
+
+def test_no_edits_give_an_empty_layer(scene: Path, other: Usd.Stage, tmp_path: Path) -> None:
+    """Noise of single precision is no edit."""
+    for prim in other.GetPrimAtPath(SUBSTRUCTURE).GetChildren():
+        ops = UsdGeom.Xformable(prim).GetOrderedXformOps()
+        ops[0].Set(ops[0].Get() + Gf.Vec3d(2e-5))
+    found, text = bring_home(scene, other)
+    assert found == Harvest()
+    export(edits_layer(), tmp_path / "empty.usda")
+    assert text == (tmp_path / "empty.usda").read_text(encoding="utf-8")
+
+
+def test_a_moved_group_is_one_opinion(scene: Path, other: Usd.Stage) -> None:
+    """Its members move along, and only the one that moved on its own besides is named."""
+    group = UsdGeom.Xformable(other.GetPrimAtPath(SUBSTRUCTURE))
+    group.AddTranslateOp().Set(Gf.Vec3d(0, 0, 2))
+    op = UsdGeom.Xformable(other.GetPrimAtPath(CAP)).GetOrderedXformOps()[0]
+    op.Set(op.Get() + Gf.Vec3d(0.5, 0, 0))
+    before = _place(scene)
+    found, _ = bring_home(scene, other)
+    assert found.moved == ["Substructure", "Pier_001_Cap"]
+    np.testing.assert_allclose(_place(scene) - before, [0.5, 0.0, 2.0], atol=1e-9)
+    assert validate_scene(scene) == []
+
+
+def test_deletions_are_told_and_made_on_demand(scene: Path, other: Usd.Stage) -> None:
+    """Without the flag the part stays; with it, it is inactive, and nothing of it is lost."""
+    other.RemovePrim(CAP)
+    found, text = bring_home(scene, other)
+    assert (found.missing, found.removed) == (["Pier_001_Cap"], [])
+    assert "active" not in text
+    found, _ = bring_home(scene, other, remove=True)
+    assert (found.missing, found.removed) == ([], ["Pier_001_Cap"])
+    assert not Usd.Stage.Open(str(scene)).GetPrimAtPath(CAP).IsActive()
+    assert validate_scene(scene) == []
+
+
+def test_new_objects_keep_their_ids(scene: Path, other: Usd.Stage) -> None:
+    """Labelled by rule, else by themselves, else background; numbered apart from all others, and for good."""
+    cube(other, "/World/Alpha")
+    cube(other, "/World/Beta").GetPrim().CreateAttribute("userProperties:component", Sdf.ValueTypeNames.String).Set(
+        "kerb"
+    )
+    cube(other, "/World/Gamma")
+    found, _ = bring_home(scene, other, "Al*=vehicle")
+    assert found.added == {"Alpha": "vehicle", "Beta": "kerb", "Gamma": "background"}
+    assert validate_scene(scene) == []
+    numbers = _ids(scene)
+    other.RemovePrim("/World/Alpha")
+    cube(other, "/World/Aaron")
+    bring_home(scene, other)
+    again = _ids(scene)
+    assert {name: again[name] for name in ("Beta", "Gamma")} == {name: numbers[name] for name in ("Beta", "Gamma")}
+    assert again["Aaron"] not in numbers.values()
+
+
+def test_what_no_dcc_brings_back_stays(scene: Path, other: Usd.Stage) -> None:
+    """Opinions of an earlier session about light and other looks survive a harvest."""
+    layer = Sdf.Layer.FindOrOpen(str(scene.parent / EDITS))
+    for path in ("/World/Environment/Sun", "/World/Bridge{look=elsewhere}BridgeLooks/Role_PierConcrete"):
+        spec = Sdf.CreatePrimInLayer(layer, path)
+        Sdf.AttributeSpec(spec, "custom:note", Sdf.ValueTypeNames.String).default = f"kept {path}"
+    layer.Save()
+    _, text = bring_home(scene, other)
+    assert text.count("kept /World") == 2
+
+
+def test_wrong_input_is_named(scene: Path, other: Usd.Stage, tmp_path: Path) -> None:
+    """Labels that are none, files of another scene, scenes without an edits layer, stored scenes."""
+    with pytest.raises(InputError, match=r"--label: no such component or class \(found 'Box=tree_house'\)"):
+        Labelling.parse(["Box=tree_house"])
+    strange = Usd.Stage.CreateNew(str(tmp_path / "strange.usda"))
+    cube(strange, "/Thing")
+    with pytest.raises(InputError, match="holds no prim with a userProperties:falseworkId"):
+        bring_home(scene, strange)
+    with pytest.raises(InputError, match="has no sublayer"):
+        harvest_edits(tmp_path / "strange.usda", tmp_path / "strange.usda", Labelling())
+    (scene.parent / MANIFEST).write_text("{}", encoding="utf-8")
+    with pytest.raises(InputError, match="scene checkout"):
+        bring_home(scene, other)
+
+
+@pytest.mark.parametrize("interpolation", ["vertex", "uniform", "constant", "faceVarying"])
+def test_values_of_any_interpolation_are_spread_over_the_corners(interpolation: str) -> None:
+    """A square of two triangles: each interpolation gives the corner what it stands for."""
+    stage = Usd.Stage.CreateInMemory()
+    mesh = UsdGeom.Mesh.Define(stage, "/M")
+    mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    mesh.CreateFaceVertexCountsAttr([3, 3])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 2, 3, 0])
+    rows = {"vertex": [0, 1, 2, 2, 3, 0], "uniform": [0, 0, 0, 1, 1, 1], "constant": [0] * 6, "faceVarying": range(6)}
+    expected = list(rows[interpolation])
+    values = np.arange((max(expected) + 1) * 2, dtype=np.float32).reshape(-1, 2)
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, interpolation)
+    primvar.Set(Vt.Vec2fArray.FromNumpy(values))
+    surface = read_surface(mesh.GetPrim())
+    np.testing.assert_array_equal(surface.uvs["st"], values[expected])
+    np.testing.assert_array_equal(flat_normals(surface), np.tile(np.array([0, 0, 1], np.float32), (6, 1)))
+
+
+def test_a_disconnected_colour_is_an_edit_inside_the_look(scene: Path, other: Usd.Stage) -> None:
+    """The selected look has it; every other look is as it was."""
+    stage = Usd.Stage.Open(str(scene))
+    material = next(prim for prim in other.Traverse() if prim.IsA(UsdShade.Material) and "Role_" in prim.GetName())
+    surface = UsdShade.Material(material).ComputeSurfaceSource()[0]
+    surface.GetInput("diffuseColor").ClearSources()
+    surface.GetInput("diffuseColor").Set(Gf.Vec3f(0.5, 0.25, 0.125))
+    found, text = bring_home(scene, other)
+    assert found.recoloured == [material.GetName()]
+    look = stage.GetPrimAtPath("/World/Bridge").GetVariantSet("look").GetVariantSelection()
+    layer = Sdf.Layer.OpenAsAnonymous(str(scene.parent / EDITS))
+    spec = layer.GetPrimAtPath(
+        f"/World/Bridge{{look={look}}}BridgeLooks/{material.GetName()}/{surface.GetPrim().GetName()}"
+    )
+    assert spec.attributes["inputs:diffuseColor"].default == Gf.Vec3f(0.5, 0.25, 0.125)
+    assert text.count("diffuseColor") <= 2
+
+
+def _place(scene: Path) -> F64:
+    stage = Usd.Stage.Open(str(scene))
+    return np.array(UsdGeom.XformCache().GetLocalToWorldTransform(stage.GetPrimAtPath(CAP)))[3, :3]
+
+
+def _ids(scene: Path) -> dict[str, int]:
+    stage = Usd.Stage.Open(str(scene))
+    root = stage.GetPrimAtPath("/World/Additions")
+    named = ((prim, prim.GetAttribute("falsework:component:instanceId").Get()) for prim in root.GetChildren())
+    return {prim.GetName(): number for prim, number in named if number}

@@ -1,0 +1,235 @@
+"""Choices: selected, made on demand with the same bytes as in advance, brought in from the user's own files."""
+
+import re
+import shutil
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdMedia, UsdShade
+
+from authoring.layers.change import change_layer
+from authoring.looks.material import MaterialRecipe, author_material
+from authoring.manifest import changed_files
+from authoring.settings import AuthoringSettings
+from authoring.validate import validate_scene
+from authoring.variants.add import set_choices, write_variant
+from authoring.variants.selection import offered, selected
+from groundwork.errors import InputError
+from groundwork.settings import parse_settings
+from tests.authoring.small_scene import SMALL, file_bytes, write_small_scene
+from tests.conftest import Count
+from usd_schemas import tokens
+from usd_schemas.read_labels import Warn
+from usd_schemas.stage_reader import read_stage
+
+
+def _said() -> tuple[list[str], Warn]:
+    lines: list[str] = []
+    return lines, lines.append
+
+
+def test_choice_made_later_has_the_same_bytes(own_scene: Path, tmp_path: Path) -> None:
+    """A background and a light added on demand are those that a scenario with variants would have written."""
+    names = set_choices(own_scene, {"background": "countryside", "light": "2024-12-21T10:00"}, print)
+    light = {"name": names["light"], "date": "2024-12-21T10:00"}
+    ahead = tmp_path / "ahead"
+    ahead.mkdir()
+    write_small_scene(ahead, variants={"background": ["countryside", "none"], "light": [light]})
+    later, before = file_bytes(own_scene.parent), file_bytes(ahead)
+    for part in ("background/", "lights/", "lighting.usda", "bridge/", "site/", "surveys/"):
+        kept = {name: data for name, data in before.items() if name.startswith(part)}
+        assert kept, part
+        assert kept == {name: data for name, data in later.items() if name.startswith(part)}, part
+    assert validate_scene(own_scene) == []
+    assert changed_files(own_scene.parent) == []
+
+
+def test_selection_wins_and_stays(own_scene: Path) -> None:
+    """What is set is what composes; setting it back gives the first bytes again."""
+    before = own_scene.read_bytes()
+    set_choices(own_scene, {"look": "clean"}, print)
+    assert selected(Usd.Stage.Open(str(own_scene)))["look"] == "clean"
+    set_choices(own_scene, {"look": "weathered"}, print)
+    assert own_scene.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("axis", "value", "parts"),
+    [
+        ("look", "shiny", ["look", "'shiny'", "clean, weathered"]),
+        ("background", "moon", ["background", "'moon'", "countryside, none"]),
+        ("light", "noon", ["light", "'noon'", "default"]),
+        ("weather", "rain", ["weather", "look, background, light"]),
+        ("background", "nowhere.usda", ["nowhere.usda", "no such file"]),
+    ],
+)
+def test_unknown_choice_is_one_line(own_scene: Path, axis: str, value: str, parts: list[str]) -> None:
+    """The line names what was asked for and what there is, and the scene stays as it was."""
+    before = file_bytes(own_scene.parent)
+    with pytest.raises(InputError) as caught:
+        set_choices(own_scene, {axis: value}, print)
+    assert [part for part in parts if part not in str(caught.value)] == []
+    assert file_bytes(own_scene.parent) == before
+
+
+def test_stored_scene_is_refused(own_scene: Path) -> None:
+    """A read-only scene is never changed, though its folder could be written to."""
+    own_scene.chmod(0o444)
+    with pytest.raises(InputError, match="scene checkout"):
+        set_choices(own_scene, {"look": "clean"}, print)
+
+
+def test_scene_variant_selects_without_touching_the_scene(own_scene: Path) -> None:
+    """A variant is a small layer of its own, with the metadata that only count on a root layer."""
+    before = own_scene.read_bytes()
+    path = write_variant(own_scene, "spring", {"look": "clean"}, print)
+    assert own_scene.read_bytes() == before
+    stage, base = Usd.Stage.Open(str(path)), Usd.Stage.Open(str(own_scene))
+    assert selected(stage)["look"] == "clean"
+    assert selected(base)["look"] == "weathered"
+    assert stage.GetEndTimeCode() == base.GetEndTimeCode() > 0
+    assert stage.GetMetadata("renderSettingsPrimPath") == tokens.RENDER_SETTINGS
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
+    assert "/" not in re.sub(r"@\./[^@]*@|/Render/Settings", "", path.read_text())
+
+
+def test_variants_of_a_scenario_are_their_product(tmp_path: Path) -> None:
+    """Two looks and two lights give four layers, each of which selects its own pair."""
+    lights = [{"name": "default"}, {"name": "dusk", "date": "2024-06-21T19:30"}]
+    scene = write_small_scene(tmp_path, variants={"look": ["weathered", "clean"], "light": lights})
+    found = {path.stem: selected(Usd.Stage.Open(str(path))) for path in sorted(tmp_path.glob("variant_*.usda"))}
+    assert sorted(found) == [
+        f"variant_{look}_{light}" for look in ("clean", "weathered") for light in ("default", "dusk")
+    ]
+    assert all(f"variant_{one['look']}_{one['light']}" == name for name, one in found.items())
+    assert offered(Usd.Stage.Open(str(scene)))["light"] == ("default", "dusk")
+
+
+def test_switching_is_quick(stored_scene: Path, proof_count: Count) -> None:
+    """A look is switched on an open stage in less than 5 ms, taking the best of a few."""
+    stage = Usd.Stage.Open(str(stored_scene))
+    stage.SetEditTarget(stage.GetSessionLayer())
+    looks = stage.GetPrimAtPath(tokens.BRIDGE).GetVariantSet("look")
+    seconds = []
+    for turn in range(proof_count(10, 100)):
+        begin = time.perf_counter()
+        looks.SetVariantSelection(("clean", "weathered")[turn % 2])
+        seconds.append(time.perf_counter() - begin)
+    assert min(seconds) < 0.005
+
+
+def test_provenance_names_seed_and_recipe(stored_scene: Path) -> None:
+    """World, bridge and site say who made them, and from what."""
+    stage = Usd.Stage.Open(str(stored_scene))
+    for path in (tokens.WORLD, tokens.BRIDGE, tokens.SITE):
+        record = UsdMedia.AuthorshipAPI.Get(stage.GetPrimAtPath(path), "generator")
+        inputs = list(record.GetInputsAttr().Get())
+        assert record.GetSoftwarePackageAttr().Get() == "falsework", path
+        assert dict(zip(inputs[::2], inputs[1::2], strict=True))["seed"] == "7"
+        assert not record.GetCreatedAttr().HasAuthoredValue()
+
+
+def _world(path: Path, *, texture: bool = True, outside: bool = False) -> Path:
+    """Write a textured cube of 2 m at (0, 30, 1) m, in centimetres and y-up, with a sun and a camera."""
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/export").GetPrim())
+    cube = UsdGeom.Cube.Define(stage, "/export/Tower")
+    cube.CreateSizeAttr(200.0)
+    cube.AddTranslateOp().Set(Gf.Vec3d(0, 100, -3000))
+    cube.GetPrim().CreateAttribute(tokens.USER_INSTANCE_ID, Sdf.ValueTypeNames.Int, True).Set(1)
+    holder = "/_materials/Brick" if outside else "/export/Brick"
+    material = author_material(stage, holder, MaterialRecipe("brick", albedo_file="./textures/brick.png"))
+    UsdShade.MaterialBindingAPI.Apply(cube.GetPrim()).Bind(material)
+    UsdLux.DistantLight.Define(stage, "/export/Sun")
+    UsdGeom.Camera.Define(stage, "/export/Camera")
+    if texture:
+        (path.parent / "textures").mkdir()
+        cv2.imwrite(str(path.parent / "textures/brick.png"), np.full((8, 8, 3), (40, 60, 160), np.uint8))
+    stage.GetRootLayer().Export(str(path))  # not atomic: a test's own file
+    return path
+
+
+@pytest.mark.parametrize("outside", [False, True])
+def test_own_world_as_background(own_scene: Path, tmp_path: Path, outside: bool) -> None:
+    """In metres, z-up, with its texture, labelled background, without its sun; materials beside the root prim stay."""
+    (tmp_path / "mine").mkdir()
+    world = _world(tmp_path / "mine/My town.usda", outside=outside)
+    before = file_bytes(own_scene.parent)
+    lines, warn = _said()
+    assert set_choices(own_scene, {"background": str(world)}, warn) == {"background": "My_town"}
+    assert "Sun" in lines[0]
+    assert "Camera" in lines[0]
+    shutil.rmtree(tmp_path / "mine")
+    flat = read_stage(own_scene)
+    (number,) = [row.id for row in flat.instances if row.path.endswith("/Tower")]
+    (draw,) = np.flatnonzero(flat.draws.instance == number)
+    assert flat.draws.label[draw] == 0
+    part = flat.draws.part[draw]
+    first, count = flat.geometry.part_first[part], flat.geometry.part_count[part]
+    points = flat.geometry.positions[flat.geometry.triangles[first : first + count].reshape(-1)].astype(np.float64)
+    placed = points @ flat.draws.transform[draw][:3, :3].T + flat.draws.transform[draw][:3, 3]
+    np.testing.assert_allclose(placed.min(axis=0), [-1, 29, 0], atol=1e-6)
+    np.testing.assert_allclose(placed.max(axis=0), [1, 31, 2], atol=1e-6)
+    texture = flat.materials[flat.draws.material[draw]].base_texture
+    assert texture is not None
+    assert Path(texture.file).is_relative_to(own_scene.parent)
+    assert len([camera for camera in flat.cameras if camera.name == "global"]) == len(flat.cameras) == 1
+    after = file_bytes(own_scene.parent)
+    for part_name in ("bridge/", "site/", "surveys/", "lighting.usda", "render.usda"):
+        kept = {name: data for name, data in before.items() if name.startswith(part_name)}
+        assert kept == {name: data for name, data in after.items() if name.startswith(part_name)}
+    assert validate_scene(own_scene) == []
+
+
+def test_world_without_its_texture_is_named(own_scene: Path, tmp_path: Path) -> None:
+    """The line names the material and the file; the scene stays as it was."""
+    world = _world(tmp_path / "town.usda", texture=False)
+    before = file_bytes(own_scene.parent)
+    with pytest.raises(InputError, match=r"/export/Brick.*textures/brick\.png"):
+        set_choices(own_scene, {"background": str(world)}, print)
+    after = {name: data for name, data in file_bytes(own_scene.parent).items() if ".partial" not in name}
+    assert after == before
+
+
+def test_own_look_fills_some_roles(own_scene: Path, tmp_path: Path) -> None:
+    """A file with one role material becomes a look; the other roles keep the surfaces of the look in force."""
+    stage = Usd.Stage.CreateInMemory()
+    stage.SetDefaultPrim(stage.DefinePrim("/Mine", "Scope"))
+    author_material(stage, "/Mine/Role_DeckConcrete", MaterialRecipe("red", color=(0.8, 0.1, 0.1)))
+    stage.GetRootLayer().Export(str(tmp_path / "red.usda"))  # not atomic: a test's own file
+    lines, warn = _said()
+    assert set_choices(own_scene, {"look": str(tmp_path / "red.usda")}, warn) == {"look": "red"}
+    assert "Role_GirderConcrete" in lines[0]
+    materials = {one.name.rpartition("/")[2]: one for one in read_stage(own_scene).materials}
+    assert materials["Role_DeckConcrete"].base_color == pytest.approx((0.8, 0.1, 0.1))
+    assert materials["Role_DeckConcrete"].detail.macro_file == ""
+    girder = materials["Role_GirderConcrete"].base_texture
+    assert girder is not None
+    assert "looks/weathered/" in girder.file
+    assert validate_scene(own_scene) == []
+
+
+def test_file_without_roles_is_no_look(own_scene: Path, tmp_path: Path) -> None:
+    """The line tells the names that are looked for."""
+    with pytest.raises(InputError, match="Role_DeckConcrete"):
+        set_choices(own_scene, {"look": str(_world(tmp_path / "town.usda"))}, print)
+
+
+def test_changed_layer_is_canonical(own_scene: Path) -> None:
+    """A change that changes nothing leaves the bytes of text and binary layers."""
+    for name in ("scene.usda", "surveys/global.usdc"):
+        path = own_scene.parent / name
+        before = path.read_bytes()
+        change_layer(path, lambda layer: None)
+        assert path.read_bytes() == before
+
+
+def test_settings_of_the_variants_are_checked() -> None:
+    """The small scene's settings take no unknown look."""
+    with pytest.raises(InputError, match="weathered"):
+        parse_settings(AuthoringSettings, {**SMALL, "variants": {"look": ["shiny"]}}, "scenario.toml")

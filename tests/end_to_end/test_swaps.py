@@ -1,0 +1,182 @@
+"""Swaps, through the renderer: another look, background or light changes what it should, and no bit of the rest."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pxr import Usd
+
+from authoring.bake_down import bake_down
+from authoring.looks.material import MaterialRecipe, author_material
+from authoring.variants.add import set_choices
+from groundwork.progress import SILENT
+from render.capture import TRUTH
+from render.frames import render_stage
+from render.settings import RenderSettings, SensorSettings
+from tests.authoring.small_scene import SEED, file_bytes, write_small_scene
+from tests.conftest import Count, RecordProof
+from usd_schemas import tokens
+from usd_schemas.stage_reader import read_stage
+
+IDEAL = RenderSettings(
+    quality="fast", shadow_size=512, haze_distance=1e9, sensor=SensorSettings(noise=False, image_format="png")
+)
+VISIBLE = 10  # of 255
+
+Images = dict[str, NDArray[Any]]
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory, proof_count: Count) -> Path:
+    """Author a scene that offers two looks, two backgrounds and two lights."""
+    flight = {
+        "kind": "global", "images": proof_count(8, 60), "spacing": proof_count(30, 4), "width": proof_count(160, 480),
+        "height": proof_count(120, 360),
+    }  # fmt: skip
+    light = [{"name": "winter", "date": "2024-12-21T10:00"}]
+    offers = {"look": ["clean", "weathered"], "background": ["none", "countryside"], "light": light}
+    return write_small_scene(tmp_path_factory.mktemp("swaps"), variants=offers, survey=[flight])
+
+
+@pytest.fixture(scope="module")
+def base(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Render the scene as it is."""
+    return _shoot(scene, tmp_path_factory.mktemp("base"))
+
+
+def test_look_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path, record_proof: RecordProof) -> None:
+    """The bridge as it was when it was new: all truth byte-equal; stains and streaks are gone where they were."""
+    after = _shoot(_copy(scene, tmp_path, look="clean"), tmp_path / "capture")
+    assert _truth(base) == _truth(after)
+    share = _changed(base, after)
+    assert share > 0.15
+    record_proof("swap: a cleaner look changes rgb alone", len(_names(base)), SEED, {"changed_share": share})
+
+
+def test_own_look_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path, record_proof: RecordProof) -> None:
+    """A look of the user's in other colours: all truth byte-equal, nearly all of the bridge's pixels changed."""
+    stage = Usd.Stage.CreateInMemory()
+    stage.SetDefaultPrim(stage.DefinePrim("/Mine", "Scope"))
+    for role in tokens.ROLES:
+        author_material(stage, f"/Mine/{role}", MaterialRecipe(role, color=(0.5, 0.16, 0.08)))
+    stage.GetRootLayer().Export(str(tmp_path / "brick_red.usda"))  # not atomic: a test's own file
+    after = _shoot(_copy(scene, tmp_path, look=str(tmp_path / "brick_red.usda")), tmp_path / "capture")
+    assert _truth(base) == _truth(after)
+    share = _changed(base, after)
+    assert share > 0.8
+    record_proof("swap: the user's look changes rgb alone", len(_names(base)), SEED, {"changed_share": share})
+
+
+def test_one_png_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path, record_proof: RecordProof) -> None:
+    """One texture file replaced by hand: all truth byte-equal, and most of the bridge's pixels another colour."""
+    root = _copy(scene, tmp_path)
+    file = root.parent / "bridge/looks/weathered/textures/macro.png"
+    picture = cv2.imread(str(file))
+    assert picture is not None
+    cv2.imwrite(str(file), (picture * np.array([0.4, 0.8, 1.0])).astype(np.uint8))
+    after = _shoot(root, tmp_path / "capture")
+    assert _truth(base) == _truth(after)
+    share = _changed(base, after)
+    assert share > 0.8
+    record_proof("swap: one png changes rgb alone", len(_names(base)), SEED, {"changed_share": share})
+
+
+def test_light_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path) -> None:
+    """Another light: all truth byte-equal; the photographs are others."""
+    after = _shoot(_copy(scene, tmp_path, light="winter"), tmp_path / "capture")
+    assert _truth(base) == _truth(after)
+    assert all((base / name).read_bytes() != (after / name).read_bytes() for name in _names(base))
+
+
+def test_background_leaves_the_bridge(scene: Path, base: Path, tmp_path: Path, record_proof: RecordProof) -> None:
+    """Another background: files of bridge, site and surveys, and depth and labels on the bridge, stay to the bit."""
+    root = _copy(scene, tmp_path, background="countryside")
+    kept = ("bridge/", "site/", "surveys/", "lights/", "lighting.usda", "render.usda", "edits/")
+    before, later = (
+        {name: data for name, data in file_bytes(one.parent).items() if name.startswith(kept)} for one in (scene, root)
+    )
+    assert before == later
+    after = _shoot(root, tmp_path / "capture")
+    assert (base / TRUTH / "poses.json").read_bytes() == (after / TRUTH / "poses.json").read_bytes()
+    assert (base / "cameras.json").read_bytes() == (after / "cameras.json").read_bytes()
+    depth, ids, classes = (_images(base, kind) for kind in ("depth", "instance", "semantic"))
+    depth_after, ids_after, classes_after = (_images(after, kind) for kind in ("depth", "instance", "semantic"))
+    compared = 0
+    for name, on_bridge in classes.items():
+        both = (on_bridge > 0) & (classes_after[name] > 0)
+        compared += int(both.sum())
+        np.testing.assert_array_equal(depth[name][both], depth_after[name][both])
+        np.testing.assert_array_equal(ids[name][both], ids_after[name][both])
+        np.testing.assert_array_equal(on_bridge[both], classes_after[name][both])
+    assert compared > 1000
+    assert any((depth[name] != depth_after[name]).any() for name in depth)
+    record_proof("swap: background leaves the bridge", compared, SEED, {"unequal_pixels": 0})
+
+
+def test_baked_scene_renders_alike(scene: Path, base: Path, tmp_path: Path) -> None:
+    """Burnt into plain textures, the scene has the same depth, and nearly the same colours on the bridge."""
+    (tmp_path / "baked").mkdir()
+    root = bake_down(scene, tmp_path / "baked", 2048, lambda line: None)
+    looks = [one for one in read_stage(root).materials if one.name.startswith(f"{tokens.BRIDGE}/")]
+    assert looks
+    assert all(not one.detail.macro_file for one in looks)
+    after = _shoot(root, tmp_path / "capture")
+    depth, depth_after = _images(base, "depth"), _images(after, "depth")
+    assert all((depth[name] == depth_after[name]).all() for name in depth)
+    off = [
+        np.abs(before.astype(int) - later)[_images(base, "semantic")[name] > 0]
+        for name, before, later in _pairs(base, after)
+    ]
+    assert float(np.median(np.concatenate(off))) <= 5
+    assert float(np.mean(np.concatenate(off))) <= 12
+
+
+def _copy(scene: Path, place: Path, **choices: str) -> Path:
+    """Copy a scene and choose in it."""
+    shutil.copytree(scene.parent, place / "scene")
+    if choices:
+        set_choices(place / "scene/scene.usda", choices, lambda line: None)
+    return place / "scene/scene.usda"
+
+
+def _shoot(scene: Path, folder: Path) -> Path:
+    folder.mkdir(exist_ok=True)
+    render_stage(scene, folder, IDEAL, SEED, SILENT)
+    return folder
+
+
+def _truth(capture: Path) -> dict[str, bytes]:
+    """Everything but the photographs: labels, ids, depth, poses, and the cameras as the drone knows them."""
+    files = {name: data for name, data in file_bytes(capture / TRUTH).items() if name != "render.json"}  # its exposure
+    assert {name.partition("/")[0] for name in files} >= {"depth", "semantic", "instance", "poses.json"}
+    return {**files, "cameras.json": (capture / "cameras.json").read_bytes()}
+
+
+def _names(capture: Path) -> list[str]:
+    return sorted(path.relative_to(capture).as_posix() for path in (capture / "images").iterdir())
+
+
+def _images(capture: Path, kind: str) -> Images:
+    folder = capture / TRUTH / kind
+    return {path.stem: np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)) for path in sorted(folder.iterdir())}
+
+
+def _pairs(one: Path, two: Path) -> list[tuple[str, NDArray[Any], NDArray[Any]]]:
+    return [
+        (Path(name).stem, np.asarray(cv2.imread(str(one / name))), np.asarray(cv2.imread(str(two / name))))
+        for name in _names(one)
+    ]
+
+
+def _changed(one: Path, two: Path) -> float:
+    """Share of the bridge's pixels that differ visibly in at least one channel."""
+    classes = _images(one, "semantic")
+    visible = [
+        (np.abs(before.astype(int) - after).max(axis=-1) > VISIBLE)[classes[name] > 0]
+        for name, before, after in _pairs(one, two)
+    ]
+    return float(np.mean(np.concatenate(visible)))

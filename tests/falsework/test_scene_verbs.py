@@ -1,0 +1,98 @@
+"""`falsework scene`: what each verb prints, its exit codes, and one line for bad input."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from falsework.cli import main
+from tests.authoring.small_scene import write_small_scene
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Author a small scene, read-only as in a store; give its root layer."""
+    scene = write_small_scene(tmp_path_factory.mktemp("stored"))
+    for path in scene.parent.rglob("*"):
+        if path.is_file():
+            path.chmod(0o444)
+    return scene
+
+
+def _run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as caught:
+        main(["scene", *(str(word) for word in words)])
+    printed = capsys.readouterr()
+    return int(caught.value.code or 0), printed.out, printed.err
+
+
+def test_from_the_store_to_a_package(stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Check out, choose, compare, validate, package: each answers what was done."""
+    mine = tmp_path / "mine/scene.usda"
+    assert _run(capsys, "checkout", stored.parent, "-o", mine.parent)[0] == 0
+    code, out, _ = _run(capsys, "set", mine, "look=clean", "--json")
+    assert (code, json.loads(out)) == (0, {"version": 1, "look": "clean"})
+    answer = json.loads(_run(capsys, "diff", stored, mine, "--json")[1])
+    assert answer["selections"] == {"look": ["weathered", "clean"]}
+    assert answer["look"]
+    assert answer["layers"] == {"scene.usda": "changed"}
+    answer = json.loads(_run(capsys, "info", mine, "--json")[1])
+    assert answer["selected"]["look"] == "clean"
+    assert answer["changed"] == []
+    assert _run(capsys, "validate", mine)[:2] == (0, "sound in every variant\n")
+    assert _run(capsys, "package", mine, "-o", tmp_path / "a.usdz")[0] == 0
+    assert (tmp_path / "a.usdz").is_file()
+    assert _run(capsys, "flatten", mine, "-o", tmp_path / "flat/scene.usdc")[0] == 0
+    assert (tmp_path / "flat/scene.usdc").is_file()
+
+
+def test_info_for_people(stored: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The choice in force stands in brackets, and counts are there."""
+    code, out, _ = _run(capsys, "info", stored, "--files")
+    assert code == 0
+    assert "look: clean [weathered]" in out
+    assert "bearing " in out
+    assert "bridge/geometry.usdc" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["set", "{own}", "look=shiny"], ["'shiny'", "clean, weathered"]),
+        (["set", "{own}", "look"], ["not a choice", "look=…"]),
+        (["set", "{stored}", "look=clean"], ["read-only", "scene checkout"]),
+        (["info", "{own}.no"], ["no such file"]),
+        (["package", "{own}", "-o", "{own}.fbx"], [".usdz, .glb"]),
+        (["checkout", "{own}", "-o", "{folder}"], ["not empty"]),
+    ],
+)
+def test_bad_input_is_one_line(
+    stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], parts: list[str]
+) -> None:
+    """Exit code 2, one line, no traceback."""
+    shutil.copytree(stored.parent, tmp_path / "own", copy_function=shutil.copyfile)
+    places = {"own": tmp_path / "own/scene.usda", "stored": stored, "folder": tmp_path / "own"}
+    code, _, error = _run(capsys, *(word.format(**places) for word in words))
+    lines = [line for line in error.splitlines() if line.startswith("falsework: ")]
+    assert code == 2, error
+    assert len(lines) == 1
+    assert [part for part in parts if part not in lines[0]] == []
+    assert "Traceback" not in error
+
+
+def test_findings_are_a_result(stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scene with a fault is told with exit code 1, as JSON where asked for."""
+    shutil.copytree(stored.parent, tmp_path / "own", copy_function=shutil.copyfile)
+    scene = tmp_path / "own/scene.usda"
+    (tmp_path / "own/bridge/looks/clean/textures/detail.png").unlink()
+    code, out, _ = _run(capsys, "validate", scene, "--json")
+    assert code == 1
+    assert any("detail.png" in line for line in json.loads(out)["findings"])
+
+
+def test_schemas_point_at_the_plugin(capsys: pytest.CaptureFixture[str]) -> None:
+    """The printed folder holds the plugin."""
+    code, out, _ = _run(capsys, "schemas", "--path")
+    assert code == 0
+    assert (Path(out.strip()) / "plugInfo.json").is_file()

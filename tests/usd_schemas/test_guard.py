@@ -1,0 +1,203 @@
+"""Stages from elsewhere: what leads outside, in a circle or beyond all measure is refused by name, in time."""
+
+import time
+from pathlib import Path
+
+import pytest
+from pxr import Usd, UsdGeom, Vt
+
+from falsework.products import surveys_of
+from groundwork.errors import InputError, MissingError
+from groundwork.progress import Progress
+from usd_schemas.guard import check_stage
+
+HEAD = '#usda 1.0\n(\n    defaultPrim = "A"\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
+MESH = (
+    'def Mesh "A"\n{\n    point3f[] points = [(0,0,0), (1,0,0), (0,1,0)]\n    int[] faceVertexCounts = [3]\n'
+    "    int[] faceVertexIndices = [0, 1, 2]\n}\n"
+)
+
+
+def write(path: Path, text: str) -> Path:
+    """Write a layer below the usual head."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text if text.startswith("#usda") else HEAD + text, encoding="utf-8")
+    return path
+
+
+def warnings(path: Path, *roots: Path) -> list[str]:
+    """Check a stage that passes."""
+    said: dict[str, None] = {}
+    check_stage(path, roots, said.setdefault)
+    return list(said)
+
+
+def refusal(path: Path, *roots: Path) -> str:
+    """Check a stage that does not pass."""
+    with pytest.raises(InputError) as error:
+        check_stage(path, roots, print)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+ESCAPES = {
+    "reference": 'def "A" (\n    references = @{}@</A>\n)\n{{\n}}\n',
+    "payload": 'def "A" (\n    payload = @{}@</A>\n)\n{{\n}}\n',
+    "texture": 'def "A"\n{{\n    asset file = @{}@\n}}\n',
+    "moving texture": 'def "A"\n{{\n    asset file.timeSamples = {{\n        1: @{}@,\n    }}\n}}\n',
+    "textures": 'def "A"\n{{\n    asset[] files = [@{}@]\n}}\n',
+    "clip": 'def "A" (\n    clips = {{\n        dictionary default = {{\n            asset[] assetPaths = [@{}@]\n'
+    "        }}\n    }}\n)\n{{\n}}\n",
+    "unselected variant": 'def "A" (\n    prepend variantSets = "v"\n)\n{{\n    variantSet "v" = {{\n        "w" (\n'
+    "            references = @{}@</A>\n        ) {{\n        }}\n    }}\n}}\n",
+    "expression": 'def "A" (\n    payload = @`"{}"`@</A>\n)\n{{\n}}\n',
+}
+
+
+@pytest.mark.parametrize("kind", ESCAPES)
+@pytest.mark.parametrize("how", ["../out.usda", "absolute", "s3://bucket/out.usda", "./in/../../out.usda"])
+def test_what_leads_outside_is_refused(kind: str, how: str, tmp_path: Path) -> None:
+    """Every way to name a file, in whatever arc or variant: the line names layer, prim and path."""
+    outside = write(tmp_path / "out.usda", MESH)
+    name = str(outside) if how == "absolute" else how
+    text = refusal(write(tmp_path / "scene/scene.usda", ESCAPES[kind].format(name)))
+    assert name in text
+    assert "./scene.usda: /A" in text
+    if "://" not in name:
+        write(tmp_path / "scene/in/x.usda", MESH)
+        assert warnings(tmp_path / "scene/scene.usda", tmp_path) == []
+
+
+def test_sublayers_and_inner_layers_count_too(tmp_path: Path) -> None:
+    """A layer that is only reached through another one is looked through as well, and a link is what it points to."""
+    write(tmp_path / "out.usda", MESH)
+    scene = write(tmp_path / "s/scene.usda", "#usda 1.0\n(\n    subLayers = [@./a/one.usda@]\n)\n")
+    write(tmp_path / "s/a/one.usda", 'def "A" (\n    references = @./two.usda@\n)\n{\n}\n')
+    write(tmp_path / "s/a/two.usda", '#usda 1.0\n(\n    defaultPrim = "A"\n    subLayers = [@../../out.usda@]\n)\n')
+    assert "./a/two.usda: ../../out.usda leads out" in refusal(scene)
+    (tmp_path / "s/a/two.usda").unlink()
+    (tmp_path / "s/a/two.usda").symlink_to(tmp_path / "out.usda")
+    assert "./a/one.usda: /A: ./two.usda leads out" in refusal(scene)
+    assert warnings(scene, tmp_path) == []
+
+
+def test_circles_are_named(tmp_path: Path) -> None:
+    """Arcs that come back to their start, over one layer or three, and sublayers of themselves."""
+    inner = 'def "B" (\n        references = </A>\n    )\n    {\n    }\n'
+    own = write(tmp_path / "own.usda", f'def "A" (\n    references = </A/B>\n)\n{{\n    {inner}}}\n')
+    assert "./own.usda: /A" in refusal(own)
+    for name, other in (("a", "b"), ("b", "c"), ("c", "a")):
+        write(
+            tmp_path / f"{name}.usda",
+            f'def "A"\n{{\n    def "X" (\n        payload = @./{other}.usda@\n    )\n    {{\n    }}\n}}\n',
+        )
+    assert "back to where they started" in refusal(tmp_path / "a.usda")
+    stacked = write(tmp_path / "stacked.usda", "#usda 1.0\n(\n    subLayers = [@./stacked.usda@]\n)\n")
+    assert "sublayer of itself" in refusal(stacked)
+
+
+def bomb(path: Path, levels: int) -> Path:
+    """Write a file in which each prim brings in the next one twice."""
+    rows = [
+        f'def "L{row}"\n{{\n'
+        + "".join(f'def "{side}" (\nreferences = </L{row + 1}>\n)\n{{\n}}\n' for side in "ab")
+        + "}\n"
+        for row in range(levels)
+    ]
+    return write(path, '#usda 1.0\n(\ndefaultPrim = "L0"\n)\n' + "".join(rows) + f'def Xform "L{levels}"\n{{\n}}\n')
+
+
+@pytest.mark.parametrize("instanceable", [False, True])
+def test_nested_references_are_counted_before_they_are_composed(instanceable: bool, tmp_path: Path) -> None:
+    """3 kB that stand for two million prims are refused within a second; 2^9 of them pass."""
+    file = bomb(tmp_path / "bomb.usda", 20)
+    if instanceable:
+        text = file.read_text(encoding="utf-8").replace("references =", "instanceable = true\nreferences =")
+        file.write_text(text, encoding="utf-8")
+    assert file.stat().st_size < 4000
+    begin = time.perf_counter()
+    assert "more than 1000000 prims" in refusal(file)
+    assert time.perf_counter() - begin < 1.0
+    assert warnings(bomb(tmp_path / "small.usda", 9)) == []
+
+
+def test_bomb_through_the_door(tmp_path: Path) -> None:
+    """What the command line calls ends in the same line, naming file and prim."""
+    with pytest.raises(InputError, match=r"bomb.usda: /L\d+: composes to more than"):
+        surveys_of(bomb(tmp_path / "bomb.usda", 20))
+
+
+def test_huge_instancers_are_refused(tmp_path: Path) -> None:
+    """Equal values compress to almost nothing: a small file that draws twelve million copies is named."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "huge.usdc"))
+    instancer = UsdGeom.PointInstancer.Define(stage, "/A")
+    instancer.CreateProtoIndicesAttr(Vt.IntArray(12_000_000, 0))
+    stage.Save()
+    assert (tmp_path / "huge.usdc").stat().st_size < 1_000_000
+    assert "/A: draws more than 10000000 instances" in refusal(tmp_path / "huge.usdc")
+
+
+def test_whatever_kills_the_child_is_the_fault_of_the_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over the limits, reading ends in one line that names the stage."""
+    scene = write(tmp_path / "scene.usda", MESH)
+    assert len(surveys_of(scene)) == 1
+    monkeypatch.setattr("falsework.products.MEMORY_LIMIT", 0.01)
+    with pytest.raises(InputError, match=r"scene.usda: cannot be read .* it used more than 0.0 GB of memory"):
+        surveys_of(scene)
+    monkeypatch.setattr("falsework.products.MEMORY_LIMIT", 4.0)
+    monkeypatch.setattr("falsework.products.TIME_LIMIT", 0.1)
+    with pytest.raises(InputError, match=r"scene.usda: cannot be read within 0 s and 4 GB: stopped because it ran"):
+        surveys_of(scene)
+
+
+def test_odd_things_are_warned_of(tmp_path: Path) -> None:
+    """Missing files, types without a schema, unknown variants and other units, each with layer or prim."""
+    write(
+        tmp_path / "cm.usda",
+        '#usda 1.0\n(\n    defaultPrim = "A"\n    metersPerUnit = 0.01\n    upAxis = "Y"\n)\n' + MESH,
+    )
+    scene = write(
+        tmp_path / "scene.usda",
+        'def Xform "A" (\n    prepend variantSets = "v"\n    variants = {\n        string v = "moon"\n    }\n)\n{\n'
+        '    variantSet "v" = {\n        "sun" {\n        }\n    }\n    asset file = @./gone.png@\n'
+        '    def Truss "T"\n    {\n    }\n    def "U" (\n        references = @./cm.usda@\n    )\n    {\n    }\n}\n',
+    )
+    said = "\n".join(warnings(scene))
+    assert "./scene.usda: /A: there is no file ./gone.png" in said
+    assert "/A/T: type Truss needs a schema plugin" in said
+    assert "/A: no variant 'moon' in v; there are sun" in said
+    assert "/A/U brings in ./cm.usda with metersPerUnit 0.01 into a layer with 1.0" in said
+    assert "upAxis Y" in said
+    assert len(said.splitlines()) == 5
+
+
+def test_warnings_reach_the_user(tmp_path: Path) -> None:
+    """The child's warnings come out of the door."""
+    scene = write(tmp_path / "scene.usda", MESH.replace("}\n", "    asset file = @./gone.png@\n}\n"))
+    notes: list[str] = []
+
+    class Listener:
+        """Keeps notes."""
+
+        def stage(self, name: str, total: int) -> None:
+            """Ignore it."""
+
+        def advance(self, done: int) -> None:
+            """Ignore it."""
+
+        def note(self, message: str) -> None:
+            """Keep it."""
+            notes.append(message)
+
+    listener: Progress = Listener()
+    assert len(surveys_of(scene, progress=listener)) == 1
+    assert notes == ["./scene.usda: /A: there is no file ./gone.png"]
+
+
+def test_files_that_are_no_stage(tmp_path: Path) -> None:
+    """Missing and broken files are bad input, with their name."""
+    with pytest.raises(MissingError):
+        check_stage(tmp_path / "none.usda", (), print)
+    assert "broken.usda: not readable as USD" in refusal(write(tmp_path / "broken.usda", "#usda 1.0\ndef {"))
+    (tmp_path / "cut.usdc").write_bytes(b"PXR-USDC" + bytes(20))
+    assert "cut.usdc: not readable as USD" in refusal(tmp_path / "cut.usdc")
