@@ -1,8 +1,10 @@
 """The conductor: from settings and a seed to a folder of layers that composes into one stage."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from pxr import Sdf
@@ -36,8 +38,12 @@ from groundwork.files import space_errors
 from groundwork.progress import Progress
 from usd_schemas import tokens
 
+NO_WORLDS: Mapping[str, Path] = MappingProxyType({})
 
-def author_scene(settings: AuthoringSettings, seed: int, folder: Path, progress: Progress) -> None:
+
+def author_scene(
+    settings: AuthoringSettings, seed: int, folder: Path, progress: Progress, worlds: Mapping[str, Path] = NO_WORLDS
+) -> None:
     """Author a whole scene.
 
     Args:
@@ -45,6 +51,7 @@ def author_scene(settings: AuthoringSettings, seed: int, folder: Path, progress:
         seed: Seed of the scene; each layer draws from a stream of its own.
         folder: Existing empty folder; afterwards it holds `scene.usda` and can be moved as a whole.
         progress: Listener.
+        worlds: Imported worlds by the name under which `[background]` and `[variants]` ask for them.
     """
     progress.stage("author", 7)
     layout, drawn = draw_layout(settings.bridge, stream(seed, "bridge"))
@@ -66,7 +73,7 @@ def author_scene(settings: AuthoringSettings, seed: int, folder: Path, progress:
         _write_surveys(paths, folder / "surveys")
         progress.advance(4)
         names = dict.fromkeys((NO_BACKGROUND, settings.background.name, *settings.variants.background))
-        backgrounds = {name: write_background(settings, seed, name, site, folder) for name in names}
+        backgrounds = {name: write_background(settings, seed, name, site, folder, worlds.get(name)) for name in names}
         progress.advance(5)
         lights = settings.variants.lights(settings.light)
         files = {name: write_light(light, seed, name, folder) for name, light in lights.items()}

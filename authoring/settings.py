@@ -4,7 +4,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from authoring.backgrounds.registry import BACKGROUNDS, BackgroundSettings
+from authoring.backgrounds.registry import BackgroundSettings
 from authoring.layout import BridgeSettings
 from authoring.lighting import LightSettings
 from authoring.looks.bake import LookSettings
@@ -41,11 +41,9 @@ class AuthoringSettings(Settings):
     )
 
     @model_validator(mode="after")
-    def _names_are_known(self) -> Self:
+    def _look_is_known(self) -> Self:
         if self.look.name not in LOOKS:
             raise ValueError(f"unknown look {self.look.name!r}; allowed: {', '.join(LOOKS)}")
-        if self.background.name not in BACKGROUNDS:
-            raise ValueError(f"unknown background {self.background.name!r}; allowed: {', '.join(BACKGROUNDS)}")
         return self
 
     @model_validator(mode="after")

@@ -83,14 +83,15 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
         output: Folder to write: the scene folder itself.
         scene: Number of the scene.
     """
-    from falsework.scenario import load_scenario, scene_seed
+    from falsework.scenario import load_scenario, scene_seed, world_folders
     from falsework.stages import STAGES
     from groundwork.files import fresh_output
 
     loaded = load_scenario(scenario)
     settings = {"seed": scene_seed(loaded.seed, scene), "authoring": loaded.authoring()}
+    worlds = world_folders(loaded)
     with ConsoleProgress() as progress:
-        fresh_output(output, "scene", lambda folder: STAGES["stage"].run(settings, {}, folder, progress))
+        fresh_output(output, "scene", lambda folder: STAGES["stage"].run(settings, worlds, folder, progress))
     _say(f"scene   {output / 'scene.usda'}")
     return 0
 
@@ -179,6 +180,11 @@ def scene() -> int:
     return _scene(["--help"])  # with further words, `main` asks for the group's own verbs
 
 
+def background() -> int:
+    """Turn a city model into surroundings for scenes: falsework background --help."""
+    return _background(["--help"])
+
+
 VERBS = {
     "doctor": doctor,
     "demo": demo,
@@ -189,6 +195,7 @@ VERBS = {
     "report": report,
     "verify": verify,
     "scene": scene,
+    "background": background,
 }
 
 
@@ -203,6 +210,8 @@ def main(arguments: list[str] | None = None) -> None:
         words = sys.argv[1:] if arguments is None else arguments
         if words[:1] == ["scene"]:
             code = _scene(words[1:])
+        elif words[:1] == ["background"]:
+            code = _background(words[1:])
         else:
             code = tyro.extras.subcommand_cli_from_dict(
                 VERBS, prog="falsework", description=ABOUT, args=words, config=(tyro.conf.FlagCreatePairsOff,)
@@ -221,6 +230,14 @@ def _scene(words: list[str]) -> int:
 
     return tyro.extras.subcommand_cli_from_dict(
         scene_verbs.SCENE_VERBS, prog="falsework scene", description=scene_verbs.__doc__, args=words
+    )
+
+
+def _background(words: list[str]) -> int:
+    from falsework import background_verbs
+
+    return tyro.extras.subcommand_cli_from_dict(
+        background_verbs.BACKGROUND_VERBS, prog="falsework background", description=background_verbs.__doc__, args=words
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from falsework.platform import recon_platform, render_platform
 from falsework.products import surveys_of
-from falsework.scenario import Scenario, scene_seed
+from falsework.scenario import Scenario, scene_seed, world_folders
 from falsework.stages import STAGES
 from falsework.store import Store, Task, link_result
 from groundwork.canonical import folder_digest
@@ -185,6 +185,8 @@ class _Maker:
 def _stage(scenario: Scenario, seed: int, maker: _Maker) -> tuple[Path, str]:
     if scenario.stage is None:
         settings = {"seed": seed, "authoring": scenario.authoring()}
-        return maker.scene / "stage", maker.make(new_task("stage", settings, {}), {}, "stage")
+        worlds = world_folders(scenario)
+        inputs = {name: folder_digest(path) for name, path in worlds.items()}  # a world counts by content
+        return maker.scene / "stage", maker.make(new_task("stage", settings, inputs), worlds, "stage")
     path = Path(scenario.stage.path)
     return path, folder_digest(path.parent)  # a foreign stage counts by content, with every file that stands beside it

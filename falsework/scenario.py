@@ -8,6 +8,7 @@ from typing import Any
 import tomli_w
 from pydantic import Field
 
+from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.settings import AuthoringSettings
 from groundwork.errors import InputError, MissingError
 from groundwork.settings import Settings, parse_settings, read_toml
@@ -28,6 +29,10 @@ class Scenario(AuthoringSettings):
     seed: int = Field(7, ge=0, description="Everything that is not fixed is drawn from it")
     scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
     stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")
+    worlds: dict[str, str] = Field(
+        default_factory=dict,
+        description="Imported worlds: a name for [background], and the path, relative to the scenario",
+    )
     render: ShadingSettings = Field(default_factory=ShadingSettings, description="Renderer")
     sensor: SensorSettings = Field(default_factory=SensorSettings, description="The camera behind the lens")
     recon: ReconSettings = Field(default_factory=ReconSettings, description="Reconstruction")
@@ -54,7 +59,7 @@ def load_scenario(path: Path) -> Scenario:
     Raises:
         InputError: Missing, not TOML, or a key or value that is not allowed.
     """
-    scenario = parse_settings(Scenario, read_toml(path), path)
+    scenario = _with_worlds(parse_settings(Scenario, read_toml(path), path), path)
     if scenario.stage is None:
         return scenario
     if scenario.variants.combinations():
@@ -69,10 +74,50 @@ def load_scenario(path: Path) -> Scenario:
     return scenario.model_copy(update={"stage": StageSource(path=str(stage), allow_root=roots)})
 
 
+def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
+    """Give every imported world that the scenario names a path that holds from anywhere, and a name."""
+    worlds = {name: str(path.parent / place) for name, place in scenario.worlds.items()}
+
+    def named(background: str) -> str:
+        if background in BACKGROUNDS or background in worlds:
+            return background
+        place = path.parent / background
+        if not place.exists():
+            raise MissingError(
+                "no such background", where=path, field="background.name", value=background,
+                allowed=", ".join((*BACKGROUNDS, *worlds)), mend="Or the path of a world: falsework background import",
+            )  # fmt: skip
+        worlds[place.stem] = str(place)
+        return place.stem
+
+    name = named(scenario.background.name)
+    others = tuple(named(background) for background in scenario.variants.background)
+    for world in worlds.values():
+        if not Path(world).exists():
+            raise MissingError("no such world", where=path, field="worlds", value=world)
+    return scenario.model_copy(
+        update={
+            "worlds": worlds,
+            "background": scenario.background.model_copy(update={"name": name}),
+            "variants": scenario.variants.model_copy(update={"background": others}),
+        }
+    )
+
+
 def demo_scenario() -> Scenario:
     """Read the demo's scenario, which is package data."""
     with as_file(files("falsework").joinpath("scenarios/demo.toml")) as path:
         return load_scenario(path)
+
+
+def world_folders(scenario: Scenario) -> dict[str, Path]:
+    """List the folders of the imported worlds, as inputs of the task that authors a stage.
+
+    Args:
+        scenario: What to make.
+    """
+    places = {name: Path(place) for name, place in sorted(scenario.worlds.items())}
+    return {f"world/{name}": place if place.is_dir() else place.parent for name, place in places.items()}
 
 
 def scene_seed(seed: int, index: int) -> int:

@@ -33,16 +33,16 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
     Args:
         settings: `{seed, authoring}`.
-        inputs: None.
+        inputs: `world/<name>`: each imported world that the scenario names.
         folder: Empty folder to fill.
         progress: Listener.
     """
     from authoring.scene import author_scene
     from authoring.settings import AuthoringSettings
 
-    author_scene(
-        parse_settings(AuthoringSettings, settings["authoring"], "scenario"), settings["seed"], folder, progress
-    )
+    worlds = {name.partition("/")[2]: path for name, path in inputs.items()}
+    authoring = parse_settings(AuthoringSettings, settings["authoring"], "scenario")
+    author_scene(authoring, settings["seed"], folder, progress, worlds)
 
 
 def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:

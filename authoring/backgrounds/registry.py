@@ -22,7 +22,10 @@ class NoneSettings(Settings):
 class BackgroundSettings(Settings):
     """Which background surrounds the site, and what each looks like."""
 
-    name: str = Field(default="countryside", description="`none` or a procedural world")
+    name: str = Field(
+        default="countryside",
+        description="`none`, a procedural world, or the path of an imported one, relative to the scenario",
+    )
     none: NoneSettings = Field(default_factory=NoneSettings, description="settings of `none`")
     countryside: CountrysideSettings = Field(
         default_factory=CountrysideSettings, description="settings of `countryside`"

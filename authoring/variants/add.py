@@ -7,6 +7,7 @@ from pathlib import Path
 from pxr import Sdf, Usd
 
 from authoring.assets import Pieces
+from authoring.backgrounds.city_asset import is_city, world_name
 from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.families.registry import build_bridge
 from authoring.layers.change import check_editable
@@ -95,6 +96,8 @@ def _ensure(scene: Path, axis: str, value: str, warn: Warn) -> str:
     if value in known:
         return value
     with space_errors(scene.parent):
+        if axis == "background" and is_city(Path(value)):
+            return _settle(scene, Path(value))
         if Path(value).suffix in USD_FILES and axis != "light":
             bring = import_background if axis == "background" else import_look
             return bring(scene, Path(value), warn)
@@ -103,6 +106,14 @@ def _ensure(scene: Path, axis: str, value: str, warn: Warn) -> str:
         if value not in makeable and date is None:
             raise unknown_choice(scene, axis, value, tuple(sorted({*known, *makeable})))
         return _author(scene, axis, value, date)
+
+
+def _settle(scene: Path, world: Path) -> str:
+    """Put a scene into an imported world."""
+    drawn, name = _draw(read_recipe(scene.parent)), world_name(world)
+    file = write_background(drawn.recipe.settings, drawn.recipe.seed, name, drawn.site, scene.parent, world)
+    add_background(scene, name, file)
+    return name
 
 
 def _author(scene: Path, axis: str, value: str, date: datetime | None) -> str:

@@ -5,7 +5,6 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.lighting import LightSettings
 from authoring.looks.roles import LOOKS
 from groundwork.settings import Settings
@@ -26,17 +25,18 @@ class VariantSettings(Settings):
     """Variants of one scene: the product of these lists."""
 
     look: tuple[str, ...] = Field(default=(), description="Looks of the bridge; empty: the one of [look]")
-    background: tuple[str, ...] = Field(default=(), description="Backgrounds; empty: the one of [background]")
+    background: tuple[str, ...] = Field(
+        default=(), description="Backgrounds, or paths of imported worlds; empty: the one of [background]"
+    )
     light: tuple[LightVariant, ...] = Field(
         default=(), description="Lights, each a table with a name; empty: the one of [light], which is called default"
     )
 
     @model_validator(mode="after")
     def _names_are_known_and_differ(self) -> Self:
-        for axis, known in (("look", LOOKS), ("background", BACKGROUNDS)):
-            for name in getattr(self, axis):
-                if name not in known:
-                    raise ValueError(f"unknown {axis} {name!r}; allowed: {', '.join(known)}")
+        for name in self.look:
+            if name not in LOOKS:
+                raise ValueError(f"unknown look {name!r}; allowed: {', '.join(LOOKS)}")
         for axis, names in self.names().items():
             if len(set(names)) < len(names):
                 raise ValueError(f"{axis} names one variant twice: {', '.join(names)}")

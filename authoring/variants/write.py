@@ -3,6 +3,8 @@
 from pathlib import Path
 
 from authoring.assets import Pieces, bake_surfaces, write_asset
+from authoring.backgrounds.city_asset import read_city
+from authoring.backgrounds.city_world import build_city_world
 from authoring.backgrounds.registry import build_background
 from authoring.layers.background import background_layer
 from authoring.layers.geometry import BACKGROUND
@@ -54,7 +56,9 @@ def write_look(settings: AuthoringSettings, seed: int, name: str, bridge: Pieces
     return file
 
 
-def write_background(settings: AuthoringSettings, seed: int, name: str, site: Site, folder: Path) -> str:
+def write_background(
+    settings: AuthoringSettings, seed: int, name: str, site: Site, folder: Path, world: Path | None = None
+) -> str:
     """Build a background round a site.
 
     Args:
@@ -63,6 +67,7 @@ def write_background(settings: AuthoringSettings, seed: int, name: str, site: Si
         name: Name of the background.
         site: The site.
         folder: Scene folder.
+        world: Imported world that the site is put into, instead of building a procedural one.
 
     Returns:
         Its file, relative to that folder; empty for the empty world.
@@ -71,11 +76,15 @@ def write_background(settings: AuthoringSettings, seed: int, name: str, site: Si
         return ""
     file = f"./background/{name}/{name}.usda"
     place = (folder / file).parent
-    pieces = build_background(name, settings.background, site, stream(seed, "background"))
+    made, rng = made_from(settings, seed, "background"), stream(seed, "background")
+    if world is None:
+        pieces = build_background(name, settings.background, site, rng)
+    else:
+        model = read_city(world)
+        pieces, made = build_city_world(model, site, rng), {**made, **model.attribution}
     write_asset(BACKGROUND, pieces, place)
-    recipes = bake_surfaces(pieces, place, settings.look.texels, seed)
-    layer = background_layer(name, recipes)
-    export(author_provenance(layer, "/Background", made_from(settings, seed, "background")), folder / file)
+    layer = background_layer(name, bake_surfaces(pieces, place, settings.look.texels, seed))
+    export(author_provenance(layer, "/Background", made), folder / file)
     return file
 
 

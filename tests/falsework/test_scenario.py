@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from falsework.scenario import Scenario, demo_scenario, load_scenario, scene_range, scene_seed
+from falsework.scenario import Scenario, demo_scenario, load_scenario, scene_range, scene_seed, world_folders
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings, read_toml
 
@@ -82,3 +82,17 @@ def test_good_scene_ranges() -> None:
     assert [scene_range(text, 10) for text in (None, ":", "2:", ":3", "4:6")] == [
         range(10), range(10), range(2, 10), range(3), range(4, 6),
     ]  # fmt: skip
+
+
+def test_imported_world_is_found_beside_the_scenario(tmp_path: Path) -> None:
+    """A path as the background's name, or in a variant, becomes a name and an input; an absent one is an error."""
+    (tmp_path / "cities/hague").mkdir(parents=True)
+    file = tmp_path / "scenario.toml"
+    file.write_text('[background]\nname = "cities/hague"\n[variants]\nbackground = ["cities/hague", "none"]\n')
+    scenario = load_scenario(file)
+    assert scenario.background.name == "hague"
+    assert scenario.variants.background == ("hague", "none")
+    assert world_folders(scenario) == {"world/hague": tmp_path / "cities/hague"}
+    file.write_text('[background]\nname = "cities/delft"\n')
+    with pytest.raises(InputError, match=r"no such background.*cities/delft.*countryside"):
+        load_scenario(file)

@@ -1,0 +1,192 @@
+"""An imported world on disk: a folder of layers that any DCC opens, and that scenes take their surroundings from."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Tf, Usd, UsdGeom
+
+from authoring.assets import bake_surfaces, write_asset
+from authoring.backgrounds.city_model import Building, CityModel, face_normals
+from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh
+from authoring.layers.background import background_layer
+from authoring.layers.geometry import BACKGROUND
+from authoring.layers.layer import export
+from authoring.layers.provenance import author_provenance
+from authoring.variants.foreign_file import safe_name
+from groundwork.errors import InputError, MissingError
+from usd_schemas.apis import read_component
+
+F64 = NDArray[np.float64]
+
+MARK = "falsework:city"  # in the layer's custom data: what the world is made of, and whose it is
+TEXELS = 512
+_WALLS = ("brick", "plaster", "brick", "concrete", "plaster", "painted_metal")
+_GROUPS = {"ground": "Ground"}
+_FLAT_ROOF = 0.95  # rise of the normal above which a roof counts as flat [1]
+
+
+def write_city(model: CityModel, folder: Path, name: str) -> Path:
+    """Write a world into an empty folder.
+
+    Args:
+        model: Buildings and terrain.
+        folder: Existing empty folder.
+        name: Its name.
+
+    Returns:
+        Its root layer.
+
+    Raises:
+        InputError: It has more buildings than there are instance ids.
+    """
+    pieces = city_components(model, "City", FIRST_BACKGROUND_ID)
+    write_asset(BACKGROUND, pieces, folder)
+    layer = background_layer(name, bake_surfaces(pieces, folder, TEXELS, 0))
+    layer.customLayerData = {**layer.customLayerData, MARK: json.dumps(model.attribution, sort_keys=True)}
+    path = folder / f"{name}.usda"
+    export(author_provenance(layer, "/Background", model.attribution), path)
+    return path
+
+
+def city_components(model: CityModel, prefix: str, first_id: int) -> tuple[Component, ...]:
+    """Turn a world into components: walls and roof of every building, and the ground.
+
+    Args:
+        model: Buildings and terrain.
+        prefix: Put before the names of its prims.
+        first_id: Instance id of the first.
+
+    Raises:
+        InputError: It has more buildings than there are instance ids.
+    """
+    if first_id + 2 * len(model.buildings) > LAST_ID:
+        raise InputError(
+            f"{len(model.buildings)} buildings are too many", allowed=f"{(LAST_ID - first_id) // 2}",
+            mend="Cut out a smaller tile",
+        )  # fmt: skip
+    rows: list[tuple[str, str, str, F64, dict[str, object]]] = []
+    for number, building in enumerate(model.buildings):
+        facts: dict[str, object] = {"building": building.name}
+        wall, roof = _materials(building)
+        for part, kind, role, triangles in (
+            ("Walls", "building", wall, building.walls), ("Roof", "roof", roof, building.roofs),
+        ):  # fmt: skip
+            if len(triangles):
+                rows.append((f"{prefix}_Building_{number:04d}_{part}", kind, role, triangles, facts))
+    if len(model.terrain):
+        rows.append((f"{prefix}_Ground", "ground", "grass", model.terrain, {}))
+    return tuple(
+        Component(prim, kind, role, _GROUPS.get(kind, "Buildings"), flat_mesh(triangles), first_id + k, facts)
+        for k, (prim, kind, role, triangles, facts) in enumerate(rows)
+    )
+
+
+def read_city(file: Path) -> CityModel:
+    """Read a world back.
+
+    Args:
+        file: Root layer that `write_city` wrote, or its folder.
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: It is no imported world.
+    """
+    path = _root_layer(file)
+    if not path.is_file():
+        raise MissingError(
+            "no such imported world", where=file, mend="Make it: falsework background import FILE -o DIR"
+        )
+    layer = Sdf.Layer.FindOrOpen(str(path.resolve()))
+    if layer is None or MARK not in layer.customLayerData:
+        raise InputError("is no imported world", where=path, mend="Make one: falsework background import FILE -o DIR")
+    walls: dict[str, list[F64]] = {}
+    roofs: dict[str, list[F64]] = {}
+    ground = [np.zeros((0, 3, 3))]
+    stage = Usd.Stage.Open(layer)
+    for prim in stage.Traverse():
+        if not prim.IsA(UsdGeom.Mesh):
+            continue
+        facts, triangles = read_component(prim), _triangles(UsdGeom.Mesh(prim))
+        if facts.kind == "ground":
+            ground.append(triangles)
+        else:
+            (roofs if facts.kind == "roof" else walls).setdefault(str(facts.parameters["building"]), []).append(
+                triangles
+            )
+    none = [np.zeros((0, 3, 3))]
+    buildings = tuple(
+        Building(name, np.concatenate(walls.get(name, none)), np.concatenate(roofs.get(name, none)))
+        for name in sorted({*walls, *roofs})
+    )
+    return CityModel(buildings, np.concatenate(ground), json.loads(layer.customLayerData[MARK]))
+
+
+def is_city(file: Path) -> bool:
+    """Tell whether a path leads to an imported world.
+
+    Args:
+        file: Any path.
+    """
+    path = _root_layer(file)
+    if not path.is_file():
+        return False
+    try:
+        layer = Sdf.Layer.FindOrOpen(str(path.resolve()))
+    except Tf.ErrorException:
+        return False
+    return layer is not None and MARK in layer.customLayerData
+
+
+def world_name(file: Path) -> str:
+    """Name an imported world as scenes call it.
+
+    Args:
+        file: Its root layer or folder.
+    """
+    return safe_name(_root_layer(file).stem)
+
+
+def _root_layer(file: Path) -> Path:
+    return file / f"{file.name}.usda" if file.is_dir() else file
+
+
+def flat_mesh(triangles: F64) -> Mesh:
+    """Weld triangles into a mesh of flat faces; `st` counts metres along and up each face.
+
+    Args:
+        triangles: Corners [m], shape (T, 3, 3), float64.
+    """
+    points, corners = np.unique(np.round(triangles.reshape(-1, 3), 4), axis=0, return_inverse=True)
+    normals = face_normals(triangles)
+    level = np.stack([-normals[:, 1], normals[:, 0], np.zeros(len(normals))], axis=1)
+    flat = np.abs(normals[:, 2]) > 0.99
+    level[flat] = (1.0, 0.0, 0.0)
+    level /= np.linalg.norm(level, axis=1, keepdims=True)
+    up = np.cross(normals, level)
+    st = np.stack([np.sum(triangles * axis[:, None], axis=2) for axis in (level, up)], axis=2)
+    return Mesh(
+        points=points,
+        face_counts=np.full(len(triangles), 3, np.int32),
+        corners=corners.reshape(-1).astype(np.int32),
+        normals=np.repeat(normals, 3, axis=0).astype(np.float32),
+        st=st.reshape(-1, 2).astype(np.float32),
+    )
+
+
+def _materials(building: Building) -> tuple[str, str]:
+    """Choose wall and roof materials that a building keeps wherever it stands."""
+    share = int.from_bytes(hashlib.sha256(building.name.encode()).digest()[:4], "little")
+    rise = np.median(face_normals(building.roofs)[:, 2]) if len(building.roofs) else 1.0
+    return _WALLS[share % len(_WALLS)], "gravel" if rise > _FLAT_ROOF else "roof_tile"
+
+
+def _triangles(mesh: UsdGeom.Mesh) -> F64:
+    """Read the triangles of a mesh in world space [m], shape (T, 3, 3), float64."""
+    points = np.array(mesh.GetPointsAttr().Get(), np.float64)
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(), np.int64)
+    to_world = np.array(mesh.ComputeLocalToWorldTransform(Usd.TimeCode.Default()), np.float64)
+    placed = points @ to_world[:3, :3] + to_world[3, :3]
+    return placed[corners].reshape(-1, 3, 3)

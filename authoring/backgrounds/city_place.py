@@ -1,0 +1,175 @@
+"""Where in an imported world a bridge may stand: at a random place where next to nothing has to go."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.city_model import CityModel
+from authoring.site import Site
+from authoring.site_covers import to_world
+from groundwork.errors import InputError
+
+F64 = NDArray[np.float64]
+
+CELL = 0.5  # [m] of the map of what is built
+BESIDE = 5.0  # [m] beside the deck that count as the bridge's own place
+MOST_BUILT = 0.02  # share of that place that buildings may cover [1]
+TRIES = 4000
+AROUND = 130.0  # [m] beyond the site that must be about as built up as the world is on the whole
+_FAIR = 1.2  # least share of the world's own density there [1]
+_MARGIN = 20.0  # [m] around the map
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltMap:
+    """Where buildings stand.
+
+    Attributes:
+        corner: Plan position of the first cell's corner [m], shape (2,), float64.
+        built: Whether a cell lies under a building, rows along y, shape (H, W), bool.
+    """
+
+    corner: F64
+    built: NDArray[np.bool_]
+
+    def at(self, xy: F64) -> NDArray[np.bool_]:
+        """Tell which places are built up; none is outside the map.
+
+        Args:
+            xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
+
+        Returns:
+            Whether a building covers them, shape (...), bool.
+        """
+        cell = np.floor((xy - self.corner) / CELL).astype(np.int64)
+        column, row = np.moveaxis(cell, -1, 0)
+        inside = (column >= 0) & (row >= 0) & (column < self.built.shape[1]) & (row < self.built.shape[0])
+        return inside & self.built[np.where(inside, row, 0), np.where(inside, column, 0)]
+
+
+@dataclass(frozen=True)
+class CityPlace:
+    """A place in an imported world.
+
+    Attributes:
+        centre: What lies under the middle of the bridge, in the world's own coordinates [m].
+        yaw: Direction there of the scene's x axis, counter-clockwise [rad].
+        middle: The middle of the bridge in the scene [m].
+        built: Share of the bridge's own place that buildings cover [1].
+    """
+
+    centre: tuple[float, float]
+    yaw: float
+    middle: tuple[float, float]
+    built: float
+
+    def to_city(self, xy: F64) -> F64:
+        """Find what of the world lies at places of the scene.
+
+        Args:
+            xy: Plan positions in the scene [m], shape (..., 2), float64.
+
+        Returns:
+            Plan positions in the world's own coordinates [m], shape (..., 2), float64.
+        """
+        return (xy - np.asarray(self.middle)) @ _turn(self.yaw).T + np.asarray(self.centre)
+
+    def to_scene(self, xy: F64) -> F64:
+        """Find where in the scene a part of the world comes to lie.
+
+        Args:
+            xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
+
+        Returns:
+            Plan positions in the scene [m], shape (..., 2), float64.
+        """
+        return (xy - np.asarray(self.centre)) @ _turn(self.yaw) + np.asarray(self.middle)
+
+
+def built_map(model: CityModel) -> BuiltMap:
+    """Draw the map of what is built.
+
+    Args:
+        model: The world.
+    """
+    import cv2
+
+    low, high = model.extent + np.array([[-_MARGIN], [_MARGIN]])
+    width, height = np.ceil((high - low) / CELL).astype(int)
+    built = np.zeros((height, width), np.uint8)
+    for building in model.buildings:
+        plan = (np.concatenate([building.roofs, building.walls])[:, :, :2] - low) / CELL - 0.5
+        for triangle in np.round(16.0 * plan).astype(np.int32):
+            cv2.fillConvexPoly(built, triangle, 1, shift=4)
+    return BuiltMap(low, built.astype(bool))
+
+
+def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> CityPlace:
+    """Choose a random place and direction: the bridge's own place all but free, its surroundings built up.
+
+    Source: Shi 2024, "placed at a random location of the city"; the rule itself is lost, this is ours.
+
+    Args:
+        model: The world.
+        site: The site that comes to lie there; all of it must lie in the world.
+        rng: Random stream `background`.
+
+    Returns:
+        The first place that is both; where none is built up, the freest with the densest surroundings.
+
+    Raises:
+        InputError: No place was found.
+    """
+    corridor, around, outline = _corridor(site), _surroundings(site), site.extent
+    middle = corridor.mean(axis=0)
+    built, (low, high) = built_map(model), model.extent
+    fair = _FAIR * float(built.built.mean())
+    best, found = 1.0, None
+    for x, y, turn in rng.random((TRIES, 3)):
+        centre = low + (x, y) * (high - low)
+        place = CityPlace((float(centre[0]), float(centre[1])), float(2.0 * np.pi * turn), _pair(middle), 0.0)
+        edge = place.to_city(outline)
+        if (edge < low).any() or (edge > high).any():
+            continue
+        share = float(built.at(place.to_city(corridor)).mean())
+        best = min(best, share)
+        if share <= MOST_BUILT:
+            density = float(built.at(place.to_city(around)).mean())
+            if found is None or density > found[0]:
+                found = density, replace(place, built=share)
+            if density >= fair:
+                break
+    if found is not None:
+        return found[1]
+    raise InputError(
+        f"no place for this bridge: the freest of {TRIES} is built up to {100.0 * best:.0f} %",
+        field="background.name", value=model.attribution.get("source", ""), allowed=f"{100.0 * MOST_BUILT:g} %",
+        mend="Take a shorter bridge, a smaller site, or a larger world",
+    )  # fmt: skip
+
+
+def _corridor(site: Site) -> F64:
+    """Spread places over the deck and what lies close beside it, about every metre [m], shape (N, 2), float64."""
+    layout = site.land.layout
+    stations = np.arange(layout.supports[0] - BESIDE, layout.supports[-1] + BESIDE, 1.0)
+    half = 0.5 * layout.width + BESIDE
+    s, left = np.meshgrid(stations, np.linspace(-half, half, int(2 * half)), indexing="ij")
+    return to_world(layout.alignment, np.column_stack([s.ravel(), left.ravel(), np.zeros(s.size)]))[:, :2]
+
+
+def _surroundings(site: Site) -> F64:
+    """Spread places over what lies around a site [m], shape (N, 2), float64."""
+    low, high = site.extent.min(axis=0) - AROUND, site.extent.max(axis=0) + AROUND
+    x, y = (grid.ravel() for grid in np.meshgrid(*(np.arange(low[k], high[k], 5.0) for k in (0, 1))))
+    spots = np.column_stack([x, y])
+    return spots[~site.keep_out[0].contains(np.column_stack([spots, np.full(len(spots), site.keep_out[0].centre[2])]))]
+
+
+def _turn(angle: float) -> F64:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
+def _pair(values: F64) -> tuple[float, float]:
+    return float(values[0]), float(values[1])

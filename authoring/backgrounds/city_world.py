@@ -1,0 +1,154 @@
+"""An imported world round a site: its relief joins the site's edge, and its buildings stand clear of it."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, map_coordinates
+
+from authoring.backgrounds.city_asset import city_components
+from authoring.backgrounds.city_facades import window_runs
+from authoring.backgrounds.city_ground import CityGround, city_ground
+from authoring.backgrounds.city_model import Building, CityModel
+from authoring.backgrounds.city_place import CELL, BuiltMap, CityPlace, built_map, choose_place
+from authoring.backgrounds.countryside import far_ways
+from authoring.backgrounds.terrain import Terrain, distance_beyond, grow_terrain, rolling_hills
+from authoring.backgrounds.vegetation import plant_trees
+from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
+from authoring.site import Site
+from authoring.site_covers import Cover, covered, drape, to_world
+from authoring.site_land import FIRST_STEP
+from authoring.site_relief import smoothstep
+from authoring.site_shape import Hills
+
+F64 = NDArray[np.float64]
+
+REACH = 2200.0  # [m] of terrain beyond the site
+HILLS = 42.0  # [m], typical height of the hills beyond the world
+PAVED = 14.0  # [m] around a building
+CLEAR = 2.5  # [m] that buildings keep from roads, water and the site
+JOIN = 45.0  # [m] from the site over which the world's relief comes in
+TREES = 260
+_STEP = 2.0  # [m] between the places at which a building is looked at
+_FOOT = 0.5  # [m] that walls go into the ground
+_PAVING = Cover("paved", "Paving", "ground", "asphalt")
+
+
+def build_city_world(model: CityModel, site: Site, rng: np.random.Generator) -> tuple[Component | Scatter, ...]:
+    """Put a site at a random valid place of an imported world, and build what surrounds it there.
+
+    Args:
+        model: The world.
+        site: The site; its strip stays empty.
+        rng: Random stream `background`.
+
+    Returns:
+        Components and scatters, ids from `FIRST_BACKGROUND_ID`.
+
+    Raises:
+        InputError: No valid place.
+    """
+    place = choose_place(model, site, rng)
+    ground, built = city_ground(model), built_map(model)
+    terrain = grow_terrain(site, _relief(site, place, ground, rng), REACH)
+    kept = _placed_buildings(model, terrain, place, ground)
+    axis = site.land.layout.alignment
+    pieces = [
+        (cover.prim, cover.kind, cover.role, "Ground", drape(soup, axis, terrain.atlas(soup)))
+        for cover, soup in covered(terrain.soup(((_PAVING, _paving(terrain, place, built)),)))
+    ]
+    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
+    components = [
+        Component(f"City_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)
+        for number, (prim, kind, role, group, mesh) in enumerate(pieces)
+    ]
+    scene_model = CityModel(kept, np.zeros((0, 3, 3)), model.attribution)
+    components += city_components(scene_model, "City", FIRST_BACKGROUND_ID + len(components))
+    first_id = FIRST_BACKGROUND_ID + len(components)
+    windows = window_runs(kept, np.asarray(place.middle), first_id)
+    trees = plant_trees(terrain, (), _circles(kept, terrain), TREES, rng, first_id + len(windows))
+    return (*components, *windows, *trees)
+
+
+def _relief(site: Site, place: CityPlace, ground: CityGround, rng: np.random.Generator) -> Hills:
+    """Let the world's relief come in beside the site, level with it there, and hills rise where the world ends."""
+    own, axis = site.field, site.land.layout.alignment
+    inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
+    far = rolling_hills(site.land, inner, HILLS, rng)
+    datum = float(np.median(ground.height(place.to_city(site.edge[:, :2]))))
+
+    def hills(station: F64, left: F64) -> F64:
+        flat = np.stack([station.ravel(), left.ravel(), np.zeros(station.size)], axis=1)
+        spot = place.to_city(to_world(axis, flat)[:, :2])
+        share = ground.share(spot).reshape(station.shape)
+        height = (ground.height(spot) - datum).reshape(station.shape)
+        away = distance_beyond(inner, station, left)
+        return smoothstep(FIRST_STEP + 4.0, JOIN, away) * share * height + (1.0 - share) * far(station, left)
+
+    return hills
+
+
+def _placed_buildings(model: CityModel, terrain: Terrain, place: CityPlace, ground: CityGround) -> tuple[Building, ...]:
+    """Set every building that stands clear of site, roads and water on the terrain."""
+    return tuple(
+        _set_down(building, terrain, place, ground) for building in model.buildings if _clear(building, terrain, place)
+    )
+
+
+def _clear(building: Building, terrain: Terrain, place: CityPlace) -> bool:
+    station, left = terrain.land.layout.alignment.locate(place.to_scene(_plan_spots(building)))
+    land = terrain.land
+    free = terrain.beyond(station, left) - CLEAR
+    free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - CLEAR)
+    for approach in land.approaches:
+        aside = np.abs(left - approach.centre(station)) - approach.half_width - CLEAR
+        free = np.minimum(free, np.where(approach.along(station) > -20.0, aside, CLEAR))
+    return bool(free.min() > 0.0)
+
+
+def _plan_spots(building: Building) -> F64:
+    """Spread places over a building's plan, no two neighbours further apart than a step [m], shape (N, 2), float64."""
+    triangles = np.concatenate([building.roofs, building.walls])[:, :, :2]
+    longest = float(np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max())
+    count = max(2, int(np.ceil(longest / _STEP)) + 1)
+    a, b = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 1, count), np.linspace(0, 1, count)))
+    inside = a + b <= 1.0 + 1e-9
+    weights = np.stack([1.0 - a - b, a, b], axis=1)[inside]
+    return np.unique(np.round((weights @ triangles).reshape(-1, 2), 2), axis=0)
+
+
+def _set_down(building: Building, terrain: Terrain, place: CityPlace, ground: CityGround) -> Building:
+    """Move a building into the scene: its ground comes along, and its walls reach down into the terrain."""
+    corners = building.corners
+    bottom = float(corners[:, 2].min())
+    feet = corners[corners[:, 2] < bottom + 0.5, :2]
+    here = terrain.height(*terrain.land.layout.alignment.locate(place.to_scene(feet)))
+    shift = float(np.median(here - ground.height(feet)))
+    lowest = min(float(here.min()) - _FOOT, bottom + shift)
+
+    def moved(triangles: F64) -> F64:
+        placed = np.concatenate([place.to_scene(triangles[..., :2]), triangles[..., 2:] + shift], axis=-1)
+        placed[..., 2] = np.where(triangles[..., 2] < bottom + 0.02, lowest, placed[..., 2])
+        return np.round(placed, 3)
+
+    return Building(building.name, moved(building.walls), moved(building.roofs))
+
+
+def _paving(terrain: Terrain, place: CityPlace, built: BuiltMap) -> F64:
+    """Measure how far nodes lie within the paved surroundings of buildings [m], shape (S, L), float64."""
+    station, left = terrain.nodes()
+    flat = np.stack([station.ravel(), left.ravel(), np.zeros(station.size)], axis=1)
+    spot = place.to_city(to_world(terrain.land.layout.alignment, flat)[:, :2])
+    away = np.asarray(distance_transform_edt(~built.built, sampling=CELL), np.float64)
+    column, row = np.moveaxis((spot - built.corner) / CELL - 0.5, -1, 0)
+    distance = map_coordinates(away, [row, column], order=1, mode="constant", cval=1e3)
+    return np.clip(PAVED - distance.reshape(station.shape), -30.0, PAVED)
+
+
+def _circles(buildings: tuple[Building, ...], terrain: Terrain) -> F64:
+    """Bound buildings by circles: station, left and radius [m], shape (K, 3), float64."""
+    rows = []
+    for building in buildings:
+        plan = building.corners[:, :2]
+        middle = 0.5 * (plan.min(axis=0) + plan.max(axis=0))
+        station, left = terrain.land.layout.alignment.locate(middle[None])
+        rows.append((station[0], left[0], float(np.linalg.norm(plan - middle, axis=1).max())))
+    return np.array(rows).reshape(-1, 3)
