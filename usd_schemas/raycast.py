@@ -57,7 +57,7 @@ class RayScene:
         return distance, *self._named(hits["primitive_ids"].numpy(), np.isfinite(distance))
 
     def distance(self, points: F64) -> tuple[F64, I64]:
-        """Find the nearest point of the surface.
+        """Find the distance to the nearest point of the surface.
 
         Args:
             points: Query positions [m], shape (N, 3), float64.
@@ -65,10 +65,23 @@ class RayScene:
         Returns:
             Unsigned distance [m], shape (N,), float64, and triangle row, shape (N,), int64.
         """
+        nearest, rows = self.nearest(points)
+        return np.linalg.norm(np.asarray(points, np.float64) - nearest, axis=1), rows
+
+    def nearest(self, points: F64) -> tuple[F64, I64]:
+        """Find the nearest point of the surface itself.
+
+        Args:
+            points: Query positions [m], shape (N, 3), float64.
+
+        Returns:
+            Nearest points [m], shape (N, 3), float64, and triangle row, shape (N,), int64.
+        """
         local = np.asarray(points, np.float64) - self._origin
-        nearest = self._scene.compute_closest_points(self._tensor(np.ascontiguousarray(local, np.float32)))
-        distance = np.linalg.norm(local - nearest["points"].numpy().astype(np.float64), axis=1)
-        return distance, nearest["primitive_ids"].numpy().astype(np.int64)
+        found = self._scene.compute_closest_points(self._tensor(np.ascontiguousarray(local, np.float32)))
+        return found["points"].numpy().astype(np.float64) + self._origin, found["primitive_ids"].numpy().astype(
+            np.int64
+        )
 
     def _named(self, rows: NDArray[np.uint32], hit: NDArray[np.bool_]) -> tuple[I64, U32]:
         triangle = np.where(hit, rows.astype(np.int64), NOTHING)

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from authoring.streams import stream
 from authoring.surveys.camera_models import CAMERA_MODELS, calibration
 from authoring.surveys.gps import measured_positions
+from authoring.surveys.grid import fly_grid
+from authoring.surveys.local import fly_local
 from authoring.surveys.path import CameraPath
-from authoring.surveys.settings import AnySurvey, GlobalSettings, SurveySettings
+from authoring.surveys.settings import AnySurvey, GlobalSettings, GridSettings, LocalSettings, SurveySettings
 from authoring.surveys.subject import Subject
 from authoring.surveys.whole import fly_whole
 
@@ -30,7 +32,11 @@ class Survey:
     fly: Callable[..., F64]
 
 
-SURVEYS: dict[str, Survey] = {"global": Survey(GlobalSettings, fly_whole)}
+SURVEYS: dict[str, Survey] = {
+    "global": Survey(GlobalSettings, fly_whole),
+    "local": Survey(LocalSettings, fly_local),
+    "grid": Survey(GridSettings, fly_grid),
+}
 
 
 def plan_survey(settings: AnySurvey, subject: Subject, seed: int) -> CameraPath:

@@ -23,6 +23,7 @@ class Subject:
         bridge: Corner positions of the bridge's triangles [m], shape (T, 3, 3), float64.
         bridge_ids: Instance id of each of them, shape (T,), int32.
         seats: Middle of each bearing [m], shape (S, 3), float64: what is small and hides under the deck.
+        surface: The bridge alone, for nearest points; its rows are those of `bridge`.
         obstacles: Bridge and site, for distances and lines of sight.
         obstacle_ids: Instance id of each of their triangles, shape (T,), int32.
         ground: Ground, roads and water alone, for heights.
@@ -31,6 +32,7 @@ class Subject:
     bridge: F64
     bridge_ids: I32
     seats: F64
+    surface: RayScene
     obstacles: RayScene
     obstacle_ids: I32
     ground: RayScene
@@ -79,9 +81,9 @@ def make_subject(bridge: tuple[Component | Scatter, ...], site: tuple[Component 
         for piece in bridge
         if isinstance(piece, Component) and class_of(piece.kind) == "bearing"
     ]
-    return Subject(
-        corners, ids, np.array(seats).reshape(-1, 3), obstacles, both, RayScene(land[0], land[1].astype(np.uint32))
-    )
+    surface = RayScene(corners, ids.astype(np.uint32))
+    ground = RayScene(land[0], land[1].astype(np.uint32))
+    return Subject(corners, ids, np.array(seats).reshape(-1, 3), surface, obstacles, both, ground)
 
 
 def piece_corners(pieces: tuple[Component | Scatter, ...]) -> tuple[F64, I32]:

@@ -1,0 +1,157 @@
+"""Where a drone may be: a box cut into cells, those far enough from bridge and ground, and ways between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse.csgraph import dijkstra
+
+from authoring.surveys.box import OrientedBox
+from authoring.surveys.subject import Subject
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+Cells = NDArray[np.bool_]
+
+# One of each pair of opposite neighbours among the 26 of a cell.
+NEIGHBOURS = tuple(
+    (i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSpace:
+    """The cells of a box.
+
+    Attributes:
+        box: The box.
+        edge: Length of a cell's edge [m].
+        clearance: Distance of each cell's middle to the nearest surface, rounded to centimetres [m], shape (X, Y, Z).
+        free: Whether the whole cell keeps its distance, and belongs to the largest connected part, shape (X, Y, Z).
+    """
+
+    box: OrientedBox
+    edge: float
+    clearance: F64
+    free: Cells
+
+    def middles(self, cells: I64) -> F64:
+        """Find the middles of cells.
+
+        Args:
+            cells: Numbers along the box's axes, shape (N, 3), int64.
+
+        Returns:
+            World positions [m], shape (N, 3), float64.
+        """
+        return self.box.to_world((cells + 0.5) * self.edge - 0.5 * self.edge * np.array(self.free.shape))
+
+    def cell_of(self, points: F64) -> I64:
+        """Find the cells that hold positions; outside the box the numbers go on.
+
+        Args:
+            points: World positions [m], shape (N, 3), float64.
+
+        Returns:
+            Numbers along the box's axes, shape (N, 3), int64.
+        """
+        local = self.box.to_local(points) / self.edge + 0.5 * np.array(self.free.shape)
+        return np.floor(local).astype(np.int64)
+
+
+def cut_free_space(box: OrientedBox, subject: Subject, edge: float, safety: float, over_ground: float) -> FreeSpace:
+    """Find the cells of a box in which a drone keeps its distance.
+
+    Source: Shi 2024, local scenario: voxels of the local bounding box, dilated by a safety radius; its values are lost.
+
+    Args:
+        box: Where to fly.
+        subject: Bridge and site.
+        edge: Length of a cell's edge [m].
+        safety: Least distance to bridge and site, anywhere in a free cell [m].
+        over_ground: Least height of a cell's middle over ground or water [m].
+    """
+    shape = tuple(int(count) for count in np.maximum(np.floor(2.0 * box.half / edge + 1e-9), 1.0))
+    space = FreeSpace(box, edge, np.zeros(shape), np.zeros(shape, bool))
+    cells = np.stack(np.meshgrid(*(np.arange(count) for count in shape), indexing="ij"), axis=-1).reshape(-1, 3)
+    middles = space.middles(cells)
+    clearance = np.round(subject.clearance(middles), 2)
+    far = clearance > safety + 0.5 * np.sqrt(3.0) * edge  # no corner of the cell is nearer
+    columns = space.middles(np.column_stack([cells[:: shape[2], :2], np.zeros(len(cells) // shape[2], np.int64)]))
+    ground = np.repeat(subject.ground_height(columns[:, :2]), shape[2])
+    free = (far & (middles[:, 2] > ground + over_ground) & np.isfinite(ground)).reshape(shape)
+    return FreeSpace(box, edge, clearance.reshape(shape), _largest_part(free))
+
+
+def _largest_part(free: Cells) -> Cells:
+    parts = np.asarray(ndimage.label(free, structure=np.ones((3, 3, 3)))[0])  # pyright: ignore[reportIndexIssue]
+    sizes = np.bincount(parts.ravel())
+    sizes[0] = 0
+    return free & (parts == int(np.argmax(sizes)))
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """The graph of the free cells.
+
+    Attributes:
+        cells: Numbers of each free cell along the box's axes, shape (N, 3), int64.
+        costs: What a step from one free cell to a neighbour costs [m].
+    """
+
+    cells: I64
+    costs: sparse.csr_matrix
+
+    def between(self, start: int, end: int) -> I64:
+        """Find the cheapest way.
+
+        Args:
+            start: Row of the first cell.
+            end: Row of the last cell.
+
+        Returns:
+            Rows of the cells on the way, shape (M,), int64.
+        """
+        _, before = dijkstra(self.costs, directed=False, indices=start, return_predecessors=True)
+        way = [end]
+        while way[-1] != start:
+            way.append(int(before[way[-1]]))
+        return np.array(way[::-1], np.int64)
+
+
+def link_cells(space: FreeSpace, weight: F64) -> Ways:
+    """Link the free cells with all of their free neighbours.
+
+    Args:
+        space: The cells.
+        weight: What a metre in each cell costs [1], shape (X, Y, Z), float64.
+    """
+    number = np.full(space.free.shape, -1, np.int64)
+    cells = np.argwhere(space.free)
+    number[space.free] = np.arange(len(cells))
+    rows, columns, costs = [], [], []
+    for step in NEIGHBOURS:
+        here = tuple(slice(max(0, -s), n - max(0, s)) for s, n in zip(step, space.free.shape, strict=True))
+        there = tuple(slice(max(0, s), n - max(0, -s)) for s, n in zip(step, space.free.shape, strict=True))
+        both = space.free[here] & space.free[there]
+        rows.append(number[here][both])
+        columns.append(number[there][both])
+        costs.append(np.linalg.norm(step) * space.edge * 0.5 * (weight[here][both] + weight[there][both]))
+    pairs = (np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns)))
+    return Ways(cells, sparse.csr_matrix(pairs, shape=(len(cells), len(cells))))
+
+
+def smooth_field(shape: tuple[int, ...], cells: float, rng: np.random.Generator) -> F64:
+    """Draw a random field of mean 0 and deviation 1 that changes over a length.
+
+    Args:
+        shape: Its shape.
+        cells: Length over which it changes [cells].
+        rng: Random stream.
+
+    Returns:
+        Values [1], of that shape, float64.
+    """
+    field = ndimage.gaussian_filter(rng.random(shape) - 0.5, 0.5 * cells, mode="reflect")
+    return (field - field.mean()) / max(float(field.std()), 1e-12)

@@ -1,0 +1,119 @@
+"""Grid survey: the rows that pilots fly along a bridge's sides, over its deck, at one distance and square to it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.surveys.box import OrientedBox, oriented_box
+from authoring.surveys.camera_models import CAMERA_MODELS, calibration
+from authoring.surveys.settings import GridSettings
+from authoring.surveys.subject import Subject
+from authoring.surveys.turning import look_along
+from authoring.surveys.way import equal_steps
+from groundwork.errors import InputError
+from usd_schemas.pinhole import Pinhole
+
+F64 = NDArray[np.float64]
+
+DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
+TILT = np.radians(-90.0 + 1.0)  # over the deck: straight down, but for what keeps the heading defined
+
+
+@dataclass(frozen=True)
+class _Face:
+    """A side of the box that rows are flown along.
+
+    Attributes:
+        rows: Where each row runs, across the face [m], shape (R,), float64.
+        offset: Where the face lies along its own axis [m].
+        axis: Number of that axis of the box: 1 for a side, 2 for the deck.
+        inward: Where cameras look, in the box's axes, shape (3,), float64.
+    """
+
+    rows: F64
+    offset: float
+    axis: int
+    inward: F64
+
+
+def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator) -> F64:
+    """Plan the rows.
+
+    Args:
+        settings: What the scenario says.
+        subject: Bridge and site.
+        rng: Not drawn from: a grid is what the pilot says it is.
+
+    Returns:
+        camera_to_world of each image [m], shape (N, 4, 4), float64.
+
+    Raises:
+        InputError: The sampling distance asks for a camera nearer than is safe, or nothing of the grid is free.
+    """
+    del rng
+    camera = calibration(CAMERA_MODELS[settings.camera], settings.width, settings.height)
+    distance = settings.sampling * camera.fx
+    if distance < settings.safety:
+        raise InputError(
+            f"needs cameras {distance:.2f} m from the bridge", field="survey.sampling", value=settings.sampling,
+            allowed=f"at least {settings.safety / camera.fx:.4f} m for a safety of {settings.safety:g} m",
+            mend="Raise it, or fly smaller images",
+        )  # fmt: skip
+    box = oriented_box(subject.bridge.reshape(-1, 3))
+    positions, looks = [], []
+    for number, face in enumerate(_faces(settings, camera, box, distance)):
+        for row, across in enumerate(face.rows[:: 1 if number % 2 == 0 else -1]):
+            line = _row(settings, camera, box, face, float(across))
+            line = line if row % 2 == 0 else line[::-1]
+            spots = np.round(box.to_world(line), DECIMALS)
+            spots = spots[_is_free(spots, subject, settings)]
+            positions.append(spots)
+            looks.append(np.tile(face.inward @ box.axes, (len(spots), 1)))
+    places = np.concatenate(positions)
+    if len(places) < 2:
+        raise InputError(
+            "no row of the grid is free", field="survey.sampling", value=settings.sampling,
+            mend="Raise it, or lower survey.safety and survey.over_ground",
+        )  # fmt: skip
+    poses = np.tile(np.eye(4), (len(places), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = look_along(np.concatenate(looks)), places
+    return poses
+
+
+def _faces(settings: GridSettings, camera: Pinhole, box: OrientedBox, distance: float) -> list[_Face]:
+    """List the two long sides, and the deck."""
+    between = (1.0 - settings.side_overlap) * settings.sampling
+    heights = _spread(-box.half[2], box.half[2], between * camera.height)
+    side = box.half[1] + distance
+    faces = [
+        _Face(heights, -side, 1, np.array([0.0, 1.0, 0.0])),
+        _Face(heights, side, 1, np.array([0.0, -1.0, 0.0])),
+    ]
+    if settings.deck:
+        down = np.array([np.cos(TILT), 0.0, np.sin(TILT)])
+        faces.append(_Face(_spread(-box.half[1], box.half[1], between * camera.width), box.half[2] + distance, 2, down))
+    return faces
+
+
+def _row(settings: GridSettings, camera: Pinhole, box: OrientedBox, face: _Face, across: float) -> F64:
+    """Place the images of a row, in the box's axes [m], shape (N, 3), float64."""
+    # Over the deck the image's upright runs along the row: cameras look straight down, their tops forward.
+    pixels = camera.width if face.axis == 1 else camera.height
+    step = pixels * settings.sampling * (1.0 - settings.overlap)
+    ends = np.zeros((2, 3))
+    ends[:, 0] = (-box.half[0], box.half[0])
+    ends[:, face.axis] = face.offset
+    ends[:, 3 - face.axis] = across
+    return equal_steps(ends, step)
+
+
+def _spread(low: float, high: float, step: float) -> F64:
+    """Spread rows evenly, no two further apart than a step."""
+    count = max(1, int(np.ceil((high - low) / step)))
+    return low + (np.arange(count) + 0.5) * (high - low) / count
+
+
+def _is_free(spots: F64, subject: Subject, settings: GridSettings) -> NDArray[np.bool_]:
+    high = spots[:, 2] > subject.ground_height(spots[:, :2]) + settings.over_ground
+    return high & (np.round(subject.clearance(spots), 2) > settings.safety)

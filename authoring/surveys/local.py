@@ -1,0 +1,130 @@
+"""Local survey: a random way through the free space round a stretch of the bridge, dense and close."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.surveys.freespace import FreeSpace, Ways, cut_free_space, link_cells, smooth_field
+from authoring.surveys.local_box import draw_local_box
+from authoring.surveys.local_gaze import gaze
+from authoring.surveys.settings import LocalSettings
+from authoring.surveys.subject import Subject
+from authoring.surveys.way import eased_way, equal_steps, rounded_way, shortcut
+from groundwork.errors import InputError
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
+CLOSE = 1.5  # [m], deviation of the distances at which goals are drawn
+GOALS = (3, 5)  # least and most goals of a flight, both ends among them
+APART = 0.4  # least distance between goals, in lengths of the box [1]
+WANDER = 0.7  # how much the random field bends the way [1]
+CORRELATION = 4.0  # [m] over which that field changes
+FAR = 6.0  # [m] from the bridge beyond which every further metre makes a way dearer ...
+DEAR = 2.0  # ... by this share [1]
+TRIES = 60
+STRAIGHT = 0.92  # least chord between neighbouring images, of the longest [1]
+COARSE = 2.0  # [m] between the cameras among which key cameras are chosen
+
+
+def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generator) -> F64:
+    """Plan the flight and aim its cameras.
+
+    Source: Shi 2024, local scenario: voxels, random collision-free path, points of interest on the nearest component,
+    slerp between key cameras, up-sampling to 0.5 m. How the path is drawn is lost; goals, costs and field are ours.
+
+    Args:
+        settings: What the scenario says.
+        subject: Bridge and site.
+        rng: Stream `survey/<id>`.
+
+    Returns:
+        camera_to_world of each image [m], shape (N, 4, 4), float64.
+
+    Raises:
+        InputError: No free space, or no way of the length asked for.
+    """
+    limited = rng.random() < 0.5 if settings.pitch is None else settings.pitch == "limited"
+    box = draw_local_box(settings, subject, rng)
+    space = cut_free_space(box, subject, settings.cell, settings.safety, settings.over_ground)
+    if not space.free.any():
+        _, row = subject.obstacles.distance(box.center[None])
+        raise InputError(
+            f"no free space: the instance {subject.obstacle_ids[int(row[0])]} fills the box", field="survey.safety",
+            value=settings.safety, mend="Lower it, or widen survey.beside and survey.above",
+        )  # fmt: skip
+    way = _draw_way(settings, space, subject, rng)
+    positions = np.round(equal_steps(way, settings.spacing), DECIMALS)
+    highest = np.radians(settings.pitch_limit) if limited else 0.5 * np.pi
+    return gaze(positions, subject, highest, COARSE)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lures:
+    """What draws a flight.
+
+    Attributes:
+        ways: Graph of the free cells.
+        middles: Middle of each free cell [m], shape (N, 3), float64.
+        chance: How likely each free cell is a goal, summing up to 1, shape (N,), float64.
+    """
+
+    ways: Ways
+    middles: F64
+    chance: F64
+
+
+def _draw_way(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: np.random.Generator) -> F64:
+    """Draw a way through the box until one has room for as many images as are wanted [m], shape (M, 3), float64."""
+    lures = _lures(settings, space, subject, rng)
+    low, high = ((count - 1) * settings.spacing for count in settings.images)
+    tried = []
+    for _ in range(TRIES):
+        goals = _draw_goals(lures, APART * settings.length, rng)
+        legs = [lures.ways.between(int(a), int(b)) for a, b in pairwise(goals)]
+        rows = np.concatenate([legs[0], *(leg[1:] for leg in legs[1:])]) if legs else goals
+        short = shortcut(lures.middles[rows], subject, settings.safety)
+        way = eased_way(rounded_way(short, subject, settings.safety), subject, settings.safety)
+        length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+        if low <= length <= high and _is_smooth(way, settings.spacing):
+            return way
+        tried.append(length)
+    raise InputError(
+        f"no flight of the length asked for: {TRIES} were {min(tried):.0f} to {max(tried):.0f} m long",
+        field="survey.images", value=list(settings.images),
+        allowed=f"{int(min(tried) / settings.spacing)} to {int(max(tried) / settings.spacing) + 1} images in this box",
+    )  # fmt: skip
+
+
+def _is_smooth(way: F64, spacing: float) -> bool:
+    """Tell whether neighbouring images keep nearly their step as the crow flies: no turn on the spot."""
+    chords = np.linalg.norm(np.diff(equal_steps(way, spacing), axis=0), axis=1)
+    return bool(chords.min() > STRAIGHT * chords.max())
+
+
+def _lures(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: np.random.Generator) -> _Lures:
+    field = smooth_field(space.free.shape, CORRELATION / settings.cell, rng)
+    cells = np.argwhere(space.free)
+    middles = space.middles(cells)
+    away = np.full(space.free.shape, np.inf)
+    away[space.free] = np.round(subject.surface.distance(middles)[0], 2)
+    weight = np.exp(WANDER * field) * (1.0 + DEAR * np.maximum(np.where(np.isfinite(away), away, FAR) - FAR, 0.0))
+    chance = np.exp(-((away[space.free] - settings.near) ** 2) / (2.0 * CLOSE**2)) + 1e-12
+    return _Lures(link_cells(space, weight), middles, chance / chance.sum())
+
+
+def _draw_goals(lures: _Lures, apart: float, rng: np.random.Generator) -> I64:
+    """Draw cells to fly to, no two too near each other; fewer where the free space is small."""
+    wanted = int(rng.integers(GOALS[0], GOALS[1] + 1))
+    edges = np.cumsum(lures.chance)
+    goals: list[int] = []
+    for share in rng.random(40 * wanted):
+        row = int(min(np.searchsorted(edges, share), len(edges) - 1))
+        if all(np.linalg.norm(lures.middles[row] - lures.middles[goal]) >= apart for goal in goals):
+            goals.append(row)
+        if len(goals) == wanted:
+            break
+    return np.array(goals, np.int64)
