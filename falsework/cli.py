@@ -185,6 +185,11 @@ def background() -> int:
     return _background(["--help"])
 
 
+def survey() -> int:
+    """Judge flights before they are rendered: falsework survey --help."""
+    return _survey(["--help"])
+
+
 VERBS = {
     "doctor": doctor,
     "demo": demo,
@@ -196,6 +201,7 @@ VERBS = {
     "verify": verify,
     "scene": scene,
     "background": background,
+    "survey": survey,
 }
 
 
@@ -212,6 +218,8 @@ def main(arguments: list[str] | None = None) -> None:
             code = _scene(words[1:])
         elif words[:1] == ["background"]:
             code = _background(words[1:])
+        elif words[:1] == ["survey"]:
+            code = _survey(words[1:])
         else:
             code = tyro.extras.subcommand_cli_from_dict(
                 VERBS, prog="falsework", description=ABOUT, args=words, config=(tyro.conf.FlagCreatePairsOff,)
@@ -239,6 +247,16 @@ def _background(words: list[str]) -> int:
     return tyro.extras.subcommand_cli_from_dict(
         background_verbs.BACKGROUND_VERBS, prog="falsework background", description=background_verbs.__doc__, args=words
     )
+
+
+def _survey(words: list[str]) -> int:
+    from falsework import survey_verbs
+
+    # One verb so far: tyro names a group only where there are two.
+    verb, *rest = words or ["--help"]
+    if verb not in survey_verbs.SURVEY_VERBS:
+        rest = words
+    return tyro.cli(survey_verbs.SURVEY_VERBS["score"], prog="falsework survey score", args=rest)
 
 
 def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:

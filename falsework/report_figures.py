@@ -76,13 +76,14 @@ def paint_depth(depth: NDArray[np.float32]) -> U8:
     return np.where(seen[..., None], painted, 0).astype(np.uint8)
 
 
-def flight_figure(centres: F64, statuses: list[str], bridge: F64) -> go.Figure:
+def flight_figure(centres: F64, statuses: list[str], bridge: F64, good_label: str = "registered") -> go.Figure:
     """Draw the camera path in plan and elevation.
 
     Args:
         centres: True or measured camera centres [m], shape (N, 3), float64.
         statuses: `ok` or the reason why not, one a camera.
         bridge: Points on the bridge for orientation [m], shape (M, 3), float64.
+        good_label: What cameras that are `ok` are called.
     """
     figure = go.Figure()
     good = np.array([status == "ok" for status in statuses])
@@ -94,7 +95,7 @@ def flight_figure(centres: F64, statuses: list[str], bridge: F64) -> go.Figure:
         )
         path = {**place, "mode": "lines", "showlegend": False}
         figure.add_scatter(x=centres[:, first], y=centres[:, second], line={"color": "#9db4d4", "width": 1}, **path)
-        for mask, colour, label in ((good, "#1f5fa8", "registered"), (~good, "#c8322b", "lost")):
+        for mask, colour, label in ((good, "#1f5fa8", good_label), (~good, "#c8322b", "lost")):
             if mask.any():
                 figure.add_scatter(
                     x=centres[mask, first], y=centres[mask, second], marker={"size": 6, "color": colour}, name=label,

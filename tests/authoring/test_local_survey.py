@@ -11,6 +11,7 @@ from authoring.families.registry import build_bridge
 from authoring.layout import BridgeSettings, draw_layout
 from authoring.site import SiteSettings, draw_site
 from authoring.streams import stream
+from authoring.surveys.assess import assess_flight
 from authoring.surveys.box import OrientedBox, oriented_box
 from authoring.surveys.freespace import cut_free_space, link_cells
 from authoring.surveys.grid import fly_grid
@@ -24,6 +25,7 @@ from authoring.surveys.way import equal_steps, rounded_way
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.conftest import Count, RecordProof
+from usd_schemas.pinhole import Pinhole
 from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
@@ -265,3 +267,42 @@ def test_grid_covers_the_sides_at_the_sampling_asked_for(subject: Subject) -> No
 def replace_sampling(settings: GridSettings, sampling: float) -> GridSettings:
     """The same grid at another sampling distance."""
     return settings.model_copy(update={"sampling": sampling})
+
+
+def wall_scene() -> tuple[F64, NDArray[np.uint32]]:
+    """A wall of 20 x 6 m in the plane y = 0, facing -y."""
+    a, b, c, d = (-10.0, 0.0, 0.0), (10.0, 0.0, 0.0), (10.0, 0.0, 6.0), (-10.0, 0.0, 6.0)
+    return np.array([[a, b, c], [a, c, d]]), np.ones(2, np.uint32)
+
+
+def facing(x: float, distance: float, *, turned: float = 0.0) -> F64:
+    """A camera before the wall at mid-height, turned away from square to it [rad]."""
+    pose = np.eye(4)
+    pose[:3, :3] = look_along(np.array([[np.sin(turned), np.cos(turned), 0.0]]))[0]
+    pose[:3, 3] = (x, -distance, 3.0)
+    return pose
+
+
+def test_score_of_a_wall_in_closed_form() -> None:
+    """Three cameras see what all three frame; a fourth apart is not linked; sampling is depth over focal length."""
+    corners, ids = wall_scene()
+    camera = Pinhole(800, 600, 800.0, 800.0, 400.0, 300.0)
+    scene = RayScene(corners, ids)
+    close = np.stack([facing(x, 6.0) for x in (-0.5, 0.0, 0.5, 1.0)])
+    score = assess_flight(close[:3], camera, 2.0, (corners, ids.astype(np.int64)), scene)
+    # Each camera frames 6 m x 4.5 m of the wall; all three share 5 m of its length.
+    assert score.covered[1] == pytest.approx(5.0 * 4.5 / 120.0, abs=0.01)
+    assert score.sampling[0] == pytest.approx(6.0 / 800.0)
+    assert score.clearance == pytest.approx(6.0)
+    assert score.length == pytest.approx(1.0)
+    assert score.overlap == pytest.approx(5.5 / 6.0, abs=0.03)
+    assert score.linked == 1.0
+    assert sum(score.pitches) == 3
+    away = np.concatenate([close, [facing(8.0, 2.0)], [facing(-8.0, 6.0, turned=1.2)]])
+    apart = assess_flight(away, camera, 2.0, (corners, ids.astype(np.int64)), scene)
+    assert apart.linked == pytest.approx(4.0 / 6.0)
+    behind = assess_flight(
+        np.stack([facing(0.0, -6.0, turned=np.pi)] * 3), camera, 0.0, (corners, ids.astype(np.int64)), scene
+    )
+    assert behind.covered[1] == 0.0
+    assert behind.sampling[0] == np.inf

@@ -1,0 +1,139 @@
+"""What a flight is worth, found by casting rays before anything is rendered."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.surveys.linked import linked_share
+from authoring.surveys.surface_samples import SurfaceSamples, sample_surfaces
+from authoring.surveys.turning import pitch_of
+from usd_schemas.pinhole import Pinhole, project
+from usd_schemas.raycast import RayScene
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+ENOUGH_VIEWS = 3
+WIDEST_INCIDENCE = 60.0  # [deg] between a surface's normal and the line to the camera
+TOUCH = 0.01  # [m] by which a ray may end before the sample that it is sent to
+PITCH_EDGES = tuple(range(-90, 91, 15))  # [deg]
+
+
+@dataclass(frozen=True)
+class FlightScore:
+    """What a flight is worth.
+
+    Attributes:
+        images: Number of images.
+        length: Length of the flight [m].
+        duration: Flight time [s]; 0 when the stage tells no times.
+        clearance: Least distance of a camera to bridge and site [m].
+        overlap: Mean share of what an image sees that the next one sees as well [1].
+        linked: Predicted share of the images that a reconstruction registers [1].
+        sampling: Median and 95th percentile of the ground-sampling distance [m].
+        base_angle: Median of the widest angle between two views of a point [deg].
+        covered: Instance id to the share of its surface that enough cameras see squarely [1].
+        pitches: Number of images in each 15 degrees of pitch, from -90 on.
+    """
+
+    images: int
+    length: float
+    duration: float
+    clearance: float
+    overlap: float
+    linked: float
+    sampling: tuple[float, float]
+    base_angle: float
+    covered: dict[int, float] = field(default_factory=dict)
+    pitches: tuple[int, ...] = ()
+
+
+def assess_flight(
+    poses: F64, camera: Pinhole, duration: float, bridge: tuple[F64, NDArray[np.integer]], obstacles: RayScene
+) -> FlightScore:
+    """Judge a flight.
+
+    Args:
+        poses: camera_to_world in the order of flight [m], shape (N, 4, 4), float64.
+        camera: Intrinsics.
+        duration: Flight time [s].
+        bridge: Corners of the bridge's triangles [m], shape (T, 3, 3), float64, and their instance ids, shape (T,).
+        obstacles: Bridge and site.
+    """
+    samples = sample_surfaces(*bridge)
+    views = _views(poses, camera, samples, obstacles)
+    enough = views.count >= ENOUGH_VIEWS
+    shares = np.bincount(samples.component, enough) / np.bincount(samples.component)
+    steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+    overlap, linked = linked_share(poses, camera, obstacles)
+    distances = views.nearest[np.isfinite(views.nearest)] / camera.fx
+    sampling = np.percentile(distances, [50.0, 95.0]) if len(distances) else np.full(2, np.inf)
+    pitch = np.degrees(pitch_of(poses[:, :3, :3]))
+    return FlightScore(
+        images=len(poses),
+        length=float(steps.sum()),
+        duration=duration,
+        clearance=float(obstacles.distance(poses[:, :3, 3])[0].min()),
+        overlap=overlap,
+        linked=linked,
+        sampling=(float(sampling[0]), float(sampling[1])),
+        base_angle=float(np.median(views.angle[views.count >= 2])) if (views.count >= 2).any() else 0.0,
+        covered={int(number): float(share) for number, share in zip(samples.ids, shares, strict=True)},
+        pitches=tuple(int(count) for count in np.histogram(pitch, PITCH_EDGES)[0]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Views:
+    """How samples are seen.
+
+    Attributes:
+        count: Number of cameras that see each sample squarely, shape (N,), int64.
+        nearest: Least depth at which one does [m], shape (N,), float64; +inf for none.
+        angle: Widest angle between the first view of a sample and any other [deg], shape (N,), float64.
+    """
+
+    count: I64
+    nearest: F64
+    angle: F64
+
+
+def _views(poses: F64, camera: Pinhole, samples: SurfaceSamples, obstacles: RayScene) -> _Views:
+    size = len(samples.points)
+    count, nearest, angle = np.zeros(size, np.int64), np.full(size, np.inf), np.zeros(size)
+    first = np.zeros((size, 3))
+    for pose in poses:
+        rows = seen_rows(pose, camera, samples, obstacles)
+        toward = pose[:3, 3] - samples.points[rows]
+        unit = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+        fresh = count[rows] == 0
+        first[rows[fresh]] = unit[fresh]
+        cosine = np.clip(np.sum(first[rows] * unit, axis=1), -1.0, 1.0)
+        angle[rows] = np.maximum(angle[rows], np.degrees(np.arccos(cosine)))
+        nearest[rows] = np.minimum(nearest[rows], -toward @ pose[:3, 2])
+        count[rows] += 1
+    return _Views(count, nearest, angle)
+
+
+def seen_rows(pose: F64, camera: Pinhole, samples: SurfaceSamples, obstacles: RayScene) -> I64:
+    """Find the samples that a camera sees squarely: framed, not from behind or too aslant, and nothing in between.
+
+    Args:
+        pose: camera_to_world [m], shape (4, 4), float64.
+        camera: Intrinsics.
+        samples: Samples of surfaces.
+        obstacles: Bridge and site.
+
+    Returns:
+        Rows of the samples, shape (M,), int64.
+    """
+    toward = pose[:3, 3] - samples.points
+    distance = np.linalg.norm(toward, axis=1)
+    square = np.sum(toward * samples.normals, axis=1) >= np.cos(np.radians(WIDEST_INCIDENCE)) * distance
+    rows = np.flatnonzero(square)
+    pixels, depth = project(samples.points[rows], camera, pose)
+    framed = (depth > 0.0) & ((pixels >= 0.0) & (pixels < [camera.width, camera.height])).all(axis=1)
+    rows = rows[framed]
+    reach, _, _ = obstacles.cast(np.broadcast_to(pose[:3, 3], (len(rows), 3)), -toward[rows])
+    return rows[reach >= 1.0 - TOUCH / distance[rows]]

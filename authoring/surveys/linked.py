@@ -1,0 +1,88 @@
+"""Which images of a flight a reconstruction will link: a prediction from what they see in common."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from usd_schemas.pinhole import Pinhole, project, unproject
+from usd_schemas.raycast import RayScene
+
+F64 = NDArray[np.float64]
+
+COLUMNS, ROWS = 24, 18  # rays of an image
+NEIGHBOURS = 12  # nearest images that each is compared with, besides the next ones in the order of flight
+AHEAD = 4
+SHARED = 0.22  # share of an image's surfaces that a partner must see as well [1]
+TURNED = 30.0  # [deg], largest angle at which features of a surface are still recognised
+SCALED = 2.0  # largest ratio of two distances to a surface
+PARTNERS = 2  # fewest partners of a registered image
+LEAST_SEEN = 0.25  # share of an image that must see a surface, not sky [1]
+FARTHEST = 150.0  # [m] at which surfaces still carry features worth matching
+
+
+def linked_share(poses: F64, camera: Pinhole, obstacles: RayScene) -> tuple[float, float]:
+    """Predict how much of a flight hangs together.
+
+    Args:
+        poses: camera_to_world in the order of flight [m], shape (N, 4, 4), float64.
+        camera: Intrinsics.
+        obstacles: Bridge and site.
+
+    Returns:
+        Mean overlap of each image with the next [1], and the predicted share of registered images [1].
+    """
+    count = len(poses)
+    seen = [_seen(pose, camera, obstacles) for pose in poses]
+    useful = np.array([len(points) >= LEAST_SEEN * COLUMNS * ROWS for points in seen])
+    rows, columns, following = [], [], np.zeros(max(count - 1, 1))
+    for first, second in _pairs(poses[:, :3, 3]):
+        forth = _shared(seen[first], poses[first], poses[second], camera, obstacles)
+        back = _shared(seen[second], poses[second], poses[first], camera, obstacles)
+        if second == first + 1:
+            following[first] = forth
+        if min(forth, back) >= SHARED and useful[first] and useful[second]:
+            rows.append(first)
+            columns.append(second)
+    ones = np.ones(len(rows))
+    graph = sparse.coo_matrix((ones, (rows, columns)), shape=(count, count))
+    degree = np.asarray((graph + graph.T).sum(axis=0)).ravel()
+    _, part = connected_components(graph, directed=False)
+    sizes = np.bincount(part, weights=degree >= PARTNERS)
+    return float(following.mean()), float(sizes.max() / count)
+
+
+def _pairs(centres: F64) -> list[tuple[int, int]]:
+    count = len(centres)
+    _, near = KDTree(centres).query(centres, k=min(NEIGHBOURS + 1, count))
+    rows = np.asarray(near).reshape(count, -1)
+    pairs = {(min(i, int(j)), max(i, int(j))) for i in range(count) for j in rows[i] if i != j}
+    pairs |= {(i, i + k) for k in range(1, AHEAD + 1) for i in range(count - k)}
+    return sorted(pairs)
+
+
+def _seen(pose: F64, camera: Pinhole, obstacles: RayScene) -> F64:
+    """Cast the rays of an image: the surfaces that it sees [m], shape (M, 3), float64."""
+    x = (np.arange(COLUMNS) + 0.5) / COLUMNS * camera.width
+    y = (np.arange(ROWS) + 0.5) / ROWS * camera.height
+    pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    directions = unproject(pixels, np.ones(len(pixels)), camera, pose) - pose[:3, 3]
+    reach, _, _ = obstacles.cast(np.broadcast_to(pose[:3, 3], directions.shape), directions)
+    near = reach < FARTHEST
+    return pose[:3, 3] + directions[near] * reach[near, None]
+
+
+def _shared(points: F64, own: F64, other: F64, camera: Pinhole, obstacles: RayScene) -> float:
+    """Find the share of what one image sees that another sees much alike."""
+    if not len(points):
+        return 0.0
+    pixels, depth = project(points, camera, other)
+    framed = (depth > 0.0) & ((pixels >= 0.0) & (pixels < [camera.width, camera.height])).all(axis=1)
+    here, there = own[:3, 3] - points[framed], other[:3, 3] - points[framed]
+    near, far = np.linalg.norm(here, axis=1), np.linalg.norm(there, axis=1)
+    alike = np.sum(here * there, axis=1) >= np.cos(np.radians(TURNED)) * near * far
+    alike &= (near < SCALED * far) & (far < SCALED * near)
+    rays = -there[alike]
+    reach, _, _ = obstacles.cast(np.broadcast_to(other[:3, 3], rays.shape), rays)
+    return float((reach > 0.99).sum() / len(points))

@@ -1,0 +1,110 @@
+"""What `falsework survey` does, in a child process: the stages that it opens may come from anywhere."""
+
+from collections import defaultdict
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from falsework.products import ADDRESS_LIMIT
+from groundwork.child import answer_parent
+from groundwork.progress import Progress
+
+LINKED_ENOUGH = 0.9  # predicted share of registered images below which a flight is warned of
+OUTLINE = 6000  # points of the bridge in the figure
+
+
+def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
+    """Judge the flights of a stage.
+
+    Args:
+        request: `{scene, survey}`; `survey` is empty for all.
+        progress: Listener.
+
+    Returns:
+        For each flight its name, score, coverage by class, warnings, and what the figure draws.
+    """
+    from authoring.surveys.assess import assess_flight
+    from usd_schemas.pinhole import pinhole_from_lens
+    from usd_schemas.raycast import RayScene
+    from usd_schemas.stage_reader import read_stage
+
+    scene = read_stage(Path(request["scene"]), survey=request["survey"] or None)
+    corners, ids, bridge = _solids(scene)
+    obstacles = RayScene(corners, ids)
+    own = np.isin(ids, bridge)
+    classes = {row.id: row.class_name for row in scene.instances}
+    outline = _outline(corners[own], ids[own])
+    answers = []
+    progress.stage("score", len(scene.products))
+    for number, product in enumerate(scene.products):
+        track = scene.cameras[product.camera]
+        camera = track.calibration or pinhole_from_lens(track.lens, product.width, product.height)
+        times = track.facts.get("capture_times")
+        duration = float(times[-1]) if isinstance(times, (list, tuple)) and times else 0.0
+        found = assess_flight(track.poses, camera, duration, (corners[own], ids[own].astype(np.int64)), obstacles)
+        shares: dict[str, list[float]] = defaultdict(list)
+        for instance, share in found.covered.items():
+            shares[classes.get(instance, "")].append(share)
+        answers.append(
+            {
+                "survey": product.name,
+                **asdict(found),
+                "by_class": {name: float(np.mean(values)) for name, values in sorted(shares.items())},
+                "warnings": _warnings(found.linked, found.clearance),
+                "centres": np.round(track.poses[:, :3, 3], 3).tolist(),
+                "looks": np.round(track.poses[:, :3, 2], 3).tolist(),
+                "outline": outline,
+            }
+        )
+        progress.advance(number + 1)
+    return answers
+
+
+def _solids(scene: Any) -> tuple[Any, Any, list[int]]:
+    """Gather the triangles that a flight must mind, and the ids of the bridge.
+
+    On a scene of ours the background is left out, as when the flight was planned; elsewhere all counts, and the bridge
+    is what has a class other than background.
+    """
+    from usd_schemas import tokens
+    from usd_schemas.flat_scene import world_triangles
+
+    corners, ids, _ = world_triangles(scene)
+    paths = {row.id: row.path for row in scene.instances}
+    ours = [number for number, path in paths.items() if path.startswith(f"{tokens.BRIDGE}/")]
+    if not ours:
+        ours = [row.id for row in scene.instances if row.class_name not in ("background", "")]
+    far = [number for number, path in paths.items() if path.startswith(f"{tokens.BACKGROUND}/")]
+    kept = ~np.isin(ids, far)
+    return corners[kept], ids[kept], ours
+
+
+def _warnings(linked: float, clearance: float) -> list[str]:
+    lines = []
+    if linked < LINKED_ENOUGH:
+        lines.append(f"about {100.0 * (1.0 - linked):.0f} % of the images will hardly be registered: fly denser")
+    if clearance < 0.3:
+        lines.append(f"a camera comes within {clearance:.2f} m of a surface")
+    return lines
+
+
+def _outline(corners: Any, ids: Any) -> list[list[float]]:
+    """Take points all over the bridge, for orientation in a figure."""
+    from authoring.surveys.surface_samples import sample_surfaces
+
+    points = sample_surfaces(corners, ids).points
+    return np.round(points[:: max(1, len(points) // OUTLINE)], 2).tolist()
+
+
+def _answer(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
+    from usd_schemas.guard import check_stage, limit_memory
+
+    limit_memory(ADDRESS_LIMIT)
+    check_stage(Path(request["scene"]), tuple(Path(root) for root in request["allow_roots"]), progress.note)
+    return score(request, progress)
+
+
+if __name__ == "__main__":
+    answer_parent(_answer)
