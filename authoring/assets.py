@@ -38,4 +38,7 @@ def bake_surfaces(pieces: Pieces, folder: Path, texels: int, seed: int) -> dict[
         One recipe for each material that the pieces name.
     """
     # One stream a surface, the same for site and background: their grass is one grass, and goes on over the border.
-    return {name: bake_surface(name, folder, stream(seed, f"surface/{name}"), texels) for name in roles_of(pieces)}
+    return {
+        name: bake_surface(name, folder, stream(seed, f"surface/{name}"), texels, f"{folder.name}_")
+        for name in roles_of(pieces)
+    }

@@ -49,7 +49,7 @@ def bake_down(scene: Path, folder: Path, texels: int, warn: Warn) -> Path:
         scene: Root layer; its selected variants count.
         folder: Empty folder to fill.
         texels: Texels along a side of each baked texture [px].
-        warn: Called with one line for each material that cannot be baked.
+        warn: Called with one line for each asset that cannot be baked, and one that names what is still procedural.
 
     Returns:
         Root layer of the copy.
@@ -61,6 +61,9 @@ def bake_down(scene: Path, folder: Path, texels: int, warn: Warn) -> Path:
     stage = Usd.Stage.Open(str(root))
     for group in _groups(stage):
         _bake_group(stage, group, folder, texels, warn)
+    kept = _still_procedural(stage)
+    if kept:
+        warn(f"tiled and without their detail elsewhere, having no chart of their own on {ATLAS}: {', '.join(kept)}")
     baked = folder / "baked.usdc"
     export(stage.GetRootLayer(), baked)
     del stage
@@ -108,6 +111,12 @@ def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn
     for path in order:
         if path not in worn:
             stage.RemovePrim(path)
+
+
+def _still_procedural(stage: Usd.Stage) -> list[str]:
+    """Name the materials in use that only our renderer shows whole."""
+    worn = {target for prim in stage.Traverse() for target in _bound(prim)}
+    return sorted(path.name for path in worn if stage.GetPrimAtPath(path).HasAPI("FalseworkDetailAPI"))
 
 
 def _bound(prim: Usd.Prim) -> list[Sdf.Path]:

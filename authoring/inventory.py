@@ -15,6 +15,7 @@ from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError
 from usd_schemas.apis import direct_label, read_component, read_survey
 from usd_schemas.components import class_of, component_classes
+from usd_schemas.read_labels import read_taxonomy
 from usd_schemas.tokens import CLASS_TAXONOMY, COMPONENT_TAXONOMY
 
 
@@ -27,7 +28,7 @@ class Inventory:
         choices: Axis (or prim and variant set) to the names on offer.
         selected: Axis to the name selected.
         components: Component kind to number of surfaces; `(none)` where none is known.
-        classes: Class name to number of surfaces.
+        classes: Class in the table in force to number of surfaces.
         triangles: Triangles of every visible mesh, instances counted each time.
         surveys: Survey id to number of images and their size [px].
         layers: Layer or texture, relative to the scene, to SHA-256, sorted.
@@ -64,12 +65,13 @@ def take_inventory(path: Path, depth: int = 4) -> Inventory:
     except Exception as error:
         raise InputError("not readable as a USD stage", where=path, mend="Check the file") from error
     shown = list(surfaces(stage))
+    table = read_taxonomy(stage, lambda line: None)
     components: Counter[str] = Counter()
     classes: Counter[str] = Counter()
     for prim in shown:
         component, label = _label(prim)
         components[component or "(none)"] += 1
-        classes[label] += 1
+        classes[table.class_of(component, label)] += 1
     files = scene_files(path)
     choices, chosen = _choices(stage)
     return Inventory(

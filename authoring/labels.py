@@ -45,7 +45,7 @@ def write_taxonomy_layer(folder: Path, name: str) -> None:
     """
     table = taxonomy(name)
     check_editable(folder)
-    path = "" if name == BASE else f"{TAXONOMY_FOLDER}{name}.usda"
+    path = "" if name == BASE else f"{TAXONOMY_FOLDER}{name}.usdc"
     if path:
         export(taxonomy_layer(table), folder / path)
     _exchange_sublayer(folder, path, former=TAXONOMY_FOLDER)

@@ -18,10 +18,11 @@ from authoring.layers.geometry import BRIDGE, SITE
 from authoring.layers.layer import export
 from authoring.layers.lighting import lighting_layer
 from authoring.layers.provenance import author_provenance
-from authoring.layers.render_settings import render_layer
+from authoring.layers.render_settings import CLASSES, render_layer
 from authoring.layers.root import edits_layer, root_layer
 from authoring.layers.site import site_layer
 from authoring.layers.surveys import survey_layer, surveys_layer
+from authoring.layers.taxonomy import taxonomy_layer
 from authoring.layers.variant import variant_layer
 from authoring.layout import DrawnBridge, draw_layout
 from authoring.looks.roles import LOOKS
@@ -37,6 +38,7 @@ from groundwork.canonical import digest
 from groundwork.files import space_errors
 from groundwork.progress import Progress
 from usd_schemas import tokens
+from usd_schemas.taxonomies import BASE, taxonomy
 
 NO_WORLDS: Mapping[str, Path] = MappingProxyType({})
 
@@ -80,6 +82,7 @@ def author_scene(
         export(lighting_layer(files), folder / "lighting.usda")
         progress.advance(6)
         export(render_layer(paths), folder / "render.usda")
+        export(taxonomy_layer(taxonomy(BASE)), folder / CLASSES)
         export(edits_layer(), folder / "edits/user.usda")
         images = max(len(path.poses) for path in paths)
         root = root_layer(settings.look.name, settings.background.name, backgrounds, images)

@@ -155,6 +155,9 @@ def _page(rows: list[dict[str, float]], large: dict[str, float]) -> str:
         f"One mesh of {large['triangles'] / 1e6:.1f} million triangles: saved in {large['save']:.2f} s, opened in "
         f"{large['open']:.3f} s (at most 0.5 s each).",
         "",
+        "Another look composes every prim below the bridge anew, 3 to 7 microseconds each: the variant set stands on",
+        "the bridge, where a DCC looks for it. On the scope of the materials it would take 0.2 ms at 2,000 components.",
+        "",
         "For comparison: the Random Bridge Generator of the paper's authors took 0.06 to 0.42 s in Blender 5.0 for a",
         "bridge of 193 to 1,061 objects, and Blender 0.04 to 0.3 s more for its USD export (measured once on such a",
         "machine).",

@@ -28,8 +28,8 @@ def import_edits(
 ) -> int:
     """Compare what Blender or another DCC exported with the scene it came from; write the changes as edits/user.usda.
 
-    Moved parts, changed meshes, recoloured materials and new objects are taken over. Lights, cameras, plants and other
-    instances are not.
+    Moved parts, changed meshes, recoloured materials, new objects and the sun are taken over. Other lights, cameras,
+    plants and other instances are not; new ones are named, with what to do about them.
 
     Args:
         edited: USD file that the DCC exported, with custom properties.
@@ -91,7 +91,7 @@ def report_lines(found: dict[str, Any]) -> list[str]:
     lines = lines or ["no changes: edits/user.usda is empty"]
     if found["missing"]:
         lines.append(f"{'missing':<11} {', '.join(found['missing'])}: still there; --remove switches them off")
-    return lines
+    return lines + [f"{'left out':<11} {line}" for line in found["left_out"]]
 
 
 def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:

@@ -113,12 +113,13 @@ def set_(
     allow_root: Roots = (),
     as_json: AsJson = False,
 ) -> int:
-    """Choose the look, background or light of a scene; what it does not offer yet is made or brought in first.
+    """Choose look, background, light or class table of a scene; what it does not offer yet is made or brought in first.
 
     Args:
         scene: Root layer of a scene.
         choices: look=NAME background=NAME light=NAME, or a USD file of yours as NAME (its materials are named like
-            the roles, or it is a world), or for the light a date and hour, 2024-12-21T10:00.
+            the roles, or it is a world), or for the light a date and hour, 2024-12-21T10:00; taxonomy=kim2023 puts
+            another table of classes in force.
         variant: Leave the scene as it is, and write variant_NAME.usda beside it.
         allow_root: Folders beside that of your own file from which it may take layers and textures.
         as_json: Print one JSON object instead of lines.
@@ -126,7 +127,7 @@ def set_(
     pairs = [choice.partition("=") for choice in choices]
     for axis, _, value in pairs:
         if not axis or not value:
-            raise InputError("not a choice", field="set", value=axis, allowed="look=…, background=…, light=…")
+            raise InputError("not a choice", field="set", value=axis, allowed="look=… background=… light=… taxonomy=…")
     wanted = {axis: value for axis, _, value in pairs}
     own = [Path(value) for value in wanted.values() if Path(value).suffix.startswith(".usd")]
     chosen = _work("choose", scene, {"choices": wanted, "variant": variant}, allow_root, *own)

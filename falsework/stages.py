@@ -113,8 +113,8 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(2, author),
-    "capture": Stage(1, capture),
+    "stage": Stage(3, author),
+    "capture": Stage(2, capture),
     "cloud": Stage(1, cloud),
     "report": Stage(1, report),
 }

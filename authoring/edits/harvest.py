@@ -8,6 +8,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from authoring.edits import additions
 from authoring.edits.additions import ADDITIONS, Labelling, material_name, write_binding
+from authoring.edits.daylight import harvest_sun, left_out
 from authoring.edits.matching import Matches, match_stages
 from authoring.edits.materials import Place, Textures, bound_name, changed_inputs, materials_by_name, write_inputs
 from authoring.edits.placements import moved_prims, write_transform
@@ -31,12 +32,13 @@ class Harvest:
     """What was found, by name of prim or material, in the order of the scene.
 
     Attributes:
-        moved: Prims that stand elsewhere.
+        moved: Prims that stand elsewhere, and a sun that shines from elsewhere or otherwise.
         reshaped: Meshes with other points, faces, normals or texture coordinates.
         recoloured: Materials with other values or textures, and meshes that wear another material.
         added: New objects and their labels.
         removed: Prims that were switched off.
         missing: Prims that the edited stage lacks and that stay.
+        left_out: One line for each new camera or light, with what to do about it.
     """
 
     moved: list[str] = field(default_factory=list)
@@ -45,6 +47,7 @@ class Harvest:
     added: dict[str, str] = field(default_factory=dict)
     removed: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
 
 
 def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = False) -> Harvest:
@@ -76,11 +79,13 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
         )  # fmt: skip
     former = _former_ids(layer)
     place = _placer(before)
-    found = Harvest(missing=[path.name for path in matches.missing])
+    found = Harvest(missing=[path.name for path in matches.missing], left_out=left_out(before, after))
     _forget(layer, place, before, matches)
     for path, transform in moved_prims(before, after, matches.pairs).items():
         write_transform(layer, place(path), before.GetPrimAtPath(path), transform)
         found.moved.append(path.name)
+    sun = harvest_sun(layer, before, after)
+    found.moved += [sun] if sun else []
     for path, prim in _meshes(before, matches):
         if write_reshaped(layer, place(path), read_surface(before.GetPrimAtPath(path)), read_surface(prim)):
             found.reshaped.append(path.name)
@@ -103,7 +108,7 @@ def _open_scene(scene: Path) -> tuple[Usd.Stage, Sdf.Layer, Path]:
         raise InputError(f"has no sublayer ./{EDITS}", where=scene, mend="Name the scene.usda of a scene")
     chosen = {
         (prim, name): full.GetPrimAtPath(prim).GetVariantSet(name).GetVariantSelection()
-        for prim, name in ((tokens.BRIDGE, "look"), (tokens.BACKGROUND, "background"))
+        for prim, name in ((tokens.BRIDGE, "look"), (tokens.BACKGROUND, "background"), (tokens.ENVIRONMENT, "light"))
         if full.GetPrimAtPath(prim)
     }
     layer = edits_layer()
@@ -247,7 +252,7 @@ def _forget(layer: Sdf.Layer, place: Place, scene: Usd.Stage, matches: Matches) 
 
 
 def _write(layer: Sdf.Layer, copies: dict[str, str], target: Path) -> None:
-    for prim in (tokens.BRIDGE, tokens.BACKGROUND):
+    for prim in (tokens.BRIDGE, tokens.BACKGROUND, tokens.ENVIRONMENT):
         spec = layer.GetPrimAtPath(prim)
         if spec and list(spec.variantSets):
             spec.variantSetNameList.prependedItems = sorted(spec.variantSets.keys())

@@ -2,13 +2,12 @@
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
 
-from authoring.layers.layer import new_stage
+from authoring.layers.layer import add_sublayers, new_layer
 from authoring.layers.surveys import camera_path
 from authoring.surveys.path import CameraPath
 from usd_schemas import tokens
-from usd_schemas.apis import apply_taxonomy
-from usd_schemas.taxonomies import BASE, taxonomy
 
+CLASSES = "./classes.usdc"  # a text layer is no place for arrays of a hundred words
 _TYPES = {"rgb": "color3f", "depth": "float", "semantic": "int", "instance": "int", "normal": "normal3f"}
 _MEANING = {
     "rgb": "Radiance [1], linear.",
@@ -20,7 +19,7 @@ _MEANING = {
 
 
 def render_layer(paths: list[CameraPath]) -> Sdf.Layer:
-    """Author RenderSettings, one RenderProduct a survey, and the render variables with the class table in force.
+    """Author RenderSettings, one RenderProduct a survey, and the render variables; their classes are in a sublayer.
 
     Args:
         paths: Surveys in the order of their products.
@@ -28,7 +27,13 @@ def render_layer(paths: list[CameraPath]) -> Sdf.Layer:
     Returns:
         A layer in memory, to be written as `render.usda`.
     """
-    stage = new_stage("Render")
+    layer = new_layer("Render")
+    _author(Usd.Stage.Open(layer, Usd.Stage.LoadAll), paths)
+    add_sublayers(layer, [CLASSES])
+    return layer
+
+
+def _author(stage: Usd.Stage, paths: list[CameraPath]) -> None:
     UsdGeom.Scope.Define(stage, tokens.RENDER)
     for path in (tokens.RENDER_PRODUCTS, tokens.RENDER_VARS):
         UsdGeom.Scope.Define(stage, path)
@@ -47,7 +52,6 @@ def render_layer(paths: list[CameraPath]) -> Sdf.Layer:
     first = paths[0]
     settings.CreateResolutionAttr(Gf.Vec2i(first.calibration.width, first.calibration.height))
     settings.CreateCameraRel().SetTargets([camera_path(first.id)])
-    return stage.GetRootLayer()
 
 
 def _author_variable(stage: Usd.Stage, name: str) -> Sdf.Path:
@@ -57,6 +61,4 @@ def _author_variable(stage: Usd.Stage, name: str) -> Sdf.Path:
     variable.CreateSourceTypeAttr(UsdRender.Tokens.raw)
     prim = variable.GetPrim()
     prim.SetDocumentation(_MEANING[name])
-    if name == "semantic":
-        apply_taxonomy(prim, taxonomy(BASE))
     return prim.GetPath()

@@ -66,7 +66,9 @@ def bake_look(
     return {role: replace(baked[s], macro_file=macro) for role, s in LOOKS[name].items() if role in used}
 
 
-def bake_surface(name: str, folder: Path, rng: np.random.Generator, texels: int = 1024) -> MaterialRecipe:
+def bake_surface(
+    name: str, folder: Path, rng: np.random.Generator, texels: int = 1024, prefix: str = ""
+) -> MaterialRecipe:
     """Bake one surface.
 
     Args:
@@ -74,6 +76,7 @@ def bake_surface(name: str, folder: Path, rng: np.random.Generator, texels: int 
         folder: Folder of the layer that will use it; receives `textures/`.
         rng: Random stream of the surface.
         texels: Texels along a side [px].
+        prefix: Put before the names of its files: a DCC gathers those of all assets in one folder.
 
     Raises:
         InputError: There is no such surface.
@@ -87,16 +90,16 @@ def bake_surface(name: str, folder: Path, rng: np.random.Generator, texels: int 
     red, green, blue = (round(float(np.mean(sheet.albedo[..., k], dtype=np.float64)), 4) for k in range(3))
     return MaterialRecipe(
         name=name,
-        albedo_file=_write(folder, f"{name}_albedo", encode_srgb(sheet.albedo)),
+        albedo_file=_write(folder, f"{prefix}{name}_albedo", encode_srgb(sheet.albedo)),
         color=(red, green, blue),
-        roughness_file=_write(folder, f"{name}_roughness", encode_raw(_halved(sheet.roughness))),
+        roughness_file=_write(folder, f"{prefix}{name}_roughness", encode_raw(_halved(sheet.roughness))),
         roughness=round(float(np.mean(sheet.roughness, dtype=np.float64)), 3),
-        normal_file="" if normals is None else _write(folder, f"{name}_normal", normals),
+        normal_file="" if normals is None else _write(folder, f"{prefix}{name}_normal", normals),
         sheet=recipe.metres,
-        detail_file=_write(folder, "detail", detail_texture()),
+        detail_file=_write(folder, f"{prefix}detail", detail_texture()),
         periods=DETAIL_PERIODS,
         amplitudes=recipe.detail,
-        macro_file="" if patches is None else _write(folder, f"{name}_macro", encode_raw(patches / 2)),
+        macro_file="" if patches is None else _write(folder, f"{prefix}{name}_macro", encode_raw(patches / 2)),
     )
 
 

@@ -55,17 +55,18 @@ def rail_steel(tile: Tile, age: float) -> Sheet:
     return Sheet(albedo, np.full((tile.pixels, tile.pixels), 0.75, np.float32))
 
 
-def galvanised(tile: Tile, age: float) -> Sheet:
+def galvanised(tile: Tile, age: float, color: Color = (0.36, 0.365, 0.37)) -> Sheet:
     """Hot-dip galvanised steel: spangle, white rust, dirt.
 
     Args:
         tile: Where it repeats.
         age: 0 for new, 1 for dull [1].
+        color: Linear colour of the zinc [1].
     """
     spangle = per_cell(tile, cells(tile, 0.022)) - 0.5
     clouds, dust = fractal(tile, 0.8, 0.03), fractal(tile, 0.04, slope=0.2)
     tone = 1 + (0.16 - 0.06 * age) * spangle + (0.03 + 0.07 * age) * clouds + (0.02 + 0.05 * age) * dust
-    albedo = paint((0.36, 0.365, 0.37), tone)
+    albedo = paint(color, tone)
     albedo = cover(albedo, 0.5 * np.float32(age) * ramp(fractal(tile, 0.5, 0.02), 1.0, 2.2), (0.50, 0.50, 0.49))
     albedo = cover(albedo, 0.4 * np.float32(age) * ramp(fractal(tile, 0.6, 0.02), 1.2, 2.4), (0.12, 0.10, 0.08))
     return Sheet(albedo, (0.48 + 0.15 * age + 0.08 * spangle).astype(np.float32))
@@ -84,16 +85,17 @@ def rubber(tile: Tile, age: float) -> Sheet:
     return Sheet(albedo, (0.72 + 0.15 * dust).astype(np.float32))
 
 
-def marking(tile: Tile, age: float, road: Floats) -> Sheet:
+def marking(tile: Tile, age: float, road: Floats, color: Color = (0.60, 0.595, 0.57)) -> Sheet:
     """Road paint that wears off the stones below it.
 
     Args:
         tile: Where it repeats.
         age: 0 for new, 1 for worn [1].
         road: Linear colour of the road under it [1], shape (H, W, 3), float32.
+        color: Linear colour of the paint [1].
     """
     worn = ramp(fractal(tile, 0.8, 0.03) + 0.9 * fractal(tile, 0.04, slope=0.2), 2.6 - 2.0 * age, 3.4 - 2.0 * age)
-    film = paint((0.60, 0.595, 0.57), 1 + 0.05 * fractal(tile, 1.0, 0.05) + 0.05 * fractal(tile, 0.04, slope=0.2))
+    film = paint(color, 1 + 0.05 * fractal(tile, 1.0, 0.05) + 0.05 * fractal(tile, 0.04, slope=0.2))
     film = cover(film, (0.08 + 0.20 * age) * ramp(fractal(tile, 0.9, 0.04), -0.5, 2.2), (0.16, 0.15, 0.14))
     return Sheet(cover(film, 0.9 * worn, road), (0.62 + 0.25 * worn).astype(np.float32))
 

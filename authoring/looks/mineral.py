@@ -28,29 +28,31 @@ def concrete_skin(tile: Tile, age: float) -> tuple[Floats, Floats]:
     return (tone * (1 - 0.45 * pores)).astype(np.float32), pores
 
 
-def board_concrete(tile: Tile, age: float) -> Sheet:
+def board_concrete(tile: Tile, age: float, color: Color = _CEMENT) -> Sheet:
     """Concrete cast against sawn boards that lie along u.
 
     Args:
         tile: Where it repeats.
         age: 0 for newly struck, 1 for decades of weather [1].
+        color: Linear colour of the cement skin [1].
     """
     tone, pores = concrete_skin(tile, age)
     wood = fractal(tile, 0.10, 0.006, slope=0.7, stretch=(16.0, 1.0))
     board, seam = _boards(tile, 0.125, 2.5)
     seam = seam * ramp(fractal(tile, 0.8, 0.1, stretch=(3.0, 1.0)), -1.6, 0.4)
     tone = tone * (1 + 0.16 * (board - 0.5) + (0.035 + 0.025 * age) * wood) * (1 - 0.38 * seam)
-    albedo = _stained(tile, paint(_CEMENT, tone), age)
+    albedo = _stained(tile, paint(color, tone), age)
     relief = 0.0012 * wood + 0.004 * board - 0.003 * seam - 0.004 * pores
     return Sheet(albedo, 0.86 + 0.03 * wood, relief.astype(np.float32))
 
 
-def panel_concrete(tile: Tile, age: float) -> Sheet:
+def panel_concrete(tile: Tile, age: float, color: Color = _CEMENT) -> Sheet:
     """Concrete cast against plywood panels: joints, tie holes, a tone of its own for each panel.
 
     Args:
         tile: Where it repeats.
         age: 0 for newly struck, 1 for decades of weather [1].
+        color: Linear colour of the cement skin [1].
     """
     tone, pores = concrete_skin(tile, age)
     seam = np.maximum(joints(tile, 1.25, 0.010, "u"), joints(tile, 2.5, 0.010, "v"))
@@ -62,53 +64,59 @@ def panel_concrete(tile: Tile, age: float) -> Sheet:
     tone = tone * (1 + 0.14 * (panel[row][:, column] - 0.5)) * (1 - 0.42 * seam)
     holes, rims = _tie_holes(tile, rows, columns)
     tone = tone * (1 + 0.10 * rims) * (1 - 0.75 * holes)
-    albedo = _stained(tile, paint(_CEMENT, tone), age)
+    albedo = _stained(tile, paint(color, tone), age)
     return Sheet(albedo, 0.80 + 0.04 * fractal(tile, 0.6, 0.05), (-0.003 * seam - 0.015 * holes - 0.004 * pores))
 
 
-def smooth_concrete(tile: Tile, age: float) -> Sheet:
+def smooth_concrete(tile: Tile, age: float, color: Color = (0.385, 0.375, 0.350)) -> Sheet:
     """Precast concrete from a steel mould: fewer marks, lighter, pores in the vertical faces.
 
     Args:
         tile: Where it repeats.
         age: 0 for newly struck, 1 for decades of weather [1].
+        color: Linear colour of the cement skin [1].
     """
     tone, pores = concrete_skin(tile, age)
     drift = fractal(tile, 1.5, 0.06, stretch=(1.0, 3.3))
-    albedo = _stained(tile, paint((0.385, 0.375, 0.350), tone * (1 + 0.04 * drift)), 0.7 * age)
+    albedo = _stained(tile, paint(color, tone * (1 + 0.04 * drift)), 0.7 * age)
     return Sheet(albedo, 0.78 + 0.03 * drift, -0.004 * pores)
 
 
-def deck_concrete(tile: Tile, age: float) -> Sheet:
+def deck_concrete(tile: Tile, age: float, color: Color = (0.315, 0.300, 0.275)) -> Sheet:
     """Concrete with a broomed, worn top: grooves along v, aggregate laid bare.
 
     Args:
         tile: Where it repeats.
         age: 0 for newly struck, 1 for decades of weather [1].
+        color: Linear colour of the cement skin [1].
     """
     tone, pores = concrete_skin(tile, age)
     grooves = fractal(tile, 0.05, 0.008, slope=0.3, stretch=(1.0, 12.5))
     stones = cells(tile, 0.022)
     bare = ramp(stones.near, 0.42, 0.30) * ramp(fractal(tile, 0.9, 0.05), 0.2, 1.2) * np.float32(age)
-    albedo = paint((0.315, 0.300, 0.275), tone * (1 + 0.05 * grooves))
+    albedo = paint(color, tone * (1 + 0.05 * grooves))
     albedo = cover(albedo, 0.8 * bare, paint((0.27, 0.25, 0.22), 0.5 + per_cell(tile, stones)))
     albedo = _stained(tile, _cracked(tile, albedo, 0.5 * age), age)
     return Sheet(albedo, 0.88 + 0.03 * grooves, 0.001 * grooves - 0.003 * pores)
 
 
-def asphalt(tile: Tile, age: float) -> Sheet:
+def asphalt(
+    tile: Tile, age: float, bitumen: Color = (0.066, 0.065, 0.063), stone: Color = (0.150, 0.146, 0.138)
+) -> Sheet:
     """Dense asphalt concrete: stones in bitumen, worn paths, oil, cracks and their sealing.
 
     Args:
         tile: Where it repeats.
         age: 0 for newly laid, 1 for decades of traffic [1].
+        bitumen: Linear colour of the binder [1].
+        stone: Mean linear colour of the stones, which bitumen coats until traffic has worn it off [1].
     """
     stones = cells(tile, 0.017)
     own = per_cell(tile, stones)
     bare = ramp(stones.near, 0.50, 0.30) * ramp(fractal(tile, 0.9, 0.04), -1.8, 0.8) * (0.35 + 0.65 * age)
     tone = 1 + 0.10 * fractal(tile, 1.2, 0.15) + (0.12 + 0.08 * age) * fractal(tile, 0.20, 0.012, slope=0.5)
-    albedo = paint((0.066, 0.065, 0.063), tone)
-    albedo = cover(albedo, bare * 0.85, paint((0.150, 0.146, 0.138), 0.35 + 1.2 * own * own))
+    albedo = paint(bitumen, tone)
+    albedo = cover(albedo, bare * 0.85, paint(stone, 0.35 + 1.2 * own * own))
     worn = ramp(fractal(tile, 0.30, 0.04), 0.9, 2.2)
     albedo = cover(albedo, (0.15 + 0.50 * age) * worn, paint((0.175, 0.170, 0.158), tone))
     oil = np.maximum(ramp(fractal(tile, 0.4, 0.05), 1.3, 2.2), spots(tile, 0.5, 0.05, 0.25))
@@ -150,17 +158,19 @@ def brick(tile: Tile) -> Sheet:
     return Sheet(albedo, (0.92 - 0.08 * edge).astype(np.float32), 0.008 * edge + 0.001 * grit)
 
 
-def masonry(tile: Tile, age: float) -> Sheet:
+def masonry(tile: Tile, age: float, color: Color = (0.33, 0.30, 0.25), other: Color = (0.30, 0.29, 0.27)) -> Sheet:
     """Squared stone in courses with thin joints.
 
     Args:
         tile: Where it repeats.
         age: 0 for newly dressed, 1 for centuries of weather [1].
+        color: Linear colour of most stones [1].
+        other: Linear colour of the others [1].
     """
     edge, own, hue = _courses(tile, 0.80, 0.40, 0.014)
     clouds, grain = fractal(tile, 0.5, 0.03), fractal(tile, 0.05, 0.008, slope=0.3)
     tone = 0.82 + 0.36 * own + (0.06 + 0.06 * age) * clouds + 0.09 * grain
-    block = cover(paint((0.33, 0.30, 0.25), tone), ramp(hue, 0.5, 1.0), paint((0.30, 0.29, 0.27), tone))
+    block = cover(paint(color, tone), ramp(hue, 0.5, 1.0), paint(other, tone))
     albedo = cover(paint((0.24, 0.225, 0.20), 1 + 0.1 * grain), edge, block)
     return Sheet(_stained(tile, albedo, age), 0.88 + 0.03 * grain, 0.014 * edge + 0.004 * clouds)
 

@@ -41,24 +41,39 @@ def _marking(tile: Tile, age: float) -> Sheet:
     return coated.marking(tile, age, mineral.asphalt(tile, age).albedo)
 
 
+# New work: cement before soot and moss have browned it, stones that bitumen still coats, zinc before it has dulled.
+_NEW_CEMENT = (0.520, 0.525, 0.515)
+_new_asphalt = partial(mineral.asphalt, age=0.1, bitumen=(0.026, 0.027, 0.029), stone=(0.052, 0.054, 0.058))
+
+
+def _new_marking(tile: Tile) -> Sheet:
+    return coated.marking(tile, 0.1, _new_asphalt(tile).albedo, color=(0.67, 0.67, 0.65))
+
+
 RECIPES: dict[str, Recipe] = {
     "board_concrete": Recipe(partial(mineral.board_concrete, age=0.8), 5.0, _ROUGH, relief=True),
     "panel_concrete": Recipe(partial(mineral.panel_concrete, age=0.8), 5.0, _ROUGH),
     "smooth_concrete": Recipe(partial(mineral.smooth_concrete, age=0.7), 5.0, _ROUGH),
     "deck_concrete": Recipe(partial(mineral.deck_concrete, age=0.8), 5.0, _ROUGH),
-    "board_concrete_clean": Recipe(partial(mineral.board_concrete, age=0.1), 5.0, _SMOOTH, relief=True),
-    "panel_concrete_clean": Recipe(partial(mineral.panel_concrete, age=0.1), 5.0, _SMOOTH),
-    "smooth_concrete_clean": Recipe(partial(mineral.smooth_concrete, age=0.1), 5.0, _SMOOTH),
-    "deck_concrete_clean": Recipe(partial(mineral.deck_concrete, age=0.1), 5.0, _SMOOTH),
+    "board_concrete_clean": Recipe(
+        partial(mineral.board_concrete, age=0.1, color=_NEW_CEMENT), 5.0, _SMOOTH, relief=True
+    ),
+    "panel_concrete_clean": Recipe(partial(mineral.panel_concrete, age=0.1, color=_NEW_CEMENT), 5.0, _SMOOTH),
+    "smooth_concrete_clean": Recipe(
+        partial(mineral.smooth_concrete, age=0.1, color=(0.555, 0.560, 0.550)), 5.0, _SMOOTH
+    ),
+    "deck_concrete_clean": Recipe(partial(mineral.deck_concrete, age=0.1, color=(0.480, 0.485, 0.478)), 5.0, _SMOOTH),
     "concrete": Recipe(partial(mineral.panel_concrete, age=0.5), 5.0, _ROUGH),
     # A sheet as wide as the road: when it was 4 m, a camera that crossed the road by 3.3 m from image to image matched
     # the asphalt one sheet on, and half of the flight was put together 18 m off.
     "asphalt": Recipe(partial(mineral.asphalt, age=0.7), 12.7, _ROUGH, finer=2),
-    "asphalt_clean": Recipe(partial(mineral.asphalt, age=0.1), 12.7, _ROUGH, finer=2),
+    "asphalt_clean": Recipe(_new_asphalt, 12.7, _ROUGH, finer=2),
     "road_marking": Recipe(partial(_marking, age=0.6), 4.0, _SMOOTH),
-    "road_marking_clean": Recipe(partial(_marking, age=0.1), 4.0, _FAINT),
+    "road_marking_clean": Recipe(_new_marking, 4.0, _FAINT),
     "masonry": Recipe(partial(mineral.masonry, age=0.8), 4.0, _ROUGH, relief=True),
-    "masonry_clean": Recipe(partial(mineral.masonry, age=0.1), 4.0, _SMOOTH, relief=True),
+    "masonry_clean": Recipe(
+        partial(mineral.masonry, age=0.1, color=(0.50, 0.47, 0.40), other=(0.46, 0.45, 0.42)), 4.0, _SMOOTH, relief=True
+    ),
     "brick": Recipe(mineral.brick, 4.0, _ROUGH, relief=True),
     "plaster": Recipe(partial(mineral.plaster, color=(0.52, 0.46, 0.36)), 5.0, _ROUGH),
     "roof_tile": Recipe(mineral.roof_tile, 4.0, _ROUGH, relief=True),
@@ -83,10 +98,10 @@ RECIPES: dict[str, Recipe] = {
     "bark": Recipe(organic.bark, 2.0, _ROUGH, relief=True),
     "foliage": Recipe(organic.foliage, 3.0, _ROUGH),
     "painted_steel": Recipe(partial(coated.painted_steel, color=(0.095, 0.155, 0.145), age=0.7), 5.0, _SMOOTH),
-    "painted_steel_clean": Recipe(partial(coated.painted_steel, color=(0.105, 0.190, 0.175), age=0.0), 5.0, _FAINT),
+    "painted_steel_clean": Recipe(partial(coated.painted_steel, color=(0.155, 0.330, 0.460), age=0.0), 5.0, _FAINT),
     "painted_metal": Recipe(partial(coated.painted_steel, color=(0.235, 0.240, 0.235), age=0.45), 3.0, _SMOOTH),
     "galvanised_steel": Recipe(partial(coated.galvanised, age=0.8), 3.0, _SMOOTH),
-    "galvanised_steel_clean": Recipe(partial(coated.galvanised, age=0.1), 3.0, _FAINT),
+    "galvanised_steel_clean": Recipe(partial(coated.galvanised, age=0.1, color=(0.555, 0.565, 0.575)), 3.0, _FAINT),
     "rail_steel": Recipe(partial(coated.rail_steel, age=0.8), 3.0, _SMOOTH),
     "rail_steel_clean": Recipe(partial(coated.rail_steel, age=0.2), 3.0, _FAINT),
     "rubber": Recipe(partial(coated.rubber, age=0.8), 2.0, _SMOOTH),

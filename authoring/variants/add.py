@@ -10,6 +10,7 @@ from authoring.assets import Pieces
 from authoring.backgrounds.city_asset import is_city, world_name
 from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.families.registry import build_bridge
+from authoring.labels import write_taxonomy_layer
 from authoring.layers.change import check_editable
 from authoring.layers.variant import variant_layer
 from authoring.layout import draw_layout
@@ -25,17 +26,19 @@ from authoring.variants.write import write_background, write_light, write_look
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_text
 from usd_schemas.layer_walk import Warn
+from usd_schemas.taxonomies import taxonomy
 
+TAXONOMY = "taxonomy"
 USD_FILES = (".usd", ".usda", ".usdc", ".usdz")
 
 
 def set_choices(scene: Path, choices: dict[str, str], warn: Warn) -> dict[str, str]:
-    """Choose a look, a background, a light; what the scene does not offer yet is added to it first.
+    """Choose a look, a background, a light, a table of classes; what the scene does not offer yet is added to it first.
 
     Args:
         scene: Root layer of a scene.
         choices: Axis to the name of a choice; to the path of the user's own USD file; or, for a light, to a date and
-            hour such as 2024-12-21T10:00.
+            hour such as 2024-12-21T10:00. `taxonomy` to the name of a table, which is a layer and no variant.
         warn: Called with one line for each thing that a file of the user's loses on the way.
 
     Returns:
@@ -45,14 +48,15 @@ def set_choices(scene: Path, choices: dict[str, str], warn: Warn) -> dict[str, s
         InputError: A stored scene, an unknown axis or choice, or an unusable file.
     """
     check_editable(scene)
-    names = {}
-    for axis, value in choices.items():
-        if axis not in AXES:
-            raise InputError("no such choice", where=scene, field=axis, allowed=", ".join(AXES))
-        names[axis] = _ensure(scene, axis, value, warn)
+    tables = {axis: taxonomy(name).name for axis, name in choices.items() if axis == TAXONOMY}
+    for axis in choices.keys() - AXES.keys() - tables.keys():
+        raise InputError("no such choice", where=scene, field=axis, allowed=", ".join([*AXES, TAXONOMY]))
+    names = {axis: _ensure(scene, axis, value, warn) for axis, value in choices.items() if axis in AXES}
     choose(scene, names)
+    for name in tables.values():
+        write_taxonomy_layer(scene.parent, name)
     refresh_manifest(scene.parent)
-    return names
+    return {**names, **tables}
 
 
 def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn) -> Path:

@@ -9,6 +9,7 @@ from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
 from authoring.variants.arcs import add_background
 from authoring.variants.foreign_file import adopt, flatten_foreign, open_foreign, safe_name
+from authoring.variants.foreign_place import check_place
 from groundwork.canonical import file_digest
 from usd_schemas import tokens
 from usd_schemas.components import component_classes
@@ -32,16 +33,17 @@ def import_background(scene: Path, file: Path, warn: Warn) -> str:
     Args:
         scene: Root layer of the scene.
         file: USD file; its origin becomes that of the scene.
-        warn: Called with one line about what is left out.
+        warn: Called with one line about what is left out, and one about what stands in the way.
 
     Returns:
         Name of the background.
 
     Raises:
-        InputError: Not readable, or a material or texture is missing.
+        InputError: Not readable, a material or texture is missing, or it stands more than 10 km off.
     """
     name = safe_name(file.stem)
     stage = open_foreign(file)
+    check_place(stage, file, scene, warn)
     place = scene.parent / "background" / name
     fresh = place.with_name(f".{name}.partial")
     shutil.rmtree(fresh, ignore_errors=True)

@@ -1,4 +1,5 @@
 // Ids and depth alone, for the exact images beside a supersampled photograph.
+// #include rows.glsl
 // #include material.glsl
 
 in vec3 normal;

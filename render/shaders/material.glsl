@@ -1,23 +1,4 @@
-// Materials: rows, look-ups, detail. Included by the surface and the shadow shader.
-
-struct Draw {
-    vec4 linear[3];
-    vec4 cofactor[3];
-    uvec4 material;  // row of the material, mirrored
-};
-struct Material {
-    vec4 base;       // linear colour, roughness
-    vec4 emissive;   // linear colour, metallic
-    vec4 albedo[2];  // rows of the affine map of (s, t, 1); then layer, uv set
-    vec4 roughness[2];
-    vec4 normal[2];
-    vec4 frequencies;  // detail: tiles per metre of each octave, layer
-    vec4 amplitudes;   // detail: contrast of each octave, macro layer
-    vec4 options;      // opacity threshold, takes the vertex colour
-};
-
-layout(std430, binding = 0) readonly buffer Draws { Draw draws[]; };
-layout(std430, binding = 1) readonly buffer Materials { Material materials[]; };
+// Look-ups and detail of materials. Included by the surface, id and shadow shaders, after rows.glsl.
 
 #ifdef HAS_ALBEDO
 uniform sampler2DArray albedo_array;
@@ -35,21 +16,22 @@ uniform sampler2DArray detail_array;
 uniform sampler2DArray macro_array;
 #endif
 
+// Where a texture is looked up comes from the vertices. The pixels of a 2x2 block that lie outside the triangle read no
+// rows on a CPU's driver: a place computed from a row here would have wild derivatives along every edge.
 in vec2 st;
 in vec2 st1;
+in vec2 albedo_place;
+in vec2 roughness_place;
+in vec2 normal_place;
+flat in vec3 detail_frequencies;
 in vec3 vertex_color;
 flat in uint draw;
 
 const float SHARPER = -0.5;  // mip bias: without anisotropy the default blurs every slanted surface
 
-vec3 place(vec4 map[2]) {
-    vec3 source = vec3(map[1].w > 0.5 ? st1 : st, 1.0);
-    return vec3(dot(map[0].xyz, source), dot(map[1].xyz, source), map[0].w);
-}
-
 #ifdef HAS_ALBEDO
 vec4 look_up_albedo(Material material) {
-    vec4 texel = texture(albedo_array, place(material.albedo), SHARPER);
+    vec4 texel = texture(albedo_array, vec3(albedo_place, material.albedo[0].w), SHARPER);
     return vec4(texel.rgb * texel.rgb, texel.a);
 }
 #endif
@@ -58,7 +40,7 @@ float detail_factor(Material material) {
     float factor = 1.0;
 #ifdef HAS_DETAIL
     for (int octave = 0; octave < 3; octave++) {
-        float grey = texture(detail_array, vec3(st * material.frequencies[octave], material.frequencies.w), SHARPER).r;
+        float grey = texture(detail_array, vec3(st * detail_frequencies[octave], material.frequencies.w), SHARPER).r;
         factor *= 1.0 + material.amplitudes[octave] * (2.0 * grey - 1.0);
     }
 #endif

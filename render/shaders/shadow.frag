@@ -1,4 +1,5 @@
 // Depth alone; cut-outs are cut here too.
+// #include rows.glsl
 // #include material.glsl
 
 void main() {

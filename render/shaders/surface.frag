@@ -1,4 +1,5 @@
 // Shades a surface. Features (HAS_…, CUT_OUT, MIRROR, VOLUME, SUN, NORMALS) are put in front when it is compiled.
+// #include rows.glsl
 // #include material.glsl
 
 uniform vec3 eye;               // camera centre, counted from the scene's anchor [m]
@@ -86,10 +87,9 @@ vec3 sky_irradiance(vec3 scene, vec3 n) {
 
 vec3 bumped(vec3 n, Material material) {
 #ifdef HAS_NORMAL
-    vec3 place_st = place(material.normal);
-    vec3 bump = texture(normal_array, place_st, SHARPER).xyz * 2.0 - 1.0;
+    vec3 bump = texture(normal_array, vec3(normal_place, material.normal[0].w), SHARPER).xyz * 2.0 - 1.0;
     vec3 dx = dFdx(relative), dy = dFdy(relative);
-    vec2 sx = dFdx(place_st.xy), sy = dFdy(place_st.xy);
+    vec2 sx = dFdx(normal_place), sy = dFdy(normal_place);
     float turn = sx.x * sy.y - sy.x * sx.y;
     vec3 along = (dx * sy.y - dy * sx.y) * sign(turn);
     along -= n * dot(n, along);
@@ -141,7 +141,7 @@ vec3 shade(Material material, vec3 albedo, vec3 face) {
 #ifdef SOFT
     float roughness = material.base.a;
 #ifdef HAS_ROUGHNESS
-    roughness = texture(roughness_array, place(material.roughness), SHARPER).r;
+    roughness = texture(roughness_array, vec3(roughness_place, material.roughness[0].w), SHARPER).r;
 #endif
     roughness = clamp(roughness, 0.05, 1.0);
     vec3 f0 = mix(vec3(0.04), albedo, metallic);

@@ -10,17 +10,19 @@ from authoring.layers.bridge import bridge_layer, payload_layer
 from authoring.layers.geometry import BACKGROUND, BRIDGE, SITE, geometry_layer, roles_of
 from authoring.layers.layer import export, new_stage
 from authoring.layers.looks import look_layer
-from authoring.layers.render_settings import render_layer
+from authoring.layers.render_settings import CLASSES, render_layer
 from authoring.layers.root import edits_layer, root_layer
 from authoring.layers.semantics import semantics_layer
 from authoring.layers.site import site_layer
 from authoring.layers.surveys import survey_layer, surveys_layer
+from authoring.layers.taxonomy import taxonomy_layer
 from authoring.looks.material import MaterialRecipe
 from authoring.surveys.registry import plan_survey
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import make_subject
 from tests.authoring.boxes import box, box_bridge, flat_site
 from usd_schemas import tokens
+from usd_schemas.taxonomies import BASE, taxonomy
 
 FAR = (Component("Background_House", "building", "brick", "Buildings", box((0, 100, -1), (10, 110, 8)), 45_000),)
 SHADES = {"weathered": 0.3, "clean": 0.6}
@@ -44,6 +46,7 @@ def write_box_scene(folder: Path) -> Path:
     export(survey_layer(path), folder / f"surveys/{path.id}.usdc")
     export(surveys_layer([path.id]), folder / "surveys/surveys.usda")
     export(render_layer([path]), folder / "render.usda")
+    export(taxonomy_layer(taxonomy(BASE)), folder / CLASSES)
     export(edits_layer(), folder / "edits/user.usda")
     stage = new_stage("World")
     UsdGeom.Scope.Define(stage, tokens.ENVIRONMENT)

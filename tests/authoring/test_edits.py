@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from authoring.edits.additions import Labelling
 from authoring.edits.harvest import EDITS, Harvest, harvest_edits
@@ -17,6 +17,7 @@ from authoring.validate import validate_scene
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST
 from tests.authoring.box_scene import write_box_scene
+from usd_schemas.read_lights import read_lights
 
 F64 = NDArray[np.float64]
 
@@ -82,6 +83,26 @@ def test_a_moved_group_is_one_opinion(scene: Path, other: Usd.Stage) -> None:
     found, _ = bring_home(scene, other)
     assert found.moved == ["Substructure", "Pier_001_Cap"]
     np.testing.assert_allclose(_place(scene) - before, [0.5, 0.0, 2.0], atol=1e-9)
+    assert validate_scene(scene) == []
+
+
+def test_a_turned_sun_comes_home(scene: Path, other: Usd.Stage) -> None:
+    """Its direction and strength reach what is rendered; new cameras and lamps are named, with what to do."""
+    sun = UsdLux.DistantLight(other.GetPrimAtPath("/World/Environment/Sun"))
+    sun.AddRotateXYZOp().Set(Gf.Vec3f(30.0, -20.0, 15.0))
+    sun.GetIntensityAttr().Set(2.5)
+    expected = read_lights(other, np.eye(4), print)[0]
+    UsdGeom.Camera.Define(other, "/World/Drone")
+    UsdLux.SphereLight.Define(other, "/World/Lamp")
+    found, _ = bring_home(scene, other)
+    assert found.moved == ["Sun"]
+    assert [line.split(" is new")[0] for line in found.left_out] == ["camera Drone", "light Lamp"]
+    home = read_lights(Usd.Stage.Open(str(scene)), np.eye(4), print)[0]
+    assert home is not None
+    assert expected is not None
+    np.testing.assert_allclose(home.direction, expected.direction, atol=1e-6)
+    np.testing.assert_allclose(home.radiance, [2.5] * 3, rtol=1e-6)
+    assert bring_home(scene, other)[0].moved == ["Sun"]
     assert validate_scene(scene) == []
 
 

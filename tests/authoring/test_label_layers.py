@@ -8,6 +8,7 @@ import pytest
 from pxr import Sdf, Usd, UsdSemantics
 
 from authoring.labels import write_replicator_layer, write_taxonomy_layer
+from authoring.layers.change import change_layer
 from authoring.layers.root import SUBLAYERS
 from authoring.manifest import changed_files
 from authoring.scene import author_scene
@@ -91,7 +92,7 @@ def test_switching_back_leaves_no_trace_in_the_root_layer(authored: Path, scene:
     """One table is in force at a time, below the user's edits; the base table is the scene as it was."""
     for name in ("kim2023", "ifc43"):
         write_taxonomy_layer(scene, name)
-        assert sublayers(scene) == [SUBLAYERS[0], f"./taxonomies/{name}.usda", *SUBLAYERS[1:]]
+        assert sublayers(scene) == [SUBLAYERS[0], f"./taxonomies/{name}.usdc", *SUBLAYERS[1:]]
         assert validate_scene(scene / "scene.usda") == []
         assert changed_files(scene) == []
     write_taxonomy_layer(scene, BASE)
@@ -125,13 +126,13 @@ def test_what_comes_later_is_classed_too(scene: Path) -> None:
 def test_a_table_without_a_row_is_found(scene: Path) -> None:
     """Validation names each prim whose component the table in force lacks, and a table that cannot be used."""
     write_taxonomy_layer(scene, "hgcnn")
-    path = scene / "taxonomies/hgcnn.usda"
-    whole = path.read_text()
-    path.write_text(whole.replace('"deck_slab"', '"deck_slap"'))
+    path = scene / "taxonomies/hgcnn.usdc"
+    whole = Sdf.Layer.OpenAsAnonymous(str(path)).ExportToString()
+    change_layer(path, lambda layer: layer.ImportFromString(whole.replace('"deck_slab"', '"deck_slap"')))
     findings = validate_scene(scene / "scene.usda")
     assert findings
     assert all("component 'deck_slab' has no row in the taxonomy 'hgcnn'" in line for line in findings)
-    path.write_text(whole.replace('"electric_pole", "noisy', '"pole", "noisy'))
+    change_layer(path, lambda layer: layer.ImportFromString(whole.replace('"electric_pole", "noisy', '"pole", "noisy')))
     assert any("labelNames and labelClasses do not fit" in line for line in validate_scene(scene / "scene.usda"))
 
 
@@ -208,7 +209,7 @@ def test_mirrors_stand_in_for_lost_labels(scene: Path, tmp_path: Path, name: str
 def test_settings_switch_the_layers(tmp_path: Path) -> None:
     """A scenario's `[labels]` section: the scene is authored with the layers in place, sound and in its manifest."""
     folder = author(tmp_path, background={"name": "none"}, labels={"taxonomy": "hgcnn", "replicator": True})
-    assert sublayers(folder)[1:3] == ["./compat_replicator.usda", "./taxonomies/hgcnn.usda"]
+    assert sublayers(folder)[1:3] == ["./compat_replicator.usda", "./taxonomies/hgcnn.usdc"]
     assert validate_scene(folder / "scene.usda") == []
     assert changed_files(folder) == []
     assert read_stage(folder / "scene.usda").classes == taxonomy("hgcnn").rows

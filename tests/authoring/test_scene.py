@@ -18,6 +18,7 @@ from groundwork.errors import InputError
 from groundwork.files import read_json
 from groundwork.progress import SILENT
 from groundwork.settings import parse_settings
+from tests.conftest import RecordProof
 from usd_schemas import tokens
 from usd_schemas.pinhole import USD_FROM_CAMERA
 
@@ -46,13 +47,16 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return _author(tmp_path_factory.mktemp("scene"), SMALL)
 
 
-def test_another_process_writes_the_same_bytes(scene: Path, tmp_path: Path) -> None:
+def test_another_process_writes_the_same_bytes(scene: Path, tmp_path: Path, record_proof: RecordProof) -> None:
     """Another folder, process, hash seed and set of vector instructions change no byte of any file."""
     environment = {**os.environ, "PYTHONHASHSEED": "4711", "NPY_DISABLE_CPU_FEATURES": _slow_numpy()}
     settings = AuthoringSettings.model_validate(SMALL).model_dump_json()
     command = [sys.executable, "-c", AUTHOR, str(tmp_path), settings, str(SEED)]
     subprocess.run(command, env=environment, check=True, cwd=Path(__file__).parents[2])
-    assert _files(tmp_path) == _files(scene)
+    files = _files(tmp_path)
+    assert files == _files(scene)
+    name = "stage/determinism: bytes across folder, process, hash seed and CPU features"
+    record_proof(name, len(files), SEED, {"unequal_files": 0})
 
 
 def test_scene_is_sound(scene: Path) -> None:

@@ -19,8 +19,8 @@ from authoring.variants.add import set_choices, write_variant
 from authoring.variants.selection import offered, selected
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
-from tests.authoring.small_scene import SMALL, file_bytes, write_small_scene
-from tests.conftest import Count
+from tests.authoring.small_scene import SEED, SMALL, file_bytes, write_small_scene
+from tests.conftest import Count, RecordProof
 from usd_schemas import tokens
 from usd_schemas.read_labels import Warn
 from usd_schemas.stage_reader import read_stage
@@ -108,7 +108,7 @@ def test_variants_of_a_scenario_are_their_product(tmp_path: Path) -> None:
     assert offered(Usd.Stage.Open(str(scene)))["light"] == ("default", "dusk")
 
 
-def test_switching_is_quick(stored_scene: Path, proof_count: Count) -> None:
+def test_switching_is_quick(stored_scene: Path, proof_count: Count, record_proof: RecordProof) -> None:
     """A look is switched on an open stage in less than 5 ms, taking the best of a few."""
     stage = Usd.Stage.Open(str(stored_scene))
     stage.SetEditTarget(stage.GetSessionLayer())
@@ -119,6 +119,7 @@ def test_switching_is_quick(stored_scene: Path, proof_count: Count) -> None:
         looks.SetVariantSelection(("clean", "weathered")[turn % 2])
         seconds.append(time.perf_counter() - begin)
     assert min(seconds) < 0.005
+    record_proof("stage/switch: another look on an open stage", len(seconds), SEED, {"least_ms": 1000 * min(seconds)})
 
 
 def test_provenance_names_seed_and_recipe(stored_scene: Path) -> None:
@@ -194,6 +195,43 @@ def test_world_without_its_texture_is_named(own_scene: Path, tmp_path: Path) -> 
         set_choices(own_scene, {"background": str(world)}, print)
     after = {name: data for name, data in file_bytes(own_scene.parent).items() if ".partial" not in name}
     assert after == before
+
+
+def test_texture_names_are_unique(stored_scene: Path) -> None:
+    """A DCC that gathers the textures of site and bridge in one folder overwrites none."""
+    names = [
+        path.name
+        for place in ("site", "bridge/looks/weathered")
+        for path in (stored_scene.parent / place).rglob("*.png")
+    ]
+    assert len(names) > 10
+    assert len(set(names)) == len(names)
+
+
+def _plane(path: Path, height: float, x: float = 0.0) -> Path:
+    """Write a level square of 2 km, whose corners are all far from the bridge."""
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageMetersPerUnit(stage, 1)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/Town").GetPrim())
+    mesh = UsdGeom.Mesh.Define(stage, "/Town/Plain")
+    mesh.CreatePointsAttr([(x + a, b, height) for a, b in ((-1e3, -1e3), (1e3, -1e3), (1e3, 1e3), (-1e3, 1e3))])
+    mesh.CreateFaceVertexCountsAttr([4])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    stage.GetRootLayer().Export(str(path))  # not atomic: a test's own file
+    return path
+
+
+def test_world_in_the_way_is_told(own_scene: Path, tmp_path: Path) -> None:
+    """A plane through the bridge is named; one below all ground is not; one 12 km off is refused, with the mend."""
+    lines, warn = _said()
+    set_choices(own_scene, {"background": str(_plane(tmp_path / "low.usda", -60.0))}, warn)
+    assert lines == []
+    set_choices(own_scene, {"background": str(_plane(tmp_path / "high.usda", 1.0))}, warn)
+    assert len(lines) == 1
+    assert "/Town/Plain" in lines[0]
+    with pytest.raises(InputError, match=r"12\.0, 0\.0.*Subtract its map origin"):
+        set_choices(own_scene, {"background": str(_plane(tmp_path / "far.usda", 0.0, 12_000.0))}, warn)
 
 
 def test_own_look_fills_some_roles(own_scene: Path, tmp_path: Path) -> None:

@@ -249,3 +249,19 @@ def _color(stage: Usd.Stage) -> tuple[float, ...] | str:
 def _bound(stage: Usd.Stage, name: str) -> str:
     prim = stage.GetPrimAtPath(f"{SUBSTRUCTURE}/{name}")
     return UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0].GetPath().name
+
+
+def test_a_sun_turned_in_blender_comes_home(original: Path, tmp_path: Path) -> None:
+    """Into the light that was selected, with the strength that it had; the shadows of the scene follow."""
+    scene = copy_scene(original, tmp_path / "scene")
+    before = read_stage(scene).sun
+    found = harvest(scene, trip(original, tmp_path / "out", [("turn", "Sun", [0.9, 0.0, 1.2])])[0])
+    assert found.moved == ["Sun"]
+    assert opinions(scene).keys() == {"/World/Environment{light=default}Sun"}
+    after = read_stage(scene).sun
+    assert before is not None
+    assert after is not None
+    pole = [np.sin(0.9) * np.sin(1.2), -np.sin(0.9) * np.cos(1.2), np.cos(0.9)]
+    np.testing.assert_allclose(after.direction, pole, atol=1e-5)
+    np.testing.assert_allclose(after.radiance, before.radiance, rtol=1e-5)
+    assert validate_scene(scene) == []

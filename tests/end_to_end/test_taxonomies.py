@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from authoring.labels import write_taxonomy_layer
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
+from authoring.variants.add import set_choices
 from groundwork.files import read_json
 from groundwork.progress import SILENT
 from render.capture import Truth, read_capture, read_truth
@@ -52,11 +52,11 @@ def base(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Truth:
 @pytest.mark.parametrize("name", ["kim2023", "semanticbridge", "ifc43"])
 def test_label_images_are_those_of_the_table(scene: Path, base: Truth, tmp_path: Path, name: str) -> None:
     """Each pixel has the class of its instance's component, the sky class 0; every other file keeps its bytes."""
-    write_taxonomy_layer(scene, name)
+    assert set_choices(scene / "scene.usda", {"taxonomy": name}, lambda line: None) == {"taxonomy": name}
     try:
         truth = render(scene, tmp_path / "capture")
     finally:
-        write_taxonomy_layer(scene, BASE)
+        set_choices(scene / "scene.usda", {"taxonomy": BASE}, lambda line: None)
     table = taxonomy(name)
     ids = np.zeros(max(row.id for row in base.instances) + 1, np.uint8)
     for row in base.instances:

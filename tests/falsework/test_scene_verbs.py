@@ -33,6 +33,9 @@ def test_from_the_store_to_a_package(stored: Path, tmp_path: Path, capsys: pytes
     assert _run(capsys, "checkout", stored.parent, "-o", mine.parent)[0] == 0
     code, out, _ = _run(capsys, "set", mine, "look=clean", "--json")
     assert (code, json.loads(out)) == (0, {"version": 1, "look": "clean"})
+    assert _run(capsys, "set", mine, "taxonomy=ifc43") == (0, "taxonomy    ifc43\n", "")
+    assert "IfcBearing" in _run(capsys, "info", mine)[1]
+    assert _run(capsys, "set", mine, "taxonomy=falsework")[0] == 0
     answer = json.loads(_run(capsys, "diff", stored, mine, "--json")[1])
     assert answer["selections"] == {"look": ["weathered", "clean"]}
     assert answer["look"]
@@ -60,7 +63,8 @@ def test_info_for_people(stored: Path, capsys: pytest.CaptureFixture[str]) -> No
     ("words", "parts"),
     [
         (["set", "{own}", "look=shiny"], ["'shiny'", "clean, weathered"]),
-        (["set", "{own}", "look"], ["not a choice", "look=…"]),
+        (["set", "{own}", "look"], ["not a choice", "taxonomy=…"]),
+        (["set", "{own}", "taxonomy=kim"], ["unknown taxonomy", "kim2023"]),
         (["set", "{stored}", "look=clean"], ["read-only", "scene checkout"]),
         (["info", "{own}.no"], ["no such file"]),
         (["package", "{own}", "-o", "{own}.fbx"], [".usdz, .glb"]),

@@ -173,6 +173,28 @@ def test_colours_detail_and_macro_are_the_documented_factors(gl: Gl, ideal: Rend
     np.testing.assert_allclose(light[60, 80], 0.5 * 1.2 * 1.1 * 128 / 255, rtol=0.02)
 
 
+def test_edges_of_triangles_are_as_sharp_as_their_middle(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+    """A plate of 800 triangles looks like one of two: no pixel beside an edge takes a coarser level of a texture."""
+    cv2.imwrite(str(tmp_path / "halves.png"), np.repeat(np.array([[30] * 128 + [220] * 128], np.uint8), 256, axis=0))
+    cv2.imwrite(str(tmp_path / "grain.png"), np.random.default_rng(5).integers(0, 255, (64, 64)).astype(np.uint8))
+    detail = Detail(str(tmp_path / "grain.png"), (0.25,), (0.8,))
+    for uv_set in (0, 1):
+        base = Texture(str(tmp_path / "halves.png"), True, uv_set=uv_set)
+        material = Material("card", base_texture=base, detail=detail)
+        shown = []
+        for pieces in (1, 20):
+            low = np.stack(np.meshgrid(np.arange(pieces), np.arange(pieces)), -1).reshape(-1, 1, 1, 2)
+            st = ((SQUARE[..., :2] + 0.5)[None] + low).reshape(-1, 3, 2) / pieces
+            builder = SceneBuilder(materials=[material])
+            builder.add_mesh(np.dstack([st - 0.5, np.zeros(st.shape[:2])]), placed((0, 0, 0), (9, 9, 1.0)), 1, st=st)
+            scene = builder.build(DOWN[None])
+            geometry = replace(scene.geometry, st1=scene.geometry.st)
+            scene = replace(scene, geometry=geometry, dome=WHITE_DOME)
+            shown.append(radiance(gl, scene, ideal.model_copy(update={"quality": "fast"}))[0])
+        assert shown[0].std() > 0.1
+        np.testing.assert_allclose(shown[0], shown[1], atol=0.01)
+
+
 def test_a_missing_texture_is_told_and_drawn_grey(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
     """One warning that names the file; the constant colour stays."""
     texture = Texture(str(tmp_path / "gone.png"), True)

@@ -1,0 +1,127 @@
+"""Where a world of the user's stands: near enough to the scene's origin, and out of the way of bridge and drone."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom
+
+from authoring.site_extent import AIR
+from groundwork.errors import InputError
+from usd_schemas import tokens
+from usd_schemas.layer_walk import Warn
+from usd_schemas.stage_reader import stage_to_world
+
+F64 = NDArray[np.float64]
+
+FARTHEST = 10_000.0  # [m] single precision is a millimetre there
+_BORDER = 0.998  # of the site's plan: a world may join its edge
+_BELOW = 1.0  # [m] under the lowest ground, as for our own backgrounds
+_NAMED = 5
+
+
+def check_place(stage: Usd.Stage, file: Path, scene: Path, warn: Warn) -> None:
+    """Look where a world will stand in a scene.
+
+    Args:
+        stage: The world, in any unit and up axis.
+        file: Its file, for errors.
+        scene: Root layer of the scene.
+        warn: Called with one line that names what stands in the keep-out volume over the site.
+
+    Raises:
+        InputError: It stands more than 10 km off.
+    """
+    bodies = _bodies(stage)
+    if not bodies:
+        return
+    everything = np.concatenate([corners.reshape(-1, 3) for corners in bodies.values()])
+    middle = (everything.min(axis=0) + everything.max(axis=0)) / 2
+    if float(np.abs(middle).max()) > FARTHEST:
+        far = ", ".join(f"{value / 1000:.1f}" for value in middle)
+        raise InputError(
+            "stands too far from the scene's origin, where the bridge begins", where=file, field="background",
+            value=f"middle at ({far}) km", allowed=f"within {FARTHEST / 1000:.0f} km",
+            mend="Subtract its map origin before export, so that the bridge's place is (0, 0, 0)",
+        )  # fmt: skip
+    planes = _keep_out(Usd.Stage.Open(str(scene)))
+    inside = [path for path, corners in bodies.items() if planes is not None and _enters(corners, planes)]
+    if inside:
+        more = f" and {len(inside) - _NAMED} more" if len(inside) > _NAMED else ""
+        warn(
+            f"stands where the bridge and its cameras are: {', '.join(inside[:_NAMED])}{more}; "
+            f"cut a gap of the site's size into the world, or look whether the bridge shows"
+        )
+
+
+def _bodies(stage: Usd.Stage) -> dict[str, F64]:
+    """Gather the triangles of each mesh in metres with z up, shape (T, 3, 3)."""
+    cache, to_scene = UsdGeom.XformCache(Usd.TimeCode.EarliestTime()), stage_to_world(stage)
+    found = {}
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+        if not prim.IsA(UsdGeom.Mesh):
+            continue
+        mesh = UsdGeom.Mesh(prim)
+        points = np.asarray(mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()) or np.zeros((0, 3)), np.float64)
+        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get() or (), np.int64)
+        corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get() or (), np.int64)
+        if not len(points) or not len(corners) or corners.max() >= len(points) or (counts < 3).any():
+            continue
+        matrix = to_scene @ np.array(cache.GetLocalToWorldTransform(prim)).T
+        placed = points @ matrix[:3, :3].T + matrix[:3, 3]
+        first = np.repeat(np.cumsum(counts) - counts, counts - 2)
+        step = np.concatenate([np.arange(1, count - 1) for count in counts])
+        fan = np.stack([corners[first], corners[first + step], corners[first + step + 1]], axis=1)
+        found[str(prim.GetPath())] = placed[fan]
+    return found
+
+
+def _keep_out(scene: Usd.Stage) -> F64 | None:
+    """Bound the air over the site by half spaces n . x + d < 0, shape (P, 4); None for a scene without a site."""
+    from scipy.spatial import ConvexHull
+
+    cache = UsdGeom.XformCache()
+    ground = scene.GetPrimAtPath(f"{tokens.SITE}/SiteGeom/SiteGround")
+    points = [
+        np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(), np.float64)
+        + np.array(cache.GetLocalToWorldTransform(prim))[3, :3]
+        for prim in (Usd.PrimRange(ground) if ground else ())
+        if prim.IsA(UsdGeom.Mesh)
+    ]
+    if not points:
+        return None
+    nodes = np.concatenate(points)
+    middle = (nodes[:, :2].min(axis=0) + nodes[:, :2].max(axis=0)) / 2
+    sides = ConvexHull(middle + (nodes[:, :2] - middle) * _BORDER).equations
+    low, high = float(nodes[:, 2].min()) - _BELOW, float(nodes[:, 2].max()) + AIR
+    walls = np.column_stack([sides[:, :2], np.zeros(len(sides)), sides[:, 2]])
+    return np.vstack([walls, [0, 0, 1, -high], [0, 0, -1, low]])
+
+
+def _enters(corners: F64, planes: F64) -> bool:
+    """Tell whether a triangle reaches into a convex volume, by clipping it at each plane.
+
+    Source: Sutherland, Hodgman, Reentrant polygon clipping, Communications of the ACM 17, 1974.
+    """
+    beyond = corners @ planes[:, :3].T + planes[:, 3] >= 0
+    outside = beyond.all(axis=1)
+    near = corners[~outside.any(axis=-1)]
+    for triangle in near:
+        polygon = triangle
+        for plane in planes:
+            polygon = _clip(polygon, polygon @ plane[:3] + plane[3])
+            if len(polygon) == 0:
+                break
+        if len(polygon):
+            return True
+    return False
+
+
+def _clip(polygon: F64, off: F64) -> F64:
+    kept = []
+    for here, there, a, b in zip(polygon, np.roll(polygon, -1, axis=0), off, np.roll(off, -1), strict=True):
+        if a < 0:
+            kept.append(here)
+        if (a < 0) != (b < 0):
+            kept.append(here + (there - here) * (a / (a - b)))
+    return np.array(kept).reshape(-1, 3)
