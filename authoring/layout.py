@@ -8,6 +8,7 @@ from authoring.alignment import Layout
 from authoring.families.beam import BeamSettings
 from authoring.families.registry import FAMILIES, DrawnBridge
 from authoring.families.shared import SharedSettings
+from authoring.parts.drawing import Draws
 
 
 class BridgeSettings(SharedSettings):
@@ -15,7 +16,7 @@ class BridgeSettings(SharedSettings):
 
     family: Literal["beam"] = "beam"
     """Family of bridges, a key of the registry."""
-    profile: Literal["default"] = "default"
+    profile: Literal["default", "paper"] = "default"
     """Ranges that open parameters are drawn from."""
     beam: BeamSettings = BeamSettings()
 
@@ -30,5 +31,6 @@ def draw_layout(settings: BridgeSettings, rng: np.random.Generator) -> tuple[Lay
     Returns:
         What the site has to know, and the record that `build_bridge` builds from.
     """
-    layout, record = FAMILIES[settings.family].draw(getattr(settings, settings.family), settings, rng)
+    own = getattr(settings, settings.family)
+    layout, record = FAMILIES[settings.family].draw(own, settings, Draws(rng, settings.profile))
     return layout, DrawnBridge(settings.family, record)

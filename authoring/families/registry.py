@@ -18,7 +18,7 @@ class Family:
 
     Attributes:
         settings: Its own settings.
-        draw: (its settings, shared settings, random stream) to the layout and the family's record of what was drawn.
+        draw: (its settings, shared settings, draws) to the layout and the family's record of what was drawn.
         build: (layout, that record, ground) to parts.
     """
 

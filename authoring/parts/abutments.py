@@ -7,7 +7,7 @@ import numpy as np
 from authoring.alignment import Alignment
 from authoring.component import F64
 from authoring.parts.bearings import Bearings
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
@@ -48,20 +48,20 @@ class Abutments:
     chamfer: float
 
 
-def draw_abutments(settings: AbutmentSettings, bearings: Bearings, rng: np.random.Generator) -> Abutments:
+def draw_abutments(settings: AbutmentSettings, bearings: Bearings, draws: Draws) -> Abutments:
     """Draw the abutments.
 
     Args:
         settings: What the user fixed.
         bearings: What stands on the seats.
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
     """
     return Abutments(
-        front=round(0.5 * bearings.plinth_length + draw(settings, "seat_margin", rng), 3),
-        wing_length=draw(settings, "wing_length", rng),
-        wing_thickness=draw(settings, "wing_thickness", rng),
-        founding=draw(settings, "founding", rng),
-        chamfer=draw(settings, "chamfer", rng),
+        front=round(0.5 * bearings.plinth_length + draw(settings, "seat_margin", draws), 3),
+        wing_length=draw(settings, "wing_length", draws),
+        wing_thickness=draw(settings, "wing_thickness", draws),
+        founding=draw(settings, "founding", draws),
+        chamfer=draw(settings, "chamfer", draws),
     )
 
 

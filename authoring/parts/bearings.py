@@ -2,10 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from authoring.alignment import Alignment
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
 from authoring.sections import rectangle
@@ -55,19 +53,19 @@ class Bearings:
         return self.pad_length + 2.0 * self.plinth_margin
 
 
-def draw_bearings(settings: BearingSettings, rng: np.random.Generator) -> Bearings:
+def draw_bearings(settings: BearingSettings, draws: Draws) -> Bearings:
     """Draw pads and plinths.
 
     Args:
         settings: What the user fixed.
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
     """
     return Bearings(
-        pad_width=draw(settings, "pad_width", rng),
-        pad_length=draw(settings, "pad_length", rng),
-        pad_height=draw(settings, "pad_height", rng),
-        plinth_margin=draw(settings, "plinth_margin", rng),
-        plinth_height=draw(settings, "plinth_height", rng),
+        pad_width=draw(settings, "pad_width", draws),
+        pad_length=draw(settings, "pad_length", draws),
+        pad_height=draw(settings, "pad_height", draws),
+        plinth_margin=draw(settings, "plinth_margin", draws),
+        plinth_height=draw(settings, "plinth_height", draws),
     )
 
 

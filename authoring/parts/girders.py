@@ -8,7 +8,7 @@ from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.component import F64
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
 from authoring.sections import cut_corners, mirrored
@@ -70,14 +70,14 @@ class Girders:
     diaphragm: float
 
 
-def draw_girders(settings: GirderSettings, width: float, longest_span: float, rng: np.random.Generator) -> Girders:
+def draw_girders(settings: GirderSettings, width: float, longest_span: float, draws: Draws) -> Girders:
     """Draw the girders for a deck.
 
     Args:
         settings: What the user fixed.
         width: Deck width [m].
         longest_span: Longest span [m].
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
 
     Returns:
         Section and lines.
@@ -85,13 +85,13 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, rn
     Raises:
         InputError: The fixed number of lines cannot carry this width.
     """
-    choice = "i" if rng.random() < 0.6 else "t"
+    choice = "i" if draws.random() < 0.6 else "t"
     shape = settings.shape or choice
-    depth = round(longest_span / draw(settings, "slenderness", rng), 2)
-    lines = _draw_lines(settings, width, rng)
-    top, bottom = draw(settings, "top_width", rng), draw(settings, "bottom_width", rng)
-    web, stem = draw(settings, "web", rng), draw(settings, "stem", rng)
-    chamfer, diaphragm = draw(settings, "chamfer", rng), draw(settings, "diaphragm", rng)
+    depth = round(longest_span / draw(settings, "slenderness", draws), 2)
+    lines = _draw_lines(settings, width, draws)
+    top, bottom = draw(settings, "top_width", draws), draw(settings, "bottom_width", draws)
+    web, stem = draw(settings, "web", draws), draw(settings, "stem", draws)
+    chamfer, diaphragm = draw(settings, "chamfer", draws), draw(settings, "diaphragm", draws)
     if shape == "t":
         return Girders("t", depth, lines, stem + 0.24, stem, stem, 0.10, 0.0, chamfer, diaphragm)
     top_thickness = round(float(np.clip(0.11 * depth, 0.07, 0.15)), 3)
@@ -99,9 +99,9 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, rn
     return Girders("i", depth, lines, top, bottom, web, top_thickness, bottom_thickness, chamfer, diaphragm)
 
 
-def _draw_lines(settings: GirderSettings, width: float, rng: np.random.Generator) -> tuple[float, ...]:
-    target = draw(settings, "spacing", rng)
-    share = rng.random()
+def _draw_lines(settings: GirderSettings, width: float, draws: Draws) -> tuple[float, ...]:
+    target = draw(settings, "spacing", draws)
+    share = draws.random()
     count = settings.count or max(2, round((width - 1.8) / target) + 1)
     least = max(_MIN_CANTILEVER, 0.5 * (width - _MAX_SPACING * (count - 1)))
     most = min(_MAX_CANTILEVER, 0.5 * (width - _MIN_SPACING * (count - 1)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from authoring.alignment import Alignment
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import FURNITURE, Part
 from authoring.sections import cut_corners
 from authoring.sweep import prism
@@ -50,21 +50,21 @@ class Parapets:
     chamfer: float
 
 
-def draw_parapets(settings: ParapetSettings, rng: np.random.Generator) -> Parapets:
+def draw_parapets(settings: ParapetSettings, draws: Draws) -> Parapets:
     """Draw the section of the parapets.
 
     Args:
         settings: What the user fixed.
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
     """
     return Parapets(
-        thickness=draw(settings, "thickness", rng),
-        height=draw(settings, "height", rng),
-        batter=draw(settings, "batter", rng),
-        coping_height=draw(settings, "coping_height", rng),
-        coping_overhang=draw(settings, "coping_overhang", rng),
-        joint_pitch=draw(settings, "joint_pitch", rng),
-        chamfer=draw(settings, "chamfer", rng),
+        thickness=draw(settings, "thickness", draws),
+        height=draw(settings, "height", draws),
+        batter=draw(settings, "batter", draws),
+        coping_height=draw(settings, "coping_height", draws),
+        coping_overhang=draw(settings, "coping_overhang", draws),
+        joint_pitch=draw(settings, "joint_pitch", draws),
+        chamfer=draw(settings, "chamfer", draws),
     )
 
 

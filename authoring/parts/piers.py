@@ -10,7 +10,7 @@ from pydantic import Field
 from authoring.alignment import Alignment
 from authoring.component import F64
 from authoring.parts.bearings import Bearings
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.sections import circle, cut_corners, rectangle
@@ -81,7 +81,7 @@ class Piers:
 
 
 def draw_piers(
-    settings: PierSettings, width: float, outer_line: float, bearings: Bearings, spans: Spans, rng: np.random.Generator
+    settings: PierSettings, width: float, outer_line: float, bearings: Bearings, spans: Spans, draws: Draws
 ) -> Piers:
     """Draw the piers under a deck.
 
@@ -91,17 +91,17 @@ def draw_piers(
         outer_line: From the axis to the outermost girder [m].
         bearings: What stands on the caps.
         spans: Stations of the bearings' rows.
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
     """
-    share, round_share = rng.random(), rng.random()
+    share, round_share = draws.random(), draws.random()
     least = 1 if width <= _WIDEST_HAMMERHEAD else max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
     columns = settings.columns or least + int(2.0 * share)
     shape = settings.column_shape or ("round" if round_share < 0.65 else "rectangular")
-    single = draw(settings, "hammerhead_diameter", rng)
-    several = draw(settings, "diameter", rng)
+    single = draw(settings, "hammerhead_diameter", draws)
+    several = draw(settings, "diameter", draws)
     diameter = single if columns == 1 else several
-    depth, taper = draw(settings, "cap_depth", rng), draw(settings, "taper", rng)
-    cap_length = 2.0 * (outer_line + 0.5 * bearings.plinth_width + draw(settings, "cap_margin", rng))
+    depth, taper = draw(settings, "cap_depth", draws), draw(settings, "taper", draws)
+    cap_length = 2.0 * (outer_line + 0.5 * bearings.plinth_width + draw(settings, "cap_margin", draws))
     if columns == 1:  # the cantilevers of a hammerhead want depth
         depth = round(max(depth, 0.28 * 0.5 * (cap_length - diameter)), 3)
     flat = shape == "rectangular"
@@ -119,10 +119,10 @@ def draw_piers(
         cap_depth=depth,
         cap_end_depth=round(depth * (1.0 - taper), 3),
         column_lines=tuple(round(pitch * (k - 0.5 * (columns - 1)), 3) for k in range(columns)),
-        chamfer=draw(settings, "chamfer", rng),
-        footing_margin=draw(settings, "footing_margin", rng),
-        footing_top=draw(settings, "footing_top", rng),
-        footing_depth=draw(settings, "footing_depth", rng),
+        chamfer=draw(settings, "chamfer", draws),
+        footing_margin=draw(settings, "footing_margin", draws),
+        footing_top=draw(settings, "footing_top", draws),
+        footing_depth=draw(settings, "footing_depth", draws),
     )
 
 

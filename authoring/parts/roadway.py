@@ -7,7 +7,7 @@ from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.component import F64
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.sections import cut_corners, rectangle
@@ -81,29 +81,29 @@ class Roadway:
         return self.kerb_face + self.kerb_width + self.footway_width
 
 
-def draw_roadway(settings: RoadwaySettings, rng: np.random.Generator) -> Roadway:
+def draw_roadway(settings: RoadwaySettings, draws: Draws) -> Roadway:
     """Draw the cross-section.
 
     Args:
         settings: What the user fixed.
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
     """
-    lanes = 1 + int(np.searchsorted(np.cumsum(_LANE_WEIGHTS)[:-1], rng.random(), side="right"))
-    chance = rng.random() < 0.5
+    lanes = 1 + int(np.searchsorted(np.cumsum(_LANE_WEIGHTS)[:-1], draws.random(), side="right"))
+    chance = draws.random() < 0.5
     footway = chance if settings.footway is None else settings.footway
-    footway_width, kerb, verge = (draw(settings, key, rng) for key in ("footway_width", "kerb_width", "verge_width"))
+    footway_width, kerb, verge = (draw(settings, key, draws) for key in ("footway_width", "kerb_width", "verge_width"))
     return Roadway(
         lanes=settings.lanes or lanes,
-        lane_width=draw(settings, "lane_width", rng),
-        shoulder=draw(settings, "shoulder", rng),
+        lane_width=draw(settings, "lane_width", draws),
+        shoulder=draw(settings, "shoulder", draws),
         kerb_width=kerb if footway else verge,
         footway_width=footway_width if footway else 0.0,
-        kerb_height=draw(settings, "kerb_height", rng),
-        surfacing=draw(settings, "surfacing", rng),
-        marking_width=draw(settings, "marking_width", rng),
-        dash=draw(settings, "dash", rng),
-        dash_gap=draw(settings, "dash_gap", rng),
-        joint_width=draw(settings, "joint_width", rng),
+        kerb_height=draw(settings, "kerb_height", draws),
+        surfacing=draw(settings, "surfacing", draws),
+        marking_width=draw(settings, "marking_width", draws),
+        dash=draw(settings, "dash", draws),
+        dash_gap=draw(settings, "dash_gap", draws),
+        joint_width=draw(settings, "joint_width", draws),
     )
 
 

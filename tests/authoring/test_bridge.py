@@ -3,6 +3,7 @@
 import re
 from dataclasses import asdict, fields
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -114,12 +115,12 @@ def expected_volumes(beam: DrawnBeam) -> dict[str, float]:
     height = beam.levels.seat
     return {
         "Girder_000_00": (stem + haunch + 0.02 * g.top_width) * (length - 0.024),
-        "Deck_000": (beam.width * beam.slab - 0.025**2) * length,
+        "Deck_000": (beam.top.width * beam.slab - 0.025**2) * length,
         "Pier_001_Cap": (p.cap_length * p.cap_depth - taper) * p.cap_width,
-        "Abutment_000_Backwall": (beam.width - 0.024) * (-height - beam.roadway.surfacing + 0.03)
+        "Abutment_000_Backwall": (beam.top.width - 0.024) * (-height - beam.top.roadway.surfacing + 0.03)
         * (1.23 - beam.spans.backwall),
-        "Surfacing_001": (2.0 * beam.roadway.kerb_face + 0.01) * (beam.roadway.surfacing + 0.005)
-        * (length - beam.roadway.joint_width + beam.spans.gap + 0.01),
+        "Surfacing_001": (2.0 * beam.top.roadway.kerb_face + 0.01) * (beam.top.roadway.surfacing + 0.005)
+        * (length - beam.top.roadway.joint_width + beam.spans.gap + 0.01),
         "Parapet_000_L": 0.0,
     } | {"Bearing_000_0_00": b.pad_width * b.pad_length * (b.pad_height + 0.004)}  # fmt: skip
 
@@ -286,8 +287,8 @@ def test_one_seed_is_one_bridge_and_sections_do_not_disturb_each_other() -> None
     assert asdict(first[1]) != asdict(third[1])
     fixed = asdict(make(5, parapet={"height": 1.3}, beam={"slab": 0.3})[1])
     before = asdict(first[1])
-    assert fixed["record"]["parapets"].pop("height") == 1.3
-    before["record"]["parapets"].pop("height")
+    assert fixed["record"]["top"]["parapets"].pop("height") == 1.3
+    before["record"]["top"]["parapets"].pop("height")
     assert fixed["record"].pop("slab") == 0.3
     before["record"].pop("slab")
     assert fixed == before
@@ -302,11 +303,11 @@ def drawn_fields(model: type[Settings]) -> list[str]:
 def test_every_drawn_value_lies_in_its_range_and_is_rounded(proof_count: Count) -> None:
     """Every value that is kept under its own name, over many seeds; and both halves of the range occur."""
     shared = {
-        "parapet": "parapets",
+        "parapet": "top.parapets",
         "bearing": "bearings",
         "abutment": "abutments",
         "pier": "piers",
-        "roadway": "roadway",
+        "roadway": "top.roadway",
     }
     derived = {("pier", "cap_depth"), ("pier", "diameter")}
     below: dict[tuple[str, str], set[bool]] = {}
@@ -314,7 +315,7 @@ def test_every_drawn_value_lies_in_its_range_and_is_rounded(proof_count: Count) 
         layout, drawn = draw_layout(BridgeSettings(), stream(seed, "bridge"))
         for section, attribute in shared.items():
             model = type(getattr(BridgeSettings(), section))
-            record: Any = getattr(drawn.record, attribute)
+            record: Any = attrgetter(attribute)(drawn.record)
             names = {field.name for field in fields(record)}
             for key in [key for key in drawn_fields(model) if key in names and (section, key) not in derived]:
                 value, (low, high) = getattr(record, key), drawn_range(model, key)
