@@ -104,7 +104,8 @@ def _write_bridge(
     names = [*asked, *islice(others, max(2 - len(asked), 0))]  # two in any case, so that a swap needs no authoring
     files = {name: write_look(settings, seed, name, bridge, folder) for name in names}
     spans = tuple(np.diff(layout.supports).tolist())
-    layer = bridge_layer(settings.bridge.family, spans, layout.width, asdict(drawn), files)
+    facts = {**asdict(drawn), "alignment": asdict(layout.alignment)}
+    layer = bridge_layer(drawn.family, spans, layout.width, facts, files)
     export(author_provenance(layer, "/Bridge", made_from(settings, seed, "bridge")), folder / "bridge.usda")
 
 

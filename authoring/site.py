@@ -1,7 +1,6 @@
 """The site: the strip of ground that bridge and surveys depend on, with its crossing, fills, roads and plants."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,25 +9,37 @@ from pydantic import Field
 from authoring.alignment import Layout
 from authoring.component import FIRST_SITE_ID, Component, Scatter
 from authoring.site_covers import covered, drape, strip_atlas
+from authoring.site_crossing import CrossingKind
 from authoring.site_extent import Box, keep_out, strip_corners, strip_edge
 from authoring.site_grid import HeightField
 from authoring.site_land import draw_land, strip_ground, strip_lines
 from authoring.site_roads import way_pieces
 from authoring.site_scatter import ScatterSettings, scatter_plants
 from authoring.site_shape import Land
+from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
 
 
+LONG = 200.0  # [m] of bridge from which the fine mesh grows coarser
+
+
 class SiteSettings(Settings):
     """What the site looks like."""
 
-    crossing: Literal["river", "road"] = Field(default="river", description="what the bridge leads over")
+    crossing: CrossingKind | None = Field(
+        default=None,
+        description="what the bridge leads over; drawn among what suits its longest span and height: river 35, "
+        "road 25, rail 20 (seats 6 m high), valley 30 (seats 8 m high), harbour 40 (spans of 60 m and more). Under "
+        "decks over 9 m the land rises towards the abutments",
+    )
     half_width: float = Field(default=80.0, ge=40.0, le=200.0, description="reach to either side of the axis [m]")
     run_out: float = Field(default=60.0, ge=30.0, le=200.0, description="reach beyond the abutments [m]")
     fine_reach: float = Field(default=15.0, ge=5.0, le=60.0, description="reach of the fine mesh round the bridge [m]")
-    fine_spacing: float = Field(default=0.7, ge=0.2, le=2.0, description="spacing of the ground mesh there [m]")
+    fine_spacing: float = Field(
+        default=0.7, ge=0.2, le=2.0, description="spacing of the ground mesh there, more under bridges over 200 m [m]"
+    )
     coarse_spacing: float = Field(default=2.6, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
     relief: float = Field(default=1.0, ge=0.0, le=1.5, description="scale of the natural relief, 1 = about 0.5 m [1]")
     scatter: ScatterSettings = Field(default_factory=ScatterSettings, description="stones, shrubs and tufts")
@@ -78,9 +89,11 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
         The site.
     """
     land = draw_land(settings.crossing, settings.relief, layout, settings.run_out, rng)
-    fine = (settings.fine_reach, settings.fine_spacing, settings.coarse_spacing)
+    length = layout.supports[-1] - layout.supports[0]
+    fine = (settings.fine_reach, settings.fine_spacing * max(length / LONG, 1.0), settings.coarse_spacing)
     stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)
     ground, soup = strip_ground(land, stations, lefts)
+    _refuse_hill(layout, ground)
     parts = [
         (cover.prim, cover.kind, cover.role, "Ground", drape(piece, layout.alignment, strip_atlas(piece, ground)))
         for cover, piece in covered(soup)
@@ -100,3 +113,19 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
         strip_edge(axis, ground),
         (keep_out(axis, ground),),
     )
+
+
+def _refuse_hill(layout: Layout, ground: HeightField) -> None:
+    """Refuse ground that reaches the road between the abutments."""
+    inside = (ground.stations > layout.supports[0] + 1.0) & (ground.stations < layout.supports[-1] - 1.0)
+    under = np.abs(ground.lefts) < layout.width / 2
+    axis, stations = layout.alignment, ground.stations[inside]
+    heights = ground.heights[np.ix_(inside, under)]
+    road = axis.height(stations)[:, None] + axis.crossfall(stations)[:, None] * ground.lefts[under]
+    over = float((heights - road).max(initial=-1.0))
+    if over > 0.0:
+        raise InputError(
+            f"the ground lies {over:.1f} m above the deck", field="bridge.clearance",
+            allowed="ground below the deck between the abutments",
+            mend=f"Raise bridge.clearance by {over + 1.0:.1f} m, or make site.relief smaller",
+        )  # fmt: skip

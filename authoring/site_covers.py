@@ -133,7 +133,7 @@ def drape(soup: Soup, alignment: Alignment, atlas: F64) -> Mesh:
         points=to_world(alignment, rows[:, :3]),
         face_counts=np.full(len(soup.faces), 3, np.int32),
         corners=corners.astype(np.int32),
-        normals=turn(alignment, _unit(rows[corners, 3:6])).astype(np.float32),
+        normals=turn(alignment, rows[corners, :3], _unit(rows[corners, 3:6])).astype(np.float32),
         st=rows[corners, :2].astype(np.float32),
         st1=atlas.astype(np.float32),
     )
@@ -169,11 +169,24 @@ def to_world(alignment: Alignment, points: F64) -> F64:
     return world
 
 
-def turn(alignment: Alignment, vectors: F64) -> F64:
-    """Turn directions from bridge coordinates to world axes, shape (N, 3), float64."""
-    cosine, sine = np.cos(alignment.heading), np.sin(alignment.heading)
-    x, y, z = vectors.T
-    return np.stack([x * cosine - y * sine, x * sine + y * cosine, z], axis=1)
+def turn(alignment: Alignment, points: F64, normals: F64) -> F64:
+    """Turn the normals of a surface from bridge coordinates to world axes.
+
+    Args:
+        alignment: Axis of the bridge.
+        points: Station, left and height of where they stand [m], shape (N, 3), float64.
+        normals: Unit normals in bridge coordinates, shape (N, 3), float64.
+
+    Returns:
+        Unit normals, shape (N, 3), float64.
+    """
+    x, y, z = normals.T
+    if alignment.square:
+        cosine, sine = np.cos(alignment.heading), np.sin(alignment.heading)
+        return np.stack([x * cosine - y * sine, x * sine + y * cosine, z], axis=1)
+    (ahead_x, ahead_y), (aside_x, aside_y) = (slope.T for slope in alignment.slopes(points[:, 0], points[:, 1]))
+    area = ahead_x * aside_y - ahead_y * aside_x
+    return _unit(np.stack([(x * aside_y - y * ahead_y) / area, (y * ahead_x - x * aside_x) / area, z], axis=1))
 
 
 def _unit(vectors: F64) -> F64:

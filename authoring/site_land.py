@@ -5,20 +5,17 @@ from numpy.typing import NDArray
 
 from authoring.alignment import Layout
 from authoring.site_covers import Soup, soup_of
+from authoring.site_crossing import CrossingKind, choose_crossing, draw_crossing
 from authoring.site_grid import HeightField, graded_lines, surface_normals
 from authoring.site_relief import draw_relief
-from authoring.site_shape import ABUTMENT_BACK, SHOULDER, WALL_STEP, Approach, Crossing, Land, Shape
-from groundwork.errors import InputError
+from authoring.site_shape import ABUTMENT_BACK, SHOULDER, WALL_STEP, Approach, Land, Shape
 
 F64 = NDArray[np.float64]
 RELIEF = ((95.0, 0.42), (31.0, 0.16), (9.0, 0.07), (3.1, 0.025))
 RAGGED = ((6.3, 0.55), (2.1, 0.35))
 PATCHES = ((23.0, 3.2), (6.0, 1.4))
-MIN_SPAN_SHARE, MAX_SPAN_SHARE = 0.52, 0.66  # of the longest span that water covers [1]
+FOOT = 0.55  # height of an approach road above the land where it has come down [m]
 FIRST_STEP = 3.0  # distance from the strip's border to the first grid line of a background [m]
-NARROWEST = 3.0  # narrowest crossing [m]
-ROOM = 4.0  # between a crossing road and the supports beside it, both together [m]
-LANE = 3.25  # width of a lane of the crossing road [m]
 
 
 def no_hills(station: F64, left: F64) -> F64:
@@ -26,11 +23,11 @@ def no_hills(station: F64, left: F64) -> F64:
     return np.zeros(np.broadcast(station, left).shape)
 
 
-def draw_land(kind: str, relief: float, layout: Layout, reach: float, rng: np.random.Generator) -> Land:
+def draw_land(kind: CrossingKind | None, relief: float, layout: Layout, reach: float, rng: np.random.Generator) -> Land:
     """Draw the land.
 
     Args:
-        kind: `river` or `road`.
+        kind: What the bridge leads over; None: what suits it.
         relief: Scale of the natural relief [1].
         layout: The bridge.
         reach: Length on which the approach roads continue the bridge's axis [m].
@@ -39,17 +36,20 @@ def draw_land(kind: str, relief: float, layout: Layout, reach: float, rng: np.ra
     Returns:
         The land.
     """
+    kinds, sides = rng.spawn(2)  # streams of their own: what is fixed changes nothing else
+    chosen = choose_crossing(layout, kinds)
     heights = draw_relief(tuple((length, height * relief) for length, height in RELIEF), rng)
     ragged, patches = draw_relief(RAGGED, rng), draw_relief(PATCHES, rng)
-    crossing = _draw_crossing(kind, layout, rng)
+    crossing, valley = draw_crossing(kind or chosen, layout, rng, sides)
     half_road = layout.carriageway / 2 if layout.carriageway > 0 else max(layout.width / 2 - 1.1, 1.5)
     bends = rng.uniform(18.0, 32.0, 2) * rng.choice((-1.0, 1.0), 2)
+    rims = (0.0, 0.0) if valley is None else valley.ends
     backs = (layout.supports[0] - ABUTMENT_BACK, layout.supports[-1] + ABUTMENT_BACK)
     first, last = (
-        Approach(back, sign, reach + 10.0, float(bend), 0.55, half_road)
-        for back, sign, bend in zip(backs, (-1, 1), bends, strict=True)
+        Approach(back, sign, reach + 10.0, float(bend), FOOT + rim, half_road, layout.alignment)
+        for back, sign, bend, rim in zip(backs, (-1, 1), bends, rims, strict=True)
     )
-    return Land(layout, crossing, (first, last), heights, ragged, patches)
+    return Land(layout, crossing, (first, last), heights, ragged, patches, valley)
 
 
 def strip_lines(land: Land, run_out: float, half_width: float, fine: tuple[float, float, float]) -> tuple[F64, F64]:
@@ -101,25 +101,3 @@ def strip_ground(land: Land, stations: F64, lefts: F64) -> tuple[HeightField, So
     covers = {name: values[1:-1, 1:-1] for name, values in shape.covers.items()}
     inner = normals[1:-1, 1:-1].reshape(-1, 3)
     return ground, soup_of(ground.nodes(), inner, ground.triangles(), Shape(ground.heights, covers))
-
-
-def _draw_crossing(kind: str, layout: Layout, rng: np.random.Generator) -> Crossing:
-    """Let the crossing pass under the middle of the longest span, nearly square to the axis."""
-    spans = np.diff(layout.supports)
-    longest = int(np.argmax(spans))
-    station, span = float(np.mean(layout.supports[longest : longest + 2])), float(spans[longest])
-    swing, wavelength = rng.uniform(24.0, 34.0), rng.uniform(130.0, 170.0)
-    phase = rng.uniform(0.3 * np.pi, 0.7 * np.pi) * rng.choice((-1.0, 1.0))
-    if kind == "river":
-        width = min(rng.uniform(MIN_SPAN_SHARE, MAX_SPAN_SHARE) * span, 60.0)
-        level, depth = -rng.uniform(1.4, 1.8), min(rng.uniform(0.9, 1.4), width / 6)
-    else:
-        width, level, depth = min(2 * LANE + 1.0, span - ROOM), 0.05, 0.0
-    if width < NARROWEST:
-        raise InputError(
-            "no room for it under the longest span", field="site.crossing", value=kind,
-            allowed=f"a {kind} under spans of {NARROWEST + ROOM:g} m and more", mend="Give the bridge a longer span",
-        )  # fmt: skip
-    return Crossing(
-        kind, station, float(swing), float(wavelength), float(phase), float(width / 2), float(level), float(depth)
-    )

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from authoring.component import Mesh
 from authoring.site_grid import HeightField
 from authoring.site_land import no_hills
+from authoring.site_rails import crossing_railway, railway_pieces
 from authoring.site_shape import BANK_SLOPE, Hills, Land, crossfall
 from authoring.site_ways import Line, carriageway, dashes, merged, ribbon
 
@@ -41,7 +42,7 @@ def way_pieces(land: Land, ground: HeightField) -> list[Piece]:
 
 
 def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lift | None = None) -> list[Piece]:
-    """Build a stretch of the river or road that the bridge crosses.
+    """Build a stretch of the river, road or railway that the bridge crosses.
 
     Args:
         land: The land.
@@ -62,8 +63,11 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lif
         rows = [np.column_stack([line.offset(side), level]) for side in (half, 0.0, -half)]
         return [(f"Water{suffix}", "water", "water", ribbon(axis, rows, line.length(), (half, 0.0, -half)))]
     crown = crossing.level + hills(line.station, lefts)
+    if crossing.kind == "rail":
+        return crossing_railway(land, line, crown, suffix)
     fall = np.full(len(lefts), 0.02 * crossing.half_width)
-    return _road(land, line, crown, fall, crossing.half_width, f"Road{suffix}", f"RoadMarking{suffix}", lift)
+    names = (f"Road{suffix}", f"RoadMarking{suffix}")
+    return _road(land, line, crown, fall, np.zeros(len(lefts)), crossing.half_width, *names, lift)
 
 
 def approach_pieces(
@@ -86,9 +90,12 @@ def approach_pieces(
     aside = approach.sign * approach.stretch(stations)
     line = Line(stations, approach.centre(stations), np.column_stack([np.zeros(len(stations)), aside]))
     crown = approach.level(land.layout, hills, stations)
+    if land.layout.track is not None:
+        return railway_pieces(land, number, line, crown, suffix, lift)
     fall = crossfall(approach.along(stations), np.full(len(stations), approach.half_width))
     names = (f"ApproachRoad_{number}{suffix}", f"ApproachMarking_{number}{suffix}")
-    return _road(land, line, crown, fall, approach.half_width, *names, lift)
+    tilt = land.layout.alignment.crossfall(stations) * approach.sign
+    return _road(land, line, crown, fall, tilt, approach.half_width, *names, lift)
 
 
 def spread(first: float, last: float, step: float) -> F64:
@@ -97,8 +104,9 @@ def spread(first: float, last: float, step: float) -> F64:
 
 
 def _road(
-    land: Land, line: Line, crown: F64, fall: F64, half: float, road: str, marking: str, lift: Lift | None
+    land: Land, line: Line, crown: F64, fall: F64, tilt: F64, half: float, road: str, marking: str, lift: Lift | None
 ) -> list[Piece]:
+    """Pave and mark a road; `tilt` is its rise to its own left over the fall from the crown [1], shape (N,)."""
     axis = land.layout.alignment
     if lift is not None:
         for share in (-1.0, -0.5, 0.0, 0.5, 1.0):
@@ -112,7 +120,7 @@ def _road(
     for number in range(lanes + 1):
         left = edge * (2 * number / lanes - 1)
         style = SOLID if number in (0, lanes) else DASHES
-        paint.append(dashes(axis, line, crown - fall * abs(left) / half, left, style))
-    surface = carriageway(axis, line, crown, fall, half)
+        paint.append(dashes(axis, line, crown - fall * abs(left) / half + tilt * left, left, style))
+    surface = carriageway(axis, line, crown, fall, tilt, half)
     strips = merged([strip for strip in paint if strip is not None])
     return [(road, "road", "asphalt", surface), (marking, "road", "road_marking", strips)]

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.alignment import Layout
+from authoring.alignment import Alignment, Layout
 from authoring.site_relief import Relief, smooth_minimum, smoothstep
+from authoring.site_valley import Valley
 
 F64 = NDArray[np.float64]
 Hills = Callable[[F64, F64], F64]
@@ -19,6 +20,8 @@ FILL_SLOPE = 1.75  # horizontal metres for each metre of height of a fill
 CUT_SLOPE = 1.5
 BANK_SLOPE = 2.0
 UNDERLAY = 0.07  # the ground lies this far below the road surface on it [m]
+RAIL_UNDERLAY = 0.75  # the ground lies this far below the top of the crossing railway's rails [m]
+_BANK_TOP = 1.2  # height to which a river's banks keep their slope [m]
 SHOULDER = 1.2  # level strip beside a carriageway [m]
 WALL_STEP = (0.05, 0.35)  # distances from a wall's face between which the ground drops, hidden in the wall [m]
 MAX_APPROACH_GRADE = 0.045
@@ -30,14 +33,15 @@ class Crossing:
     """What the bridge leads over: a winding line across the axis.
 
     Attributes:
-        kind: `river` or `road`.
+        kind: `river`, `road` or `rail`.
         station: Where it meets the axis [m].
         swing: Largest sideways swing of its centre line [m].
         wavelength: Length over which the swing turns by one radian [m].
         phase: Phase of the swing on the axis [rad].
-        half_width: Half the water surface, or half the carriageway [m].
-        level: Height of the water surface or of the carriageway's crown on the axis [m].
-        depth: Depth of the water; 0 for a road [m].
+        half_width: Half the water surface, the carriageway or the ballast [m].
+        level: Height of the water surface, of the carriageway's crown or of the rails' top on the axis [m].
+        depth: Depth of the water; 0 on land [m].
+        axis: Axis of the bridge, whose skew and bend make cuts along it longer; None for straight and square.
     """
 
     kind: str
@@ -48,6 +52,7 @@ class Crossing:
     half_width: float
     level: float
     depth: float
+    axis: Alignment | None = None
 
     def centre(self, left: F64) -> F64:
         """Find the station of its centre line at distances to the left of the axis [m], shape (N,), float64."""
@@ -60,7 +65,9 @@ class Crossing:
     def stretch(self, left: F64) -> F64:
         """Find how much longer than its width a cut through it along the axis is [1], same shape, float64."""
         slope = self.swing / self.wavelength * np.cos(left / self.wavelength + self.phase)
-        return np.sqrt(1.0 + slope * slope)
+        if self.axis is None or self.axis.square:
+            return np.sqrt(1.0 + slope * slope)
+        return _stretch(self.axis, self.centre(left), left, (slope, np.ones_like(left)))
 
 
 @dataclass(frozen=True)
@@ -74,6 +81,7 @@ class Approach:
         bend: Sideways swing beyond that, positive to the left [m].
         foot: Height of the road above the hills where it has come down [m].
         half_width: Half the asphalt surface [m].
+        axis: Axis of the bridge; None for straight and square.
     """
 
     back: float
@@ -82,6 +90,7 @@ class Approach:
     bend: float
     foot: float
     half_width: float
+    axis: Alignment | None = None
 
     def along(self, station: F64) -> F64:
         """Measure the distance behind the back face, negative towards the bridge [m], same shape, float64."""
@@ -96,7 +105,10 @@ class Approach:
         """Find how much longer than its width a cut through it square to the axis is [1], same shape, float64."""
         beyond = np.maximum(self.along(station) - self.straight, 0.0)
         slope = self.bend / BEND_LENGTH * np.sin(beyond / BEND_LENGTH)
-        return np.sqrt(1.0 + slope * slope)
+        if self.axis is None or self.axis.square:
+            return np.sqrt(1.0 + slope * slope)
+        slope = self.sign * slope
+        return _stretch(self.axis, station, self.centre(station), (np.ones_like(slope), slope))
 
     def level(self, layout: Layout, hills: Hills, station: F64) -> F64:
         """Find the height of the road's crown.
@@ -110,11 +122,19 @@ class Approach:
             World heights [m], the same shape, float64.
         """
         along = np.maximum(self.along(station), 0.0)
-        deck = layout.alignment.level + layout.alignment.grade * station
+        deck = layout.alignment.height(station)
         land = self.foot + hills(station, self.centre(station))
-        drop = abs(layout.alignment.level + layout.alignment.grade * self.back - self.foot)
+        drop = abs(float(layout.alignment.height(np.array(self.back))) - self.foot)
         share = smoothstep(0.0, max(1.5 * drop / MAX_APPROACH_GRADE, 60.0), along - 4.0)
         return deck + share * (land - deck)
+
+
+def _stretch(axis: Alignment, station: F64, left: F64, course: tuple[F64, F64]) -> F64:
+    """Find how much longer a cut along one coordinate is than square through a line, per metre of the other one."""
+    by_station, by_left = axis.slopes(station, left)
+    ahead = course[0][..., None] * by_station + course[1][..., None] * by_left
+    area = by_station[..., 0] * by_left[..., 1] - by_station[..., 1] * by_left[..., 0]
+    return np.hypot(ahead[..., 0], ahead[..., 1]) / area
 
 
 def verge_fall(across: F64, half_road: float) -> F64:
@@ -159,6 +179,7 @@ class Land:
         relief: Natural relief about height 0.
         ragged: Noise that makes natural borders irregular [m].
         patches: Positive where taller grass grows [m].
+        valley: Rise of the land towards the abutments of a high bridge, or None.
     """
 
     layout: Layout
@@ -167,6 +188,7 @@ class Land:
     relief: Relief
     ragged: Relief
     patches: Relief
+    valley: Valley | None = None
 
     def shape(self, station: F64, left: F64, hills: Hills) -> Shape:
         """Shape the ground.
@@ -181,6 +203,8 @@ class Land:
         """
         noise = self.ragged(station, left)
         natural = self.relief(station, left) + hills(station, left)
+        if self.valley is not None:
+            natural = natural + self.valley(station, self.crossing.centre(left) - self.crossing.station)
         carve = self._river if self.crossing.kind == "river" else self._cutting
         height, covers = carve(station, left, natural, hills, noise)
         covers["patch"] = np.clip(self.patches(station, left) - 0.6, -6.0, 6.0)
@@ -201,6 +225,8 @@ class Land:
         bed = crossing.level - crossing.depth
         foot = crossing.half_width - crossing.depth * BANK_SLOPE
         channel = bed + np.maximum(distance - foot, 0.0) / BANK_SLOPE + 0.12 * noise
+        if self.valley is not None:  # above its banks a river cuts no valley's side
+            channel = channel + np.maximum(channel - _BANK_TOP, 0.0) * BANK_SLOPE
         height = smooth_minimum(natural, channel, 0.6)
         shore = crossing.half_width + 0.55 + 0.6 * noise - distance
         bank = crossing.half_width + 1.9 + 1.1 * noise - distance
@@ -211,7 +237,8 @@ class Land:
         crossing = self.crossing
         distance = crossing.distance(station, left)
         formation = crossing.half_width + SHOULDER
-        level = crossing.level + hills(crossing.centre(left), left) - UNDERLAY
+        underlay = RAIL_UNDERLAY if crossing.kind == "rail" else UNDERLAY
+        level = crossing.level + hills(crossing.centre(left), left) - underlay
         level = level - 0.02 * np.minimum(distance, formation)
         outside = np.maximum(distance - formation, 0.0)
         height = np.clip(natural, level - outside / FILL_SLOPE, level + outside / CUT_SLOPE)
@@ -222,13 +249,15 @@ class Land:
     ) -> F64:
         """Fill up to the road behind the wing walls, and round their ends in a quarter cone."""
         along, across = approach.along(station), np.abs(left - approach.centre(station)) / approach.stretch(station)
-        crest = self.layout.width / 2
+        crest, axis = self.layout.width / 2, self.layout.alignment
+        beside = np.clip(left - approach.centre(station), -crest, crest)
         walled = _ramp(along + sum(WALL_STEP), WALL_STEP) * _ramp(crest - across, WALL_STEP)
         behind = approach.back + approach.sign * np.maximum(along, WING_WALL)
-        formation = approach.level(self.layout, hills, station) - UNDERLAY - crossfall(along, np.minimum(across, crest))
-        formation = formation - verge_fall(across, approach.half_width)
-        crown = approach.level(self.layout, hills, behind) - UNDERLAY - 0.02 * crest
-        crown = crown - verge_fall(np.full_like(across, crest), approach.half_width)
+        formation = approach.level(self.layout, hills, station) - self.layout.underlay
+        formation = formation - crossfall(along, np.minimum(across, crest))
+        formation = formation - verge_fall(across, approach.half_width) + beside * axis.crossfall(station)
+        crown = approach.level(self.layout, hills, behind) - self.layout.underlay - 0.02 * crest
+        crown = crown - verge_fall(np.full_like(across, crest), approach.half_width) + beside * axis.crossfall(behind)
         outside = np.maximum(across - crest, 0.0)
         reach = WING_WALL + ABUTMENT_BACK + ABUTMENT_FRONT
         rise = np.maximum(crown - natural, 0.1)

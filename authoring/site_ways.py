@@ -66,12 +66,12 @@ def ribbon(alignment: Alignment, rows: list[F64], along: F64, across: tuple[floa
         points=to_world(alignment, points),
         face_counts=np.full(len(quads), 4, np.int32),
         corners=quads.reshape(-1).astype(np.int32),
-        normals=turn(alignment, normals).astype(np.float32),
+        normals=turn(alignment, points[quads.reshape(-1)], normals).astype(np.float32),
         st=st[quads.reshape(-1)].astype(np.float32),
     )
 
 
-def carriageway(alignment: Alignment, line: Line, crown: F64, fall: F64, half_width: float) -> Mesh:
+def carriageway(alignment: Alignment, line: Line, crown: F64, fall: F64, tilt: F64, half_width: float) -> Mesh:
     """Build a road surface whose edges go down into the ground.
 
     Args:
@@ -79,6 +79,7 @@ def carriageway(alignment: Alignment, line: Line, crown: F64, fall: F64, half_wi
         line: Centre line.
         crown: World height on the centre line [m], shape (N,), float64.
         fall: Drop from the crown to the edge [m], shape (N,), float64.
+        tilt: Rise to the line's left over that [1], shape (N,), float64.
         half_width: Half the width of the surface [m].
 
     Returns:
@@ -86,7 +87,10 @@ def carriageway(alignment: Alignment, line: Line, crown: F64, fall: F64, half_wi
     """
     edge = crown - fall
     profile = ((half_width, -0.5), (half_width, 0.0), (0.0, None), (-half_width, 0.0), (-half_width, -0.5))
-    rows = [np.column_stack([line.offset(left), crown if drop is None else edge + drop]) for left, drop in profile]
+    rows = [
+        np.column_stack([line.offset(left), crown if drop is None else edge + drop + tilt * left])
+        for left, drop in profile
+    ]
     across = (half_width + 0.5, half_width, 0.0, -half_width, -half_width - 0.5)
     return ribbon(alignment, rows, line.length(), across)
 

@@ -175,6 +175,33 @@ def verify(output: File) -> int:
     return int(bool(wrong))
 
 
+def gallery(
+    subject: tyro.conf.Positional[Literal["families"]],
+    output: Output,
+    *,
+    count: int = 6,
+    seed: int = 1,
+    family: tuple[str, ...] = (),
+) -> int:
+    """Show random bridges of every family on contact sheets: photograph, classes, close-up.
+
+    Args:
+        subject: What to show.
+        output: Folder to write: one sheet for each family, and an index.
+        count: Bridges of each family.
+        seed: Seed of the first bridge; the others follow.
+        family: Only these families.
+    """
+    from falsework.gallery import write_gallery
+    from groundwork.files import fresh_output
+
+    del subject  # one choice so far
+    with ConsoleProgress() as progress:
+        fresh_output(output, "gallery", lambda folder: write_gallery(folder, count, seed, family, progress))
+    _say(f"gallery {output / 'index.md'}")
+    return 0
+
+
 def scene() -> int:
     """Look into a scene, choose its look, background and light, compare, copy, package: falsework scene --help."""
     return _scene(["--help"])  # with further words, `main` asks for the group's own verbs
@@ -199,6 +226,7 @@ VERBS = {
     "reconstruct": reconstruct,
     "report": report,
     "verify": verify,
+    "gallery": gallery,
     "scene": scene,
     "background": background,
     "survey": survey,

@@ -33,10 +33,12 @@ def draw_hamlet(terrain: Terrain, count: int, rng: np.random.Generator) -> tuple
     middle = np.array([(terrain.inner[0] + terrain.inner[1]) / 2, 0.0])
     free &= np.hypot(*(places[:, :2] - middle).T) < FARTHEST
     around = np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
-    for station, left, heading in places[free]:
+    world = to_world(terrain.land.layout.alignment, places)
+    built: list[F64] = []
+    for (station, left, heading), place in zip(places[free], world[free], strict=True):
         if len(houses) == count:
             break
-        if any(np.hypot(house.station - station, house.left - left) < 2 * RADIUS - 3.0 for house in houses):
+        if any(np.hypot(*(other - place)[:2]) < 2 * RADIUS - 3.0 for other in built):
             continue
         reach = RADIUS * np.array([[0.3], [0.6], [0.9]])
         spots = (station + reach * np.cos(around)).ravel(), (left + reach * np.sin(around)).ravel()
@@ -44,6 +46,7 @@ def draw_hamlet(terrain: Terrain, count: int, rng: np.random.Generator) -> tuple
         if np.ptp(rim) < STEEPEST:
             floor, foot = np.round([rim.mean() + 0.15, rim.min() - 0.4], 3).tolist()
             houses.append(draw_house((station, left), float(heading), (floor, foot), rng))
+            built.append(place)
     return tuple(houses)
 
 
@@ -64,11 +67,10 @@ def hamlet_components(
     axis = terrain.land.layout.alignment
     components = []
     for number, house in enumerate(houses):
+        frame = axis.frame_at(house.station, house.left)  # walls stay square where the axis bends
         for name, kind, role, mesh in house_pieces(house, rng):
-            placed = Mesh(
-                to_world(axis, mesh.points), mesh.face_counts, mesh.corners,
-                turn(axis, mesh.normals.astype(np.float64)).astype(np.float32), mesh.st,
-            )  # fmt: skip
+            normals = turn(frame, mesh.points[mesh.corners], mesh.normals.astype(np.float64)).astype(np.float32)
+            placed = Mesh(to_world(frame, mesh.points), mesh.face_counts, mesh.corners, normals, mesh.st)
             prim = f"Countryside_House_{number:02d}_{name}"
             components.append(Component(prim, kind, role, "Buildings", placed, first_id + len(components)))
     return components

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.alignment import Alignment
 from authoring.backgrounds.terrain import Terrain
 from authoring.site_covers import Cover
 
@@ -121,6 +122,25 @@ def crop_fields(terrain: Terrain, parcels: tuple[Parcel, ...]) -> tuple[tuple[Co
                 best = np.maximum(best, parcel.inside(station, left))
         covers.append((cover, np.minimum(best, free)))
     return tuple(covers)
+
+
+def clear_of(axis: Alignment, places: F64, taken: F64, gap: float) -> NDArray[np.bool_]:
+    """Tell which places keep clear of what stands already; distances count in the world, where the axis may bend.
+
+    Args:
+        axis: Axis of the bridge.
+        places: Stations and lefts [m], shape (N, 2), float64.
+        taken: Station, left and radius of what stands already [m], shape (K, 3), float64.
+        gap: Distance to keep beyond the radius [m].
+
+    Returns:
+        Whether they do, shape (N,), bool.
+    """
+    plan, stand = (axis.point(rows[:, 0], rows[:, 1], np.zeros(len(rows)))[:, :2] for rows in (places, taken))
+    free = np.ones(len(places), bool)
+    for (x, y), radius in zip(stand, taken[:, 2], strict=True):
+        free &= np.hypot(plan[:, 0] - x, plan[:, 1] - y) > radius + gap
+    return free
 
 
 def open_land(terrain: Terrain, station: F64, left: F64) -> F64:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.parcels import Parcel, open_land
+from authoring.backgrounds.parcels import Parcel, clear_of, open_land
 from authoring.backgrounds.solids import Frame, box
 from authoring.backgrounds.terrain import Terrain
 from authoring.component import Mesh, Scatter
@@ -36,7 +36,7 @@ def plant_poles(terrain: Terrain, first_id: int, rng: np.random.Generator) -> tu
         station = approach.back + approach.sign * along
         left = approach.centre(station) + side * (approach.half_width + 13.0)
         rows.append(np.column_stack([station, left, terrain.height(station, left)]))
-        turns.append(np.full(len(along), terrain.land.layout.alignment.heading))
+        turns.append(terrain.land.layout.alignment.heading_at(station))
     places, yaw = np.concatenate(rows), np.concatenate(turns)
     apart = terrain.land.crossing.distance(places[:, 0], places[:, 1]) > terrain.land.crossing.half_width + 6.0
     places, yaw = places[apart], yaw[apart]
@@ -71,8 +71,7 @@ def plant_hedges(
     places = np.concatenate([np.zeros((0, 2)), *rows])
     away = terrain.beyond(places[:, 0], places[:, 1])
     free = (open_land(terrain, places[:, 0], places[:, 1]) > 0.5) & (away < HEDGE_REACH)
-    for station, left, radius in taken:
-        free &= np.hypot(places[:, 0] - station, places[:, 1] - left) > radius + 2.0
+    free &= clear_of(terrain.land.layout.alignment, places, taken, 2.0)
     places = places[free][np.argsort(away[free], kind="stable")][:count]
     if len(places) == 0:
         return ()

@@ -151,9 +151,9 @@ def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generat
 
     def hills(station: F64, left: F64) -> F64:
         away = distance_beyond(inner, station, left)
-        stream = np.abs(station - land.crossing.centre(left))
-        low, high = (30.0, 220.0) if land.crossing.kind == "road" else (45.0, 260.0)
-        floor = 0.2 if land.crossing.kind == "road" else 0.0
+        stream = np.abs(station - land.crossing.centre(left)) - max(land.crossing.half_width - 30.0, 0.0)
+        low, high = (45.0, 260.0) if land.crossing.kind == "river" else (30.0, 220.0)
+        floor = 0.0 if land.crossing.kind == "river" else 0.2
         valley = floor + (1.0 - floor) * smoothstep(low, high, stream)
         for approach in land.approaches:
             aside = np.abs(left - approach.centre(station))

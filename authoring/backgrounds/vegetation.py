@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.parcels import Parcel, open_land
+from authoring.backgrounds.parcels import Parcel, clear_of, open_land
 from authoring.backgrounds.terrain import Terrain
 from authoring.component import Mesh, Scatter
 from authoring.site_covers import to_world
@@ -103,8 +103,7 @@ def plant_trees(
     """
     places = _places(terrain, parcels, count, rng)
     clear = open_land(terrain, places[:, 0], places[:, 1]) > 0.5
-    for station, left, radius in taken:
-        clear &= np.hypot(places[:, 0] - station, places[:, 1] - left) > radius + 3.5
+    clear &= clear_of(terrain.land.layout.alignment, places[:, :2], taken, 3.5)
     places = places[clear & (terrain.beyond(places[:, 0], places[:, 1]) < 950.0)]
     places = places[_spaced(places[:, :2], 4.0)][:count]
     height = terrain.height(places[:, 0], places[:, 1]) - SUNK

@@ -1,4 +1,4 @@
-"""The family `beam`: simply supported spans of a concrete slab on concrete I or T girders.
+"""The family `beam`: simply supported concrete girders under a slab that stops or runs through at the piers.
 
 Source: dimensions by the usual ratios of AASHTO and of standard precast girders, as listed in Shi, Kim, Narazaki and
 Khan, Bridge and Highway Structure Rehabilitation and Repair, table 1.2.
@@ -9,37 +9,45 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment, Layout
-from authoring.families.shared import SharedSettings
-from authoring.parts.abutments import Abutments, abutment_parts, approach_range, draw_abutments
+from authoring.alignment import Layout
+from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
-from authoring.parts.decks import deck_parts
-from authoring.parts.drawing import draw, draw_whole, drawn
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
+from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from authoring.parts.fittings import fitting_parts
 from authoring.parts.girders import Girders, GirderSettings, diaphragm_parts, draw_girders, girder_parts
-from authoring.parts.parapets import LEDGE, Parapets, draw_parapets, parapet_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
-from authoring.parts.roadway import Roadway, draw_roadway, kerb_parts, surfacing_parts
 from authoring.parts.spans import Levels, Spans
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 SHORTEST_SPAN, LONGEST_SPAN = 6.0, 60.0  # [m] that a user may ask for
-_DRAWN_SPANS = (12.0, 30.0)  # [m]
+_DRAWN_SPANS = (14.0, 36.0)  # [m] inner spans
+_PAPER_SPAN = 10.0  # [m] the Random Bridge Generator puts a pier every 10 m
 
 
 class BeamSettings(Settings):
     """A concrete beam bridge; what is left out is drawn."""
 
     spans: tuple[float, ...] = Field(
-        default=(18.0, 22.0),
-        max_length=8,
-        description="Bearing line to bearing line [m], 6 to 60 each; empty: drawn, 12 to 30",
+        default=(),
+        max_length=20,
+        description="Bearing line to bearing line [m], 6 to 60 each; empty: drawn, inner spans 14 to 36 and alike, end "
+        "spans by `end_share`; in profile paper 10 each",
     )
-    span_count: int | None = drawn(1, 4, "Number of spans where they are drawn [1]", le=8)
-    slab: float | None = drawn(0.20, 0.25, "Deck slab [m]", ge=0.15, le=0.40)
+    span_count: int | None = drawn(1, 4, "Number of spans where they are drawn [1]", le=20, paper=(4, 20))
+    end_share: float | None = drawn(0.75, 1.0, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
+    continuous: bool | None = Field(
+        default=None,
+        description="The slab runs through over the piers; drawn 35 : 65 for several spans, never in profile paper",
+    )
+    slab: float | None = drawn(0.20, 0.25, "Deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
     overhang: float | None = drawn(0.32, 0.40, "Girder beyond its bearing line [m]", ge=0.30, le=0.60)
     gap: float | None = drawn(0.03, 0.05, "Expansion gap [m]", ge=0.02, le=0.15)
+    edge: DeckEdgeSettings = DeckEdgeSettings()
     girder: GirderSettings = GirderSettings()
 
 
@@ -50,8 +58,8 @@ class DrawnBeam:
     Attributes:
         spans: Stations.
         slab: Thickness of the deck slab [m].
-        roadway: Cross-section of the road.
-        parapets: Section of the parapets.
+        top: What lies on the deck.
+        edge: Edges of the slab.
         girders: Section and lines of the girders.
         bearings: Pads and plinths.
         piers: Caps, columns, footings.
@@ -60,74 +68,65 @@ class DrawnBeam:
 
     spans: Spans
     slab: float
-    roadway: Roadway
-    parapets: Parapets
+    top: DeckTop
+    edge: DeckEdge
     girders: Girders
     bearings: Bearings
     piers: Piers
     abutments: Abutments
 
     @property
-    def width(self) -> float:
-        """Overall deck width [m]."""
-        return 2.0 * (self.roadway.half_width + self.parapets.thickness + LEDGE)
-
-    @property
     def levels(self) -> Levels:
         """Thicknesses from the finished surface down to the seats."""
         return Levels(
-            surfacing=self.roadway.surfacing,
+            surfacing=self.top.surfacing,
             slab=self.slab,
-            girder=self.girders.depth,
+            girder=self.girders.height,
             pad=self.bearings.pad_height,
             plinth=self.bearings.plinth_height,
         )
 
 
-def draw_beam(settings: BeamSettings, shared: SharedSettings, rng: np.random.Generator) -> tuple[Layout, DrawnBeam]:
+def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnBeam]:
     """Draw what the user did not fix.
 
     Args:
         settings: Settings of the family.
         shared: Settings of the parts that every family has.
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
 
     Returns:
         Layout for the site, and the record that `build_beam` builds from.
     """
-    roadway = draw_roadway(shared.roadway, rng)
-    parapets = draw_parapets(shared.parapet, rng)
-    bearings = draw_bearings(shared.bearing, rng)
-    abutments = draw_abutments(shared.abutment, bearings, rng)
-    spans = _draw_spans(settings, bearings, rng)
-    slab = draw(settings, "slab", rng)
-    width = 2.0 * (roadway.half_width + parapets.thickness + LEDGE)
+    top = draw_deck_top(shared, draws)
+    bearings = draw_bearings(shared.bearing, draws)
+    abutments = draw_abutments(shared.abutment, bearings, draws)
+    spans = _draw_spans(settings, bearings, draws)
+    slab = draw(settings, "slab", draws)
+    width = top.width
     longest = float(np.max(np.diff(spans.supports)))
-    girders = draw_girders(settings.girder, width, longest, rng)
-    if bearings.pad_width > girders.bottom_width:
+    girders = draw_girders(settings.girder, width, longest, draws)
+    if girders.depth > 0.0 and bearings.pad_width > girders.bottom_width:
         raise InputError(
-            "wider than the girders' soffit", field="bridge.bearing.pad_width", value=bearings.pad_width,
-            allowed=f"at most {girders.bottom_width:g} m", mend="Make the pad narrower or the girder wider",
+            "wider than the girders' soffit", field=f"bridge.bearing.{bearings.kind}_width", value=bearings.pad_width,
+            allowed=f"at most {girders.bottom_width:g} m", mend="Make it narrower or the girder wider",
         )  # fmt: skip
-    piers = draw_piers(shared.pier, width, girders.lines[-1], bearings, spans, rng)
-    beam = DrawnBeam(spans, slab, roadway, parapets, girders, bearings, piers, abutments)
-    clearance, grade = draw(shared, "clearance", rng), draw(shared, "grade", rng)
-    lowest = min(grade * station for station in spans.supports)
-    level = round(clearance - beam.levels.girder_soffit - lowest, 3)
-    alignment = Alignment(level, grade, float(np.radians(shared.heading)))
-    layout = Layout(
-        alignment, spans.supports, beam.width, -beam.levels.seat, "road",
-        carriageway=2.0 * roadway.kerb_face, edge_line=0.5 * roadway.lanes * roadway.lane_width,
-    )  # fmt: skip
+    edge = draw_deck_edge(settings.edge, draws)
+    kinds = ("single", "multi")
+    piers = draw_piers(shared.pier, width, girders.lines[-1], bearings, spans, draws, paper_kinds=kinds)
+    beam = DrawnBeam(spans, slab, top, edge, girders, bearings, piers, abutments)
+    layout = draw_layout_of(shared, top, spans.supports, beam.levels.girder_soffit, beam.levels.seat, draws)
     return layout, beam
 
 
-def _draw_spans(settings: BeamSettings, bearings: Bearings, rng: np.random.Generator) -> Spans:
-    count = draw_whole(settings, "span_count", rng)
-    overhang, gap = draw(settings, "overhang", rng), draw(settings, "gap", rng)
+def _draw_spans(settings: BeamSettings, bearings: Bearings, draws: Draws) -> Spans:
+    count = draw_whole(settings, "span_count", draws)
+    overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
     low, high = _DRAWN_SPANS
-    shares = rng.random(8)  # always eight, so that the number of spans changes nothing that follows
-    lengths = settings.spans or tuple(round(float(low + (high - low) * share), 1) for share in shares[:count])
+    inner = round(float(low * (high / low) ** draws.random()), 1)  # log-uniform
+    share, through = draw(settings, "end_share", draws), draws.random() < 0.35
+    paper = draws.profile == "paper"
+    lengths = settings.spans or _regular(count, _PAPER_SPAN if paper else inner, 1.0 if paper else share)
     for length in lengths:
         if not SHORTEST_SPAN <= length <= LONGEST_SPAN:
             raise InputError(
@@ -137,7 +136,16 @@ def _draw_spans(settings: BeamSettings, bearings: Bearings, rng: np.random.Gener
     # A plinth stays under its own span's girder end.
     overhang = max(overhang, round(0.5 * bearings.plinth_length + 0.02, 3))
     supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))
-    return Spans(supports, overhang, gap)
+    chosen = settings.continuous if settings.continuous is not None else through and not paper
+    return Spans(supports, overhang, gap, continuous=chosen and len(lengths) > 1)
+
+
+def _regular(count: int, inner: float, share: float) -> tuple[float, ...]:
+    """Lay out equal inner spans between two shorter end spans [m]; one or two spans are alike."""
+    if count < 3:
+        return (inner,) * count
+    end = round(inner * share, 1)
+    return (end, *[inner] * (count - 2), end)
 
 
 def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:
@@ -152,21 +160,14 @@ def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:
         Parts in their lasting order.
     """
     place, spans, levels = layout.alignment, beam.spans, beam.levels
-    runs = [(f"{span:03d}", spans.ends(span)) for span in range(spans.count)]
-    runs += [
-        (f"Approach_{number}", approach_range(beam.abutments, spans, support))
-        for number, support in enumerate((0, spans.count))
-    ]
-    parts = deck_parts(beam.width, spans, levels, place)
-    parts += girder_parts(beam.girders, spans, levels, place)
-    parts += diaphragm_parts(beam.girders, spans, levels, place)
-    parts += surfacing_parts(beam.roadway, spans, place)
-    for name, (low, high) in runs:
-        # A little shorter than the slab, each by its own amount: end faces in one plane would flicker.
-        parts += kerb_parts(beam.roadway, name, low + 0.008, high - 0.008, place)
-        foot, slab_top = beam.roadway.half_width, -levels.surfacing
-        parts += parapet_parts(beam.parapets, foot, slab_top, name, low + 0.004, high - 0.004, place)
-    parts += bearing_parts(beam.bearings, beam.girders.lines, spans, levels, place)
+    g = beam.girders
+    haunches = Haunches(g.lines, g.top_width, g.haunch)
+    parts = deck_parts(beam.top.width, spans, levels, place, edge=beam.edge, haunches=haunches)
+    parts += girder_parts(g, spans, levels, place)
+    parts += diaphragm_parts(g, spans, levels, place)
+    parts += deck_top_parts(beam.top, spans, deck_runs(spans, beam.abutments), place)
+    parts += bearing_parts(beam.bearings, g.lines, spans, levels, place)
     parts += pier_parts(beam.piers, spans, levels, place, ground)
-    parts += abutment_parts(beam.abutments, beam.width, spans, levels, place, ground)
+    parts += abutment_parts(beam.abutments, beam.top.width, spans, levels, place, ground)
+    parts += fitting_parts(beam.top.fittings, beam.top.roadway, beam.top.width, spans, levels.girder_soffit, place)
     return parts

@@ -6,7 +6,12 @@ from typing import Any
 
 from authoring.alignment import Layout
 from authoring.component import Component, Scatter
+from authoring.families.arch import ArchSettings, build_arch, draw_arch
 from authoring.families.beam import BeamSettings, build_beam, draw_beam
+from authoring.families.cable_stayed import CableStayedSettings, build_cable_stayed, draw_cable_stayed
+from authoring.families.girder import SteelGirderSettings, build_girder, draw_girder
+from authoring.families.slab import SlabSettings, build_slab, draw_slab
+from authoring.families.suspension import SuspensionSettings, build_suspension, draw_suspension
 from authoring.parts.part import Part, number_parts
 from authoring.parts.piers import Ground
 from groundwork.settings import Settings
@@ -18,7 +23,7 @@ class Family:
 
     Attributes:
         settings: Its own settings.
-        draw: (its settings, shared settings, random stream) to the layout and the family's record of what was drawn.
+        draw: (its settings, shared settings, draws) to the layout and the family's record of what was drawn.
         build: (layout, that record, ground) to parts.
     """
 
@@ -27,7 +32,14 @@ class Family:
     build: Callable[[Layout, Any, Ground], list[Part]]
 
 
-FAMILIES: dict[str, Family] = {"beam": Family(BeamSettings, draw_beam, build_beam)}
+FAMILIES: dict[str, Family] = {
+    "arch": Family(ArchSettings, draw_arch, build_arch),
+    "beam": Family(BeamSettings, draw_beam, build_beam),
+    "cable_stayed": Family(CableStayedSettings, draw_cable_stayed, build_cable_stayed),
+    "girder": Family(SteelGirderSettings, draw_girder, build_girder),
+    "slab": Family(SlabSettings, draw_slab, build_slab),
+    "suspension": Family(SuspensionSettings, draw_suspension, build_suspension),
+}
 
 
 @dataclass(frozen=True)

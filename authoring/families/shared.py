@@ -1,26 +1,89 @@
 """What all families of bridges have in common: the settings of the road, its edges and its supports."""
 
+from dataclasses import replace
+
+import numpy as np
 from pydantic import Field
 
+from authoring.alignment import Alignment, Layout
+from authoring.families.alignments import STEEPEST, AlignmentSettings, draw_alignment
 from authoring.parts.abutments import AbutmentSettings
 from authoring.parts.bearings import BearingSettings
-from authoring.parts.drawing import drawn
-from authoring.parts.parapets import ParapetSettings
+from authoring.parts.deck_top import DeckTop, DeckTopSettings
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.piers import PierSettings
-from authoring.parts.roadway import RoadwaySettings
-from groundwork.settings import Settings
 
 
-class SharedSettings(Settings):
+class SharedSettings(DeckTopSettings):
     """Parts of a bridge that do not depend on its family; what is left out is drawn."""
 
     clearance: float | None = drawn(5.0, 7.0, "Least height of the girders' soffit above z = 0 [m]", ge=3.0, le=30.0)
-    grade: float | None = drawn(-0.015, 0.015, "Rise of the road per metre [1]", ge=-0.05, le=0.05)
-    heading: float = Field(
-        default=0.0, ge=-180.0, le=180.0, description="Direction of the axis, counter-clockwise from +x [deg]"
+    grade: float | None = drawn(
+        -0.025,
+        0.025,
+        "Rise of the road per metre, mean over the bridge; rail to 0.025 [1]",
+        ge=-0.05,
+        le=0.05,
+        paper=(0.0, 0.0),
     )
-    roadway: RoadwaySettings = RoadwaySettings()
-    parapet: ParapetSettings = ParapetSettings()
+    heading: float = Field(
+        default=0.0,
+        ge=-180.0,
+        le=180.0,
+        description="Direction of the axis or its chord, counter-clockwise from +x [deg]",
+    )
+    alignment: AlignmentSettings = AlignmentSettings()
     bearing: BearingSettings = BearingSettings()
     pier: PierSettings = PierSettings()
     abutment: AbutmentSettings = AbutmentSettings()
+
+
+def draw_layout_of(
+    shared: SharedSettings,
+    top: DeckTop,
+    supports: tuple[float, ...],
+    lowest_soffit: float,
+    seat: float,
+    draws: Draws,
+    *,
+    straight: bool = False,
+) -> Layout:
+    """Draw the axis of a bridge and gather what the site has to know.
+
+    Args:
+        shared: What the user fixed.
+        top: What lies on the deck.
+        supports: Stations of the bearing lines, abutments first and last [m].
+        lowest_soffit: Lowest underside of the superstructure above the finished deck surface, negative [m].
+        seat: Top of the abutments' seats above the finished deck surface, negative [m].
+        draws: Random stream and profile of the bridge.
+        straight: The family wants a straight axis, square supports and no crest.
+    """
+    clearance, grade = draw(shared, "clearance", draws), draw(shared, "grade", draws)
+    if shared.grade is None and shared.alignment.crest_radius is not None:  # the ends must not become too steep
+        room = max(STEEPEST[top.service] - 0.5 * supports[-1] / shared.alignment.crest_radius, 0.0)
+        grade = float(np.trunc(1e6 * np.clip(grade, -room, room)) / 1e6)
+    axis = draw_alignment(shared.alignment, supports, 0.5 * top.width, top.service, grade, straight, draws)
+    if shared.alignment.skew is None and not top.takes_skew:
+        axis = replace(axis, skew=0.0)
+    level = round(clearance - lowest_soffit - _lowest(axis, supports, 0.5 * top.width), 3)
+    alignment = replace(axis, level=level, heading=float(np.radians(shared.heading)))
+    return Layout(
+        alignment,
+        supports,
+        top.width,
+        -seat,
+        top.service,
+        carriageway=top.carriageway,
+        edge_line=top.edge_line,
+        underlay=top.underlay,
+        track=None if top.tracks is None else top.tracks.section,
+    )
+
+
+def _lowest(axis: Alignment, supports: tuple[float, ...], half_width: float) -> float:
+    """Find the lowest point of the road's surface over the bridge [m]."""
+    stations = np.array(supports)
+    if axis.crest is not None or axis.falls:
+        stations = np.unique([*supports, *np.linspace(supports[0], supports[-1], 201)])
+    return float(np.min(axis.height(stations) - half_width * np.abs(axis.crossfall(stations))))

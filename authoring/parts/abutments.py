@@ -1,22 +1,26 @@
 """Seat abutments: a wall with a bearing seat, the backwall behind the girders, and wing walls along the approach."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.component import F64
 from authoring.parts.bearings import Bearings
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
-from authoring.sections import cut_corners, rectangle
+from authoring.parts.wedges import wedge
+from authoring.sections import area, cut_corners, rectangle
 from authoring.sweep import prism
 from groundwork.settings import Settings
 
 _SIDE_STEP = 0.012  # [m] backwall behind the wall's side faces
-_LAP = 0.03  # [m] backwall between the wing walls, and into the wall
+_LAP = 0.02  # [m] backwall between the wing walls, and into the wall
+_LOWER = 0.003  # [m] backwall below the wing walls, so that their tops do not lie in one plane
+_LEAST_WALL = 1.0  # [m] between seat and footing
 
 
 class AbutmentSettings(Settings):
@@ -26,7 +30,16 @@ class AbutmentSettings(Settings):
     wing_length: float | None = drawn(6.0, 7.0, "Wing walls behind the wall [m]", le=12.0)
     wing_thickness: float | None = drawn(0.45, 0.60, "Thickness of the wing walls [m]", ge=0.45, le=1.2)
     founding: float | None = drawn(0.5, 1.0, "Walls below the lowest ground at them [m]", ge=0.3, le=3.0)
-    chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05)
+    chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
+    footing: bool | None = Field(
+        default=None, description="The wall's footing shows in front of it; drawn 50 : 50, never in profile paper"
+    )
+    footing_toe: float | None = drawn(0.4, 0.9, "Footing in front of the wall [m]", ge=0.1, le=2.0)
+    footing_top: float | None = drawn(0.15, 0.40, "Footing above the highest ground before it [m]", ge=0.0, le=1.0)
+    battered: bool | None = Field(
+        default=None, description="The wall's front leans; drawn 30 : 70, never in profile paper"
+    )
+    batter: float | None = drawn(0.02, 0.08, "Lean of a battered front [1]", ge=0.0, le=0.2)
 
 
 @dataclass(frozen=True)
@@ -39,6 +52,9 @@ class Abutments:
         wing_thickness: Thickness of the wing walls [m].
         founding: Walls below the lowest ground at them [m].
         chamfer: Leg of chamfers [m].
+        footing_toe: Footing in front of the wall [m]; 0 where none shows.
+        footing_top: Footing above the highest ground before it [m].
+        batter: Lean of the wall's front [1].
     """
 
     front: float
@@ -46,23 +62,29 @@ class Abutments:
     wing_thickness: float
     founding: float
     chamfer: float
+    footing_toe: float = 0.0
+    footing_top: float = 0.0
+    batter: float = 0.0
 
 
-def draw_abutments(settings: AbutmentSettings, bearings: Bearings, rng: np.random.Generator) -> Abutments:
+def draw_abutments(settings: AbutmentSettings, bearings: Bearings, draws: Draws) -> Abutments:
     """Draw the abutments.
 
     Args:
         settings: What the user fixed.
         bearings: What stands on the seats.
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
     """
-    return Abutments(
-        front=round(0.5 * bearings.plinth_length + draw(settings, "seat_margin", rng), 3),
-        wing_length=draw(settings, "wing_length", rng),
-        wing_thickness=draw(settings, "wing_thickness", rng),
-        founding=draw(settings, "founding", rng),
-        chamfer=draw(settings, "chamfer", rng),
-    )
+    front = round(0.5 * bearings.plinth_length + draw(settings, "seat_margin", draws), 3)
+    length, thickness = draw(settings, "wing_length", draws), draw(settings, "wing_thickness", draws)
+    founding, chamfer = draw(settings, "founding", draws), draw(settings, "chamfer", draws)
+    plain = draws.profile == "paper"
+    shows, leans = draws.random() < 0.5 and not plain, draws.random() < 0.3 and not plain
+    toe, top, batter = (draw(settings, key, draws) for key in ("footing_toe", "footing_top", "batter"))
+    shows = shows if settings.footing is None else settings.footing
+    leans = leans if settings.battered is None else settings.battered
+    toe, top = (toe, top) if shows else (0.0, 0.0)
+    return Abutments(front, length, thickness, founding, chamfer, toe, top, batter if leans else 0.0)
 
 
 def approach_range(abutments: Abutments, spans: Spans, support: int) -> tuple[float, float]:
@@ -96,43 +118,91 @@ def abutment_parts(
     for support, back in ((0, -1.0), (spans.count, 1.0)):
         station = spans.supports[support]
         level = level_at(place, station)
+        stand = _Stand(support, station, back, float(place.grade_at(np.array([station]))[0]))
         parts += [
-            _wall_part(abutments, width, support, station, back, levels, level, ground),
-            _backwall_part(width, support, station, back, spans, levels, level),
+            *_wall_parts(abutments, width, stand, levels, level, ground),
+            _backwall_part(width, stand, spans, levels, level, place),
             *_wing_parts(abutments, width, support, station, back, levels, place, ground),
         ]
     return parts
 
 
-def _wall_part(
-    abutments: Abutments, width: float, support: int, station: float, back: float, levels: Levels, level: Alignment,
-    ground: Ground,
-) -> Part:  # fmt: skip
-    ends = sorted((station - back * abutments.front, station + back * ABUTMENT_BACK))
-    bottom = _lowest(ground, level, (ends[0], ends[1]), (-0.5 * width, 0.5 * width)) - abutments.founding
-    bottom = min(bottom, levels.seat - 1.5)
-    outline = rectangle((ends[0], bottom), (ends[1], levels.seat))
-    outline = cut_corners(outline, abutments.chamfer)
-    surface = prism(outline, -0.5 * width, 0.5 * width, "left", level, abutments.chamfer)
-    size: dict[str, object] = {
-        "length": width, "thickness": ends[1] - ends[0], "height": levels.seat - bottom, "support": support,
+@dataclass(frozen=True)
+class _Stand:
+    """Where one abutment stands: its support, that support's station [m], which way is back, and the grade [1]."""
+
+    support: int
+    station: float
+    back: float
+    grade: float
+
+    def outline(self, corners: list[tuple[float, float]]) -> F64:
+        """Place an outline given by distances behind the bearing line: (station, above) [m], shape (P, 2), float64."""
+        points = np.array(corners) * (self.back, 1.0) + (self.station, 0.0)
+        return points if area(points) > 0.0 else points[::-1]
+
+
+def _wall_parts(
+    abutments: Abutments, width: float, stand: _Stand, levels: Levels, level: Alignment, ground: Ground
+) -> list[Part]:
+    a, half = abutments, 0.5 * width
+    drop = levels.seat - _LEAST_WALL
+    ends = sorted((stand.station - stand.back * (a.front + a.footing_toe), stand.station + stand.back * ABUTMENT_BACK))
+    before = sorted((stand.station - stand.back * (a.front + a.footing_toe), stand.station - stand.back * a.front))
+    lowest = _lowest(ground, level, (ends[0], ends[1]), (-half, half)) - a.founding
+    bottom, foot = min(lowest, levels.seat - 1.5), 0.0
+    parts = []
+    size: dict[str, object]
+    if a.footing_toe:
+        foot = min(_highest(ground, level, (before[0], before[1]), (-half, half)) + a.footing_top, drop)
+        toe = a.front + a.footing_toe + a.batter * (levels.seat - foot)
+        reach = half + 0.5 * a.footing_toe
+        corners = [
+            (-toe, lowest),
+            (ABUTMENT_BACK - _SIDE_STEP, lowest),
+            (ABUTMENT_BACK - _SIDE_STEP, foot),
+            (-toe, foot),
+        ]
+        surface = prism(cut_corners(stand.outline(corners), a.chamfer), -reach, reach, "left", level, a.chamfer)
+        size = {
+            "length": 2.0 * reach, "thickness": toe + ABUTMENT_BACK - _SIDE_STEP, "height": foot - lowest,
+            "support": stand.support,
+        }  # fmt: skip
+        name = f"Abutment_{stand.support:03d}_Footing"
+        parts.append(Part(name, "abutment_footing", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size))
+        bottom = foot - _LAP
+    lean = a.batter * (levels.seat - bottom)
+    corners = [
+        (-a.front - lean, bottom),
+        (ABUTMENT_BACK, bottom),
+        (ABUTMENT_BACK, levels.seat),
+        (-a.front, levels.seat),
+    ]
+    surface = prism(cut_corners(stand.outline(corners), a.chamfer), -half, half, "left", level, a.chamfer)
+    size = {
+        "length": width, "thickness": a.front + lean + ABUTMENT_BACK, "height": levels.seat - bottom,
+        "batter": a.batter, "support": stand.support,
     }  # fmt: skip
-    name = f"Abutment_{support:03d}_Wall"
-    return Part(name, "abutment_wall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size)
+    name = f"Abutment_{stand.support:03d}_Wall"
+    return [Part(name, "abutment_wall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size), *parts]
 
 
 def _backwall_part(
-    width: float, support: int, station: float, back: float, spans: Spans, levels: Levels, level: Alignment
+    width: float, stand: _Stand, spans: Spans, levels: Levels, level: Alignment, place: Alignment
 ) -> Part:
-    ends = sorted((station + back * spans.backwall, station + back * (ABUTMENT_BACK + _LAP)))
-    outline = rectangle((ends[0], levels.seat - _LAP), (ends[1], -levels.surfacing))
-    half = 0.5 * width - _SIDE_STEP
-    surface = prism(outline, -half, half, "left", level)
+    near, far, top = spans.backwall, ABUTMENT_BACK + _LAP, -levels.surfacing - _LOWER
+    low, half = levels.seat - _LAP, 0.5 * width - _SIDE_STEP
+    at = np.array([stand.station, stand.station + stand.back * far])
+    # Level on the wall, its top goes with the road: up its grade, and round where the crossfall changes.
+    twist = float(np.diff(place.crossfall(at))[0]) / (stand.back * far)
+    frame = wedge(level, (stand.station, 0.0), (low, top), high=(stand.grade, 0.0), twist=twist)
+    outline = replace(stand, station=0.0).outline([(near, low), (far, low), (far, top), (near, top)])
+    surface = prism(outline, -half, half, "left", frame)
     size: dict[str, object] = {
-        "length": 2.0 * half, "thickness": ends[1] - ends[0], "height": -levels.surfacing - levels.seat,
-        "support": support,
+        "length": 2.0 * half, "thickness": far - near, "height": top - levels.seat, "support": stand.support,
     }  # fmt: skip
-    return Part(f"Abutment_{support:03d}_Backwall", "backwall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size)
+    name = f"Abutment_{stand.support:03d}_Backwall"
+    return Part(name, "backwall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size)
 
 
 def _wing_parts(
@@ -157,12 +227,21 @@ def _wing_parts(
     return parts
 
 
-def _lowest(
-    ground: Ground, place: Alignment, stations: tuple[float, float], left: tuple[float, float], beside: float = 0.3
-) -> float:
+def _lowest(ground: Ground, place: Alignment, stations: tuple[float, float], left: tuple[float, float]) -> float:
     """Find the lowest ground under a rectangle and close beside it, above the finished deck surface [m]."""
+    return float(np.min(_heights(ground, place, stations, left)))
+
+
+def _highest(ground: Ground, place: Alignment, stations: tuple[float, float], left: tuple[float, float]) -> float:
+    """Find the highest ground under a rectangle and close beside it, above the finished deck surface [m]."""
+    return float(np.max(_heights(ground, place, stations, left, beside=0.0)))
+
+
+def _heights(
+    ground: Ground, place: Alignment, stations: tuple[float, float], left: tuple[float, float], beside: float = 0.3
+) -> F64:
     s, across = np.meshgrid(
         np.linspace(stations[0] - beside, stations[1] + beside, 25), np.linspace(left[0] - beside, left[1] + beside, 25)
     )
-    axis: F64 = place.point(s.ravel(), across.ravel(), np.zeros(s.size))
-    return float(np.min(ground(axis[:, :2]) - axis[:, 2]))
+    axis = place.point(s.ravel(), across.ravel(), np.zeros(s.size))
+    return ground(axis[:, :2]) - axis[:, 2]

@@ -1,5 +1,6 @@
 """Parameters that a user may fix and that are drawn otherwise: their ranges stand in the settings themselves."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,41 @@ from pydantic import Field
 from groundwork.settings import Settings
 
 
-def drawn(low: float, high: float, description: str, *, ge: float | None = None, le: float | None = None) -> Any:
+@dataclass(frozen=True)
+class Draws:
+    """Where the open parameters of a bridge come from.
+
+    Attributes:
+        rng: Random stream of the bridge.
+        profile: `default`: ranges of engineering practice; `paper`: what is known of the paper's generator.
+    """
+
+    rng: np.random.Generator
+    profile: str = "default"
+
+    def random(self) -> float:
+        """Draw a number from 0 up to 1."""
+        return float(self.rng.random())
+
+    def choose(self, weights: dict[str, float]) -> str:
+        """Draw one name.
+
+        Args:
+            weights: How often each name is drawn, any scale; their order counts.
+        """
+        edges = np.cumsum(list(weights.values()))
+        return list(weights)[int(np.searchsorted(edges[:-1], self.random() * edges[-1], side="right"))]
+
+
+def drawn(
+    low: float,
+    high: float,
+    description: str,
+    *,
+    ge: float | None = None,
+    le: float | None = None,
+    paper: tuple[float, float] | None = None,
+) -> Any:
     """Declare an optional setting that is drawn from a range when the user leaves it out.
 
     Args:
@@ -17,20 +52,22 @@ def drawn(low: float, high: float, description: str, *, ge: float | None = None,
         description: What it is, with its unit in brackets.
         ge: Least value that a user may fix; default `low`.
         le: Largest value that a user may fix; default `high`.
+        paper: Range that the profile `paper` draws from; default: the same.
 
     Returns:
         The pydantic field, default None.
     """
+    told = f"; in profile paper from {paper[0]:g} to {paper[1]:g}" if paper else ""
     return Field(
         None,
-        ge=low if ge is None else ge,
-        le=high if le is None else le,
-        description=f"{description}; drawn from {low:g} to {high:g}",
-        json_schema_extra={"drawn": [low, high]},
+        ge=min((low, *(paper or ()))) if ge is None else ge,
+        le=max((high, *(paper or ()))) if le is None else le,
+        description=f"{description}; drawn from {low:g} to {high:g}{told}",
+        json_schema_extra={"drawn": [low, high], "paper": list(paper or (low, high))},
     )
 
 
-def draw(settings: Settings, key: str, rng: np.random.Generator) -> float:
+def draw(settings: Settings, key: str, draws: Draws) -> float:
     """Take the value that the user fixed, or draw one: likeliest in the middle of the range, rounded to 1/1000.
 
     The generator advances by the same amount either way, so that fixing one value changes no other. The triangular
@@ -39,36 +76,37 @@ def draw(settings: Settings, key: str, rng: np.random.Generator) -> float:
     Args:
         settings: Model whose field `key` was declared with `drawn`.
         key: Name of the field.
-        rng: Random stream.
+        draws: Random stream and profile.
     """
-    share = 0.5 * (rng.random() + rng.random())
-    low, high = drawn_range(type(settings), key)
+    share = 0.5 * (draws.random() + draws.random())
+    low, high = drawn_range(type(settings), key, draws.profile)
     fixed = getattr(settings, key)
     return float(fixed) if fixed is not None else round(low + share * (high - low), 3)
 
 
-def draw_whole(settings: Settings, key: str, rng: np.random.Generator) -> int:
+def draw_whole(settings: Settings, key: str, draws: Draws) -> int:
     """Take the whole number that the user fixed, or draw one; every number of the range is equally likely.
 
     Args:
         settings: Model whose field `key` was declared with `drawn`.
         key: Name of the field.
-        rng: Random stream.
+        draws: Random stream and profile.
     """
-    low, high = drawn_range(type(settings), key)
-    value = int(rng.integers(int(low), int(high) + 1))
+    low, high = drawn_range(type(settings), key, draws.profile)
+    value = int(draws.rng.integers(int(low), int(high) + 1))
     fixed = getattr(settings, key)
     return int(fixed) if fixed is not None else value
 
 
-def drawn_range(model: type[Settings], key: str) -> tuple[float, float]:
+def drawn_range(model: type[Settings], key: str, profile: str = "default") -> tuple[float, float]:
     """Read the range that a field is drawn from.
 
     Args:
         model: Settings class.
         key: Name of a field declared with `drawn`.
+        profile: `default` or `paper`.
     """
     extra = model.model_fields[key].json_schema_extra
     assert isinstance(extra, dict)
-    low, high = extra["drawn"]  # pyright: ignore[reportGeneralTypeIssues, reportAssignmentType, reportOptionalIterable]
+    low, high = extra["paper" if profile == "paper" else "drawn"]  # pyright: ignore
     return float(low), float(high)  # pyright: ignore[reportArgumentType]

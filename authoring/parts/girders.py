@@ -1,83 +1,93 @@
-"""Concrete girders of I and T section, and the diaphragms between them at the supports."""
+"""Concrete girders: which section suits a deck, where the lines lie, the girders and the diaphragms between them."""
 
-from dataclasses import dataclass
+from dataclasses import replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
 from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.girder_sections import EMBEDDED as EMBEDDED
+from authoring.parts.girder_sections import Girders as Girders
+from authoring.parts.girder_sections import diaphragm_heights, diaphragm_outline, girder_outline, u_top_width
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
-from authoring.sections import cut_corners, mirrored
 from authoring.sweep import Surface, prism, sweep
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
-EMBEDDED = 0.010  # [m] how far girders reach into the slab, and diaphragms into both
+Shape = Literal["i", "bulb_t", "t", "u", "box", "rectangle"]
+
 _SHORTER = 0.012  # [m] than the slab at either end, so that their end faces do not lie in one plane
-_MIN_SPACING, _MAX_SPACING = 1.8, 3.0  # [m]
-_MIN_CANTILEVER, _MAX_CANTILEVER = 0.6, 1.2  # [m]
+_WIDE_SHAPES = ("u", "box")
+_CLOSE = (1.8, 3.0, 0.6, 1.2)  # [m] least and largest spacing, least and largest overhang
+_WIDE = (3.0, 5.0, 0.9, 1.8)  # [m] the same for U and box girders
+_NARROW_DECK = 7.5  # [m] where two U or box girders have no room
+_BESIDE_TOP = 0.30  # [m] of slab beside a girder's top, at the edges
+_BETWEEN_TOPS = 0.45  # [m] of slab between two girders' tops
+_SHAPES = {"i": 30.0, "bulb_t": 20.0, "t": 18.0, "u": 12.0, "box": 10.0, "rectangle": 10.0}
+_SHORT_SPAN = 24.0  # [m] up to which beams are cast in place as T or rectangle
+_ONE_INNER, _TWO_INNER = 20.0, 30.0  # [m] spans over which one and two inner diaphragms stand
+_PAPER_LINES = 5
 
 
 class GirderSettings(Settings):
     """Concrete girders; what is left out is drawn."""
 
-    shape: Literal["i", "t"] | None = Field(
-        default=None, description="Section: precast I girder or T stem; drawn 60 : 40"
+    shape: Shape | None = Field(
+        default=None,
+        description="Section; drawn i 30, bulb_t 20, t 18, u 12, box 10, rectangle 10; t and rectangle for spans up to "
+        "24 m, u and box for decks from 7.5 m on; in profile paper i 50, rectangle 50. A box has no void: nothing sees "
+        "it",
     )
     slenderness: float | None = drawn(16.0, 22.0, "Longest span over girder depth [1]", ge=10.0, le=30.0)
     count: int | None = Field(
-        default=None, ge=2, le=20, description="Girder lines; drawn so that they lie 1.8 to 3.0 m apart"
+        default=None,
+        ge=2,
+        le=20,
+        description="Girder lines; drawn so that they lie 1.8 to 3.0 m apart, U and box girders 3.0 to 5.0 m; in "
+        "profile paper 5, a fifth of the deck's width apart",
     )
     spacing: float | None = drawn(2.0, 2.8, "Target distance between girder lines [m]", ge=1.8, le=3.0)
+    wide_spacing: float | None = drawn(3.2, 4.6, "Target distance between U or box girders [m]", ge=3.0, le=5.0)
     top_width: float | None = drawn(0.45, 0.70, "Width of an I girder's top flange [m]", le=1.2)
-    bottom_width: float | None = drawn(0.52, 0.66, "Width of an I girder's bottom flange [m]", le=1.0)
-    web: float | None = drawn(0.16, 0.20, "Thickness of an I girder's web [m]", ge=0.12, le=0.35)
-    stem: float | None = drawn(0.50, 0.60, "Width of a T stem at its soffit [m]", le=1.0)
-    chamfer: float | None = drawn(0.015, 0.030, "Leg of chamfers on girder edges [m]", ge=0.0, le=0.05)
-    diaphragm: float | None = drawn(0.25, 0.35, "Thickness of the diaphragms at the supports [m]", ge=0.15, le=0.6)
+    bulb_width: float | None = drawn(1.05, 1.30, "Width of a bulb-T's top flange [m]", ge=0.9, le=1.6)
+    bottom_width: float | None = drawn(0.52, 0.66, "Width of an I or bulb-T's bottom flange [m]", le=1.0)
+    web: float | None = drawn(0.16, 0.20, "Thickness of a web of an I, bulb-T or U [m]", ge=0.12, le=0.35)
+    stem: float | None = drawn(0.50, 0.60, "Width of a T stem or rectangle at its soffit [m]", le=1.0)
+    wide_bottom: float | None = drawn(1.0, 1.3, "Width of a U or box girder at its soffit [m]", ge=0.8, le=1.8)
+    chamfer: float | None = drawn(
+        0.015, 0.030, "Leg of chamfers on girder edges [m]", ge=0.0, le=0.05, paper=(0.0, 0.0)
+    )
+    diaphragm: float | None = drawn(
+        0.25, 0.35, "Thickness of the diaphragms [m]; 0 for none; one row at each support, one at the middle of spans "
+        "over 20 m, two at the thirds over 30 m", ge=0.0, le=0.6, paper=(0.0, 0.0),
+    )  # fmt: skip
+    haunch: float | None = drawn(0.03, 0.08, "Concrete between girder and slab [m]", ge=0.0, le=0.15, paper=(0.0, 0.0))
+    end_blocks: bool | None = Field(
+        default=None,
+        description="The web of an I or bulb-T thickens at its ends; drawn 80 : 20, never in profile paper",
+    )
+    depth: float | None = Field(
+        default=None, ge=0.3, le=4.0, description="Depth without slab and haunch [m]; in profile paper 0.6"
+    )
+    omitted: bool | None = Field(
+        default=None,
+        description="No girders under the slab; never drawn, but half of the time in profile paper: half of the Random "
+        "Bridge Generator's beam bridges have girders of zero size, which are no solids",
+    )
 
 
-@dataclass(frozen=True)
-class Girders:
-    """All girders of a bridge have one section.
-
-    Attributes:
-        shape: `i` or `t`.
-        depth: Below the slab [m].
-        lines: Distance of every girder line to the left of the axis [m], rising.
-        top_width: Width at the slab [m].
-        bottom_width: Width at the soffit [m].
-        web: Thickness of an I girder's web [m]; of a T stem, its soffit.
-        top_thickness: Edge of the top flange, or height of a T's haunch [m].
-        bottom_thickness: Edge of the bottom flange [m]; 0 for a T.
-        chamfer: Leg of chamfers [m].
-        diaphragm: Thickness of diaphragms [m].
-    """
-
-    shape: str
-    depth: float
-    lines: tuple[float, ...]
-    top_width: float
-    bottom_width: float
-    web: float
-    top_thickness: float
-    bottom_thickness: float
-    chamfer: float
-    diaphragm: float
-
-
-def draw_girders(settings: GirderSettings, width: float, longest_span: float, rng: np.random.Generator) -> Girders:
+def draw_girders(settings: GirderSettings, width: float, longest_span: float, draws: Draws) -> Girders:
     """Draw the girders for a deck.
 
     Args:
         settings: What the user fixed.
         width: Deck width [m].
         longest_span: Longest span [m].
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
 
     Returns:
         Section and lines.
@@ -85,78 +95,86 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, rn
     Raises:
         InputError: The fixed number of lines cannot carry this width.
     """
-    choice = "i" if rng.random() < 0.6 else "t"
-    shape = settings.shape or choice
-    depth = round(longest_span / draw(settings, "slenderness", rng), 2)
-    lines = _draw_lines(settings, width, rng)
-    top, bottom = draw(settings, "top_width", rng), draw(settings, "bottom_width", rng)
-    web, stem = draw(settings, "web", rng), draw(settings, "stem", rng)
-    chamfer, diaphragm = draw(settings, "chamfer", rng), draw(settings, "diaphragm", rng)
-    if shape == "t":
-        return Girders("t", depth, lines, stem + 0.24, stem, stem, 0.10, 0.0, chamfer, diaphragm)
+    paper = draws.profile == "paper"
+    shape = settings.shape or draws.choose(shape_weights(longest_span, width, paper=paper))
+    depth = round(longest_span / draw(settings, "slenderness", draws), 2)
+    depth = settings.depth or (0.6 if paper else depth)
+    wide = shape in _WIDE_SHAPES
+    top, bottom, bulb = (draw(settings, key, draws) for key in ("top_width", "bottom_width", "bulb_width"))
+    web, stem, soffit = (draw(settings, key, draws) for key in ("web", "stem", "wide_bottom"))
+    chamfer, diaphragm = draw(settings, "chamfer", draws), draw(settings, "diaphragm", draws)
+    haunch, empty = draw(settings, "haunch", draws), draws.random() < 0.5
+    blocks = draws.random() < 0.8 and not paper if settings.end_blocks is None else settings.end_blocks
+    omitted = settings.omitted if settings.omitted is not None else empty and paper
     top_thickness = round(float(np.clip(0.11 * depth, 0.07, 0.15)), 3)
     bottom_thickness = round(float(np.clip(0.15 * depth, 0.09, 0.22)), 3)
-    return Girders("i", depth, lines, top, bottom, web, top_thickness, bottom_thickness, chamfer, diaphragm)
+    ends = chamfer, diaphragm, haunch, blocks
+    lines = ()
+    match shape:
+        case "i":
+            girders = Girders("i", depth, lines, top, bottom, web, top_thickness, bottom_thickness, *ends)
+        case "bulb_t":
+            girders = Girders("bulb_t", depth, lines, bulb, bottom, web, 0.08, bottom_thickness, *ends)
+        case "u":
+            broad = round(u_top_width(soffit, depth, 0.15), 3)
+            girders = Girders("u", depth, lines, broad, soffit, web, 0.15, 0.20, *ends)
+        case "t":
+            girders = Girders("t", depth, lines, stem + 0.24, stem, stem, 0.10, 0.0, *ends)
+        case _:
+            side = soffit if wide else stem
+            girders = Girders(shape, depth, lines, side, side, side, 0.0, 0.0, *ends)
+    girders = replace(girders, lines=_draw_lines(settings, girders, width, draws))
+    return replace(girders, depth=0.0, haunch=0.0) if omitted else girders
 
 
-def _draw_lines(settings: GirderSettings, width: float, rng: np.random.Generator) -> tuple[float, ...]:
-    target = draw(settings, "spacing", rng)
-    share = rng.random()
-    count = settings.count or max(2, round((width - 1.8) / target) + 1)
-    least = max(_MIN_CANTILEVER, 0.5 * (width - _MAX_SPACING * (count - 1)))
-    most = min(_MAX_CANTILEVER, 0.5 * (width - _MIN_SPACING * (count - 1)))
+def shape_weights(longest_span: float, width: float, *, paper: bool = False) -> dict[str, float]:
+    """List the sections that suit a span, with their weights.
+
+    Args:
+        longest_span: Longest span [m].
+        width: Deck width [m].
+        paper: Profile `paper`.
+    """
+    if paper:
+        return {"i": 50.0, "rectangle": 50.0}
+    excluded = (() if longest_span <= _SHORT_SPAN else ("t", "rectangle")) + (
+        () if width >= _NARROW_DECK else _WIDE_SHAPES
+    )
+    return {name: weight for name, weight in _SHAPES.items() if name not in excluded}
+
+
+def _draw_lines(settings: GirderSettings, girders: Girders, width: float, draws: Draws) -> tuple[float, ...]:
+    close, far = draw(settings, "spacing", draws), draw(settings, "wide_spacing", draws)
+    share, wide = draws.random(), girders.shape in _WIDE_SHAPES
+    if draws.profile == "paper" and settings.count is None:
+        pitch = width / _PAPER_LINES
+        return tuple(round(pitch * (k - 0.5 * (_PAPER_LINES - 1)), 3) for k in range(_PAPER_LINES))
+    low, high, shortest, longest = _WIDE if wide else _CLOSE
+    low = max(low, girders.top_width + _BETWEEN_TOPS)
+    shortest = max(shortest, 0.5 * girders.top_width + _BESIDE_TOP)
+    longest = max(longest, shortest + 0.6)
+    fewest = max(2, int(np.ceil((width - 2.0 * longest) / high)) + 1)
+    most_lines = int(np.floor((width - 2.0 * shortest) / low)) + 1
+    wanted = round((width - shortest - longest) / (far if wide else close)) + 1
+    count = settings.count or min(max(wanted, fewest), max(most_lines, fewest))
+    least = max(shortest, 0.5 * (width - high * (count - 1)))
+    most = min(longest, 0.5 * (width - low * (count - 1)))
     if least > most:
-        if settings.count is None:
-            least = most = 0.5 * (width - target * (count - 1))
-        else:
-            raise InputError(
-                f"{count} girder lines cannot carry a deck {width:.2f} m wide", field="bridge.beam.girder.count",
-                allowed=f"{_MIN_SPACING} to {_MAX_SPACING} m apart, overhang {_MIN_CANTILEVER} to {_MAX_CANTILEVER} m",
-                mend="Leave it out, or change the lanes",
-            )  # fmt: skip
+        key = "shape" if settings.count is None else "count"
+        here = f"{fewest} to {most_lines} lines" if most_lines >= fewest else "no number of lines fits: another shape"
+        raise InputError(
+            f"{count} lines of {girders.shape} girders cannot carry a deck {width:.2f} m wide",
+            field=f"bridge.beam.girder.{key}", value=getattr(settings, key), mend="Leave it out, or change the lanes",
+            allowed=f"{low:.2f} to {high} m apart, overhang {shortest:.2f} to {longest:.2f} m; here {here}",
+        )  # fmt: skip
     cantilever = least + share * (most - least)
     return tuple(
         round(float(line), 3) for line in np.linspace(-0.5 * width + cantilever, 0.5 * width - cantilever, count)
     )
 
 
-def girder_outline(girders: Girders, thickening: float = 0.0) -> F64:
-    """Draw the section of a girder, around its line and above its soffit.
-
-    Args:
-        girders: Section.
-        thickening: How much of an I girder's web has become an end block, 0 to 1.
-
-    Returns:
-        Outline [m], shape (P, 2), float64; the same P for every thickening.
-    """
-    g = girders
-    if g.shape == "t":
-        stem_top = 0.5 * g.bottom_width + 0.02
-        right = [
-            (0.5 * g.bottom_width, 0.0),
-            (stem_top, g.depth - g.top_thickness),
-            (0.5 * g.top_width, g.depth - 0.01),
-            (0.5 * g.top_width, g.depth + EMBEDDED),
-        ]
-        legs = [g.chamfer, 0.0, 0.0, 0.0]
-    else:
-        block = 0.5 * min(g.top_width, g.bottom_width) - 0.03
-        web = 0.5 * g.web + thickening * (block - 0.5 * g.web)
-        right = [
-            (0.5 * g.bottom_width, 0.0),
-            (0.5 * g.bottom_width, g.bottom_thickness),
-            (web, g.bottom_thickness + 0.12 * g.depth),
-            (web, g.depth - g.top_thickness - 0.07 * g.depth),
-            (0.5 * g.top_width, g.depth - g.top_thickness),
-            (0.5 * g.top_width, g.depth + EMBEDDED),
-        ]
-        legs = [g.chamfer, 0.5 * g.chamfer, 0.0, 0.0, 0.5 * g.chamfer, 0.0]
-    return cut_corners(mirrored(right), np.array(legs + legs[::-1]))
-
-
 def girder_surface(girders: Girders, line: float, low: float, high: float, levels: Levels, place: Alignment) -> Surface:
-    """Sweep one girder; an I girder's ends are blocks that taper into the web.
+    """Sweep one girder; the ends of an I or bulb-T are blocks that taper into the web.
 
     Args:
         girders: Section.
@@ -167,7 +185,7 @@ def girder_surface(girders: Girders, line: float, low: float, high: float, level
         place: Axis of the bridge.
     """
     shift = np.array([line, levels.girder_soffit])
-    if girders.shape == "t":
+    if girders.shape not in ("i", "bulb_t") or not girders.end_blocks:
         return prism(girder_outline(girders) + shift, low, high, "station", place)
     block, taper = girders.depth, 0.6 * girders.depth
     stations = np.array([low, low + block, low + block + taper, high - block - taper, high - block, high])
@@ -185,7 +203,7 @@ def girder_parts(girders: Girders, spans: Spans, levels: Levels, place: Alignmen
         place: Axis of the bridge.
     """
     parts = []
-    for span in range(spans.count):
+    for span in range(spans.count if girders.depth > 0.0 else 0):
         low, high = spans.ends(span)
         low, high = low + _SHORTER, high - _SHORTER
         for number, line in enumerate(girders.lines):
@@ -199,39 +217,24 @@ def girder_parts(girders: Girders, spans: Spans, levels: Levels, place: Alignmen
     return parts
 
 
-def diaphragm_outline(girders: Girders, left_line: float, right_line: float) -> F64:
-    """Draw a diaphragm between two neighbouring girders: its sides follow theirs, a little inside them.
+def diaphragm_stations(spans: Spans, span: int) -> list[tuple[float, float]]:
+    """List the rows of diaphragms of one span: over both rows of bearings, then those between.
 
     Args:
-        girders: Section of both girders.
-        left_line: The line with the smaller distance to the left of the axis [m].
-        right_line: The other line [m].
+        spans: Stations.
+        span: Number of the span.
 
     Returns:
-        Outline, heights above the girders' soffit [m], shape (P, 2), float64.
+        Station of each row [m], and the thickening of the girders' webs there, 1 at the supports and 0 between.
     """
-    outline = girder_outline(girders, 1.0)
-    half = outline[: len(outline) // 2]
-    low, high = diaphragm_heights(girders)
-    heights = np.concatenate([[low], half[(half[:, 1] > low) & (half[:, 1] < high), 1], [high]])
-    side = np.interp(heights, half[:, 1], half[:, 0]) - EMBEDDED
-    rising = np.stack([right_line - side, heights], axis=1)
-    falling = np.stack([left_line + side, heights], axis=1)[::-1]
-    return np.concatenate([rising, falling])
-
-
-def diaphragm_heights(girders: Girders) -> tuple[float, float]:
-    """Find a diaphragm's bottom and top above the girders' soffit [m].
-
-    Args:
-        girders: Section.
-    """
-    bottom = girders.bottom_thickness + 0.12 * girders.depth if girders.shape == "i" else 0.25 * girders.depth
-    return bottom, girders.depth + EMBEDDED
+    low, high = spans.bearing_lines(span)
+    inner = int(high - low > _ONE_INNER) + int(high - low > _TWO_INNER)
+    between = [(low + (high - low) * (k + 1) / (inner + 1), 0.0) for k in range(inner)]
+    return [(low, 1.0), (high, 1.0), *between]
 
 
 def diaphragm_parts(girders: Girders, spans: Spans, levels: Levels, place: Alignment) -> list[Part]:
-    """Build the diaphragms over both rows of bearings of every span, one for each bay.
+    """Build the diaphragms of every span, one for each row and bay.
 
     Args:
         girders: Section and lines.
@@ -239,17 +242,20 @@ def diaphragm_parts(girders: Girders, spans: Spans, levels: Levels, place: Align
         levels: Levels of the deck.
         place: Axis of the bridge.
     """
-    parts = []
+    parts: list[Part] = []
+    if girders.diaphragm == 0.0 or girders.depth == 0.0:
+        return parts
     low, high = diaphragm_heights(girders)
+    half, shift = 0.5 * girders.diaphragm, np.array([0.0, levels.girder_soffit])
     for span in range(spans.count):
-        for end, station in enumerate(spans.bearing_lines(span)):
-            for bay, (first, second) in enumerate(zip(girders.lines[:-1], girders.lines[1:], strict=True)):
-                outline = diaphragm_outline(girders, first, second) + np.array([0.0, levels.girder_soffit])
-                half = 0.5 * girders.diaphragm
+        for row, (station, thickening) in enumerate(diaphragm_stations(spans, span)):
+            for bay, (first, second) in enumerate(pairwise(girders.lines)):
+                outline = diaphragm_outline(girders, first, second, thickening * girders.end_blocks) + shift
                 surface = prism(outline, station - half, station + half, "station", place)
                 parameters: dict[str, object] = {
-                    "thickness": girders.diaphragm, "depth": high - low, "length": second - first, "span": span,
+                    "thickness": girders.diaphragm, "depth": high - low, "length": float(np.ptp(outline[:, 0])),
+                    "span": span,
                 }  # fmt: skip
-                name = f"Diaphragm_{span:03d}_{end}_{bay:02d}"
+                name = f"Diaphragm_{span:03d}_{row}_{bay:02d}"
                 parts.append(Part(name, "diaphragm", "Role_GirderConcrete", SUPERSTRUCTURE, surface, parameters))
     return parts

@@ -1,30 +1,54 @@
-"""Concrete parapets with a coping along both edges of a deck."""
+"""What closes a deck's edges: concrete parapets, New Jersey barriers, steel railings, low walls with a rail on top."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from authoring.alignment import Alignment
-from authoring.parts.drawing import draw, drawn
+from authoring.component import F64
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import FURNITURE, Part
-from authoring.sections import cut_corners
+from authoring.parts.railings import Railings, RailingSettings, draw_railings, railing_parts
+from authoring.sections import cut_corners, rectangle
 from authoring.sweep import prism
-from groundwork.settings import Settings
 
 LEDGE = 0.03  # [m] of slab that shows outside a parapet
 EMBEDDED = 0.010  # [m] parapet into slab, coping onto parapet
+_ROAD_WEIGHTS = {"wall": 0.40, "barrier": 0.15, "railing": 0.30, "wall_rail": 0.15}
+_RAIL_WEIGHTS = {"wall": 0.20, "barrier": 0.0, "railing": 0.65, "wall_rail": 0.15}
+_SAFETY_SHAPE = ((0.0, 0.075), (0.178, 0.330), (0.228, 0.810))  # [m] of a New Jersey barrier: behind the toe, above it
+
+Shape = Literal["wall", "barrier", "railing", "wall_rail"]
 
 
-class ParapetSettings(Settings):
-    """Solid concrete parapets; what is left out is drawn."""
+class ParapetSettings(RailingSettings):
+    """Parapets and railings along both edges; what is left out is drawn."""
 
-    thickness: float | None = drawn(0.25, 0.40, "Thickness at the foot [m]", ge=0.20, le=0.60)
-    height: float | None = drawn(0.85, 1.10, "Top of the coping above the asphalt [m]", ge=0.60, le=1.50)
-    batter: float | None = drawn(0.0, 0.08, "How much thinner the parapet is below its coping [m]", ge=0.0, le=0.15)
-    coping_height: float | None = drawn(0.10, 0.16, "Height of the coping [m]", ge=0.05, le=0.30)
-    coping_overhang: float | None = drawn(0.03, 0.06, "Coping over the parapet's faces [m]", ge=0.02, le=0.10)
+    shape: Shape | None = Field(
+        default=None,
+        description=(
+            "Solid wall with a coping, New Jersey barrier, steel railing on a plinth, or low wall with a rail on top; "
+            "drawn 40 : 15 : 30 : 15 on roads, 20 : 0 : 65 : 15 on railways, in profile paper always a wall"
+        ),
+    )
+    thickness: float | None = drawn(0.25, 0.40, "Thickness at the foot [m]", ge=0.20, le=0.60, paper=(0.2, 0.2))
+    height: float | None = drawn(
+        0.85, 1.10, "Top of a wall's coping above the way beside it [m]", ge=0.60, le=1.50, paper=(1.0, 1.0)
+    )
+    batter: float | None = drawn(
+        0.0, 0.08, "How much thinner a wall is below its coping [m]", ge=0.0, le=0.15, paper=(0.0, 0.0)
+    )
+    coping_height: float | None = drawn(
+        0.10, 0.16, "Height of the coping, 0 for none [m]", ge=0.0, le=0.30, paper=(0.0, 0.0)
+    )
+    coping_overhang: float | None = drawn(0.03, 0.06, "Coping over the wall's faces [m]", ge=0.02, le=0.10)
     joint_pitch: float | None = drawn(3.0, 6.0, "Distance between false joints [m]", ge=1.0, le=30.0)
-    chamfer: float | None = drawn(0.015, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05)
+    chamfer: float | None = drawn(0.015, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
+    railing_height: float | None = drawn(1.00, 1.20, "Top of a railing above the way beside it [m]", ge=0.80, le=1.60)
+    plinth: float | None = drawn(0.08, 0.20, "Plinth of a railing above the way beside it [m]", ge=0.03, le=0.40)
+    low_wall: float | None = drawn(0.50, 0.65, "Wall below a rail, above the way beside it [m]", ge=0.30, le=0.80)
 
 
 @dataclass(frozen=True)
@@ -32,15 +56,19 @@ class Parapets:
     """Section of both parapets.
 
     Attributes:
+        shape: `wall`, `barrier`, `railing` or `wall_rail`.
         thickness: At the foot [m].
-        height: Top of the coping above the asphalt [m].
-        batter: How much thinner the parapet is below its coping [m].
-        coping_height: Height of the coping [m].
+        height: Top of the whole above the way beside it [m].
+        batter: How much thinner a wall is below its coping [m].
+        coping_height: Height of the coping [m]; 0 for none.
         coping_overhang: Coping over the parapet's faces [m].
         joint_pitch: Largest distance between false joints [m].
         chamfer: Leg of chamfers [m].
+        concrete: Top of the concrete above the way beside it [m].
+        railings: What stands on the concrete, where `shape` is `railing` or `wall_rail`.
     """
 
+    shape: str
     thickness: float
     height: float
     batter: float
@@ -48,30 +76,47 @@ class Parapets:
     coping_overhang: float
     joint_pitch: float
     chamfer: float
+    concrete: float
+    railings: Railings
 
 
-def draw_parapets(settings: ParapetSettings, rng: np.random.Generator) -> Parapets:
+def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Parapets:
     """Draw the section of the parapets.
 
     Args:
         settings: What the user fixed.
-        rng: Random stream of the bridge.
+        service: `road` or `rail`.
+        draws: Random stream and profile of the bridge.
     """
+    chance = draws.choose(_ROAD_WEIGHTS if service == "road" else _RAIL_WEIGHTS)
+    shape = settings.shape or ("wall" if draws.profile == "paper" else chance)
+    own = [key for key in ParapetSettings.model_fields if key not in ("shape", *RailingSettings.model_fields)]
+    value = {key: draw(settings, key, draws) for key in own}
+    railings = draw_railings(settings, draws)
+    height = {"wall": value["height"], "barrier": _SAFETY_SHAPE[-1][1]}.get(shape, value["railing_height"])
+    concrete = {"railing": value["plinth"], "wall_rail": value["low_wall"]}.get(shape, height)
+    foot = value["thickness"]
+    if shape == "barrier":
+        foot = round(max(foot, _SAFETY_SHAPE[-1][0] + 0.15), 3)
     return Parapets(
-        thickness=draw(settings, "thickness", rng),
-        height=draw(settings, "height", rng),
-        batter=draw(settings, "batter", rng),
-        coping_height=draw(settings, "coping_height", rng),
-        coping_overhang=draw(settings, "coping_overhang", rng),
-        joint_pitch=draw(settings, "joint_pitch", rng),
-        chamfer=draw(settings, "chamfer", rng),
+        shape=shape,
+        thickness=foot,
+        height=height,
+        batter=value["batter"],
+        coping_height=value["coping_height"],
+        coping_overhang=value["coping_overhang"],
+        joint_pitch=value["joint_pitch"],
+        chamfer=value["chamfer"],
+        concrete=concrete,
+        railings=railings,
     )
 
 
 def parapet_parts(
-    parapets: Parapets, foot: float, slab_top: float, name: str, low: float, high: float, place: Alignment
-) -> list[Part]:
-    """Build parapet and coping of both sides over one run.
+    parapets: Parapets, foot: float, slab_top: float, name: str, low: float, high: float, place: Alignment,
+    way: float = 0.0,
+) -> list[Part]:  # fmt: skip
+    """Build the parapets of both sides over one run.
 
     Args:
         parapets: Section.
@@ -81,25 +126,56 @@ def parapet_parts(
         low: Station where they begin [m].
         high: Station where they end [m].
         place: Axis of the bridge.
+        way: Height of the road or walkway beside the parapets, from which their heights count [m].
     """
     p = parapets
-    under, outer = p.height - p.coping_height, foot + p.thickness
-    wall = np.array(
-        [(foot, slab_top - EMBEDDED), (outer, slab_top - EMBEDDED), (outer, under + EMBEDDED),
-         (foot + p.batter, under + EMBEDDED)]
-    )  # fmt: skip
-    crown = np.array(
-        [(foot + p.batter - p.coping_overhang, under), (outer + p.coping_overhang, under),
-         (outer + p.coping_overhang, p.height - 0.02), (foot + p.batter - p.coping_overhang, p.height)]
-    )  # fmt: skip
-    crown = cut_corners(crown, p.chamfer)
     fields = int(np.ceil((high - low) / p.joint_pitch))
     joints = tuple(float(joint) for joint in np.linspace(low, high, fields + 1)[1:-1])
+    plain = p.chamfer == 0.0 and p.coping_height == 0.0
     parts = []
     for side, sign in (("L", 1.0), ("R", -1.0)):
-        for label, kind, outline in (("Parapet", "parapet", wall), ("Coping", "parapet_coping", crown)):
+        for label, kind, outline in concrete_outlines(p, foot, slab_top, way):
             sided = outline if sign > 0.0 else (outline * (-1.0, 1.0))[::-1]
-            surface = prism(sided, low, high, "station", place, p.chamfer, joints)
+            surface = prism(sided, low, high, "station", place, p.chamfer, () if plain else joints)
             size: dict[str, object] = {"length": high - low, "height": p.height, "thickness": p.thickness}
             parts.append(Part(f"{label}_{name}_{side}", kind, "Role_ParapetConcrete", FURNITURE, surface, size))
+        if p.shape in ("railing", "wall_rail"):
+            left = sign * (foot + 0.5 * p.thickness)
+            bottom, top = way + p.concrete, way + p.height
+            parts += railing_parts(p.railings, left, bottom, top, f"{name}_{side}", low, high, place)
     return parts
+
+
+def concrete_outlines(parapets: Parapets, foot: float, slab_top: float, way: float) -> list[tuple[str, str, F64]]:
+    """Draw the concrete of the parapet on the left: wall and coping, barrier, plinth or low wall.
+
+    Args:
+        parapets: Section.
+        foot: From the axis to the inner foot [m].
+        slab_top: Height of the slab's top [m].
+        way: Height of the road or walkway beside it [m].
+
+    Returns:
+        Name, component kind and outline (left, above) [m], shape (P, 2), float64, of each.
+    """
+    p = parapets
+    bottom, outer = slab_top - EMBEDDED, foot + p.thickness
+    if p.shape == "barrier":
+        toe = max(p.thickness - _SAFETY_SHAPE[-1][0] - 0.15, 0.0)  # a wide foot makes the top wider, not the slopes
+        face = [(foot + x, way + z) for x, z in _SAFETY_SHAPE[::-1]]
+        crown = cut_corners(np.array([(foot, bottom), (outer, bottom), (outer - 0.3 * toe, way + p.concrete), *face]),
+                            np.array([0.0, 0.0, p.chamfer, p.chamfer, 0.0, 0.0]))  # fmt: skip
+        return [("Parapet", "parapet", crown)]
+    if p.shape in ("railing", "wall_rail") or p.coping_height == 0.0:
+        block = cut_corners(
+            rectangle((foot, bottom), (outer, way + p.concrete)), np.array([0.0, 0.0, 1.0, 1.0]) * p.chamfer
+        )
+        return [("Parapet", "parapet", block)]
+    top = way + p.height
+    under = top - p.coping_height
+    wall = np.array([(foot, bottom), (outer, bottom), (outer, under + EMBEDDED), (foot + p.batter, under + EMBEDDED)])
+    inner = foot + p.batter - p.coping_overhang
+    crown = np.array(
+        [(inner, under), (outer + p.coping_overhang, under), (outer + p.coping_overhang, top - 0.02), (inner, top)]
+    )
+    return [("Parapet", "parapet", wall), ("Coping", "parapet_coping", cut_corners(crown, p.chamfer))]

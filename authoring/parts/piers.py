@@ -1,7 +1,6 @@
-"""Piers: a cap on one to five columns, and a footing in the ground."""
+"""Piers: what stands at an inner support, from the settings to cap, shafts and footing."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -10,39 +9,69 @@ from pydantic import Field
 from authoring.alignment import Alignment
 from authoring.component import F64
 from authoring.parts.bearings import Bearings
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.footings import Ground as Ground
+from authoring.parts.footings import footing_heights, footing_surface
 from authoring.parts.part import SUBSTRUCTURE, Part
+from authoring.parts.pier_caps import CapShape, cap_surface
+from authoring.parts.pier_choice import CapKind, PierKind, choose_kind
+from authoring.parts.shafts import EMBEDDED, Shafts, shaft_base, shaft_surfaces, stout_shafts
 from authoring.parts.spans import Levels, Spans, level_at
-from authoring.sections import circle, cut_corners, rectangle
-from authoring.sweep import prism, turned
 from groundwork.settings import Settings
 
-Ground = Callable[[F64], F64]
-
-EMBEDDED = 0.010  # [m] column into cap and footing
-SIDES = 48  # of a round column
-_WIDEST_HAMMERHEAD = 12.0  # [m] deck width on a single column
 _COLUMN_PITCH = 7.0  # [m] no two columns stand further apart
+_LEG_SHARE = 0.29  # of a pi-frame's beam, from the axis to a leg
+_ARM_SHARE = 0.33  # of the cap's length, from the axis to the head of a Y's arm
+_FLUSH = 0.015  # [m] legs of a frame behind its beam's faces
+_LEAST_ASKEW = 0.10  # [m] a narrower stem of an inverted T is left out on a skewed bridge
 
 
 class PierSettings(Settings):
     """Caps, columns and footings; what is left out is drawn."""
 
-    columns: int | None = Field(default=None, ge=1, le=5, description="Columns of a pier; drawn by the deck's width")
-    column_shape: Literal["round", "rectangular"] | None = Field(
-        default=None, description="Column section; drawn 65 : 35"
+    kind: PierKind | None = Field(
+        default=None,
+        description="Kind of pier; drawn for decks up to 13 m between the cap's ends wall 14, single 20, multi 22, "
+        "hammerhead 18, pi_frame 10, y 9, v 7; for wider decks wall 18, multi 67, pi_frame 15 (no pi_frame over 17 m); "
+        "in profile paper pi_frame, and under concrete girders single 50, multi 50",
     )
-    diameter: float | None = drawn(0.9, 1.3, "Diameter of each of several columns [m]", ge=0.6, le=2.4)
-    hammerhead_diameter: float | None = drawn(1.3, 1.8, "Diameter of a single column [m]", ge=0.9, le=3.0)
+    cap: CapKind | None = Field(
+        default=None,
+        description="Kind of cap; drawn on wall: drop 80, inverted_t 20; single and multi: drop 30, tapered 45, "
+        "inverted_t 25; y and v: drop; hammerhead: cantilevered; pi_frame: integral; no inverted_t where the rows of "
+        "bearings leave no room; in profile paper single and multi: drop 50, tapered 50",
+    )
+    columns: int | None = Field(default=None, ge=1, le=5, description="Columns of a pier; drawn by the deck's width")
+    column_shape: Literal["round", "octagonal", "rectangular"] | None = Field(
+        default=None,
+        description="Section of columns, noses of walls and hammerheads; drawn 50 : 15 : 35, in profile paper 50 : 0 : "
+        "50",
+    )
+    diameter: float | None = drawn(
+        0.9, 1.3, "Diameter of each of several columns [m]", ge=0.6, le=2.4, paper=(1.5, 1.5)
+    )
+    hammerhead_diameter: float | None = drawn(
+        1.3, 1.8, "Diameter of a single column, thickness of Y, V and hammerhead [m]", ge=0.9, le=4.0, paper=(1.5, 4.0)
+    )
     cap_margin: float | None = drawn(0.15, 0.35, "Cap beyond the outer plinth [m]", ge=0.05, le=1.0)
-    cap_depth: float | None = drawn(0.9, 1.3, "Depth of the cap over the columns [m]", ge=0.6, le=2.5)
+    cap_depth: float | None = drawn(0.9, 1.3, "Depth of the cap over the columns [m]", ge=0.6, le=2.5, paper=(1.0, 1.0))
     taper: float | None = drawn(
         0.30, 0.50, "Share of its depth that the cap loses towards its ends [1]", ge=0.0, le=0.6
     )
-    chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05)
+    chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
     footing_margin: float | None = drawn(0.5, 0.9, "Footing beyond the columns [m]", ge=0.2, le=2.0)
     footing_top: float | None = drawn(0.15, 0.45, "Footing above the highest ground at it [m]", ge=0.0, le=1.0)
     footing_depth: float | None = drawn(0.5, 1.0, "Footing below the lowest ground at it [m]", ge=0.3, le=3.0)
+    wall_thickness: float | None = drawn(0.8, 1.2, "Wall pier along the bridge [m]", ge=0.6, le=2.5)
+    wall_share: float | None = drawn(0.70, 0.96, "Wall pier over cap length [1]", ge=0.5, le=0.97)
+    battered: bool | None = Field(
+        default=None, description="Shafts grow towards their base; drawn 35 : 65, never in profile paper"
+    )
+    batter: float | None = drawn(0.010, 0.030, "Growth of each side of a battered shaft [1]", ge=0.0, le=0.08)
+    slenderness: float | None = drawn(
+        10.0, 14.0, "Tallest shaft over its least side: under high decks shafts grow until they meet it [1]",
+        ge=6.0, le=30.0,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -50,21 +79,28 @@ class Piers:
     """All piers of a bridge are of one kind.
 
     Attributes:
-        columns: Columns of a pier.
-        column_shape: `round` or `rectangular`.
-        column_width: Diameter, or side across the bridge [m].
-        column_length: Diameter, or side along the bridge [m].
+        kind: `wall`, `single`, `multi`, `hammerhead`, `pi_frame`, `y` or `v`.
+        cap: `drop`, `tapered`, `inverted_t`, `cantilevered` or `integral`.
+        columns: Shafts of a pier.
+        column_shape: `round`, `octagonal` or `rectangular`.
+        column_width: Diameter, or side across the bridge, at the top [m].
+        column_length: Diameter, or side along the bridge, at the top [m].
         cap_length: Across the bridge [m].
         cap_width: Along the bridge [m].
         cap_depth: Over the columns [m].
         cap_end_depth: At both ends [m].
+        upstand: Width of an inverted T's stem between the rows of plinths [m]; 0 for none.
         column_lines: Distance of every column to the left of the axis [m].
         chamfer: Leg of chamfers [m].
         footing_margin: Footing beyond the columns [m].
         footing_top: Above the highest ground at it [m].
         footing_depth: Below the lowest ground at it [m].
+        batter: Growth of each side of a shaft towards its base [1].
+        slenderness: Largest height of a shaft over its least side [1].
     """
 
+    kind: str
+    cap: str
     columns: int
     column_shape: str
     column_width: float
@@ -73,61 +109,132 @@ class Piers:
     cap_width: float
     cap_depth: float
     cap_end_depth: float
+    upstand: float
     column_lines: tuple[float, ...]
     chamfer: float
     footing_margin: float
     footing_top: float
     footing_depth: float
+    batter: float
+    slenderness: float
+
+    @property
+    def shafts(self) -> Shafts:
+        """What carries the cap."""
+        arm = _ARM_SHARE * self.cap_length if self.kind in ("y", "v") else 0.0
+        size = self.column_width, self.column_length
+        return Shafts(self.kind, self.column_shape, *size, self.column_lines, self.batter, arm, self.chamfer)
+
+    @property
+    def cap_shape(self) -> CapShape:
+        """The cap alone."""
+        flat = max(self.column_lines) + 0.5 * self.column_width + 0.10
+        face = max(self.column_lines) - 0.5 * self.column_width if self.kind == "pi_frame" else 0.0
+        size = self.cap_length, self.cap_width, self.cap_depth, self.cap_end_depth
+        return CapShape(self.cap, *size, flat, face, self.upstand, self.chamfer)
 
 
 def draw_piers(
-    settings: PierSettings, width: float, outer_line: float, bearings: Bearings, spans: Spans, rng: np.random.Generator
+    settings: PierSettings,
+    width: float,
+    outer_line: float,
+    bearings: Bearings,
+    spans: Spans,
+    draws: Draws,
+    *,
+    paper_kinds: tuple[PierKind, ...] = ("pi_frame",),
 ) -> Piers:
     """Draw the piers under a deck.
 
     Args:
         settings: What the user fixed.
         width: Deck width [m].
-        outer_line: From the axis to the outermost girder [m].
+        outer_line: From the axis to the outermost line of bearings [m].
         bearings: What stands on the caps.
         spans: Stations of the bearings' rows.
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
+        paper_kinds: Kinds that profile `paper` knows for this family, equally likely.
     """
-    share, round_share = rng.random(), rng.random()
-    least = 1 if width <= _WIDEST_HAMMERHEAD else max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
-    columns = settings.columns or least + int(2.0 * share)
-    shape = settings.column_shape or ("round" if round_share < 0.65 else "rectangular")
-    single = draw(settings, "hammerhead_diameter", rng)
-    several = draw(settings, "diameter", rng)
-    diameter = single if columns == 1 else several
-    depth, taper = draw(settings, "cap_depth", rng), draw(settings, "taper", rng)
-    cap_length = 2.0 * (outer_line + 0.5 * bearings.plinth_width + draw(settings, "cap_margin", rng))
-    if columns == 1:  # the cantilevers of a hammerhead want depth
-        depth = round(max(depth, 0.28 * 0.5 * (cap_length - diameter)), 3)
-    flat = shape == "rectangular"
-    column_width = round(diameter * (1.6 if columns == 1 else 1.1), 3) if flat else diameter
-    column_length = round(0.8 * diameter, 3) if flat else diameter
-    cap_width = 2.0 * (spans.row_setback + 0.5 * bearings.plinth_length + 0.10)
-    pitch = cap_length / (columns - 0.2)
-    return Piers(
-        columns=columns,
-        column_shape=shape,
-        column_width=column_width,
-        column_length=column_length,
-        cap_length=round(cap_length, 3),
-        cap_width=round(max(cap_width, column_length + 0.12), 3),
-        cap_depth=depth,
-        cap_end_depth=round(depth * (1.0 - taper), 3),
-        column_lines=tuple(round(pitch * (k - 0.5 * (columns - 1)), 3) for k in range(columns)),
-        chamfer=draw(settings, "chamfer", rng),
-        footing_margin=draw(settings, "footing_margin", rng),
-        footing_top=draw(settings, "footing_top", rng),
-        footing_depth=draw(settings, "footing_depth", rng),
+    paper = draws.profile == "paper"
+    share, round_share = draws.random(), draws.random()
+    single, several = draw(settings, "hammerhead_diameter", draws), draw(settings, "diameter", draws)
+    depth, taper = draw(settings, "cap_depth", draws), draw(settings, "taper", draws)
+    cap_length = round(2.0 * (outer_line + 0.5 * bearings.plinth_width + draw(settings, "cap_margin", draws)), 3)
+    chamfer, margin = draw(settings, "chamfer", draws), draw(settings, "footing_margin", draws)
+    footing_top, footing_depth = draw(settings, "footing_top", draws), draw(settings, "footing_depth", draws)
+    thickness, wall_share = draw(settings, "wall_thickness", draws), draw(settings, "wall_share", draws)
+    batter_share, batter = draws.random(), draw(settings, "batter", draws)
+    rows = spans.pier_setback - 0.5 * bearings.plinth_length  # half the room between the rows of plinths
+    upstand = round(max(2.0 * rows - 0.06, 0.0), 3)
+    kind, cap = choose_kind(
+        (settings.kind, settings.cap, settings.columns), cap_length, upstand, draws, paper_kinds if paper else ()
     )
+    least = 2 if kind != "multi" else max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
+    number = {"multi": settings.columns or min(least + int(2.0 * share), 5), "pi_frame": 2}.get(kind, 1)
+    shape = settings.column_shape or _shape(round_share, paper)
+    battered = settings.battered if settings.battered is not None else batter_share < 0.35 and not paper
+    piers = Piers(
+        kind, cap, number, shape, several, several, cap_length,
+        cap_width=round(2.0 * (spans.pier_setback + 0.5 * bearings.plinth_length + 0.10), 3),
+        cap_depth=depth, cap_end_depth=depth, upstand=upstand if cap == "inverted_t" else 0.0, column_lines=(0.0,),
+        chamfer=chamfer, footing_margin=margin, footing_top=footing_top, footing_depth=footing_depth,
+        batter=batter if battered else 0.0, slenderness=draw(settings, "slenderness", draws),
+    )  # fmt: skip
+    return _with_cap(_with_shafts(piers, single, several, thickness, wall_share, paper), taper)
+
+
+def _shape(share: float, paper: bool) -> str:
+    if paper:
+        return "round" if share < 0.5 else "rectangular"
+    return "round" if share < 0.50 else "octagonal" if share < 0.65 else "rectangular"
+
+
+def _with_shafts(
+    piers: Piers, single: float, several: float, thickness: float, wall_share: float, paper: bool
+) -> Piers:
+    """Size the shafts by their kind, and set them under the cap."""
+    flat, length = piers.column_shape == "rectangular", piers.cap_length
+    pitch = length / (piers.columns - 0.2)
+    if paper and piers.kind == "multi" and piers.columns == 2:
+        pitch = min(5.0, pitch)
+    lines = tuple(round(pitch * (k - 0.5 * (piers.columns - 1)), 3) for k in range(piers.columns))
+    match piers.kind:
+        case "wall":
+            size = wall_share * length, thickness
+        case "hammerhead":
+            size = max(0.28 * length, 1.3 * single), single
+        case "single":
+            size = (1.6 * single, 0.8 * single) if flat else (single, single)
+        case "y":
+            size = 1.15 * single, 0.8 * single
+        case "v":
+            size = 0.9 * single, 0.8 * single
+        case "pi_frame":
+            size = several, max(piers.cap_width, 0.8 * several) - 2.0 * _FLUSH
+            lines = (-round(_LEG_SHARE * length, 3), round(_LEG_SHARE * length, 3))
+        case _:
+            size = (1.1 * several, 0.8 * several) if flat else (several, several)
+    width, along = (round(value, 3) for value in size)
+    return replace(piers, column_width=width, column_length=along, column_lines=lines)
+
+
+def _with_cap(piers: Piers, taper: float) -> Piers:
+    """Size the cap by its kind and by what it spans."""
+    depth, arm = piers.cap_depth, 0.5 * (piers.cap_length - piers.column_width)
+    if piers.kind == "wall":
+        depth = max(0.55 * depth, 0.5)
+    elif piers.kind in ("single", "hammerhead"):  # cantilevers want depth
+        depth = max(depth, 0.28 * arm)
+    elif piers.kind in ("y", "v"):
+        depth = max(0.75 * depth, 0.6)
+    loss = {"tapered": taper, "cantilevered": max(taper + 0.10, 0.35)}.get(piers.cap, 0.0)
+    width = max(piers.cap_width, piers.column_length + (2.0 * _FLUSH if piers.kind == "pi_frame" else 0.12))
+    depth = round(depth, 3)
+    return replace(piers, cap_depth=depth, cap_end_depth=round(depth * (1.0 - loss), 3), cap_width=round(width, 3))
 
 
 def pier_parts(piers: Piers, spans: Spans, levels: Levels, place: Alignment, ground: Ground) -> list[Part]:
-    """Build cap, columns and footing at every inner support.
+    """Build cap, shafts and footing at every inner support.
 
     Args:
         piers: Their dimensions.
@@ -136,95 +243,89 @@ def pier_parts(piers: Piers, spans: Spans, levels: Levels, place: Alignment, gro
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
     """
+    inner = range(1, spans.count)
+    if not inner:
+        return []
+    piers = _askew(_as_stout_as_tall(piers, spans, levels, place, ground), spans, place.skew)
     parts = []
-    for support in range(1, spans.count):
+    for support in inner:
         station = spans.supports[support]
-        level = level_at(place, station)
         cap_bottom = levels.seat - piers.cap_depth
-        footing_low, footing_high = _footing_heights(piers, station, cap_bottom, level, ground)
+        fall = float(np.abs(place.crossfall(np.array([station]))[0]))
+        low, high = footing_heights(
+            _footing_half(piers, 0.0, place.skew), station, cap_bottom - 0.5 * fall * piers.cap_length,
+            place.frame_at(station, turn=-place.skew), ground, (piers.footing_top, piers.footing_depth),
+        )  # fmt: skip
         parts += [
-            _cap_part(piers, support, station, levels.seat, level),
-            *_column_parts(piers, support, station, footing_high - EMBEDDED, cap_bottom + EMBEDDED, level),
-            _footing_part(piers, support, station, footing_low, footing_high, level),
+            _cap_part(piers, support, station, levels, level_at(place, station)),
+            *_shaft_parts(piers, support, station, high - EMBEDDED, cap_bottom + EMBEDDED, place),
+            _footing_part(piers, support, station, low, high, cap_bottom, place),
         ]
     return parts
 
 
-def cap_outline(piers: Piers, top: float) -> F64:
-    """Draw the elevation of a cap: flat on top, its underside rising from the outer columns to the ends.
-
-    Args:
-        piers: Dimensions.
-        top: Height of its top [m].
-
-    Returns:
-        Outline (left, above) [m], shape (P, 2), float64.
-    """
-    half, flat = 0.5 * piers.cap_length, max(piers.column_lines) + 0.5 * piers.column_width + 0.10
-    flat = min(flat, half - 0.2)
-    bottom, end = top - piers.cap_depth, top - piers.cap_end_depth
-    right = [(flat, bottom), (half, end), (half, top)]
-    outline = np.array(right + [(-x, y) for x, y in right[::-1]])
-    return cut_corners(outline, np.array([0.0, piers.chamfer, piers.chamfer, piers.chamfer, piers.chamfer, 0.0]))
+def _as_stout_as_tall(piers: Piers, spans: Spans, levels: Levels, place: Alignment, ground: Ground) -> Piers:
+    """Let the shafts of all piers grow until the tallest is not too slender."""
+    inner = np.array(spans.supports[1:-1])
+    axis = place.point(inner, np.zeros(len(inner)), np.full(len(inner), levels.seat - piers.cap_depth))
+    tallest = float(np.max(axis[:, 2] - ground(axis[:, :2])))
+    shafts = stout_shafts(piers.shafts, tallest, piers.slenderness)
+    along = max(piers.cap_width, round(shafts.length + (2.0 * _FLUSH if piers.kind == "pi_frame" else 0.12), 3))
+    return replace(piers, column_width=shafts.width, column_length=shafts.length, cap_width=along)
 
 
-def _cap_part(piers: Piers, support: int, station: float, seat: float, level: Alignment) -> Part:
-    half = 0.5 * piers.cap_width
-    outline = cap_outline(piers, seat)
-    surface = turned(prism(outline, station - half, station + half, "station", level, piers.chamfer))
+def _askew(piers: Piers, spans: Spans, skew: float) -> Piers:
+    """Keep the cap's width square to a skewed support line, where the rows of plinths lie closer together."""
+    if skew == 0.0:
+        return piers
+    cosine = float(np.cos(skew))
+    room = piers.upstand - 2.0 * spans.pier_setback * (1.0 - cosine)
+    upstand = room / cosine if piers.upstand and room >= _LEAST_ASKEW else 0.0
+    return replace(
+        piers, cap_width=piers.cap_width / cosine, upstand=upstand,
+        cap="drop" if piers.upstand and not upstand else piers.cap,
+    )  # fmt: skip
+
+
+def _cap_part(piers: Piers, support: int, station: float, levels: Levels, level: Alignment) -> Part:
+    # An upstand ends below the girders that pass over it.
+    rise = 0.6 * (levels.girder_soffit - levels.seat)
+    surface = cap_surface(piers.cap_shape, station, levels.seat, rise, level)
     size: dict[str, object] = {
-        "length": piers.cap_length, "width": piers.cap_width, "depth": piers.cap_depth,
+        "shape": piers.cap, "length": piers.cap_length, "width": piers.cap_width, "depth": piers.cap_depth,
         "end_depth": piers.cap_end_depth, "support": support,
     }  # fmt: skip
     return Part(f"Pier_{support:03d}_Cap", "pier_cap", "Role_CapConcrete", SUBSTRUCTURE, surface, size)
 
 
-def _column_parts(piers: Piers, support: int, station: float, low: float, high: float, level: Alignment) -> list[Part]:
-    parts = []
-    for number, line in enumerate(piers.column_lines):
-        if piers.column_shape == "round":
-            outline = circle(piers.column_width, SIDES) + np.array([station, line])
-        else:
-            half = 0.5 * np.array([piers.column_length, piers.column_width])
-            outline = rectangle((station - half[0], line - half[1]), (station + half[0], line + half[1]))
-            outline = cut_corners(outline, 2.0 * piers.chamfer)
-        surface = prism(outline, low, high, "above", level)
+def _shaft_parts(piers: Piers, support: int, station: float, low: float, high: float, place: Alignment) -> list[Part]:
+    kind = "wall_pier" if piers.kind == "wall" else "column"
+    word = "Wall" if piers.kind == "wall" else "Column"
+    heading = float(place.heading_at(np.array([station]))[0]) - place.skew
+    across, parts = np.array([-np.sin(heading), np.cos(heading)]), []
+    for number, surface in enumerate(shaft_surfaces(piers.shafts, station, low, high, place)):
         size: dict[str, object] = {
-            "shape": piers.column_shape, "width": piers.column_width, "length": piers.column_length,
-            "height": high - low - 2.0 * EMBEDDED, "support": support,
+            "pier": piers.kind, "shape": piers.column_shape, "width": piers.column_width,
+            "length": piers.column_length, "height": high - low - 2.0 * EMBEDDED, "batter": piers.batter,
+            "support": support,
         }  # fmt: skip
-        name = f"Pier_{support:03d}_Column_{number:02d}"
-        parts.append(Part(name, "column", "Role_PierConcrete", SUBSTRUCTURE, surface, size))
+        if piers.kind in ("y", "v"):
+            size["arms"] = float(np.ptp(surface.points[:, :2] @ across))
+        name = f"Pier_{support:03d}_{word}_{number:02d}"
+        parts.append(Part(name, kind, "Role_PierConcrete", SUBSTRUCTURE, surface, size))
     return parts
 
 
-def _footing_half(piers: Piers) -> F64:
-    return np.array(
-        [0.5 * piers.column_length + piers.footing_margin,
-         max(piers.column_lines) + 0.5 * piers.column_width + piers.footing_margin]
-    )  # fmt: skip
+def _footing_half(piers: Piers, height: float, skew: float) -> F64:
+    return shaft_base(piers.shafts, height, skew) + piers.footing_margin
 
 
-def _footing_heights(
-    piers: Piers, station: float, cap_bottom: float, level: Alignment, ground: Ground
-) -> tuple[float, float]:
-    """Find bottom and top of a footing above the finished deck surface [m]."""
-    half = _footing_half(piers)
-    s, left = (g.ravel() for g in np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 17), indexing="ij"))
-    corners = level.point(station + s * half[0], left * half[1], np.zeros(len(s)))
-    heights = ground(corners[:, :2]) - level.level
-    top = min(float(heights.max()) + piers.footing_top, cap_bottom - 0.5)
-    return min(float(heights.min()), top) - piers.footing_depth, top
-
-
-def _footing_part(piers: Piers, support: int, station: float, low: float, high: float, level: Alignment) -> Part:
-    half = _footing_half(piers)
-    outline = cut_corners(rectangle((station - half[0], -half[1]), (station + half[0], half[1])), piers.chamfer)
-    surface = prism(outline, low, high, "above", level, piers.chamfer)
+def _footing_part(
+    piers: Piers, support: int, station: float, low: float, high: float, cap_bottom: float, place: Alignment
+) -> Part:
+    half = _footing_half(piers, cap_bottom - high, place.skew)
+    surface = footing_surface(half, station, low, high, place.frame_at(station, turn=-place.skew), piers.chamfer)
     size: dict[str, object] = {
-        "length": 2.0 * half[1],
-        "width": 2.0 * half[0],
-        "height": high - low,
-        "support": support,
-    }
+        "length": 2.0 * half[1], "width": 2.0 * half[0], "height": high - low, "support": support,
+    }  # fmt: skip
     return Part(f"Pier_{support:03d}_Footing", "pier_footing", "Role_PierConcrete", SUBSTRUCTURE, surface, size)

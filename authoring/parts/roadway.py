@@ -7,16 +7,19 @@ from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.component import F64
-from authoring.parts.drawing import draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.sections import cut_corners, rectangle
 from authoring.sweep import Surface, joined, prism
+from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 EMBEDDED = 0.005  # [m] how far asphalt, kerbs and joints reach into what they lie on
 MARKING_HEIGHT = 0.006  # [m] above the asphalt
 _LANE_WEIGHTS = (0.05, 0.50, 0.10, 0.25, 0.05, 0.05)  # 1 to 6 lanes
+_DEEPER = 0.0015  # [m] kerbs than asphalt
+_DIVIDED, _DIVIDED_LANES = 0.40, 4  # share of the roads of so many lanes and more
 _SHORTEST_DASH = 0.4  # [m]
 _SHORTER = 0.003  # [m] footway and joints against kerb and asphalt, so that no two faces lie in one plane
 _MARKING_CLEAR = 0.03  # [m] from the asphalt's ends
@@ -34,6 +37,10 @@ class RoadwaySettings(Settings):
     verge_width: float | None = drawn(0.35, 0.60, "Raised verge where there is no footway [m]", ge=0.20, le=1.0)
     kerb_height: float | None = drawn(0.10, 0.15, "Kerb above the asphalt [m]", ge=0.05, le=0.25)
     surfacing: float | None = drawn(0.07, 0.10, "Asphalt [m]", ge=0.04, le=0.15)
+    divided: bool | None = Field(
+        default=None, description="A raised strip between the two directions of 4 or 6 lanes; drawn, 40 % of them"
+    )
+    median: float | None = drawn(1.2, 2.4, "That strip, from inner edge line to inner edge line [m]", ge=0.8, le=5.0)
     marking_width: float | None = drawn(0.12, 0.15, "Width of lines [m]", ge=0.08, le=0.40)
     dash: float | None = drawn(2.0, 4.0, "Length of a dash [m]", ge=0.5, le=12.0)
     dash_gap: float | None = drawn(2.0, 6.0, "Gap between dashes [m]", ge=0.5, le=18.0)
@@ -56,6 +63,8 @@ class Roadway:
         dash: Length of a dash [m].
         dash_gap: Gap between dashes [m].
         joint_width: Expansion joint along the bridge [m].
+        median: Strip between the two directions [m]; 0 for none.
+        divided: The strip is a raised kerb and nothing else stands on it.
     """
 
     lanes: int
@@ -69,11 +78,18 @@ class Roadway:
     dash: float
     dash_gap: float
     joint_width: float
+    median: float = 0.0
+    divided: bool = False
 
     @property
     def kerb_face(self) -> float:
         """From the axis to the face of the kerb [m]."""
-        return 0.5 * self.lanes * self.lane_width + self.shoulder
+        return self.edge_line + self.shoulder
+
+    @property
+    def edge_line(self) -> float:
+        """From the axis to the middle of the outer edge lines [m]."""
+        return 0.5 * (self.lanes * self.lane_width + self.median)
 
     @property
     def half_width(self) -> float:
@@ -81,30 +97,45 @@ class Roadway:
         return self.kerb_face + self.kerb_width + self.footway_width
 
 
-def draw_roadway(settings: RoadwaySettings, rng: np.random.Generator) -> Roadway:
+def draw_roadway(settings: RoadwaySettings, draws: Draws) -> Roadway:
     """Draw the cross-section.
 
     Args:
         settings: What the user fixed.
-        rng: Random stream of the bridge.
+        draws: Random stream and profile of the bridge.
     """
-    lanes = 1 + int(np.searchsorted(np.cumsum(_LANE_WEIGHTS)[:-1], rng.random(), side="right"))
-    chance = rng.random() < 0.5
+    lanes = 1 + int(np.searchsorted(np.cumsum(_LANE_WEIGHTS)[:-1], draws.random(), side="right"))
+    chance = draws.random() < 0.5
     footway = chance if settings.footway is None else settings.footway
-    footway_width, kerb, verge = (draw(settings, key, rng) for key in ("footway_width", "kerb_width", "verge_width"))
+    footway_width, kerb, verge = (draw(settings, key, draws) for key in ("footway_width", "kerb_width", "verge_width"))
+    count = settings.lanes or lanes
+    strip, median = draws.random() < _DIVIDED, draw(settings, "median", draws)
+    divided = _divided(settings, count, strip and draws.profile == "default")
     return Roadway(
-        lanes=settings.lanes or lanes,
-        lane_width=draw(settings, "lane_width", rng),
-        shoulder=draw(settings, "shoulder", rng),
+        lanes=count,
+        lane_width=draw(settings, "lane_width", draws),
+        shoulder=draw(settings, "shoulder", draws),
         kerb_width=kerb if footway else verge,
         footway_width=footway_width if footway else 0.0,
-        kerb_height=draw(settings, "kerb_height", rng),
-        surfacing=draw(settings, "surfacing", rng),
-        marking_width=draw(settings, "marking_width", rng),
-        dash=draw(settings, "dash", rng),
-        dash_gap=draw(settings, "dash_gap", rng),
-        joint_width=draw(settings, "joint_width", rng),
+        kerb_height=draw(settings, "kerb_height", draws),
+        surfacing=draw(settings, "surfacing", draws),
+        marking_width=draw(settings, "marking_width", draws),
+        dash=draw(settings, "dash", draws),
+        dash_gap=draw(settings, "dash_gap", draws),
+        joint_width=draw(settings, "joint_width", draws),
+        median=median if divided else 0.0,
+        divided=divided,
     )
+
+
+def _divided(settings: RoadwaySettings, lanes: int, chance: bool) -> bool:
+    possible = lanes >= _DIVIDED_LANES and lanes % 2 == 0
+    if settings.divided and not possible:
+        raise InputError(
+            "only as many lanes each way can be divided", field="bridge.roadway.divided", value=True,
+            allowed="4 or 6 lanes", mend=f"The nearest is lanes = {max(4, lanes + lanes % 2)}",
+        )  # fmt: skip
+    return possible and (chance if settings.divided is None else settings.divided)
 
 
 def asphalt_ranges(roadway: Roadway, spans: Spans) -> list[tuple[float, float]]:
@@ -115,7 +146,7 @@ def asphalt_ranges(roadway: Roadway, spans: Spans) -> list[tuple[float, float]]:
         spans: Stations.
     """
     half = 0.5 * roadway.joint_width - EMBEDDED
-    joints = [spans.joint(support) for support in range(spans.count + 1)]
+    joints = [station for _, station in spans.joints]
     begins = [spans.supports[0] - ABUTMENT_BACK, *(joint + half for joint in joints)]
     ends = [*(joint - half for joint in joints), spans.supports[-1] + ABUTMENT_BACK]
     return list(zip(begins, ends, strict=True))
@@ -137,10 +168,9 @@ def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Pa
         name = f"Surfacing_{number:03d}"
         parts.append(Part(name, "surfacing", "Role_DeckAsphalt", SUPERSTRUCTURE, surface, size))
         parts += _marking_parts(roadway, number, low, high, place)
-    for support in range(spans.count + 1):
-        middle = spans.joint(support)
+    for support, middle in spans.joints:
         low, high = middle - 0.5 * roadway.joint_width, middle + 0.5 * roadway.joint_width
-        outline = rectangle((-half + 0.001, -depth - _SHORTER), (half - 0.001, 0.008))
+        outline = rectangle((-half + 0.002, -depth - _SHORTER), (half - 0.002, 0.008))
         surface = prism(outline, low, high, "station", place)
         size = {"width": roadway.joint_width, "length": 2.0 * half}
         name = f"Joint_{support:03d}"
@@ -149,11 +179,11 @@ def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Pa
 
 
 def _marking_parts(roadway: Roadway, number: int, low: float, high: float, place: Alignment) -> list[Part]:
-    lines = (np.arange(roadway.lanes + 1) - 0.5 * roadway.lanes) * roadway.lane_width
+    lines, edges = _lane_lines(roadway)
     low, high = low + _MARKING_CLEAR, high - _MARKING_CLEAR
     parts = []
     for line, left in enumerate(lines):
-        edge = line in (0, roadway.lanes)
+        edge = line in edges
         runs = np.array([[low, high]]) if edge else _dashes(roadway, low, high)
         if len(runs) == 0:
             continue
@@ -162,6 +192,17 @@ def _marking_parts(roadway: Roadway, number: int, low: float, high: float, place
         name = f"Marking_{number:03d}_{line:02d}"
         parts.append(Part(name, "road_marking", "Role_RoadMarking", SUPERSTRUCTURE, surface, facts))
     return parts
+
+
+def _lane_lines(roadway: Roadway) -> tuple[F64, tuple[int, ...]]:
+    """Find the middle of every line on the road [m], and which of them run through."""
+    lines: F64 = (np.arange(roadway.lanes + 1.0) - 0.5 * roadway.lanes) * roadway.lane_width
+    if not roadway.median:
+        return lines, (0, roadway.lanes)
+    half = 0.5 * roadway.median
+    middle = roadway.lanes // 2
+    apart = np.concatenate([lines[: middle + 1] - half, lines[middle:] + half])
+    return apart, (0, middle, middle + 1, roadway.lanes + 1)
 
 
 def _dashes(roadway: Roadway, low: float, high: float) -> F64:
@@ -187,7 +228,7 @@ def kerb_parts(roadway: Roadway, name: str, low: float, high: float, place: Alig
         place: Axis of the bridge.
     """
     parts = []
-    bottom = -roadway.surfacing - EMBEDDED
+    bottom = -roadway.surfacing - EMBEDDED - _DEEPER
     for side, sign in (("L", 1.0), ("R", -1.0)):
         face, back = roadway.kerb_face, roadway.kerb_face + roadway.kerb_width
         # Kerb and footway reach a little under what stands beside them: no face is shared, no light shines through.
@@ -198,7 +239,7 @@ def kerb_parts(roadway: Roadway, name: str, low: float, high: float, place: Alig
         parts.append(Part(f"Kerb_{name}_{side}", "kerb", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
         if roadway.footway_width:
             far = roadway.half_width + 2.0 * EMBEDDED
-            path = rectangle((back - EMBEDDED, bottom - _SHORTER), (far, roadway.kerb_height - 0.006))
+            path = rectangle((back - EMBEDDED, bottom - 2.0 * _SHORTER), (far, roadway.kerb_height - 0.006))
             surface = prism(_sided(path, sign), low + _SHORTER, high - _SHORTER, "station", place)
             size = {"width": roadway.footway_width, "length": high - low}
             parts.append(Part(f"Footway_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))

@@ -9,17 +9,21 @@ ABUTMENT_BACK = 1.2  # [m] from the bearing line to the abutment's back face: wh
 
 @dataclass(frozen=True)
 class Spans:
-    """Simply supported spans: stations of what happens at their ends.
+    """Spans in a row: stations of what happens at their ends.
 
     Attributes:
         supports: Stations of the abutments' bearing lines and the piers' axes [m].
         overhang: From a bearing line to the end of girder and slab [m].
         gap: Expansion gap between two decks, and between deck and backwall [m].
+        continuous: The deck runs through over the piers: expansion joints lie at the abutments only.
+        one_row: Each pier has one row of bearings, on its axis, because the members on it run through as well.
     """
 
     supports: tuple[float, ...]
     overhang: float
     gap: float
+    continuous: bool = False
+    one_row: bool = False
 
     @property
     def count(self) -> int:
@@ -27,13 +31,27 @@ class Spans:
         return len(self.supports) - 1
 
     def ends(self, span: int) -> tuple[float, float]:
-        """Find where the concrete of a span begins and ends [m].
+        """Find where the members of a span begin and end [m]; on the pier's axis where they run through.
 
         Args:
             span: Number of the span.
         """
         low, high = self.bearing_lines(span)
-        return low - self.overhang, high + self.overhang
+        through = (self.one_row and span > 0, self.one_row and span + 1 < self.count)
+        return low - (0.0 if through[0] else self.overhang), high + (0.0 if through[1] else self.overhang)
+
+    @property
+    def pieces(self) -> list[tuple[float, float]]:
+        """Stations from and to [m] of every piece of deck: one for each span, or a single one that runs through."""
+        if self.continuous:
+            return [(self.ends(0)[0], self.ends(self.count - 1)[1])]
+        return [self.ends(span) for span in range(self.count)]
+
+    @property
+    def rows(self) -> list[tuple[int, int, float]]:
+        """Rows of bearings: the span, which of its ends (0 or 1), and the station [m]."""
+        every = [(span, end, self.bearing_lines(span)[end]) for span in range(self.count) for end in (0, 1)]
+        return [row for row in every if not self.one_row or row[0] == 0 or row[1] == 1]
 
     def bearing_lines(self, span: int) -> tuple[float, float]:
         """Find the stations of a span's two rows of bearings [m].
@@ -41,15 +59,25 @@ class Spans:
         Args:
             span: Number of the span.
         """
-        setback = self.row_setback
+        setback = self.pier_setback
         low = self.supports[span] + (setback if span > 0 else 0.0)
         high = self.supports[span + 1] - (setback if span + 1 < self.count else 0.0)
         return low, high
 
     @property
     def row_setback(self) -> float:
-        """From a pier's axis to either of its two rows of bearings [m]."""
+        """From a joint to the row of bearings beside it [m]."""
         return self.overhang + 0.5 * self.gap
+
+    @property
+    def pier_setback(self) -> float:
+        """From a pier's axis to either of its two rows of bearings [m]; 0 where it has one."""
+        return 0.0 if self.one_row else self.row_setback
+
+    @property
+    def joints(self) -> list[tuple[int, float]]:
+        """Expansion joints: the support and the middle of the gap [m]."""
+        return [(k, self.joint(k)) for k in range(self.count + 1) if not self.continuous or k in (0, self.count)]
 
     def joint(self, support: int) -> float:
         """Find the middle of the expansion gap at a support [m].
@@ -109,10 +137,14 @@ class Levels:
 
 
 def level_at(alignment: Alignment, station: float) -> Alignment:
-    """Take the grade out of an alignment around one support: caps and walls are built level.
+    """Take curve and grade out of an alignment around one support: caps and walls are built straight.
+
+    `left` runs along the support line, skewed where the supports are, and lines of girders meet it where they do on
+    the bridge; a crossfall stays, so that caps slope under a superelevated road. What keeps its right angles there
+    (columns, pads, posts) is built in `alignment.frame_at(station, left, turn=-alignment.skew)`.
 
     Args:
         alignment: Axis of the bridge.
         station: Station whose height is kept [m].
     """
-    return Alignment(alignment.level + alignment.grade * station, 0.0, alignment.heading)
+    return alignment.straight_at(station)

@@ -8,10 +8,19 @@ from groundwork.progress import SILENT
 
 SEED = 7
 SMALL: dict[str, object] = {
-    "bridge": {"beam": {"spans": [12.0]}},
+    "bridge": {
+        "service": "road",
+        "alignment": {"kind": "straight", "skew": 0, "profile": "grade"},
+        "beam": {"spans": [12.0]},
+    },
     "look": {"texels": 256},
     "light": {"sky_height": 64},
-    "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 20, "stones": 10, "shrubs": 5, "reeds": 5}},
+    "site": {
+        "crossing": "river",
+        "half_width": 40,
+        "run_out": 40,
+        "scatter": {"tufts": 20, "stones": 10, "shrubs": 5, "reeds": 5},
+    },
     "background": {"name": "none", "countryside": {"reach": 400, "buildings": 1, "trees": 8, "hedge_bushes": 5}},
     "survey": [{"kind": "global", "images": 8, "spacing": 30.0, "width": 160, "height": 120}],
 }

@@ -23,7 +23,12 @@ from usd_schemas.stage_reader import read_stage
 from usd_schemas.taxonomies import BASE, TAXONOMIES, taxonomy
 
 SMALL: dict[str, object] = {
-    "bridge": {"family": "beam", "beam": {"spans": [12.0, 12.0]}},
+    "bridge": {
+        "family": "beam",
+        "service": "road",
+        "alignment": {"kind": "straight", "skew": 0, "profile": "grade"},
+        "beam": {"spans": [12.0, 12.0]},
+    },
     "look": {"texels": 256},
     "light": {"sky_height": 64},
     "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 20, "stones": 10, "shrubs": 5, "reeds": 5}},

@@ -197,7 +197,7 @@ def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof)
     worst = {name: min(shares) for name, shares in sorted(seen.items())}
     assert set(worst) >= {"abutment", "bearing", "column", "deck", "girder", "parapet", "pier_cap"}
     # Diaphragms hide between the girders of wide bridges, and one wing wall may lie behind its embankment.
-    least = {"bearing": 0.5, "girder": 0.4, "abutment": 0.7}
+    least = {"bearing": 0.5, "girder": 0.4, "abutment": 0.7, "background": 0.4}  # scuppers and conduits are small
     assert all(share >= least.get(name, 0.85) for name, share in worst.items()), worst
     assert min(overlaps) > 0.7
     record_proof(
@@ -208,7 +208,7 @@ def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof)
 
 
 def _drawn(seed: int) -> tuple[Subject, dict[int, str]]:
-    layout, record = draw_layout(BridgeSettings(), stream(seed, "bridge"))
+    layout, record = draw_layout(BridgeSettings(service="road"), stream(seed, "bridge"))
     site = draw_site(SiteSettings(), layout, stream(seed, "site"))
     bridge = build_bridge(layout, record, site.ground)
     kinds = {}

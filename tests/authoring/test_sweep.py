@@ -73,13 +73,18 @@ def test_prism_is_closed_and_has_the_volume_of_its_formula(name: str, axis: Axis
 @pytest.mark.parametrize("axis", AXES)
 @pytest.mark.parametrize("chamfer", [0.0, 0.008])
 def test_texture_is_an_isometry_of_every_face(name: str, axis: Axis, chamfer: float) -> None:
-    """Every distance between two corners of a face is the same in st, and no face is mirrored."""
+    """Every distance between two corners of a face is the same in st, and no face is mirrored.
+
+    At corners that point inward a groove's or chamfer's ring is longer than the side that it belongs to: there texture
+    is squeezed by about the groove's depth, so that neighbouring sides share none.
+    """
+    squeeze = 0.0 if is_convex(OUTLINES[name]) else 1.1 * GROOVE_DEPTH  # two such corners on a side
     surface = prism(OUTLINES[name], -2.0, 9.0, axis, LEVEL, chamfer, grooves=(1.0, 4.0))
     for face in faces_of(surface) + faces_of(turned(surface)):
         points, texture, normals = face
         in_space = np.linalg.norm(points[:, None] - points[None], axis=2)
         in_texture = np.linalg.norm(texture[:, None] - texture[None], axis=2)
-        np.testing.assert_allclose(in_texture, in_space, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(in_texture, in_space, rtol=1e-6, atol=max(squeeze, 1e-9))
         assert area(texture) > 0.0
         flat = np.cross(points[1] - points[0], points[2] - points[1])
         assert np.all(normals @ flat > 0.0)

@@ -20,13 +20,24 @@ SCRIPT = str(Path(authoring.blender.__file__).parent)
 SMALL: dict[str, object] = {
     "look": {"texels": 256},
     "background": {"name": "none"},
-    "bridge": {"family": "beam", "beam": {"spans": [14.0, 16.0]}, "roadway": {"lanes": 2}},
+    "bridge": {
+        "family": "beam",
+        "service": "road",
+        "alignment": {"kind": "straight", "skew": 0, "profile": "grade"},
+        "beam": {"spans": [14.0, 16.0]},
+        "roadway": {"lanes": 2},
+    },
     "survey": [{"kind": "global", "images": 24, "width": 480, "height": 360}],
 }
 
 CHAIN: dict[str, object] = {  # small, and yet enough images with enough texture to reconstruct
     "background": {"name": "none"},
-    "bridge": {"family": "beam", "beam": {"spans": [12.0]}},
+    "bridge": {
+        "family": "beam",
+        "service": "road",
+        "alignment": {"kind": "straight", "skew": 0, "profile": "grade"},
+        "beam": {"spans": [12.0]},
+    },
     "survey": [{"kind": "global", "images": 24, "width": 480, "height": 360}],
 }
 

@@ -12,7 +12,12 @@ from groundwork.settings import parse_settings
 
 TINY = {
     "seed": 3,
-    "bridge": {"family": "beam", "beam": {"spans": [12.0]}},
+    "bridge": {
+        "family": "beam",
+        "service": "road",
+        "alignment": {"kind": "straight", "skew": 0, "profile": "grade"},
+        "beam": {"spans": [12.0]},
+    },
     "background": {"name": "none"},
     "survey": [{"kind": "global", "images": 24, "width": 480, "height": 360}],
     "render": {"quality": "fast"},

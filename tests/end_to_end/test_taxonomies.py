@@ -17,7 +17,12 @@ from usd_schemas.taxonomies import BASE, taxonomy
 
 SEED = 7
 TINY: dict[str, object] = {
-    "bridge": {"family": "beam", "beam": {"spans": [12.0, 12.0]}},
+    "bridge": {
+        "family": "beam",
+        "service": "road",
+        "alignment": {"kind": "straight", "skew": 0, "profile": "grade"},
+        "beam": {"spans": [12.0, 12.0]},
+    },
     "background": {"name": "none"},
     "look": {"texels": 256},
     "light": {"sky_height": 64},

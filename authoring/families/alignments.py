@@ -1,0 +1,221 @@
+"""Draw the axis of a bridge: straight, arc, clothoids, S or wave in plan; grade, crest or sag; crossfall and skew."""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from authoring.alignment import Alignment, Crest
+from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.spans import ABUTMENT_BACK
+from authoring.plan_curve import Element, PlanCurve, sine_elements
+from groundwork.errors import InputError
+from groundwork.settings import Settings
+
+LARGEST_TURN = float(np.radians(35.0))  # of the axis against its chord
+LEAST_RADIUS = {"road": 60.0, "rail": 300.0}  # [m], over the squared cosine of the skew
+STEEPEST = {"road": 0.05, "rail": 0.025}  # [1]
+WAVE_RADIUS = 150.0  # [m], least of a sine wave
+FADE = 15.0  # [m] at least on which a crossfall grows
+EDGE_RISE = 0.015  # [1] of a deck's edge against the axis there
+RAIL_PITCH = 1.505  # [m] between the middles of two rails: cant over it is crossfall
+_SPAN_RADII = 5.0  # spans that the least drawn radius measures: precast girders are not bent harder
+_KINDS = {"straight": 0.40, "arc": 0.30, "clothoid": 0.20, "s": 0.10}
+_PROFILES = {"grade": 0.60, "crest": 0.30, "sag": 0.10}
+_SKEWED = 0.40  # share of the bridges
+
+
+class AlignmentSettings(Settings):
+    """The axis of a bridge; what is left out is drawn.
+
+    Source: shares, radii, grades, crossfalls and skews by common road and rail practice; the wave by the public Random
+    Bridge Generator.
+    """
+
+    kind: Literal["straight", "arc", "clothoid", "s", "sine"] | None = Field(
+        default=None,
+        description="Axis in plan; drawn 40 : 30 : 20 : 10, in profile paper always sine; clothoid is clothoid, arc, "
+        "clothoid; s two arcs with a clothoid between them",
+    )
+    turn: Literal["left", "right"] | None = Field(default=None, description="Way that the first curve turns; drawn")
+    radius: float | None = drawn(60.0, 900.0, "Radius of the arcs, log-uniform [m]; rail from 300", le=20_000.0)
+    spiral: float | None = drawn(0.20, 0.35, "Length of a clothoid, share of the bridge [1]", ge=0.05, le=0.45)
+    amplitude: float | None = drawn(0.0, 20.0, "Amplitude a of the sine a sin(x / b) [m]")
+    wave: float | None = drawn(
+        60.0, 1000.0, "Scale b of the sine a sin(x / b) [m]; b^2 / a is at least 150 m", paper=(20.0, 1000.0)
+    )
+    profile: Literal["grade", "crest", "sag"] | None = Field(
+        default=None, description="Profile: straight, or a parabola over the bridge; drawn 60 : 30 : 10"
+    )
+    crest_radius: float | None = drawn(600.0, 4000.0, "Radius of a crest or sag [m]", ge=300.0, le=50_000.0)
+    superelevation: float | None = drawn(0.02, 0.06, "Crossfall of a road in arcs [1]", ge=0.0, le=0.06)
+    cant: float | None = drawn(0.03, 0.15, "Cant of rails in arcs, over 1.505 m [m]", ge=0.0, le=0.15)
+    skew: float | None = drawn(
+        5.0, 30.0, "Turn of the supports out of the square [deg], 0 for 60 % of the bridges, either way", ge=-30.0
+    )
+
+
+def draw_alignment(
+    settings: AlignmentSettings,
+    supports: tuple[float, ...],
+    half_width: float,
+    service: str,
+    grade: float,
+    straight: bool,
+    draws: Draws,
+) -> Alignment:
+    """Draw an axis; its height is that of a finished surface that begins at 0.
+
+    Args:
+        settings: What the user fixed.
+        supports: Stations of the bearing lines, abutments first and last [m].
+        half_width: Half the deck's width [m].
+        service: `road` or `rail`.
+        grade: Rise of the road per metre, mean over the bridge [1].
+        straight: Arches and cables want a straight axis with square supports and no crest.
+        draws: Random stream and profile of the bridge.
+
+    Raises:
+        InputError: Something that the user fixed does not fit the bridge.
+    """
+    length, paper = supports[-1], draws.profile == "paper"
+    kind, profile, way = draws.choose(_KINDS), draws.choose(_PROFILES), draws.choose({"left": 1.0, "right": 1.0})
+    radius_share, skewed, skew_sign = draws.random(), draws.random() < _SKEWED, 1.0 if draws.random() < 0.5 else -1.0
+    sizes = {key: draw(settings, key, draws) for key in (
+        "spiral", "amplitude", "wave", "crest_radius", "superelevation", "cant", "skew"
+    )}  # fmt: skip
+    if straight:
+        _refuse(settings)
+        kind, profile, skew = "straight", "grade", 0.0
+    else:
+        kind, profile = ("sine", "grade") if paper else (kind, profile)
+        kind, profile = settings.kind or kind, settings.profile or profile
+        drawn_skew = skew_sign * sizes["skew"] if skewed and not paper else 0.0
+        skew = float(np.radians(settings.skew if settings.skew is not None else drawn_skew))
+    if settings.skew is None and settings.radius is not None:  # what is drawn gives way to what is fixed
+        widest = float(np.arccos(np.sqrt(min(LEAST_RADIUS[service] / settings.radius, 1.0))))
+        skew = float(np.clip(skew, -widest, widest)) + 0.0
+    _check_grade(grade, service)
+    least = LEAST_RADIUS[service] / np.cos(skew) ** 2
+    plan: tuple[Element, ...] = ()
+    falls: tuple[tuple[float, float], ...] = ()
+    sign = 1.0 if (settings.turn or way) == "left" else -1.0
+    if kind == "sine":
+        plan = _wave(settings, sign * sizes["amplitude"], sizes["wave"], length, max(least, WAVE_RADIUS))
+    elif kind != "straight":
+        radius = _radius(settings, kind, sizes["spiral"], supports, least, radius_share)
+        plan = _elements(kind, sign / radius, sizes["spiral"], length)
+        fall = sizes["cant"] / RAIL_PITCH if service == "rail" else sizes["superelevation"]
+        if kind == "s" and (settings.cant if service == "rail" else settings.superelevation) is None:
+            fall = min(fall, round(0.4 * length * EDGE_RISE / half_width, 4))  # an S has little room to turn over
+        falls = _falls(kind, -sign * fall, sizes["spiral"] * length, length, half_width)
+    crest = _crest(settings, profile, sizes["crest_radius"], length, abs(grade), STEEPEST[service])
+    begin = grade if crest is None else round(grade + 0.5 * length / crest.radius, 6)
+    return Alignment(0.0, begin, plan=plan, skew=skew, crest=crest, falls=falls)
+
+
+def _refuse(settings: AlignmentSettings) -> None:
+    for key, plain in (("kind", "straight"), ("skew", 0.0), ("profile", "grade")):
+        value = getattr(settings, key)
+        if value not in (None, plain):
+            raise InputError(
+                "arches and cables hang in one plane: their bridges are straight, square and without a crest",
+                field=f"bridge.alignment.{key}", value=value, allowed=str(plain), mend="Leave it out",
+            )  # fmt: skip
+
+
+def _check_grade(grade: float, service: str) -> None:
+    steepest = STEEPEST[service]
+    if abs(grade) > steepest:
+        raise InputError(
+            f"steeper than a {service} bridge is built", field="bridge.grade", value=grade,
+            allowed=f"{-steepest:g} to {steepest:g}", mend=f"Nearest valid: {np.copysign(steepest, grade):g}",
+        )  # fmt: skip
+
+
+def _elements(kind: str, curvature: float, spiral: float, length: float) -> tuple[Element, ...]:
+    ramp = spiral * length
+    if kind == "arc":
+        return (Element(length, curvature, curvature),)
+    if kind == "clothoid":
+        middle = Element(length - 2.0 * ramp, curvature, curvature)
+        return Element(ramp, 0.0, curvature), middle, Element(ramp, curvature, 0.0)
+    arc = 0.5 * (length - ramp)
+    turn = Element(ramp, curvature, -curvature)
+    return Element(arc, curvature, curvature), turn, Element(arc, -curvature, -curvature)
+
+
+def _falls(kind: str, fall: float, ramp: float, length: float, half_width: float) -> tuple[tuple[float, float], ...]:
+    """List where the crossfall changes: it grows on the approaches and the clothoids, and turns over amid an S.
+
+    A deck's edge rises against the axis by no more than `EDGE_RISE`, as long as an S has room for it.
+    """
+    if fall == 0.0:
+        return ()
+    run = max(FADE, half_width * abs(fall) / EDGE_RISE)
+    reach = min(ramp, length / 2.0 - 0.01) if kind == "clothoid" else -ABUTMENT_BACK
+    first = ((min(reach - run, 0.0), 0.0), (reach, fall))
+    last = fall
+    middle: tuple[tuple[float, float], ...] = ()
+    if kind == "s":
+        turn = min(max(ramp, 2.0 * run), 0.8 * length)
+        middle, last = ((0.5 * (length - turn), fall), (0.5 * (length + turn), -fall)), -fall
+    return (*first, *middle, (length - reach, last), (max(length - reach + run, length), 0.0))
+
+
+def _radius(
+    settings: AlignmentSettings, kind: str, spiral: float, supports: tuple[float, ...], least: float, share: float
+) -> float:
+    length = supports[-1]
+    turning = least
+    while (turn := PlanCurve(_elements(kind, 1.0 / turning, spiral, length)).largest_turn) > LARGEST_TURN:
+        turning *= 1.001 * turn / LARGEST_TURN
+    if settings.radius is None:
+        low = max(least, turning, _SPAN_RADII * float(np.diff(supports).max()))
+        return round(low * (max(900.0, 1.5 * low) / low) ** share, 1)
+    if settings.radius < max(least, turning):
+        rule = (
+            f"{np.degrees(LARGEST_TURN):g} deg against the chord is the most that the axis may turn"
+            if turning > least
+            else f"the axis of this bridge is bent at most to {least:.1f} m"
+        )
+        raise InputError(
+            f"too small: {rule}", field="bridge.alignment.radius", value=settings.radius,
+            allowed=f"at least {max(least, turning):.1f} m",
+            mend=f"Nearest valid: {np.ceil(10.0 * max(least, turning)) / 10.0:.1f}",
+        )  # fmt: skip
+    return settings.radius
+
+
+def _wave(
+    settings: AlignmentSettings, amplitude: float, scale: float, length: float, least: float
+) -> tuple[Element, ...]:
+    """Bound a wave whose curvature the Random Bridge Generator left open."""
+    most = scale * scale / least
+    while PlanCurve(sine_elements(min(most, 20.0), scale, length)).largest_turn > LARGEST_TURN:
+        most = 0.9 * min(most, 20.0)
+    if settings.amplitude is not None and abs(amplitude) > most:
+        raise InputError(
+            f"the wave bends harder than {least:.0f} m of radius, or turns more than 35 deg against its chord",
+            field="bridge.alignment.amplitude", value=settings.amplitude, allowed=f"at most {most:.2f} m",
+            mend=f"Nearest valid: {np.floor(100.0 * most) / 100.0:.2f}, or a larger bridge.alignment.wave",
+        )  # fmt: skip
+    bounded = float(np.copysign(min(abs(amplitude), most), amplitude))
+    return sine_elements(bounded, scale, length) if bounded else ()
+
+
+def _crest(
+    settings: AlignmentSettings, profile: str, radius: float, length: float, grade: float, steepest: float
+) -> Crest | None:
+    if profile == "grade":
+        return None
+    room = steepest - grade
+    least = 0.5 * length / room if room > 0.0 else np.inf
+    if settings.crest_radius is not None and radius < least:
+        raise InputError(
+            f"the ends of the bridge become steeper than {steepest:g}", field="bridge.alignment.crest_radius",
+            value=radius, allowed=f"at least {least:.0f} m", mend=f"Nearest valid: {np.ceil(least):.0f}",
+        )  # fmt: skip
+    if not np.isfinite(least):
+        return None
+    return Crest(0.0, length, (1.0 if profile == "crest" else -1.0) * max(radius, float(np.ceil(least))))

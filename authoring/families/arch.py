@@ -1,0 +1,96 @@
+"""The family `arch`: deck, through, half-through and tied arches, and masonry arches with filled spandrels.
+
+Source: proportions as listed in Shi, Kim, Narazaki (rise 1/3 to 1/8 of the span, ring depth 1/45 to 1/70, spandrel
+columns at 1/8 to 1/14); profile `paper` follows the Random Bridge Generator's arch (span 100 m, rise 25 m, ring 10 m
+wide and 2 m deep, columns every 10 m, box deck 3 m deep).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from authoring.alignment import Layout
+from authoring.families.arch_deck import DrawnDeckArch, build_deck_arch, draw_deck_arch
+from authoring.families.arch_masonry import DrawnMasonry, build_masonry, draw_masonry
+from authoring.families.arch_settings import ArchSettings as ArchSettings
+from authoring.families.arch_settings import draw_choice
+from authoring.families.arch_through import DrawnThroughArch, build_through_arch, draw_through_arch
+from authoring.families.shared import SharedSettings
+from authoring.parts.drawing import Draws
+from authoring.parts.part import Part
+from authoring.parts.piers import Ground
+from groundwork.errors import InputError
+
+
+@dataclass(frozen=True)
+class DrawnArch:
+    """Every drawn parameter of an arch bridge.
+
+    Attributes:
+        arrangement: `deck`, `through`, `half_through`, `tied` or `masonry`.
+        arch: Record of the arrangement.
+    """
+
+    arrangement: str
+    arch: DrawnDeckArch | DrawnThroughArch | DrawnMasonry
+
+    @property
+    def without_bearings(self) -> tuple[int, ...]:
+        """Supports without bearings: all of a masonry arch bridge."""
+        return tuple(range(len(self.arch.supports))) if isinstance(self.arch, DrawnMasonry) else ()
+
+
+def draw_arch(settings: ArchSettings, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnArch]:
+    """Draw what the user did not fix.
+
+    Args:
+        settings: Settings of the family.
+        shared: Settings of the parts that every family has.
+        draws: Random stream and profile of the bridge.
+
+    Returns:
+        Layout for the site, and the record that `build_arch` builds from.
+    """
+    choice = draw_choice(settings, draws)
+    if choice.arrangement == "deck":
+        layout, arch = draw_deck_arch(choice, shared, draws)
+    elif choice.arrangement == "masonry":
+        layout, arch = draw_masonry(settings, choice.springing, shared, draws)
+    else:
+        layout, arch = draw_through_arch(settings, choice, shared, draws)
+    return layout, DrawnArch(choice.arrangement, arch)
+
+
+def build_arch(layout: Layout, drawn: DrawnArch, ground: Ground) -> list[Part]:
+    """Build every member of an arch bridge.
+
+    Args:
+        layout: Axis and supports.
+        drawn: What was drawn.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+
+    Returns:
+        Parts in their lasting order.
+
+    Raises:
+        InputError: The ground lies above the deck between the abutments.
+    """
+    _refuse_hill(layout, ground)
+    if isinstance(drawn.arch, DrawnDeckArch):
+        return build_deck_arch(layout, drawn.arch, ground)
+    if isinstance(drawn.arch, DrawnMasonry):
+        return build_masonry(layout, drawn.arch, ground)
+    return build_through_arch(layout, drawn.arch, ground)
+
+
+def _refuse_hill(layout: Layout, ground: Ground) -> None:
+    """Refuse ground above the road between the abutments."""
+    stations = np.linspace(layout.supports[0] + 3.0, layout.supports[-1] - 3.0, 101)
+    road = layout.alignment.point(stations, np.zeros(101), np.zeros(101))
+    over = ground(road[:, :2]) - road[:, 2]
+    if over.max() > 0.0:
+        raise InputError(
+            f"the ground lies {over.max():.1f} m above the deck", field="bridge.arch.springing",
+            allowed="ground below the deck between the abutments",
+            mend=f"Raise the springings by {over.max() + 1.0:.1f} m, or choose a lower site",
+        )  # fmt: skip

@@ -1,0 +1,115 @@
+"""Masonry arches with filled spandrels: no bearings, parapets of masonry, one to five equal spans."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from authoring.alignment import Layout
+from authoring.families.arch_deck import FOUNDING, raised
+from authoring.families.arch_settings import ArchSettings
+from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
+from authoring.parts.arch_axis import Rib
+from authoring.parts.bearings import draw_bearings
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.drawing import Draws, draw, draw_whole
+from authoring.parts.masonry import ROLE, Viaduct, masonry_support_parts, ring_of, viaduct_parts
+from authoring.parts.part import Part
+from authoring.parts.piers import Ground
+from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
+
+_FRONT = 0.6  # [m] from the support's station to the springing in front of it
+_LEAST_PIER_TOP = 0.10  # [m] between the two rings on a pier
+
+
+@dataclass(frozen=True)
+class DrawnMasonry:
+    """Every drawn parameter of a masonry arch bridge.
+
+    Attributes:
+        viaduct: Rings, piers, walls.
+        supports: Stations of abutments and piers [m].
+        spans: One piece of deck from abutment to abutment.
+        top: What lies on the fill.
+        abutments: Their wing walls.
+    """
+
+    viaduct: Viaduct
+    supports: tuple[float, ...]
+    spans: Spans
+    top: DeckTop
+    abutments: Abutments
+
+
+def draw_masonry(
+    settings: ArchSettings, springing: float, shared: SharedSettings, draws: Draws
+) -> tuple[Layout, DrawnMasonry]:
+    """Draw a masonry arch bridge.
+
+    Args:
+        settings: What the user fixed.
+        springing: Least height of the springings above z = 0 [m].
+        shared: Settings of the parts that every family has.
+        draws: Random stream and profile of the bridge.
+    """
+    own = settings.masonry
+    solid = shared.parapet.model_copy(update={"shape": "wall"})
+    top = draw_deck_top(shared.model_copy(update={"parapet": solid}), draws)
+    abutments = draw_abutments(shared.abutment, draw_bearings(shared.bearing, draws), draws)
+    count, span = draw_whole(own, "span_count", draws), draw(own, "span", draws)
+    rise, thickness = span * draw(own, "rise_ratio", draws), span / draw(own, "span_to_ring", draws)
+    pier, fill = span * draw(own, "pier_ratio", draws), draw(own, "crown_fill", draws)
+    thickness = round(max(thickness, 0.35), 3)
+    axis = ring_of(settings.shape or "circle", span, rise, thickness)
+    pier = round(max(pier, 2.0 * (axis.span - span) + _LEAST_PIER_TOP), 3)
+    base = -(top.surfacing + fill + 0.5 * thickness + axis.rise)
+    half_more = 0.5 * (axis.span - span)
+    starts = tuple(round(_FRONT - half_more + k * (span + pier), 4) for k in range(count))
+    total = round(2.0 * _FRONT + count * span + (count - 1) * pier, 4)
+    piers = tuple(round(_FRONT + k * (span + pier) - 0.5 * pier, 4) for k in range(1, count))
+    viaduct = Viaduct(
+        ring=Rib(axis, 0.0, base, 0.0, thickness, thickness),
+        starts=starts,
+        pier=pier,
+        cutwater=draw(own, "cutwater", draws),
+        wall=draw(own, "wall", draws),
+        width=top.width,
+        ends=(-ABUTMENT_BACK, total + ABUTMENT_BACK),
+    )
+    supports = (0.0, *piers, total)
+    drawn = DrawnMasonry(viaduct, supports, Spans((0.0, total), 0.35, 0.02), top, abutments)
+    quarter = float(viaduct.rib(0).intrados(np.array([starts[0] + 0.25 * axis.span]))[0])
+    layout = draw_layout_of(shared, top, supports, quarter, base, draws, straight=True)
+    # The lowest springing is as high as asked for when the middle of the bridge is.
+    return raised(layout, replace(viaduct.ring, start=0.5 * (total - axis.span)), springing), drawn
+
+
+def build_masonry(layout: Layout, arch: DrawnMasonry, ground: Ground) -> list[Part]:
+    """Build a masonry arch bridge.
+
+    Args:
+        layout: Axis and supports.
+        arch: What was drawn.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+    """
+    place, spans = layout.alignment, arch.spans
+    middle = level_at(place, 0.5 * spans.supports[-1])
+    heights = place.point(np.array(spans.supports), np.zeros(2), np.zeros(2))[:, 2]
+    slope = float(heights[1] - heights[0]) / spans.supports[-1]
+    v = replace(arch.viaduct, slope=slope)
+    parts = viaduct_parts(v, arch.top.surfacing, middle)
+    parts += [_as_masonry(part) for part in deck_top_parts(arch.top, spans, deck_runs(spans, arch.abutments), place)]
+    parts += masonry_support_parts(v, FOUNDING, middle, ground)
+    levels = Levels(arch.top.surfacing, 0.0, 0.0, 0.0, -arch.top.surfacing - v.ring.base)
+    walls = abutment_parts(arch.abutments, arch.top.width, spans, levels, place, ground)
+    parts += [replace(part, role=ROLE) for part in walls if part.kind == "wing_wall"]
+    return parts
+
+
+def _as_masonry(part: Part) -> Part:
+    """Give parapets the masonry's material, and turn joints, which a filled arch has none of, into asphalt."""
+    if part.kind in ("parapet", "parapet_coping"):
+        return replace(part, role=ROLE)
+    if part.kind == "expansion_joint":
+        return replace(part, kind="surfacing", role="Role_DeckAsphalt")
+    return part

@@ -1,0 +1,171 @@
+"""What a scenario says about an arch bridge, and the draw of what all arrangements share."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from groundwork.settings import Settings
+
+ARRANGEMENTS = {"deck": 0.60, "through": 0.08, "half_through": 0.07, "tied": 0.10, "masonry": 0.15}
+SHAPES = {"parabola": 0.45, "circle": 0.30, "catenary": 0.25}
+DECK_FORMS = {"ring": 0.30, "concrete": 0.45, "steel": 0.25}
+THROUGH_FORMS = {"concrete": 0.35, "steel": 0.65}
+DECKS = {"slab": 0.40, "beam_slab": 0.45, "box": 0.15}
+BRACINGS = {"struts": 0.5, "k": 0.5}
+
+
+class MasonrySettings(Settings):
+    """A masonry arch bridge with filled spandrels; what is left out is drawn."""
+
+    span_count: int | None = drawn(1, 5, "Number of arches [1]")
+    span: float | None = drawn(6.0, 25.0, "Clear span of every arch [m]", ge=4.0, le=35.0)
+    rise_ratio: float | None = drawn(0.22, 0.48, "Rise of the intrados over the span [1]", ge=0.15, le=0.5)
+    span_to_ring: float | None = drawn(17.0, 26.0, "Span over the thickness of the ring [1]", ge=12.0, le=35.0)
+    pier_ratio: float | None = drawn(0.16, 0.26, "Thickness of the piers over the span [1]", ge=0.12, le=0.35)
+    crown_fill: float | None = drawn(0.30, 0.60, "Fill over the crown, below the road's surfacing [m]", ge=0.2, le=1.5)
+    cutwater: float | None = drawn(0.5, 0.9, "Length of a cutwater over half its width [1]", ge=0.3, le=1.2)
+    wall: float | None = drawn(0.45, 0.65, "Thickness of the spandrel walls [m]", ge=0.4, le=1.0)
+
+
+class AboveSettings(Settings):
+    """Main dimensions of an arch that rises above its deck: braces leave room for traffic in every draw."""
+
+    span: float | None = drawn(60.0, 150.0, "Springing to springing [m]", ge=40.0, le=250.0)
+    span_to_rise: float | None = drawn(3.5, 5.5, "Span over rise [1]", ge=3.0, le=8.0)
+    below_deck: float | None = drawn(
+        0.15, 0.25, "Share of a half-through arch's rise below the road [1]", ge=0.1, le=0.6
+    )
+
+
+class ArchSettings(Settings):
+    """An arch bridge; what is left out is drawn.
+
+    For arches below the deck the shared `clearance` is kept by the intrados over the middle half of the span, and
+    `springing` by the springings; the higher of both decides the level of the deck.
+    """
+
+    arrangement: Literal["deck", "through", "half_through", "tied", "masonry"] | None = Field(
+        default=None, description="Where the deck lies; drawn deck 60, through 8, half_through 7, tied 10, masonry 15 %"
+    )
+    shape: Literal["parabola", "circle", "catenary"] | None = Field(
+        default=None, description="Line of the axis; drawn parabola 45, circle 30, catenary 25 %; paper: parabola"
+    )
+    form: Literal["ring", "concrete", "steel"] | None = Field(
+        default=None,
+        description="One concrete ring, or ribs of concrete or steel; drawn 30, 45, 25 %; above a deck 0, 35, 65 %",
+    )
+    deck: Literal["slab", "beam_slab", "box"] | None = Field(
+        default=None, description="Deck over spandrel columns; drawn 40, 45, 15 %; paper: box"
+    )
+    span: float | None = drawn(30.0, 150.0, "Springing to springing of a deck arch [m]", paper=(100, 100))
+    span_to_rise: float | None = drawn(3.0, 8.0, "Span over rise [1]", paper=(4, 4))
+    span_to_depth: float | None = drawn(45.0, 70.0, "Span over the depth at the crown [1]", ge=30.0, paper=(50, 50))
+    thickening: float | None = drawn(
+        1.0, 1.5, "Depth at the springing over that at the crown [1]", le=2.0, paper=(1, 1)
+    )
+    bays: int | None = drawn(8, 14, "Bays between the springing piers [1]", ge=6, le=20, paper=(10, 10))
+    approach: float | None = drawn(
+        0.9,
+        1.6,
+        "Deck beyond either springing pier over the rise, in whole bays [1]; 0: abutments behind the springings",
+        ge=0.0,
+        le=4.0,
+        paper=(0, 0),
+    )
+    springing: float | None = drawn(0.8, 2.5, "Least height of the springings above z = 0 [m]", ge=0.0, le=20.0)
+    hanger_pitch: float | None = drawn(4.0, 8.0, "Distance of hangers and floor beams [m]", ge=3.0, le=10.0)
+    bracing: Literal["struts", "k"] | None = Field(
+        default=None, description="Braces between ribs above a deck: struts alone or with diagonals; drawn 50 : 50"
+    )
+    above: AboveSettings = AboveSettings()
+    masonry: MasonrySettings = MasonrySettings()
+
+
+@dataclass(frozen=True)
+class ArchChoice:
+    """What every arrangement needs.
+
+    Attributes:
+        arrangement: A key of ARRANGEMENTS.
+        shape: Line of the axis.
+        form: `ring`, `concrete` or `steel`.
+        deck: A key of DECKS.
+        bracing: `struts` or `k`.
+        span: Springing to springing [m].
+        rise: Of the axis [m].
+        depth: At the crown [m].
+        springing_depth: At the springings [m].
+        bays: Of a deck over spandrel columns.
+        approach_bays: Beyond either springing pier.
+        springing: Least height of the springings above z = 0 [m].
+        hanger_pitch: Wanted distance of hangers [m].
+        below_deck: Share of the rise below the road [1].
+    """
+
+    arrangement: str
+    shape: str
+    form: str
+    deck: str
+    bracing: str
+    span: float
+    rise: float
+    depth: float
+    springing_depth: float
+    bays: int
+    approach_bays: int
+    springing: float
+    hanger_pitch: float
+    below_deck: float
+
+
+def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
+    """Draw arrangement and main dimensions; every value is drawn, whether the arrangement uses it or not.
+
+    Args:
+        settings: What the user fixed.
+        draws: Random stream and profile.
+    """
+    paper = draws.profile == "paper"
+    drawn_arrangement, drawn_shape, share = draws.choose(ARRANGEMENTS), draws.choose(SHAPES), draws.random()
+    drawn_deck, drawn_bracing = draws.choose(DECKS), draws.choose(BRACINGS)
+    arrangement = settings.arrangement or _told(drawn_arrangement, "deck", paper)
+    above = arrangement in ("through", "half_through", "tied")
+    shape = settings.shape or _told(drawn_shape, "parabola", paper)
+    form = settings.form or _told(_pick(THROUGH_FORMS if above else DECK_FORMS, share), "ring", paper)
+    deck = settings.deck or _told(drawn_deck, "box", paper)
+    bracing = settings.bracing or drawn_bracing
+    below_span, below_flatness = draw(settings, "span", draws), draw(settings, "span_to_rise", draws)
+    above_span, above_flatness = draw(settings.above, "span", draws), draw(settings.above, "span_to_rise", draws)
+    span, flatness = (above_span, above_flatness) if above else (below_span, below_flatness)
+    rise = round(span / flatness, 3)
+    depth = round(span / draw(settings, "span_to_depth", draws), 3)
+    bays = draw_whole(settings, "bays", draws)
+    approach = int(np.ceil(draw(settings, "approach", draws) * rise / (span / bays)))
+    return ArchChoice(
+        arrangement=arrangement,
+        shape=shape,
+        form=form,
+        deck=deck,
+        bracing=bracing,
+        span=span,
+        rise=rise,
+        depth=depth,
+        springing_depth=round(depth * draw(settings, "thickening", draws), 3),
+        bays=bays,
+        approach_bays=approach,
+        springing=draw(settings, "springing", draws),
+        hanger_pitch=draw(settings, "hanger_pitch", draws),
+        below_deck=draw(settings.above, "below_deck", draws),
+    )
+
+
+def _told(drawn_name: str, paper_name: str, paper: bool) -> str:
+    return paper_name if paper else drawn_name
+
+
+def _pick(weights: dict[str, float], share: float) -> str:
+    edges = np.cumsum(list(weights.values()))
+    return list(weights)[int(np.searchsorted(edges[:-1], share * edges[-1], side="right"))]

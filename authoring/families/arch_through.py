@@ -1,0 +1,300 @@
+"""Arches that rise above the deck: through, half-through, and tied (bowstring) arches with hangers."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from authoring.alignment import Alignment, Layout
+from authoring.families.arch_deck import FOUNDING, footed, raised
+from authoring.families.arch_settings import ArchChoice, ArchSettings
+from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
+from authoring.parts.arch_axis import ArchAxis, Rib
+from authoring.parts.arch_braces import diagonal_parts
+from authoring.parts.arch_floors import Floor, brace_places, floor_beam_part, tie_parts, tie_seat_parts
+from authoring.parts.arches import EMBEDDED, RibSection, rib_parts, skewback_part, strut_parts
+from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.decks import deck_parts
+from authoring.parts.drawing import Draws
+from authoring.parts.fittings import fitting_parts
+from authoring.parts.hangers import Hangers, bracket_surface, hanger_parts, needed_height
+from authoring.parts.part import SUBSTRUCTURE, Part
+from authoring.parts.piers import Ground
+from authoring.parts.spandrels import Bents, column_surface, foot_on
+from authoring.parts.spans import Levels, Spans, level_at
+from groundwork.errors import InputError
+
+GAUGE = {"road": 4.7, "rail": 6.0}  # [m] above the finished surface or the rails' top that braces leave free
+_ABOVE_GAUGE = 0.3  # [m]
+_CLEAR = 0.12  # [m] between the deck's edge and a rib
+_LEAST_COLUMN = 0.03  # [m]
+
+
+@dataclass(frozen=True)
+class DrawnThroughArch:
+    """Every drawn parameter of an arch above its deck.
+
+    Attributes:
+        kind: `through`, `half_through` or `tied`.
+        rib: Axis and depths; heights relative to the road at mid-span.
+        section: Form and lines of both ribs.
+        panels: Fields between floor beams.
+        pitch: Distance of floor beams and hangers [m].
+        slab: Thickness of the deck slab [m].
+        floor: Floor beams and ties.
+        hangers: Dimensions.
+        columns: Columns on the rib below the deck.
+        brace: Along the arch and square to it [m].
+        bracing: `struts` or `k`.
+        spans: One piece of deck.
+        top: What lies on the deck.
+        bearings: Under ties or end floor beams.
+        bearing_lines: Distance of every bearing to the left of the axis [m].
+        abutments: Their walls.
+    """
+
+    kind: str
+    rib: Rib
+    section: RibSection
+    panels: int
+    pitch: float
+    slab: float
+    floor: Floor
+    hangers: Hangers
+    columns: Bents
+    brace: tuple[float, float]
+    bracing: str
+    spans: Spans
+    top: DeckTop
+    bearings: Bearings
+    bearing_lines: tuple[float, ...]
+    abutments: Abutments
+
+    @property
+    def levels(self) -> Levels:
+        """Thicknesses from the finished surface down to the seats."""
+        girder = self.floor.beam_depth
+        if self.kind == "tied":
+            girder = self.floor.tie_depth - self.floor.tie_top - self.top.surfacing - self.slab
+        bearings = self.bearings
+        return Levels(self.top.surfacing, self.slab, girder, bearings.pad_height, bearings.plinth_height)
+
+
+def draw_through_arch(
+    settings: ArchSettings, choice: ArchChoice, shared: SharedSettings, draws: Draws
+) -> tuple[Layout, DrawnThroughArch]:
+    """Draw an arch above its deck.
+
+    Args:
+        settings: What the user fixed.
+        choice: Main dimensions.
+        shared: Settings of the parts that every family has.
+        draws: Random stream and profile of the bridge.
+    """
+    if choice.form == "ring":
+        raise InputError(
+            "a ring has no room for traffic", field="bridge.arch.form", value="ring", allowed="concrete or steel ribs",
+            mend="Choose ribs, or the arrangement deck",
+        )  # fmt: skip
+    top = draw_deck_top(shared, draws)
+    top = replace(top, fittings=replace(top.fittings, lamps=False))  # braces are where lamp posts would stand
+    bearings = draw_bearings(shared.bearing, draws)
+    abutments = draw_abutments(shared.abutment, bearings, draws)
+    abutments = replace(abutments, footing_toe=0.0, footing_top=0.0)  # the arch's blocks stand in its place
+    shares = draws.rng.random(6)
+    tied = choice.arrangement == "tied"
+    width = float(np.clip(choice.depth * (0.7 + 0.4 * shares[0]), 0.6, 1.8))
+    tie_width = round(max(width + 0.2, bearings.plinth_width + 0.1), 3) if tied else 0.0
+    line = 0.5 * top.width + (0.05 + 0.5 * tie_width if tied else _CLEAR + 0.5 * width)
+    chamfer = 0.0 if choice.form == "steel" else 0.025
+    section = RibSection(choice.form, round(width, 3), (-round(line, 3), round(line, 3)), chamfer)
+    floor = _draw_floor(choice, top, tie_width, 2.0 * line, shares[1])
+    brace = (round(0.45 + 0.25 * shares[2], 3), round(0.6 * choice.depth, 3))
+    rib = _draw_rib(settings, choice, top, floor, brace)
+    slab = round(max(0.25, choice.hanger_pitch / (20.0 + 6.0 * shares[3])), 3)
+    diameter = round(0.06 + 0.05 * shares[4], 3)
+    hangers = Hangers(diameter, round(2.0 * diameter + 0.04, 3), 0.30, round(min(0.6 * width, 0.45), 3))
+    thick = round(0.5 + 0.3 * shares[5], 3)
+    role = "Role_GirderSteel" if choice.form == "steel" else "Role_PierConcrete"
+    across = round(min(width - 0.16, thick), 3)
+    columns = Bents("rectangular", thick, across, section.lines, 0.0, 0.0, 0.0, 0.02, role)
+    start = _start(choice, rib, floor)
+    total = round(choice.span + 2.0 * start, 3)
+    panels = max(6, round(total / choice.hanger_pitch))
+    overhang = max(0.35, round(0.5 * bearings.plinth_length + 0.02, 3))
+    inner = 0.5 * top.width - 0.8
+    lines = section.lines if tied else tuple(np.linspace(-inner, inner, max(2, round(inner / 2.0))).round(3).tolist())
+    drawn = DrawnThroughArch(
+        choice.arrangement, replace(rib, start=start), section, panels, total / panels, slab, floor, hangers, columns,
+        brace, choice.bracing, Spans((0.0, total), overhang, 0.05), top, bearings, lines, abutments,
+    )  # fmt: skip
+    levels = drawn.levels
+    supports = (0.0, total)
+    layout = draw_layout_of(shared, top, supports, levels.girder_soffit, levels.seat, draws, straight=True)
+    if not tied:
+        layout = footed(raised(layout, drawn.rib, choice.springing), drawn.rib)
+    return layout, drawn
+
+
+def build_through_arch(layout: Layout, arch: DrawnThroughArch, ground: Ground) -> list[Part]:
+    """Build an arch above its deck.
+
+    Args:
+        layout: Axis and supports.
+        arch: What was drawn.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+    """
+    place, spans, levels = layout.alignment, arch.spans, arch.levels
+    rib = _placed(arch, place)
+    middle = level_at(place, rib.middle)
+    parts = deck_parts(arch.top.width, spans, levels, place)
+    parts += deck_top_parts(arch.top, spans, deck_runs(spans, arch.abutments), place)
+    parts += rib_parts(rib, arch.section, "arch_rib", middle)
+    parts += _brace_parts(arch, rib, place, middle)
+    for number in range(arch.panels + 1):
+        parts += _panel_parts(arch, rib, number, place, middle)
+    parts += bearing_parts(arch.bearings, arch.bearing_lines, spans, levels, place)
+    line, ends = arch.section.lines[1], (spans.supports[0], spans.supports[-1])
+    if arch.kind == "tied":
+        parts += tie_parts(arch.floor, line, *ends, place)
+        front = arch.abutments.front
+        parts += tie_seat_parts(arch.floor, line, ends, front, levels.seat, FOUNDING, place, ground)
+    else:
+        parts += _skewback_parts(arch, rib, middle, ground)
+    parts += abutment_parts(arch.abutments, arch.top.width, spans, levels, place, ground)
+    top = arch.top
+    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
+    return parts
+
+
+def _draw_floor(choice: ArchChoice, top: DeckTop, tie_width: float, reach: float, share: float) -> Floor:
+    material = "steel" if choice.form == "steel" else "concrete"
+    depth = round(max(0.6, reach / (12.0 + 4.0 * share)), 3)
+    width = 0.45 if material == "steel" else 0.50
+    tie_top = round(max(top.walk_level, -top.surfacing) + 0.05, 3)
+    slab = max(0.25, choice.hanger_pitch / 20.0)
+    tie_depth = round(tie_top + top.surfacing + slab + depth + 0.08, 3) if tie_width else 0.0
+    return Floor(material, depth, width, tie_width, tie_top, tie_depth, 0.6)
+
+
+def _draw_rib(
+    settings: ArchSettings, choice: ArchChoice, top: DeckTop, floor: Floor, brace: tuple[float, float]
+) -> Rib:
+    """Draw the axis so that traffic passes under a few braces."""
+    needed = GAUGE[top.service] + _ABOVE_GAUGE + 0.5 * brace[1] + 0.8
+    rise = choice.rise
+    below = {"tied": -floor.tie_top, "through": 1.2 + top.surfacing, "half_through": choice.below_deck * rise}
+    under = below[choice.arrangement]
+    if rise - under < needed:
+        share = choice.below_deck if choice.arrangement == "half_through" else 0.0
+        deep = share > 0.0 and settings.above.below_deck is not None and rise > needed
+        key, value = ("below_deck", share) if deep else ("span_to_rise", choice.span / rise)
+        most = 1.0 - needed / rise if deep else choice.span / (needed / (1.0 - share) if share else needed + under)
+        raise InputError(
+            f"the crown lies {rise - under:.2f} m above the road: no room for traffic under braces",
+            field=f"bridge.arch.above.{key}", value=round(value, 3),
+            allowed=f"at most {np.floor(1e3 * most) / 1e3:g} here",
+            mend="Raise the arch or lengthen the span",
+        )  # fmt: skip
+    axis = ArchAxis(choice.shape, choice.span, rise)
+    tied = choice.arrangement == "tied"
+    return Rib(axis, 0.0, -under, 0.0, choice.depth, choice.springing_depth, level_feet=tied)
+
+
+def _start(choice: ArchChoice, rib: Rib, floor: Floor) -> float:
+    """Find how far behind the first bearing line the springing lies [m]."""
+    if choice.arrangement != "tied":
+        return round(0.55 * choice.hanger_pitch, 3)
+    foot = -float(rib.edge(1.0)[0, 0])
+    return round(max(0.0, foot + 0.1 - floor.tie_end), 3)
+
+
+def _placed(arch: DrawnThroughArch, place: Alignment) -> Rib:
+    """Let a tied arch follow its ties, on a grade too."""
+    if arch.kind != "tied":
+        return arch.rib
+    ends = np.array([arch.rib.start, arch.rib.start + arch.rib.axis.span, arch.rib.middle])
+    heights = place.point(ends, np.zeros(3), np.zeros(3))[:, 2]
+    slope = float(heights[1] - heights[0]) / arch.rib.axis.span
+    return replace(arch.rib, slope=slope, base=arch.rib.base + float(0.5 * (heights[0] + heights[1]) - heights[2]))
+
+
+def _panel_parts(arch: DrawnThroughArch, rib: Rib, number: int, place: Alignment, middle: Alignment) -> list[Part]:
+    """Build a floor beam and what joins it to the ribs."""
+    station, levels = arch.pitch * number, arch.levels
+    level = level_at(place, station)
+    lift = middle.level - level.level
+    line = arch.section.lines[1]
+    name = f"Floor_Beam_{number:03d}"
+    tied, end = arch.kind == "tied", number in (0, arch.panels)
+    foot = arch.floor.tie_top if tied else levels.soffit
+    inside = rib.start < station < rib.start + rib.axis.span
+    sides = station + 0.5 * arch.columns.length * np.array([-1.0, 1.0])
+    low, high = float(rib.intrados(sides).min()) + lift, float(rib.extrados(sides).max()) + lift
+    hung = inside and not end and low - foot > needed_height()
+    face = line - 0.5 * arch.section.width + (0.05 if arch.section.form == "steel" else 0.0)
+    reach, parts = 0.5 * arch.top.width, []
+    beam_bottom = levels.soffit - arch.floor.beam_depth
+    if tied:
+        reach = line - 0.5 * arch.floor.tie_width + EMBEDDED
+    elif inside and not end and not hung and high > beam_bottom - _LEAST_COLUMN and low < levels.soffit + _LEAST_COLUMN:
+        reach = face + EMBEDDED
+    elif inside and not end:
+        reach = line + 0.30
+        parts += [] if hung else _post_parts(arch, rib, number, station, (low, high), level, middle)
+    parts.append(floor_beam_part(arch.floor, name, station, reach, levels, place))
+    if hung:
+        for side, middle_line in (("L", line), ("R", -line)):
+            where = f"{number:03d}_{side}"
+            parts += hanger_parts(arch.hangers, where, station, middle_line, foot, rib, level, lift)
+    return parts
+
+
+def _post_parts(
+    arch: DrawnThroughArch, rib: Rib, number: int, station: float, edges: tuple[float, float], level: Alignment,
+    middle: Alignment,
+) -> list[Part]:  # fmt: skip
+    """Build posts between rib and floor beam where there is no room for a hanger."""
+    parts = []
+    soffit, columns = arch.levels.soffit, arch.columns
+    for side, line in (("L", arch.section.lines[1]), ("R", arch.section.lines[0])):
+        if edges[0] > soffit:
+            size = (columns.length, columns.width)
+            surface = bracket_surface(rib, station, line, size, soffit - 0.005, level, middle.level - level.level)
+        else:
+            high = soffit - arch.floor.beam_depth + EMBEDDED
+            foot = foot_on(rib.extrados, station, columns.length, level, middle)
+            surface = column_surface(columns, station, line, foot, (high, 0.0), level)
+        height = float(np.ptp(surface.points[:, 2]))
+        facts: dict[str, object] = {"length": columns.length, "width": columns.width, "height": height}
+        name = f"Spandrel_{number:03d}_Column_{side}"
+        parts.append(Part(name, "spandrel_column", columns.role, SUBSTRUCTURE, surface, facts))
+    return parts
+
+
+def _brace_parts(arch: DrawnThroughArch, rib: Rib, place: Alignment, middle: Alignment) -> list[Part]:
+    """Build struts, and diagonals between them, where traffic passes under them."""
+    nodes, _, _ = rib.polygon
+    flat = np.zeros(len(nodes))
+    road = place.point(nodes[:, 0], flat, flat)[:, 2] - middle.level
+    free = GAUGE[arch.top.service] + _ABOVE_GAUGE + 0.5 * arch.brace[1]
+    room = nodes[nodes[:, 1] - road > free, 0]
+    places = brace_places(float(room[0]), float(room[-1]), 1.5 * arch.pitch)
+    parts = strut_parts(rib, arch.section, places, arch.brace, middle)
+    if arch.bracing == "k":
+        parts += diagonal_parts(rib, arch.section, places, arch.brace, middle)
+    return parts
+
+
+def _skewback_parts(arch: DrawnThroughArch, rib: Rib, middle: Alignment, ground: Ground) -> list[Part]:
+    half, line = 0.5 * arch.section.width, arch.section.lines[1]
+    back = max(2.0, 0.05 * rib.axis.span)
+    parts = []
+    for end in (0, 1):
+        for side, sign in (("L", 1.0), ("R", -1.0)):
+            left = sorted((sign * (line - half - _CLEAR + 0.02), sign * (line + half + 0.40)))
+            name = f"Springing_{end}_{side}"
+            block = skewback_part(rib, end, name, (left[0], left[1]), back, FOUNDING, middle, ground)
+            parts.append(block)
+    return parts

@@ -1,0 +1,245 @@
+"""The family `cable_stayed`: a continuous deck on stays from one or two pylons.
+
+Source: side span about 0.40 of the main span by Jorquera 2016; pylon heights, pitches, slenderness and diameters by
+common practice, as listed in Shi, Kim, Narazaki; profile `paper` by the public Random Bridge Generator.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from authoring.alignment import Layout
+from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.stayed_choices import CableStayedSettings, Choice, choose, stretched, with_median
+from authoring.families.stayed_elevation import FLATTEST, Frame, NoRoomForStays, fit, frame_of, leg_size
+from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
+from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
+from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.drawing import Draws, draw
+from authoring.parts.fittings import fitting_parts
+from authoring.parts.medians import median_parts
+from authoring.parts.part import Part
+from authoring.parts.piers import Ground
+from authoring.parts.pylons import Pylon, pylon_parts
+from authoring.parts.spans import Levels, Spans
+from authoring.parts.stays import Stays, stay_parts
+from groundwork.errors import InputError
+
+_PORTAL_STRIP = 0.12  # [m] beside parapets where the stays stand on brackets
+_LEAST_DEPTH = {"edge_beam": 0.9, "plate_girder": 0.9, "concrete_box": 1.3, "steel_box": 1.1}  # [m]
+_MEDIAN_MARGIN = 0.45  # [m] between a mast and the inner edge lines
+_DRAWN = (
+    "slab", "strip", "leg", "overhang", "gap", "zone", "height_ratio", "single_height_ratio", "slenderness",
+)  # fmt: skip
+_DROP = 6.5  # [m] from a pylon's lower cross beam to the ground, for its proportions
+_GROWTH, _GROWTHS = 1.06, 40  # of a main span that an asked shape finds too short
+_MEDIAN = 1.4  # [m] for the sockets of a single plane
+
+
+@dataclass(frozen=True)
+class DrawnCableStayed:
+    """Every drawn parameter of a cable-stayed bridge.
+
+    Attributes:
+        choice: Its kind and its spans.
+        spans: Stations.
+        top: What lies on the deck.
+        deck: Cross-section.
+        strip: Edge strips outside the parapets [m].
+        pylon: Elevation of every pylon.
+        stays: Where the stays end.
+        bearings: Pads and plinths.
+        abutments: Walls.
+    """
+
+    choice: Choice
+    spans: Spans
+    top: DeckTop
+    deck: CableDeck
+    strip: float
+    pylon: Pylon
+    stays: Stays
+    bearings: Bearings
+    abutments: Abutments
+
+    @property
+    def levels(self) -> Levels:
+        """Thicknesses from the finished surface down to the seats."""
+        return _levels(self.top, self.deck, self.bearings)
+
+    @property
+    def pylons(self) -> tuple[tuple[int, float, int], ...]:
+        """Support, station [m] and direction of the main span of every pylon."""
+        supports = self.spans.supports
+        return tuple((k, supports[k], 1 if k == 1 else -1) for k in range(1, 1 + self.choice.pylons))
+
+
+def _levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Levels:
+    return Levels(top.surfacing, deck.slab, deck.depth, bearings.pad_height, bearings.plinth_height)
+
+
+def draw_cable_stayed(
+    settings: CableStayedSettings, shared: SharedSettings, draws: Draws
+) -> tuple[Layout, DrawnCableStayed]:
+    """Draw what the user did not fix.
+
+    Args:
+        settings: Settings of the family.
+        shared: Settings of the parts that every family has.
+        draws: Random stream and profile of the bridge.
+
+    Returns:
+        Layout for the site, and the record that `build_cable_stayed` builds from.
+    """
+    top = draw_deck_top(shared, draws)
+    bearings = draw_bearings(shared.bearing, draws)
+    abutments = draw_abutments(shared.abutment, bearings, draws)
+    choice = choose(settings, top, draws)
+    values = {key: draw(settings, key, draws) for key in _DRAWN}
+    values["share"] = draws.random()
+    choice, top, deck, pylon, stays, strip = _fitted(settings, choice, top, values, bearings, draws.profile)
+    levels = _levels(top, deck, bearings)
+    spans = Spans(choice.supports, values["overhang"], values["gap"], continuous=True, one_row=True)
+    # The approaches' parapets stand on the wing walls, whose outer faces follow the deck's edge.
+    walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, strip + 0.5), 3))
+    layout = draw_layout_of(shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True)
+    record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, walls)
+    return replace(layout, width=deck.width), record
+
+
+def _fitted(
+    settings: CableStayedSettings, choice: Choice, top: DeckTop, values: dict[str, float], bearings: Bearings,
+    profile: str,
+) -> tuple[Choice, DeckTop, CableDeck, Pylon, Stays, float]:  # fmt: skip
+    """Fit pylon, stays and deck: where a drawn span is too short for an asked shape it grows, else an H stands in."""
+    longer = choice
+    for _ in range(_GROWTHS):
+        way = with_median(top, _median(longer, values)) if longer.planes == 1 else top
+        # The strips grow later: what the deck spans across is the road.
+        depth = max(longer.main / values["slenderness"], _LEAST_DEPTH[longer.deck], way.width / 15.0)
+        deck = _deck(longer, way.width, depth, values, profile != "paper")
+        try:
+            found = _elevation(settings, longer, way, values, _levels(way, deck, bearings))
+        except NoRoomForStays:
+            if settings.main is not None:
+                raise
+            found = None
+        if found is not None and (settings.main is None or longer is choice):
+            pylon, stays, strip = found
+            deck = _deck(longer, way.width + 2.0 * strip, depth, values, deck.chamfered, stays.plane)
+            return longer, way, deck, pylon, stays, strip
+        if found is not None:
+            break
+        if settings.shape is None and longer.shape != "h":
+            other = longer.deck if longer.planes == 2 or settings.deck else "steel_box"
+            longer = replace(longer, shape="h", planes=2, deck=other)
+            choice = longer
+        else:
+            longer = stretched(longer, _GROWTH)
+    raise InputError(
+        f"leaves no clear gauge beside {choice.shape} pylons", field="bridge.cable_stayed.main", value=choice.main,
+        allowed=f"at least {longer.main:g} m here",
+        mend="Give a longer main span, or take bridge.cable_stayed.shape = \"portal\"",
+    )  # fmt: skip
+
+
+def _median(choice: Choice, values: dict[str, float]) -> float:
+    if choice.shape != "mast":
+        return _MEDIAN
+    frame = Frame(0.0, 0.0, 0.0, 0.0, 0.0, _height(choice, values), values["leg"], 6.0, 0.0)
+    return round(leg_size(frame)[0] + 2.0 * _MEDIAN_MARGIN, 2)
+
+
+def _height(choice: Choice, values: dict[str, float]) -> float:
+    return round(choice.main * values["height_ratio" if choice.pylons == 2 else "single_height_ratio"], 2)
+
+
+def _deck(
+    choice: Choice, width: float, depth: float, values: dict[str, float], chamfered: bool, plane: float = 0.0
+) -> CableDeck:
+    """Lay out the cross-section: beams under the stays where these stand on the deck."""
+    slab, share = values["slab"], values["share"]
+    below = round(depth - slab, 2)
+    half = 0.5 * width
+    match choice.deck:
+        case "edge_beam" | "plate_girder":
+            beam = 0.45 if choice.deck == "plate_girder" else 0.75
+            edge = min(plane, half - 0.5 * beam - 0.06) if plane else half - 0.5
+            return CableDeck(choice.deck, width, slab, below, round(edge, 3), beam, chamfered)
+        case _:
+            soffit = (0.44 if choice.deck == "concrete_box" else 0.50) * half * (0.85 + 0.3 * share)
+            return CableDeck(choice.deck, width, slab, below, round(soffit, 3), 0.0, chamfered)
+
+
+def _elevation(
+    settings: CableStayedSettings, choice: Choice, top: DeckTop, values: dict[str, float], levels: Levels
+) -> tuple[Pylon, Stays, float] | None:
+    """Fit pylon and stays; the pylon grows until the outermost stay is not too flat."""
+    height = _height(choice, values)
+    for _ in range(6):
+        foot = _foot(choice, top, levels)
+        frame = frame_of(top, levels.seat, foot, height, values["leg"], _DROP, values["zone"])
+        found = fit(choice, frame, _PORTAL_STRIP if choice.shape == "portal" else values["strip"])
+        if found is None:
+            return None
+        pylon, stays, _ = found
+        rise, run = stays.heights[-1] - stays.foot, stays.offsets[-1] - pylon.face(stays.heights[-1])
+        if np.degrees(np.arctan2(rise, run)) >= FLATTEST or choice.pitch == 0.0:
+            return found
+        missing = run * float(np.tan(np.radians(FLATTEST + 0.2))) - rise
+        key = "height_ratio" if choice.pylons == 2 else "single_height_ratio"
+        if getattr(settings, key) is not None:
+            raise InputError(
+                f"makes the outermost stay flatter than {FLATTEST:g} deg", field=f"bridge.cable_stayed.{key}",
+                value=getattr(settings, key), allowed=f"at least {(height + missing) / choice.main:.3f} here",
+                mend="Raise the pylon",
+            )  # fmt: skip
+        height = round(height + missing, 2)
+    return None
+
+
+def _foot(choice: Choice, top: DeckTop, levels: Levels) -> float:
+    if choice.planes == 1:
+        assert top.roadway is not None
+        return top.roadway.kerb_height
+    return bracket_top(levels) if choice.shape == "portal" else -levels.surfacing
+
+
+def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground) -> list[Part]:
+    """Build every member of a cable-stayed bridge.
+
+    Args:
+        layout: Axis and supports.
+        bridge: What was drawn.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+
+    Returns:
+        Parts in their lasting order.
+    """
+    place, spans, levels, deck = layout.alignment, bridge.spans, bridge.levels, bridge.deck
+    low, high = spans.pieces[0]
+    feet = _feet(bridge)
+    parts = cable_deck_parts(deck, low, high, floor_stations(feet, spans.supports), levels, place)
+    if bridge.choice.shape == "portal":
+        parts += bracket_parts(deck, bridge.stays.plane + 0.30, feet, levels, place)
+    parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
+    if bridge.top.roadway is not None and bridge.choice.planes == 1:
+        masts = [(s, bridge.pylon.face(0.0)) for _, s, _ in bridge.pylons if bridge.pylon.shape == "mast"]
+        parts += median_parts(bridge.top.roadway, low, high, tuple(masts), place)
+    parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
+    parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place)
+    for support, station, _ in bridge.pylons:
+        parts += pylon_parts(bridge.pylon, support, station, -levels.surfacing, place, ground)
+    parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
+    top = bridge.top
+    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
+    return parts
+
+
+def _feet(bridge: DrawnCableStayed) -> tuple[float, ...]:
+    side = bridge.stays.side_offsets(bridge.pylon)
+    feet = []
+    for _, station, main in bridge.pylons:
+        feet += [station + main * x for x in bridge.stays.offsets] + [station - main * x for x in side]
+    return tuple(sorted(feet))

@@ -1,0 +1,205 @@
+"""The family `girder`: a concrete slab on welded steel girders, simple or continuous over the piers.
+
+Source: spans, depths and plates by Shi, Kim, Narazaki and Khan, Bridge and Highway Structure Rehabilitation and Repair,
+table 1.2 (plate girders 18 to 91 m); profile `paper`: Random Bridge Generator, whose girder bridges have four lines
+1.2 m deep and 1.0 m wide, plates as cross-frames and a pier every 10 m.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydantic import Field
+
+from authoring.alignment import Layout
+from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
+from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
+from authoring.parts.cross_frames import (
+    CrossFrames,
+    CrossFrameSettings,
+    cross_frame_parts,
+    draw_cross_frames,
+    floor_fillet_parts,
+    frame_stations,
+)
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
+from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.fittings import fitting_parts
+from authoring.parts.part import Part
+from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.plate_girders import PlateGirders, girder_parts, splices
+from authoring.parts.spans import Levels, Spans
+from authoring.parts.splices import splice_parts
+from authoring.parts.steel_choice import PlateGirderSettings, draw_plate_girders
+from authoring.parts.stiffeners import stiffener_parts
+from groundwork.errors import InputError
+from groundwork.settings import Settings
+
+SHORTEST_SPAN, LONGEST_SPAN = 10.0, 90.0  # [m] that a user may ask for
+_DRAWN_SPANS = (22.0, 60.0)  # [m] inner spans
+_SHORTEST_DRAWN = 18.0  # [m] end span
+_PAPER_SPAN = 10.0  # [m]
+_COUNTS = {"1": 14.0, "2": 20.0, "3": 26.0, "4": 16.0, "5": 10.0, "6": 6.0, "7": 4.0, "8": 4.0}
+_PAPER_COUNTS = (8, 20)
+
+
+class SteelGirderSettings(Settings):
+    """A steel girder bridge; what is left out is drawn."""
+
+    spans: tuple[float, ...] = Field(
+        default=(),
+        max_length=20,
+        description="Bearing line to bearing line [m], 10 to 90 each; empty: drawn, inner spans 22 to 60 and alike, "
+        "end spans by `end_share` but 18 at least; in profile paper 10 each",
+    )
+    span_count: int | None = Field(
+        default=None, ge=1, le=20,
+        description="Number of spans where they are drawn; 1 to 8 drawn 14 : 20 : 26 : 16 : 10 : 6 : 4 : 4, in profile "
+        "paper 8 to 20 (the Random Bridge Generator has 50)",
+    )  # fmt: skip
+    end_share: float | None = drawn(0.72, 0.90, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
+    continuous: bool | None = Field(
+        default=None,
+        description="Girders and slab run through over the piers; drawn 70 : 30 for several spans, never in profile "
+        "paper",
+    )
+    slab: float | None = drawn(0.21, 0.27, "Deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
+    overhang: float | None = drawn(0.34, 0.45, "Girder beyond its bearing line [m]", ge=0.30, le=0.80)
+    gap: float | None = drawn(0.03, 0.06, "Expansion gap [m]", ge=0.02, le=0.20)
+    edge: DeckEdgeSettings = DeckEdgeSettings()
+    steel: PlateGirderSettings = PlateGirderSettings()
+    frames: CrossFrameSettings = CrossFrameSettings()
+
+
+@dataclass(frozen=True)
+class DrawnGirder:
+    """Every drawn parameter of a steel girder bridge.
+
+    Attributes:
+        spans: Stations.
+        slab: Thickness of the deck slab [m].
+        top: What lies on the deck.
+        edge: Edges of the slab.
+        steel: Section and lines of the girders.
+        frames: What joins the girders.
+        bearings: Pads or pots, and plinths.
+        piers: Caps, columns, footings.
+        abutments: Walls.
+    """
+
+    spans: Spans
+    slab: float
+    top: DeckTop
+    edge: DeckEdge
+    steel: PlateGirders
+    frames: CrossFrames
+    bearings: Bearings
+    piers: Piers
+    abutments: Abutments
+
+    @property
+    def levels(self) -> Levels:
+        """Thicknesses at the abutments, from the finished surface down to the seats."""
+        return Levels(
+            surfacing=self.top.surfacing,
+            slab=self.slab,
+            girder=self.steel.fillet + self.steel.depth,
+            pad=self.bearings.pad_height,
+            plinth=self.bearings.plinth_height,
+        )
+
+    @property
+    def pier_levels(self) -> Levels:
+        """Thicknesses at the piers, where haunched girders are deeper."""
+        return replace(self.levels, girder=self.steel.fillet + self.steel.pier_depth)
+
+
+def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnGirder]:
+    """Draw what the user did not fix.
+
+    Args:
+        settings: Settings of the family.
+        shared: Settings of the parts that every family has.
+        draws: Random stream and profile of the bridge.
+
+    Returns:
+        Layout for the site, and the record that `build_girder` builds from.
+    """
+    top = draw_deck_top(shared, draws)
+    bearings = draw_bearings(shared.bearing, draws)
+    abutments = draw_abutments(shared.abutment, bearings, draws)
+    spans = _draw_spans(settings, bearings, draws)
+    slab, edge = draw(settings, "slab", draws), draw_deck_edge(settings.edge, draws)
+    steel = draw_plate_girders(settings.steel, top.width, spans, draws)
+    frames = draw_cross_frames(settings.frames, steel, draws)
+    piers = draw_piers(shared.pier, top.width, steel.bearing_lines[-1], bearings, spans, draws)
+    girder = DrawnGirder(spans, slab, top, edge, steel, frames, bearings, piers, abutments)
+    lowest = (girder.pier_levels if spans.count > 1 else girder.levels).girder_soffit
+    return draw_layout_of(shared, top, spans.supports, lowest, girder.levels.seat, draws), girder
+
+
+def _draw_spans(settings: SteelGirderSettings, bearings: Bearings, draws: Draws) -> Spans:
+    paper = draws.profile == "paper"
+    chosen, many = int(draws.choose(_COUNTS)), int(draws.rng.integers(_PAPER_COUNTS[0], _PAPER_COUNTS[1] + 1))
+    overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
+    low, high = _DRAWN_SPANS
+    inner = round(float(low * (high / low) ** draws.random()), 1)  # log-uniform
+    share, through = draw(settings, "end_share", draws), draws.random() < 0.70
+    count = settings.span_count or (many if paper else chosen)
+    lengths = settings.spans or _regular(count, _PAPER_SPAN if paper else inner, 1.0 if paper else share)
+    for length in lengths:
+        if not SHORTEST_SPAN <= length <= LONGEST_SPAN:
+            nearest = min(max(length, SHORTEST_SPAN), LONGEST_SPAN)
+            raise InputError(
+                "a span that steel girders do not have", field="bridge.girder.spans", value=length,
+                allowed=f"{SHORTEST_SPAN:g} to {LONGEST_SPAN:g} m",
+                mend=f"The nearest is {nearest:g} m; other spans want another family",
+            )  # fmt: skip
+    # A plinth stays under its own span's girder end.
+    overhang = max(overhang, round(0.5 * bearings.plinth_length + 0.02, 3))
+    supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))
+    wanted = settings.continuous if settings.continuous is not None else through and not paper
+    runs_through = wanted and len(lengths) > 1
+    return Spans(supports, overhang, gap, continuous=runs_through, one_row=runs_through)
+
+
+def _regular(count: int, inner: float, share: float) -> tuple[float, ...]:
+    """Lay out equal inner spans between two shorter end spans [m]; one or two spans are alike."""
+    if count < 3:
+        return (inner,) * count
+    end = max(round(inner * share, 1), min(_SHORTEST_DRAWN, inner))
+    return (end, *[inner] * (count - 2), end)
+
+
+def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Part]:
+    """Build every member of a steel girder bridge.
+
+    Args:
+        layout: Axis and supports.
+        girder: What was drawn.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+
+    Returns:
+        Parts in their lasting order.
+    """
+    place, spans, steel, frames = layout.alignment, girder.spans, girder.steel, girder.frames
+    levels, piers = girder.levels, girder.pier_levels
+    cuts = splices(steel, spans)
+    stations = frame_stations(frames, spans, cuts)
+    haunches = Haunches(steel.lines, steel.top_width, steel.fillet)
+    parts = deck_parts(girder.top.width, spans, levels, place, edge=girder.edge, haunches=haunches)
+    parts += floor_fillet_parts(steel, spans, stations, levels, place)
+    parts += girder_parts(steel, spans, cuts, levels, place)
+    parts += splice_parts(steel, spans, cuts, levels, place)
+    if frames.stiffeners:
+        parts += stiffener_parts(steel, spans, stations, cuts, frames.stiffener_pitch, frames.stiffener, levels, place)
+    parts += cross_frame_parts(frames, steel, spans, stations, levels, place)
+    parts += deck_top_parts(girder.top, spans, deck_runs(spans, girder.abutments), place)
+    for where, on_piers in ((levels, False), (piers, True)):
+        rows = bearing_parts(girder.bearings, steel.bearing_lines, spans, where, place)
+        parts += [part for part in rows if (part.parameters["support"] not in (0, spans.count)) == on_piers]
+    parts += pier_parts(girder.piers, spans, piers, place, ground)
+    parts += abutment_parts(girder.abutments, girder.top.width, spans, levels, place, ground)
+    top = girder.top
+    return parts + fitting_parts(top.fittings, top.roadway, top.width, spans, levels.girder_soffit, place)

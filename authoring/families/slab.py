@@ -1,0 +1,176 @@
+"""The family `slab`: concrete slabs that span from support to support without girders, simple or continuous.
+
+Source: depths L/22 for simple and L/25 for continuous road slabs (WSDOT Bridge Design Manual), 1:10 to 1:18 under rails
+(Network Rail); spans of 6 to 15 m, voided to 18 m (Khan, Bridge and Highway Structure Rehabilitation and Repair).
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from authoring.alignment import Layout
+from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
+from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from authoring.parts.fittings import fitting_parts
+from authoring.parts.part import Part
+from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.slabs import (
+    Slab,
+    SlabSectionSettings,
+    draw_section,
+    draw_slab_section,
+    slab_parts,
+    usual_slenderness,
+)
+from authoring.parts.spans import Levels, Spans
+from groundwork.errors import InputError
+
+SHORTEST_SPAN, LONGEST_SPAN = 5.0, 18.0  # [m] that a user may ask for
+_LONGEST_SOLID = 15.0  # [m]
+_DRAWN_SPANS = (6.0, 15.0)  # [m]
+_VOIDED_SPANS = (9.0, 18.0)  # [m]
+_PAPER_SPAN = 10.0  # [m]
+_SIDE_SPANS = (0.75, 0.85)  # of an inner span, where the slab is continuous [1]
+_CONTINUOUS_SHARE = 0.6
+_MOST_SPANS = 8
+
+
+class SlabSettings(SlabSectionSettings):
+    """A slab bridge; what is left out is drawn."""
+
+    spans: tuple[float, ...] = Field(
+        default=(),
+        max_length=_MOST_SPANS,
+        description="Bearing line to bearing line [m], 5 to 18 each; empty: drawn, 6 to 15, voided and PK 9 to 18",
+    )
+    span_count: int | None = drawn(1, _MOST_SPANS, "Number of spans where they are drawn [1]")
+    system: Literal["simple", "continuous"] | None = Field(
+        default=None, description="One slab for each span, or one over all; drawn 40 : 60 where there are several spans"
+    )
+    overhang: float | None = drawn(0.32, 0.40, "Slab beyond its bearing line [m]", ge=0.30, le=0.60)
+    gap: float | None = drawn(0.03, 0.05, "Expansion gap [m]", ge=0.02, le=0.15)
+
+
+@dataclass(frozen=True)
+class DrawnSlab:
+    """Every drawn parameter of a slab bridge.
+
+    Attributes:
+        spans: Stations.
+        top: What lies on the slab.
+        slab: Section and bearing lines.
+        bearings: Bearings and plinths.
+        piers: Caps, columns, footings.
+        abutments: Walls.
+    """
+
+    spans: Spans
+    top: DeckTop
+    slab: Slab
+    bearings: Bearings
+    piers: Piers
+    abutments: Abutments
+
+    @property
+    def levels(self) -> Levels:
+        """Thicknesses from the finished surface down to the seats."""
+        return Levels(
+            surfacing=self.top.surfacing,
+            slab=self.slab.depth,
+            girder=0.0,
+            pad=self.bearings.pad_height,
+            plinth=self.bearings.plinth_height,
+        )
+
+
+def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnSlab]:
+    """Draw what the user did not fix.
+
+    Args:
+        settings: Settings of the family.
+        shared: Settings of the parts that every family has.
+        draws: Random stream and profile of the bridge.
+
+    Returns:
+        Layout for the site, and the record that `build_slab` builds from.
+    """
+    top = draw_deck_top(shared, draws)
+    bearings = draw_bearings(shared.bearing, draws)
+    abutments = draw_abutments(shared.abutment, bearings, draws)
+    section = draw_section(settings, draws)
+    if settings.section is None and section == "solid" and max(settings.spans, default=0.0) > _LONGEST_SOLID:
+        section = "voided"
+    spans = _draw_spans(settings, section, bearings, draws)
+    longest = float(np.max(np.diff(spans.supports)))
+    ratio = usual_slenderness(top.service, continuous=spans.continuous)
+    slab = draw_slab_section(settings, section, top.width, longest, ratio, bearings, draws)
+    _check(settings, slab, longest)
+    piers = draw_piers(shared.pier, top.width, slab.lines[-1], bearings, spans, draws)
+    drawn_slab = DrawnSlab(spans, top, slab, bearings, piers, abutments)
+    levels = drawn_slab.levels
+    return draw_layout_of(shared, top, spans.supports, levels.girder_soffit, levels.seat, draws), drawn_slab
+
+
+def _draw_spans(settings: SlabSettings, section: str, bearings: Bearings, draws: Draws) -> Spans:
+    count = draw_whole(settings, "span_count", draws)
+    through = draws.random() < _CONTINUOUS_SHARE
+    overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
+    length_share, side_share = draws.random(), draws.random()
+    low, high = _DRAWN_SPANS if section == "solid" else _VOIDED_SPANS
+    inner = _PAPER_SPAN if draws.profile == "paper" else round(low + (high - low) * length_share, 1)
+    count = len(settings.spans) or count
+    continuous = count > 1 and (through if settings.system is None else settings.system == "continuous")
+    side = inner
+    if continuous and count > 2 and draws.profile != "paper":
+        side = round(max(inner * (_SIDE_SPANS[0] + (_SIDE_SPANS[1] - _SIDE_SPANS[0]) * side_share), SHORTEST_SPAN), 1)
+    lengths = settings.spans or tuple(side if k in (0, count - 1) else inner for k in range(count))
+    for length in lengths:
+        if not SHORTEST_SPAN <= length <= LONGEST_SPAN:
+            nearest = min(max(length, SHORTEST_SPAN), LONGEST_SPAN)
+            raise InputError(
+                "a span that slabs do not have", field="bridge.slab.spans", value=length,
+                allowed=f"{SHORTEST_SPAN:g} to {LONGEST_SPAN:g} m",
+                mend=f"The nearest is {nearest:g} m; longer spans want another family",
+            )  # fmt: skip
+    overhang = max(overhang, round(0.5 * bearings.plinth_length + 0.02, 3))
+    supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))
+    return Spans(supports, overhang, gap, continuous=continuous, one_row=continuous)
+
+
+def _check(settings: SlabSettings, slab: Slab, longest: float) -> None:
+    if slab.section == "solid" and longest > _LONGEST_SOLID:
+        raise InputError(
+            "a span that is too long for a solid slab", field="bridge.slab.spans", value=longest,
+            allowed=f"at most {_LONGEST_SOLID:g} m", mend=f"The nearest is {_LONGEST_SOLID:g} m; or section = 'voided'",
+        )  # fmt: skip
+    if slab.lines[-1] <= 0.0 or min(np.diff(slab.lines)) < 0.8:
+        raise InputError(
+            "no room for its bearings under the slab", field="bridge.slab.bearings", value=settings.bearings,
+            allowed="bearings at least 0.8 m apart", mend="Take fewer bearings or a shorter cantilever",
+        )  # fmt: skip
+
+
+def build_slab(layout: Layout, drawn_slab: DrawnSlab, ground: Ground) -> list[Part]:
+    """Build every member of a slab bridge.
+
+    Args:
+        layout: Axis and supports.
+        drawn_slab: What was drawn.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+
+    Returns:
+        Parts in their lasting order.
+    """
+    place, spans, levels, top = layout.alignment, drawn_slab.spans, drawn_slab.levels, drawn_slab.top
+    parts = slab_parts(drawn_slab.slab, spans, levels, place)
+    parts += deck_top_parts(top, spans, deck_runs(spans, drawn_slab.abutments), place)
+    parts += bearing_parts(drawn_slab.bearings, drawn_slab.slab.lines, spans, levels, place)
+    parts += pier_parts(drawn_slab.piers, spans, levels, place, ground)
+    parts += abutment_parts(drawn_slab.abutments, top.width, spans, levels, place, ground)
+    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, levels.girder_soffit, place)
+    return parts

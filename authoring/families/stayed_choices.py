@@ -1,0 +1,219 @@
+"""What a cable-stayed bridge may be: its settings, and the draw of its kind and its spans."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, NoReturn
+
+from pydantic import Field
+
+from authoring.parts.box_decks import DeckKind
+from authoring.parts.deck_top import DeckTop
+from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.pylons import PylonShape
+from authoring.parts.stays import Arrangement
+from groundwork.errors import InputError
+from groundwork.settings import Settings
+
+_SHAPES = {"a": 0.20, "h": 0.25, "portal": 0.20, "diamond": 0.20, "mast": 0.15}
+_ARRANGEMENTS = {
+    "a": {"fan": 0.45, "semi_fan": 0.55},
+    "h": {"fan": 0.25, "semi_fan": 0.50, "harp": 0.25},
+    "portal": {"fan": 0.15, "semi_fan": 0.35, "harp": 0.50},
+    "diamond": {"fan": 0.45, "semi_fan": 0.55},
+    "mast": {"fan": 0.30, "semi_fan": 0.40, "harp": 0.30},
+}
+_DECKS = {
+    1: {"concrete_box": 0.60, "steel_box": 0.40},
+    2: {"edge_beam": 0.45, "plate_girder": 0.30, "steel_box": 0.25},
+}
+_PITCHES = {
+    ("compact", True): (3.5, 5.5), ("compact", False): (5.0, 8.0),
+    ("realistic", True): (5.0, 10.0), ("realistic", False): (10.0, 16.0),
+}  # fmt: skip
+_DIAMETERS = {"compact": (0.06, 0.12), "realistic": (0.10, 0.25)}
+_TOTAL = {"compact": (60.0, 250.0), "realistic": (144.0, 480.0)}  # [m] whole bridge
+_PAPER_HEIGHT = 36.0  # [m] of the paper's pylons
+
+
+class CableStayedSettings(Settings):
+    """A cable-stayed bridge; what is left out is drawn."""
+
+    size: Literal["compact", "realistic"] | None = Field(
+        default=None,
+        description="Scale: compact 60 to 250 m long, realistic 144 to 480 m long (main spans to 400 m may be asked "
+        "for); drawn 70 : 30, in profile paper compact",
+    )
+    pylons: Literal[1, 2] | None = Field(default=None, description="Pylons; drawn 40 : 60")
+    shape: PylonShape | None = Field(
+        default=None,
+        description="Pylons; drawn a 20, h 25, portal 20, diamond 20, mast 15; a mast wants a road with an even number "
+        "of lanes, a and diamond want height: h takes their place where that is missing",
+    )
+    arrangement: Arrangement | None = Field(
+        default=None,
+        description="Stays in elevation; drawn fan, semi_fan, harp: a and diamond 45 : 55 : 0, h 25 : 50 : 25, portal "
+        "15 : 35 : 50, mast 30 : 40 : 30",
+    )
+    planes: Literal[1, 2] | None = Field(
+        default=None, description="Planes of stays; a mast has 1, a diamond 1 or 2 (drawn 30 : 70), other shapes 2"
+    )
+    deck: DeckKind | None = Field(
+        default=None,
+        description="Deck; drawn under two planes edge_beam 45, plate_girder 30, steel_box 25; under one plane "
+        "concrete_box 60, steel_box 40",
+    )
+    main: float | None = Field(default=None, ge=30.0, le=400.0, description="Main span [m]; drawn by the size")
+    side_ratio: float | None = drawn(
+        0.35, 0.45, "Side span over main span, two pylons [1]", ge=0.30, le=0.50, paper=(0.40, 0.50)
+    )
+    back_ratio: float | None = drawn(
+        0.65, 1.0, "Side span over main span, one pylon [1]", ge=0.45, le=1.0, paper=(1.0, 1.0)
+    )
+    height_ratio: float | None = drawn(
+        0.20, 0.25, "Two pylons: height over the deck, of the main span [1]", ge=0.12, le=0.35
+    )
+    single_height_ratio: float | None = drawn(
+        0.40, 0.45, "One pylon: height over the deck, of the main span [1]", ge=0.25, le=0.60
+    )
+    zone: float | None = drawn(0.55, 0.68, "Lowest head of a semi-fan over the pylon's height [1]", ge=0.40, le=0.85)
+    pitch: float | None = Field(
+        default=None, ge=2.5, le=20.0,
+        description="Distance between the feet of stays [m]; drawn compact 3.5 to 5.5 (concrete) or 5 to 8 (steel), "
+        "realistic 5 to 10 or 10 to 16; in profile paper 7 stays a side",
+    )  # fmt: skip
+    stay_diameter: float | None = Field(
+        default=None, ge=0.05, le=0.30, description="Stay in its sheath [m]; drawn compact 0.06 to 0.12, realistic "
+        "0.10 to 0.25; in profile paper 0.10",
+    )  # fmt: skip
+    slenderness: float | None = drawn(100.0, 250.0, "Main span over the deck's depth, while that stays buildable [1]")
+    slab: float | None = drawn(0.22, 0.28, "Deck slab [m]", ge=0.18, le=0.45)
+    strip: float | None = drawn(0.7, 1.1, "Edge strip outside the parapets that stays stand on [m]", ge=0.5, le=2.5)
+    leg: float | None = drawn(0.9, 1.15, "Scale of the pylons' legs [1]", ge=0.7, le=1.6)
+    overhang: float | None = drawn(0.40, 0.55, "Deck beyond its last bearing line [m]", ge=0.30, le=0.80)
+    gap: float | None = drawn(0.06, 0.12, "Expansion gap at the abutments [m]", ge=0.03, le=0.20)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The kind of a cable-stayed bridge.
+
+    Attributes:
+        size: `compact` or `realistic`.
+        pylons: 1 or 2.
+        shape: Of the pylons.
+        arrangement: Of the stays.
+        planes: Of stays, 1 or 2.
+        deck: Kind of deck.
+        main: Main span [m].
+        side: Side span [m].
+        pitch: Wanted distance between feet [m]; 0 for seven stays.
+        diameter: Of a stay [m].
+    """
+
+    size: str
+    pylons: int
+    shape: PylonShape
+    arrangement: Arrangement
+    planes: int
+    deck: DeckKind
+    main: float
+    side: float
+    pitch: float
+    diameter: float
+
+    @property
+    def supports(self) -> tuple[float, ...]:
+        """Stations of the bearing lines [m]."""
+        total = round(self.main + self.side * (2 if self.pylons == 2 else 1), 3)
+        return (0.0, self.side, round(self.side + self.main, 3), total)[: 2 + self.pylons]
+
+
+def choose(settings: CableStayedSettings, top: DeckTop, draws: Draws) -> Choice:
+    """Draw the kind of the bridge and its spans.
+
+    Args:
+        settings: What the user fixed.
+        top: What lies on the deck.
+        draws: Random stream and profile of the bridge.
+    """
+    paper = draws.profile == "paper"
+    word = "compact" if draws.random() < (2.0 if paper else 0.7) else "realistic"
+    number = 1 if draws.random() < 0.4 else 2
+    size, pylons = settings.size or word, settings.pylons or number
+    shape = draws.choose(_SHAPES)
+    divided = top.roadway is not None and top.roadway.lanes % 2 == 0
+    if shape == "mast" and not divided:
+        shape = "h"
+    shape = settings.shape or shape
+    word = draws.choose(_ARRANGEMENTS[shape])
+    arrangement = settings.arrangement or word
+    single = draws.random() < 0.3 and shape == "diamond" and divided
+    planes = settings.planes or (1 if shape == "mast" or single else 2)
+    _refuse(settings, shape, arrangement, planes, divided)
+    kind = draws.choose(_DECKS[planes])
+    deck = settings.deck or kind
+    if deck not in _DECKS[planes]:
+        _wrong("deck", deck, f"{', '.join(_DECKS[planes])} under {planes} plane(s) of stays", "Choose one of them")
+    ratio = draw(settings, "side_ratio", draws), draw(settings, "back_ratio", draws)
+    side_ratio = ratio[0] if pylons == 2 else ratio[1]
+    drawn_main = _main(size, pylons, side_ratio, draws)
+    main = settings.main or drawn_main
+    share = draws.random(), draws.random()
+    low, high = _PITCHES[size, deck in ("edge_beam", "concrete_box")]
+    pitch = settings.pitch or (0.0 if paper else round(low + share[0] * (high - low), 2))
+    low, high = (0.10, 0.10) if paper else _DIAMETERS[size]
+    diameter = settings.stay_diameter or round(low + share[1] * (high - low), 3)
+    side = round(main * side_ratio, 1)
+    return Choice(size, pylons, shape, arrangement, planes, deck, main, side, pitch, diameter)  # pyright: ignore
+
+
+def _main(size: str, pylons: int, ratio: float, draws: Draws) -> float:
+    share = 0.5 * (draws.random() + draws.random())
+    if draws.profile == "paper":
+        low, high = (3.0, 6.0) if pylons == 2 else (0.75, 1.5)
+        return round(_PAPER_HEIGHT * (low + share * (high - low)), 1)
+    low, high = _TOTAL[size]
+    parts = 1.0 + ratio * (2 if pylons == 2 else 1)
+    return round(max(low * (high / low) ** share / parts, 30.0), 1)
+
+
+def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes: int, divided: bool) -> None:
+    if planes == 1 and shape not in ("mast", "diamond"):
+        _wrong("planes", planes, "2 with this shape", "Take a mast or a diamond, or leave `planes` out")
+    if planes == 2 and shape == "mast":
+        _wrong("planes", planes, "1 with a mast", "Leave it out")
+    if planes == 1 and not divided:
+        where = "shape" if settings.shape else "planes"
+        _wrong(
+            where, settings.shape or planes, "roads of 2, 4 or 6 lanes, where a median has room",
+            "Set bridge.service = \"road\" and bridge.roadway.lanes = 2",
+        )  # fmt: skip
+    if arrangement == "harp" and shape in ("a", "diamond"):
+        _wrong("arrangement", arrangement, "fan or semi_fan on leaning legs", "Take shape h, portal or mast for a harp")
+
+
+def _wrong(field: str, value: object, allowed: str, mend: str) -> NoReturn:
+    raise InputError(
+        "does not go with the other choices", field=f"bridge.cable_stayed.{field}", value=value, allowed=allowed,
+        mend=mend,
+    )  # fmt: skip
+
+
+def stretched(choice: Choice, factor: float) -> Choice:
+    """Lengthen all spans.
+
+    Args:
+        choice: Kind of the bridge.
+        factor: Longer by how much [1].
+    """
+    return replace(choice, main=round(choice.main * factor, 1), side=round(choice.side * factor, 1))
+
+
+def with_median(top: DeckTop, width: float) -> DeckTop:
+    """Part the directions of a road for what stands between them; the family builds that strip itself.
+
+    Args:
+        top: What lies on the deck.
+        width: Of the median between the inner edge lines [m].
+    """
+    assert top.roadway is not None
+    return replace(top, roadway=replace(top.roadway, median=width, divided=False))

@@ -1,0 +1,212 @@
+"""The family `suspension`: a deck hung from two parabolic cables over two portal towers.
+
+Source: sag 1:8 to 1:12, side spans 1:4 with straight backstays and up to 1:2 where suspended, after Structural Steel
+Designer's Handbook, section 15; hangers and diameters by common practice; profile `paper` by the public Random Bridge
+Generator.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from authoring.alignment import Alignment, Layout
+from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.stayed_elevation import GAUGE
+from authoring.families.suspension_choices import (
+    SuspensionChoice,
+    SuspensionSettings,
+    check_sag,
+    choose_suspension,
+    hanger_stations,
+)
+from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
+from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
+from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.drawing import Draws, draw
+from authoring.parts.part import Part
+from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.pylons import Pylon, pylon_parts
+from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans
+from authoring.parts.suspension_cables import SuspensionCables, cable_parts, saddle_depth
+
+_STRIP = 0.12  # [m] of deck outside the parapets
+_LEG_GAP = 0.35  # [m] between deck and tower leg
+_TIP = 0.30  # [m] of a bracket outside the cable's plane
+_ENTRY = -0.6  # [m] height where the cables enter the anchor blocks
+_BEHIND = 1.6  # [m] anchor blocks behind the abutments' backs
+_LEAST_DEPTH = {"steel_box": 1.0, "plate_girder": 0.9}  # [m]
+_STRUTS = 11.0  # [m] least distance between a tower's struts
+_FREE = 26.0  # [m] longest side span between tower, piers and abutment without hangers
+
+
+@dataclass(frozen=True)
+class DrawnSuspension:
+    """Every drawn parameter of a suspension bridge.
+
+    Attributes:
+        choice: Its kind and its spans.
+        spans: Stations of all bearing lines.
+        top: What lies on the deck.
+        deck: Cross-section.
+        tower: Elevation of both towers.
+        cables: Main cables and hangers.
+        bearings: Pads and plinths.
+        piers: Under side spans without hangers.
+        abutments: Walls.
+    """
+
+    choice: SuspensionChoice
+    spans: Spans
+    top: DeckTop
+    deck: CableDeck
+    tower: Pylon
+    cables: SuspensionCables
+    bearings: Bearings
+    piers: Piers
+    abutments: Abutments
+
+    @property
+    def levels(self) -> Levels:
+        """Thicknesses from the finished surface down to the seats."""
+        return _levels(self.top, self.deck, self.bearings)
+
+
+def _levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Levels:
+    return Levels(top.surfacing, deck.slab, deck.depth, bearings.pad_height, bearings.plinth_height)
+
+
+def draw_suspension(
+    settings: SuspensionSettings, shared: SharedSettings, draws: Draws
+) -> tuple[Layout, DrawnSuspension]:
+    """Draw what the user did not fix.
+
+    Args:
+        settings: Settings of the family.
+        shared: Settings of the parts that every family has.
+        draws: Random stream and profile of the bridge.
+
+    Returns:
+        Layout for the site, and the record that `build_suspension` builds from.
+    """
+    top = draw_deck_top(shared, draws)
+    bearings = draw_bearings(shared.bearing, draws)
+    abutments = draw_abutments(shared.abutment, bearings, draws)
+    choice = choose_suspension(settings, draws)
+    slab, leg = draw(settings, "slab", draws), draw(settings, "leg", draws)
+    overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
+    deck = _deck(choice, top.width + 2.0 * _STRIP, slab, draws.random(), draws.profile != "paper")
+    levels = _levels(top, deck, bearings)
+    check_sag(settings, choice)
+    tower = _tower(choice, deck.width, levels.seat, leg, GAUGE[top.service])
+    cables = _cables(choice, tower, bracket_top(levels))
+    piers_at = _pier_stations(choice)
+    spans = Spans(tuple(sorted((*choice.supports, *piers_at))), overhang, gap, continuous=True, one_row=True)
+    piers = draw_piers(shared.pier, deck.width, deck.bearing_lines[-1], bearings, spans, draws)
+    walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, _STRIP + 0.45), 3))
+    layout = draw_layout_of(shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True)
+    record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls)
+    return replace(layout, width=deck.width), record
+
+
+def _deck(choice: SuspensionChoice, width: float, slab: float, share: float, chamfered: bool) -> CableDeck:
+    """Size the cross-section: as slender as drawn, but no shallower than can be built and can span across."""
+    free = 0.0 if choice.suspended else min(choice.side, _FREE) / 22.0
+    depth = max(choice.main / choice.slenderness, _LEAST_DEPTH[choice.deck], width / 15.0, free)
+    below, half = round(depth - slab, 2), 0.5 * width
+    if choice.deck == "plate_girder":
+        return CableDeck("plate_girder", width, slab, below, round(half - 0.75, 3), 0.45, chamfered)
+    return CableDeck("steel_box", width, slab, below, round(half * (0.45 + 0.2 * share), 3), 0.0, chamfered)
+
+
+def _tower(choice: SuspensionChoice, width: float, seat: float, leg: float, gauge: float) -> Pylon:
+    """Shape the towers: legs upright in the cables' planes, spreading below the deck."""
+    top = choice.crown - saddle_depth(choice.cable)
+    length = round(leg * (0.70 + 0.032 * (top + 8.0)), 2)
+    across = round(max(0.75 * length, 0.8), 2)
+    plane = 0.5 * width + _LEG_GAP + 0.5 * across
+    beam = round(0.7 + 0.055 * 2.0 * plane, 2)
+    return Pylon(
+        shape="portal", top=top, seat=seat, knee=seat - beam, merge=0.5 * top, knee_line=round(plane, 3),
+        merge_line=round(plane, 3), foot_lean=0.04, width=across, length=length, beam_depth=beam,
+        upper_beams=_struts(top, beam, gauge), prefix="Tower",
+    )  # fmt: skip
+
+
+def _struts(top: float, beam: float, gauge: float) -> tuple[float, ...]:
+    """Place the struts above the deck: one at the top, more between in tall towers, none in the traffic's gauge."""
+    highest, lowest = top - 0.4 * beam - 0.10, gauge + 0.3 + 0.4 * beam
+    if highest < lowest:
+        return ()
+    return tuple(
+        float(h) for h in np.linspace(highest, lowest, max(1, int((highest - lowest) // _STRUTS)) + 1)[:-1][::-1]
+    )
+
+
+def _cables(choice: SuspensionChoice, tower: Pylon, foot: float) -> SuspensionCables:
+    _, first, last, total = choice.supports
+    back = ABUTMENT_BACK + _BEHIND
+    clear = 0.5 * tower.length + max(0.8, 0.35 * choice.pitch)
+    main = hanger_stations(first + clear, last - clear, choice.pitch)
+    side: tuple[float, ...] = ()
+    sag = 0.0
+    if choice.suspended:
+        sag = round((choice.crown - choice.low) * (choice.side / choice.main) ** 2, 3)
+        side = hanger_stations(clear, first - clear, choice.pitch)
+    cables = SuspensionCables(
+        tower.merge_line, (first, last), (-back, total + back), choice.crown, choice.low, _ENTRY, sag, choice.cable,
+        choice.hanger, foot, main, (),
+    )  # fmt: skip
+    # A hanger needs room for its clamp and its socket.
+    least = foot + 0.9 + 2.0 * choice.cable
+    side = tuple(s for s in side if float(cables.height(np.array([s]))[0]) > least)
+    return replace(cables, side_hangers=(*side, *(round(total - s, 6) for s in reversed(side))))
+
+
+def _pier_stations(choice: SuspensionChoice) -> tuple[float, ...]:
+    """Place piers under side spans that no hangers carry."""
+    _, first, last, _ = choice.supports
+    bays = 1 if choice.suspended else int(np.ceil(choice.side / _FREE))
+    steps = np.linspace(0.0, choice.side, bays + 1)[1:-1]
+    return tuple(round(float(s), 3) for s in (*steps, *(last + first - steps[::-1])))
+
+
+def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) -> list[Part]:
+    """Build every member of a suspension bridge.
+
+    Args:
+        layout: Axis and supports.
+        bridge: What was drawn.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+
+    Returns:
+        Parts in their lasting order.
+    """
+    place, spans, levels, deck, cables = layout.alignment, bridge.spans, bridge.levels, bridge.deck, bridge.cables
+    low, high = spans.pieces[0]
+    hung = tuple(sorted((*cables.main_hangers, *cables.side_hangers)))
+    parts = cable_deck_parts(deck, low, high, floor_stations(hung, spans.supports), levels, place)
+    parts += bracket_parts(deck, cables.plane + _TIP, hung, levels, place)
+    parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
+    parts += cable_parts(cables, bridge.tower, place, ground)
+    parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place)
+    towers = [(spans.supports.index(station), station) for station in cables.towers]
+    for support, station in towers:
+        parts += pylon_parts(bridge.tower, support, station, -levels.surfacing, place, ground)
+    parts += _pier_parts(bridge, place, ground)
+    parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
+    return parts
+
+
+def _pier_parts(bridge: DrawnSuspension, place: Alignment, ground: Ground) -> list[Part]:
+    """Build the piers between abutments and towers, named by their supports among all."""
+    supports, towers = bridge.spans.supports, bridge.cables.towers
+    others = tuple(station for station in supports if station not in towers)
+    parts = []
+    for part in pier_parts(bridge.piers, replace(bridge.spans, supports=others), bridge.levels, place, ground):
+        number = part.parameters["support"]
+        assert isinstance(number, int)
+        support = supports.index(others[number])
+        name = part.name.replace(f"Pier_{number:03d}", f"Pier_{support:03d}", 1)
+        parts.append(replace(part, name=name, parameters={**part.parameters, "support": support}))
+    return parts

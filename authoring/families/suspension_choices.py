@@ -1,0 +1,177 @@
+"""What a suspension bridge may be: its settings, and the draw of its kind, spans and cables."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from authoring.parts.drawing import Draws, draw, drawn
+from groundwork.errors import InputError
+from groundwork.settings import Settings
+
+_TOTAL = {"compact": (80.0, 250.0), "realistic": (420.0, 760.0)}  # [m] whole bridge
+_PITCHES = {"compact": (3.0, 6.0), "realistic": (8.0, 18.0)}
+_PAPER_TOWER = (30.0, 40.0)  # [m] towers of the paper's generator
+_PAPER_PITCH = 2.0  # [m]
+
+
+class SuspensionSettings(Settings):
+    """A suspension bridge; what is left out is drawn."""
+
+    size: Literal["compact", "realistic"] | None = Field(
+        default=None,
+        description="Scale: compact 80 to 250 m long, realistic 420 to 760 m long with a main span of 300 m and more "
+        "(to 1000 m may be asked for); drawn 70 : 30, in profile paper compact",
+    )
+    deck: Literal["steel_box", "plate_girder"] | None = Field(
+        default=None, description="Deck: closed box, or two plate girders with floor beams; drawn 45 : 55"
+    )
+    side_spans: Literal["straight", "suspended"] | None = Field(
+        default=None,
+        description="Straight backstays over side spans on piers, or side spans on hangers; drawn 55 : 45, in profile "
+        "paper suspended",
+    )
+    main: float | None = Field(default=None, ge=40.0, le=1000.0, description="Main span [m]; drawn by the size")
+    side_ratio: float | None = drawn(
+        0.20, 0.34, "Side span over main span, straight backstays [1]", ge=0.20, le=0.50, paper=(0.5, 0.5)
+    )
+    suspended_ratio: float | None = drawn(
+        0.32, 0.50, "Side span over main span, suspended [1]", ge=0.25, le=0.50, paper=(0.5, 0.5)
+    )
+    sag_ratio: float | None = drawn(1.0 / 12.0, 1.0 / 8.0, "Sag of the cables over the main span [1]", ge=0.05, le=0.25)
+    over_deck: float | None = drawn(2.0, 4.0, "Lowest point of the cables above the deck [m]", ge=1.6, le=8.0)
+    tower_height: float | None = Field(
+        default=None, ge=7.0, le=140.0,
+        description="Saddles above the deck [m]; drawn: sag and `over_deck` together; fixed: `over_deck` follows",
+    )  # fmt: skip
+    pitch: float | None = Field(
+        default=None, ge=1.5, le=25.0,
+        description="Distance between hangers [m]; drawn compact 3 to 6, realistic 8 to 18; in profile paper 2",
+    )  # fmt: skip
+    cable_ratio: float | None = drawn(
+        1500.0, 2000.0, "Main span over cable diameter, cables no thinner than compact 0.14 m, realistic 0.25 m [1]"
+    )
+    hanger_diameter: float | None = drawn(
+        0.04, 0.08, "Diameter of a hanger [m]", ge=0.025, le=0.15, paper=(0.10, 0.10)
+    )  # fmt: skip
+    slenderness: float | None = drawn(150.0, 300.0, "Main span over the deck's depth, while that stays buildable [1]")
+    slab: float | None = drawn(0.20, 0.26, "Deck slab [m]", ge=0.16, le=0.45)
+    leg: float | None = drawn(0.9, 1.15, "Scale of the towers' legs [1]", ge=0.7, le=1.6)
+    overhang: float | None = drawn(0.40, 0.55, "Deck beyond its last bearing line [m]", ge=0.30, le=0.80)
+    gap: float | None = drawn(0.06, 0.12, "Expansion gap at the abutments [m]", ge=0.03, le=0.20)
+
+
+@dataclass(frozen=True)
+class SuspensionChoice:
+    """The kind of a suspension bridge and its main lines.
+
+    Attributes:
+        size: `compact` or `realistic`.
+        deck: `steel_box` or `plate_girder`.
+        suspended: Whether hangers carry the side spans.
+        main: Main span [m].
+        side: Side span [m].
+        crown: Cables' axis in the saddles above the deck [m].
+        low: Cables' lowest point above the deck [m].
+        pitch: Wanted distance between hangers [m].
+        cable: Diameter of a main cable [m].
+        hanger: Diameter of a hanger [m].
+        slenderness: Main span over the deck's depth [1].
+    """
+
+    size: str
+    deck: Literal["steel_box", "plate_girder"]
+    suspended: bool
+    main: float
+    side: float
+    crown: float
+    low: float
+    pitch: float
+    cable: float
+    hanger: float
+    slenderness: float
+
+    @property
+    def supports(self) -> tuple[float, float, float, float]:
+        """Stations of abutments and towers [m]."""
+        return 0.0, self.side, round(self.side + self.main, 3), round(2.0 * self.side + self.main, 3)
+
+
+def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionChoice:
+    """Draw the kind of the bridge, its spans and its cables.
+
+    Args:
+        settings: What the user fixed.
+        draws: Random stream and profile of the bridge.
+    """
+    paper = draws.profile == "paper"
+    word = draws.choose({"compact": 0.7, "realistic": 0.0 if paper else 0.3})
+    size = settings.size or word
+    deck = "steel_box" if draws.random() < 0.45 else "plate_girder"
+    sides = "suspended" if draws.random() < 0.45 or paper else "straight"
+    suspended = (settings.side_spans or sides) == "suspended"
+    ratio = draw(settings, "side_ratio", draws), draw(settings, "suspended_ratio", draws)
+    side_ratio = ratio[1] if suspended else ratio[0]
+    share, tower_share = 0.5 * (draws.random() + draws.random()), draws.random()
+    low, high = _TOTAL[size]
+    main = round(max(low * (high / low) ** share / (1.0 + 2.0 * side_ratio), 300.0 if size == "realistic" else 40.0), 1)
+    tower = _PAPER_TOWER[0] + tower_share * (_PAPER_TOWER[1] - _PAPER_TOWER[0])
+    main = settings.main or (round(tower * (3.0 + 3.0 * share), 1) if paper else main)
+    sag, over = draw(settings, "sag_ratio", draws) * main, draw(settings, "over_deck", draws)
+    if paper and settings.sag_ratio is None and settings.tower_height is None:
+        sag = 0.65 * tower - over  # from nine tenths of the tower down to the deck at a quarter of it
+    low, high = _PITCHES[size]
+    drawn_pitch = round(low + draws.random() * (high - low), 2)
+    crown = settings.tower_height or round(sag + over, 2)
+    low = round(crown - sag, 3)
+    thinnest = 0.14 if size == "compact" else 0.25
+    cable = 0.20 if paper else round(max(main / draw(settings, "cable_ratio", draws), thinnest), 3)
+    hanger = draw(settings, "hanger_diameter", draws)
+    return SuspensionChoice(
+        size, settings.deck or deck, suspended, main, round(main * side_ratio, 1), crown, low,
+        settings.pitch or (_PAPER_PITCH if paper else drawn_pitch), cable, hanger,
+        draw(settings, "slenderness", draws),
+    )  # fmt: skip
+
+
+def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
+    """Refuse cables that hang through the deck.
+
+    Args:
+        settings: What the user fixed.
+        choice: Kind of the bridge.
+    """
+    if choice.low < 1.6 - 1e-9:
+        highest = (choice.crown - 1.6) / choice.main
+        raise InputError(
+            f"a sag of {choice.crown - choice.low:.2f} m reaches under saddles {choice.crown:g} m above the deck",
+            field="bridge.suspension.sag_ratio" if settings.sag_ratio else "bridge.suspension.tower_height",
+            value=settings.sag_ratio or settings.tower_height,
+            allowed=f"a sag ratio of at most {highest:.4f}, or a tower height of at least "
+            f"{choice.crown - choice.low + 1.6:.2f} m here",
+            mend="Raise the tower or reduce the sag",
+        )  # fmt: skip
+
+
+def hanger_stations(low: float, high: float, pitch: float) -> tuple[float, ...]:
+    """Place hangers evenly.
+
+    Args:
+        low: Station of the first [m].
+        high: Station of the last [m].
+        pitch: Wanted distance [m].
+
+    Returns:
+        Stations, rising, the first and the last as asked [m].
+
+    Raises:
+        InputError: There is no room for three.
+    """
+    bays = round((high - low) / pitch)
+    if bays < 2:
+        raise InputError(
+            f"leaves no room for three hangers on {high - low:.1f} m", field="bridge.suspension.pitch", value=pitch,
+            allowed=f"at most {max(0.5 * (high - low), 1.5):.1f} m here", mend="Reduce it, or give longer spans",
+        )  # fmt: skip
+    return tuple(round(float(s), 6) for s in np.linspace(low, high, bays + 1))

@@ -1,0 +1,174 @@
+"""Everything that lies and stands on a deck, whatever carries the deck: road or railway, and the parapets beside it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import Field
+
+from authoring.alignment import Alignment
+from authoring.parts.abutments import Abutments, approach_range
+from authoring.parts.drawing import Draws
+from authoring.parts.fittings import Fittings, FittingSettings, draw_fittings
+from authoring.parts.medians import median_parts
+from authoring.parts.parapets import LEDGE, Parapets, ParapetSettings, draw_parapets, parapet_parts
+from authoring.parts.part import Part
+from authoring.parts.roadway import Roadway, RoadwaySettings, draw_roadway, kerb_parts, surfacing_parts
+from authoring.parts.spans import Spans
+from authoring.parts.tracks import Tracks, TrackSettings, draw_tracks, side_parts, track_parts
+from groundwork.settings import Settings
+
+_KERB_SHORTER, _PARAPET_SHORTER = 0.008, 0.004  # [m] than the slab, so that no two end faces lie in one plane
+_EDGE = 0.008  # [m] walkway behind the deck's edge
+_ROAD_UNDERLAY = 0.07  # [m] from the finished surface down to the ground under an approach road
+_RAIL_UNDERLAY = 0.01  # [m] ground on an approach above the underside of the ballast
+_WEIGHTS = {"road": 0.60, "rail_single": 0.15, "rail_double": 0.25}
+_PAPER_WEIGHTS = {"road": 0.0, "rail_single": 0.5, "rail_double": 0.5}
+
+Runs = list[tuple[str, tuple[float, float]]]
+
+
+class DeckTopSettings(Settings):
+    """What lies on a deck; what is left out is drawn."""
+
+    service: Literal["road", "rail_single", "rail_double"] | None = Field(
+        default=None,
+        description=("Road, or railway of one or two tracks; drawn 60 : 15 : 25, in profile paper a railway, 50 : 50"),
+    )
+    roadway: RoadwaySettings = RoadwaySettings()
+    track: TrackSettings = TrackSettings()
+    parapet: ParapetSettings = ParapetSettings()
+    fittings: FittingSettings = FittingSettings()
+
+
+@dataclass(frozen=True)
+class DeckTop:
+    """What lies on a deck: heights count from the asphalt on a road, from the rails' top on a railway.
+
+    Attributes:
+        service: `road` or `rail`.
+        roadway: Cross-section of the road, None on a railway.
+        tracks: Cross-section of the railway, None on a road.
+        parapets: Section of the parapets.
+        fittings: Lamp posts, drainage, conduits.
+    """
+
+    service: str
+    roadway: Roadway | None
+    tracks: Tracks | None
+    parapets: Parapets
+    fittings: Fittings
+
+    @property
+    def _way(self) -> Roadway | Tracks:
+        way = self.roadway if self.tracks is None else self.tracks
+        assert way is not None
+        return way
+
+    @property
+    def width(self) -> float:
+        """Overall deck width [m]."""
+        return 2.0 * (self.half_width + self.parapets.thickness + LEDGE)
+
+    @property
+    def half_width(self) -> float:
+        """From the axis to the foot of the parapets [m]."""
+        return self._way.half_width
+
+    @property
+    def kerb_face(self) -> float:
+        """From the axis to the face of the kerbs, or of the upstands beside the tracks [m]."""
+        return self._way.kerb_face
+
+    @property
+    def surfacing(self) -> float:
+        """From the finished surface, or from the rails' top, down to the structural deck [m]."""
+        return self._way.surfacing
+
+    @property
+    def walk_level(self) -> float:
+        """Height of what lies right beside the parapets: footway, verge, walkway, or bare deck [m]."""
+        if self.roadway is not None:
+            return self.roadway.kerb_height if self.roadway.footway_width else 0.0
+        assert self.tracks is not None
+        return self.tracks.walk_level
+
+    @property
+    def parapet_foot(self) -> float:
+        """Height of what parapets stand on: the structural deck of a road, the walkway of a railway [m]."""
+        return -self.surfacing if self.tracks is None else self.tracks.walk_level
+
+    @property
+    def carriageway(self) -> float:
+        """Width of the asphalt from kerb to kerb, or of the track bed between its upstands [m]."""
+        return 2.0 * self.kerb_face
+
+    @property
+    def edge_line(self) -> float:
+        """From the axis to the middle of a road's edge lines [m]; 0 on a railway."""
+        return 0.0 if self.roadway is None else self.roadway.edge_line
+
+    @property
+    def takes_skew(self) -> bool:
+        """Whether its joints may lie askew: track slabs end square to their track."""
+        return self.tracks is None or self.tracks.section.bed == "ballast"
+
+    @property
+    def underlay(self) -> float:
+        """From the finished surface, or from the rails' top, down to the ground under the approaches [m]."""
+        return _ROAD_UNDERLAY if self.tracks is None else self.surfacing - _RAIL_UNDERLAY
+
+
+def draw_deck_top(settings: DeckTopSettings, draws: Draws) -> DeckTop:
+    """Draw what lies on a deck.
+
+    Args:
+        settings: What the user fixed.
+        draws: Random stream and profile of the bridge.
+    """
+    chance = draws.choose(_PAPER_WEIGHTS if draws.profile == "paper" else _WEIGHTS)
+    service = settings.service or chance
+    kind = "road" if service == "road" else "rail"
+    roadway, parapets = draw_roadway(settings.roadway, draws), draw_parapets(settings.parapet, kind, draws)
+    tracks = draw_tracks(settings.track, 2 if service == "rail_double" else 1, parapets.thickness + LEDGE, draws)
+    fittings = draw_fittings(settings.fittings, draws)
+    if kind == "road":
+        return DeckTop(kind, roadway, None, parapets, fittings)
+    return DeckTop(kind, None, tracks, parapets, fittings)
+
+
+def deck_runs(spans: Spans, abutments: Abutments) -> Runs:
+    """List the runs of deck that kerbs and parapets follow: each piece of deck, and the approach at either end.
+
+    Args:
+        spans: Stations of the decks' ends.
+        abutments: Their wing walls carry the approaches' edges.
+
+    Returns:
+        Ending of the names, and stations from and to [m], of every run.
+    """
+    runs: Runs = [(f"{number:03d}", piece) for number, piece in enumerate(spans.pieces)]
+    ends = enumerate((0, spans.count))
+    return runs + [(f"Approach_{number}", approach_range(abutments, spans, support)) for number, support in ends]
+
+
+def deck_top_parts(top: DeckTop, spans: Spans, runs: Runs, place: Alignment) -> list[Part]:
+    """Build what lies and stands on a deck.
+
+    Args:
+        top: What lies on it.
+        spans: Stations; the joints lie at their supports.
+        runs: What `deck_runs` lists.
+        place: Axis of the bridge.
+    """
+    parts = [] if top.roadway is None else surfacing_parts(top.roadway, spans, place)
+    parts += [] if top.tracks is None else track_parts(top.tracks, spans, place)
+    if top.roadway is not None and top.roadway.divided:
+        for number, (low, high) in enumerate(spans.pieces):
+            parts += median_parts(top.roadway, low, high, (), place, f"{number:03d}_")
+    for name, (low, high) in runs:
+        kerb = (name, low + _KERB_SHORTER, high - _KERB_SHORTER, place)
+        parts += [] if top.roadway is None else kerb_parts(top.roadway, *kerb)
+        parts += [] if top.tracks is None else side_parts(top.tracks, 0.5 * top.width - _EDGE, *kerb)
+        begin, end = low + _PARAPET_SHORTER, high - _PARAPET_SHORTER
+        parts += parapet_parts(top.parapets, top.half_width, top.parapet_foot, name, begin, end, place, top.walk_level)
+    return parts

@@ -1,0 +1,49 @@
+"""Spread footings: blocks whose top shows a little above the ground and whose bottom lies below it everywhere."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from authoring.alignment import Alignment
+from authoring.component import F64
+from authoring.sections import cut_corners, rectangle
+from authoring.sweep import Surface, prism
+
+Ground = Callable[[F64], F64]
+
+_LEAST_SHAFT = 0.5  # [m] that stays between a footing and what its shafts carry
+
+
+def footing_heights(
+    half: F64, station: float, ceiling: float, level: Alignment, ground: Ground, reach: tuple[float, float]
+) -> tuple[float, float]:
+    """Find bottom and top of a footing above the finished deck surface [m].
+
+    Args:
+        half: Half its size along and across the bridge [m], shape (2,), float64.
+        station: Its middle [m].
+        ceiling: Underside of what its shafts carry [m].
+        level: Level frame of the support.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+        reach: Above the highest and below the lowest ground at it [m].
+    """
+    s, left = (g.ravel() for g in np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 17), indexing="ij"))
+    corners = level.point(station + s * half[0], left * half[1], np.zeros(len(s)))
+    heights = ground(corners[:, :2]) - corners[:, 2]
+    top = min(float(heights.max()) + reach[0], ceiling - _LEAST_SHAFT)
+    return min(float(heights.min()), top) - reach[1], top
+
+
+def footing_surface(half: F64, station: float, low: float, high: float, level: Alignment, chamfer: float) -> Surface:
+    """Build a footing.
+
+    Args:
+        half: Half its size along and across the bridge [m], shape (2,), float64.
+        station: Its middle [m].
+        low: Its bottom above the finished deck surface [m].
+        high: Its top [m].
+        level: Level frame of the support.
+        chamfer: Leg of chamfers [m].
+    """
+    outline = rectangle((station - half[0], -half[1]), (station + half[0], half[1]))
+    return prism(cut_corners(outline, chamfer), low, high, "above", level, chamfer)

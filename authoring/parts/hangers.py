@@ -1,0 +1,94 @@
+"""Hangers under an arch: a socket on the floor beam or tie, the rod, and an anchorage under the rib."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from authoring.alignment import Alignment
+from authoring.component import F64
+from authoring.parts.arch_axis import Rib
+from authoring.parts.part import SUPERSTRUCTURE, Part
+from authoring.sections import circle
+from authoring.sweep import Surface, prism
+
+GRIP = 0.020  # [m] rod into socket and anchorage
+EMBEDDED = 0.005  # [m] socket into what it stands on, anchorage into the rib
+SOCKET_HEIGHT, ANCHOR_HEIGHT = 0.35, 0.40  # [m]
+SHORTEST = 0.25  # [m] of rod that shows
+_SIDES = 12
+
+
+@dataclass(frozen=True)
+class Hangers:
+    """One kind of hanger for the whole bridge.
+
+    Attributes:
+        diameter: Of the rod or strand [m].
+        socket: Diameter of the socket [m].
+        anchor_length: Anchorage along the bridge [m].
+        anchor_width: Anchorage across the bridge [m].
+    """
+
+    diameter: float
+    socket: float
+    anchor_length: float
+    anchor_width: float
+
+
+def needed_height() -> float:
+    """Find the least height between deck and rib in which a hanger has room [m]."""
+    return SOCKET_HEIGHT + SHORTEST + ANCHOR_HEIGHT + 0.10
+
+
+def hanger_parts(
+    hangers: Hangers, name: str, station: float, line: float, foot: float, rib: Rib, level: Alignment, lift: float
+) -> list[Part]:
+    """Build a hanger with its socket and its anchorage.
+
+    Args:
+        hangers: Dimensions.
+        name: Ending of the names, e.g. `004_L`.
+        station: Where it hangs [m].
+        line: Distance to the left of the axis [m].
+        foot: Height of what the socket stands on [m].
+        rib: What it hangs from.
+        level: Level frame at the station.
+        lift: To be added to the rib's heights to count in that frame [m].
+    """
+    h = hangers
+    centre = np.array([station, line])
+    soffit = float(rib.intrados(np.array([station]))[0]) + lift
+    low, high = foot + SOCKET_HEIGHT - GRIP, soffit - ANCHOR_HEIGHT + GRIP
+    socket = prism(circle(h.socket, _SIDES) + centre, foot - EMBEDDED, foot + SOCKET_HEIGHT, "above", level, 0.015)
+    rod = prism(circle(h.diameter, _SIDES) + centre, low, high, "above", level)
+    anchor = bracket_surface(rib, station, line, (h.anchor_length, h.anchor_width), soffit - ANCHOR_HEIGHT, level, lift)
+    length = soffit - foot - SOCKET_HEIGHT - ANCHOR_HEIGHT
+    facts: dict[str, object] = {"diameter": h.diameter, "length": length, "station": station}
+    seat: dict[str, object] = {"diameter": h.socket, "height": SOCKET_HEIGHT}
+    block: dict[str, object] = {"length": h.anchor_length, "width": h.anchor_width, "height": ANCHOR_HEIGHT}
+    steel = "Role_CableSteel"
+    return [
+        Part(f"Hanger_Base_{name}", "cable_socket", steel, SUPERSTRUCTURE, socket, seat),
+        Part(f"Hanger_{name}", "hanger", steel, SUPERSTRUCTURE, rod, facts),
+        Part(f"Hanger_Top_{name}", "upper_anchorage", steel, SUPERSTRUCTURE, anchor, block),
+    ]
+
+
+def bracket_surface(
+    rib: Rib, station: float, line: float, size: tuple[float, float], bottom: float, level: Alignment, lift: float
+) -> Surface:
+    """Build a block under a rib: its top follows the rib's soffit.
+
+    Args:
+        rib: What it touches.
+        station: Its middle [m].
+        line: Distance of its middle to the left of the axis [m].
+        size: Along and across the bridge [m].
+        bottom: Height of its underside [m].
+        level: Level frame at the station.
+        lift: To be added to the rib's heights to count in that frame [m].
+    """
+    ends = np.array([station - 0.5 * size[0], station + 0.5 * size[0]])
+    top: F64 = rib.intrados(ends) + lift + EMBEDDED
+    outline = np.array([(ends[0], bottom), (ends[1], bottom), (ends[1], top[1]), (ends[0], top[0])])
+    return prism(outline, line - 0.5 * size[1], line + 0.5 * size[1], "left", level)

@@ -1,0 +1,111 @@
+"""Which kind of pier and cap suits a deck: the weights, and what excludes what."""
+
+from typing import Literal
+
+from authoring.parts.drawing import Draws
+from groundwork.errors import InputError
+
+PierKind = Literal["wall", "single", "multi", "hammerhead", "pi_frame", "y", "v"]
+CapKind = Literal["drop", "tapered", "inverted_t", "cantilevered", "integral"]
+
+WIDEST_STEM = 13.0  # [m] cap length over one stem
+WIDEST_FRAME = 17.0  # [m] cap length over two legs
+LEAST_UPSTAND = 0.15  # [m]
+
+_NARROW: dict[str, float] = {
+    "wall": 14.0, "single": 20.0, "multi": 22.0, "hammerhead": 18.0, "pi_frame": 10.0, "y": 9.0, "v": 7.0,
+}  # fmt: skip
+_WIDE: dict[str, float] = {"wall": 18.0, "multi": 67.0, "pi_frame": 15.0}
+_CAPS: dict[str, dict[str, float]] = {
+    "wall": {"drop": 80.0, "inverted_t": 20.0},
+    "single": {"drop": 30.0, "tapered": 45.0, "inverted_t": 25.0},
+    "multi": {"drop": 30.0, "tapered": 45.0, "inverted_t": 25.0},
+    "hammerhead": {"cantilevered": 1.0},
+    "pi_frame": {"integral": 1.0},
+    "y": {"drop": 1.0},
+    "v": {"drop": 1.0},
+}
+_PAPER_CAPS = {"drop": 50.0, "tapered": 50.0}
+
+
+def choose_kind(
+    fixed: tuple[PierKind | None, CapKind | None, int | None],
+    cap_length: float,
+    upstand: float,
+    draws: Draws,
+    paper_kinds: tuple[PierKind, ...] = (),
+) -> tuple[str, str]:
+    """Take or draw the kind of pier and the kind of its cap.
+
+    Args:
+        fixed: Kind, cap and number of columns that the user fixed.
+        cap_length: Length of the cap [m].
+        upstand: Room for an inverted T's stem between the rows of plinths [m].
+        draws: Random stream and profile of the bridge.
+        paper_kinds: Where not empty, the kinds to draw from.
+
+    Raises:
+        InputError: The fixed values exclude each other, or the deck is too wide for them.
+    """
+    kind, cap, columns = fixed
+    weights = dict.fromkeys(map(str, paper_kinds), 1.0) or (_NARROW if cap_length <= WIDEST_STEM else _WIDE)
+    if cap_length > WIDEST_FRAME and not paper_kinds:
+        weights = {name: weight for name, weight in weights.items() if name != "pi_frame"}
+    possible = weights if kind is None else {str(kind): 1.0}
+    suited = {k: w for k, w in possible.items() if _suits(k, cap, columns)}
+    if not suited and kind is None:  # what the user fixed wants a kind that would not be drawn here
+        suited = {k: 1.0 for k in _NARROW if _suits(k, cap, columns)}
+    if not suited:
+        raise _contradiction(kind, cap, columns)
+    chosen = draws.choose(suited)
+    _check_width(chosen, kind, cap_length)
+    caps = _PAPER_CAPS if paper_kinds and chosen in ("single", "multi") else _CAPS[chosen]
+    caps = {name: w for name, w in caps.items() if name != "inverted_t" or upstand >= LEAST_UPSTAND}
+    drawn_cap = draws.choose(caps)
+    if cap == "inverted_t" and upstand < LEAST_UPSTAND:
+        raise InputError(
+            f"leaves {upstand:.2f} m for the stem of the T between two rows of plinths", field="bridge.pier.cap",
+            value=cap, allowed=f"at least {LEAST_UPSTAND:g} m; here drop or tapered",
+            mend="Choose another cap, shorter plinths, or leave it out",
+        )  # fmt: skip
+    return chosen, cap or drawn_cap
+
+
+def _suits(kind: str, cap: str | None, columns: int | None) -> bool:
+    if cap is not None and cap not in _CAPS[kind]:
+        return False
+    return {
+        "multi": columns is None or columns > 1,
+        "pi_frame": columns in (None, 2),
+        "single": columns in (None, 1),
+        "hammerhead": columns in (None, 1),
+    }.get(kind, columns is None)
+
+
+def _contradiction(kind: str | None, cap: str | None, columns: int | None) -> InputError:
+    if kind is not None and cap is not None and cap not in _CAPS[kind]:
+        return InputError(
+            f"not a cap of a pier of kind {kind}", field="bridge.pier.cap", value=cap,
+            allowed=" or ".join(_CAPS[kind]), mend="Correct the cap or the kind, or leave one out",
+        )  # fmt: skip
+    if kind is None:
+        return InputError(
+            f"no pier of {columns} columns has the cap {cap}", field="bridge.pier.cap", value=cap,
+            allowed="drop, tapered or inverted_t", mend="Leave one of them out",
+        )  # fmt: skip
+    allowed = {"multi": "2 to 5", "pi_frame": "2", "single": "1", "hammerhead": "1"}.get(kind, "none: leave it out")
+    return InputError(
+        f"not the number of columns of a pier of kind {kind}", field="bridge.pier.columns", value=columns,
+        allowed=allowed, mend="Correct the number or the kind, or leave one out",
+    )  # fmt: skip
+
+
+def _check_width(chosen: str, fixed: str | None, cap_length: float) -> None:
+    widest = {"wall": 1e9, "multi": 1e9, "pi_frame": WIDEST_FRAME + 4.0}.get(chosen, WIDEST_STEM + 3.0)
+    if cap_length > widest:
+        raise InputError(
+            f"a pier of kind {chosen} cannot carry a cap {cap_length:.1f} m long",
+            field="bridge.pier.kind" if fixed else "bridge.pier.columns",
+            value=fixed or 1, allowed=f"up to {widest:g} m; here multi or wall, 2 columns or more",
+            mend="Choose that, or a narrower deck",
+        )  # fmt: skip

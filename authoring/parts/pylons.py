@@ -1,0 +1,230 @@
+"""Pylons and towers: legs, heads and cross beams of concrete, and the pile cap that they stand on."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from authoring.alignment import Alignment
+from authoring.component import F64
+from authoring.parts.footings import Ground, footing_surface
+from authoring.parts.part import SUBSTRUCTURE, Part
+from authoring.parts.spans import level_at
+from authoring.sections import cut_corners, rectangle
+from authoring.sweep import Surface, sweep, turned
+
+PylonShape = Literal["a", "h", "portal", "diamond", "mast"]
+
+EMBEDDED = 0.010  # [m] members into each other
+_APART = 0.02  # [m] between two legs where they meet
+_FLUSH = 0.015  # [m] cross beams behind the legs' faces
+_TAPER = 0.010  # growth of a leg along the bridge towards its foot, each side [1]
+_DEEP_WATER = -2.5  # [m] world height: ground below it lies under water
+_CAP_DRY = 0.6  # [m] world height of a pile cap's top in deep water
+
+
+@dataclass(frozen=True)
+class Pylon:
+    """Elevation of a pylon across the bridge; heights count from the finished deck surface.
+
+    Attributes:
+        shape: `a`, `h`, `portal`, `diamond` or `mast`.
+        top: Height of its top [m].
+        seat: Top of the lower cross beam, or of a mast's pier [m].
+        knee: Where the legs begin to lean inward [m].
+        merge: Where the legs meet in a head, or where they stand upright again [m].
+        knee_line: Middle of a leg at the knee, distance to the left of the axis [m]; of a mast, its pier's width.
+        merge_line: Middle of a leg where they merge, and above it [m]; of a mast, half its pier's crosshead.
+        foot_lean: How far a leg's middle moves outward for each metre below the knee [1].
+        width: Leg across the bridge [m].
+        length: Leg along the bridge, at its top [m].
+        beam_depth: Depth of the cross beams [m].
+        upper_beams: Middles of the cross beams above the deck, rising [m].
+        foot_line: Least distance of a leg's middle from the axis below the knee [m].
+        prefix: `Pylon` or `Tower`, begins the names.
+        role: Material role.
+        chamfer: Leg of chamfers [m].
+    """
+
+    shape: str
+    top: float
+    seat: float
+    knee: float
+    merge: float
+    knee_line: float
+    merge_line: float
+    foot_lean: float
+    width: float
+    length: float
+    beam_depth: float
+    upper_beams: tuple[float, ...]
+    foot_line: float = 0.0
+    prefix: str = "Pylon"
+    role: str = "Role_PierConcrete"
+    chamfer: float = 0.03
+
+    @property
+    def headed(self) -> bool:
+        """Whether the legs meet in a head."""
+        return self.shape in ("a", "diamond")
+
+    def line(self, above: float) -> float:
+        """Find the middle of the left leg [m].
+
+        Args:
+            above: Height [m].
+        """
+        if above <= self.knee:
+            return max(self.knee_line + self.foot_lean * (self.knee - above), self.foot_line)
+        share = min((above - self.knee) / (self.merge - self.knee), 1.0)
+        return self.knee_line + share * (self.merge_line - self.knee_line)
+
+    @property
+    def bends(self) -> tuple[float, ...]:
+        """Heights where a leg changes its direction, rising [m]."""
+        if self.foot_lean < 0.0:
+            drawn_in = self.knee + (self.knee_line - self.foot_line) / self.foot_lean
+            return drawn_in, self.knee, self.merge
+        return self.knee, self.merge
+
+    def face(self, above: float) -> float:
+        """Find half a leg's length along the bridge [m].
+
+        Args:
+            above: Height [m].
+        """
+        return 0.5 * self.length + _TAPER * (self.top - above)
+
+    def head_half(self, above: float) -> float:
+        """Find half the width of the head across the bridge [m].
+
+        Args:
+            above: Height, from where the legs merge to the top [m].
+        """
+        share = (above - self.merge) / (self.top - self.merge)
+        return self.merge_line + 0.5 * self.width + _FLUSH - share * 0.4 * self.width
+
+
+def pylon_parts(
+    pylon: Pylon, support: int, station: float, deck: float, place: Alignment, ground: Ground
+) -> list[Part]:
+    """Build one pylon.
+
+    Args:
+        pylon: Its elevation.
+        support: Number of the support.
+        station: Its axis [m].
+        deck: Height of the structural deck that a mast stands on [m].
+        place: Axis of the bridge.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+    """
+    level = level_at(place, station)
+    low, foot = _cap_heights(pylon, station, level, ground)
+    name = f"{pylon.prefix}_{support:03d}"
+    parts = []
+    for label, kind, surface in (
+        *_shafts(pylon, station, foot - EMBEDDED, deck, level),
+        *_beams(pylon, station, level),
+    ):
+        size: dict[str, object] = {"shape": pylon.shape, "support": support, "width": pylon.width, "top": pylon.top}
+        if kind == "beam":
+            surface, size["depth"] = turned(surface), pylon.beam_depth
+        full = f"{pylon.prefix.lower()}_{kind}"
+        parts.append(Part(f"{name}_{label}", full, pylon.role, SUBSTRUCTURE, surface, size))
+    half = _cap_half(pylon, foot)
+    surface = footing_surface(half, station, low, foot, level, pylon.chamfer)
+    size = {"length": 2.0 * half[1], "width": 2.0 * half[0], "height": foot - low, "support": support}
+    parts.append(Part(f"{name}_Cap", "pier_footing", "Role_PierConcrete", SUBSTRUCTURE, surface, size))
+    return parts
+
+
+def _shafts(pylon: Pylon, station: float, foot: float, deck: float, level: Alignment) -> list[tuple[str, str, Surface]]:
+    if pylon.shape == "mast":
+        seat = pylon.seat - pylon.beam_depth
+        pier = _shaft(pylon, station, [foot, seat + EMBEDDED], [0.0, 0.0], [0.5 * pylon.knee_line] * 2, level)
+        heights = [deck - EMBEDDED, pylon.top]
+        mast = _shaft(pylon, station, heights, [0.0, 0.0], [0.5 * pylon.width, 0.36 * pylon.width], level)
+        return [("Pier", "leg", pier), ("Mast", "leg", mast)]
+    end = pylon.merge + EMBEDDED if pylon.headed else pylon.top
+    heights = [foot, *(h for h in pylon.bends if foot + 0.05 < h < end - 0.05), end]
+    halves = [0.5 * pylon.width] * len(heights)
+    shafts = []
+    for side, sign in (("L", 1.0), ("R", -1.0)):
+        lines = [sign * pylon.line(h) for h in heights]
+        shafts.append((f"Leg_{side}", "leg", _shaft(pylon, station, heights, lines, halves, level)))
+    if pylon.headed:
+        heights = [pylon.merge, pylon.top]
+        halves = [pylon.head_half(h) for h in heights]
+        shafts.append(("Head", "leg", _shaft(pylon, station, heights, [0.0, 0.0], halves, level, _FLUSH)))
+    return shafts
+
+
+def _shaft(
+    pylon: Pylon, station: float, heights: list[float], lines: list[float], halves: list[float], level: Alignment,
+    grown: float = 0.0,
+) -> Surface:  # fmt: skip
+    sections = []
+    for height, line, half in zip(heights, lines, halves, strict=True):
+        along = pylon.face(height) + grown
+        outline = rectangle((station - along, line - half), (station + along, line + half))
+        sections.append(cut_corners(outline, 2.0 * pylon.chamfer) if pylon.chamfer else outline)
+    return sweep(np.stack(sections), np.array(heights), "above", level)
+
+
+def _beams(pylon: Pylon, station: float, level: Alignment) -> list[tuple[str, str, Surface]]:
+    low = pylon.seat - pylon.beam_depth
+    if pylon.shape == "mast":
+        half = [0.5 * pylon.knee_line, pylon.merge_line, pylon.merge_line]
+        heights = [low, low + 0.6 * pylon.beam_depth, pylon.seat]
+        return [("Beam_0", "beam", _beam(pylon, station, heights, half, level, 0.0))]
+    spans = [(low, pylon.seat)]
+    spans += [(middle - 0.4 * pylon.beam_depth, middle + 0.4 * pylon.beam_depth) for middle in pylon.upper_beams]
+    beams = []
+    for number, (bottom, top) in enumerate(spans):
+        heights = [bottom, *(h for h in (pylon.knee, pylon.merge) if bottom + 0.01 < h < top - 0.01), top]
+        halves = [pylon.line(h) - 0.5 * pylon.width + EMBEDDED for h in heights]
+        beams.append((f"Beam_{number}", "beam", _beam(pylon, station, heights, halves, level, _FLUSH)))
+    return beams
+
+
+def _beam(
+    pylon: Pylon, station: float, heights: list[float], halves: list[float], level: Alignment, behind: float
+) -> Surface:
+    along = pylon.face(heights[-1]) - behind
+    sections = [rectangle((station - along, -half), (station + along, half)) for half in halves]
+    return sweep(np.stack(sections), np.array(heights), "above", level)
+
+
+def _cap_half(pylon: Pylon, foot: float) -> F64:
+    """Find half the pile cap along and across the bridge [m], shape (2,), float64."""
+    margin = 0.4 + 0.25 * pylon.width
+    across = 0.5 * pylon.knee_line if pylon.shape == "mast" else pylon.line(foot) + 0.5 * pylon.width
+    return np.array([pylon.face(foot) + margin, across + margin])
+
+
+def _cap_heights(pylon: Pylon, station: float, level: Alignment, ground: Ground) -> tuple[float, float]:
+    """Find bottom and top of the pile cap [m]: in the ground on land, out of the water in a harbour."""
+    datum = float(level.point(*(np.array([v]) for v in (station, 0.0, 0.0)))[0, 2])
+    half = _cap_half(pylon, -datum)
+    s, left = (g.ravel() for g in np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 17), indexing="ij"))
+    corners = level.point(station + s * half[0], left * half[1], np.zeros(len(s)))
+    heights = ground(corners[:, :2])
+    wet = float(heights.min()) < _DEEP_WATER
+    top = _CAP_DRY if wet else float(heights.max()) + 0.35
+    top = min(top - datum, pylon.seat - pylon.beam_depth - 0.6)
+    return min(float(heights.min()) - datum, top) - (1.5 + 0.2 * pylon.width), top
+
+
+def anchor_faces(pylon: Pylon, above: float, plane: float, room: float) -> tuple[float, float]:
+    """Find where a stay meets a pylon: half its length there and the distance to the left of the axis [m].
+
+    Args:
+        pylon: Its elevation.
+        above: Height of the stay's anchorage [m].
+        plane: Side of the stay: 1 left, -1 right, 0 for a single plane.
+        room: Least distance from the anchorage's middle to the face's edge [m].
+    """
+    if pylon.headed and above > pylon.merge - room:
+        head = pylon.head_half(max(above, pylon.merge))
+        return pylon.face(above) + _FLUSH, plane * min(pylon.line(above), head - room)
+    return pylon.face(above), plane * (0.0 if pylon.shape == "mast" else pylon.line(above))

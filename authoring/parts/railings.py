@@ -1,0 +1,168 @@
+"""Steel railings: posts on base plates, a top rail, and rails or upright bars below it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from authoring.alignment import Alignment
+from authoring.component import F64
+from authoring.copies import LOCAL, copied_together, frames_along
+from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from authoring.parts.part import FURNITURE, Part
+from authoring.sections import circle, rectangle
+from authoring.sweep import Surface, joined, prism
+from groundwork.settings import Settings
+
+_PLATE = (0.16, 0.18, 0.015)  # [m] base plate along, across, up
+_POST = 0.060  # [m] post along
+_POST_WIDER = 0.026  # [m] post across than its top rail: on a curve the rail leaves the posts' middle by a chord's sag
+_HELD = 0.003  # [m] plate into concrete, post into plate and top rail
+_INTO_POST = 0.010  # [m] rails into posts: more than a chord's sag
+_END = 0.25  # [m] first and last post from the ends of a run
+_BAR, _BAR_PITCH = 0.020, 0.12  # [m] bars and the distance between them: no child's head fits between
+_INFILL_WEIGHTS = {"rails": 0.5, "bars": 0.5}
+
+
+class RailingSettings(Settings):
+    """Steel railings; what is left out is drawn."""
+
+    infill: Literal["rails", "bars"] | None = Field(
+        default=None, description="Below the top rail: rails along, or upright bars every 0.12 m; drawn 50 : 50"
+    )
+    rails: int | None = drawn(1, 3, "Rails below the top rail [1]", le=5)
+    post_pitch: float | None = drawn(1.5, 2.5, "Largest distance between posts [m]", ge=1.0, le=4.0)
+    rail_diameter: float | None = drawn(0.06, 0.10, "Height and width of the top rail [m]", ge=0.04, le=0.15)
+    round_rails: bool | None = Field(
+        default=None, description="Tubes; rectangular hollow sections otherwise; drawn 50 : 50"
+    )
+
+
+@dataclass(frozen=True)
+class Railings:
+    """One kind of railing for the whole bridge.
+
+    Attributes:
+        infill: `rails` or `bars`.
+        rails: Rails below the top rail.
+        post_pitch: Largest distance between posts [m].
+        rail_diameter: Height and width of the top rail [m].
+        round_rails: Tubes rather than square hollow sections.
+    """
+
+    infill: str
+    rails: int
+    post_pitch: float
+    rail_diameter: float
+    round_rails: bool
+
+
+def draw_railings(settings: RailingSettings, draws: Draws) -> Railings:
+    """Draw the railings.
+
+    Args:
+        settings: What the user fixed.
+        draws: Random stream and profile of the bridge.
+    """
+    infill, tubes = draws.choose(_INFILL_WEIGHTS), draws.random() < 0.5
+    return Railings(
+        infill=settings.infill or infill,
+        rails=draw_whole(settings, "rails", draws),
+        post_pitch=draw(settings, "post_pitch", draws),
+        rail_diameter=draw(settings, "rail_diameter", draws),
+        round_rails=tubes if settings.round_rails is None else settings.round_rails,
+    )
+
+
+def post_stations(railings: Railings, low: float, high: float) -> F64:
+    """Spread the posts of one run evenly.
+
+    Args:
+        railings: Dimensions.
+        low: Station where the run begins [m].
+        high: Station where it ends [m].
+
+    Returns:
+        Stations of the posts [m], shape (N,), float64.
+    """
+    fields = max(int(np.ceil((high - low - 2.0 * _END) / railings.post_pitch)), 1)
+    return np.linspace(low + _END, high - _END, fields + 1)
+
+
+def railing_parts(
+    railings: Railings, left: float, bottom: float, top: float, name: str, low: float, high: float, place: Alignment
+) -> list[Part]:
+    """Build the railing of one side over one run: its posts are one component, its rails and bars another.
+
+    Whoever labels a scan marks a stretch of railing, never a single bar.
+
+    Args:
+        railings: Dimensions.
+        left: Middle of the posts [m]; the rails below the top hang on the side towards the axis.
+        bottom: Top of the concrete that they stand on [m].
+        top: Top of the top rail [m].
+        name: Ending of the names, e.g. `000_L`.
+        low: Station where they begin [m].
+        high: Station where they end [m].
+        place: Axis of the bridge.
+    """
+    stations, rail = post_stations(railings, low, high), railings.rail_diameter
+    height = top - rail + _HELD - bottom
+    frames = frames_along(place, stations, left, bottom, upright=True)
+    size: dict[str, object] = {"height": top - bottom, "length": high - low}
+    posts = copied_together(_post_solid(rail + _POST_WIDER, height), frames)
+    facts: dict[str, object] = {"height": top - bottom, "posts": len(stations)}
+    return [
+        Part(f"Post_{name}", "railing_post", "Role_RailingSteel", FURNITURE, posts, facts),
+        Part(
+            f"Railing_{name}", "railing", "Role_RailingSteel", FURNITURE,
+            joined(_rail_solids(railings, left, bottom, top, low, high, place)), {**size, "infill": railings.infill},
+        ),
+    ]  # fmt: skip
+
+
+def _post_solid(across: float, height: float) -> Surface:
+    half, up = 0.5 * np.array(_PLATE[:2]), _PLATE[2]
+    plate = prism(rectangle((-half[0], -half[1]), (half[0], half[1])), -_HELD, up, "above", LOCAL)
+    outline = rectangle((-0.5 * _POST, -0.5 * across), (0.5 * _POST, 0.5 * across))
+    return joined([plate, prism(outline, up - _HELD, height, "above", LOCAL)])
+
+
+def _rail_solids(
+    railings: Railings, left: float, bottom: float, top: float, low: float, high: float, place: Alignment
+) -> list[Surface]:
+    rail = railings.rail_diameter
+    section = circle(rail / np.cos(np.pi / 12), 12) if railings.round_rails else _square(rail)
+    solids = [prism(np.add(section, (left, top - 0.5 * rail)), low, high, "station", place)]
+    face = left - float(np.sign(left)) * (0.5 * (rail + _POST_WIDER) - _INTO_POST)  # of what hangs on the posts
+    inward = -float(np.sign(left))
+    if railings.infill == "bars":
+        middle = face + inward * 0.5 * _BAR
+        stations = np.arange(low + 0.04, high - 0.03, _BAR_PITCH)
+        apart = np.abs(stations[:, None] - post_stations(railings, low, high)).min(axis=1)
+        stations = stations[apart > 0.5 * _POST + _BAR]  # none in front of a post
+        return [*solids, *_bar_solids(middle, bottom + 0.10, top - 0.6 * rail, (low, high), stations, place)]
+    size = 0.6 * rail
+    middle = face + inward * 0.5 * size
+    for number in range(railings.rails):
+        level = bottom + (top - rail - bottom) * (number + 1.0) / (railings.rails + 1.0)
+        solids.append(prism(np.add(_square(size), (middle, level)), low, high, "station", place))
+    return solids
+
+
+def _bar_solids(
+    middle: float, sill: float, head: float, reach: tuple[float, float], stations: F64, place: Alignment
+) -> list[Surface]:
+    """Make upright bars between two flat rails."""
+    solids = []
+    for level in (sill, head - 0.04):
+        outline = rectangle((middle - 0.5 * _BAR, level), (middle + 0.5 * _BAR, level + 0.04))
+        solids.append(prism(outline, *reach, "station", place))
+    outline = rectangle((-0.5 * _BAR, -0.4 * _BAR), (0.5 * _BAR, 0.4 * _BAR))
+    bar = prism(outline, 0.04 - _HELD, head - 0.04 + _HELD - sill, "above", LOCAL)
+    return [*solids, copied_together(bar, frames_along(place, stations, middle, sill, upright=True))]
+
+
+def _square(side: float) -> F64:
+    return rectangle((-0.5 * side, -0.5 * side), (0.5 * side, 0.5 * side))

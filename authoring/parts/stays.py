@@ -1,0 +1,171 @@
+"""Stays: where fan, harp and semi-fan put their ends, and the stays with their sleeves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from authoring.alignment import Alignment
+from authoring.component import F64
+from authoring.parts.anchors import sleeve
+from authoring.parts.cables import STAY_SIDES, bar
+from authoring.parts.part import SUPERSTRUCTURE, Part
+from authoring.parts.pylons import Pylon, anchor_faces
+from authoring.parts.spans import level_at
+
+Arrangement = Literal["fan", "semi_fan", "harp"]
+
+_BETWEEN = 0.06  # [m] between two collars on a pylon
+_SOCKET, _HEAD = 0.9, 0.5  # [m] sleeves at the deck and at the pylon, of a stay 0.1 m thick
+STEEPEST = 3.0  # tangent of the innermost stay's slope
+
+
+@dataclass(frozen=True)
+class Stays:
+    """The stays of one pylon towards its main span; towards the other span they are the same, drawn together.
+
+    Attributes:
+        arrangement: `fan`, `semi_fan` or `harp`.
+        planes: 1 or 2.
+        plane: Foot of the stays, distance to the left of the axis [m]; 0 for a single plane.
+        foot: Height of the face that their sockets stand on [m].
+        offsets: From the pylon's axis to every foot in the main span, rising [m].
+        heights: Height of every head above the finished surface, rising [m].
+        shrink: Side span's distances over the main span's, from the pylon's face [1].
+        diameter: Of a stay in its sheath [m].
+    """
+
+    arrangement: str
+    planes: int
+    plane: float
+    foot: float
+    offsets: tuple[float, ...]
+    heights: tuple[float, ...]
+    shrink: float
+    diameter: float
+
+    @property
+    def collar(self) -> float:
+        """Radius of the sleeves' collars [m]."""
+        return collar_of(self.diameter)
+
+    def side_offsets(self, pylon: Pylon) -> tuple[float, ...]:
+        """Find the distance from the pylon's axis to every foot in the side span [m].
+
+        Args:
+            pylon: What the stays hang on.
+        """
+        faces = [pylon.face(height) for height in self.heights]
+        return tuple(f + self.shrink * (x - f) for f, x in zip(faces, self.offsets, strict=True))
+
+
+def collar_of(diameter: float) -> float:
+    """Find the radius of a stay's collars [m].
+
+    Args:
+        diameter: Of the stay [m].
+    """
+    return round(0.85 * diameter + 0.03, 3)
+
+
+def head_heights(
+    arrangement: str,
+    offsets: Sequence[float],
+    foot: float,
+    top: float,
+    zone: float,
+    collar: float,
+    face: tuple[float, float],
+) -> tuple[float, ...]:
+    """Place the heads of the stays on a pylon.
+
+    Args:
+        arrangement: `fan`: as close as their collars allow; `semi_fan`: spread over a zone; `harp`: all stays parallel.
+        offsets: From the pylon's axis to every foot, rising [m].
+        foot: Height of the feet [m].
+        top: Height of the highest head [m].
+        zone: Lowest head of a semi-fan [m].
+        collar: Radius of the collars [m].
+        face: Half the pylon's length along the bridge at the highest head [m], and its growth per metre below [1].
+
+    Returns:
+        Heights, rising [m].
+    """
+    if arrangement == "harp":
+        half, growth = face
+        slope = (top - foot) / (offsets[-1] - half)
+        # head = foot + slope * (offset - half length there), and the half length grows downward
+        heads = [(foot + slope * (x - half - growth * top)) / (1.0 - slope * growth) for x in offsets]
+        return tuple(heads)
+    spread = [collar * float(np.hypot(1.0, (top - foot) / x)) for x in offsets]
+    even = (top - zone) / (len(offsets) - 1) if arrangement == "semi_fan" else 0.0
+    heads = [top]
+    for k in range(len(offsets) - 1, 0, -1):
+        heads.append(heads[-1] - max(even, spread[k] + spread[k - 1] + _BETWEEN))
+    return tuple(heads[::-1])
+
+
+def stay_parts(stays: Stays, pylon: Pylon, pylons: tuple[tuple[int, float, int], ...], place: Alignment) -> list[Part]:
+    """Build every stay with its socket and its upper anchorage.
+
+    Args:
+        stays: Where they end.
+        pylon: What they hang on.
+        pylons: Number of the support, station [m] and direction of the main span (1 or -1) of every pylon.
+        place: Axis of the bridge.
+    """
+    parts = []
+    side = stays.side_offsets(pylon)
+    sides = (("C", 0),) if stays.planes == 1 else (("L", 1), ("R", -1))
+    for support, station, main in pylons:
+        level = level_at(place, station)
+        for way, word in ((-1, "B"), (1, "F")):
+            offsets = stays.offsets if way == main else side
+            for number, (offset, height) in enumerate(zip(offsets, stays.heights, strict=True)):
+                for label, plane in sides:
+                    name = f"{support:03d}_{word}{label}_{number:02d}"
+                    ends = _stay_ends(stays, pylon, (station, way, plane), offset, height, (place, level))
+                    parts += _one_stay(stays, name, ends, (support, number))
+    return parts
+
+
+def _stay_ends(
+    stays: Stays, pylon: Pylon, where: tuple[float, int, int], offset: float, height: float,
+    frames: tuple[Alignment, Alignment],
+) -> tuple[F64, F64, F64, F64]:  # fmt: skip
+    """Find foot and head of a stay and the outward normals of the faces there."""
+    station, way, plane = where
+    place, level = frames
+    foot_at = (station + way * offset, plane * stays.plane, stays.foot)
+    foot = _point(place, *foot_at)
+    along = _point(place, foot_at[0] + 1.0, *foot_at[1:]) - foot
+    left = _point(place, foot_at[0], foot_at[1] + 1.0, foot_at[2]) - foot
+    up = np.cross(along, left)
+    half, line = anchor_faces(pylon, height, plane, stays.collar + 0.05)
+    head = _point(level, station + way * half, line, height)
+    ahead = way * (_point(level, station + 1.0, 0.0, 0.0) - _point(level, station, 0.0, 0.0))
+    return foot, up / np.linalg.norm(up), head, ahead / np.linalg.norm(ahead)
+
+
+def _one_stay(stays: Stays, name: str, ends: tuple[F64, F64, F64, F64], numbers: tuple[int, int]) -> list[Part]:
+    foot, up, head, ahead = ends
+    along = head - foot
+    length = float(np.linalg.norm(along))
+    along /= length
+    scale = max(0.6, min(stays.diameter / 0.10, 2.0))
+    socket = sleeve(foot, up, along, stays.collar, min(_SOCKET * scale, 0.12 * length))
+    anchorage = sleeve(head, ahead, -along, stays.collar, min(_HEAD * scale, 0.08 * length))
+    stay = bar(socket.held, anchorage.held, 0.5 * stays.diameter, STAY_SIDES)
+    span = float(np.linalg.norm(anchorage.held - socket.held))
+    facts: dict[str, object] = {"support": numbers[0], "stay": numbers[1], "diameter": stays.diameter}
+    holds = {**facts, "embedded_in": "stay"}
+    return [
+        Part(f"Stay_{name}", "stay", "Role_CableSteel", SUPERSTRUCTURE, stay, {**facts, "length": span}),
+        Part(f"Socket_{name}", "cable_socket", "Role_CableSteel", SUPERSTRUCTURE, socket.surface, holds),
+        Part(f"Anchorage_{name}", "upper_anchorage", "Role_GirderSteel", SUPERSTRUCTURE, anchorage.surface, holds),
+    ]
+
+
+def _point(place: Alignment, station: float, left: float, above: float) -> F64:
+    return place.point(np.array([station]), np.array([left]), np.array([above]))[0]

@@ -1,0 +1,163 @@
+"""The choice of a steel superstructure: arrangement, sections and lines of its girders, and what the user may fix."""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.plate_girders import PlateGirders
+from authoring.parts.spans import Spans
+from groundwork.errors import InputError
+from groundwork.settings import Settings
+
+LEAST_SPACING, MOST_SPACING = 2.2, 3.6  # [m] of the lines of a multi-girder deck
+_ARRANGEMENTS = {"multi": 60.0, "ladder": 22.0, "box": 18.0}
+_HAUNCHES = {"none": 55.0, "parabolic": 28.0, "straight": 17.0}
+_WIDTHS = {"multi": (0.0, 40.0), "ladder": (7.0, 18.0), "box": (6.5, 27.0)}  # [m] of deck
+_ONE_BOX = 13.5  # [m] widest deck on a single box
+_HAUNCHED_SLIMMER = 1.25  # [1] a haunched girder is so much slimmer at mid-span
+_LEAST_DEPTH = 0.70  # [m]
+
+
+class PlateGirderSettings(Settings):
+    """Steel girders; what is left out is drawn."""
+
+    arrangement: Literal["multi", "ladder", "box"] | None = Field(
+        default=None,
+        description="Many plate girders, two with floor beams between them, or one or two boxes; drawn 60 : 22 : 18 "
+        "among those that suit the deck's width: ladder 7 to 18 m, box 6.5 to 27 m; in profile paper multi",
+    )
+    slenderness: float | None = drawn(
+        20.0, 28.0, "Longest span over steel depth; of a haunched girder 1.25 times that at mid-span [1]",
+        ge=8.0, le=40.0, paper=(8.333, 8.333),
+    )  # fmt: skip
+    count: int | None = Field(
+        default=None, ge=2, le=12,
+        description="Lines of a multi-girder deck; drawn so that they lie 2.2 to 3.6 m apart; in profile paper 4",
+    )  # fmt: skip
+    spacing: float | None = drawn(2.4, 3.4, "Target distance between girder lines [m]", ge=2.2, le=3.6)
+    flange_share: float | None = drawn(
+        0.22, 0.33, "Bottom flange's width over the depth [1]", ge=0.15, le=0.9, paper=(0.833, 0.833)
+    )
+    top_share: float | None = drawn(
+        0.70, 0.90, "Top flange's width over the bottom's [1]", ge=0.5, le=1.0, paper=(1.0, 1.0)
+    )
+    flange: float | None = drawn(0.025, 0.060, "Thickness of the flanges [m]", ge=0.012, le=0.12, paper=(0.1, 0.1))
+    web: float | None = drawn(0.012, 0.020, "Thickness of the webs [m]", ge=0.008, le=0.12, paper=(0.1, 0.1))
+    haunch: Literal["none", "parabolic", "straight"] | None = Field(
+        default=None,
+        description="How girders grow deeper towards the piers; drawn 55 : 28 : 17 where they are continuous over "
+        "piers, else none; in profile paper none",
+    )
+    haunch_ratio: float | None = drawn(1.5, 2.0, "Depth over a pier over depth at mid-span [1]", ge=1.05, le=2.5)
+    haunch_reach: float | None = drawn(0.22, 0.38, "Haunch on either side of a pier, over the span [1]", ge=0.1, le=0.5)
+    fillet: float | None = drawn(
+        0.040, 0.090, "Concrete between top flange and slab [m]", ge=0.0, le=0.20, paper=(0.0, 0.0)
+    )
+    splices: bool | None = Field(
+        default=None, description="Bolted field splices in continuous girders; drawn always, in profile paper never"
+    )
+    splice_share: float | None = drawn(0.20, 0.25, "From pier to field splice, over the span [1]", ge=0.1, le=0.4)
+
+
+def draw_plate_girders(settings: PlateGirderSettings, width: float, spans: Spans, draws: Draws) -> PlateGirders:
+    """Draw the girders for a deck.
+
+    Args:
+        settings: What the user fixed.
+        width: Deck width [m].
+        spans: Stations.
+        draws: Random stream and profile of the bridge.
+
+    Raises:
+        InputError: What is fixed cannot carry this deck.
+    """
+    paper = draws.profile == "paper"
+    arrangement = _arrangement(settings, width, paper, draws)
+    haunch = _haunch(settings, spans, paper, draws)
+    slenderness = draw(settings, "slenderness", draws) * (1.0 if haunch == "none" else _HAUNCHED_SLIMMER)
+    ratio, reach = draw(settings, "haunch_ratio", draws), draw(settings, "haunch_reach", draws)
+    depth = max(round(float(np.max(np.diff(spans.supports))) / slenderness, 2), _LEAST_DEPTH)
+    pier_depth = depth if haunch == "none" else round(ratio * depth, 2)
+    lines = _lines(settings, arrangement, width, paper, draws)
+    bottom = round(max(draw(settings, "flange_share", draws) * depth, 0.22), 3)
+    top = round(max(draw(settings, "top_share", draws) * bottom, 0.18), 3)
+    if arrangement == "box":
+        top = round(_box_width(width, len(lines), pier_depth), 3)
+    return PlateGirders(
+        arrangement=arrangement,
+        lines=lines,
+        depth=depth,
+        pier_depth=pier_depth,
+        haunch=haunch,
+        haunch_reach=reach,
+        top_width=top,
+        bottom_width=bottom,
+        flange=draw(settings, "flange", draws),
+        web=draw(settings, "web", draws),
+        fillet=draw(settings, "fillet", draws),
+        splice_share=draw(settings, "splice_share", draws),
+        spliced=not paper if settings.splices is None else settings.splices,
+    )
+
+
+def _arrangement(settings: PlateGirderSettings, width: float, paper: bool, draws: Draws) -> str:
+    share = draws.choose(
+        {name: weight for name, weight in _ARRANGEMENTS.items() if _WIDTHS[name][0] <= width <= _WIDTHS[name][1]}
+    )
+    choice = settings.arrangement or ("multi" if paper else share)
+    low, high = _WIDTHS[choice]
+    if not low <= width <= high:
+        nearest = low if width < low else high
+        raise InputError(
+            f"a deck {width:.2f} m wide is none for this arrangement", field="bridge.girder.steel.arrangement",
+            value=choice, allowed=f"decks from {low:g} to {high:g} m, the nearest {nearest:g} m",
+            mend="Choose multi, or change the lanes",
+        )  # fmt: skip
+    return choice
+
+
+def _haunch(settings: PlateGirderSettings, spans: Spans, paper: bool, draws: Draws) -> str:
+    chance = draws.choose(_HAUNCHES)
+    possible = spans.one_row and spans.count > 1
+    if settings.haunch not in (None, "none") and not possible:
+        raise InputError(
+            "a haunch wants a girder that is continuous over a pier", field="bridge.girder.steel.haunch",
+            value=settings.haunch, allowed="none",
+            mend="Give the bridge two spans or more and continuous = true, or leave the haunch out",
+        )  # fmt: skip
+    return settings.haunch or (chance if possible and not paper else "none")
+
+
+def _lines(
+    settings: PlateGirderSettings, arrangement: str, width: float, paper: bool, draws: Draws
+) -> tuple[float, ...]:
+    target, share = draw(settings, "spacing", draws), draws.random()
+    if arrangement == "ladder":
+        half = round(0.5 * width * (0.54 + 0.08 * share), 3)
+        return (-half, half)
+    if arrangement == "box":
+        return (0.0,) if width <= _ONE_BOX else (round(-0.25 * width, 3), round(0.25 * width, 3))
+    if paper and settings.count is None:
+        return tuple(round(width * eighths / 8.0, 3) for eighths in (-3, -1, 1, 3))
+    count = settings.count or max(2, round((width - 2.0) / target) + 1)
+    least, most = max(0.6, 0.5 * (width - MOST_SPACING * (count - 1))), 0.5 * (width - LEAST_SPACING * (count - 1))
+    most = min(most, 1.5)
+    if least > most + 1e-9:
+        if settings.count is None:
+            least = most = 0.5 * (width - target * (count - 1))
+        else:
+            raise InputError(
+                f"{count} girder lines cannot carry a deck {width:.2f} m wide", field="bridge.girder.steel.count",
+                value=count, allowed=f"{LEAST_SPACING} to {MOST_SPACING} m apart, overhang 0.6 to 1.5 m; nearest "
+                f"{max(2, round((width - 2.2) / 2.9) + 1)}", mend="Leave it out, or change the lanes",
+            )  # fmt: skip
+    cantilever = least + share * (most - least)
+    ends = 0.5 * width - cantilever
+    return tuple(round(float(line), 3) for line in np.linspace(-ends, ends, count))
+
+
+def _box_width(width: float, boxes: int, pier_depth: float) -> float:
+    """Find the width over a box's top flanges, so wide that its foot carries two bearings [m]."""
+    return max(0.52 * width / boxes, 2.0 * (0.22 * pier_depth + 0.95 + 0.20))

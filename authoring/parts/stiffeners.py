@@ -1,0 +1,100 @@
+"""Stiffeners of plate girders: plates across the web, where cross-frames join it, between them, and on the bearings."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from authoring.alignment import Alignment
+from authoring.parts.part import SUPERSTRUCTURE, Part
+from authoring.parts.plate_girders import PlateGirders
+from authoring.parts.spans import Levels, Spans
+from authoring.parts.splices import HALF_LENGTH
+from authoring.setting_out import in_one_chart, plates, set_out, shifted
+from authoring.sweep import Surface
+
+INTO = 0.004  # [m] plates into web and flanges
+_FROM_EDGE = 0.015  # [m] from a stiffener's free edge to the narrower flange's edge
+_BEARING_THICKER = 1.6  # [1] a bearing stiffener is so much thicker
+
+
+def stiffener_width(girders: PlateGirders) -> float:
+    """Find how far stiffeners stand out from the web [m].
+
+    Args:
+        girders: Section.
+    """
+    return 0.5 * (min(girders.top_width, girders.bottom_width) - girders.web) - _FROM_EDGE
+
+
+def stiffener_parts(
+    girders: PlateGirders, spans: Spans, frames: tuple[float, ...], cuts: tuple[float, ...], pitch: float,
+    thickness: float, levels: Levels, place: Alignment,
+) -> list[Part]:  # fmt: skip
+    """Build the stiffeners of every line: one part for each span and line, and one for each bearing.
+
+    Args:
+        girders: Dimensions.
+        spans: Stations.
+        frames: Stations of the cross-frames, rising [m].
+        cuts: Stations of the splices [m].
+        pitch: Largest distance between stiffeners over the depth [1].
+        thickness: Of the plates [m].
+        levels: Levels of the deck.
+        place: Axis of the bridge.
+    """
+    if girders.box:
+        return []
+    rows = sorted({station for _, _, station in spans.rows})
+    surfaces: list[Surface] = []
+    facts: list[tuple[str, dict[str, object]]] = []
+    top = girders.steel_top(levels)
+    for span in range(spans.count):
+        low, high = spans.bearing_lines(span)
+        joints = [station for station in frames if low + 0.01 < station < high - 0.01]
+        between = _between(girders, spans, [low, *joints, high], cuts, pitch)
+        for line, left in enumerate(girders.lines):
+            sides = _inner_sides(girders, line)
+            wanted = [(station, side) for station in joints for side in sides]
+            towards = [side for side in sides if side * left < 0.0] or sides  # the axis
+            wanted += [(station, side) for station in between for side in towards]
+            if wanted:
+                surfaces.append(shifted(_across(girders, spans, wanted, thickness), np.array([0.0, left, top])))
+                facts.append((f"Stiffeners_{span:03d}_{line:02d}", {"count": len(wanted), "span": span, "line": line}))
+    for number, station in enumerate(rows):
+        for line, left in enumerate(girders.lines):
+            wanted = [(station, side) for side in (-1.0, 1.0)]
+            plate = _across(girders, spans, wanted, _BEARING_THICKER * thickness)
+            surfaces.append(shifted(plate, np.array([0.0, left, top])))
+            facts.append((f"BearingStiffener_{number:03d}_{line:02d}", {"count": 2, "row": number, "line": line}))
+    return [
+        Part(name, "stiffener", "Role_GirderSteel", SUPERSTRUCTURE, surface, {"thickness": thickness, **fact})
+        for (name, fact), surface in zip(facts, set_out(surfaces, place), strict=True)
+    ]
+
+
+def _inner_sides(girders: PlateGirders, line: int) -> list[float]:
+    """List the sides of a line on which another one follows: an edge girder is smooth outside."""
+    return [side for side, there in ((1.0, line + 1 < len(girders.lines)), (-1.0, line > 0)) if there]
+
+
+def _between(
+    girders: PlateGirders, spans: Spans, joints: list[float], cuts: tuple[float, ...], pitch: float
+) -> list[float]:
+    found = []
+    for low, high in pairwise(joints):
+        depth = float(girders.depths(spans, np.array([0.5 * (low + high)]))[0])
+        count = int(np.ceil((high - low) / (pitch * depth) - 1e-9))
+        found += np.linspace(low, high, count + 1)[1:-1].tolist()
+    return [station for station in found if all(abs(station - cut) > HALF_LENGTH + 0.06 for cut in cuts)]
+
+
+def _across(girders: PlateGirders, spans: Spans, wanted: list[tuple[float, float]], thickness: float) -> Surface:
+    """Build plates round a line, at stations and on sides of the web; heights count from the top of the steel."""
+    station, side = np.array(wanted).T
+    depth = girders.depths(spans, station)
+    near, far = 0.5 * girders.web - INTO, 0.5 * girders.web + stiffener_width(girders)
+    ends = np.sort(side[:, None] * (near, far), axis=1)
+    high_edge = np.full(len(station), INTO - girders.flange)
+    low = np.stack([station - 0.5 * thickness, ends[:, 0], girders.flange - INTO - depth], axis=1)
+    high = np.stack([station + 0.5 * thickness, ends[:, 1], high_edge], axis=1)
+    return in_one_chart(plates(low, high, "above"))

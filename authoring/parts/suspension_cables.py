@@ -1,0 +1,223 @@
+"""The cables of a suspension bridge: parabolas between saddles, straight or loaded backstays, hangers, anchorages."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from authoring.alignment import Alignment
+from authoring.component import F64
+from authoring.parts.anchors import HELD, anchor_block, clamp, hanger_socket, saddle, sleeve
+from authoring.parts.cables import HANGER_SIDES, MAIN_SIDES, bar, chords, tube
+from authoring.parts.footings import Ground
+from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
+from authoring.parts.pylons import Pylon
+from authoring.parts.spans import level_at
+
+_LUG = 0.16  # [m] of a clamp below the ring
+_BLOCK_SIDE = 0.9  # [m] of an anchor block outside the cable's plane
+_CAST = 0.7  # [m] sleeve on an anchor block
+_FOUNDED = 2.0  # [m] anchor block below the lowest ground at it
+_GRIP = 0.55  # share of half a saddle's length that a cable reaches into it
+
+
+@dataclass(frozen=True)
+class SuspensionCables:
+    """Both main cables; heights count from the finished deck surface.
+
+    Attributes:
+        plane: Distance of either cable to the left of the axis [m].
+        towers: Stations of the towers [m].
+        anchors: Stations where the cables' axes enter the anchor blocks [m].
+        crown: Height of the cables' axis in the saddles [m].
+        low: Height of the main span's lowest point [m].
+        entry: Height where the cables enter the anchor blocks [m].
+        side_sag: Sag of the side spans under their chord [m]; 0 for straight backstays.
+        diameter: Of a main cable [m].
+        hanger_diameter: Of a hanger [m].
+        foot: Height of the face that the hangers' sockets stand on [m].
+        main_hangers: Stations of the main span's hangers, rising [m].
+        side_hangers: Stations of the side spans' hangers, rising [m].
+    """
+
+    plane: float
+    towers: tuple[float, float]
+    anchors: tuple[float, float]
+    crown: float
+    low: float
+    entry: float
+    side_sag: float
+    diameter: float
+    hanger_diameter: float
+    foot: float
+    main_hangers: tuple[float, ...]
+    side_hangers: tuple[float, ...]
+
+    @property
+    def sag(self) -> float:
+        """Of the main span [m]."""
+        return self.crown - self.low
+
+    @property
+    def saddle_size(self) -> tuple[float, float, float]:
+        """Length along the bridge, width, and depth from the cables' axis to the tower's top [m]."""
+        return round(1.3 + 4.0 * self.diameter, 3), round(0.35 + 1.6 * self.diameter, 3), self.saddle_depth
+
+    @property
+    def saddle_depth(self) -> float:
+        """From the cables' axis to the tower's top [m]."""
+        return saddle_depth(self.diameter)
+
+    def height(self, station: F64) -> F64:
+        """Find the height of the cables' axis above the finished deck surface.
+
+        Args:
+            station: Distance along the axis [m], shape (N,), float64.
+
+        Returns:
+            Heights [m], shape (N,), float64.
+        """
+        (first, last), (begin, end) = self.towers, self.anchors
+        middle, half = 0.5 * (first + last), 0.5 * (last - first)
+        main = self.low + self.sag * ((station - middle) / half) ** 2
+        span = first - begin
+        share = np.where(station < first, (first - station) / span, (station - last) / (end - last))
+        side = self.crown + share * (self.entry - self.crown) - 4.0 * self.side_sag * share * (1.0 - share)
+        return np.where((station < first) | (station > last), side, main)
+
+
+def saddle_depth(diameter: float) -> float:
+    """Find the height of a saddle under the cable's axis [m].
+
+    Args:
+        diameter: Of the main cable [m].
+    """
+    return round(0.35 + 1.2 * diameter, 3)
+
+
+def cable_parts(cables: SuspensionCables, tower: Pylon, place: Alignment, ground: Ground) -> list[Part]:
+    """Build main cables, saddles, hangers with clamps and sockets, and anchorages.
+
+    Args:
+        cables: Where they run.
+        tower: What the saddles stand on.
+        place: Axis of the bridge.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+    """
+    parts = []
+    for side, sign in (("L", 1.0), ("R", -1.0)):
+        left = sign * cables.plane
+        for end in (0, 1):
+            parts += _anchorage_parts(cables, side, left, end, place, ground)
+        grip = 0.5 * cables.saddle_size[0] * _GRIP
+        first, last = cables.towers
+        hung = np.array(cables.main_hangers)
+        main = _cable_points(cables, first + grip, last - grip, hung, cables.sag, left, place)
+        parts.append(_cable_part(cables, f"MainCable_1_{side}", main))
+        parts += _saddle_parts(cables, side, left, place)
+        parts += _hanger_parts(cables, side, left, place)
+    return parts
+
+
+def _cable_points(
+    cables: SuspensionCables, low: float, high: float, hung: F64, sag: float, left: float, place: Alignment
+) -> F64:
+    """Find points along a cable: at its ends, at its hangers, and so many between that the chords keep to the curve."""
+    fixed = np.concatenate([[low], hung[(hung > low + 0.1) & (hung < high - 0.1)], [high]])
+    stations = [fixed[:1]]
+    for a, b in pairwise(fixed):
+        stations.append(np.linspace(a, b, chords(sag, float((b - a) / (high - low))) + 1)[1:])
+    station = np.concatenate(stations)
+    return place.point(station, np.full(len(station), left), cables.height(station))
+
+
+def _cable_part(cables: SuspensionCables, name: str, points: F64) -> Part:
+    length = float(np.linalg.norm(points[-1] - points[0]))
+    arc = float(np.sum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    surface = tube(points, 0.5 * cables.diameter, MAIN_SIDES)
+    facts: dict[str, object] = {"diameter": cables.diameter, "length": length, "arc": arc, "sag": cables.sag}
+    return Part(name, "main_cable", "Role_CableSteel", SUPERSTRUCTURE, surface, facts)
+
+
+def _saddle_parts(cables: SuspensionCables, side: str, left: float, place: Alignment) -> list[Part]:
+    parts = []
+    length, width, depth = cables.saddle_size
+    for number, station in enumerate(cables.towers):
+        surface = saddle(station, left, cables.crown, (length, width, depth), level_at(place, station))
+        size: dict[str, object] = {"length": length, "width": width, "embedded_in": "main_cable"}
+        parts.append(Part(f"Saddle_{number}_{side}", "saddle", "Role_GirderSteel", SUPERSTRUCTURE, surface, size))
+    return parts
+
+
+def _hanger_parts(cables: SuspensionCables, side: str, left: float, place: Alignment) -> list[Part]:
+    parts = []
+    radius, step = 0.5 * cables.hanger_diameter, 0.05
+    stations = np.array(sorted((*cables.side_hangers, *cables.main_hangers)))
+    heights = cables.height(stations)
+    line = np.full(len(stations), left)
+    tops, feet = place.point(stations, line, heights), place.point(stations, line, np.full(len(stations), cables.foot))
+    ahead = place.point(stations + step, line, cables.height(stations + step))
+    back = place.point(stations - step, line, cables.height(stations - step))
+    along = (ahead - back) / np.linalg.norm(ahead - back, axis=1, keepdims=True)
+    wall, up = 0.02 + 0.175 * cables.diameter, np.array([0.0, 0.0, 1.0])
+    socket, ring = 0.20 + 4.0 * radius, 0.16 + 1.2 * cables.diameter
+    for number, (top, foot, tangent) in enumerate(zip(tops, feet, along, strict=True)):
+        name = f"{side}_{number:03d}"
+        facts: dict[str, object] = {"hanger": number, "diameter": cables.hanger_diameter}
+        holds = {**facts, "embedded_in": "hanger"}
+        high = top - (0.5 * cables.diameter + wall + 0.5 * _LUG) * up
+        low = foot + 0.6 * socket * up
+        length = float(high[2] - low[2])
+        hanger = bar(low, high, radius, HANGER_SIDES)
+        parts += [
+            Part(f"Hanger_{name}", "hanger", "Role_CableSteel", SUPERSTRUCTURE, hanger, {**facts, "length": length}),
+            Part(f"Clamp_{name}", "cable_clamp", "Role_GirderSteel", SUPERSTRUCTURE,
+                 clamp(top, tangent, 0.5 * cables.diameter, ring, _LUG), holds),
+            Part(f"HangerSocket_{name}", "cable_socket", "Role_CableSteel", SUPERSTRUCTURE,
+                 hanger_socket(foot, radius, socket), holds),
+        ]  # fmt: skip
+    return parts
+
+
+def _anchorage_parts(
+    cables: SuspensionCables, side: str, left: float, end: int, place: Alignment, ground: Ground
+) -> list[Part]:
+    """Build an anchor block with its casting, and the cable from there to the saddle."""
+    station, away = cables.anchors[end], (-1.0, 1.0)[end]
+    level = level_at(place, station)
+    tower = cables.towers[end]
+    depth = max(2.6 + 4.0 * cables.diameter, 0.5 * (cables.crown - cables.entry) * 0.6)
+    inner, outer = abs(left) - 0.5 * cables.diameter - 0.35, abs(left) + _BLOCK_SIDE + cables.diameter
+    lefts = (inner, outer) if left > 0.0 else (-outer, -inner)
+    back, top = station + away * depth, cables.entry + 0.5 + cables.diameter
+    low = _lowest(ground, level, sorted((station, back)), lefts) - _FOUNDED
+    low = min(low, cables.entry - 2.5)
+    block = anchor_block(station, back, lefts, (low, top), level)
+    size: dict[str, object] = {"length": depth, "width": outer - inner, "height": top - low}
+    name = f"{end}_{side}"
+    reach = tower + away * 0.5 * cables.saddle_size[0] * _GRIP
+    hung = np.array([s for s in cables.side_hangers if (s - tower) * away > 0.0])
+    low_s, high_s = sorted((station, reach))
+    points = _cable_points(cables, low_s, high_s, hung, cables.side_sag, left, place)
+    points = points if end == 0 else points[::-1]
+    along = points[1] - points[0]
+    along /= np.linalg.norm(along)
+    front = level.point(np.array([station - away]), np.array([left]), np.zeros(1))[0]
+    facing = front - level.point(np.array([station]), np.array([left]), np.zeros(1))[0]
+    casting = sleeve(points[0], facing / np.linalg.norm(facing), along, 0.9 * cables.diameter + 0.06, _CAST)
+    points[0] = casting.mouth - HELD * along
+    points = points[np.concatenate([[True], (points[1:] - points[0]) @ along > 0.2])]
+    return [
+        Part(f"AnchorBlock_{name}", "anchor_block", "Role_AbutmentConcrete", SUBSTRUCTURE, block, size),
+        Part(f"CableSocket_{name}", "cable_socket", "Role_GirderSteel", SUPERSTRUCTURE, casting.surface,
+             {"diameter": cables.diameter, "embedded_in": "main_cable"}),
+        _cable_part(cables, f"MainCable_{2 * end}_{side}", points),
+    ]  # fmt: skip
+
+
+def _lowest(ground: Ground, level: Alignment, stations: list[float], lefts: tuple[float, float]) -> float:
+    s, left = (
+        g.ravel() for g in np.meshgrid(np.linspace(stations[0], stations[1], 9), np.linspace(lefts[0], lefts[1], 7))
+    )
+    corners = level.point(s, left, np.zeros(len(s)))
+    return float(np.min(ground(corners[:, :2]) - corners[:, 2]))

@@ -1,0 +1,189 @@
+"""Contact sheets of random bridges: each family on its sites, photographed and in the colours of its classes."""
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.alignment import Layout
+from authoring.component import Component, Scatter
+from authoring.families.registry import FAMILIES, build_bridge
+from authoring.layout import draw_layout
+from authoring.parts.piers import Ground
+from authoring.scene import author_scene
+from authoring.settings import AuthoringSettings
+from authoring.site import draw_site
+from authoring.streams import stream
+from falsework.report_figures import paint_labels
+from groundwork.files import write_bytes, write_text
+from groundwork.progress import SILENT, Progress
+from groundwork.settings import parse_settings
+from render.capture import load_image, read_capture, read_truth
+from render.frames import render_scene
+from render.settings import RenderSettings
+from usd_schemas.flat_scene import FlatScene
+from usd_schemas.pinhole import Pinhole
+from usd_schemas.stage_reader import read_stage
+
+F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
+
+_WIDTH, _HEIGHT = 480, 300  # [px] of one picture
+_TEXELS = 256
+_HALF_VIEW = np.radians(24.0)  # half the horizontal field of view
+_EYE_OVER_GROUND = 1.8  # [m] at least
+_JPEG_QUALITY = 82
+
+
+@dataclass(frozen=True)
+class Views:
+    """What a gallery shows of one bridge.
+
+    Attributes:
+        caption: Family and seed.
+        pictures: Overview, overview in the colours of the classes, close-up, each shape (H, W, 3), uint8.
+    """
+
+    caption: str
+    pictures: tuple[U8, U8, U8]
+
+
+def write_gallery(folder: Path, count: int, seed: int, families: tuple[str, ...], progress: Progress) -> None:
+    """Author and photograph random bridges of some families, one sheet for each family.
+
+    Args:
+        folder: Existing, empty folder.
+        count: Bridges of each family.
+        seed: Seed of the first; the others follow.
+        families: Keys of the registry; empty for all.
+        progress: Listener.
+    """
+    names = families or tuple(sorted(FAMILIES))
+    progress.stage("gallery", len(names) * count)
+    lines = ["# Gallery of families", "", f"Seeds {seed} to {seed + count - 1}, profile `default`."]
+    for number, name in enumerate(names):
+        rows = []
+        for step in range(count):
+            rows.append(photograph(name, seed + step))
+            progress.advance(number * count + step + 1)
+        write_bytes(folder / f"{name}.jpg", sheet(rows))
+        lines += ["", f"## {name}", "", f"![{name}]({name}.jpg)"]
+    write_text(folder / "index.md", "\n".join(lines) + "\n")
+
+
+def photograph(family: str, seed: int) -> Views:
+    """Author one random bridge on its site and take its pictures.
+
+    Args:
+        family: Key of the registry.
+        seed: Seed of the scene.
+    """
+    own = {"spans": []} if "spans" in FAMILIES[family].settings.model_fields else {}
+    settings = parse_settings(
+        AuthoringSettings,
+        {
+            "bridge": {"family": family, family: own},
+            "background": {"name": "none"},
+            "look": {"texels": _TEXELS},
+            "survey": [{"kind": "global", "images": 8, "spacing": 50.0}],
+        },
+        "gallery",
+    )
+    layout, drawn = draw_layout(settings.bridge, stream(seed, "bridge"))
+    site = draw_site(settings.site, layout, stream(seed, "site"))
+    poses = np.stack([_overview(layout, build_bridge(layout, drawn, site.ground)), _close_up(layout, site.ground)])
+    with tempfile.TemporaryDirectory() as scratch:
+        stage, capture = Path(scratch) / "stage", Path(scratch) / "capture"
+        stage.mkdir()
+        capture.mkdir()
+        author_scene(settings, seed, stage, SILENT)
+        scene = read_stage(stage / "scene.usda")
+        render = RenderSettings.model_validate({"quality": "standard", "sensor": {"noise": False}})
+        render_scene(_seen_from(scene, poses), capture, render, seed, SILENT)
+        taken = read_capture(capture)
+        truth = read_truth(taken)
+        assert truth is not None
+        labels = paint_labels(truth.semantic(0), truth.classes)
+        return Views(f"{family} {seed}", (load_image(taken, 0), labels, load_image(taken, 1)))
+
+
+def sheet(rows: list[Views]) -> bytes:
+    """Lay the pictures of several bridges out in rows, as a JPEG.
+
+    Args:
+        rows: At least one.
+    """
+    lines = []
+    for views in rows:
+        line = np.concatenate(views.pictures, axis=1)[..., ::-1].copy()
+        line[:28, : 16 + 11 * len(views.caption)] //= 3
+        cv2.putText(line, views.caption, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (255, 255, 255), 1, cv2.LINE_AA)
+        lines.append(line)
+    done, data = cv2.imencode(".jpg", np.concatenate(lines), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    if not done:
+        raise RuntimeError("OpenCV cannot write JPEG")
+    return data.tobytes()
+
+
+def _overview(layout: Layout, pieces: tuple[Component | Scatter, ...]) -> F64:
+    """Stand aside and above, so far away that every member that shows is in the picture."""
+    points = np.concatenate([piece.mesh.points for piece in pieces if isinstance(piece, Component)])
+    points[:, 2] = np.maximum(points[:, 2], 0.0)  # what is in the ground does not show
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    heading = layout.alignment.heading
+    turn = np.array([[np.cos(heading), -np.sin(heading), 0.0], [np.sin(heading), np.cos(heading), 0.0], [0, 0, 1.0]])
+    direction = turn @ np.array([-0.42, -0.85, 0.34])
+    direction /= np.linalg.norm(direction)
+    local = (points - middle) @ look_at(middle + direction, middle)[:3, :3]
+    slope = np.tan(_HALF_VIEW) * np.array([1.0, _HEIGHT / _WIDTH])
+    distance = float(np.max(np.abs(local[:, :2]) / slope - local[:, 2:]))
+    return look_at(middle + 1.04 * distance * direction, middle)
+
+
+def _close_up(layout: Layout, ground: Ground) -> F64:
+    """Stand beside the first pier, or the first abutment, and look up at it."""
+    station = layout.supports[min(1, len(layout.supports) - 2)]
+    width, place = layout.width, layout.alignment
+
+    def at(along: float, left: float, above: float) -> F64:
+        return place.point(np.array([station + along]), np.array([left]), np.array([above]))[0]
+
+    # A pier is seen from the span before it, a lone span's abutment from under the span.
+    back = -1.0 if len(layout.supports) > 2 else 1.0
+    eye = at(back * 1.1 * width, -1.3 * width, -layout.depth - 2.0)
+    eye[2] = max(eye[2], float(ground(eye[None, :2])[0]) + _EYE_OVER_GROUND)
+    return look_at(eye, at(-back * 0.1 * width, 0.0, -layout.depth))
+
+
+def look_at(eye: F64, target: F64) -> F64:
+    """Point a camera: x right, y down, z forward.
+
+    Args:
+        eye: Where it stands [m], shape (3,), float64.
+        target: What it looks at [m], shape (3,), float64.
+
+    Returns:
+        camera_to_world, shape (4, 4), float64.
+    """
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(forward, right), forward, eye
+    return pose
+
+
+def _seen_from(scene: FlatScene, poses: F64) -> FlatScene:
+    """Give a scene one camera of ours in place of its surveys."""
+    focal = 0.5 * _WIDTH / float(np.tan(_HALF_VIEW))
+    camera = Pinhole(_WIDTH, _HEIGHT, focal, focal, 0.5 * _WIDTH, 0.5 * _HEIGHT)
+    names = tuple(f"{number:06d}" for number in range(len(poses)))
+    track = replace(
+        scene.cameras[scene.products[0].camera],
+        name="gallery", poses=poses, image_names=names, calibration=camera, gps=None, facts={},
+    )  # fmt: skip
+    product = replace(scene.products[0], name="gallery", camera=0, width=_WIDTH, height=_HEIGHT)
+    return replace(scene, cameras=(track,), products=(product,))

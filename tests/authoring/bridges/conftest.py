@@ -1,0 +1,94 @@
+"""Which bridges the invariants look at: a few that change with every commit, hundreds for the proof."""
+
+import subprocess
+import zlib
+from collections import OrderedDict
+from collections.abc import Callable
+
+import pytest
+
+from groundwork.errors import InputError
+from tests.authoring.bridges import invariants, structure
+from tests.authoring.bridges.built import Bridge, make_bridge
+from tests.conftest import ROOT, Count
+
+QUICK, PROOF = 4, 200
+FIXED = 1  # seed that every run looks at
+
+Invariant = Callable[[Bridge], list[str]]
+Judgement = dict[str, list[str]]
+INVARIANTS: tuple[Invariant, ...] = (
+    invariants.closed_and_outward,
+    invariants.no_degenerate_triangle,
+    invariants.honest_faces,
+    invariants.nothing_floats,
+    invariants.no_collision,
+    invariants.no_common_faces,
+    invariants.named_and_numbered,
+    invariants.even_texels,
+    invariants.atlas_without_overlap,
+    invariants.declared_sizes,
+    structure.bearings_carry,
+    structure.every_member_meets_its_neighbours,
+    structure.cables_end_in_fittings,
+    structure.supports_have_bearings,
+    structure.headroom,
+    structure.rails_at_gauge,
+)
+BUILDS = "every_draw_builds"
+
+
+def rotating(count: int) -> list[int]:
+    """List seeds that change with the commit, so that runs over time see many bridges.
+
+    Args:
+        count: How many.
+    """
+    done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
+    first = zlib.crc32(done.stdout.strip().encode()) % 100_000
+    return [first + number for number in range(count)]
+
+
+def profile_of(seed: int) -> str:
+    """Choose a profile: every fourth bridge is one of the paper's.
+
+    Args:
+        seed: Seed of the bridge.
+    """
+    return "paper" if seed % 4 == 0 else "default"
+
+
+def judge(bridge: Bridge) -> Judgement:
+    """Find what is wrong with a bridge, by the invariant's name; what holds is not listed.
+
+    Args:
+        bridge: Any bridge.
+    """
+    return {invariant.__name__: wrong for invariant in INVARIANTS if (wrong := invariant(bridge))}
+
+
+@pytest.fixture(scope="session")
+def seeds(proof_count: Count) -> list[int]:
+    """Seeds of the bridges that are built for each family."""
+    return [FIXED, *rotating(proof_count(QUICK, PROOF) - 1)]
+
+
+@pytest.fixture(scope="session")
+def judged(seeds: list[int]) -> Callable[[str], dict[int, Judgement]]:
+    """Give, for a family, what is wrong with each seed's bridge. Each bridge is built once and not kept."""
+    known: OrderedDict[str, dict[int, Judgement]] = OrderedDict()
+
+    def judgements(family: str) -> dict[int, Judgement]:
+        if family not in known:
+            known[family] = {seed: _judge_seed(family, seed) for seed in seeds}
+        return known[family]
+
+    return judgements
+
+
+def _judge_seed(family: str, seed: int) -> Judgement:
+    try:
+        bridge = make_bridge(family, seed, profile=profile_of(seed))
+    except InputError as error:
+        return {BUILDS: [str(error)]}
+    return judge(bridge)

@@ -1,0 +1,125 @@
+"""What the families draw: every option and every range is used, and fixing what was drawn anyway changes nothing."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from authoring.families.registry import FAMILIES
+from authoring.layout import BridgeSettings
+from groundwork.errors import InputError
+from groundwork.settings import parse_settings
+from tests.authoring.bridges.draws_seen import Path, Seen, look, merged, nested, options_of, sections
+from tests.conftest import Count, RecordProof
+
+PROFILES = ("default", "paper")
+LEAST_SHARE = 0.02  # [1] of the draws, in one profile or the other, that every option takes
+LEAST_COVER = 0.8  # [1] of a range that the draws reach
+_OVERRULED = {("alignment", "skew")}  # what the deck cannot have is taken back only where the user did not ask for it
+_ENOUGH = 60  # draws of a key from which its range is judged
+
+
+def open_settings(family: str, profile: str) -> dict[str, Any]:
+    """Leave everything open."""
+    own = {"spans": []} if "spans" in FAMILIES[family].settings.model_fields else {}
+    return {"family": family, "profile": profile, family: own}
+
+
+def option_fields(family: str) -> Iterator[tuple[Path, tuple[Any, ...]]]:
+    """Every optional choice that concerns a family, and what it may be."""
+    settings = parse_settings(BridgeSettings, {"family": family}, "test")
+    for path, section in sections(settings, family):
+        for key in type(section).model_fields:
+            if options := options_of(type(section), key):
+                yield (*path, key), options
+
+
+def drawn_ranges(family: str, profile: str) -> dict[Path, tuple[float, float]]:
+    """Every range that concerns a family."""
+    settings = parse_settings(BridgeSettings, {"family": family}, "test")
+    found = {}
+    for path, section in sections(settings, family):
+        for key, field in type(section).model_fields.items():
+            extra = field.json_schema_extra
+            if isinstance(extra, dict) and "drawn" in extra:
+                low, high = extra["paper" if profile == "paper" else "drawn"]  # pyright: ignore
+                found[(*path, key)] = (float(low), float(high))  # pyright: ignore[reportArgumentType]
+    return found
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_ranges_are_covered(
+    family: str, monkeypatch: pytest.MonkeyPatch, proof_count: Count, record_proof: RecordProof
+) -> None:
+    """Every number stays in its range and its draws reach 80 % of it; no key of the family's own is left undrawn."""
+    count = proof_count(60, 400)
+    for profile in PROFILES:
+        seen: dict[Path, list[float]] = defaultdict(list)
+        for seed in range(count if profile == "default" else count // 4):
+            for path, value in look(monkeypatch, family, seed, open_settings(family, profile)).values.items():
+                seen[path].append(value)
+        wrong = []
+        for path, (low, high) in drawn_ranges(family, profile).items():
+            values = seen.get(path, [])
+            name = ".".join(path)
+            if values and not low <= min(values) <= max(values) <= high:
+                wrong.append(f"{name}: {min(values)} to {max(values)}, not within {low} to {high}")
+            if len(values) >= 4 * _ENOUGH and max(values) - min(values) < LEAST_COVER * (high - low):
+                wrong.append(f"{name}: only {min(values)} to {max(values)} of {low} to {high}")
+            if not values and path[0] == family and profile == "default":
+                wrong.append(f"{name}: never drawn")
+        assert not wrong, f"{family}, {profile}: " + "; ".join(wrong)
+    record_proof(f"bridges/{family}/ranges_are_covered", count, 0, {"least_cover": LEAST_COVER})
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_options_are_drawn(
+    family: str, monkeypatch: pytest.MonkeyPatch, proof_count: Count, record_proof: RecordProof
+) -> None:
+    """An option was drawn where fixing it changes nothing: one always is, and each one is in 2 % of the draws."""
+    count = proof_count(3, 120)
+    taken: dict[tuple[Path, Any], dict[str, int]] = defaultdict(lambda: dict.fromkeys(PROFILES, 0))
+    judged: dict[Path, dict[str, int]] = defaultdict(lambda: dict.fromkeys(PROFILES, 0))
+    for profile in PROFILES:
+        for seed in range(count if profile == "default" else count // 3):
+            values = open_settings(family, profile)
+            before = look(monkeypatch, family, seed, values)
+            for path, options in option_fields(family):
+                same = [o for o in options if _same(monkeypatch, family, seed, merged(values, nested(path, o)), before)]
+                assert same, f"{family} {seed} ({profile}): fixing {'.'.join(path)} moves other draws, whatever it is"
+                if len(same) == 1:
+                    taken[path, same[0]][profile] += 1
+                    judged[path][profile] += 1
+    rare = [
+        f"{'.'.join(path)} = {option!r}"
+        for path, options in option_fields(family)
+        for option in options
+        if sum(judged[path].values()) >= _ENOUGH
+        and all(taken[path, option][p] < LEAST_SHARE * max(judged[path][p], 1) for p in PROFILES)
+    ]
+    assert not rare, f"{family}: drawn in less than 2 % of {count} bridges: " + ", ".join(rare)
+    record_proof(f"bridges/{family}/options_are_drawn", count, 0, {"least_share": LEAST_SHARE})
+
+
+def _same(monkeypatch: pytest.MonkeyPatch, family: str, seed: int, values: dict[str, Any], before: Seen) -> bool:
+    try:
+        return look(monkeypatch, family, seed, values).record == before.record
+    except InputError:
+        return False
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_fixing_a_drawn_number_changes_nothing(
+    family: str, monkeypatch: pytest.MonkeyPatch, proof_count: Count
+) -> None:
+    """Each number alone, fixed to the value that was drawn, gives the same bridge: the stream advances all the same."""
+    for seed in range(proof_count(1, 5)):
+        values = open_settings(family, "default")
+        before = look(monkeypatch, family, seed, values)
+        wrong = []
+        for path, value in before.values.items():
+            fixed = merged(values, nested(path, value))
+            if path[0] != "?" and path not in _OVERRULED and not _same(monkeypatch, family, seed, fixed, before):
+                wrong.append(".".join(path))
+        assert not wrong, f"{family} {seed}: fixing one of these moves other draws: {', '.join(wrong)}"

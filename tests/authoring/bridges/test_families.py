@@ -1,0 +1,97 @@
+"""Every registered family against all that holds for bridges; a new one takes part by being registered."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from authoring.families.registry import FAMILIES
+from authoring.layout import draw_layout
+from authoring.settings import AuthoringSettings
+from authoring.site import draw_site
+from authoring.streams import stream
+from tests.authoring.bridges import invariants, structure
+from tests.authoring.bridges.built import STRAIGHT, build_on, make_bridge, settings_of
+from tests.authoring.bridges.conftest import BUILDS, FIXED, INVARIANTS, Judgement, profile_of
+from tests.conftest import Count, RecordProof
+from usd_schemas.components import class_of
+
+Judged = Callable[[str], dict[int, Judgement]]
+_MESSAGES = 12
+
+
+@pytest.mark.parametrize("invariant", [BUILDS, *(invariant.__name__ for invariant in INVARIANTS)])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_holds_for_every_bridge(family: str, invariant: str, judged: Judged, record_proof: RecordProof) -> None:
+    """One invariant over the sample of one family."""
+    table = judged(family)
+    wrong = {seed: found[invariant] for seed, found in table.items() if invariant in found}
+    if wrong:
+        lines = [f"{family} {seed} ({profile_of(seed)}): {line}" for seed, found in wrong.items() for line in found]
+        more = f"\n… and {len(lines) - _MESSAGES} more" if len(lines) > _MESSAGES else ""
+        pytest.fail(
+            f"{invariant}: {len(wrong)} of {len(table)} bridges\n" + "\n".join(lines[:_MESSAGES]) + more, pytrace=False
+        )
+    record_proof(f"bridges/{family}/{invariant}", len(table), min(table), {"bridges_with_faults": 0})
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_same_seed_is_the_same_bytes(family: str) -> None:
+    """A seed gives one bridge to the byte, another seed another."""
+    one, two, other = make_bridge(family, FIXED), make_bridge(family, FIXED), make_bridge(family, FIXED + 1)
+    assert len(one.members) == len(two.members)
+    for first, second in zip(one.members, two.members, strict=True):
+        assert (first.name, first.kind, first.role, first.instance_id, first.parameters) == (
+            second.name, second.kind, second.role, second.instance_id, second.parameters,
+        )  # fmt: skip
+        for key in ("points", "face_counts", "corners", "normals", "st", "st1"):
+            assert getattr(first.mesh, key).tobytes() == getattr(second.mesh, key).tobytes(), (first.name, key)
+    assert one.drawn != other.drawn
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_left_and_right_are_alike(family: str, proof_count: Count, record_proof: RecordProof) -> None:
+    """A straight, square, unbanked bridge without fittings is the mirror image of itself."""
+    count = proof_count(1, 50)
+    for seed in range(FIXED, FIXED + count):
+        bridge = make_bridge(family, seed, **STRAIGHT)
+        wrong = structure.mirrored_about_the_axis(bridge)
+        assert not wrong, f"{family} {seed}: " + "; ".join(wrong[:_MESSAGES])
+    record_proof(f"bridges/{family}/mirrored_about_the_axis", count, FIXED, {"bridges_with_faults": 0})
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_stands_on_its_site(family: str, proof_count: Count, record_proof: RecordProof) -> None:
+    """On the ground drawn for it nothing floats, and no ground reaches deck or girders between the abutments."""
+    count = proof_count(1, 20)
+    for seed in range(FIXED, FIXED + count):
+        layout, drawn = draw_layout(settings_of(family), stream(seed, "bridge"))
+        site = draw_site(AuthoringSettings().site, layout, stream(seed, "site"))
+        bridge = build_on(family, seed, layout, drawn, site.ground)
+        wrong = invariants.nothing_floats(bridge)
+        for member, points in zip(bridge.members, bridge.bridge_coordinates, strict=True):
+            over = (points[:, 0] > layout.supports[0] + 1.0) & (points[:, 0] < layout.supports[-1] - 1.0)
+            if class_of(member.kind) in ("deck", "girder", "beam") and over.any():
+                height = member.mesh.points[over, 2] - site.ground(member.mesh.points[over, :2])
+                if height.min() < 0.3:
+                    wrong.append(f"{member.name} is {height.min():.2f} m over the ground")
+        assert not wrong, f"{family} {seed}: " + "; ".join(wrong[:_MESSAGES])
+    record_proof(f"bridges/{family}/stands_on_its_site", count, FIXED, {"bridges_with_faults": 0})
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_layout_tells_the_truth(family: str, seeds: list[int]) -> None:
+    """The site is told the deck's width and the supports as they are built."""
+    for seed in seeds[:2]:
+        bridge = make_bridge(family, seed)
+        first, last = bridge.layout.supports[0], bridge.layout.supports[-1]
+        lefts = [
+            np.abs(points[(points[:, 0] > first) & (points[:, 0] < last), 1])
+            for member, points in zip(bridge.members, bridge.bridge_coordinates, strict=True)
+            if class_of(member.kind) in ("deck", "parapet")
+        ]
+        half = float(np.concatenate(lefts).max())
+        assert half == pytest.approx(0.5 * bridge.layout.width, abs=0.1), (
+            f"{family} {seed}: half a deck is {half:.3f} m"
+        )
+        assert list(bridge.layout.supports) == sorted(bridge.layout.supports)

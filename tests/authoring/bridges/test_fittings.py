@@ -1,0 +1,68 @@
+"""Lamp posts, scuppers, drain pipes and conduits: how many, where, and when there are none."""
+
+import numpy as np
+import pytest
+
+from authoring.parts.fittings import fitting_stations, lamp_stations
+from authoring.parts.spans import Spans
+from tests.authoring.bridges.built import STRAIGHT, Bridge, make_bridge
+
+KINDS = ("lamp_post", "scupper", "drain_pipe", "conduit")
+
+
+def fitted(**changes: object) -> Bridge:
+    """A straight two-span road bridge with every fitting."""
+    there = {"lamps": True, "drainage": True, "conduits": True, "lamp_pitch": 20.0, "scupper_pitch": 10.0}
+    values = STRAIGHT | {"fittings": there, "service": "road", "beam": {"spans": [20.0, 25.0]}} | changes
+    return make_bridge("beam", 4, **values)
+
+
+def count(bridge: Bridge) -> dict[str, int]:
+    """How many of each kind there are."""
+    return {kind: sum(member.kind == kind for member in bridge.members) for kind in KINDS}
+
+
+@pytest.mark.parametrize("pitch", [7.0, 15.0, 40.0])
+def test_stations_keep_their_pitch_and_clear_the_joints(pitch: float) -> None:
+    """No two neighbours further apart than the pitch, every span has one, none within 1 m of a support."""
+    spans = Spans((0.0, 12.0, 41.0, 60.0), 0.4, 0.04)
+    for stations in (fitting_stations(pitch, spans), lamp_stations(pitch, spans)):
+        assert np.all(np.diff(stations) > 0.0)
+        assert np.abs(stations[:, None] - spans.supports).min() >= 1.0 - 1e-9
+        assert np.diff(stations).max(initial=0.0) <= pitch + 2.0
+    assert np.all(np.diff(np.searchsorted(spans.supports, fitting_stations(pitch, spans))) <= 1)
+
+
+def test_counts_follow_the_pitches() -> None:
+    """45 m of road: three lamps a side, five scuppers along each kerb with a pipe each, a conduit for each deck."""
+    bridge = fitted(roadway={"lanes": 4})
+    assert count(bridge) == {
+        "lamp_post": 6,
+        "scupper": 10,
+        "drain_pipe": 10,
+        "conduit": len(bridge.drawn.record.spans.pieces),
+    }
+    assert count(fitted(roadway={"lanes": 1}))["lamp_post"] == 3  # a narrow road is lit from one side
+
+
+def test_pipes_end_below_the_girders_and_lamps_reach_over_the_road() -> None:
+    """A pipe hangs outside the deck and ends 15 cm under the soffit; a lamp stands behind the kerb, its head before."""
+    bridge = fitted(roadway={"lanes": 4})
+    beam, place = bridge.drawn.record, bridge.layout.alignment
+    for member, points in zip(bridge.members, bridge.bridge_coordinates, strict=True):
+        above = points[:, 2] - place.height(points[:, 0])
+        if member.kind == "drain_pipe":
+            assert above.min() == pytest.approx(beam.levels.girder_soffit - 0.15, abs=0.01)
+            assert np.abs(points[:, 1]).min() == pytest.approx(0.5 * beam.top.width, abs=0.011)
+        if member.kind == "lamp_post":
+            assert above.max() == pytest.approx(beam.top.fittings.lamp_height, abs=0.4)
+            assert np.abs(points[above < 0.5, 1]).min() > beam.top.kerb_face - 0.02
+            assert np.abs(points[:, 1]).min() < beam.top.kerb_face
+
+
+def test_railways_and_the_paper_have_none() -> None:
+    """Nothing on a railway, nothing in profile paper unless it is asked for."""
+    assert not any(count(fitted(service="rail_single")).values())
+    assert not any(count(make_bridge("beam", 4, service="road", profile="paper")).values())
+    asked = make_bridge("beam", 4, service="road", profile="paper", fittings={"drainage": True})
+    assert count(asked)["scupper"] > 0
