@@ -316,7 +316,7 @@ class Layout:
         edge_line: From the axis to the middle of the road's edge lines [m]; 0 when not known.
         underlay: From the finished surface, or from the rails' top, down to the ground under the approaches [m].
         track: Cross-section of a railway, None for a road.
-        feet: Where the bridge stands on a valley's sides: station and height of the land there [m]; springings of arches.
+        feet: Where arches stand on a valley's sides: station and height of the land there [m].
     """
 
     alignment: Alignment

@@ -23,6 +23,8 @@ def pack_atlas(surfaces: list[Surface]) -> list[F64]:
     low, high = np.full((chart[-1] + 1, 2), np.inf), np.full((chart[-1] + 1, 2), -np.inf)
     np.minimum.at(low, chart, st)
     np.maximum.at(high, chart, st)
+    unused = low > high  # chart numbers that no face has
+    low[unused] = high[unused] = 0.0
     size = high - low
     lying = size[:, 0] < size[:, 1]
     size = np.where(lying[:, None], size[:, ::-1], size)  # long side along s

@@ -10,7 +10,7 @@ from authoring.parts.drawing import Draws, draw, drawn
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
-_TOTAL = {"compact": (80.0, 250.0), "realistic": (420.0, 760.0)}  # [m] whole bridge
+_TOTAL = {"compact": (80.0, 250.0), "realistic": (420.0, 640.0)}  # [m] whole bridge
 _PITCHES = {"compact": (3.0, 6.0), "realistic": (8.0, 18.0)}
 _PAPER_TOWER = (30.0, 40.0)  # [m] towers of the paper's generator
 _PAPER_PITCH = 2.0  # [m]
@@ -21,7 +21,7 @@ class SuspensionSettings(Settings):
 
     size: Literal["compact", "realistic"] | None = Field(
         default=None,
-        description="Scale: compact 80 to 250 m long, realistic 420 to 760 m long with a main span of 300 m and more "
+        description="Scale: compact 80 to 250 m long, realistic 420 to 640 m long with a main span of 300 m and more "
         "(to 1000 m may be asked for); drawn 70 : 30, in profile paper compact",
     )
     deck: Literal["steel_box", "plate_girder"] | None = Field(

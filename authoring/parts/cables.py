@@ -53,7 +53,7 @@ def tube(points: F64, radius: float | F64, sides: int, cut: Plane | None = None)
     lengths = np.repeat(np.cumsum([0.0, *np.hypot(run, step)])[:, None], sides, axis=1)
     lengths[0] += off
     corners, normals, st = _sides(radial, tangents, slope, lengths, radii)
-    chart = np.repeat(np.arange(len(run)) * (run == 0.0), sides)  # a step has a chart of its own
+    chart = np.repeat(np.where(run == 0.0, np.arange(1, len(run) + 1), 0), sides)  # a step has a chart of its own
     if len(points) > 2 and np.ptp(tangents, axis=0).max() > 1e-12:  # a bent tube's quads are not flat
         order = [0, 1, 2, 0, 2, 3]
         corners, normals, st = corners[:, order], normals[:, order], st[:, order]
@@ -76,7 +76,7 @@ def tube(points: F64, radius: float | F64, sides: int, cut: Plane | None = None)
         corners=np.concatenate([corners.ravel(), back, np.arange(sides) + (len(points) - 1) * sides]).astype(np.int32),
         normals=np.concatenate([normals.reshape(-1, 3), np.tile(begin, (sides, 1)), np.tile(tangents[-1], (sides, 1))]),
         st=np.concatenate([st.reshape(-1, 2), st_begin, st_end]),
-        chart=np.unique(np.concatenate([chart, len(run) + np.arange(2)]), return_inverse=True)[1].astype(np.int32),
+        chart=np.unique(np.concatenate([chart, len(run) + 1 + np.arange(2)]), return_inverse=True)[1].astype(np.int32),
     )
 
 

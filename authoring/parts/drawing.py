@@ -31,8 +31,18 @@ class Draws:
         Args:
             weights: How often each name is drawn, any scale; their order counts.
         """
-        edges = np.cumsum(list(weights.values()))
-        return list(weights)[int(np.searchsorted(edges[:-1], self.random() * edges[-1], side="right"))]
+        return at_share(weights, self.random())
+
+
+def at_share(weights: dict[str, float], share: float) -> str:
+    """Find the name that lies at a share of all weights.
+
+    Args:
+        weights: How often each name is drawn, any scale; their order counts.
+        share: From 0 up to 1.
+    """
+    edges = np.cumsum(list(weights.values()))
+    return list(weights)[int(np.searchsorted(edges[:-1], share * edges[-1], side="right"))]
 
 
 def drawn(

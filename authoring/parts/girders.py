@@ -96,7 +96,8 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
         InputError: The fixed number of lines cannot carry this width.
     """
     paper = draws.profile == "paper"
-    shape = settings.shape or draws.choose(shape_weights(longest_span, width, paper=paper))
+    usual = draws.choose(shape_weights(longest_span, width, paper=paper))
+    shape = settings.shape or usual
     depth = round(longest_span / draw(settings, "slenderness", draws), 2)
     depth = settings.depth or (0.6 if paper else depth)
     wide = shape in _WIDE_SHAPES
@@ -104,7 +105,8 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
     web, stem, soffit = (draw(settings, key, draws) for key in ("web", "stem", "wide_bottom"))
     chamfer, diaphragm = draw(settings, "chamfer", draws), draw(settings, "diaphragm", draws)
     haunch, empty = draw(settings, "haunch", draws), draws.random() < 0.5
-    blocks = draws.random() < 0.8 and not paper if settings.end_blocks is None else settings.end_blocks
+    blocky = draws.random() < 0.8 and not paper
+    blocks = blocky if settings.end_blocks is None else settings.end_blocks
     omitted = settings.omitted if settings.omitted is not None else empty and paper
     top_thickness = round(float(np.clip(0.11 * depth, 0.07, 0.15)), 3)
     bottom_thickness = round(float(np.clip(0.15 * depth, 0.09, 0.22)), 3)

@@ -21,14 +21,15 @@ LOW = Layout(Alignment(7.6), (0.0, 18.0, 40.0), 10.0, 1.5)
 TALL = Layout(Alignment(24.0, 0.01, 0.4), (0.0, 40.0, 90.0, 130.0), 11.0, 2.4)
 WIDE = Layout(Alignment(17.0), (0.0, 80.0, 280.0, 360.0), 14.0, 2.6)
 SKEWED = Layout(Alignment(16.0, skew=0.2), (0.0, 35.0, 70.0), 11.0, 2.2)
+DEEP = Layout(Alignment(17.0), (0.0, 50.0), 11.0, 2.2)
 KINDS: tuple[CrossingKind, ...] = ("river", "road", "rail", "valley", "harbour")
 CASES = [
     ("river", LOW), ("rail", LOW), ("river", TALL), ("road", TALL), ("rail", TALL), ("valley", TALL),
-    ("valley", SKEWED), ("harbour", WIDE), ("valley", WIDE),
+    ("river", DEEP), ("valley", SKEWED), ("harbour", WIDE), ("valley", WIDE),
 ]  # fmt: skip
 
 
-@pytest.fixture(scope="module", params=CASES, ids=[f"{kind}_{layout.alignment.level:g}" for kind, layout in CASES])
+@pytest.fixture(scope="module", params=CASES, ids=[f"{kind}_{layout.supports[-1]:g}" for kind, layout in CASES])
 def site(request: pytest.FixtureRequest) -> Site:
     """Draw one site of each case."""
     kind, layout = request.param

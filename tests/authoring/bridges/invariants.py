@@ -2,10 +2,12 @@
 
 import json
 import re
+from dataclasses import asdict
 
 import numpy as np
 
 from authoring.component import F64, FIRST_BRIDGE_ID, FIRST_SITE_ID
+from groundwork.canonical import canonical_json
 from tests.authoring.bridges.built import OPEN_KINDS, Bridge
 from tests.authoring.bridges.kernels import common_faces, covered_twice, depth_in, winding
 from usd_schemas.components import class_of
@@ -163,11 +165,15 @@ def no_common_faces(bridge: Bridge) -> list[str]:
 
 
 def named_and_numbered(bridge: Bridge) -> list[str]:
-    """Ids and names are unique, kinds and roles known, parameters JSON."""
+    """Ids and names are unique, kinds and roles known, parameters and the record of the draw JSON."""
     found = []
     ids, names = [m.instance_id for m in bridge.members], [m.name for m in bridge.members]
     if ids != list(range(FIRST_BRIDGE_ID, FIRST_BRIDGE_ID + len(ids))) or ids[-1] >= FIRST_SITE_ID:
         found.append("instance ids do not count from the first bridge id")
+    try:
+        canonical_json(asdict(bridge.drawn))
+    except (TypeError, ValueError) as error:
+        found.append(f"the record of the draw is not JSON ({error})")
     found += [f"{name}: name used twice" for name in sorted({n for n in names if names.count(n) > 1})]
     for member in bridge.members:
         class_of(member.kind)
