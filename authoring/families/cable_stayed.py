@@ -103,7 +103,10 @@ def draw_cable_stayed(
     spans = Spans(choice.supports, values["overhang"], values["gap"], continuous=True, one_row=True)
     # The approaches' parapets stand on the wing walls, whose outer faces follow the deck's edge.
     walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, strip + 0.5), 3))
-    layout = draw_layout_of(shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True)
+    air = draw(settings, "air", draws) * choice.main  # ships pass under long spans
+    layout = draw_layout_of(
+        shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True, least_clearance=air
+    )
     record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, walls)
     return replace(layout, width=deck.width), record
 

@@ -47,6 +47,7 @@ def draw_layout_of(
     draws: Draws,
     *,
     straight: bool = False,
+    least_clearance: float = 0.0,
 ) -> Layout:
     """Draw the axis of a bridge and gather what the site has to know.
 
@@ -58,8 +59,10 @@ def draw_layout_of(
         seat: Top of the abutments' seats above the finished deck surface, negative [m].
         draws: Random stream and profile of the bridge.
         straight: The family wants a straight axis, square supports and no crest.
+        least_clearance: Height over z = 0 that the superstructure keeps in any case [m].
     """
     clearance, grade = draw(shared, "clearance", draws), draw(shared, "grade", draws)
+    clearance = max(clearance, least_clearance)
     if shared.grade is None and shared.alignment.crest_radius is not None:  # the ends must not become too steep
         room = max(STEEPEST[top.service] - 0.5 * supports[-1] / shared.alignment.crest_radius, 0.0)
         grade = float(np.trunc(1e6 * np.clip(grade, -room, room)) / 1e6)

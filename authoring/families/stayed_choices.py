@@ -74,6 +74,10 @@ class CableStayedSettings(Settings):
     single_height_ratio: float | None = drawn(
         0.40, 0.45, "One pylon: height over the deck, of the main span [1]", ge=0.25, le=0.60
     )
+    air: float | None = drawn(
+        0.03, 0.05, "Least height of the deck's soffit above z = 0, over the main span [1]", ge=0.0, le=0.15,
+        paper=(0.0, 0.0),
+    )  # fmt: skip
     zone: float | None = drawn(0.55, 0.68, "Lowest head of a semi-fan over the pylon's height [1]", ge=0.40, le=0.85)
     pitch: float | None = Field(
         default=None, ge=2.5, le=20.0,

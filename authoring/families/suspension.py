@@ -24,6 +24,7 @@ from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws, draw
+from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
 from authoring.parts.pylons import Pylon, pylon_parts
@@ -104,7 +105,10 @@ def draw_suspension(
     spans = Spans(tuple(sorted((*choice.supports, *piers_at))), overhang, gap, continuous=True, one_row=True)
     piers = draw_piers(shared.pier, deck.width, deck.bearing_lines[-1], bearings, spans, draws)
     walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, _STRIP + 0.45), 3))
-    layout = draw_layout_of(shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True)
+    air = draw(settings, "air", draws) * choice.main  # ships pass under long spans
+    layout = draw_layout_of(
+        shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True, least_clearance=air
+    )
     record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls)
     return replace(layout, width=deck.width), record
 
@@ -195,6 +199,8 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
         parts += pylon_parts(bridge.tower, support, station, -levels.surfacing, place, ground)
     parts += _pier_parts(bridge, place, ground)
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
+    top = bridge.top
+    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
     return parts
 
 

@@ -56,6 +56,10 @@ class SuspensionSettings(Settings):
         0.04, 0.08, "Diameter of a hanger [m]", ge=0.025, le=0.15, paper=(0.10, 0.10)
     )  # fmt: skip
     slenderness: float | None = drawn(150.0, 300.0, "Main span over the deck's depth, while that stays buildable [1]")
+    air: float | None = drawn(
+        0.03, 0.05, "Least height of the deck's soffit above z = 0, over the main span [1]", ge=0.0, le=0.15,
+        paper=(0.0, 0.0),
+    )  # fmt: skip
     slab: float | None = drawn(0.20, 0.26, "Deck slab [m]", ge=0.16, le=0.45)
     leg: float | None = drawn(0.9, 1.15, "Scale of the towers' legs [1]", ge=0.7, le=1.6)
     overhang: float | None = drawn(0.40, 0.55, "Deck beyond its last bearing line [m]", ge=0.30, le=0.80)
