@@ -1,6 +1,6 @@
 """Bearings: elastomeric pads or pots under sole plates, on concrete plinths, one for each line and row."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -19,6 +19,7 @@ from groundwork.settings import Settings
 PAD_EMBEDDED = 0.002  # [m] into plinth and girder: loaded rubber leaves no gap
 PLINTH_EMBEDDED = 0.010  # [m] into the cap
 _SOLE = 0.020  # [m] of a sole plate at its middle on a level bridge
+_IN_PLANE = 0.006  # [m] by which sides that stand over each other must differ, so that they do not flicker
 _SOLE_EDGE = 0.006  # [m] of a sole plate at its thinnest corner
 _SOLE_MARGIN = 0.015  # [m] of the sole plate beyond what it lies on
 _BULGE = 0.003  # [m] of the rubber between two steel laminates
@@ -127,8 +128,9 @@ class _Spot:
 
 
 def bearing_parts(
-    bearings: Bearings, lines: tuple[float, ...], spans: Spans, levels: Levels, place: Alignment
-) -> list[Part]:
+    bearings: Bearings, lines: tuple[float, ...], spans: Spans, levels: Levels, place: Alignment,
+    soffit_width: float = 0.0,
+) -> list[Part]:  # fmt: skip
     """Build bearing, sole plate and plinth for each line and row.
 
     Args:
@@ -137,9 +139,10 @@ def bearing_parts(
         spans: Stations.
         levels: Levels of the deck.
         place: Axis of the bridge.
+        soffit_width: Of the girders over the bearings [m]; 0 for a slab.
     """
     parts = []
-    bearings = _askew(bearings, place.skew)
+    bearings = _beside(_askew(bearings, place.skew), soffit_width)
     for span, end, station in spans.rows:
         support = spans.supports[span + end]
         level = level_at(place, support)
@@ -168,6 +171,13 @@ def _askew(bearings: Bearings, skew: float) -> Bearings:
         round(float(w * share), 3), round(float(length * share), 3), bearings.pad_height, bearings.plinth_margin,
         bearings.plinth_height, bearings.kind, bearings.sole_plate,
     )  # fmt: skip
+
+
+def _beside(bearings: Bearings, soffit_width: float) -> Bearings:
+    """Narrow a bearing whose sole plate would end in the very plane in which its girder's flange ends."""
+    if abs(bearings.pad_width + 2.0 * _SOLE_MARGIN - soffit_width) > _IN_PLANE:
+        return bearings
+    return replace(bearings, pad_width=round(bearings.pad_width - 2.0 * _IN_PLANE, 3))
 
 
 def _stack(bearings: Bearings, spot: _Spot, where: str, facts: dict[str, object]) -> list[Part]:

@@ -219,7 +219,7 @@ def _scupper_parts(fittings: Fittings, roadway: Roadway, spans: Spans, place: Al
     ]
     template = joined(rails + bars)
     stations = fitting_stations(fittings.scupper_pitch, spans)
-    size: dict[str, object] = {"length": length, "width": width}
+    size: dict[str, object] = {"length": length, "width": width, "embedded_in": "surfacing"}
     parts = []
     for side, sign in (("L", 1.0), ("R", -1.0)):
         frames = frames_along(place, stations, sign * (roadway.kerb_face - _GRATE_LEFT), 0.0, upright=False)

@@ -10,8 +10,8 @@ from authoring.component import F64
 from authoring.parts.footings import Ground, footing_surface
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import level_at
-from authoring.sections import cut_corners, rectangle
-from authoring.sweep import Surface, sweep, turned
+from authoring.sections import cut_corners, mirrored, rectangle
+from authoring.sweep import Surface, prism, sweep, turned
 
 PylonShape = Literal["a", "h", "portal", "diamond", "mast"]
 
@@ -168,7 +168,9 @@ def _shaft(
         along = pylon.face(height) + grown
         outline = rectangle((station - along, line - half), (station + along, line + half))
         sections.append(cut_corners(outline, 2.0 * pylon.chamfer) if pylon.chamfer else outline)
-    return sweep(np.stack(sections), np.array(heights), "above", level)
+    # An upright shaft's faces keep their own breadth: what a taper takes from one must not shift the next one's texture.
+    girth_of = None if np.ptp(lines) else np.zeros(len(heights), np.int32)
+    return sweep(np.stack(sections), np.array(heights), "above", level, girth_of=girth_of)
 
 
 def _beams(pylon: Pylon, station: float, level: Alignment) -> list[tuple[str, str, Surface]]:
@@ -191,8 +193,16 @@ def _beam(
     pylon: Pylon, station: float, heights: list[float], halves: list[float], level: Alignment, behind: float
 ) -> Surface:
     along = pylon.face(heights[-1]) - behind
-    sections = [rectangle((station - along, -half), (station + along, half)) for half in halves]
-    return sweep(np.stack(sections), np.array(heights), "above", level)
+    right = [corner for k, corner in enumerate(zip(halves, heights, strict=True)) if not _on_line(halves, heights, k)]
+    return prism(mirrored(right), station - along, station + along, "station", level)
+
+
+def _on_line(halves: list[float], heights: list[float], k: int) -> bool:
+    """Tell whether an inner corner lies on the line between its neighbours, where no face ends."""
+    if k in (0, len(halves) - 1):
+        return False
+    (a, b, c), (x, y, z) = halves[k - 1 : k + 2], heights[k - 1 : k + 2]
+    return abs((b - a) * (z - x) - (c - a) * (y - x)) < 1e-6
 
 
 def _cap_half(pylon: Pylon, foot: float) -> F64:
