@@ -17,6 +17,7 @@ PylonShape = Literal["a", "h", "portal", "diamond", "mast"]
 
 EMBEDDED = 0.010  # [m] members into each other
 _APART = 0.02  # [m] between two legs where they meet
+_HEAD_TAPER = 0.25  # [1] of its width that a head loses on either side towards its top
 _FLUSH = 0.015  # [m] cross beams behind the legs' faces
 _TAPER = 0.010  # growth of a leg along the bridge towards its foot, each side [1]
 _DEEP_WATER = -2.5  # [m] world height: ground below it lies under water
@@ -102,7 +103,7 @@ class Pylon:
             above: Height, from where the legs merge to the top [m].
         """
         share = (above - self.merge) / (self.top - self.merge)
-        return self.merge_line + 0.5 * self.width + _FLUSH - share * 0.4 * self.width
+        return self.merge_line + 0.5 * self.width + _FLUSH - share * _HEAD_TAPER * self.width
 
 
 def pylon_parts(
@@ -168,9 +169,7 @@ def _shaft(
         along = pylon.face(height) + grown
         outline = rectangle((station - along, line - half), (station + along, line + half))
         sections.append(cut_corners(outline, 2.0 * pylon.chamfer) if pylon.chamfer else outline)
-    # An upright shaft's faces keep their own breadth: what a taper takes from one must not shift the next one's texture.
-    girth_of = None if np.ptp(lines) else np.zeros(len(heights), np.int32)
-    return sweep(np.stack(sections), np.array(heights), "above", level, girth_of=girth_of)
+    return sweep(np.stack(sections), np.array(heights), "above", level)
 
 
 def _beams(pylon: Pylon, station: float, level: Alignment) -> list[tuple[str, str, Surface]]:
