@@ -213,7 +213,7 @@ def background() -> int:
 
 
 def survey() -> int:
-    """Judge flights before they are rendered: falsework survey --help."""
+    """Plan flights, and judge them before they are rendered: falsework survey --help."""
     return _survey(["--help"])
 
 
@@ -280,11 +280,9 @@ def _background(words: list[str]) -> int:
 def _survey(words: list[str]) -> int:
     from falsework import survey_verbs
 
-    # One verb so far: tyro names a group only where there are two.
-    verb, *rest = words or ["--help"]
-    if verb not in survey_verbs.SURVEY_VERBS:
-        rest = words
-    return tyro.cli(survey_verbs.SURVEY_VERBS["score"], prog="falsework survey score", args=rest)
+    return tyro.extras.subcommand_cli_from_dict(
+        survey_verbs.SURVEY_VERBS, prog="falsework survey", description=survey_verbs.__doc__, args=words
+    )
 
 
 def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:

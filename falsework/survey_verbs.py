@@ -3,7 +3,7 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -49,13 +49,48 @@ def score(
         write_page(output, found)
     if as_json:
         plain = [{key: value for key, value in row.items() if key not in _FIGURE} for row in found]
-        sys.stdout.write(json.dumps({"format_version": JSON_VERSION, "surveys": plain}, sort_keys=True) + "\n")
+        sys.stdout.write(json.dumps({"version": JSON_VERSION, "surveys": plain}, sort_keys=True) + "\n")
         return 0
     for row in found:
         _tell(row)
     if output is not None:
         _say(f"page        {output}")
     return 0
+
+
+def plan(
+    scene: File,
+    *,
+    kind: Literal["global", "local", "grid"] = "local",
+    name: str = "",
+    seed: int | None = None,
+    set: tuple[str, ...] = (),
+) -> int:
+    """Fly one more survey over a scene of ours and add it as a layer; a former one of that name is replaced.
+
+    Args:
+        scene: Root layer of an editable scene (`scene checkout` gives one).
+        kind: Kind of survey.
+        name: Its id; that of the kind when left out.
+        seed: Another flight than the scene's own seed gives.
+        set: Settings of the survey, such as `length=30` or `pitch=free`.
+    """
+    settings: dict[str, Any] = {"kind": kind, **dict(_setting(word) for word in set), **({"id": name} if name else {})}
+    request = {"plan": settings, "scene": str(scene.absolute()), "seed": seed, "survey": "", "allow_roots": []}
+    with ConsoleProgress() as progress:
+        found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
+    _say(f"survey      {found[0]['survey']}: {found[0]['images']} images, {found[0]['length']:.0f} m")
+    return 0
+
+
+def _setting(word: str) -> tuple[str, Any]:
+    key, equals, value = word.partition("=")
+    if not equals:
+        raise InputError("not a setting", field="--set", value=word, allowed="key=value")
+    try:
+        return key, json.loads(value)
+    except json.JSONDecodeError:
+        return key, value
 
 
 def _tell(row: dict[str, Any]) -> None:
@@ -76,4 +111,4 @@ def _say(line: str) -> None:
     sys.stdout.write(line + "\n")
 
 
-SURVEY_VERBS = {"score": score}
+SURVEY_VERBS = {"plan": plan, "score": score}

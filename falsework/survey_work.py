@@ -26,16 +26,15 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
         For each flight its name, score, coverage by class, warnings, and what the figure draws.
     """
     from authoring.surveys.assess import assess_flight
+    from authoring.surveys.stage_subject import stage_subject
     from usd_schemas.pinhole import pinhole_from_lens
-    from usd_schemas.raycast import RayScene
     from usd_schemas.stage_reader import read_stage
 
     scene = read_stage(Path(request["scene"]), survey=request["survey"] or None)
-    corners, ids, bridge = _solids(scene)
-    obstacles = RayScene(corners, ids)
-    own = np.isin(ids, bridge)
+    subject = stage_subject(scene)
+    bridge = subject.bridge, subject.bridge_ids.astype(np.int64)
     classes = {row.id: row.class_name for row in scene.instances}
-    outline = _outline(corners[own], ids[own])
+    outline = _outline(*bridge)
     answers = []
     progress.stage("score", len(scene.products))
     for number, product in enumerate(scene.products):
@@ -43,7 +42,7 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
         camera = track.calibration or pinhole_from_lens(track.lens, product.width, product.height)
         times = track.facts.get("capture_times")
         duration = float(times[-1]) if isinstance(times, (list, tuple)) and times else 0.0
-        found = assess_flight(track.poses, camera, duration, (corners[own], ids[own].astype(np.int64)), obstacles)
+        found = assess_flight(track.poses, camera, duration, bridge, subject.obstacles)
         shares: dict[str, list[float]] = defaultdict(list)
         for instance, share in found.covered.items():
             shares[classes.get(instance, "")].append(share)
@@ -62,23 +61,30 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     return answers
 
 
-def _solids(scene: Any) -> tuple[Any, Any, list[int]]:
-    """Gather the triangles that a flight must mind, and the ids of the bridge.
+def plan(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
+    """Fly one more survey over a scene and add it.
 
-    On a scene of ours the background is left out, as when the flight was planned; elsewhere all counts, and the bridge
-    is what has a class other than background.
+    Args:
+        request: `{scene, plan, seed}`: settings of the survey, and a seed or None for that of the scene.
+        progress: Listener.
     """
-    from usd_schemas import tokens
-    from usd_schemas.flat_scene import world_triangles
+    from pydantic import TypeAdapter, ValidationError
 
-    corners, ids, _ = world_triangles(scene)
-    paths = {row.id: row.path for row in scene.instances}
-    ours = [number for number, path in paths.items() if path.startswith(f"{tokens.BRIDGE}/")]
-    if not ours:
-        ours = [row.id for row in scene.instances if row.class_name not in ("background", "")]
-    far = [number for number, path in paths.items() if path.startswith(f"{tokens.BACKGROUND}/")]
-    kept = ~np.isin(ids, far)
-    return corners[kept], ids[kept], ours
+    from authoring.surveys.add import add_survey
+    from authoring.surveys.settings import AnySurvey
+    from groundwork.errors import InputError
+
+    progress.stage("plan", 1)
+    try:
+        settings = TypeAdapter[Any](AnySurvey).validate_python(request["plan"])
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"][1:])
+        raise InputError(str(first["msg"]), field=f"survey.{where}", value=first.get("input")) from None
+    path = add_survey(Path(request["scene"]), settings, request["seed"])
+    progress.advance(1)
+    steps = np.linalg.norm(np.diff(path.poses[:, :3, 3], axis=0), axis=1)
+    return [{"survey": path.id, "images": len(path.poses), "length": float(steps.sum())}]
 
 
 def _warnings(linked: float, clearance: float) -> list[str]:
@@ -102,6 +108,8 @@ def _answer(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]
     from usd_schemas.guard import check_stage, limit_memory
 
     limit_memory(ADDRESS_LIMIT)
+    if "plan" in request:
+        return plan(request, progress)
     check_stage(Path(request["scene"]), tuple(Path(root) for root in request["allow_roots"]), progress.note)
     return score(request, progress)
 
