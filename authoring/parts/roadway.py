@@ -22,6 +22,7 @@ _DEEPER = 0.0015  # [m] kerbs than asphalt
 _DIVIDED, _DIVIDED_LANES = 0.40, 4  # share of the roads of so many lanes and more
 _SHORTEST_DASH = 0.4  # [m]
 _SHORTER = 0.003  # [m] footway and joints against kerb and asphalt, so that no two faces lie in one plane
+_CROWN = 0.001  # [m]
 _MARKING_CLEAR = 0.03  # [m] from the asphalt's ends
 
 
@@ -163,7 +164,7 @@ def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Pa
     parts = []
     half, depth = roadway.kerb_face + EMBEDDED, roadway.surfacing + EMBEDDED
     for number, (low, high) in enumerate(asphalt_ranges(roadway, spans)):
-        surface = prism(rectangle((-half, -depth), (half, 0.0)), low, high, "station", place)
+        surface = prism(_asphalt_outline(roadway, half, depth, place), low, high, "station", place)
         size: dict[str, object] = {"length": high - low, "width": 2.0 * half, "thickness": roadway.surfacing}
         name = f"Surfacing_{number:03d}"
         parts.append(Part(name, "surfacing", "Role_DeckAsphalt", SUPERSTRUCTURE, surface, size))
@@ -176,6 +177,19 @@ def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Pa
         name = f"Joint_{support:03d}"
         parts.append(Part(name, "expansion_joint", "Role_BearingRubber", SUPERSTRUCTURE, surface, size))
     return parts
+
+
+def _asphalt_outline(roadway: Roadway, half: float, depth: float, place: Alignment) -> F64:
+    """Draw the asphalt's section; where the road's crossfall changes, its top has an edge under every line.
+
+    A wide quad that is twisted lies millimetres off the road in its middle: lines would dip into it.
+    """
+    outline = rectangle((-half, -depth), (half, 0.0))
+    if not place.falls:
+        return outline
+    under = _lane_lines(roadway)[0][::-1]
+    crown = _CROWN * (1.0 - (under / half) ** 2)  # so little that no one sees it, and the section stays convex
+    return np.concatenate([outline[:3], np.column_stack([under, crown]), outline[3:]])
 
 
 def _marking_parts(roadway: Roadway, number: int, low: float, high: float, place: Alignment) -> list[Part]:
