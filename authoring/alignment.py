@@ -14,7 +14,7 @@ F64 = NDArray[np.float64]
 
 NEAR, FAR = 24.0, 60.0  # [m] from the axis: `left` lies along the supports up to NEAR, square to the chord beyond FAR
 SAG = 0.005  # [m] between a curve and its chords where a sweep follows the axis
-RAMP_STEP = 0.004  # [1] of crossfall from ring to ring: a wide deck's twisted faces stay within a centimetre
+RAMP_STEP = 0.0015  # [1] of crossfall from ring to ring: a 25 m wide deck's twisted faces stay within a centimetre
 _WIDE = 12.0  # [m] from the axis where the sag is kept
 _ROUNDS, _HALVINGS = 60, 30
 _RESIDUAL = 1e-10  # [m]

@@ -239,7 +239,7 @@ def declared_sizes(bridge: Bridge) -> list[str]:
     found = []
     for number, member in enumerate(bridge.members):
         span = bridge.boxes[number, 1] - bridge.boxes[number, 0]
-        keys = ("length", "width", "height", "thickness", "depth", "diameter")
+        keys = ("length", "width", "height", "thickness", "depth", "diameter", "arms")
         declared = {key: value for key in keys if isinstance(value := member.parameters.get(key), int | float)}
         # Along the axis a length counts in stations, round a curve.
         along = np.ptp(bridge.bridge_coordinates[number], axis=0)
