@@ -154,7 +154,8 @@ def build_through_arch(layout: Layout, arch: DrawnThroughArch, ground: Ground) -
     parts += _brace_parts(arch, rib, place, middle)
     for number in range(arch.panels + 1):
         parts += _panel_parts(arch, rib, number, place, middle)
-    parts += bearing_parts(arch.bearings, arch.bearing_lines, spans, levels, place)
+    over = (arch.floor.tie_width, 0.0) if arch.kind == "tied" else (0.0, arch.floor.beam_width)
+    parts += bearing_parts(arch.bearings, arch.bearing_lines, spans, levels, place, over)
     line, ends = arch.section.lines[1], (spans.supports[0], spans.supports[-1])
     if arch.kind == "tied":
         parts += tie_parts(arch.floor, line, *ends, place)

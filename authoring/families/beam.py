@@ -166,7 +166,7 @@ def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:
     parts += girder_parts(g, spans, levels, place)
     parts += diaphragm_parts(g, spans, levels, place)
     parts += deck_top_parts(beam.top, spans, deck_runs(spans, beam.abutments), place)
-    parts += bearing_parts(beam.bearings, g.lines, spans, levels, place, g.bottom_width)
+    parts += bearing_parts(beam.bearings, g.lines, spans, levels, place, (g.bottom_width, 0.0))
     parts += pier_parts(beam.piers, spans, levels, place, ground)
     parts += abutment_parts(beam.abutments, beam.top.width, spans, levels, place, ground)
     parts += fitting_parts(beam.top.fittings, beam.top.roadway, beam.top.width, spans, levels.girder_soffit, place)

@@ -231,7 +231,7 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
         masts = [(s, bridge.pylon.face(0.0)) for _, s, _ in bridge.pylons if bridge.pylon.shape == "mast"]
         parts += median_parts(bridge.top.roadway, low, high, tuple(masts), place)
     parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
-    parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, deck.beam_width)
+    parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     for support, station, _ in bridge.pylons:
         parts += pylon_parts(bridge.pylon, support, station, -levels.surfacing, place, ground)
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)

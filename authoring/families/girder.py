@@ -197,7 +197,7 @@ def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Pa
     parts += cross_frame_parts(frames, steel, spans, stations, levels, place)
     parts += deck_top_parts(girder.top, spans, deck_runs(spans, girder.abutments), place)
     for where, on_piers in ((levels, False), (piers, True)):
-        rows = bearing_parts(girder.bearings, steel.bearing_lines, spans, where, place, steel.bottom_width)
+        rows = bearing_parts(girder.bearings, steel.bearing_lines, spans, where, place, (steel.bottom_width, 0.0))
         parts += [part for part in rows if (part.parameters["support"] not in (0, spans.count)) == on_piers]
     parts += pier_parts(girder.piers, spans, piers, place, ground)
     parts += abutment_parts(girder.abutments, girder.top.width, spans, levels, place, ground)

@@ -63,7 +63,9 @@ def draw_layout_of(
     """
     clearance, grade = draw(shared, "clearance", draws), draw(shared, "grade", draws)
     clearance = max(clearance, least_clearance)
-    if shared.grade is None and shared.alignment.crest_radius is not None:  # the ends must not become too steep
+    if (
+        shared.grade is None and shared.alignment.crest_radius is not None and not straight
+    ):  # the ends must not become too steep
         room = max(STEEPEST[top.service] - 0.5 * supports[-1] / shared.alignment.crest_radius, 0.0)
         grade = float(np.trunc(1e6 * np.clip(grade, -room, room)) / 1e6)
     axis = draw_alignment(shared.alignment, supports, 0.5 * top.width, top.service, grade, straight, draws)

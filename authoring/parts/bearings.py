@@ -129,7 +129,7 @@ class _Spot:
 
 def bearing_parts(
     bearings: Bearings, lines: tuple[float, ...], spans: Spans, levels: Levels, place: Alignment,
-    soffit_width: float = 0.0,
+    soffit: tuple[float, float] = (0.0, 0.0),
 ) -> list[Part]:  # fmt: skip
     """Build bearing, sole plate and plinth for each line and row.
 
@@ -139,10 +139,10 @@ def bearing_parts(
         spans: Stations.
         levels: Levels of the deck.
         place: Axis of the bridge.
-        soffit_width: Of the girders over the bearings [m]; 0 for a slab.
+        soffit: Width across and length along the bridge of what lies on each bearing [m]; 0 where it goes on.
     """
     parts = []
-    bearings = _beside(_askew(bearings, place.skew), soffit_width)
+    bearings = _beside(_askew(bearings, place.skew), soffit)
     for span, end, station in spans.rows:
         support = spans.supports[span + end]
         level = level_at(place, support)
@@ -173,11 +173,13 @@ def _askew(bearings: Bearings, skew: float) -> Bearings:
     )  # fmt: skip
 
 
-def _beside(bearings: Bearings, soffit_width: float) -> Bearings:
-    """Narrow a bearing whose sole plate would end in the very plane in which its girder's flange ends."""
-    if abs(bearings.pad_width + 2.0 * _SOLE_MARGIN - soffit_width) > _IN_PLANE:
-        return bearings
-    return replace(bearings, pad_width=round(bearings.pad_width - 2.0 * _IN_PLANE, 3))
+def _beside(bearings: Bearings, soffit: tuple[float, float]) -> Bearings:
+    """Trim a bearing whose sole plate would end in the very plane in which the flange over it ends."""
+    sizes = []
+    for size, over in zip((bearings.pad_width, bearings.pad_length), soffit, strict=True):
+        flush = abs(size + 2.0 * _SOLE_MARGIN - over) <= _IN_PLANE
+        sizes.append(round(size - 2.0 * _IN_PLANE, 3) if flush else size)
+    return replace(bearings, pad_width=sizes[0], pad_length=sizes[1])
 
 
 def _stack(bearings: Bearings, spot: _Spot, where: str, facts: dict[str, object]) -> list[Part]:
