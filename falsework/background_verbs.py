@@ -17,12 +17,20 @@ File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 
 
-def import_background(file: File, output: Output, *, attribution: str = "", license: str = "") -> int:
-    """Turn a city model into a world that scenes are put into: metres, z up, its own origin, labelled.
+def import_background(
+    file: File, output: Output, *, up: str = "", scale: float = 1.0, attribution: str = "", license: str = ""
+) -> int:
+    """Turn a city from elsewhere into a world that scenes are put into: metres, z up, its own origin, labelled.
+
+    A CityJSON file says what is a building; in a mesh the ground is found as the lowest surface, and what stands out of
+    it is built. Colours and textures come along.
 
     Args:
-        file: CityJSON file, 1.0 to 2.0, or CityJSONSeq.
+        file: CityJSON 1.0 to 2.0 or CityJSONSeq (.json, .jsonl); .glb, .gltf, .obj, .ply, or a .zip with one of them
+            and its textures; or any USD stage (.usd, .usda, .usdc, .usdz).
         output: Folder to write; its name is the name of the world.
+        up: Axis that points up in .obj, .ply, .gltf and .glb, y or z; unless said, y for glTF and z for the others.
+        scale: Metres that one unit of a mesh is, e.g. 0.01 for centimetres.
         attribution: Who made the data, where the file does not say so.
         license: Its licence, where the file does not say so.
     """
@@ -30,6 +38,7 @@ def import_background(file: File, output: Output, *, attribution: str = "", lice
 
     said = {name: text for name, text in (("attribution", attribution), ("license", license)) if text}
     request = {"file": str(file.absolute()), "name": output.absolute().name, "said": said}
+    request |= {"up": up, "scale": scale}
     with ConsoleProgress() as progress:
         found: dict[str, str] = {}
 

@@ -1,9 +1,11 @@
 """What `falsework background import` does, in a child process: the file may come from anywhere."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from groundwork.child import answer_parent
+from groundwork.errors import InputError
 from groundwork.progress import Progress
 
 if TYPE_CHECKING:
@@ -13,28 +15,44 @@ ADDRESS_LIMIT = 16.0  # [GB]
 
 
 def import_world(request: dict[str, Any], progress: Progress) -> dict[str, str]:
-    """Read a city model and write it as a world.
+    """Read a city and write it as a world.
 
     Args:
-        request: `{file, folder, name, said}`.
+        request: `{file, folder, name, said, up, scale}`.
         progress: Told what is left out.
 
     Returns:
         What was found: counts, extent, attribution.
     """
     from authoring.backgrounds.city_asset import write_city
-    from authoring.backgrounds.city_model import CityModel
-    from authoring.backgrounds.import_cityjson import read_cityjson
     from groundwork.files import space_errors
     from usd_schemas.guard import limit_memory
 
     limit_memory(ADDRESS_LIMIT)
-    model = read_cityjson(Path(request["file"]), progress.note)
-    model = CityModel(model.buildings, model.terrain, {**model.attribution, **request["said"]})
+    model = _read(Path(request["file"]), request["up"], request["scale"], progress)
+    model = replace(model, attribution={**model.attribution, **request["said"]})
     folder = Path(request["folder"])
     with space_errors(folder):
         write_city(model, folder, request["name"])
     return _facts(model)
+
+
+def _read(file: Path, up: str, scale: float, progress: Progress) -> "CityModel":
+    """Choose the reader by the file's suffix."""
+    from authoring.backgrounds.import_cityjson import read_cityjson
+    from authoring.backgrounds.import_mesh import MESH_SUFFIXES, read_mesh
+    from authoring.backgrounds.import_usd import USD_SUFFIXES, read_usd
+
+    suffix = file.suffix.lower()
+    if suffix in (*MESH_SUFFIXES, ".zip"):
+        return read_mesh(file, progress.note, up, scale)
+    if up:
+        raise InputError("says itself which axis is up", where=file, field="--up", value=up, mend="Leave it out")
+    if suffix in USD_SUFFIXES:
+        return read_usd(file, progress.note, scale)
+    if scale != 1.0:
+        raise InputError("is in metres", where=file, field="--scale", value=scale, mend="Leave it out")
+    return read_cityjson(file, progress.note)
 
 
 def describe_world(request: dict[str, Any], progress: Progress) -> dict[str, str]:
@@ -53,8 +71,12 @@ def describe_world(request: dict[str, Any], progress: Progress) -> dict[str, str
 
 def _facts(model: "CityModel") -> dict[str, str]:
     size = model.extent[1] - model.extent[0]
-    triangles = len(model.terrain) + sum(len(b.walls) + len(b.roofs) for b in model.buildings)
-    counts = {"buildings": f"{len(model.buildings)}", "triangles": f"{triangles}"}
+    objects = {piece.owner for piece in model.textured if not piece.is_ground} | {b.name for b in model.buildings}
+    counts = {
+        "buildings": f"{len(objects)}", "triangles": f"{len(model.built) + len(model.ground)}",
+        "ground": f"{len(model.ground)} triangles", "textured": f"{sum(len(p.triangles) for p in model.textured)}",
+        "images": f"{len(model.skins)}, {sum(len(skin.image) for skin in model.skins) / 1e6:.1f} MB",
+    }  # fmt: skip
     return {**counts, "extent": f"{size[0]:.0f} x {size[1]:.0f} m", **model.attribution}
 
 

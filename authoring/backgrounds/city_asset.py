@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pxr import Sdf, Tf, Usd, UsdGeom
 
 from authoring.assets import bake_surfaces, write_asset
-from authoring.backgrounds.city_model import Building, CityModel, face_normals
+from authoring.backgrounds.city_model import Building, CityModel, Textured, face_normals
+from authoring.backgrounds.skin import Skin, skin_recipes
 from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh
 from authoring.layers.background import background_layer
 from authoring.layers.geometry import BACKGROUND
@@ -22,8 +23,10 @@ from usd_schemas.apis import read_component
 F64 = NDArray[np.float64]
 
 MARK = "falsework:city"  # in the layer's custom data: what the world is made of, and whose it is
+IMAGES = "falsework:cityImages"  # there too: role, suffix and mean colour of each image
 TEXELS = 512
 _WALLS = ("brick", "plaster", "brick", "concrete", "plaster", "painted_metal")
+_GROUND, _OBJECT = ("Ground", "ground", "Ground"), ("Object", "building", "Buildings")
 _GROUPS = {"ground": "Ground"}
 _FLAT_ROOF = 0.95  # rise of the normal above which a roof counts as flat [1]
 
@@ -43,9 +46,14 @@ def write_city(model: CityModel, folder: Path, name: str) -> Path:
         InputError: It has more buildings than there are instance ids.
     """
     pieces = city_components(model, "City", FIRST_BACKGROUND_ID)
-    write_asset(BACKGROUND, pieces, folder)
-    layer = background_layer(name, bake_surfaces(pieces, folder, TEXELS, 0))
-    layer.customLayerData = {**layer.customLayerData, MARK: json.dumps(model.attribution, sort_keys=True)}
+    textured = textured_components(model, "City", FIRST_BACKGROUND_ID + len(pieces))
+    write_asset(BACKGROUND, (*pieces, *textured), folder)
+    layer = background_layer(name, {**bake_surfaces(pieces, folder, TEXELS, 0), **skin_recipes(model.skins, folder)})
+    images = [[skin.role, skin.suffix, *skin.color] for skin in model.skins]
+    layer.customLayerData = {
+        **layer.customLayerData, MARK: json.dumps(model.attribution, sort_keys=True),
+        IMAGES: json.dumps(images),
+    }  # fmt: skip
     path = folder / f"{name}.usda"
     export(author_provenance(layer, "/Background", model.attribution), path)
     return path
@@ -62,10 +70,10 @@ def city_components(model: CityModel, prefix: str, first_id: int) -> tuple[Compo
     Raises:
         InputError: It has more buildings than there are instance ids.
     """
-    if first_id + 2 * len(model.buildings) > LAST_ID:
+    if first_id + 2 * len(model.buildings) + len(model.textured) > LAST_ID:
         raise InputError(
-            f"{len(model.buildings)} buildings are too many", allowed=f"{(LAST_ID - first_id) // 2}",
-            mend="Cut out a smaller tile",
+            f"{len(model.buildings) + len(model.textured)} buildings are too many",
+            allowed=f"{(LAST_ID - first_id) // 2}", mend="Cut out a smaller tile",
         )  # fmt: skip
     rows: list[tuple[str, str, str, F64, dict[str, object]]] = []
     for number, building in enumerate(model.buildings):
@@ -82,6 +90,23 @@ def city_components(model: CityModel, prefix: str, first_id: int) -> tuple[Compo
         Component(prim, kind, role, _GROUPS.get(kind, "Buildings"), flat_mesh(triangles), first_id + k, facts)
         for k, (prim, kind, role, triangles, facts) in enumerate(rows)
     )
+
+
+def textured_components(model: CityModel, prefix: str, first_id: int) -> tuple[Component, ...]:
+    """Turn the textured pieces of a world into components.
+
+    Args:
+        model: The world.
+        prefix: Put before the names of its prims.
+        first_id: Instance id of the first.
+    """
+    made = []
+    for number, piece in enumerate(model.textured):
+        name, kind, group = _GROUND if piece.is_ground else _OBJECT
+        facts: dict[str, object] = {"building": piece.owner, "skin": piece.skin}
+        mesh, role = flat_mesh(piece.triangles, piece.st), model.skins[piece.skin].role
+        made.append(Component(f"{prefix}_{name}_{number:05d}", kind, role, group, mesh, first_id + number, facts))
+    return tuple(made)
 
 
 def read_city(file: Path) -> CityModel:
@@ -105,12 +130,16 @@ def read_city(file: Path) -> CityModel:
     walls: dict[str, list[F64]] = {}
     roofs: dict[str, list[F64]] = {}
     ground = [np.zeros((0, 3, 3))]
+    textured: dict[int, Textured] = {}
     stage = Usd.Stage.Open(layer)
     for prim in stage.Traverse():
         if not prim.IsA(UsdGeom.Mesh):
             continue
         facts, triangles = read_component(prim), _triangles(UsdGeom.Mesh(prim))
-        if facts.kind == "ground":
+        if "skin" in facts.parameters:
+            owner, skin = str(facts.parameters["building"]), int(str(facts.parameters["skin"]))
+            textured[facts.instance_id] = Textured(owner, facts.kind == "ground", triangles, _coordinates(prim), skin)
+        elif facts.kind == "ground":
             ground.append(triangles)
         else:
             (roofs if facts.kind == "roof" else walls).setdefault(str(facts.parameters["building"]), []).append(
@@ -121,7 +150,9 @@ def read_city(file: Path) -> CityModel:
         Building(name, np.concatenate(walls.get(name, none)), np.concatenate(roofs.get(name, none)))
         for name in sorted({*walls, *roofs})
     )
-    return CityModel(buildings, np.concatenate(ground), json.loads(layer.customLayerData[MARK]))
+    attribution = json.loads(layer.customLayerData[MARK])
+    pieces = tuple(textured[number] for number in sorted(textured))
+    return CityModel(buildings, np.concatenate(ground), attribution, pieces, _images(layer, path.parent))
 
 
 def is_city(file: Path) -> bool:
@@ -153,11 +184,12 @@ def _root_layer(file: Path) -> Path:
     return file / f"{file.name}.usda" if file.is_dir() else file
 
 
-def flat_mesh(triangles: F64) -> Mesh:
-    """Weld triangles into a mesh of flat faces; `st` counts metres along and up each face.
+def flat_mesh(triangles: F64, st: F64 | None = None) -> Mesh:
+    """Weld triangles into a mesh of flat faces; `st` counts metres along and up each face unless it is given.
 
     Args:
         triangles: Corners [m], shape (T, 3, 3), float64.
+        st: Texture coordinates of the corners [1], shape (T, 3, 2), float64.
     """
     points, corners = np.unique(np.round(triangles.reshape(-1, 3), 4), axis=0, return_inverse=True)
     normals = face_normals(triangles)
@@ -166,7 +198,8 @@ def flat_mesh(triangles: F64) -> Mesh:
     level[flat] = (1.0, 0.0, 0.0)
     level /= np.linalg.norm(level, axis=1, keepdims=True)
     up = np.cross(normals, level)
-    st = np.stack([np.sum(triangles * axis[:, None], axis=2) for axis in (level, up)], axis=2)
+    if st is None:
+        st = np.stack([np.sum(triangles * axis[:, None], axis=2) for axis in (level, up)], axis=2)
     return Mesh(
         points=points,
         face_counts=np.full(len(triangles), 3, np.int32),
@@ -181,6 +214,23 @@ def _materials(building: Building) -> tuple[str, str]:
     share = int.from_bytes(hashlib.sha256(building.name.encode()).digest()[:4], "little")
     rise = np.median(face_normals(building.roofs)[:, 2]) if len(building.roofs) else 1.0
     return _WALLS[share % len(_WALLS)], "gravel" if rise > _FLAT_ROOF else "roof_tile"
+
+
+def _images(layer: Sdf.Layer, folder: Path) -> tuple[Skin, ...]:
+    """Read the images of a world, in the order in which `write_city` was given them."""
+    skins = []
+    for role, suffix, red, green, blue in json.loads(layer.customLayerData.get(IMAGES, "[]")):
+        image = folder / "textures" / f"{role}{suffix}"
+        if not image.is_file():
+            raise MissingError("no such texture of the imported world", where=image, mend="Import the world again")
+        skins.append(Skin(role, image.read_bytes(), suffix, (red, green, blue)))
+    return tuple(skins)
+
+
+def _coordinates(prim: Usd.Prim) -> F64:
+    """Read `st` at the corners of triangles [1], shape (T, 3, 2), float64."""
+    values = UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").ComputeFlattened()
+    return np.array(values, np.float64).reshape(-1, 3, 2)
 
 
 def _triangles(mesh: UsdGeom.Mesh) -> F64:

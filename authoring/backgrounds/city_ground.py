@@ -5,14 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import distance_transform_edt, map_coordinates, minimum_filter
 
 from authoring.backgrounds.city_model import CityModel
+from authoring.backgrounds.mesh_ground import lowest
 from authoring.site_relief import smoothstep
 
 F64 = NDArray[np.float64]
 
 CELL = 3.0  # [m]
+AROUND = 30.0  # [m] that `CityGround.floor` looks around
+MOST_POINTS = 20_000  # of a relief that is joined up point by point
+COARSE = 12.0  # [m] between the points of a denser one that bridge its gaps
 FADE = 150.0  # [m] over which the relief runs out beyond the world's border
 
 
@@ -23,12 +27,14 @@ class CityGround:
     Attributes:
         corner: Plan position of the first node [m], shape (2,), float64.
         heights: Height of each node, rows along y [m], shape (H, W), float64.
-        beyond: Distance of each node to the world [m], shape (H, W), float64.
+        beyond: Distance of each node to the world, negative inside [m], shape (H, W), float64.
+        lowest: Lowest height around each node [m], shape (H, W), float64.
     """
 
     corner: F64
     heights: F64
     beyond: F64
+    lowest: F64
 
     def height(self, xy: F64) -> F64:
         """Find the height of the ground.
@@ -41,6 +47,29 @@ class CityGround:
         """
         return self._between(self.heights, xy)
 
+    def floor(self, xy: F64) -> F64:
+        """Find a height below all ground around, for what must not show through it.
+
+        Args:
+            xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
+
+        Returns:
+            Heights [m], shape (...), float64.
+        """
+        return self._between(self.lowest, xy)
+
+    def beyond_at(self, xy: F64) -> F64:
+        """Measure the distance to the world.
+
+        Args:
+            xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
+
+        Returns:
+            Distances, negative inside [m], shape (...), float64.
+        """
+        far = np.maximum(self.corner - xy, xy - self._end).max(axis=-1)
+        return self._between(self.beyond, xy) + np.maximum(far, 0.0)
+
     def share(self, xy: F64) -> F64:
         """Tell how much of the relief counts: 1 in the world, falling to 0 beyond it.
 
@@ -50,8 +79,7 @@ class CityGround:
         Returns:
             Shares [1], shape (...), float64.
         """
-        far = np.maximum(self.corner - xy, xy - self._end).max(axis=-1)
-        return 1.0 - smoothstep(0.0, FADE, self._between(self.beyond, xy) + np.maximum(far, 0.0))
+        return 1.0 - smoothstep(0.0, FADE, self.beyond_at(xy))
 
     @property
     def _end(self) -> F64:
@@ -71,20 +99,38 @@ def city_ground(model: CityModel) -> CityGround:
     points = _ground_points(model)
     low, high = model.extent
     x, y = (np.arange(low[k], high[k] + CELL, CELL) for k in (0, 1))
+    dense = len(points) > MOST_POINTS
+    if dense:  # triangles smaller than the cells: their lowest tells, and only gaps such as houses are bridged
+        points = _thinned(points)
     known = LinearNDInterpolator(points[:, :2], points[:, 2])(*np.meshgrid(x, y))
+    if dense:
+        seen = lowest(model.ground, low - 0.5 * CELL, CELL, (len(x), len(y)))
+        known = np.where(np.isfinite(seen), seen, known)
     outside = np.isnan(known)
     # Ready-made nearest neighbours on the grid, and how far they are.
     distance, nearest = distance_transform_edt(outside, sampling=CELL, return_indices=True)  # pyright: ignore
-    return CityGround(low, known[tuple(nearest)], np.asarray(distance, np.float64))
+    # Beyond the grid lies nothing of the world: its border counts as an end too.
+    inside = np.asarray(distance_transform_edt(np.pad(~outside, 1), sampling=CELL), np.float64)[1:-1, 1:-1]
+    heights = known[tuple(nearest)]
+    around = 2 * int(AROUND / CELL) + 1
+    return CityGround(
+        low, heights, np.asarray(distance, np.float64) - inside, minimum_filter(heights, size=around, mode="nearest")
+    )
 
 
 def _ground_points(model: CityModel) -> F64:
-    if len(model.terrain):
-        points = model.terrain.reshape(-1, 3)
+    if len(model.ground):
+        points = model.ground.reshape(-1, 3)
     else:
-        points = np.array([[*b.corners[:, :2].mean(axis=0), b.corners[:, 2].min()] for b in model.buildings])
+        feet = [b.corners for b in model.buildings] + [piece.triangles.reshape(-1, 3) for piece in model.textured]
+        points = np.array([[*corners[:, :2].mean(axis=0), corners[:, 2].min()] for corners in feet])
     if len(points) < 4:
         low, high = model.extent + np.array([[-CELL], [CELL]])
         level = float(points[:, 2].mean())
         return np.array([[x, y, level] for x in (low[0], high[0]) for y in (low[1], high[1])])
     return np.unique(np.round(points, 3), axis=0)
+
+
+def _thinned(points: F64) -> F64:
+    _, chosen = np.unique(np.floor(points[:, :2] / COARSE).astype(np.int64), axis=0, return_index=True)
+    return points[chosen]

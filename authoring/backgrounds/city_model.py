@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.backgrounds.skin import Skin
+
 F64 = NDArray[np.float64]
 
 ROOF_SLOPE = 0.2  # a face whose normal rises by more than this belongs to a roof [1]
@@ -31,6 +33,25 @@ class Building:
 
 
 @dataclass(frozen=True, eq=False)
+class Textured:
+    """Part of a world with a photograph on it.
+
+    Attributes:
+        owner: Name of the object that it belongs to; `ground` for the ground.
+        is_ground: Whether it is ground; all else stands on it.
+        triangles: Its triangles [m], shape (T, 3, 3), float64.
+        st: Texture coordinates at their corners, v upwards [1], shape (T, 3, 2), float64.
+        skin: Number of its image in `CityModel.skins`.
+    """
+
+    owner: str
+    is_ground: bool
+    triangles: F64
+    st: F64
+    skin: int
+
+
+@dataclass(frozen=True, eq=False)
 class CityModel:
     """A built-up world.
 
@@ -38,19 +59,36 @@ class CityModel:
         buildings: Its buildings.
         terrain: Triangles of its ground [m], shape (T, 3, 3), float64; none where it has no relief.
         attribution: Who made it and where it lies, e.g. `source`, `crs`, `origin`, `license`.
+        textured: What of it carries photographs; buildings and terrain hold the rest.
+        skins: The images that `textured` names.
     """
 
     buildings: tuple[Building, ...]
     terrain: F64
     attribution: dict[str, str]
+    textured: tuple[Textured, ...] = ()
+    skins: tuple[Skin, ...] = ()
 
     @property
     def extent(self) -> F64:
         """Lowest and highest corner in plan [m], shape (2, 2), float64."""
-        points = [building.corners[:, :2] for building in self.buildings]
-        points.append(self.terrain.reshape(-1, 3)[:, :2])
-        every = np.concatenate(points)
+        every = np.concatenate([self.built.reshape(-1, 3), self.ground.reshape(-1, 3)])[:, :2]
         return np.stack([every.min(axis=0), every.max(axis=0)])
+
+    @property
+    def built(self) -> F64:
+        """Triangles of all that stands on the ground [m], shape (T, 3, 3), float64."""
+        plain = [part for building in self.buildings for part in (building.walls, building.roofs)]
+        return _joined([*plain, *(piece.triangles for piece in self.textured if not piece.is_ground)])
+
+    @property
+    def ground(self) -> F64:
+        """Triangles of all its ground [m], shape (T, 3, 3), float64."""
+        return _joined([self.terrain, *(piece.triangles for piece in self.textured if piece.is_ground)])
+
+
+def _joined(parts: list[F64]) -> F64:
+    return np.concatenate([np.zeros((0, 3, 3)), *parts])
 
 
 def face_normals(triangles: F64) -> F64:

@@ -98,10 +98,9 @@ def built_map(model: CityModel) -> BuiltMap:
     low, high = model.extent + np.array([[-_MARGIN], [_MARGIN]])
     width, height = np.ceil((high - low) / CELL).astype(int)
     built = np.zeros((height, width), np.uint8)
-    for building in model.buildings:
-        plan = (np.concatenate([building.roofs, building.walls])[:, :, :2] - low) / CELL - 0.5
-        for triangle in np.round(16.0 * plan).astype(np.int32):
-            cv2.fillConvexPoly(built, triangle, 1, shift=4)
+    plan = (model.built[:, :, :2] - low) / CELL - 0.5
+    for triangle in np.round(16.0 * plan).astype(np.int32):
+        cv2.fillConvexPoly(built, triangle, 1, shift=4)
     return BuiltMap(low, built.astype(bool))
 
 

@@ -1,16 +1,19 @@
 """An imported world round a site: its relief joins the site's edge, and its buildings stand clear of it."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from authoring.backgrounds.city_asset import city_components
+from authoring.backgrounds.city_asset import city_components, textured_components
 from authoring.backgrounds.city_facades import window_runs
 from authoring.backgrounds.city_ground import CityGround, city_ground
 from authoring.backgrounds.city_model import Building, CityModel
 from authoring.backgrounds.city_place import CELL, BuiltMap, CityPlace, built_map, choose_place
 from authoring.backgrounds.countryside import far_ways
 from authoring.backgrounds.terrain import Terrain, distance_beyond, grow_terrain, rolling_hills
+from authoring.backgrounds.textured_place import Clearance, place_textured
 from authoring.backgrounds.vegetation import plant_trees
 from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.site import Site
@@ -26,6 +29,7 @@ HILLS = 42.0  # [m], typical height of the hills beyond the world
 PAVED = 14.0  # [m] around a building
 CLEAR = 2.5  # [m] that buildings keep from roads, water and the site
 JOIN = 45.0  # [m] from the site over which the world's relief comes in
+SUNK = 0.6  # [m] that the terrain lies below the lowest of the photographed ground around
 TREES = 260
 _STEP = 2.0  # [m] between the places at which a building is looked at
 _FOOT = 0.5  # [m] that walls go into the ground
@@ -47,13 +51,17 @@ def build_city_world(model: CityModel, site: Site, rng: np.random.Generator) -> 
         InputError: No valid place.
     """
     place = choose_place(model, site, rng)
-    ground, built = city_ground(model), built_map(model)
-    terrain = grow_terrain(site, _relief(site, place, ground, rng), REACH)
+    ground = city_ground(model)
+    datum = float(np.median(ground.height(place.to_city(site.edge[:, :2]))))
+    clearance = Clearance.of(site) if model.textured else None
+    terrain = grow_terrain(site, _relief(site, place, ground, datum, clearance, rng), REACH)
     kept = _placed_buildings(model, terrain, place, ground)
     axis = site.land.layout.alignment
+    # A photograph shows its own pavements; where it is cut away there is grass, as on the site.
+    paved = () if clearance is not None else ((_PAVING, _paving(terrain, place, built_map(model))),)
     pieces = [
         (cover.prim, cover.kind, cover.role, "Ground", drape(soup, axis, terrain.atlas(soup)))
-        for cover, soup in covered(terrain.soup(((_PAVING, _paving(terrain, place, built)),)))
+        for cover, soup in covered(terrain.soup(paved))
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
     components = [
@@ -62,24 +70,51 @@ def build_city_world(model: CityModel, site: Site, rng: np.random.Generator) -> 
     ]
     scene_model = CityModel(kept, np.zeros((0, 3, 3)), model.attribution)
     components += city_components(scene_model, "City", FIRST_BACKGROUND_ID + len(components))
+    if clearance is not None:
+        textured = place_textured(model, terrain, place, ground, clearance, datum)
+        whole = CityModel((), scene_model.terrain, {}, textured, model.skins)
+        components += textured_components(whole, "City", FIRST_BACKGROUND_ID + len(components))
     first_id = FIRST_BACKGROUND_ID + len(components)
     windows = window_runs(kept, np.asarray(place.middle), first_id)
     trees = plant_trees(terrain, (), _circles(kept, terrain), TREES, rng, first_id + len(windows))
-    return (*components, *windows, *trees)
+    if clearance is not None:  # a photograph shows its own trees
+        trees = tuple(_only(run, ground.beyond_at(place.to_city(run.positions[:, :2])) > 0.0) for run in trees)
+    return (*components, *windows, *(run for run in trees if len(run.positions)))
 
 
-def _relief(site: Site, place: CityPlace, ground: CityGround, rng: np.random.Generator) -> Hills:
-    """Let the world's relief come in beside the site, level with it there, and hills rise where the world ends."""
+def _only(run: Scatter, kept: NDArray[np.bool_]) -> Scatter:
+    ids = run.instance_ids if len(run.instance_ids) == 1 else tuple(np.array(run.instance_ids)[kept].tolist())
+    return replace(
+        run, prototype=run.prototype[kept], positions=run.positions[kept], yaw=run.yaw[kept], scales=run.scales[kept],
+        instance_ids=ids,
+    )  # fmt: skip
+
+
+def _relief(
+    site: Site,
+    place: CityPlace,
+    ground: CityGround,
+    datum: float,
+    clearance: Clearance | None,
+    rng: np.random.Generator,
+) -> Hills:
+    """Let the world's relief come in beside the site, level with it there, and hills rise where the world ends.
+
+    Under photographed ground it keeps below it.
+    """
     own, axis = site.field, site.land.layout.alignment
     inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
     far = rolling_hills(site.land, inner, HILLS, rng)
-    datum = float(np.median(ground.height(place.to_city(site.edge[:, :2]))))
 
     def hills(station: F64, left: F64) -> F64:
         flat = np.stack([station.ravel(), left.ravel(), np.zeros(station.size)], axis=1)
         spot = place.to_city(to_world(axis, flat)[:, :2])
         share = ground.share(spot).reshape(station.shape)
         height = (ground.height(spot) - datum).reshape(station.shape)
+        if clearance is not None:
+            hidden = clearance.rigid(station, left, ground.beyond_at(spot).reshape(station.shape))
+            floor = (ground.floor(spot) - datum).reshape(station.shape) - SUNK
+            height = height + hidden * (floor - height)
         away = distance_beyond(inner, station, left)
         return smoothstep(FIRST_STEP + 4.0, JOIN, away) * share * height + (1.0 - share) * far(station, left)
 

@@ -146,7 +146,7 @@ def clear_of(axis: Alignment, places: F64, taken: F64, gap: float) -> NDArray[np
 def open_land(terrain: Terrain, station: F64, left: F64) -> F64:
     """Measure the distance to site, river and roads, less a margin, negative in their way [m], same shape, float64."""
     land = terrain.land
-    free = np.minimum(terrain.beyond(station, left) - 9.0, 60.0)
+    free = np.minimum(np.minimum(terrain.beyond(station, left), terrain.clear(station, left)) - 9.0, 60.0)
     free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - 13.0)
     for approach in land.approaches:
         aside = np.abs(left - approach.centre(station)) - approach.half_width - 15.0

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 
+from authoring.backgrounds.city import CitySettings, build_city
 from authoring.backgrounds.countryside import CountrysideSettings, build_countryside
+from authoring.backgrounds.hillside import HillsideSettings, build_hillside
+from authoring.backgrounds.lakeside import LakesideSettings, build_lakeside
 from authoring.component import Component, Scatter
 from authoring.site import Site
 from groundwork.errors import InputError
@@ -27,9 +30,12 @@ class BackgroundSettings(Settings):
         description="`none`, a procedural world, or the path of an imported one, relative to the scenario",
     )
     none: NoneSettings = Field(default_factory=NoneSettings, description="settings of `none`")
+    city: CitySettings = Field(default_factory=CitySettings, description="settings of `city`")
     countryside: CountrysideSettings = Field(
         default_factory=CountrysideSettings, description="settings of `countryside`"
     )
+    hillside: HillsideSettings = Field(default_factory=HillsideSettings, description="settings of `hillside`")
+    lakeside: LakesideSettings = Field(default_factory=LakesideSettings, description="settings of `lakeside`")
 
 
 @dataclass(frozen=True)
@@ -49,13 +55,28 @@ def _build_none(settings: BackgroundSettings, site: Site, rng: np.random.Generat
     return ()
 
 
+def _build_city(settings: BackgroundSettings, site: Site, rng: np.random.Generator) -> Pieces:
+    return build_city(settings.city, site, rng)
+
+
 def _build_countryside(settings: BackgroundSettings, site: Site, rng: np.random.Generator) -> Pieces:
     return build_countryside(settings.countryside, site, rng)
 
 
+def _build_hillside(settings: BackgroundSettings, site: Site, rng: np.random.Generator) -> Pieces:
+    return build_hillside(settings.hillside, site, rng)
+
+
+def _build_lakeside(settings: BackgroundSettings, site: Site, rng: np.random.Generator) -> Pieces:
+    return build_lakeside(settings.lakeside, site, rng)
+
+
 BACKGROUNDS = {
     "none": Background(NoneSettings, _build_none),
+    "city": Background(CitySettings, _build_city),
     "countryside": Background(CountrysideSettings, _build_countryside),
+    "hillside": Background(HillsideSettings, _build_hillside),
+    "lakeside": Background(LakesideSettings, _build_lakeside),
 }
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from authoring.site import Site
 from authoring.site_covers import COVERS, Cover, Soup, soup_of
+from authoring.site_extent import Box
 from authoring.site_grid import HeightField, growing_steps, surface_normals
 from authoring.site_land import FIRST_STEP
 from authoring.site_relief import Relief, draw_relief, smoothstep
@@ -30,12 +31,14 @@ class Terrain:
         hills: Height of the land at large.
         field: Heights over grid coordinates; in its middle lies the site.
         inner: Lowest and highest station, lowest and highest left of the site [m].
+        keep_out: Volumes that stay empty; they stand round the site where its axis bends.
     """
 
     land: Land
     hills: Hills
     field: HeightField
     inner: Cell
+    keep_out: tuple[Box, ...] = ()
 
     def height(self, station: F64, left: F64) -> F64:
         """Find ground heights: exact on the site and along river and roads, to a few centimetres elsewhere.
@@ -53,11 +56,23 @@ class Terrain:
         """Measure the distance to the site, 0 inside it [m], same shape, float64."""
         return distance_beyond(self.inner, station, left)
 
-    def soup(self, extra: tuple[tuple[Cover, F64], ...]) -> Soup:
+    def clear(self, station: F64, left: F64) -> F64:
+        """Measure the distance to the keep-out volumes in plan, 0 inside them [m], same shape, float64."""
+        plan = self.land.layout.alignment.point(station, left, np.zeros(np.shape(station)))[..., :2]
+        free = np.full(np.shape(station), np.inf)
+        for box in self.keep_out:
+            offset, cosine, sine = plan - np.asarray(box.centre[:2]), np.cos(box.heading), np.sin(box.heading)
+            along = np.abs(offset[..., 0] * cosine + offset[..., 1] * sine) - box.half[0]
+            aside = np.abs(offset[..., 1] * cosine - offset[..., 0] * sine) - box.half[1]
+            free = np.minimum(free, np.hypot(np.maximum(along, 0.0), np.maximum(aside, 0.0)))
+        return free
+
+    def soup(self, extra: tuple[tuple[Cover, F64], ...], over: tuple[tuple[Cover, F64], ...] = ()) -> Soup:
         """Gather the triangles outside the site.
 
         Args:
             extra: Further covers that yield to the site's own, with their fields at the nodes [m], shape (S, L).
+            over: Further covers that the site's own yield to, with their fields at the nodes [m], shape (S, L).
 
         Returns:
             The triangles with their covers.
@@ -68,11 +83,11 @@ class Terrain:
         normals = surface_normals(nodes, faces)
         shape = self.land.shape(station, left, self.hills)
         shape.covers["patch"] = shape.covers["patch"] - 0.2 * self.beyond(station, left)  # too small for far cells
-        shape.covers.update({cover.name: values for cover, values in extra})
+        shape.covers.update({cover.name: values for cover, values in (*over, *extra)})
         first, last, low, high = self.inner
         columns, rows = self.field.stations[:-1], self.field.lefts[:-1]
         outside = ((columns < first) | (columns >= last))[:, None] | ((rows < low) | (rows >= high))[None, :]
-        covers = (*COVERS[:-1], *(cover for cover, _ in extra), COVERS[-1])
+        covers = (*(cover for cover, _ in over), *COVERS[:-1], *(cover for cover, _ in extra), COVERS[-1])
         return soup_of(nodes, normals, faces[np.repeat(outside.reshape(-1), 2)], shape, covers)
 
     def atlas(self, soup: Soup) -> F64:
@@ -113,25 +128,26 @@ class Terrain:
         return _bent_nodes(self.land, self.inner, self.field.stations, self.field.lefts)
 
 
-def grow_terrain(site: Site, hills: Hills, reach: float) -> Terrain:
+def grow_terrain(site: Site, hills: Hills, reach: float, widest: float = WIDEST_STEP) -> Terrain:
     """Extend the site's grid outwards.
 
     Args:
         site: The site.
         hills: Height of the land at large; 0 within `FIRST_STEP` of the site.
         reach: Distance of the terrain's border from the site's [m].
+        widest: Largest spacing of grid lines [m].
 
     Returns:
         The terrain.
     """
     own = site.field
-    stations, lefts = (_outward(line, reach) for line in (own.stations, own.lefts))
+    stations, lefts = (_outward(line, reach, widest) for line in (own.stations, own.lefts))
     inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
     station, left = _bent_nodes(site.land, inner, stations, lefts)
     heights = np.round(site.land.shape(station, left, hills).height, 4)
     column, row = np.searchsorted(stations, inner[0]), np.searchsorted(lefts, inner[2])
     heights[column : column + len(own.stations), row : row + len(own.lefts)] = own.heights
-    return Terrain(site.land, hills, HeightField(stations, lefts, heights), inner)
+    return Terrain(site.land, hills, HeightField(stations, lefts, heights), inner, site.keep_out)
 
 
 def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generator) -> Hills:
@@ -185,8 +201,8 @@ def distance_beyond(inner: Cell, station: F64, left: F64) -> F64:
     )
 
 
-def _outward(line: F64, reach: float) -> F64:
-    steps = np.concatenate([[0.0], growing_steps(reach - FIRST_STEP, FIRST_STEP, WIDEST_STEP, 1.19)]) + FIRST_STEP
+def _outward(line: F64, reach: float, widest: float) -> F64:
+    steps = np.concatenate([[0.0], growing_steps(reach - FIRST_STEP, FIRST_STEP, widest, 1.19)]) + FIRST_STEP
     steps = np.append(steps, steps[-1] + APRON)
     return np.concatenate([line[0] - steps[::-1], line, line[-1] + steps])
 

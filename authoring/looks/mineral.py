@@ -216,11 +216,12 @@ def stones(tile: Tile, pitch: float, color: Color, bed: Color) -> Sheet:
     return Sheet(albedo * (1 + 0.06 * clouds)[..., None], 0.93 + 0.02 * grain, relief)
 
 
-def roof_tile(tile: Tile) -> Sheet:
-    """Clay pantiles in rows; v runs up the slope.
+def roof_tile(tile: Tile, color: Color = (0.275, 0.120, 0.072)) -> Sheet:
+    """Pantiles in rows; v runs up the slope.
 
     Args:
         tile: Where it repeats.
+        color: Linear colour of the tiles, of clay when not given [1].
     """
     rows, columns = max(1, round(tile.metres / 0.32)), max(1, round(tile.metres / 0.20))
     steps = (np.arange(tile.pixels, dtype=np.float32) + 0.5) / tile.pixels
@@ -231,7 +232,7 @@ def roof_tile(tile: Tile) -> Sheet:
     roll = (1 - side * side).astype(np.float32)
     shade = (0.62 + 0.38 * roll) * (1 - 0.55 * ramp(lap, 0.10, 0.0)) * (1 - 0.4 * ramp(side, 0.86, 1.0))
     grain = fractal(tile, 0.12, 0.008, slope=0.5)
-    albedo = paint((0.275, 0.120, 0.072), shade * (0.75 + 0.5 * own + 0.09 * grain))
+    albedo = paint(color, shade * (0.75 + 0.5 * own + 0.09 * grain))
     moss = ramp(fractal(tile, 0.9, 0.03), 0.8, 1.9)
     albedo = cover(albedo, 0.6 * moss, (0.095, 0.088, 0.058))
     return Sheet(albedo, 0.88 + 0.02 * grain, 0.03 * roll + 0.02 * lap)

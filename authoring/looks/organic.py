@@ -67,6 +67,37 @@ def water(tile: Tile) -> Sheet:
     return Sheet(albedo, np.clip(0.16 + 0.03 * ripples, 0.05, 1).astype(np.float32), 0.012 * ripples)
 
 
+def open_water(tile: Tile) -> Sheet:
+    """A lake or a sea: cat's paws and streaks of the wind on deep water.
+
+    Args:
+        tile: Where it repeats.
+    """
+    wind = fractal(tile, 60.0, 6.0)
+    streaks = fractal(tile, 22.0, 2.0, slope=0.7, stretch=(3.0, 1.0))
+    ripples = fractal(tile, 3.5, slope=0.5, stretch=(2.0, 1.0))
+    tone = 0.45 + 0.10 * wind + 0.09 * streaks + 0.13 * ripples
+    albedo = palette(tone, ((0.012, 0.026, 0.030), (0.030, 0.055, 0.060), (0.062, 0.095, 0.098)))
+    rough = np.clip(0.13 + 0.035 * wind + 0.03 * ripples, 0.05, 1).astype(np.float32)
+    return Sheet(albedo, rough, 0.02 * ripples)
+
+
+def woodland(tile: Tile) -> Sheet:
+    """A closed wood seen from far above: crown beside crown, dark gaps between.
+
+    Args:
+        tile: Where it repeats.
+    """
+    crowns = cells(tile, 4.4, jitter=0.95)
+    own, hue = per_cell(tile, crowns), per_cell(tile, crowns)
+    stand, leaves = fractal(tile, 14.0, 4.0), fractal(tile, 2.4, slope=0.4)
+    dome = ramp(crowns.near, 0.62, 0.12)
+    tone = 0.30 + 0.30 * dome * (0.6 + 0.6 * own) + 0.03 * stand + 0.07 * leaves
+    albedo = palette(tone, _LEAVES)
+    albedo = cover(albedo, 0.35 * dome * ramp(hue, 0.72, 1.0), paint((0.082, 0.092, 0.030), 1 + 0.15 * leaves))
+    return Sheet(albedo, 0.93 + 0.01 * leaves, 1.2 * dome)
+
+
 def timber(tile: Tile) -> Sheet:
     """Weathered oak with the grain along u: checks, knots, tar.
 

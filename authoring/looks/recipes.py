@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from authoring.looks import coated, mineral, organic
+from authoring.looks import coated, mineral, organic, urban
 from authoring.looks.noise import Tile
 from authoring.looks.sheet import Sheet
 
@@ -76,7 +76,10 @@ RECIPES: dict[str, Recipe] = {
     ),
     "brick": Recipe(mineral.brick, 4.0, _ROUGH, relief=True),
     "plaster": Recipe(partial(mineral.plaster, color=(0.52, 0.46, 0.36)), 5.0, _ROUGH),
+    "plaster_white": Recipe(partial(mineral.plaster, color=(0.64, 0.62, 0.57)), 5.0, _ROUGH),
+    "plaster_rose": Recipe(partial(mineral.plaster, color=(0.56, 0.33, 0.24)), 5.0, _ROUGH),
     "roof_tile": Recipe(mineral.roof_tile, 4.0, _ROUGH, relief=True),
+    "roof_grey": Recipe(partial(mineral.roof_tile, color=(0.110, 0.118, 0.130)), 4.0, _ROUGH, relief=True),
     "rock": Recipe(mineral.rock, 5.0, _ROUGH, relief=True),
     "gravel": Recipe(
         partial(mineral.stones, pitch=0.05, color=(0.23, 0.215, 0.19), bed=(0.12, 0.105, 0.085)),
@@ -94,11 +97,14 @@ RECIPES: dict[str, Recipe] = {
     "meadow": Recipe(organic.meadow, 4.5, _ROUGH, patchy=True),
     "soil": Recipe(organic.soil, 4.5, _ROUGH, patchy=True),
     "water": Recipe(organic.water, 6.0, _FAINT),
+    "open_water": Recipe(organic.open_water, 90.0, _FAINT),
+    "woodland": Recipe(organic.woodland, 60.0, _ROUGH),
     "timber": Recipe(organic.timber, 2.6, _ROUGH),
     "bark": Recipe(organic.bark, 2.0, _ROUGH, relief=True),
     "foliage": Recipe(organic.foliage, 3.0, _ROUGH),
     "painted_steel": Recipe(partial(coated.painted_steel, color=(0.095, 0.155, 0.145), age=0.7), 5.0, _SMOOTH),
     "painted_steel_clean": Recipe(partial(coated.painted_steel, color=(0.155, 0.330, 0.460), age=0.0), 5.0, _FAINT),
+    "white_paint": Recipe(partial(coated.painted_steel, color=(0.60, 0.61, 0.60), age=0.1), 3.0, _FAINT),
     "painted_metal": Recipe(partial(coated.painted_steel, color=(0.235, 0.240, 0.235), age=0.45), 3.0, _SMOOTH),
     "galvanised_steel": Recipe(partial(coated.galvanised, age=0.8), 3.0, _SMOOTH),
     "galvanised_steel_clean": Recipe(partial(coated.galvanised, age=0.1, color=(0.555, 0.565, 0.575)), 3.0, _FAINT),
@@ -107,6 +113,29 @@ RECIPES: dict[str, Recipe] = {
     "rubber": Recipe(partial(coated.rubber, age=0.8), 2.0, _SMOOTH),
     "rubber_clean": Recipe(partial(coated.rubber, age=0.1), 2.0, _FAINT),
     "window": Recipe(coated.glass, 3.0, _FAINT),
+    "brick_buff": Recipe(urban.buff_brick, 4.0, _ROUGH, relief=True),
+    "limestone": Recipe(
+        partial(mineral.masonry, age=0.3, color=(0.47, 0.43, 0.35), other=(0.43, 0.40, 0.34)), 6.4, _ROUGH, relief=True
+    ),
+    "metal_panel": Recipe(partial(urban.cladding, color=(0.060, 0.058, 0.055)), 6.0, _SMOOTH),
+    "metal_silver": Recipe(partial(urban.cladding, color=(0.26, 0.265, 0.265)), 6.0, _SMOOTH),
+    "glass_facade": Recipe(partial(urban.facade_glass, color=(0.040, 0.075, 0.092)), 9.0, _FAINT),
+    "glass_spandrel": Recipe(partial(urban.cladding, color=(0.055, 0.090, 0.100)), 6.0, _FAINT),
+    "pavement": Recipe(urban.pavement, 6.0, _ROUGH),
+    "roofing": Recipe(urban.roofing, 8.0, _ROUGH),
+    "paint_colours": Recipe(urban.paint_colours, 8.0, (0.0, 0.0, 0.0)),
+    "facade_brick": Recipe(
+        partial(urban.far_facade, wall=(0.205, 0.105, 0.072), pane=(2.9, 3.2), opening=(0.46, 0.50)), 11.6, _SMOOTH
+    ),
+    "facade_stone": Recipe(
+        partial(urban.far_facade, wall=(0.40, 0.365, 0.30), pane=(3.4, 3.5), opening=(0.62, 0.56)), 13.6, _SMOOTH
+    ),
+    "facade_ribbon": Recipe(
+        partial(urban.far_facade, wall=(0.35, 0.34, 0.32), pane=(4.4, 3.5), opening=(0.92, 0.52)), 17.6, _SMOOTH
+    ),
+    "facade_glass": Recipe(
+        partial(urban.far_facade, wall=(0.060, 0.085, 0.095), pane=(3.0, 3.7), opening=(0.90, 0.74)), 15.0, _SMOOTH
+    ),
 }
 
 SURFACES = (

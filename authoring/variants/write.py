@@ -6,8 +6,10 @@ from authoring.assets import Pieces, bake_surfaces, write_asset
 from authoring.backgrounds.city_asset import read_city
 from authoring.backgrounds.city_world import build_city_world
 from authoring.backgrounds.registry import build_background
+from authoring.backgrounds.skin import skin_recipes
+from authoring.component import Component
 from authoring.layers.background import background_layer
-from authoring.layers.geometry import BACKGROUND
+from authoring.layers.geometry import BACKGROUND, roles_of
 from authoring.layers.layer import export
 from authoring.layers.lighting import light_layer
 from authoring.layers.looks import look_layer
@@ -78,12 +80,17 @@ def write_background(
     place = (folder / file).parent
     made, rng = made_from(settings, seed, "background"), stream(seed, "background")
     if world is None:
-        pieces = build_background(name, settings.background, site, rng)
+        pieces, skins = build_background(name, settings.background, site, rng), ()
     else:
         model = read_city(world)
         pieces, made = build_city_world(model, site, rng), {**made, **model.attribution}
+        used = set(roles_of(pieces))
+        skins = tuple(skin for skin in model.skins if skin.role in used)
     write_asset(BACKGROUND, pieces, place)
-    layer = background_layer(name, bake_surfaces(pieces, place, settings.look.texels, seed))
+    roles = {skin.role for skin in skins}
+    own = tuple(piece for piece in pieces if not (isinstance(piece, Component) and piece.role in roles))
+    recipes = {**bake_surfaces(own, place, settings.look.texels, seed), **skin_recipes(skins, place)}
+    layer = background_layer(name, recipes)
     export(author_provenance(layer, "/Background", made), folder / file)
     return file
 

@@ -228,6 +228,6 @@ def test_a_seed_is_a_countryside(world: World) -> None:
         elif isinstance(one, Scatter) and isinstance(other, Scatter):
             assert one.positions.tobytes() == other.positions.tobytes()
     assert build_background("none", BackgroundSettings(), site, stream(7, "background")) == ()
-    assert sorted(BACKGROUNDS) == ["countryside", "none"]
+    assert {"city", "countryside", "none"} <= set(BACKGROUNDS)
     with pytest.raises(InputError, match="countryside"):
         build_background("moon", BackgroundSettings(), site, stream(7, "background"))

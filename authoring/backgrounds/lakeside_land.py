@@ -1,0 +1,105 @@
+"""The land of the background `lakeside`: a lake between mountains, a level shore with the roads, slopes behind."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.terrain import Cell, distance_beyond
+from authoring.backgrounds.waters import Basin, bathed, water_level
+from authoring.site_land import FIRST_STEP
+from authoring.site_relief import draw_relief, smoothstep
+from authoring.site_shape import Hills, Land
+
+F64 = NDArray[np.float64]
+
+FOOT = 112.0  # distance from the axis at which the inland slopes begin [m]
+SHORES = (205.0, 270.0)  # distance of the near shore from the axis [m]
+QUAY = 300.0  # reach of the quay before and behind the bridge's middle [m]
+
+
+def draw_lake(land: Land, inner: Cell, width: float, rng: np.random.Generator) -> Basin:
+    """Draw a lake on one side of the axis.
+
+    Args:
+        land: The land.
+        inner: Lowest and highest station, lowest and highest left of the site [m].
+        width: From shore to shore [m].
+        rng: Random stream.
+
+    Returns:
+        The lake: narrow and long, closed by capes at both ends.
+    """
+    side = float(rng.choice((-1.0, 1.0)))
+    shore = float(rng.uniform(*SHORES)) + inner[3] - 80.0
+    bays, coast = draw_relief(((430.0, 26.0), (140.0, 7.0)), rng), draw_relief(((900.0, 260.0), (300.0, 90.0)), rng)
+    middle = (inner[0] + inner[1]) / 2
+    ends = middle + np.array([-1.0, 1.0]) * (rng.uniform(1500.0, 2600.0, 2) + 0.5 * (inner[1] - inner[0]))
+
+    def near(station: F64) -> F64:
+        calm = smoothstep(QUAY - 60.0, QUAY + 300.0, np.abs(station - middle))
+        return shore + calm * (bays(station, 0.0 * station) + 0.05 * np.maximum(np.abs(station - middle) - QUAY, 0.0))
+
+    def inside(station: F64, left: F64) -> F64:
+        out = side * left
+        far = shore + width + coast(station, 0.3 * out) - out
+        end = np.minimum(station - ends[0], ends[1] - station) + 0.8 * coast(out, 0.2 * station)
+        return np.minimum(np.minimum(out - near(station), far), 0.8 * end)
+
+    return Basin(side, water_level(land), shore, inside, near)
+
+
+def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.random.Generator) -> Hills:
+    """Draw the land at large round a lake.
+
+    Args:
+        land: The land.
+        inner: Lowest and highest station, lowest and highest left of the site [m].
+        lake: The lake.
+        height: Typical height of the mountains [m].
+        rng: Random stream.
+
+    Returns:
+        Height of the land at large at any place [m].
+    """
+    broad, ridge = draw_relief(((900.0, 1.0), (380.0, 0.4)), rng), draw_crests(rng)
+    rough = draw_relief(((170.0, 7.0), (62.0, 2.0)), rng)
+    gullies = draw_relief(((420.0, 60.0), (190.0, 24.0)), rng)
+    grade = float(rng.uniform(0.17, 0.24))
+    middle = (inner[0] + inner[1]) / 2
+
+    def dry(station: F64, left: F64) -> F64:
+        away = distance_beyond(inner, station, left)
+        out = lake.side * left
+        up = np.maximum(-out - FOOT, 0.0)
+        far = np.minimum(np.maximum(-lake.inside(station, left), 0.0), np.maximum(out - lake.near(station), 0.0))
+        far = np.where(np.abs(station - middle) > 700.0, far, np.where(out > lake.shore + 200.0, far, 0.0))
+        crest = ridge(station, left)
+        gentle = grade * 700.0 * (1.0 - np.exp(-up / 700.0)) * (0.8 + 0.35 * broad(station, left))
+        tall = height * smoothstep(420.0, 2300.0, up) * (0.45 + 0.8 * crest)
+        steep = 1.25 * height * (1.0 - np.exp(-far / 520.0)) * (0.38 + 0.8 * crest)
+        rise = gentle + tall + steep
+        rise = rise + gullies(station, left) * smoothstep(90.0, 330.0, rise)
+        rise = rise + rough(station, left) * smoothstep(4.0, 60.0, rise)
+        aside = land.crossing.distance(station, left) - land.crossing.half_width
+        valley = smoothstep(0.0, 1.0, (aside - 22.0) / (218.0 + 0.1 * away))
+        return smoothstep(FIRST_STEP + 4.0, 90.0, away) * valley * rise
+
+    def slope(station: F64, left: F64) -> F64:
+        near = np.where(np.abs(station - middle) < QUAY, 0.2, 0.1)
+        return near + 0.8 * smoothstep(150.0, 420.0, lake.side * left - lake.near(station))
+
+    return bathed(land, lake, dry, lake.shore - 130.0, slope)
+
+
+def draw_crests(rng: np.random.Generator) -> Hills:
+    """Draw mountain crests between 0 and 1: the folds of two reliefs.
+
+    Args:
+        rng: Random stream.
+    """
+    one, two = draw_relief(((1300.0, 1.0),), rng), draw_relief(((520.0, 1.0), (230.0, 0.45)), rng)
+
+    def crest(station: F64, left: F64) -> F64:
+        first, second = 1.0 - np.abs(one(station, left)), 1.0 - np.abs(two(station, left))
+        return 0.65 * first * np.sqrt(np.maximum(first, 0.0)) + 0.35 * second
+
+    return crest

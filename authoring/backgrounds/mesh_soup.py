@@ -1,0 +1,145 @@
+"""Triangles from a file, as they come: corners, what is painted on them, and where the whole lies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.skin import Skin
+from groundwork.errors import InputError
+from usd_schemas.layer_walk import Warn
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+MOST_TRIANGLES = 2_000_000
+FARTHEST = 20_000.0  # [m] from the middle: a tile is no country
+_EARTH = (6_378_137.0, 6_356_752.314245)  # half axes of the WGS 84 ellipsoid [m]
+_SHELL = 30_000.0  # [m] about the ellipsoid in which geocentric coordinates are believed
+_OFF_EQUATOR = 20_000.0  # [m]: a projected northing may be as large as the earth's radius, a height may not
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSoup:
+    """Triangles of a world.
+
+    Attributes:
+        triangles: Corners [m], z up, shape (T, 3, 3), float64.
+        st: Texture coordinates of the corners, v upwards [1], shape (T, 3, 2), float64.
+        skin: Number of each triangle's image, -1 for none, shape (T,), int32.
+        skins: The images.
+        facts: What the file says about itself: `author`, `license`, `title` ...
+    """
+
+    triangles: F64
+    st: F64
+    skin: I32
+    skins: tuple[Skin, ...]
+    facts: dict[str, str]
+
+
+def joined_soup(parts: list[MeshSoup], facts: dict[str, str]) -> MeshSoup:
+    """Put soups together; an image that several of them use is kept once.
+
+    Args:
+        parts: Soups.
+        facts: What the file says about itself.
+    """
+    skins = {skin.role: skin for part in parts for skin in part.skins}
+    number = {role: k for k, role in enumerate(skins)}
+    turned = []
+    for part in parts:
+        table = np.array([number[skin.role] for skin in part.skins] + [-1], np.int32)
+        turned.append(table[part.skin])
+    none = MeshSoup(np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), np.zeros(0, np.int32), (), {})
+    every = [none, *parts]
+    return MeshSoup(
+        np.concatenate([part.triangles for part in every]), np.concatenate([part.st for part in every]),
+        np.concatenate([none.skin, *turned]), tuple(skins.values()), facts,
+    )  # fmt: skip
+
+
+def check_count(count: int, where: object) -> None:
+    """Refuse a file that is too large, before it is read.
+
+    Args:
+        count: Triangles that it says it holds.
+        where: The file.
+
+    Raises:
+        InputError: Too many.
+    """
+    if count > MOST_TRIANGLES:
+        raise InputError(
+            f"holds {count} triangles", where=where, allowed=f"at most {MOST_TRIANGLES}",
+            mend="Cut out a smaller tile, or decimate it",
+        )  # fmt: skip
+
+
+def centred(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
+    """Move a world to an origin of its own: the middle of its plan, whole metres, its lowest point at 0.
+
+    Geocentric coordinates (3D tiles have them) are turned so that z is up at the middle.
+
+    Args:
+        soup: Triangles [m], z up.
+        where: The file, for errors.
+        warn: Called when geocentric coordinates were turned.
+
+    Returns:
+        The same triangles; `origin` in its facts says where they came from.
+
+    Raises:
+        InputError: No triangle, a number that is not finite, or no tile.
+    """
+    if not len(soup.triangles):
+        raise InputError("holds no triangles", where=where, mend="Export a mesh: points and lines make no world")
+    for what, values in (("position", soup.triangles), ("texture coordinate", soup.st)):
+        if not np.isfinite(values).all():
+            raise InputError(f"holds a {what} that is not finite", where=where, mend="Repair the mesh")
+    points = soup.triangles.reshape(-1, 3)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    triangles, facts = soup.triangles - middle, dict(soup.facts)
+    if _is_geocentric(middle):
+        warn("geocentric coordinates: turned so that z is up at the middle")
+        triangles, facts["crs"] = triangles @ _local_frame(middle).T, "geocentric"
+    reach = float(np.abs(triangles).max())
+    if reach > FARTHEST:
+        raise InputError(
+            f"reaches {reach / 1e3:.0f} km from its middle", where=where, allowed=f"{FARTHEST / 1e3:g} km",
+            mend="Cut out a tile, or mend its unit with --scale",
+        )  # fmt: skip
+    # Whole metres in plan, so that a place in the world is found in its maps again; geocentric ones have no plan.
+    rest = np.zeros(3) if facts.get("crs") == "geocentric" else middle - np.round(middle)
+    rest[2] = -float(triangles[..., 2].min())
+    origin = middle if facts.get("crs") == "geocentric" else middle - rest
+    facts["origin"] = " ".join(f"{value:.3f}" for value in origin)
+    return MeshSoup(triangles + rest, soup.st, soup.skin, soup.skins, facts)
+
+
+def y_up_to_z_up(points: F64) -> F64:
+    """Turn positions whose y is up, as glTF has it.
+
+    Args:
+        points: Positions [m], shape (..., 3), float64.
+
+    Returns:
+        The same positions with z up [m], the same shape, float64.
+    """
+    return np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)
+
+
+def _is_geocentric(middle: F64) -> bool:
+    a, b = _EARTH
+    distance = float(np.linalg.norm(middle))
+    return b - _SHELL < distance < a + _SHELL and abs(float(middle[2])) > _OFF_EQUATOR
+
+
+def _local_frame(middle: F64) -> F64:
+    """Find east, north and up at a geocentric position, shape (3, 3), float64."""
+    a, b = _EARTH
+    up = middle / np.array([a * a, a * a, b * b])
+    up /= np.linalg.norm(up)
+    east = np.array([-middle[1], middle[0], 0.0])
+    east /= np.linalg.norm(east)
+    return np.stack([east, np.cross(up, east), up])

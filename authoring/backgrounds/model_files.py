@@ -1,0 +1,139 @@
+"""The files of a model from elsewhere: only those beside it, none too large, and archives looked through first."""
+
+import re
+import zipfile
+from pathlib import Path
+from urllib.parse import unquote
+
+from groundwork.errors import InputError, MissingError
+from groundwork.files import write_bytes
+
+MOST_BYTES = 1_000_000_000  # of any one file
+MOST_UNPACKED = 4_000_000_000  # of an archive, in all
+MOST_RATIO = 200.0  # packed text shrinks twenty times, a bomb a thousand times
+MOST_ENTRIES = 20_000
+_REMOTE = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]+:|//)")  # a drive letter is one letter
+
+
+def check_file(file: Path) -> None:
+    """Look at a file before anything opens it.
+
+    Args:
+        file: Any path.
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: Too large, or empty.
+    """
+    if not file.is_file():
+        raise MissingError("no such file", where=file, mend="Check the path")
+    size = file.stat().st_size
+    if size > MOST_BYTES:
+        raise InputError(
+            f"{size / 1e9:.1f} GB are too large to import", where=file, allowed=f"{MOST_BYTES / 1e9:g} GB",
+            mend="Cut out a tile",
+        )  # fmt: skip
+    if not size:
+        raise InputError("is empty", where=file)
+
+
+def read_beside(model: Path, name: str, what: str) -> bytes:
+    """Read a file that a model refers to.
+
+    Args:
+        model: The model's file; what it refers to must lie in its folder or below.
+        name: The reference as it stands there; percent codes are understood.
+        what: What it is for, e.g. `texture`.
+
+    Raises:
+        InputError: It is remote, absolute, leads out of the folder, or is not there.
+    """
+    if _REMOTE.match(name):
+        raise InputError(
+            f"{what} {name[:200]} is remote", where=model, allowed="files below its folder", mend="Copy the file there"
+        )
+    home = model.resolve().parent
+    plain = unquote(name).replace("\\", "/")
+    target = (home / plain).resolve()
+    if "\0" in plain or not target.is_relative_to(home) or plain.startswith("/"):
+        raise InputError(
+            f"{what} {name[:200]} leads out of the folder", where=model, allowed="files below its folder",
+            mend="Copy the file there",
+        )  # fmt: skip
+    if not target.is_file():
+        raise MissingError(f"{what} {name[:200]} is not there", where=model, mend="Copy the file beside it")
+    check_file(target)
+    return target.read_bytes()
+
+
+def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
+    """Unpack a model with its textures.
+
+    Args:
+        archive: `.zip` file.
+        folder: Existing empty folder.
+        suffixes: Suffixes of model files; exactly one such file must be inside.
+
+    Returns:
+        The model's file.
+
+    Raises:
+        InputError: No archive, a bomb, entries that lead elsewhere, or not one model.
+    """
+    entries = check_archive(archive)
+    models = [e.filename for e in entries if Path(e.filename).suffix.lower() in suffixes]
+    if len(models) != 1:
+        raise InputError(
+            f"holds {len(models)} models", where=archive, allowed=f"one of {', '.join(suffixes)}",
+            mend="Unpack it and name one, or join them",
+        )  # fmt: skip
+    with zipfile.ZipFile(archive) as packed:
+        for entry in entries:
+            target = folder / entry.filename
+            target.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                with packed.open(entry) as source:
+                    data = source.read(entry.file_size + 1)
+            except (zipfile.BadZipFile, EOFError, RuntimeError, NotImplementedError, ValueError, OSError) as error:
+                raise InputError(f"cannot be unpacked: {error}", where=f"{archive}: {entry.filename}") from None
+            if len(data) != entry.file_size:
+                raise InputError("holds more than it says", where=f"{archive}: {entry.filename}")
+            write_bytes(target, data)
+    return folder / models[0]
+
+
+def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
+    """Look through an archive by its table alone.
+
+    Args:
+        archive: `.zip` or `.usdz` file.
+
+    Returns:
+        Its files, folders left out, sorted by name.
+
+    Raises:
+        InputError: No archive, too many or too large files, an absurd ratio, or names that lead elsewhere.
+    """
+    check_file(archive)
+    try:
+        with zipfile.ZipFile(archive) as packed:
+            entries = [entry for entry in packed.infolist() if not entry.is_dir()]
+    except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
+        raise InputError(f"no sound archive: {error}", where=archive, mend="Is the file whole?") from None
+    whole = sum(entry.file_size for entry in entries)
+    if len(entries) > MOST_ENTRIES or whole > MOST_UNPACKED:
+        raise InputError(
+            f"unpacks to {len(entries)} files, {whole / 1e9:.1f} GB", where=archive,
+            allowed=f"{MOST_ENTRIES} files, {MOST_UNPACKED / 1e9:g} GB", mend="Cut out a tile",
+        )  # fmt: skip
+    for entry in entries:
+        ratio = entry.file_size / max(entry.compress_size, 1)
+        if ratio > MOST_RATIO and entry.file_size > 1_000_000:
+            raise InputError(
+                f"unpacks to {ratio:.0f} times its size", where=f"{archive}: {entry.filename}",
+                allowed=f"{MOST_RATIO:g} times",
+            )  # fmt: skip
+        path = Path(entry.filename.replace("\\", "/"))
+        if path.is_absolute() or ".." in path.parts or (entry.external_attr >> 16) & 0o170000 == 0o120000:
+            raise InputError("an entry leads out of the archive", where=f"{archive}: {entry.filename}")
+    return sorted(entries, key=lambda entry: entry.filename)

@@ -1,0 +1,154 @@
+"""Where buildings stand on sloping land: rectangles that keep clear of each other and of what is not to be built on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.terrain import Terrain
+from authoring.site_covers import to_world
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+B = NDArray[np.bool_]
+
+DEEP = 4.2  # a building's plinth reaches this far below its floor, and a little more [m]
+SILL = 0.35  # the ground may lie this far above the floor at the upper corners [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Plots:
+    """Places of buildings.
+
+    Attributes:
+        places: Station, left and height of the floor [m], shape (N, 3), float64.
+        heading: Direction of the front's x axis from the axis [rad], shape (N,), float64.
+        which: Number of the building's design, shape (N,), int32.
+        half: Half the length and the depth of each [m], shape (N, 2), float64.
+    """
+
+    places: F64
+    heading: F64
+    which: I32
+    half: F64
+
+    def taken(self) -> F64:
+        """List station, left and radius of each [m], shape (N, 3), float64."""
+        return np.column_stack([self.places[:, :2], np.hypot(*self.half.T)])
+
+
+def settle(
+    terrain: Terrain,
+    wanted: F64,
+    halves: F64,
+    room: F64,
+    count: int,
+    gap: float = 3.0,
+    standing: Plots | None = None,
+    deepest: float = DEEP,
+    level: F64 | None = None,
+) -> Plots:
+    """Choose places for buildings, the first wanted first.
+
+    Args:
+        terrain: The terrain.
+        wanted: Station, left, heading and design of each candidate, shape (K, 4), float64.
+        halves: Half the length and depth of each design [m], shape (D, 2), float64.
+        room: Distance of each candidate to what must stay free [m], shape (K,), float64.
+        count: Most buildings.
+        gap: Between two buildings [m].
+        standing: Buildings that stand already; they are not part of the result.
+        deepest: Largest fall of the ground below a floor [m].
+        level: Height of the terrace under each candidate [m], shape (K,), float64; None: all stand on the ground.
+
+    Returns:
+        Buildings that stand clear of each other on ground that their plinths can follow.
+    """
+    which = wanted[:, 3].astype(np.int32)
+    half = halves[which]
+    floor, drop = _floors(terrain, wanted, half)
+    if level is not None:
+        floor, drop = np.round(level + 0.12, 3), np.zeros(len(level))
+    fits = (room > np.hypot(*half.T)) & (drop < deepest)
+    world = to_world(terrain.land.layout.alignment, np.column_stack([wanted[:, :2], floor]))
+    yaw = wanted[:, 2] + terrain.land.layout.alignment.heading_at(wanted[:, 0])
+    rows = [] if standing is None else _rectangles(terrain, standing)
+    before = len(rows)
+    kept = []
+    for row in np.flatnonzero(fits):
+        if len(kept) == count:
+            break
+        one = np.array([*world[row, :2], yaw[row], *(half[row] + gap / 2)])
+        if not rows or not _overlap(one, np.array(rows)).any():
+            rows.append(one)
+            kept.append(int(row))
+    del rows[:before]
+    return Plots(np.column_stack([wanted[kept, :2], floor[kept]]), wanted[kept, 2], which[kept], half[kept])
+
+
+def joined(plots: tuple[Plots, ...]) -> Plots:
+    """Put several lists of places into one."""
+    return Plots(
+        np.concatenate([part.places for part in plots]), np.concatenate([part.heading for part in plots]),
+        np.concatenate([part.which for part in plots]), np.concatenate([part.half for part in plots]),
+    )  # fmt: skip
+
+
+def downhill(terrain: Terrain, station: F64, left: F64, reach: float = 12.0) -> tuple[F64, F64]:
+    """Find the way down and its steepness.
+
+    Args:
+        terrain: The terrain.
+        station: Distance along the axis [m], shape (N,), float64.
+        left: Distance to the left of the axis [m], shape (N,), float64.
+        reach: Distance over which the slope is taken [m].
+
+    Returns:
+        Direction from the axis [rad] and slope [1], shapes (N,), float64.
+    """
+    ahead = (terrain.height(station + reach, left) - terrain.height(station - reach, left)) / (2 * reach)
+    aside = (terrain.height(station, left + reach) - terrain.height(station, left - reach)) / (2 * reach)
+    return np.arctan2(-aside, -ahead), np.hypot(ahead, aside)
+
+
+def _floors(terrain: Terrain, wanted: F64, half: F64) -> tuple[F64, F64]:
+    """Find the height of floors, and how far the ground falls below them [m], shapes (K,), float64."""
+    cosine, sine = np.cos(wanted[:, 2]), np.sin(wanted[:, 2])
+    heights = []
+    for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (0, 1), (1, 0), (-1, 0), (0, 0)):
+        along, aside = x * half[:, 0], y * half[:, 1]
+        heights.append(
+            terrain.height(wanted[:, 0] + along * cosine - aside * sine, wanted[:, 1] + along * sine + aside * cosine)
+        )
+    ground = np.array(heights)
+    floor = np.round(ground.max(axis=0) - SILL + 0.5 * np.exp(-np.ptp(ground, axis=0)), 3)
+    return floor, floor - ground.min(axis=0)
+
+
+def _rectangles(terrain: Terrain, plots: Plots) -> list[F64]:
+    """List world position, turn and half sizes of buildings."""
+    axis = terrain.land.layout.alignment
+    world, yaw = to_world(axis, plots.places), plots.heading + axis.heading_at(plots.places[:, 0])
+    return [np.array([*p[:2], a, *h]) for p, a, h in zip(world, yaw, plots.half, strict=True)]
+
+
+def _overlap(one: F64, others: F64) -> B:
+    """Tell which rectangles a rectangle touches: no side of either parts them.
+
+    Source: S. Gottschalk, M. Lin, D. Manocha, OBBTree, 1996 (separating axes).
+    """
+    offset = others[:, :2] - one[:2]
+    touch = np.hypot(*offset.T) < np.hypot(*one[3:]) + np.hypot(others[:, 3], others[:, 4])
+    for turn in (np.full(len(others), one[2]), others[:, 2]):
+        for quarter in (0.0, np.pi / 2):
+            x, y = np.cos(turn + quarter), np.sin(turn + quarter)
+            apart = np.abs(offset[:, 0] * x + offset[:, 1] * y)
+            reach = _shadow(one[None], x, y) + _shadow(others, x, y)
+            touch &= apart < reach
+    return touch
+
+
+def _shadow(rows: F64, x: F64, y: F64) -> F64:
+    """Project half a rectangle on directions [m], shape (N,), float64."""
+    cosine, sine = np.cos(rows[:, 2]), np.sin(rows[:, 2])
+    return rows[:, 3] * np.abs(cosine * x + sine * y) + rows[:, 4] * np.abs(cosine * y - sine * x)

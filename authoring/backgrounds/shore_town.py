@@ -1,0 +1,130 @@
+"""What worlds by the water share: places beside the roads, cars on the shore road, vessels on the water."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.boats import Vessel
+from authoring.backgrounds.lanes import Lane, along_lanes
+from authoring.backgrounds.parcels import open_land
+from authoring.backgrounds.plots import settle
+from authoring.backgrounds.quay import street_places
+from authoring.backgrounds.terrain import Terrain
+from authoring.backgrounds.vehicles import vehicle_models
+from authoring.backgrounds.waters import Basin
+from authoring.component import Scatter
+from authoring.site_covers import to_world
+
+F64 = NDArray[np.float64]
+MOST = 150  # cars
+_SMALL = ("saloon", "estate", "van")  # vehicles that fit a parking bay
+
+
+def beside_roads(terrain: Terrain, span: tuple[float, float], rng: np.random.Generator) -> F64:
+    """List places beside the approach roads.
+
+    Args:
+        terrain: The terrain.
+        span: Range of distances from the road's edge [m].
+        rng: Random stream.
+
+    Returns:
+        Station and left [m], shape (N, 2), float64.
+    """
+    rows = []
+    for approach in terrain.land.approaches:
+        station = approach.back + approach.sign * np.arange(75.0, 620.0, 7.0)
+        for side in (-1.0, 1.0):
+            aside = side * (approach.half_width + rng.uniform(*span, len(station)))
+            rows.append(np.column_stack([station, approach.centre(station) + aside]))
+    return np.concatenate(rows)
+
+
+def land_room(terrain: Terrain, basin: Basin, wanted: F64) -> F64:
+    """Measure the distance of places to ways, site and water.
+
+    Args:
+        terrain: The terrain.
+        basin: The water.
+        wanted: Station and left in the first columns [m], shape (N, ...), float64.
+
+    Returns:
+        Distances [m], shape (N,), float64.
+    """
+    free = open_land(terrain, wanted[:, 0], wanted[:, 1]) + 4.0
+    return np.minimum(free, -basin.inside(wanted[:, 0], wanted[:, 1]) - 12.0)
+
+
+def anchored(
+    terrain: Terrain, prefix: str, wanted: F64, shapes: tuple[Vessel, ...], half: F64,
+    level: float, count: int, first_id: int,
+) -> list[Scatter]:  # fmt: skip
+    """Put vessels on the water, none in another.
+
+    Args:
+        terrain: The terrain.
+        prefix: Put before the name of the run.
+        wanted: Station, left, heading and shape of each candidate, shape (K, 4), float64.
+        shapes: The vessels.
+        half: Half the length and width of each shape [m], shape (D, 2), float64.
+        level: Height of the water [m].
+        count: Most vessels.
+        first_id: Instance id of the first.
+
+    Returns:
+        One run, or none.
+    """
+    afloat = settle(terrain, wanted, half, np.full(len(wanted), 1e3), count, 1.0, None, 1e3)
+    total = len(afloat.which)
+    if not total:
+        return []
+    axis = terrain.land.layout.alignment
+    places = np.column_stack([afloat.places[:, :2], np.full(total, level)])
+    yaw = afloat.heading + axis.heading_at(places[:, 0])
+    ids = tuple(range(first_id, first_id + total))
+    return [
+        Scatter(f"{prefix}_Boats", "vessel", "Shore", shapes, afloat.which, to_world(axis, places), yaw,
+                np.ones((total, 3)), ids)
+    ]  # fmt: skip
+
+
+def street_cars(
+    terrain: Terrain, basin: Basin, reaches: list[F64], lanes: tuple[Lane, ...], prefix: str,
+    rng: np.random.Generator, first_id: int,
+) -> list[Scatter]:  # fmt: skip
+    """Let cars drive on the shore road, and park others beside it and on lanes.
+
+    Args:
+        terrain: The terrain.
+        basin: The water.
+        reaches: Stations of the cross-sections of each stretch [m], each of shape (N,), float64.
+        lanes: Lanes with cars at their edges.
+        prefix: Put before the name of the run.
+        rng: Random stream.
+        first_id: Instance id of the first.
+
+    Returns:
+        One run, or none.
+    """
+    shapes = tuple(model for kind, model in vehicle_models() if kind in _SMALL)
+    rows = []
+    for aside, step, share, turn in ((1.6, 31.0, 0.55, 0.0), (-1.6, 34.0, 0.5, np.pi), (4.1, 6.2, 0.5, 0.0)):
+        places = street_places(terrain, basin, reaches, aside, step)
+        places = places[rng.random(len(places)) < share]
+        if abs(aside) > 3.0:
+            places[:, 2] = terrain.height(places[:, 0], places[:, 1])
+        turns = np.full(len(places), turn if basin.side > 0 else turn + np.pi)
+        rows.append(np.column_stack([places, turns]))
+    for lane in lanes:
+        for side in (-1.0, 1.0):
+            places = along_lanes((lane,), np.array([side * (lane.half - 1.1)]), 13.0, rng)
+            places = places[rng.random(len(places)) < 0.3]
+            rows.append(np.column_stack([places, np.full(len(places), np.pi if side > 0 else 0.0)]))
+    cars = rng.permutation(np.concatenate(rows))[:MOST]
+    if not len(cars):
+        return []
+    axis = terrain.land.layout.alignment
+    yaw = cars[:, 3] + axis.heading_at(cars[:, 0])
+    which = rng.integers(0, len(shapes), len(cars)).astype(np.int32)
+    ids = tuple(range(first_id, first_id + len(cars)))
+    place = (to_world(axis, cars[:, :3]), yaw, np.ones((len(cars), 3)))
+    return [Scatter(f"{prefix}_Vehicles", "vehicle", "Shore", shapes, which, *place, ids)]

@@ -1,0 +1,184 @@
+"""Open water beside a site: a lake or a sea, level, cut out of the land along its shore, and rivers that end in it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.countryside import far_ways
+from authoring.backgrounds.terrain import Terrain
+from authoring.component import Mesh
+from authoring.site_covers import Cover, Soup, covered, drape
+from authoring.site_grid import HeightField
+from authoring.site_relief import smoothstep
+from authoring.site_roads import Piece
+from authoring.site_shape import SHOULDER, Hills, Land
+
+F64 = NDArray[np.float64]
+GroundPiece = tuple[str, str, str, str, Mesh]
+
+SNAP = 0.06  # ground this close to the water's level lies on it, so that the shore passes through its vertices [m]
+SLEEPERS = 420.0  # distance from the site up to which a railway has sleepers [m]
+MOUTH = 12.0  # open water reaches this far up a river's channel [m]
+BEACH = 0.6  # height to which the shore is bare [m]
+WATER = Cover("open_water", "OpenWater", "water", "open_water")
+SHORE = Cover("beach", "Beach", "riverbank", "gravel")
+
+
+@dataclass(frozen=True, eq=False)
+class Basin:
+    """A lake or a sea.
+
+    Attributes:
+        side: 1 where it lies to the left of the axis, -1 to the right.
+        level: Height of its surface [m].
+        shore: Distance of its near shore from the axis, on the average [m].
+        inside: How far a place lies within it, negative on land [m], from station and left, same shape, float64.
+        near: Distance of its near shore from the axis at stations [m], same shape, float64.
+    """
+
+    side: float
+    level: float
+    shore: float
+    inside: Callable[[F64, F64], F64]
+    near: Callable[[F64], F64]
+
+
+def water_level(land: Land) -> float:
+    """Choose a level below the river's, so that it flows in; below dry land where there is no river [m].
+
+    Args:
+        land: The land.
+    """
+    crossing = land.crossing
+    return crossing.level - 0.45 * min(crossing.depth, 1.3) if crossing.kind == "river" else -2.3
+
+
+def dammed(land: Land, station: F64, left: F64) -> F64:
+    """Tell where a crossing road or railway runs on a dam: 1 under it, 0 beside it and for rivers [1], same shape."""
+    if land.crossing.kind == "river":
+        return np.zeros(np.broadcast(station, left).shape)
+    half = land.crossing.half_width + SHOULDER
+    return 1.0 - smoothstep(half + 1.5, half + 6.0, land.crossing.distance(station, left))
+
+
+def bathed(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hills) -> Hills:
+    """Let land at large fall to a shore and on below the water; a dam carries a crossing road on.
+
+    Args:
+        land: The land.
+        basin: The water.
+        dry: Height of the land at large away from the water.
+        foreshore: Width of the strip on which what the land has more than that runs out [m].
+        slope: Slope of the shore [1], at least, from station and left.
+
+    Returns:
+        Height of the land at large at any place [m].
+    """
+
+    def hills(station: F64, left: F64) -> F64:
+        inside = basin.inside(station, left)
+        shore = smoothstep(-0.55 * foreshore, -8.0, inside)
+        fall = smoothstep(-foreshore, -18.0, inside)
+        high = 0.0
+        if land.valley is not None:
+            high = land.valley(station, land.crossing.centre(left) - land.crossing.station)
+        own = dry(station, left) - fall * high - shore * land.relief(station, left)
+        ashore = basin.level + slope(station, left) * np.maximum(-inside, 0.0)
+        overlap = np.maximum(1.2 - np.abs(ashore - own), 0.0) / 1.2
+        ashore = np.minimum(ashore, own) - 0.3 * overlap * overlap
+        bed = basin.level - np.minimum(0.3 * np.maximum(inside, 0.0), 9.0)
+        wet = np.where(inside > 0.0, bed, ashore)
+        return np.where(basin.side * left > 0.0, wet + dammed(land, station, left) * np.maximum(-wet, 0.0), own)
+
+    return hills
+
+
+def level_shore(terrain: Terrain, basin: Basin) -> Terrain:
+    """Put ground that nearly lies on the water's level on it.
+
+    Args:
+        terrain: The terrain.
+        basin: The water.
+
+    Returns:
+        The terrain; the site's own ground is as it was.
+    """
+    heights = terrain.field.heights.copy()
+    station, left = terrain.nodes()
+    near = (np.abs(heights - basin.level) < SNAP) & (terrain.beyond(station, left) > 1.0)
+    heights[near] = basin.level
+    return replace(terrain, field=HeightField(terrain.field.stations, terrain.field.lefts, heights))
+
+
+def shore_pieces(terrain: Terrain, basin: Basin, extra: tuple[tuple[Cover, F64], ...]) -> list[GroundPiece]:
+    """Cut ground and open water along the shore.
+
+    Args:
+        terrain: The terrain.
+        basin: The water.
+        extra: Further covers of the ground, with their fields at the nodes [m], shape (S, L).
+
+    Returns:
+        Name, component kind, material recipe, group and mesh of each piece.
+    """
+    station, left = terrain.nodes()
+    inside = basin.inside(station, left)
+    heights = terrain.field.heights
+    wet = np.minimum(basin.level - heights, inside + MOUTH)
+    beach = np.minimum(basin.level + BEACH - heights, inside + 30.0)
+    pieces = []
+    axis = terrain.land.layout.alignment
+    for cover, soup in covered(terrain.soup(extra, ((WATER, wet), (SHORE, beach)))):
+        atlas = terrain.atlas(soup)
+        level = _levelled(soup, basin.level) if cover is WATER else soup
+        pieces.append((cover.prim, cover.kind, cover.role, "Ground", drape(level, axis, atlas)))
+    return pieces
+
+
+def _levelled(soup: Soup, level: float) -> Soup:
+    rows = soup.rows.copy()
+    rows[:, 2], rows[:, 3:6] = level, (0.0, 0.0, 1.0)
+    return Soup(rows, soup.faces, soup.covers)
+
+
+def ways_to_water(terrain: Terrain, basin: Basin) -> list[Piece]:
+    """Continue the crossing and the approach roads to the terrain's border; a river sinks into the open water.
+
+    Args:
+        terrain: The terrain.
+        basin: The water.
+
+    Returns:
+        Leaf prim name, component kind, material recipe and mesh of each piece.
+    """
+    pieces = []
+    for prim, kind, role, mesh in far_ways(terrain):
+        if kind == "water":
+            left = terrain.land.layout.alignment.locate(mesh.points)[1]
+            crossing = terrain.land.crossing
+            sink = crossing.level - basin.level + 0.12
+            inside = np.where(
+                basin.side * left > 0.0, basin.inside(crossing.centre(left), left), -1e3
+            )  # of the middle, so that cross-sections stay level
+            points = mesh.points.copy()
+            points[:, 2] -= np.round(
+                sink * smoothstep(-80.0, 2.0, inside), 4
+            )  # nothing at the site: the very same bytes
+            mesh = Mesh(points, mesh.face_counts, mesh.corners, mesh.normals, mesh.st)
+        if "Sleepers" in prim:
+            mesh = _nearby(terrain, mesh)
+        pieces.append((prim, kind, role, mesh))
+    return pieces
+
+
+def _nearby(terrain: Terrain, mesh: Mesh) -> Mesh:
+    """Leave out the faces that lie farther from the site than anybody sees a sleeper."""
+    away = terrain.beyond(*terrain.land.layout.alignment.locate(mesh.points))
+    face = np.repeat(np.arange(len(mesh.face_counts)), mesh.face_counts)
+    far = np.bincount(face, away[mesh.corners] > SLEEPERS, len(mesh.face_counts)) > 0
+    kept = ~far[face]
+    used, corners = np.unique(mesh.corners[kept], return_inverse=True)
+    return Mesh(mesh.points[used], mesh.face_counts[~far], corners.reshape(-1).astype(np.int32), mesh.normals[kept],
+                mesh.st[kept])  # fmt: skip

@@ -1,0 +1,177 @@
+"""Woods, rows and gardens on slopes: more species, three grades of detail, and places that keep clear of buildings."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from authoring.backgrounds.parcels import open_land
+from authoring.backgrounds.plots import Plots
+from authoring.backgrounds.terrain import Terrain
+from authoring.backgrounds.vegetation import SUNK, Tree, broadleaf, conifer
+from authoring.component import Scatter
+from authoring.site_covers import to_world
+from authoring.site_growth import faceted, leaf_mass, stem
+from authoring.site_ways import merged
+
+F64 = NDArray[np.float64]
+B = NDArray[np.bool_]
+
+OAK, LIME, SPRUCE, CYPRESS, PALM = range(5)  # species
+CLOSE, MIDDLE = 95.0, 330.0  # distances from the site up to which trees are detailed, and plain [m]
+MOST = 120, 1100  # trees in detail, and in detail or plain
+_SHAPES = ((11.0, 10.0), (13.5, 8.5), (16.0, 6.2))  # height and width of oak, lime and spruce [m]
+
+
+def cypress(rng: np.random.Generator, height: float, width: float, clumps: int) -> Tree:
+    """Model a columnar cypress.
+
+    Args:
+        rng: Random stream.
+        height: Height [m].
+        width: Width [m].
+        clumps: Clumps of leaves.
+
+    Returns:
+        Bark and foliage.
+    """
+    pieces = []
+    for share, wide in ((0.2, 0.8), (0.42, 1.0), (0.64, 0.78), (0.84, 0.42)):
+        middle, radius = np.array([0.0, 0.0, share * height]), 0.5 * width * wide
+        half = np.array([radius, radius, 0.17 * height])
+        pieces.append(leaf_mass(rng, middle, half, clumps, 0, 0.22 * width * wide, 0.6))
+    return ("bark", stem(0.3 * height, 0.16, 5, rng)), ("foliage", merged(pieces))
+
+
+def palm(rng: np.random.Generator, height: float, fronds: int) -> Tree:
+    """Model a palm: a slim stem and a head of drooping fronds, each a folded blade.
+
+    Args:
+        rng: Random stream.
+        height: Height of the stem [m].
+        fronds: How many.
+
+    Returns:
+        Bark and foliage.
+    """
+    blades = []
+    for turn in 2 * np.pi * (np.arange(fronds) + rng.uniform(-0.3, 0.3, fronds)) / fronds:
+        lift, reach = rng.uniform(0.2, 1.5), rng.uniform(1.9, 2.7)
+        line = np.array([[0.0, 0.0], [0.35 * reach, 0.5 * lift], [0.75 * reach, 0.4 * lift - 0.3], [reach, -0.9]])
+        wide = np.array([0.08, 0.42, 0.36, 0.03])
+        points = np.concatenate([
+            np.column_stack([line[:, 0], side * wide, line[:, 1] - drop])
+            for side, drop in ((0.0, 0.0), (1.0, 0.14), (-1.0, 0.14))
+        ])  # fmt: skip
+        c, s = np.cos(turn), np.sin(turn)
+        points = points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + np.array([0.0, 0.0, height])
+        k = np.arange(3)
+        faces = np.concatenate([
+            np.column_stack([k, k + 1, k + 5]), np.column_stack([k, k + 5, k + 4]),
+            np.column_stack([k, k + 9, k + 1]), np.column_stack([k, k + 8, k + 9]),
+        ])  # fmt: skip
+        blades.append(faceted(points, faces, 0.3))
+    return ("bark", stem(height, 0.19, 6, rng)), ("foliage", merged(blades))
+
+
+def tree_runs(terrain: Terrain, prefix: str, places: F64, rng: np.random.Generator, first_id: int) -> list[Scatter]:
+    """Plant trees in three grades of detail.
+
+    Args:
+        terrain: The terrain.
+        prefix: Put before the names of the runs.
+        places: Station, left, species and size of each tree, shape (N, 4), float64.
+        rng: Random stream.
+        first_id: Instance id of the first run.
+
+    Returns:
+        One run for each grade.
+    """
+    away = terrain.beyond(places[:, 0], places[:, 1])
+    height = terrain.height(places[:, 0], places[:, 1]) - SUNK
+    positions = to_world(terrain.land.layout.alignment, np.column_stack([places[:, :2], height]))
+    scale = places[:, 3:] * rng.uniform(0.92, 1.08, (len(places), 3))
+    yaw = rng.uniform(0.0, 2 * np.pi, len(places))
+    rank = np.argsort(np.argsort(away, kind="stable"), kind="stable")  # of detailed trees there are only so many
+    grade = np.where((away < CLOSE) & (rank < MOST[0]), 0, np.where((away < MIDDLE) & (rank < MOST[1]), 1, 2))
+    runs: list[Scatter] = []
+    for number, (name, prototypes) in enumerate(zip(("Near", "Middle", "Far"), _species(rng), strict=True)):
+        chosen = grade == number
+        if chosen.any():
+            which = places[chosen, 2].astype(np.int32)
+            place = (positions[chosen], yaw[chosen], scale[chosen])
+            ids = (first_id + len(runs),)
+            runs.append(Scatter(f"{prefix}_{name}Trees", "tree", "Plants", prototypes, which, *place, ids))
+    return runs
+
+
+def shrub_run(
+    terrain: Terrain, prefix: str, places: F64, shapes: tuple[Tree, ...], rng: np.random.Generator, first_id: int
+) -> list[Scatter]:
+    """Plant shrubs.
+
+    Args:
+        terrain: The terrain.
+        prefix: Put before the name of the run.
+        places: Station, left and size of each, shape (N, 3), float64.
+        shapes: What they look like.
+        rng: Random stream.
+        first_id: Instance id of the run.
+
+    Returns:
+        One run, or none without places.
+    """
+    if not len(places):
+        return []
+    height = terrain.height(places[:, 0], places[:, 1]) - 0.08
+    positions = to_world(terrain.land.layout.alignment, np.column_stack([places[:, :2], height]))
+    scale = places[:, 2:] * rng.uniform(0.85, 1.15, (len(places), 3))
+    which = rng.integers(0, len(shapes), len(places)).astype(np.int32)
+    yaw = rng.uniform(0.0, 2 * np.pi, len(places))
+    return [Scatter(f"{prefix}_Shrubs", "shrub", "Plants", shapes, which, positions, yaw, scale, (first_id,))]
+
+
+def clear_ground(terrain: Terrain, places: F64, plots: Plots, gap: float) -> B:
+    """Tell where plants may grow: off the ways, the site and the buildings.
+
+    Args:
+        terrain: The terrain.
+        places: Station and left [m], shape (N, 2), float64.
+        plots: The buildings.
+        gap: Distance to keep from walls [m].
+
+    Returns:
+        Whether they may, shape (N,), bool.
+    """
+    free = open_land(terrain, places[:, 0], places[:, 1]) > 0.5
+    axis = terrain.land.layout.alignment
+    world = to_world(axis, np.column_stack([places, np.zeros(len(places))]))[:, :2]
+    centre = to_world(axis, plots.places)[:, :2]
+    turn = plots.heading + axis.heading_at(plots.places[:, 0])
+    around = KDTree(world).query_ball_point(centre, np.hypot(*plots.half.T) + gap)
+    for middle, yaw, half, close in zip(centre, turn, plots.half, around, strict=True):
+        near = np.array(close, np.int64)
+        east, north = (world[near] - middle).T
+        along = np.abs(east * np.cos(yaw) + north * np.sin(yaw))
+        across = np.abs(north * np.cos(yaw) - east * np.sin(yaw))
+        free[near] &= (along > half[0] + gap) | (across > half[1] + gap)
+    return free
+
+
+def spaced(places: F64, gap: float) -> B:
+    """Keep at most one place in each square of a grid, the first [m]: shape (N,), bool."""
+    cell = np.floor(places / gap).astype(np.int64)
+    kept = np.zeros(len(places), bool)
+    kept[np.unique(cell, axis=0, return_index=True)[1]] = True
+    return kept
+
+
+def _species(rng: np.random.Generator) -> tuple[tuple[Tree, ...], ...]:
+    """Model every species in three grades of detail."""
+    grades = []
+    for clumps, tiers, spokes, fronds in ((36, 8, 8, 13), (11, 4, 5, 9), (3, 2, 4, 6)):
+        trees = [broadleaf(rng, *shape, clumps) for shape in _SHAPES[:2]]
+        trees.append(conifer(rng, *_SHAPES[2], tiers, spokes))
+        trees.append(cypress(rng, 12.0, 2.2, max(clumps // 4, 1)))
+        trees.append(palm(rng, 5.5, fronds))
+        grades.append(tuple(tree[1:] if clumps < 4 and row < 3 else tree for row, tree in enumerate(trees)))
+    return tuple(grades)

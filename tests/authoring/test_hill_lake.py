@@ -1,0 +1,266 @@
+"""The worlds `lakeside` and `hillside`: they join the site, leave it empty, and their water and houses lie right."""
+
+import time
+from typing import Literal
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from authoring.alignment import Alignment, Layout
+from authoring.backgrounds.hillside import HillsideSettings
+from authoring.backgrounds.lakeside import LakesideSettings
+from authoring.backgrounds.registry import BackgroundSettings, build_background
+from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh, Scatter, triangles
+from authoring.site import Site, SiteSettings, draw_site
+from authoring.streams import stream
+from usd_schemas.components import class_of
+
+F64 = NDArray[np.float64]
+Pieces = tuple[Component | Scatter, ...]
+World = tuple[str, Site, Pieces]
+LAYOUTS = {
+    "river": Layout(Alignment(7.0), (0.0, 18.0, 40.0), 11.5, 1.9),
+    "road": Layout(Alignment(7.0, 0.015, 0.4), (0.0, 18.0, 40.0), 11.5, 1.9, "road", 8.0, 3.4),
+}
+KINDS = {"building", "roof", "window", "tree", "shrub", "fence", "wall_retaining", "pole", "vehicle", "vessel", "water",
+         "ground", "road"}  # fmt: skip
+WHOLE = BackgroundSettings()
+FEW = BackgroundSettings(
+    lakeside=LakesideSettings(reach=2500.0, villas=25, town_houses=6, trees=150, boats=8),
+    hillside=HillsideSettings(reach=2500.0, houses=40, blocks=8, sheds=4, cranes=2, trees=150),
+)
+
+
+def make(name: str, crossing: Literal["river", "road"], seed: int, settings: BackgroundSettings = WHOLE) -> World:
+    """Build a site with a world round it."""
+    drawn = SiteSettings(crossing=crossing, fine_spacing=1.6, coarse_spacing=5.0)
+    site = draw_site(drawn, LAYOUTS[crossing], stream(seed, "site"))
+    return name, site, build_background(name, settings, site, stream(seed, "background"))
+
+
+@pytest.fixture(scope="module", params=[("lakeside", "river", 7), ("lakeside", "road", 3), ("hillside", "river", 7),
+                                        ("hillside", "road", 4)])  # fmt: skip
+def world(request: pytest.FixtureRequest) -> World:
+    """A site with a world round it, made in a few seconds of work."""
+    start = time.process_time()
+    made = make(*request.param)
+    assert time.process_time() - start < 20.0
+    return made
+
+
+def solids(pieces: Pieces) -> list[Component]:
+    """The components among some pieces."""
+    return [piece for piece in pieces if isinstance(piece, Component)]
+
+
+def runs(pieces: Pieces, ending: str = "") -> list[Scatter]:
+    """The scatters among some pieces whose name ends so."""
+    return [piece for piece in pieces if isinstance(piece, Scatter) and piece.name.endswith(ending)]
+
+
+def placed(run: Scatter, row: int) -> F64:
+    """World positions of the vertices of one repeat, shape (N, 3)."""
+    local = np.concatenate([mesh.points for _, mesh in run.prototypes[run.prototype[row]]]) * run.scales[row]
+    c, s = np.cos(run.yaw[row]), np.sin(run.yaw[row])
+    return local @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + run.positions[row]
+
+
+def ground_soup(pieces: Pieces) -> F64:
+    """Triangles of the ground without open water, shape (T, 3, 3)."""
+    parts = [part for part in solids(pieces) if part.group == "Ground" and not part.name.endswith("OpenWater")]
+    return np.concatenate([part.mesh.points[triangles(part.mesh)] for part in parts])
+
+
+def heights_below(soup: F64, places: F64) -> F64:
+    """Heights of the ground at places in plan by brute force; NaN where there is none, shape (N,)."""
+    found = np.full(len(places), np.nan)
+    low, high = soup[:, :, :2].min(axis=1), soup[:, :, :2].max(axis=1)
+    for row, place in enumerate(places):
+        for a, b, c in soup[((low <= place) & (high >= place)).all(axis=1)]:
+            sides = np.column_stack([b - a, c - a])[:2]
+            share = np.linalg.solve(sides, place - a[:2]) if abs(np.linalg.det(sides)) > 1e-12 else np.array([-1.0, 0])
+            if share.min() > -1e-9 and share.sum() < 1 + 1e-9:
+                found[row] = a[2] + share @ np.array([b[2] - a[2], c[2] - a[2]])
+    return found
+
+
+def along_border(site: Site, parts: list[Component]) -> set[bytes]:
+    """The vertices of some parts that lie on the strip's border, as bytes."""
+    points = np.concatenate([part.mesh.points for part in parts])
+    station, left = site.land.layout.alignment.locate(points)
+    (first, last), (low, high) = site.field.stations[[0, -1]], site.field.lefts[[0, -1]]
+    inside = (station > first - 1e-6) & (station < last + 1e-6) & (left > low - 1e-6) & (left < high + 1e-6)
+    deep = (station > first + 1e-6) & (station < last - 1e-6) & (left > low + 1e-6) & (left < high - 1e-6)
+    return {row.tobytes() for row in points[inside & ~deep]}
+
+
+@pytest.mark.parametrize("group", ["Ground", "Ways"])
+def test_joint_shares_every_vertex(world: World, group: str) -> None:
+    """Ground, roads and water of site and world have the very same vertices along the site's border."""
+    _, site, pieces = world
+    ours, theirs = (
+        along_border(site, [part for part in solids(side) if part.group == group and "Marking" not in part.name])
+        for side in (site.pieces, pieces)
+    )
+    assert len(ours) > (120 if group == "Ground" else 12)
+    assert ours == theirs
+
+
+def test_keep_out_is_empty(world: World) -> None:
+    """No vertex of the world lies in the strip, below or above ground."""
+    _, site, pieces = world
+    (box,) = site.keep_out
+    for component in solids(pieces):
+        assert not box.contains(component.mesh.points, margin=1e-6).any(), component.name
+    for run in runs(pieces):
+        near = np.flatnonzero(np.hypot(*(run.positions[:, :2] - site.extent.mean(axis=0)).T) < 220.0)
+        for row in near:
+            assert not box.contains(placed(run, int(row))).any(), run.name
+
+
+def test_names_kinds_and_ids(world: World) -> None:
+    """All is background and of many kinds; names and ids are unique, ids without a gap in the background's range."""
+    _, site, pieces = world
+    assert {class_of(piece.kind) for piece in pieces} == {"background"}
+    assert {piece.kind for piece in pieces} >= KINDS
+    ids = [part.instance_id for part in solids(pieces)] + [n for run in runs(pieces) for n in run.instance_ids]
+    assert sorted(ids) == list(range(FIRST_BACKGROUND_ID, FIRST_BACKGROUND_ID + len(ids)))
+    assert max(ids) <= LAST_ID
+    assert all(len(run.instance_ids) in (1, len(run.positions)) for run in runs(pieces))
+    names = [piece.name for piece in (*site.pieces, *pieces)]
+    assert len(set(names)) == len(names)
+
+
+def test_open_water_is_level_and_below_its_shore(world: World) -> None:
+    """The water has one height, below the crossing's water; ground beside it rises from it and nowhere dips under."""
+    _, site, pieces = world
+    (water,) = (part for part in solids(pieces) if part.name.endswith("OpenWater"))
+    level = water.mesh.points[0, 2]
+    assert np.ptp(water.mesh.points[:, 2]) < 1e-9
+    if site.land.crossing.kind == "river":
+        assert level < site.land.crossing.level - 0.2
+    corner = water.mesh.points[triangles(water.mesh)]
+    flat = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])[:, 2] / 2
+    assert flat.min() > 0
+    assert flat.sum() > 4e5
+    shared = {row.tobytes() for row in np.round(water.mesh.points, 6)}
+    soup = ground_soup(pieces)
+    at_shore = np.array([row.tobytes() in shared for row in np.round(soup.reshape(-1, 3), 6)]).reshape(-1, 3)
+    beside = soup[at_shore.sum(axis=1) == 2]
+    assert len(beside) > 60
+    inland = beside[~at_shore[at_shore.sum(axis=1) == 2]]
+    assert np.quantile(inland[:, 2], 0.02) >= level - 1e-6  # all but the bed of a river that flows in
+
+
+def test_ground_has_no_gap_and_no_overlap(world: World) -> None:
+    """The plan areas of ground and open water add up to the land less the site; it reaches over four kilometres."""
+    _, site, pieces = world
+    parts = [part for part in solids(pieces) if part.group == "Ground"]
+    corners = np.concatenate([part.mesh.points[triangles(part.mesh)] for part in parts])
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    size = np.ptp(np.stack(site.land.layout.alignment.locate(corners.reshape(-1, 3))), axis=1)
+    land = size[0] * size[1] - np.ptp(site.field.stations) * np.ptp(site.field.lefts)
+    assert flat.sum() / 2 == pytest.approx(land, rel=1e-3)
+    assert size.min() > 8000.0
+
+
+def test_houses_stand_in_the_ground(world: World) -> None:
+    """The foot of every sampled house lies below the ground at its corners, its floor not below the terrace."""
+    _, _, pieces = world
+    soup = ground_soup(pieces)
+    soup = soup[np.abs(soup - soup.mean(axis=1, keepdims=True)).max(axis=(1, 2)) < 300.0]
+    for run in runs(pieces, "Walls"):
+        for row in range(0, len(run.positions), 53):
+            points = placed(run, row)
+            foot = points[points[:, 2] < points[:, 2].min() + 0.01]
+            ground = heights_below(soup, foot[:, :2])
+            assert (foot[:, 2] < ground[~np.isnan(ground)] + 0.3).all(), (run.name, row)
+            at = heights_below(soup, run.positions[row : row + 1, :2])
+            assert not (run.positions[row, 2] < at - 1.2).any(), (run.name, row)
+
+
+def test_houses_do_not_overlap(world: World) -> None:
+    """No corner of a house lies within another: tried for every pair."""
+    _, _, pieces = world
+    middles, turns, halves = [], [], []
+    for run in runs(pieces, "Walls"):
+        size = [np.abs(prototype[0][1].points[:, :2]).max(axis=0) for prototype in run.prototypes]
+        middles.append(run.positions[:, :2])
+        turns.append(run.yaw)
+        halves.append(np.array(size)[run.prototype])
+    middle, turn, half = np.concatenate(middles), np.concatenate(turns), np.concatenate(halves)
+    assert len(middle) > 150
+    signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (0, 0), (0, 1), (0, -1), (1, 0), (-1, 0)])
+    for row in range(len(middle)):
+        c, s = np.cos(turn[row]), np.sin(turn[row])
+        probes = signs * half[row] @ np.array([[c, s], [-s, c]]) + middle[row]
+        near = np.flatnonzero(np.hypot(*(middle - middle[row]).T) < 60.0)
+        for other in near[near != row]:
+            offset = probes - middle[other]
+            c, s = np.cos(turn[other]), np.sin(turn[other])
+            inside = (np.abs(offset[:, 0] * c + offset[:, 1] * s) < half[other, 0]) & (
+                np.abs(offset[:, 1] * c - offset[:, 0] * s) < half[other, 1]
+            )
+            assert not inside.any()
+
+
+def test_boats_float(world: World) -> None:
+    """Every vessel floats on open water, clear of the land."""
+    _, _, pieces = world
+    (water,) = (part for part in solids(pieces) if part.name.endswith("OpenWater"))
+    boats = [run for run in runs(pieces) if run.kind == "vessel"]
+    assert sum(len(run.positions) for run in boats) > 20
+    soup = water.mesh.points[triangles(water.mesh)]
+    for run in boats:
+        assert np.abs(run.positions[:, 2] - water.mesh.points[0, 2]).max() < 1e-6
+        assert not np.isnan(heights_below(soup, run.positions[::7, :2])).any()
+
+
+def test_shapes_are_sound_and_few(world: World) -> None:
+    """No degenerate triangle, unit normals, site and world within 1.3 million instanced triangles."""
+    _, site, pieces = world
+    total = 0
+    for piece in (*site.pieces, *pieces):
+        meshes: list[tuple[Mesh, int]] = []
+        if isinstance(piece, Component):
+            meshes.append((piece.mesh, 1))
+        else:
+            counts = np.bincount(piece.prototype, minlength=len(piece.prototypes))
+            meshes += [(mesh, int(n)) for n, parts in zip(counts, piece.prototypes, strict=True) for _, mesh in parts]
+        for mesh, weight in meshes:
+            corner = mesh.points[triangles(mesh)]
+            normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+            assert np.linalg.norm(normal, axis=1).min() > 1e-9, piece.name
+            np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-4)
+            total += weight * len(corner)
+    assert total < 1_300_000
+
+
+def test_walls_hold_terraces() -> None:
+    """Every terrace of the hillside is level across, and a retaining wall stands at its lower edge."""
+    _, _, pieces = make("hillside", "river", 5, FEW)
+    walls = [part for part in solids(pieces) if "TerraceWall" in part.name]
+    tops = [part for part in solids(pieces) if "_Terrace_" in part.name]
+    assert len(tops) == len(walls) > 12
+    for top, wall in zip(tops, walls, strict=True):
+        level = top.mesh.normals[:, 2] > 0.9
+        corners = top.mesh.points[top.mesh.corners[level]]
+        assert wall.mesh.points[:, 2].max() > corners[:, 2].max()
+        assert wall.mesh.points[:, 2].min() < corners[:, 2].min() - 1.0
+
+
+@pytest.mark.parametrize("name", ["lakeside", "hillside"])
+def test_a_seed_is_a_world(name: str) -> None:
+    """A seed fixes the bytes; another seed makes another world."""
+    one, other, again = (make(name, "river", seed, FEW)[2] for seed in (2, 9, 2))
+    for first, second in zip(one, again, strict=True):
+        assert first.name == second.name
+        if isinstance(first, Component) and isinstance(second, Component):
+            assert first.mesh.points.tobytes() == second.mesh.points.tobytes()
+            assert first.mesh.normals.tobytes() == second.mesh.normals.tobytes()
+        elif isinstance(first, Scatter) and isinstance(second, Scatter):
+            assert first.positions.tobytes() == second.positions.tobytes()
+            assert first.yaw.tobytes() == second.yaw.tobytes()
+    walls, others = (np.concatenate([run.positions for run in runs(side, "Walls")]) for side in (one, other))
+    assert len(walls) != len(others) or np.abs(walls - others).max() > 10.0
