@@ -11,6 +11,7 @@ from pxr import Sdf
 
 from authoring.alignment import Layout
 from authoring.assets import Pieces, bake_surfaces, write_asset
+from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.families.registry import build_bridge
 from authoring.labels import write_labels
 from authoring.layers.bridge import bridge_layer, payload_layer
@@ -35,6 +36,7 @@ from authoring.surveys.registry import plan_survey
 from authoring.surveys.subject import make_subject
 from authoring.variants.write import NO_BACKGROUND, made_from, write_background, write_light, write_look
 from groundwork.canonical import digest
+from groundwork.errors import InputError
 from groundwork.files import space_errors
 from groundwork.progress import Progress
 from usd_schemas import tokens
@@ -55,6 +57,11 @@ def author_scene(
         progress: Listener.
         worlds: Imported worlds by the name under which `[background]` and `[variants]` ask for them.
     """
+    for name in (settings.background.name, *settings.variants.background):
+        if name not in BACKGROUNDS and name not in worlds:
+            raise InputError(
+                "unknown background", field="background.name", value=name, allowed=", ".join((*BACKGROUNDS, *worlds))
+            )
     progress.stage("author", 7)
     layout, drawn = draw_layout(settings.bridge, stream(seed, "bridge"))
     site = draw_site(settings.site, layout, stream(seed, "site"))

@@ -41,9 +41,9 @@ def harvest_sun(layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage) -> str:
     path = _home(scene, prim.GetPath())
     former = layer.GetPrimAtPath(path)
     if former is not None:
-        for name in former.properties:
-            if name.startswith("xformOp") or name in _STRENGTH:
-                former.RemoveProperty(former.properties[name])
+        for spec in list(former.properties):
+            if spec.name.startswith("xformOp") or spec.name in _STRENGTH:
+                former.RemoveProperty(spec)
     turned, dimmed = _angle(ours, theirs) > TURNED, not np.allclose(before, after, rtol=DIMMED)
     if turned:
         write_transform(layer, path, prim, _turned(prim, np.array(ours.direction), np.array(theirs.direction)))

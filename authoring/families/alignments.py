@@ -60,7 +60,7 @@ def draw_alignment(
     supports: tuple[float, ...],
     half_width: float,
     service: str,
-    grade: float,
+    mean_grade: tuple[float, bool],
     straight: bool,
     draws: Draws,
 ) -> Alignment:
@@ -71,14 +71,14 @@ def draw_alignment(
         supports: Stations of the bearing lines, abutments first and last [m].
         half_width: Half the deck's width [m].
         service: `road` or `rail`.
-        grade: Rise of the road per metre, mean over the bridge [1].
+        mean_grade: Rise of the road per metre, mean over the bridge [1], and whether it was drawn.
         straight: Arches and cables want a straight axis with square supports and no crest.
         draws: Random stream and profile of the bridge.
 
     Raises:
         InputError: Something that the user fixed does not fit the bridge.
     """
-    length, paper = supports[-1], draws.profile == "paper"
+    length, paper, (grade, free) = supports[-1], draws.profile == "paper", mean_grade
     kind, profile, way = draws.choose(_KINDS), draws.choose(_PROFILES), draws.choose({"left": 1.0, "right": 1.0})
     radius_share, skewed, skew_sign = draws.random(), draws.random() < _SKEWED, 1.0 if draws.random() < 0.5 else -1.0
     sizes = {key: draw(settings, key, draws) for key in (
@@ -95,6 +95,9 @@ def draw_alignment(
     if settings.skew is None and settings.radius is not None:  # what is drawn gives way to what is fixed
         widest = float(np.arccos(np.sqrt(min(LEAST_RADIUS[service] / settings.radius, 1.0))))
         skew = float(np.clip(skew, -widest, widest)) + 0.0
+    if profile != "grade" and free and settings.crest_radius is not None:  # the ends must not become too steep
+        room = max(STEEPEST[service] - 0.5 * length / settings.crest_radius, 0.0)
+        grade = float(np.trunc(1e6 * np.clip(grade, -room, room)) / 1e6)
     _check_grade(grade, service)
     least = LEAST_RADIUS[service] / np.cos(skew) ** 2
     plan: tuple[Element, ...] = ()

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from authoring.alignment import Alignment, Layout
-from authoring.families.alignments import STEEPEST, AlignmentSettings, draw_alignment
+from authoring.families.alignments import AlignmentSettings, draw_alignment
 from authoring.parts.abutments import AbutmentSettings
 from authoring.parts.bearings import BearingSettings
 from authoring.parts.deck_top import DeckTop, DeckTopSettings
@@ -63,12 +63,9 @@ def draw_layout_of(
     """
     clearance, grade = draw(shared, "clearance", draws), draw(shared, "grade", draws)
     clearance = max(clearance, least_clearance)
-    if (
-        shared.grade is None and shared.alignment.crest_radius is not None and not straight
-    ):  # the ends must not become too steep
-        room = max(STEEPEST[top.service] - 0.5 * supports[-1] / shared.alignment.crest_radius, 0.0)
-        grade = float(np.trunc(1e6 * np.clip(grade, -room, room)) / 1e6)
-    axis = draw_alignment(shared.alignment, supports, 0.5 * top.width, top.service, grade, straight, draws)
+    axis = draw_alignment(
+        shared.alignment, supports, 0.5 * top.width, top.service, (grade, shared.grade is None), straight, draws
+    )
     if shared.alignment.skew is None and not top.takes_skew:
         axis = replace(axis, skew=0.0)
     level = round(clearance - lowest_soffit - _lowest(axis, supports, 0.5 * top.width), 3)

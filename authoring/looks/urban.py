@@ -89,8 +89,8 @@ def buff_brick(tile: Tile) -> Sheet:
     """
     red = brick(tile)
     grey = red.albedo.mean(axis=-1, dtype=np.float32)
-    return Sheet(cover(red.albedo, np.full_like(grey, 0.85), paint((0.335, 0.262, 0.168), grey / np.float32(0.135))),
-                 red.roughness, red.height)  # fmt: skip
+    clay = paint((0.335, 0.262, 0.168), np.minimum(grey / np.float32(0.135), 2.4))
+    return Sheet(cover(red.albedo, np.full_like(grey, 0.85), clay), red.roughness, red.height)
 
 
 def far_facade(tile: Tile, wall: Color, pane: tuple[float, float], opening: tuple[float, float]) -> Sheet:

@@ -306,7 +306,8 @@ def _shaft_parts(piers: Piers, support: int, station: float, low: float, high: f
     for number, surface in enumerate(shaft_surfaces(piers.shafts, station, low, high, place)):
         size: dict[str, object] = {
             "pier": piers.kind, "shape": piers.column_shape, "width": piers.column_width,
-            "length": piers.column_length, "height": high - low - 2.0 * EMBEDDED, "batter": piers.batter,
+            "length": piers.column_length, "batter": piers.batter,
+            "height": float(np.ptp(surface.points[:, 2])) - 2.0 * EMBEDDED,
             "support": support,
         }  # fmt: skip
         if piers.kind in ("y", "v"):

@@ -11,6 +11,7 @@ from authoring.sections import circle, cut_corners, mirrored, rectangle
 from authoring.sweep import Surface, prism, sweep, turned
 
 EMBEDDED = 0.010  # [m] into cap and footing
+APART = 0.3  # [m] between neighbouring shafts at their bases
 SIDES = 48  # of a round column
 _NOSE_SIDES = 12  # of half a round nose
 _NOTCH = 0.10  # [m] half the flat bottom of a fork
@@ -43,7 +44,7 @@ class Shafts:
 
 
 def stout_shafts(shafts: Shafts, height: float, slenderness: float) -> Shafts:
-    """Thicken shafts until a height over their least side meets a limit.
+    """Thicken shafts until a height over their least side meets a limit; neighbours stay apart down to their bases.
 
     Args:
         shafts: Dimensions.
@@ -51,10 +52,15 @@ def stout_shafts(shafts: Shafts, height: float, slenderness: float) -> Shafts:
         slenderness: The limit [1].
     """
     growth = height / (slenderness * min(shafts.width, shafts.length))
-    if growth <= 1.0:
+    if growth > 1.0:
+        wider = 1.0 if shafts.kind == "wall" else growth
+        shafts = replace(shafts, width=round(wider * shafts.width, 3), length=round(growth * shafts.length, 3))
+    if len(shafts.lines) < 2:
         return shafts
-    wider = 1.0 if shafts.kind == "wall" else growth
-    return replace(shafts, width=round(wider * shafts.width, 3), length=round(growth * shafts.length, 3))
+    pitch = float(np.diff(np.sort(shafts.lines)).min())
+    width = min(shafts.width, round(pitch - 2.0 * APART, 3))
+    batter = min(shafts.batter, max(0.5 * (pitch - width - APART) / height, 0.0))
+    return replace(shafts, width=width, batter=batter)
 
 
 def shaft_base(shafts: Shafts, height: float, skew: float = 0.0) -> F64:

@@ -100,7 +100,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Mat
     return folder, {name: bake_surface(name, folder, _rng(), 256) for name in RECIPES}
 
 
-@pytest.mark.parametrize("name", RECIPES)
+@pytest.mark.parametrize("name", [name for name in RECIPES if name != "paint_colours"])  # a chart that never repeats
 def test_sheet_has_no_seam(small: tuple[Path, dict[str, MaterialRecipe]], name: str) -> None:
     """The step across the wrap is no larger than the largest step between neighbouring lines inside."""
     folder, recipes = small

@@ -74,7 +74,9 @@ def test_each_edit_is_told_apart(stored_scene: Path, own_scene: Path) -> None:
     diaphragm = next(prim for prim in surfaces(stage) if prim.GetName().startswith("Diaphragm"))
     diaphragm.GetAttribute("semantics:labels:class").Set(["beam"])
     UsdGeom.Cube.Define(stage, "/World/Bridge/BridgeGeom/Furniture/Sign/Plate")
-    gone = next(prim for prim in surfaces(stage) if prim.GetName().startswith("Coping"))
+    gone = next(
+        prim for prim in surfaces(stage) if prim.GetName().startswith(("Coping", "Parapet", "Railing", "Barrier"))
+    )
     gone.SetActive(False)
     stage.GetEditTarget().GetLayer().Save()  # not atomic: a test's own file
     found = diff_scenes(stored_scene, own_scene)

@@ -60,7 +60,7 @@ def test_selection_wins_and_stays(own_scene: Path) -> None:
     ("axis", "value", "parts"),
     [
         ("look", "shiny", ["look", "'shiny'", "clean, weathered"]),
-        ("background", "moon", ["background", "'moon'", "countryside, none"]),
+        ("background", "moon", ["background", "'moon'", "countryside", "none"]),
         ("light", "noon", ["light", "'noon'", "default"]),
         ("weather", "rain", ["weather", "look, background, light"]),
         ("background", "nowhere.usda", ["nowhere.usda", "no such file"]),
