@@ -25,6 +25,7 @@ SMALL: dict[str, object] = {
         "service": "road",
         "alignment": {"kind": "straight", "skew": 0, "profile": "grade"},
         "beam": {"spans": [14.0, 16.0]},
+        "parapet": {"shape": "wall"},
         "roadway": {"lanes": 2},
     },
     "survey": [{"kind": "global", "images": 24, "width": 480, "height": 360}],
@@ -37,6 +38,7 @@ CHAIN: dict[str, object] = {  # small, and yet enough images with enough texture
         "service": "road",
         "alignment": {"kind": "straight", "skew": 0, "profile": "grade"},
         "beam": {"spans": [12.0]},
+        "parapet": {"shape": "wall"},
     },
     "survey": [{"kind": "global", "images": 24, "width": 480, "height": 360}],
 }
