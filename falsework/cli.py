@@ -113,7 +113,7 @@ def render(
         output: Folder to write into.
         survey: Only this product or camera.
         quality: How much shading.
-        noise: Add the sensor's noise to the images.
+        noise: The sensor's noise is in the images; `--no-noise` leaves it out.
         seed: Seed of the sensor's noise.
         allow_root: Folders beside that of the stage from which it may take layers and textures.
     """

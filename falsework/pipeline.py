@@ -14,7 +14,7 @@ from falsework.scenario import Scenario, scene_seed, world_folders
 from falsework.stages import STAGES
 from falsework.store import Store, Task, link_result
 from groundwork.canonical import folder_digest
-from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError
 from groundwork.files import MARK, claim_output, space_errors, write_text
 from groundwork.progress import Progress
 
@@ -72,6 +72,10 @@ def run_scenario(scenario: Scenario, out: Path, progress: Progress, scenes: Iter
             outcome.rejected[name] = f"{rejection.reason}: {rejection}"
         except OutOfSpaceError:
             raise
+        except InputError as error:
+            if scenario.scenes == 1:
+                raise
+            outcome.failed[name] = str(error)  # what one scene draws may not go together; the others go on
         except ChildError as error:
             outcome.failed[name] = str(error)
     return outcome

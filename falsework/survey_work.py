@@ -12,6 +12,7 @@ from groundwork.child import answer_parent
 from groundwork.progress import Progress
 
 LINKED_ENOUGH = 0.9  # predicted share of registered images below which a flight is warned of
+MANY = 600  # images of one flight that are worth a word
 OUTLINE = 6000  # points of the bridge in the figure
 
 
@@ -68,22 +69,18 @@ def plan(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
         request: `{scene, plan, seed}`: settings of the survey, and a seed or None for that of the scene.
         progress: Listener.
     """
-    from pydantic import TypeAdapter, ValidationError
-
     from authoring.surveys.add import add_survey
-    from authoring.surveys.settings import AnySurvey
-    from groundwork.errors import InputError
+    from authoring.surveys.settings import GlobalSettings, GridSettings, LocalSettings
+    from groundwork.settings import parse_settings
 
     progress.stage("plan", 1)
-    try:
-        settings = TypeAdapter[Any](AnySurvey).validate_python(request["plan"])
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"][1:])
-        raise InputError(str(first["msg"]), field=f"survey.{where}", value=first.get("input")) from None
+    kinds = {"global": GlobalSettings, "local": LocalSettings, "grid": GridSettings}
+    settings = parse_settings(kinds[request["plan"]["kind"]], request["plan"], "survey")
     path = add_survey(Path(request["scene"]), settings, request["seed"])
     progress.advance(1)
     steps = np.linalg.norm(np.diff(path.poses[:, :3, 3], axis=0), axis=1)
+    if len(path.poses) > MANY:
+        progress.note(f"{len(path.poses)} images: judge them with `falsework survey score` before you render them")
     return [{"survey": path.id, "images": len(path.poses), "length": float(steps.sum())}]
 
 
@@ -108,9 +105,9 @@ def _answer(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]
     from usd_schemas.guard import check_stage, limit_memory
 
     limit_memory(ADDRESS_LIMIT)
+    check_stage(Path(request["scene"]), tuple(Path(root) for root in request["allow_roots"]), progress.note)
     if "plan" in request:
         return plan(request, progress)
-    check_stage(Path(request["scene"]), tuple(Path(root) for root in request["allow_roots"]), progress.note)
     return score(request, progress)
 
 

@@ -66,7 +66,24 @@ def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) 
         near = difflib.get_close_matches(str(detail["loc"][-1]), known, n=1, cutoff=0.0)
         mend = f"Did you mean {near[0]!r}?" if near else "Remove it"
         return InputError("unknown key", where=where, field=field, allowed=", ".join(known) or "none", mend=mend)
-    return InputError(detail["msg"], where=where, field=field, value=detail["input"], mend="Correct this value")
+    context = detail.get("ctx", {})
+    if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
+        key = str(context["discriminator"]).replace("'", "")
+        members = [
+            inner for part in detail["loc"][:1] for inner in _models_in(model.model_fields[str(part)].annotation)
+        ]
+        tags = [tag for member in members for tag in typing.get_args(member.model_fields[key].annotation)]
+        found = detail["input"].get(key) if isinstance(detail["input"], dict) else None
+        return InputError(
+            "says no known kind", where=where, field=f"{field}.{key}", value=found, allowed=", ".join(tags)
+        )
+    if not field:  # several keys that do not go together: the message names them, the whole file would drown it
+        return InputError(_plain(detail["msg"]), where=where, mend="Correct this value")
+    return InputError(_plain(detail["msg"]), where=where, field=field, value=detail["input"], mend="Correct this value")
+
+
+def _plain(message: str) -> str:
+    return message.removeprefix("Value error, ").replace("Input should be a valid tuple", "should be a list: [ … ]")
 
 
 def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> list[str]:
@@ -76,9 +93,14 @@ def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> list[
             continue
         fields = [m.model_fields[part] for m in current if part in m.model_fields]
         below = [inner for field in fields for inner in _models_in(field.annotation)]
-        tagged = [m for m in current if m.__name__ == part]
+        tagged = [m for m in current if m.__name__ == part or _is_tagged(m, part)]
         current = below or tagged or current
     return sorted({key for m in current for key in m.model_fields})
+
+
+def _is_tagged(model: type[Settings], tag: str) -> bool:
+    """Tell whether a member of a union is the one that goes by a tag, such as `kind = "local"`."""
+    return any(tag in typing.get_args(field.annotation) for field in model.model_fields.values())
 
 
 def _models_in(annotation: object) -> list[type[Settings]]:

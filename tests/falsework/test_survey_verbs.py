@@ -47,8 +47,8 @@ def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsy
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["plan", "{scene}", "--set", "lenght=30"], ["survey.", "lenght"]),
-        (["plan", "{scene}", "--set", "safety=99"], ["survey.", "99"]),
+        (["plan", "{scene}", "--set", "lenght=30"], ["survey", "lenght", "Did you mean 'length'"]),
+        (["plan", "{scene}", "--set", "safety=99"], ["survey", "safety", "99"]),
         (["plan", "{scene}", "--set", "safety"], ["key=value"]),
         (["plan", "{scene}", "--set", "station=900"], ["survey.station", "holds no bridge"]),
         (["score", "{scene}.no"], ["no such file"]),
