@@ -89,3 +89,17 @@ def test_doctor_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert answer["version"] == 1
     assert verdicts["frame"] == "OK"
     assert caught.value.code == 0
+
+
+def test_an_edited_scene_is_not_authored_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scene folder in which a file was changed by hand is left as it is."""
+    folder = tmp_path / "scene"
+    (folder / "edits").mkdir(parents=True)
+    (folder / "edits/user.usda").write_text("#usda 1.0\n")
+    (folder / "manifest.json").write_text(json.dumps({"files": {"edits/user.usda": "another hash"}}))
+    (folder / ".falsework").write_text("scene\n")
+    scenario = tmp_path / "s.toml"
+    scenario.write_text("seed = 3\n")
+    line = _fails(["author", scenario, "-o", folder], capsys)
+    assert "edits/user.usda: changed" in line
+    assert (folder / "edits/user.usda").read_text() == "#usda 1.0\n"
