@@ -16,7 +16,8 @@ from tests.conftest import Count, RecordProof
 PROFILES = ("default", "paper")
 LEAST_SHARE = 0.02  # [1] of the draws, in one profile or the other, that every option takes
 LEAST_COVER = 0.8  # [1] of a range that the draws reach
-_OVERRULED = {("alignment", "skew")}  # what the deck cannot have is taken back only where the user did not ask for it
+# What does not fit is taken back only where the user did not ask for it: a skew from the deck, a crest from the grade.
+_OVERRULED = {("alignment", "skew"), ("alignment", "crest_radius")}
 _STRAIGHT = ("arch", "suspension", "cable_stayed")  # they refuse all but one option of the alignment
 _ENOUGH = 60  # draws of a key from which its range is judged
 
