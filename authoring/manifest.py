@@ -16,6 +16,7 @@ from groundwork.settings import parse_settings
 FORMAT = "falsework.scene"
 FORMAT_VERSION = 1
 NAME = "manifest.json"
+EDITED = "edited"  # set as soon as anything was chosen, planned or added after authoring
 _NOT_OURS = {NAME, MANIFEST, MARK}
 
 
@@ -56,7 +57,7 @@ def refresh_manifest(folder: Path) -> None:
         folder: Scene folder.
     """
     if (folder / NAME).is_file():
-        write_json(folder / NAME, {**read_json(folder / NAME), **_hashes(folder)})
+        write_json(folder / NAME, {**read_json(folder / NAME), EDITED: True, **_hashes(folder)})
 
 
 def read_recipe(folder: Path) -> SceneRecipe:
@@ -96,6 +97,21 @@ def changed_files(folder: Path) -> list[str]:
     lines |= {name: "new" for name in now.keys() - then.keys()}
     lines |= {name: "changed" for name in then.keys() & now.keys() if then[name] != now[name]}
     return [f"{name}: {what}" for name, what in sorted(lines.items())]
+
+
+def edits_since(folder: Path) -> list[str]:
+    """List what a new authoring into a scene folder would lose.
+
+    Args:
+        folder: Scene folder.
+
+    Returns:
+        One line for each file changed by hand, and one for additions to the scene; empty without a manifest.
+    """
+    if not (folder / NAME).is_file():
+        return []
+    added = ["choices, flights or edits were added"] if read_json(folder / NAME).get(EDITED) else []
+    return [*changed_files(folder), *added]
 
 
 def _hashes(folder: Path) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from groundwork.errors import InputError
 from groundwork.progress import Progress
 
 if TYPE_CHECKING:
-    from authoring.backgrounds.city_model import CityModel
+    from authoring.imported.model import CityModel
 
 ADDRESS_LIMIT = 16.0  # [GB]
 
@@ -24,7 +24,7 @@ def import_world(request: dict[str, Any], progress: Progress) -> dict[str, str]:
     Returns:
         What was found: counts, extent, attribution.
     """
-    from authoring.backgrounds.city_asset import write_city
+    from authoring.imported.asset import write_city
     from groundwork.files import space_errors
     from usd_schemas.guard import limit_memory
 
@@ -39,9 +39,9 @@ def import_world(request: dict[str, Any], progress: Progress) -> dict[str, str]:
 
 def _read(file: Path, up: str, scale: float, progress: Progress) -> "CityModel":
     """Choose the reader by the file's suffix."""
-    from authoring.backgrounds.import_cityjson import read_cityjson
-    from authoring.backgrounds.import_mesh import MESH_SUFFIXES, read_mesh
-    from authoring.backgrounds.import_usd import USD_SUFFIXES, read_usd
+    from authoring.imported.cityjson import read_cityjson
+    from authoring.imported.mesh import MESH_SUFFIXES, read_mesh
+    from authoring.imported.usd import USD_SUFFIXES, read_usd
 
     suffix = file.suffix.lower()
     if suffix in (*MESH_SUFFIXES, ".zip"):
@@ -62,7 +62,7 @@ def describe_world(request: dict[str, Any], progress: Progress) -> dict[str, str
         request: `{world}`.
         progress: Listener.
     """
-    from authoring.backgrounds.city_asset import read_city
+    from authoring.imported.asset import read_city
     from usd_schemas.guard import limit_memory
 
     limit_memory(ADDRESS_LIMIT)

@@ -83,14 +83,14 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
         output: Folder to write: the scene folder itself.
         scene: Number of the scene.
     """
-    from authoring.manifest import changed_files
+    from authoring.manifest import edits_since
     from falsework.scenario import load_scenario, scene_seed, world_folders
     from falsework.stages import STAGES
     from groundwork.errors import InputError
     from groundwork.files import fresh_output
 
     loaded = load_scenario(scenario)
-    if output.is_dir() and (changed := changed_files(output)):
+    if output.is_dir() and (changed := edits_since(output)):
         raise InputError(
             f"was changed since it was authored ({changed[0]})", where=output, mend="Author into another folder"
         )

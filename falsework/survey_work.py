@@ -26,7 +26,7 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     Returns:
         For each flight its name, score, coverage by class, warnings, and what the figure draws.
     """
-    from authoring.surveys.assess import assess_flight
+    from authoring.surveys.score import score_flight
     from authoring.surveys.stage_subject import stage_subject
     from usd_schemas.pinhole import pinhole_from_lens
     from usd_schemas.stage_reader import read_stage
@@ -43,7 +43,7 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
         camera = track.calibration or pinhole_from_lens(track.lens, product.width, product.height)
         times = track.facts.get("capture_times")
         duration = float(times[-1]) if isinstance(times, (list, tuple)) and times else 0.0
-        found = assess_flight(track.poses, camera, duration, bridge, subject.obstacles)
+        found = score_flight(track.poses, camera, duration, bridge, subject.obstacles)
         shares: dict[str, list[float]] = defaultdict(list)
         for instance, share in found.covered.items():
             shares[classes.get(instance, "")].append(share)

@@ -8,10 +8,10 @@ from pydantic import Field
 
 from authoring.backgrounds.countryside import far_ways
 from authoring.backgrounds.facades import MIDDLE, tower_faces
-from authoring.backgrounds.furniture import furniture
 from authoring.backgrounds.pavements import KERB, plate, street_paint
 from authoring.backgrounds.quads import quad_mesh
-from authoring.backgrounds.quays import quays
+from authoring.backgrounds.river_quays import quays
+from authoring.backgrounds.street_furniture import furniture
 from authoring.backgrounds.street_trees import street_trees
 from authoring.backgrounds.streets import STRIP, Block, TownPlan, draw_plan
 from authoring.backgrounds.terrain import Cell, Terrain, distance_beyond, grow_terrain, rolling_hills

@@ -12,8 +12,8 @@ from authoring.backgrounds.harbour import container_stacks, crane, draw_sheds
 from authoring.backgrounds.hillside_land import BUILT, FOOT, QUAY, draw_sea, hillside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
 from authoring.backgrounds.plots import Plots, downhill, joined, settle
-from authoring.backgrounds.quay import quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.roadside import plant_poles
+from authoring.backgrounds.shore_quay import quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.shore_town import anchored, beside_roads, land_room, street_cars
 from authoring.backgrounds.slope_plants import Woods, draw_stands, green_runs, mountain_covers
 from authoring.backgrounds.terrain import Terrain, grow_terrain

@@ -7,7 +7,7 @@ from authoring.backgrounds.boats import Vessel
 from authoring.backgrounds.lanes import Lane, along_lanes
 from authoring.backgrounds.parcels import open_land
 from authoring.backgrounds.plots import settle
-from authoring.backgrounds.quay import street_places
+from authoring.backgrounds.shore_quay import street_places
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import vehicle_models
 from authoring.backgrounds.waters import Basin

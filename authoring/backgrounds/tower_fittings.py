@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.facades import MIDDLE, NEAR, openings
-from authoring.backgrounds.fittings import roof_plant, shop_fronts, window_models
 from authoring.backgrounds.quads import placed
+from authoring.backgrounds.street_models import roof_plant, shop_fronts, window_models
 from authoring.backgrounds.towers import Tower
 from authoring.component import Scatter
 

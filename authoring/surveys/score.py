@@ -1,80 +1,139 @@
-"""How well a flight sees a bridge, found by casting rays before anything is rendered."""
+"""What a flight is worth, found by casting rays before anything is rendered."""
+
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.surveys.path import CameraPath
-from authoring.surveys.subject import Subject
-from usd_schemas.pinhole import Pinhole, project, unproject
+from authoring.surveys.linked import linked_share
+from authoring.surveys.surface_samples import SurfaceSamples, sample_surfaces
+from authoring.surveys.turning import pitch_of
+from usd_schemas.pinhole import Pinhole, project
+from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-STRIDE = 4  # [px] between the rays of an image; a ray stands for STRIDE x STRIDE pixels
+ENOUGH_VIEWS = 3
+WIDEST_INCIDENCE = 60.0  # [deg] between a surface's normal and the line to the camera
+TOUCH = 0.01  # [m] by which a ray may end before the sample that it is sent to
+PITCH_EDGES = tuple(range(-90, 91, 15))  # [deg]
 
 
-def visible_pixels(path: CameraPath, subject: Subject) -> tuple[I64, I64]:
-    """Count the pixels that each instance covers in each image.
+@dataclass(frozen=True)
+class FlightScore:
+    """What a flight is worth.
+
+    Attributes:
+        images: Number of images.
+        length: Length of the flight [m].
+        duration: Flight time [s]; 0 when the stage tells no times.
+        clearance: Least distance of a camera to bridge and site [m].
+        overlap: Mean share of what an image sees that the next one sees as well [1].
+        linked: Predicted share of the images that a reconstruction registers [1].
+        sampling: Median and 95th percentile of the ground-sampling distance [m].
+        base_angle: Median of the widest angle between two views of a point [deg].
+        covered: Instance id to the share of its surface that enough cameras see squarely [1].
+        pitches: Number of images in each 15 degrees of pitch, from -90 on.
+    """
+
+    images: int
+    length: float
+    duration: float
+    clearance: float
+    overlap: float
+    linked: float
+    sampling: tuple[float, float]
+    base_angle: float
+    covered: dict[int, float] = field(default_factory=dict)
+    pitches: tuple[int, ...] = ()
+
+
+def score_flight(
+    poses: F64, camera: Pinhole, duration: float, bridge: tuple[F64, NDArray[np.integer]], obstacles: RayScene
+) -> FlightScore:
+    """Judge a flight.
 
     Args:
-        path: Cameras to look through.
-        subject: Bridge and site.
-
-    Returns:
-        Instance ids of the bridge, ascending, shape (K,), and pixel counts [px], shape (N, K), int64.
+        poses: camera_to_world in the order of flight [m], shape (N, 4, 4), float64.
+        camera: Intrinsics.
+        duration: Flight time [s].
+        bridge: Corners of the bridge's triangles [m], shape (T, 3, 3), float64, and their instance ids, shape (T,).
+        obstacles: Bridge and site.
     """
-    ids = np.unique(subject.bridge_ids).astype(np.int64)
-    counts = np.zeros((len(path.poses), len(ids)), np.int64)
-    for row, pose in enumerate(path.poses):
-        hits = _look(path.calibration, pose, subject)[1]
-        column = np.searchsorted(ids, hits)
-        known = (column < len(ids)) & (ids[np.minimum(column, len(ids) - 1)] == hits)
-        counts[row] = np.bincount(column[known], minlength=len(ids)) * STRIDE**2
-    return ids, counts
+    samples = sample_surfaces(*bridge)
+    views = _views(poses, camera, samples, obstacles)
+    enough = views.count >= ENOUGH_VIEWS
+    shares = np.bincount(samples.component, enough) / np.bincount(samples.component)
+    steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+    overlap, linked = linked_share(poses, camera, obstacles)
+    distances = views.nearest[np.isfinite(views.nearest)] / camera.fx
+    sampling = np.percentile(distances, [50.0, 95.0]) if len(distances) else np.full(2, np.inf)
+    pitch = np.degrees(pitch_of(poses[:, :3, :3]))
+    return FlightScore(
+        images=len(poses),
+        length=float(steps.sum()),
+        duration=duration,
+        clearance=float(obstacles.distance(poses[:, :3, 3])[0].min()),
+        overlap=overlap,
+        linked=linked,
+        sampling=(float(sampling[0]), float(sampling[1])),
+        base_angle=float(np.median(views.angle[views.count >= 2])) if (views.count >= 2).any() else 0.0,
+        covered={int(number): float(share) for number, share in zip(samples.ids, shares, strict=True)},
+        pitches=tuple(int(count) for count in np.histogram(pitch, PITCH_EDGES)[0]),
+    )
 
 
-def neighbour_overlap(path: CameraPath, subject: Subject) -> F64:
-    """Find the share of what each image sees that the next one sees as well, the last followed by the first.
+@dataclass(frozen=True, eq=False)
+class _Views:
+    """How samples are seen.
+
+    Attributes:
+        count: Number of cameras that see each sample squarely, shape (N,), int64.
+        nearest: Least depth at which one does [m], shape (N,), float64; +inf for none.
+        angle: Widest angle between the first view of a sample and any other [deg], shape (N,), float64.
+    """
+
+    count: I64
+    nearest: F64
+    angle: F64
+
+
+def _views(poses: F64, camera: Pinhole, samples: SurfaceSamples, obstacles: RayScene) -> _Views:
+    size = len(samples.points)
+    count, nearest, angle = np.zeros(size, np.int64), np.full(size, np.inf), np.zeros(size)
+    first = np.zeros((size, 3))
+    for pose in poses:
+        rows = seen_rows(pose, camera, samples, obstacles)
+        toward = pose[:3, 3] - samples.points[rows]
+        unit = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+        fresh = count[rows] == 0
+        first[rows[fresh]] = unit[fresh]
+        cosine = np.clip(np.sum(first[rows] * unit, axis=1), -1.0, 1.0)
+        angle[rows] = np.maximum(angle[rows], np.degrees(np.arccos(cosine)))
+        nearest[rows] = np.minimum(nearest[rows], -toward @ pose[:3, 2])
+        count[rows] += 1
+    return _Views(count, nearest, angle)
+
+
+def seen_rows(pose: F64, camera: Pinhole, samples: SurfaceSamples, obstacles: RayScene) -> I64:
+    """Find the samples that a camera sees squarely: framed, not from behind or too aslant, and nothing in between.
 
     Args:
-        path: Cameras to look through.
-        subject: Bridge and site.
+        pose: camera_to_world [m], shape (4, 4), float64.
+        camera: Intrinsics.
+        samples: Samples of surfaces.
+        obstacles: Bridge and site.
 
     Returns:
-        Shares of the pixels that see a surface [1], shape (N,), float64.
+        Rows of the samples, shape (M,), int64.
     """
-    shares = np.zeros(len(path.poses))
-    for row, pose in enumerate(path.poses):
-        points = _look(path.calibration, pose, subject)[0]
-        other = path.poses[(row + 1) % len(path.poses)]
-        pixels, depth = project(points, path.calibration, other)
-        inside = (pixels >= 0) & (pixels < [path.calibration.width, path.calibration.height])
-        framed = (depth > 0) & inside.all(axis=1)
-        rays = points[framed] - other[:3, 3]
-        reach, _, _ = subject.obstacles.cast(np.broadcast_to(other[:3, 3], rays.shape), rays)
-        shares[row] = (reach > 0.99).sum() / max(len(points), 1)
-    return shares
-
-
-def views_per_instance(counts: I64, least: int) -> I64:
-    """Count the images in which each instance is large enough to be matched.
-
-    Args:
-        counts: Pixels of each instance in each image [px], shape (N, K), int64.
-        least: Pixels that it needs [px].
-
-    Returns:
-        Number of images, shape (K,), int64.
-    """
-    return (counts >= least).sum(axis=0)
-
-
-def _look(camera: Pinhole, pose: F64, subject: Subject) -> tuple[F64, I64]:
-    """Cast the rays of an image: the points hit, shape (M, 3), and their instance ids, shape (M,)."""
-    grid = np.mgrid[STRIDE // 2 : camera.height : STRIDE, STRIDE // 2 : camera.width : STRIDE][::-1]
-    pixels = grid.reshape(2, -1).T.astype(np.float64)
-    directions = unproject(pixels, np.ones(len(pixels)), camera, pose) - pose[:3, 3]
-    origins = np.broadcast_to(pose[:3, 3], directions.shape)
-    reach, _, ids = subject.obstacles.cast(origins, directions)
-    hit = np.isfinite(reach)
-    return origins[hit] + directions[hit] * reach[hit, None], ids[hit].astype(np.int64)
+    toward = pose[:3, 3] - samples.points
+    distance = np.linalg.norm(toward, axis=1)
+    square = np.sum(toward * samples.normals, axis=1) >= np.cos(np.radians(WIDEST_INCIDENCE)) * distance
+    rows = np.flatnonzero(square)
+    pixels, depth = project(samples.points[rows], camera, pose)
+    framed = (depth > 0.0) & ((pixels >= 0.0) & (pixels < [camera.width, camera.height])).all(axis=1)
+    rows = rows[framed]
+    reach, _, _ = obstacles.cast(np.broadcast_to(pose[:3, 3], (len(rows), 3)), -toward[rows])
+    return rows[reach >= 1.0 - TOUCH / distance[rows]]

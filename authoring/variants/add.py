@@ -7,9 +7,9 @@ from pathlib import Path
 from pxr import Sdf, Usd
 
 from authoring.assets import Pieces
-from authoring.backgrounds.city_asset import is_city, world_name
 from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.families.registry import build_bridge
+from authoring.imported.asset import is_city, world_name
 from authoring.labels import write_taxonomy_layer
 from authoring.layers.change import check_editable
 from authoring.layers.variant import variant_layer

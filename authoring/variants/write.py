@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from authoring.assets import Pieces, bake_surfaces, write_asset
-from authoring.backgrounds.city_asset import read_city
-from authoring.backgrounds.city_world import build_city_world
 from authoring.backgrounds.registry import build_background
-from authoring.backgrounds.skin import skin_recipes
 from authoring.component import Component
+from authoring.imported.asset import read_city
+from authoring.imported.skin import skin_recipes
+from authoring.imported.surroundings import build_city_world
 from authoring.layers.background import background_layer
 from authoring.layers.geometry import BACKGROUND, roles_of
 from authoring.layers.layer import export

@@ -12,9 +12,9 @@ import trimesh
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
 
-from authoring.backgrounds.city_model import CityModel
-from authoring.backgrounds.import_mesh import read_mesh
-from authoring.backgrounds.import_usd import read_usd
+from authoring.imported.mesh import read_mesh
+from authoring.imported.model import CityModel
+from authoring.imported.usd import read_usd
 from authoring.looks.material import MaterialRecipe, author_material
 
 F64 = NDArray[np.float64]

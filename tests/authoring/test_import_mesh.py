@@ -11,11 +11,11 @@ from trimesh.exchange.gltf import export_glb, export_gltf
 from trimesh.exchange.obj import export_obj
 from trimesh.visual.color import ColorVisuals
 
-from authoring.backgrounds.city_asset import read_city, write_city
-from authoring.backgrounds.city_model import CityModel
-from authoring.backgrounds.import_mesh import read_mesh
-from authoring.backgrounds.mesh_city import LOOSE
-from authoring.backgrounds.triangle_cuts import cut_free, split_long
+from authoring.imported.asset import read_city, write_city
+from authoring.imported.mesh import read_mesh
+from authoring.imported.mesh_city import LOOSE
+from authoring.imported.model import CityModel
+from authoring.imported.triangle_cuts import cut_free, split_long
 from tests.authoring.mesh_files import (
     PIXELS,
     SIDE,

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
-from authoring.backgrounds import mesh_soup
+from authoring.imported import mesh_soup
 from groundwork.errors import InputError
 from tests.authoring.mesh_files import gltf, obj, ply, read, sheet, town, usd
 

@@ -11,13 +11,13 @@ from authoring.families.registry import build_bridge
 from authoring.layout import BridgeSettings, draw_layout
 from authoring.site import SiteSettings, draw_site
 from authoring.streams import stream
-from authoring.surveys.assess import assess_flight
 from authoring.surveys.box import OrientedBox, oriented_box
 from authoring.surveys.freespace import cut_free_space, link_cells
 from authoring.surveys.grid import fly_grid
 from authoring.surveys.local import fly_local
 from authoring.surveys.local_box import draw_local_box
 from authoring.surveys.local_gaze import FASTEST, key_cameras
+from authoring.surveys.score import score_flight
 from authoring.surveys.settings import GridSettings, LocalSettings
 from authoring.surveys.subject import Subject, make_subject
 from authoring.surveys.turning import angle_between, limit_pitch, look_along, pitch_of, turn_between
@@ -289,7 +289,7 @@ def test_score_of_a_wall_in_closed_form() -> None:
     camera = Pinhole(800, 600, 800.0, 800.0, 400.0, 300.0)
     scene = RayScene(corners, ids)
     close = np.stack([facing(x, 6.0) for x in (-0.5, 0.0, 0.5, 1.0)])
-    score = assess_flight(close[:3], camera, 2.0, (corners, ids.astype(np.int64)), scene)
+    score = score_flight(close[:3], camera, 2.0, (corners, ids.astype(np.int64)), scene)
     # Each camera frames 6 m x 4.5 m of the wall; all three share 5 m of its length.
     assert score.covered[1] == pytest.approx(5.0 * 4.5 / 120.0, abs=0.01)
     assert score.sampling[0] == pytest.approx(6.0 / 800.0)
@@ -299,9 +299,9 @@ def test_score_of_a_wall_in_closed_form() -> None:
     assert score.linked == 1.0
     assert sum(score.pitches) == 3
     away = np.concatenate([close, [facing(8.0, 2.0)], [facing(-8.0, 6.0, turned=1.2)]])
-    apart = assess_flight(away, camera, 2.0, (corners, ids.astype(np.int64)), scene)
+    apart = score_flight(away, camera, 2.0, (corners, ids.astype(np.int64)), scene)
     assert apart.linked == pytest.approx(4.0 / 6.0)
-    behind = assess_flight(
+    behind = score_flight(
         np.stack([facing(0.0, -6.0, turned=np.pi)] * 3), camera, 0.0, (corners, ids.astype(np.int64)), scene
     )
     assert behind.covered[1] == 0.0

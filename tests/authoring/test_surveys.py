@@ -14,12 +14,12 @@ from authoring.surveys.box import oriented_box
 from authoring.surveys.gaze import aim, inner_box
 from authoring.surveys.gps import measured_positions
 from authoring.surveys.registry import plan_survey
-from authoring.surveys.score import neighbour_overlap, views_per_instance, visible_pixels
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import Subject, make_subject, piece_corners
 from authoring.surveys.whole import bearing_lines, clear_route, draw_route, place_images
 from groundwork.errors import InputError
 from tests.authoring.boxes import box, box_bridge, flat_site
+from tests.authoring.flight_views import neighbour_overlap, views_per_instance, visible_pixels
 from tests.conftest import Count, RecordProof
 from usd_schemas.components import class_of
 from usd_schemas.pinhole import look_at, project

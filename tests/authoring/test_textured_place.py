@@ -5,14 +5,14 @@ import pytest
 from numpy.typing import NDArray
 
 from authoring.alignment import Alignment, Layout
-from authoring.backgrounds.city_model import CityModel
-from authoring.backgrounds.city_place import choose_place
-from authoring.backgrounds.city_world import build_city_world
-from authoring.backgrounds.mesh_city import city_of
-from authoring.backgrounds.mesh_soup import MeshSoup
-from authoring.backgrounds.skin import image_skin
-from authoring.backgrounds.textured_place import Clearance
 from authoring.component import Component, Scatter, triangle_corners
+from authoring.imported.mesh_city import city_of
+from authoring.imported.mesh_soup import MeshSoup
+from authoring.imported.model import CityModel
+from authoring.imported.place import choose_place
+from authoring.imported.skin import image_skin
+from authoring.imported.surroundings import build_city_world
+from authoring.imported.textured_place import Clearance
 from authoring.looks.bake import png
 from authoring.site import Site, SiteSettings, draw_site
 from authoring.streams import stream

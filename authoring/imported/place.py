@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.city_model import CityModel
+from authoring.imported.model import CityModel
 from authoring.site import Site
 from authoring.site_covers import to_world
 from groundwork.errors import InputError
@@ -107,7 +107,7 @@ def built_map(model: CityModel) -> BuiltMap:
 def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> CityPlace:
     """Choose a random place and direction: the bridge's own place all but free, its surroundings built up.
 
-    Source: Shi 2024, "placed at a random location of the city"; the rule itself is lost, this is ours.
+    Source: Shi 2024 puts its bridges at random places of imported cities; the rule itself is lost, this one is ours.
 
     Args:
         model: The world.

@@ -3,7 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.city_model import (
+from authoring.imported.mesh_ground import ground_triangles, objects_of
+from authoring.imported.mesh_soup import MeshSoup
+from authoring.imported.model import (
     Building,
     CityModel,
     Textured,
@@ -11,8 +13,6 @@ from authoring.backgrounds.city_model import (
     sound_triangles,
     split_faces,
 )
-from authoring.backgrounds.mesh_ground import ground_triangles, objects_of
-from authoring.backgrounds.mesh_soup import MeshSoup
 from usd_schemas.layer_walk import Warn
 
 F64 = NDArray[np.float64]

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.mesh_soup import check_count
-from authoring.backgrounds.model_files import read_beside
-from authoring.backgrounds.skin import Skin, image_skin
+from authoring.imported.mesh_soup import check_count
+from authoring.imported.model_files import read_beside
+from authoring.imported.skin import Skin, image_skin
 from groundwork.errors import InputError
 
 _TRIANGLES, _STRIP = 4, 5

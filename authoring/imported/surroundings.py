@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from authoring.backgrounds.city_asset import city_components, textured_components
-from authoring.backgrounds.city_facades import window_runs
-from authoring.backgrounds.city_ground import CityGround, city_ground
-from authoring.backgrounds.city_model import Building, CityModel
-from authoring.backgrounds.city_place import CELL, BuiltMap, CityPlace, built_map, choose_place
 from authoring.backgrounds.countryside import far_ways
 from authoring.backgrounds.terrain import Terrain, distance_beyond, grow_terrain, rolling_hills
-from authoring.backgrounds.textured_place import Clearance, place_textured
 from authoring.backgrounds.vegetation import plant_trees
 from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
+from authoring.imported.asset import city_components, textured_components
+from authoring.imported.facade_windows import window_runs
+from authoring.imported.ground import CityGround, city_ground
+from authoring.imported.model import Building, CityModel
+from authoring.imported.place import CELL, BuiltMap, CityPlace, built_map, choose_place
+from authoring.imported.textured_place import Clearance, place_textured
 from authoring.site import Site
 from authoring.site_covers import Cover, covered, drape, to_world
 from authoring.site_land import FIRST_STEP

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.skin import Skin
+from authoring.imported.skin import Skin
 from groundwork.errors import InputError
 from usd_schemas.layer_walk import Warn
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.city_model import Building, CityModel, sound_triangles, split_faces
-from authoring.backgrounds.rings import ring_triangles
+from authoring.imported.model import Building, CityModel, sound_triangles, split_faces
+from authoring.imported.rings import ring_triangles
 from groundwork.errors import InputError, MissingError
 from usd_schemas.layer_walk import Warn
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pxr import Sdf, Tf, Usd, UsdGeom
 
 from authoring.assets import bake_surfaces, write_asset
-from authoring.backgrounds.city_model import Building, CityModel, Textured, face_normals
-from authoring.backgrounds.skin import Skin, skin_recipes
 from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh
+from authoring.imported.model import Building, CityModel, Textured, face_normals
+from authoring.imported.skin import Skin, skin_recipes
 from authoring.layers.background import background_layer
 from authoring.layers.geometry import BACKGROUND
 from authoring.layers.layer import export

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.city_ground import CityGround
-from authoring.backgrounds.city_model import CityModel, Textured
-from authoring.backgrounds.city_place import CityPlace
-from authoring.backgrounds.mesh_city import LOOSE
 from authoring.backgrounds.terrain import Cell, Terrain, distance_beyond
-from authoring.backgrounds.triangle_cuts import cut_free, split_long
+from authoring.imported.ground import CityGround
+from authoring.imported.mesh_city import LOOSE
+from authoring.imported.model import CityModel, Textured
+from authoring.imported.place import CityPlace
+from authoring.imported.triangle_cuts import cut_free, split_long
 from authoring.site import Site
 from authoring.site_relief import smoothstep
 from authoring.site_shape import Land

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
-from authoring.backgrounds.city_model import CityModel
-from authoring.backgrounds.mesh_city import city_of
-from authoring.backgrounds.mesh_soup import MeshSoup, centred, check_count, joined_soup
-from authoring.backgrounds.model_files import check_archive, check_file
-from authoring.backgrounds.skin import Skin, image_skin, palette_skin
+from authoring.imported.mesh_city import city_of
+from authoring.imported.mesh_soup import MeshSoup, centred, check_count, joined_soup
+from authoring.imported.model import CityModel
+from authoring.imported.model_files import check_archive, check_file
+from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.bake import encode_srgb
 from groundwork.errors import InputError, MissingError
 from usd_schemas.flat_scene import FlatScene, Material, Texture

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.city_model import Building, face_normals
 from authoring.backgrounds.solids import Frame, box
 from authoring.component import Mesh, Scatter
+from authoring.imported.model import Building, face_normals
 from authoring.site_ways import merged
 
 F64 = NDArray[np.float64]

@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt, grey_opening, map_coordinates,
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from authoring.backgrounds.city_model import face_normals
+from authoring.imported.model import face_normals
 
 F64 = NDArray[np.float64]
 

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.fittings import PANEL, fence_panel, lamp, signs, traffic_light
 from authoring.backgrounds.kerbs import Spots, beside_approaches, joined, kerbside, scatter
-from authoring.backgrounds.quays import START, has_quays, quay_line
+from authoring.backgrounds.river_quays import START, has_quays, quay_line
+from authoring.backgrounds.street_models import PANEL, fence_panel, lamp, signs, traffic_light
 from authoring.backgrounds.streets import KERB_GAP, TownPlan
 from authoring.backgrounds.terrain import Terrain
 from authoring.component import Scatter

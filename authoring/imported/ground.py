@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 from scipy.ndimage import distance_transform_edt, map_coordinates, minimum_filter
 
-from authoring.backgrounds.city_model import CityModel
-from authoring.backgrounds.mesh_ground import lowest
+from authoring.imported.mesh_ground import lowest
+from authoring.imported.model import CityModel
 from authoring.site_relief import smoothstep
 
 F64 = NDArray[np.float64]
