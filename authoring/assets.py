@@ -7,6 +7,7 @@ from authoring.layers.geometry import Asset, geometry_layer, roles_of
 from authoring.layers.layer import export
 from authoring.layers.semantics import semantics_layer
 from authoring.looks.bake import bake_surface
+from authoring.looks.library import SHEETS, SheetName, bake_sheets
 from authoring.looks.material import MaterialRecipe
 from authoring.streams import stream
 
@@ -37,8 +38,7 @@ def bake_surfaces(pieces: Pieces, folder: Path, texels: int, seed: int) -> dict[
     Returns:
         One recipe for each material that the pieces name.
     """
-    # One stream a surface, the same for site and background: their grass is one grass, and goes on over the border.
-    return {
-        name: bake_surface(name, folder, stream(seed, f"surface/{name}"), texels, f"{folder.name}_")
-        for name in roles_of(pieces)
-    }
+    # One number a surface, the same for site and background: their grass is one grass, and goes on over the border.
+    numbers = {name: int(stream(seed, f"surface/{name}").integers(SHEETS)) for name in roles_of(pieces)}
+    bake_sheets(SheetName(name, number, texels) for name, number in numbers.items())
+    return {name: bake_surface(name, folder, texels, f"{folder.name}_", number) for name, number in numbers.items()}

@@ -20,20 +20,29 @@ def pack_atlas(surfaces: list[Surface]) -> list[F64]:
     """
     st = np.concatenate([surface.st for surface in surfaces])
     chart = _chart_of_corners(surfaces)
-    low, high = np.full((chart[-1] + 1, 2), np.inf), np.full((chart[-1] + 1, 2), -np.inf)
-    np.minimum.at(low, chart, st)
-    np.maximum.at(high, chart, st)
-    unused = low > high  # chart numbers that no face has
-    low[unused] = high[unused] = 0.0
+    low, high = _boxes(st, chart)
     size = high - low
     lying = size[:, 0] < size[:, 1]
     size = np.where(lying[:, None], size[:, ::-1], size)  # long side along s
     corner, side, margin = _best_square(size)
     local = st - low[chart]
     # A chart is turned by a quarter, never mirrored, so that baked normals keep their hand.
-    turned = np.stack([local[:, 1], size[chart, 1] - local[:, 0]], axis=1)
-    atlas = (corner[chart] + margin + np.where(lying[chart][:, None], turned, local)) / side
+    rows = np.flatnonzero(lying[chart])
+    local[rows] = np.stack([local[rows, 1], size[chart[rows], 1] - local[rows, 0]], axis=1)
+    atlas = ((corner + margin)[chart] + local) / side
     return np.split(atlas, np.cumsum([len(surface.st) for surface in surfaces])[:-1])
+
+
+def _boxes(st: F64, chart: I64) -> tuple[F64, F64]:
+    """Find the least and largest coordinates of each chart; both 0 for a number that no face has."""
+    corners = np.bincount(chart)
+    used = corners > 0
+    first = (np.cumsum(corners) - corners)[used]
+    by_chart = np.ascontiguousarray(st[np.argsort(chart, kind="stable")].T)
+    low, high = np.zeros((len(corners), 2)), np.zeros((len(corners), 2))
+    low[used] = np.minimum.reduceat(by_chart, first, axis=1).T
+    high[used] = np.maximum.reduceat(by_chart, first, axis=1).T
+    return low, high
 
 
 def _chart_of_corners(surfaces: list[Surface]) -> I64:
@@ -49,37 +58,48 @@ def _best_square(size: F64) -> tuple[F64, float, float]:
     padded_area = float(np.sum(size[:, 0] * size[:, 1]))
     least = max(float(np.sqrt(padded_area)), float(size[:, 0].max()))
     order = np.lexsort((-size[:, 0], -size[:, 1]))  # tallest first
-    best: tuple[F64, float, float] | None = None
+    length, height = size[order].T
+    best: tuple[float, float, list[int]] | None = None
     for width in least * np.linspace(1.0, 1.6, _TRIALS):
         margin = MARGIN * width / (1.0 - 2.0 * MARGIN)
-        corner, height = _shelves(size + 2.0 * margin, order, width + 2.0 * margin)
-        side = max(float(width + 2.0 * margin), height)
-        if best is None or side < best[1]:
+        first, top = _shelves(length + 2.0 * margin, height + 2.0 * margin, width + 2.0 * margin)
+        side = max(float(width + 2.0 * margin), top)
+        if best is None or side < best[0]:
             # The margin was a share of this width; a taller square only makes it a smaller share, never an overlap.
-            best = (corner, side, float(margin))
+            best = (side, float(margin), first)
     assert best is not None
-    return best
+    side, margin, first = best
+    corner = np.empty_like(size)
+    corner[order] = _places(length + 2.0 * margin, height + 2.0 * margin, first)
+    return corner, side, margin
 
 
-def _shelves(size: F64, order: I64, width: float) -> tuple[F64, float]:
+def _shelves(length: F64, height: F64, width: float) -> tuple[list[int], float]:
     """Pack boxes on shelves, tallest first, each beside the one before, or on a new shelf where there is no room.
 
     Source: Coffman, Garey, Johnson, Tarjan, Performance bounds for level-oriented two-dimensional packing, 1980.
 
     Args:
-        size: Length and height of each box [m], shape (B, 2), float64.
-        order: Boxes by falling height, shape (B,), int64.
+        length: Length of each box [m], shape (B,), float64.
+        height: Height of each box, falling [m], shape (B,), float64.
         width: Length of a shelf [m].
+
+    Returns:
+        Number of each shelf's first box, and the height of all shelves [m].
     """
-    corner = np.zeros_like(size)
-    ends = np.cumsum(size[order, 0])
-    begins = ends - size[order, 0]
-    first, top = 0, 0.0
-    while first < len(order):
-        last = max(int(np.searchsorted(ends, begins[first] + width, side="right")), first + 1)
-        row = order[first:last]
-        corner[row, 0] = begins[first:last] - begins[first]
-        corner[row, 1] = top
-        top += float(size[row[0], 1])
-        first = last
-    return corner, top
+    ends = np.cumsum(length)
+    begins = ends - length
+    shelves, first, top = [], 0, 0.0
+    while first < len(length):
+        shelves.append(first)
+        top += float(height[first])
+        first = max(int(ends.searchsorted(begins[first] + width, side="right")), first + 1)
+    return shelves, top
+
+
+def _places(length: F64, height: F64, first: list[int]) -> F64:
+    """Find the lower left corner of each box on its shelf [m], shape (B, 2); arguments as `_shelves` has them."""
+    begins = np.cumsum(length) - length
+    tops = np.cumsum(height[first])
+    counts = np.diff([*first, len(length)])
+    return np.stack([begins - np.repeat(begins[first], counts), np.repeat([0.0, *tops[:-1]], counts)], axis=1)

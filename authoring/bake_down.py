@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from authoring.atlas_raster import AtlasRaster
+from authoring.bake_lookup import sample
+from authoring.bake_tiles import DETAIL, bake_tile, remove_detail
 from authoring.flatten import flatten_scene
 from authoring.layers.layer import export
-from authoring.looks.bake import encode_srgb, png
+from authoring.looks.encode import encode_srgb, png
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
+from usd_schemas import tokens
 from usd_schemas.flat_scene import Detail, Material, Texture
 from usd_schemas.layer_walk import Warn
 from usd_schemas.read_materials import read_material
@@ -42,14 +45,14 @@ class _Group:
 def bake_down(scene: Path, folder: Path, texels: int, warn: Warn) -> Path:
     """Write a flattened copy of a scene whose weathering and fine detail are in its base textures.
 
-    A mesh with charts on the atlas `st1` gets one baked texture for its whole asset; what has none keeps its tiled
-    texture, and loses its detail elsewhere than here.
+    A mesh with charts of its own on the atlas `st1` gets one baked texture for its whole asset, a quarter of what a
+    package may weigh. What is tiled stays tiled, in tiles so much larger that its detail nearly divides them.
 
     Args:
         scene: Root layer; its selected variants count.
         folder: Empty folder to fill.
-        texels: Texels along a side of each baked texture [px].
-        warn: Called with one line for each asset that cannot be baked, and one that names what is still procedural.
+        texels: Texels along a side of each baked atlas [px]; tiles have half of it, those of a background a quarter.
+        warn: Called with one line that names what is still procedural.
 
     Returns:
         Root layer of the copy.
@@ -59,11 +62,13 @@ def bake_down(scene: Path, folder: Path, texels: int, warn: Warn) -> Path:
     root = folder / "scene.usdc"
     flatten_scene(scene, root)
     stage = Usd.Stage.Open(str(root))
-    for group in _groups(stage):
-        _bake_group(stage, group, folder, texels, warn)
-    kept = _still_procedural(stage)
+    patched = {path for group in _groups(stage) for path in _bake_group(stage, group, folder, texels, warn)}
+    for path in _still_procedural(stage):
+        far = path.HasPrefix(tokens.BACKGROUND) and path not in patched
+        bake_tile(stage, path, folder, texels // (4 if far else 2), path in patched, warn)
+    kept = [path.name for path in _still_procedural(stage)]
     if kept:
-        warn(f"tiled and without their detail elsewhere, having no chart of their own on {ATLAS}: {', '.join(kept)}")
+        warn(f"without their detail elsewhere, having no texture to burn it into: {', '.join(kept)}")
     baked = folder / "baked.usdc"
     export(stage.GetRootLayer(), baked)
     del stage
@@ -79,13 +84,14 @@ def _groups(stage: Usd.Stage) -> list[_Group]:
         if not primvar or not primvar.HasValue():
             continue
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-        if material and material.GetPrim().HasAPI("FalseworkDetailAPI"):
+        if material and material.GetPrim().HasAPI(DETAIL):
             scope = material.GetPath().GetParentPath()
             groups.setdefault(scope, _Group(scope.name)).meshes[material.GetPath()].append(prim)
     return [groups[scope] for scope in sorted(groups)]
 
 
-def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn: Warn) -> None:
+def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn: Warn) -> list[Sdf.Path]:
+    """Bake an atlas; give the materials of a group whose meshes share theirs, as land does that repeats it in tiles."""
     order = sorted(group.meshes)
     raster = AtlasRaster(texels)
     for number, path in enumerate(order):
@@ -93,8 +99,7 @@ def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn
             mesh = UsdGeom.Mesh(prim)
             raster.draw(_corners(mesh, ATLAS), _corners(mesh, "st"), number)
             if raster.shared > MOST_SHARED:
-                warn(f"{group.name}: its meshes share texels of the atlas {ATLAS}: not baked")
-                return
+                return order
     image = np.zeros((texels, texels, 3), np.float32)
     for number, path in enumerate(order):
         flat = read_material(UsdShade.Material(stage.GetPrimAtPath(path)), warn).material
@@ -111,12 +116,13 @@ def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn
     for path in order:
         if path not in worn:
             stage.RemovePrim(path)
+    return []
 
 
-def _still_procedural(stage: Usd.Stage) -> list[str]:
-    """Name the materials in use that only our renderer shows whole."""
+def _still_procedural(stage: Usd.Stage) -> list[Sdf.Path]:
+    """Find the materials in use that only our renderer shows whole."""
     worn = {target for prim in stage.Traverse() for target in _bound(prim)}
-    return sorted(path.name for path in worn if stage.GetPrimAtPath(path).HasAPI("FalseworkDetailAPI"))
+    return sorted(path for path in worn if stage.GetPrimAtPath(path).HasAPI(DETAIL))
 
 
 def _bound(prim: Usd.Prim) -> list[Sdf.Path]:
@@ -143,17 +149,17 @@ def _shade(image: F32, raster: AtlasRaster, number: int, material: Material) -> 
     texture = material.base_texture
     if texture:
         tiles = 1 / texels if texture.uv_set else metres
-        color = _sample(texture.file, _place(st, st1, texture), tiles * max(texture.scale), texture.srgb)
+        color = sample(texture.file, _place(st, st1, texture), tiles * max(texture.scale), texture.srgb)
     image[rows, columns] = np.minimum(color * _detail(material.detail, st, st1, metres), _BRIGHTEST)
 
 
 def _detail(detail: Detail, st: F32, st1: F32, metres: float) -> F32:
     factor = np.ones((len(st), 3), np.float32)
     for period, amplitude in zip(detail.periods, detail.amplitudes, strict=True) if detail.file else ():
-        grey = _sample(detail.file, st / np.float32(period), metres / period, False)[:, :1]
+        grey = sample(detail.file, st / np.float32(period), metres / period, False)[:, :1]
         factor *= 1 + np.float32(amplitude) * (2 * grey - 1)
     if detail.macro_file:
-        factor *= 2 * _sample(detail.macro_file, st1, 0.0, False)
+        factor *= 2 * sample(detail.macro_file, st1, 0.0, False)
     return factor
 
 
@@ -164,52 +170,13 @@ def _place(st: F32, st1: F32, texture: Texture) -> F32:
     return ((source * np.array(texture.scale)) @ turn.T + np.array(texture.translation)).astype(np.float32)
 
 
-def _sample(file: str, uv: F32, footprint: float, srgb: bool) -> F32:
-    """Look a tiled texture up, averaged over what one texel of the atlas shows.
-
-    Args:
-        file: Texture.
-        uv: Where [tiles], shape (N, 2), float32, v upwards.
-        footprint: Size of an atlas texel [tiles].
-        srgb: The texture holds coded colours.
-
-    Returns:
-        Linear values [1], shape (N, 3), float32.
-    """
-    import cv2
-
-    found = cv2.imread(file, cv2.IMREAD_COLOR)
-    if found is None:
-        raise InputError("not readable as an image", where=file)
-    picture = found.astype(np.float32) / np.float32(255)
-    picture = _linear(picture) if srgb else picture
-    size = [max(round(side / max(footprint * side, 1.0)), 1) for side in picture.shape[:2]]
-    if size != list(picture.shape[:2]):
-        picture = cv2.resize(picture, (size[1], size[0]), interpolation=cv2.INTER_AREA).reshape(*size, 3)
-    x = uv[:, 0] % 1 * size[1] - np.float32(0.5)
-    y = (1 - uv[:, 1] % 1) * size[0] - np.float32(0.5)
-    values = np.zeros((len(uv), 3), np.float32)
-    for start in range(0, len(uv), 32_000):  # the library's images have at most 32,767 rows
-        part = slice(start, start + 32_000)
-        sampled = cv2.remap(picture, x[part], y[part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-        values[part] = sampled.reshape(-1, 3)[:, ::-1]
-    return values
-
-
-def _linear(values: F32) -> F32:
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4).astype(np.float32)
-
-
 def _copy_material(stage: Usd.Stage, path: Sdf.Path, file: str, mean: list[float]) -> UsdShade.Material:
     """Copy a material beside itself, with the baked texture at `st1` and without the detail."""
     layer = stage.GetRootLayer()
     target = path.ReplaceName(path.name + SUFFIX)
     Sdf.CopySpec(layer, path, layer, target)
     material = UsdShade.Material(stage.GetPrimAtPath(target))
-    prim = material.GetPrim()
-    prim.RemoveAPI("FalseworkDetailAPI")
-    for attribute in prim.GetPropertiesInNamespace("falsework:detail"):
-        prim.RemoveProperty(attribute.GetName())
+    remove_detail(material.GetPrim())
     reader = UsdShade.Shader.Define(stage, target.AppendChild("AtlasReader"))
     reader.CreateIdAttr("UsdPrimvarReader_float2")
     reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set(ATLAS)

@@ -23,7 +23,7 @@ def checkout_scene(source: Path, out: Path) -> Path:
     Raises:
         InputError: No such scene, files outside its folder, or the output folder is not empty.
     """
-    root = _root_layer(source)
+    root = find_root_layer(source)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError("is not empty", where=out, mend="Name a new folder with -o")
     home = root.parent.resolve()
@@ -42,7 +42,15 @@ def checkout_scene(source: Path, out: Path) -> Path:
     return out / root.name
 
 
-def _root_layer(source: Path) -> Path:
+def find_root_layer(source: Path) -> Path:
+    """Find the root layer of a scene.
+
+    Args:
+        source: Scene folder, a folder of a run such as `OUT/scenes/0000`, or a root layer.
+
+    Raises:
+        MissingError: There is none.
+    """
     for candidate in (source, source / ROOT, source / "stage" / ROOT):
         if candidate.is_file():
             return candidate

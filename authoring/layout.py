@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
-from pydantic import field_validator
+from pydantic import ValidationInfo, field_validator
 
 from authoring.alignment import Layout
 from authoring.families.arch import ArchSettings
@@ -16,6 +16,7 @@ from authoring.families.shared import SharedSettings
 from authoring.families.slab import SlabSettings
 from authoring.families.suspension import SuspensionSettings
 from authoring.parts.drawing import Draws
+from groundwork.settings import Settings
 
 FamilyName = Literal["arch", "beam", "cable_stayed", "girder", "slab", "suspension"]
 
@@ -48,6 +49,20 @@ class BridgeSettings(SharedSettings):
             if not sum(value.values()) > 0.0:
                 raise ValueError("all weights are 0; allowed: at least one above 0")
         return value
+
+    @field_validator(*FAMILIES)
+    @classmethod
+    def _of_a_drawn_family(cls, section: Settings, info: ValidationInfo) -> Settings:
+        """Refuse values for a family that is never drawn: they would be without effect."""
+        family, name = info.data.get("family"), info.field_name or ""
+        drawn = family is None or name in ([family] if isinstance(family, str) else family)
+        if not drawn and section != type(section)():
+            told = repr(family) if isinstance(family, str) else "a table without it"
+            raise ValueError(
+                f"the settings of family {name!r} have no effect, because bridge.family is {told}; "
+                f"allowed: this section with family = {name!r}, or with a table of weights that names it"
+            )
+        return section
 
 
 def draw_layout(settings: BridgeSettings, rng: np.random.Generator) -> tuple[Layout, DrawnBridge]:

@@ -42,11 +42,16 @@ from groundwork.progress import Progress
 from usd_schemas import tokens
 from usd_schemas.taxonomies import BASE, taxonomy
 
-NO_WORLDS: Mapping[str, Path] = MappingProxyType({})
+NO_FILES: Mapping[str, Path] = MappingProxyType({})
 
 
 def author_scene(
-    settings: AuthoringSettings, seed: int, folder: Path, progress: Progress, worlds: Mapping[str, Path] = NO_WORLDS
+    settings: AuthoringSettings,
+    seed: int,
+    folder: Path,
+    progress: Progress,
+    worlds: Mapping[str, Path] = NO_FILES,
+    skies: Mapping[str, Path] = NO_FILES,
 ) -> None:
     """Author a whole scene.
 
@@ -56,6 +61,7 @@ def author_scene(
         folder: Existing empty folder; afterwards it holds `scene.usda` and can be moved as a whole.
         progress: Listener.
         worlds: Imported worlds by the name under which `[background]` and `[variants]` ask for them.
+        skies: Photographed skies by the name under which `[light]` and `[[variants.light]]` ask for them.
     """
     for name in (settings.background.name, *settings.variants.background):
         if name not in BACKGROUNDS and name not in worlds:
@@ -85,7 +91,7 @@ def author_scene(
         backgrounds = {name: write_background(settings, seed, name, site, folder, worlds.get(name)) for name in names}
         progress.advance(5)
         lights = settings.variants.lights(settings.light)
-        files = {name: write_light(light, seed, name, folder) for name, light in lights.items()}
+        files = {name: write_light(light, seed, name, folder, skies) for name, light in lights.items()}
         export(lighting_layer(files), folder / "lighting.usda")
         progress.advance(6)
         export(render_layer(paths), folder / "render.usda")

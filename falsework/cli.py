@@ -68,11 +68,13 @@ def run(
         workers: 0 is a plain loop in this process, the one way that there is so far.
         as_json: Print one JSON object at the end instead of lines.
     """
-    from falsework.scenario import load_scenario, scene_range
+    from falsework.scenario import load_scenario, scene_range, values_of
 
     del workers  # one choice so far
     loaded = load_scenario(scenario)
-    return _run(loaded, output, scene_range(scenes, loaded.scenes), as_json)
+    part = scene_range(scenes, loaded.scenes)
+    with values_of(scenario):
+        return _run(loaded, output, part, as_json)
 
 
 def author(scenario: File, output: Output, *, scene: int = 0) -> int:
@@ -84,19 +86,21 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
         scene: Number of the scene.
     """
     from authoring.manifest import edits_since
-    from falsework.scenario import load_scenario, scene_seed, world_folders
+    from falsework.scenario import given_files, load_scenario, scene_seed, values_of
     from falsework.stages import STAGES
     from groundwork.errors import InputError
     from groundwork.files import fresh_output
 
     loaded = load_scenario(scenario)
+    if not 0 <= scene < loaded.scenes:
+        raise InputError("no such scene", field="--scene", value=scene, allowed=f"0 to {loaded.scenes - 1}")
     if output.is_dir() and (changed := edits_since(output)):
         raise InputError(
             f"was changed since it was authored ({changed[0]})", where=output, mend="Author into another folder"
         )
     settings = {"seed": scene_seed(loaded.seed, scene), "authoring": loaded.authoring()}
-    worlds = world_folders(loaded)
-    with ConsoleProgress() as progress:
+    worlds = given_files(loaded)
+    with ConsoleProgress() as progress, values_of(scenario):
         fresh_output(output, "scene", lambda folder: STAGES["stage"].run(settings, worlds, folder, progress))
     _say(f"scene   {output / 'scene.usda'}")
     return 0
@@ -110,9 +114,12 @@ def render(
     quality: Literal["fast", "standard", "fine"] = "standard",
     noise: bool = True,
     seed: int = 7,
+    workers: int = 1,
     allow_root: tuple[Path, ...] = (),
 ) -> int:
     """Render any USD stage into captures: one folder for each RenderProduct, or for each camera where there is none.
+
+    Killed at any moment, the same command goes on where it stopped.
 
     Args:
         stage: USD file.
@@ -121,11 +128,12 @@ def render(
         quality: How much shading.
         noise: The sensor's noise is in the images; `--no-noise` leaves it out.
         seed: Seed of the sensor's noise.
+        workers: Processes that share the frames of a survey; the bytes do not depend on them.
         allow_root: Folders beside that of the stage from which it may take layers and textures.
     """
     from falsework.verbs import render_file
 
-    settings = {"quality": quality, "sensor": {"noise": noise}}
+    settings = {"quality": quality, "sensor": {"noise": noise}, "workers": workers}
     with ConsoleProgress() as progress:
         names = render_file(stage, output, survey, settings, seed, progress, allow_root)
     for name in names:

@@ -28,12 +28,12 @@ def import_edits(
 ) -> int:
     """Compare what Blender or another DCC exported with the scene it came from; write the changes as edits/user.usda.
 
-    Moved parts, changed meshes, recoloured materials, new objects and the sun are taken over. Other lights, cameras,
-    plants and other instances are not; new ones are named, with what to do about them.
+    Moved parts, changed meshes, recoloured materials, new objects, cameras and lights, and the sun are taken over;
+    plants and other instances are not. A camera is a flight for a survey of kind "stage".
 
     Args:
         edited: USD file that the DCC exported, with custom properties.
-        scene: The scene's root layer, with the look and background that it had when it was opened in the DCC.
+        scene: The scene's folder or root layer, with the look and background that it had when it was opened in the DCC.
         label: What new objects are called: a component kind or class, or `pattern=kind` by name; else what their
             custom property `component` says; else background.
         remove: Switch off the parts that were deleted; without it they are only named.
@@ -41,13 +41,29 @@ def import_edits(
         as_json: Print one JSON object instead of lines.
     """
     with ConsoleProgress() as progress:
-        found = harvest(edited, scene, label, remove, allow_root, progress)
+        found = harvest(edited, root_layer_of(scene), label, remove, allow_root, progress)
     if as_json:
         sys.stdout.write(json.dumps({"version": JSON_VERSION, **found}) + "\n")
         return 0
     for line in report_lines(found):
         sys.stdout.write(line + "\n")
     return 0
+
+
+def root_layer_of(scene: Path) -> Path:
+    """Find the root layer of a scene that is named by its folder; a file is taken as it is.
+
+    Args:
+        scene: Scene folder, a folder of a run such as `OUT/scenes/0000`, or a USD file.
+
+    Raises:
+        MissingError: A folder without a scene.
+    """
+    if not scene.is_dir():
+        return scene
+    from authoring.checkout import find_root_layer
+
+    return find_root_layer(scene)
 
 
 def harvest(
@@ -64,7 +80,8 @@ def harvest(
         progress: Told what is odd about the edited file.
 
     Returns:
-        Names by kind of change: `moved`, `reshaped`, `recoloured`, `added` (name to label), `removed`, `missing`.
+        Names by kind of change: `moved`, `reshaped`, `recoloured`, `added` (name to label), `removed`, `missing`,
+        `cameras` (name to number of poses), `lights`, `left_out`.
 
     Raises:
         InputError: Missing, not readable, not of this scene, or the scene is a stored one.
@@ -88,6 +105,10 @@ def report_lines(found: dict[str, Any]) -> list[str]:
     lines = [f"{kind:<11} {', '.join(found[kind])}" for kind in _SAID if found[kind]]
     if found["added"]:
         lines.append(f"{'added':<11} {', '.join(f'{name} ({label})' for name, label in found['added'].items())}")
+    for name, poses in found["cameras"].items():
+        lines.append(f'{"camera":<11} {name}, {poses} pose{"s" * (poses > 1)}: a flight for a survey of kind "stage"')
+    if found["lights"]:
+        lines.append(f"{'light':<11} {', '.join(found['lights'])}: for other renderers; ours shows sun and sky")
     lines = lines or ["no changes: edits/user.usda is empty"]
     if found["missing"]:
         lines.append(f"{'missing':<11} {', '.join(found['missing'])}: still there; --remove switches them off")

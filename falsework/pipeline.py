@@ -10,10 +10,10 @@ from typing import Any
 
 from falsework.platform import recon_platform, render_platform
 from falsework.products import surveys_of
-from falsework.scenario import Scenario, scene_seed, world_folders
+from falsework.scenario import Scenario, given_files, scene_seed
 from falsework.stages import STAGES
 from falsework.store import Store, Task, link_result
-from groundwork.canonical import folder_digest
+from groundwork.canonical import file_digest, folder_digest
 from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError
 from groundwork.files import MARK, claim_output, space_errors, write_text
 from groundwork.progress import Progress
@@ -94,22 +94,28 @@ def run_task(root: Path, task: Task, inputs: dict[str, Path], progress: Progress
         True when it was made now.
     """
     begin = time.time()
-    made = Store(root).produce(task, lambda folder: STAGES[task.stage].run(task.settings, inputs, folder, progress))
+    stage = STAGES[task.stage]
+    made = Store(root).produce(
+        task, lambda folder: stage.run({**task.settings, **task.manner}, inputs, folder, progress), resume=stage.resumes
+    )
     event = {"stage": task.stage, "key": task.key, "made": made, "begin": begin, "seconds": time.time() - begin}
     with (root / "run" / "events.jsonl").open("a", encoding="utf-8") as file:  # not atomic: a log grows line by line
         file.write(json.dumps(event) + "\n")
     return made
 
 
-def new_task(stage: str, settings: dict[str, Any], inputs: dict[str, str]) -> Task:
+def new_task(
+    stage: str, settings: dict[str, Any], inputs: dict[str, str], manner: dict[str, Any] | None = None
+) -> Task:
     """Describe a task of the current version of its stage.
 
     Args:
         stage: Row of `STAGES`.
         settings: JSON settings.
         inputs: Name to key of each input.
+        manner: JSON settings that change no byte of the result.
     """
-    return Task(stage, STAGES[stage].version, settings, inputs)
+    return Task(stage, STAGES[stage].version, settings, inputs, manner or {})
 
 
 def _run_scene(scenario: Scenario, index: int, out: Path, progress: Progress, outcome: Outcome) -> None:
@@ -154,10 +160,12 @@ class _Flight:
 def _run_flight(flight: _Flight, maker: "_Maker", paths: dict[str, Path], keys: dict[str, str]) -> None:
     """Make the capture and the cloud of one flight, and add them to `paths` and `keys`."""
     scenario, shot, cloud = flight.scenario, f"capture/{flight.name}", f"cloud/{flight.name}"
-    settings = {"seed": flight.seed, "survey": flight.survey, "render": scenario.rendering()}
+    rendering = scenario.rendering()
+    drawing = {name: rendering.pop(name) for name in ("workers", "encoders")}
+    settings = {"seed": flight.seed, "survey": flight.survey, "render": rendering}
     settings |= {"variant": flight.variant} if flight.variant else {}
     settings["platform"] = render_platform(scenario.render.device)
-    keys[shot] = maker.make(new_task("capture", settings, {"stage": keys["stage"]}), paths, shot)
+    keys[shot] = maker.make(new_task("capture", settings, {"stage": keys["stage"]}, {"drawing": drawing}), paths, shot)
     paths[shot] = maker.scene / shot
     settings = {"recon": scenario.recon.model_dump(mode="json"), "platform": recon_platform()}
     keys[cloud] = maker.make(new_task("cloud", settings, {"capture": keys[shot]}), {"capture": paths[shot]}, cloud)
@@ -189,8 +197,8 @@ class _Maker:
 def _stage(scenario: Scenario, seed: int, maker: _Maker) -> tuple[Path, str]:
     if scenario.stage is None:
         settings = {"seed": seed, "authoring": scenario.authoring()}
-        worlds = world_folders(scenario)
-        inputs = {name: folder_digest(path) for name, path in worlds.items()}  # a world counts by content
-        return maker.scene / "stage", maker.make(new_task("stage", settings, inputs), worlds, "stage")
+        given = given_files(scenario)  # a world or a sky counts by content
+        inputs = {name: file_digest(path) if path.is_file() else folder_digest(path) for name, path in given.items()}
+        return maker.scene / "stage", maker.make(new_task("stage", settings, inputs), given, "stage")
     path = Path(scenario.stage.path)
     return path, folder_digest(path.parent)  # a foreign stage counts by content, with every file that stands beside it

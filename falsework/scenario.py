@@ -1,6 +1,8 @@
 """The scenario: every room's settings in one TOML file; what is not fixed there is drawn from its seed."""
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -33,6 +35,10 @@ class Scenario(AuthoringSettings):
         default_factory=dict,
         description="Imported worlds: a name for [background], and the path, relative to the scenario",
     )
+    skies: dict[str, str] = Field(
+        default_factory=dict,
+        description="Photographed skies: a name for `[light] sky`, and the path, relative to the scenario",
+    )
     render: ShadingSettings = Field(default_factory=ShadingSettings, description="Renderer")
     sensor: SensorSettings = Field(default_factory=SensorSettings, description="The camera behind the lens")
     recon: ReconSettings = Field(default_factory=ReconSettings, description="Reconstruction")
@@ -59,7 +65,7 @@ def load_scenario(path: Path) -> Scenario:
     Raises:
         InputError: Missing, not TOML, or a key or value that is not allowed.
     """
-    scenario = _with_worlds(parse_settings(Scenario, read_toml(path), path), path)
+    scenario = _with_skies(_with_worlds(parse_settings(Scenario, read_toml(path), path), path), path)
     if scenario.stage is None:
         return scenario
     if scenario.variants.combinations():
@@ -104,20 +110,58 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
     )
 
 
+def _with_skies(scenario: Scenario, path: Path) -> Scenario:
+    """Give every photographed sky that the scenario names a path that holds from anywhere, and a name."""
+    skies = {name: str(path.parent / place) for name, place in scenario.skies.items()}
+
+    def named(sky: str) -> str:
+        if sky in ("", *skies):
+            return sky
+        skies[Path(sky).name] = str(path.parent / sky)
+        return Path(sky).name
+
+    base = scenario.light.model_copy(update={"sky": named(scenario.light.sky)})
+    lights = tuple(light.model_copy(update={"sky": named(light.sky)}) for light in scenario.variants.light)
+    # A copy counts `sky` as said: a light that says nothing about it keeps to the base's.
+    lights = tuple(
+        new if "sky" in old.model_fields_set else old for new, old in zip(lights, scenario.variants.light, strict=True)
+    )
+    for sky in skies.values():
+        if not Path(sky).is_file():
+            raise MissingError("no such sky", where=path, field="light.sky", value=sky)
+    variants = scenario.variants.model_copy(update={"light": lights})
+    return scenario.model_copy(update={"skies": skies, "light": base, "variants": variants})
+
+
+@contextmanager
+def values_of(path: Path) -> Iterator[None]:
+    """Name the scenario in errors that its values meet later, such as a bridge that cannot be drawn.
+
+    Args:
+        path: TOML file that the values come from.
+    """
+    try:
+        yield
+    except InputError as error:
+        error.found_in(path)
+        raise
+
+
 def demo_scenario() -> Scenario:
     """Read the demo's scenario, which is package data."""
     with as_file(files("falsework").joinpath("scenarios/demo.toml")) as path:
         return load_scenario(path)
 
 
-def world_folders(scenario: Scenario) -> dict[str, Path]:
-    """List the folders of the imported worlds, as inputs of the task that authors a stage.
+def given_files(scenario: Scenario) -> dict[str, Path]:
+    """List the folders of imported worlds and the photographed skies, as inputs of the task that authors a stage.
 
     Args:
         scenario: What to make.
     """
     places = {name: Path(place) for name, place in sorted(scenario.worlds.items())}
-    return {f"world/{name}": place if place.is_dir() else place.parent for name, place in places.items()}
+    worlds = {f"world/{name}": place if place.is_dir() else place.parent for name, place in places.items()}
+    return {**worlds, **{f"sky/{name}": Path(place) for name, place in sorted(scenario.skies.items())}}
 
 
 def scene_seed(seed: int, index: int) -> int:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import tyro
 
 from falsework.console import ConsoleProgress
-from falsework.edit_verbs import import_edits
+from falsework.edit_verbs import import_edits, root_layer_of
 from falsework.products import read_safely
 from groundwork.child import run_child
 from groundwork.errors import InputError
@@ -30,7 +30,7 @@ def info(scene: File, *, depth: int = 4, files: bool = False, allow_root: Roots 
     """Show what is in a scene: its tree, choices, counts per component and class, surveys, hashes.
 
     Args:
-        scene: Root layer of a scene, or any other USD file.
+        scene: Scene folder, its root layer, or any other USD file.
         depth: Levels of the tree.
         files: List every layer and texture with its hash.
         allow_root: Folders beside that of the scene from which it may take files.
@@ -63,7 +63,7 @@ def validate(scene: File, *, allow_root: Roots = (), as_json: AsJson = False) ->
     """Look for everything that is wrong with a scene, in every variant; exit code 1 where something is.
 
     Args:
-        scene: Root layer of a scene, or any other USD file.
+        scene: Scene folder, its root layer, or any other USD file.
         allow_root: Folders beside that of the scene from which it may take files.
         as_json: Print one JSON object instead of lines.
     """
@@ -81,12 +81,13 @@ def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson =
     """Tell how two scenes differ: what moved, changed shape or look, was relabelled, came and went.
 
     Args:
-        first: Root layer before.
-        second: Root layer after.
+        first: Scene folder or root layer before.
+        second: Scene folder or root layer after.
         allow_root: Folders beside those of the scenes from which they may take files.
         as_json: Print one JSON object instead of lines.
     """
-    found = _work("diff", first, {"second": str(second)}, allow_root, second)
+    other = root_layer_of(second)
+    found = _work("diff", first, {"second": str(other)}, allow_root, other)
     if as_json:
         return _answer(found)
     lines = [f"selection   {axis}: {before} -> {after}" for axis, (before, after) in found["selections"].items()]
@@ -116,7 +117,7 @@ def set_(
     """Choose look, background, light or class table of a scene; what it does not offer yet is made or brought in first.
 
     Args:
-        scene: Root layer of a scene.
+        scene: Scene folder, or its root layer.
         choices: look=NAME background=NAME light=NAME, or a USD file of yours as NAME (its materials are named like
             the roles, or it is a world), or for the light a date and hour, 2024-12-21T10:00; taxonomy=kim2023 puts
             another table of classes in force.
@@ -155,7 +156,7 @@ def flatten(scene: File, output: Output, *, allow_root: Roots = ()) -> int:
     """Write a scene as one layer, with the variants that it selects; texture paths stay relative.
 
     Args:
-        scene: Root layer.
+        scene: Scene folder, or its root layer.
         output: File to write, .usda or .usdc.
         allow_root: Folders beside that of the scene from which it may take files.
     """
@@ -169,7 +170,7 @@ def package(scene: File, output: Output, *, bake: bool = False, texels: int = 40
     """Put a scene into one file: usdz with all variants, or GLB for the web with those that are selected.
 
     Args:
-        scene: Root layer.
+        scene: Scene folder, or its root layer.
         output: File to write, .usdz or .glb.
         bake: Burn weathering and fine detail into the textures, for renderers that do not know them; the file then
             holds the selected variants only.
@@ -220,6 +221,7 @@ def _looks(changed: dict[str, list[str]]) -> list[str]:
 
 
 def _work(work: str, scene: Path, request: dict[str, Any], roots: Roots, *others: Path) -> Any:
+    scene = root_layer_of(scene)
     stages = [str(stage) for stage in (scene, *others)]
     request = {**request, "work": work, "scene": str(scene), "stages": stages, "allow_roots": [str(r) for r in roots]}
     with ConsoleProgress() as progress:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from groundwork.child import run_child
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 
@@ -22,10 +21,12 @@ class Stage:
     Attributes:
         version: Raised by hand whenever the same settings would give another result.
         run: Called with the task's settings, the folders of its inputs, an empty folder to fill, and a listener.
+        resumes: Whether it goes on in a folder that an interrupted run of the same task left.
     """
 
     version: int
     run: Run
+    resumes: bool = False
 
 
 def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
@@ -33,33 +34,36 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
     Args:
         settings: `{seed, authoring}`.
-        inputs: `world/<name>`: each imported world that the scenario names.
+        inputs: `world/<name>` and `sky/<name>`: each imported world and photographed sky that the scenario names.
         folder: Empty folder to fill.
         progress: Listener.
     """
     from authoring.scene import author_scene
     from authoring.settings import AuthoringSettings
 
-    worlds = {name.partition("/")[2]: path for name, path in inputs.items()}
+    given = {kind: {name[len(kind) :]: path for name, path in inputs.items() if name.startswith(kind)}
+             for kind in ("world/", "sky/")}  # fmt: skip
     authoring = parse_settings(AuthoringSettings, settings["authoring"], "scenario")
-    author_scene(authoring, settings["seed"], folder, progress, worlds)
+    author_scene(authoring, settings["seed"], folder, progress, given["world/"], given["sky/"])
 
 
 def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
     """Render one survey of a stage; in a child, because a graphics driver may crash and belongs to one process.
 
     Args:
-        settings: `{seed, render, survey, platform}`, and `variant` where one of the scene's variants is rendered.
+        settings: `{seed, render, survey, platform}`, `variant` where one of the scene's variants is rendered, and
+            `drawing`: how many processes and threads share the work.
         inputs: `stage`: the root layer, or the folder that holds `scene.usda`.
-        folder: Empty folder to fill.
+        folder: Folder to fill: empty, or left by an interrupted run.
         progress: Listener.
     """
-    run_child(
-        "render.frames",
+    from render.workers import render_survey
+
+    render_survey(
         {
             "scene": str(root_layer(inputs["stage"], settings.get("variant", "")).resolve()),
             "folder": str(folder.resolve()),
-            "settings": settings["render"],
+            "settings": {**settings["render"], **settings.get("drawing", {})},
             "seed": settings["seed"],
             "survey": settings["survey"],
         },
@@ -114,7 +118,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 STAGES: dict[str, Stage] = {
     "stage": Stage(3, author),
-    "capture": Stage(2, capture),
+    "capture": Stage(2, capture, resumes=True),
     "cloud": Stage(1, cloud),
     "report": Stage(1, report),
 }

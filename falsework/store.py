@@ -3,7 +3,7 @@
 import os
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +32,14 @@ class Task:
         version: Version of that stage's code.
         settings: JSON settings that the result depends on, seeds and platform included.
         inputs: Name of each input to the key of the task (or the content hash of the foreign folder) that made it.
+        manner: JSON settings of how the work is done (number of processes …) that change no byte of the result.
     """
 
     stage: str
     version: int
     settings: dict[str, Any]
     inputs: dict[str, str]
+    manner: dict[str, Any] = field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -72,12 +74,13 @@ class Store:
         """
         return (self.folder(task) / MANIFEST).is_file()
 
-    def produce(self, task: Task, make: Callable[[Path], None]) -> bool:
+    def produce(self, task: Task, make: Callable[[Path], None], *, resume: bool = False) -> bool:
         """Make a result unless it is there already; safe against other processes and against being killed.
 
         Args:
             task: What to make.
             make: Called with an empty folder to fill.
+            resume: Call it with what an interrupted run of the same task left instead.
 
         Returns:
             True when it was made now, False when it was there.
@@ -95,8 +98,9 @@ class Store:
                 if self.has(task):
                     return False
                 self._raise_former_rejection(task)
-                shutil.rmtree(work, ignore_errors=True)
-                work.mkdir()
+                if not resume:
+                    shutil.rmtree(work, ignore_errors=True)
+                work.mkdir(exist_ok=resume)
                 try:
                     make(work)
                 except RejectedSceneError as error:

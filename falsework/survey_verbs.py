@@ -61,7 +61,7 @@ def score(
 def plan(
     scene: File,
     *,
-    kind: Literal["global", "local", "grid"] = "local",
+    kind: Literal["global", "local", "grid", "stage"] = "local",
     name: str = "",
     seed: int | None = None,
     set: tuple[str, ...] = (),
@@ -70,7 +70,7 @@ def plan(
 
     Args:
         scene: Root layer of an editable scene (`scene checkout` gives one).
-        kind: Kind of survey.
+        kind: Kind of survey; stage takes a camera that is there already, such as one animated in Blender.
         name: Its id; that of the kind when left out.
         seed: Another flight than the scene's own seed gives.
         set: Settings of the survey, such as `length=30` or `pitch=free`.

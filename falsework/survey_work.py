@@ -26,6 +26,7 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     Returns:
         For each flight its name, score, coverage by class, warnings, and what the figure draws.
     """
+    from authoring.surveys.framing import eye_of
     from authoring.surveys.score import score_flight
     from authoring.surveys.stage_subject import stage_subject
     from usd_schemas.pinhole import pinhole_from_lens
@@ -43,7 +44,7 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
         camera = track.calibration or pinhole_from_lens(track.lens, product.width, product.height)
         times = track.facts.get("capture_times")
         duration = float(times[-1]) if isinstance(times, (list, tuple)) and times else 0.0
-        found = score_flight(track.poses, camera, duration, bridge, subject.obstacles)
+        found = score_flight(track.poses, eye_of(camera, track.distortion), duration, bridge, subject.obstacles)
         shares: dict[str, list[float]] = defaultdict(list)
         for instance, share in found.covered.items():
             shares[classes.get(instance, "")].append(share)
@@ -70,11 +71,11 @@ def plan(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
         progress: Listener.
     """
     from authoring.surveys.add import add_survey
-    from authoring.surveys.settings import GlobalSettings, GridSettings, LocalSettings
+    from authoring.surveys.settings import GlobalSettings, GridSettings, LocalSettings, StageSettings
     from groundwork.settings import parse_settings
 
     progress.stage("plan", 1)
-    kinds = {"global": GlobalSettings, "local": LocalSettings, "grid": GridSettings}
+    kinds = {"global": GlobalSettings, "local": LocalSettings, "grid": GridSettings, "stage": StageSettings}
     settings = parse_settings(kinds[request["plan"]["kind"]], request["plan"], "survey")
     path = add_survey(Path(request["scene"]), settings, request["seed"])
     progress.advance(1)

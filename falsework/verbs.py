@@ -1,5 +1,6 @@
 """The verbs that write one plain folder, with the same functions that the pipeline's stages call."""
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +44,15 @@ def render_file(
     chosen = names if survey is None else [survey]
 
     def write(folder: Path) -> None:
+        for other in folder.iterdir():
+            if other.name not in chosen:  # an interrupted run was asked for other surveys
+                shutil.rmtree(other, ignore_errors=True)
         for name in chosen:
-            (folder / name).mkdir()
+            (folder / name).mkdir(exist_ok=True)
             request = {"seed": seed, "survey": name, "render": settings}
             STAGES["capture"].run(request, {"stage": stage}, folder / name, progress)
 
-    fresh_output(out, "captures", write)
+    fresh_output(out, "captures", write, resume=True)
     return chosen
 
 

@@ -13,7 +13,11 @@ class FalseworkError(Exception):
 
 
 class InputError(FalseworkError, ValueError):
-    """Bad input: names the file, the field, the value, what is allowed, and the mend, all in one line."""
+    """Bad input: names the file, the field, the value, what is allowed, and the mend, all in one line.
+
+    Attributes:
+        where: File, folder or stage that holds it; None while nobody has said.
+    """
 
     exit_code: ClassVar[int] = 2
 
@@ -46,7 +50,17 @@ class InputError(FalseworkError, ValueError):
         if mend is not None:
             sentence += f". {mend}"
         parts.append(sentence)
+        self.where = where
         super().__init__(" ".join(": ".join(parts).split()))
+
+    def found_in(self, where: object) -> None:
+        """Say where the value came from, unless that has been said.
+
+        Args:
+            where: File, folder or stage that holds it.
+        """
+        if self.where is None:
+            self.where, self.args = where, (f"{where}: {self}",)
 
 
 class MissingError(InputError, FileNotFoundError):

@@ -17,12 +17,13 @@ MANIFEST = "artefact.json"  # a scene folder has a manifest.json of its own
 MARK = ".falsework"
 
 
-def write_bytes(path: Path, data: bytes) -> None:
+def write_bytes(path: Path, data: bytes, *, durable: bool = True) -> None:
     """Write a file so that a reader sees the old content or the new, never a part.
 
     Args:
         path: Where to write; its folder must exist.
         data: The whole content.
+        durable: Wait until it is on the disk; a power cut may otherwise leave an empty file under its name.
 
     Raises:
         OutOfSpaceError: The disk is full.
@@ -31,8 +32,9 @@ def write_bytes(path: Path, data: bytes) -> None:
     with space_errors(path):
         with partial.open("wb") as file:
             file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
         partial.replace(path)
 
 
@@ -154,13 +156,14 @@ def commit_folder(partial: Path, final: Path) -> None:
         _sync(final.parent)
 
 
-def fresh_output(folder: Path, kind: str, write: Callable[[Path], None]) -> None:
+def fresh_output(folder: Path, kind: str, write: Callable[[Path], None], *, resume: bool = False) -> None:
     """Write a plain output folder as a whole: beside it first, then one rename over a former one of ours.
 
     Args:
         folder: The folder that the user named.
         kind: What is in it, e.g. `capture`; kept in a hidden mark so that only our own folders are ever replaced.
         write: Called with an empty folder to fill.
+        resume: Call it with what an interrupted run left instead; it then checks what of that is still right.
 
     Raises:
         InputError: The folder holds something that Falsework did not write, or is not writable.
@@ -168,8 +171,9 @@ def fresh_output(folder: Path, kind: str, write: Callable[[Path], None]) -> None
     claim_output(folder, kind)
     partial = folder.with_name(f".{folder.name}.partial")
     with space_errors(folder):
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir(parents=True)
+        if not resume:
+            shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir(parents=True, exist_ok=resume)
         write(partial)
         write_text(partial / MARK, kind + "\n")
         former = folder.with_name(f".{folder.name}.former")

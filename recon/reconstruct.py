@@ -127,7 +127,7 @@ def _label(
     else:
         observed = gather(truth, seen)
         depth = depths(points, poses, seen)
-        error, measured = measure(points, depth, observed.depth.astype(float), truth.camera, truth.poses, seen)
+        error, measured = measure(points, depth, observed.depth.astype(float), truth, seen)
         verdict = annotate(observed, error, seen)
         distance, nearest = nearest_surface(points, truth)
         component = _components(verdict.instance, truth, components)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.observations import Observations, median_per_point
-from usd_schemas.pinhole import Pinhole, unproject
+from render.capture import Truth
 
 F64 = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def depths(points: F64, poses: F64, observations: Observations) -> F64:
 
 
 def measure(
-    points: F64, depth: F64, true_depth: F64, camera: Pinhole, true_poses: F64, observations: Observations
+    points: F64, depth: F64, true_depth: F64, truth: Truth, observations: Observations
 ) -> tuple[F64, Uncertainty]:
     """Compare each observation with the truth.
 
@@ -58,8 +58,7 @@ def measure(
         points: World positions [m], shape (N, 3), float64.
         depth: Reconstructed depth of each observation [m], shape (M,), float64.
         true_depth: True depth at its keypoint's pixel [m], shape (M,), float64, +inf for sky.
-        camera: True intrinsics.
-        true_poses: True camera_to_world of every image of the capture [m], shape (K, 4, 4), float64.
+        truth: True cameras, with whatever their lenses bend and their shutters move.
         observations: Who saw what.
 
     Returns:
@@ -68,10 +67,9 @@ def measure(
     error = np.abs(true_depth - depth)
     sky = ~np.isfinite(true_depth)
     away = np.full(len(error), np.inf)
-    # One image at a time: unproject takes one pose.
     for image in np.unique(observations.image[~sky]):
         seen = (observations.image == image) & ~sky
-        surface = unproject(observations.uv[seen], true_depth[seen], camera, true_poses[image])
+        surface = truth.surface_points(int(image), observations.uv[seen], true_depth[seen])
         away[seen] = np.linalg.norm(points[observations.point[seen]] - surface, axis=1)
     first = observations.start[:-1]
     none = np.zeros(0)

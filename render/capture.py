@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from groundwork.errors import InputError, MissingError
-from groundwork.files import read_json, space_errors, write_bytes, write_json
+from groundwork.files import read_json
 from groundwork.settings import Settings, parse_settings
 from render import image_files
 from usd_schemas.components import ClassRow
-from usd_schemas.flat_scene import FlatScene, InstanceRow
+from usd_schemas.distortion import NO_DISTORTION, Distortion
+from usd_schemas.flat_scene import InstanceRow
 from usd_schemas.pinhole import Pinhole
 
 FORMAT = "falsework.capture"
@@ -78,7 +79,9 @@ class Capture:
     images: tuple[CaptureImage, ...]
 
 
-class _CamerasFile(Settings):
+class CamerasFile(Settings):
+    """What `cameras.json` holds."""
+
     format: Literal["falsework.capture"]
     format_version: Literal[1]
     survey: str
@@ -107,7 +110,7 @@ def read_capture(folder: Path) -> Capture:
     value = read_json(path)
     if not isinstance(value, dict):
         raise InputError("not a JSON object", where=path)
-    stored = parse_settings(_CamerasFile, value, path)
+    stored = parse_settings(CamerasFile, value, path)
     names = [image.name for image in stored.images]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
@@ -145,6 +148,21 @@ def load_image(capture: Capture, index: int) -> U8:
 
 
 @dataclass(frozen=True)
+class Readout:
+    """When, and so from where, the rows of each image were read out: in bands, each with a pose of its own.
+
+    Attributes:
+        bands: First row of each band and the row after its last.
+        poses: camera_to_world of each band of each image [m], shape (N, B, 4, 4), float64.
+        readout_time: Time from the first row to the last [s].
+    """
+
+    bands: tuple[tuple[int, int], ...]
+    poses: F64
+    readout_time: float
+
+
+@dataclass(frozen=True)
 class Truth:
     """What only a simulation knows; its images share pixels exactly with the photographs.
 
@@ -155,6 +173,8 @@ class Truth:
         poses: camera_to_world [m], shape (N, 4, 4), float64, camera axes right, down, forward.
         instances: What each instance id stands for.
         classes: Class table in force.
+        distortion: Distortion of the lens.
+        readout: When the rows were read out; None for a global shutter.
     """
 
     folder: Path
@@ -163,6 +183,41 @@ class Truth:
     poses: F64
     instances: tuple[InstanceRow, ...]
     classes: tuple[ClassRow, ...]
+    distortion: Distortion = NO_DISTORTION
+    readout: Readout | None = None
+
+    def seen_from(self, index: int, pixels: F64) -> F64:
+        """Find from where pixels of an image were taken: the pose of the image, or of each pixel's band of rows.
+
+        Args:
+            index: Row in `names`.
+            pixels: Pixel positions [px], shape (N, 2), float64.
+
+        Returns:
+            camera_to_world [m], shape (N, 4, 4), float64.
+        """
+        if self.readout is None:
+            return np.broadcast_to(self.poses[index], (len(pixels), 4, 4))
+        ends = np.array([end for _, end in self.readout.bands])
+        band = np.minimum(np.searchsorted(ends, np.floor(pixels[:, 1]), side="right"), len(ends) - 1)
+        return self.readout.poses[index, band]
+
+    def surface_points(self, index: int, pixels: F64, depth: F64) -> F64:
+        """Find the world points that an image shows at given pixels, as its lens bends and its shutter moves them.
+
+        Args:
+            index: Row in `names`.
+            pixels: Pixel positions [px], shape (N, 2), float64.
+            depth: Planar depths there [m], shape (N,), float64.
+
+        Returns:
+            World positions [m], shape (N, 3), float64.
+        """
+        camera = self.camera
+        bent = (np.asarray(pixels, np.float64) - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+        rays = np.column_stack([self.distortion.undistort(bent), np.ones(len(bent))]) * depth[:, None]
+        poses = self.seen_from(index, pixels)
+        return np.einsum("nij,nj->ni", poses[:, :3, :3], rays) + poses[:, :3, 3]
 
     def depth(self, index: int) -> F32:
         """Read planar depth [m], +inf for sky, shape (H, W), float32.
@@ -230,6 +285,8 @@ def read_truth(capture: Capture) -> Truth | None:
                 for row in table["instances"]
             ),
             tuple(ClassRow(row["id"], row["name"], _color(*row["color"])) for row in table["classes"]),
+            Distortion(**stored.get("distortion", {})),
+            _read_readout(stored),
         )
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise InputError(
@@ -240,103 +297,12 @@ def read_truth(capture: Capture) -> Truth | None:
     return truth
 
 
-@dataclass(frozen=True)
-class FrameTruth:
-    """The exact images of one frame.
-
-    Attributes:
-        depth: Planar depth [m], +inf for sky, shape (H, W), float32.
-        semantic: Class ids, shape (H, W), uint8.
-        instance: Instance ids, 0 for sky, shape (H, W), uint32.
-        normal: Unit normals in world axes [1], zero for sky, shape (H, W, 3), float32, or None.
-    """
-
-    depth: F32
-    semantic: U8
-    instance: U32
-    normal: F32 | None = None
-
-
-def make_folders(folder: Path) -> None:
-    """Make the sub-folders of a capture.
-
-    Args:
-        folder: An existing folder.
-    """
-    for name in ("images", *(f"{TRUTH}/{kind}" for kind in ("depth", "semantic", "instance"))):
-        (folder / name).mkdir(parents=True, exist_ok=True)
-
-
-def write_cameras(capture: Capture) -> None:
-    """Write `cameras.json`.
-
-    Args:
-        capture: What to write, into its folder.
-    """
-    stored = _CamerasFile(
-        format=FORMAT, format_version=FORMAT_VERSION, survey=capture.survey, size=capture.size, prior=capture.prior,
-        gps_sigma=capture.gps_sigma, facts=capture.facts, images=capture.images,
-    )  # fmt: skip
-    write_json(capture.folder / CAMERAS, stored)
-
-
-def write_frame_truth(folder: Path, name: str, frame: FrameTruth, *, wide_ids: bool) -> None:
-    """Write the exact images of one frame, all without loss but the normals.
-
-    Args:
-        folder: The capture's folder.
-        name: Name of the image.
-        frame: Its exact images.
-        wide_ids: Whether any instance id of the scene is above 65,535.
-    """
-    truth = folder / TRUTH
-    write_bytes(truth / "depth" / f"{name}.tiff", image_files.encode_depth(frame.depth))
-    write_bytes(truth / "semantic" / f"{name}.png", image_files.encode_png(frame.semantic))
-    image_files.write_ids(truth / "instance", name, frame.instance, wide=wide_ids)
-    if frame.normal is not None:
-        (truth / "normal").mkdir(exist_ok=True)
-        coded = np.rint((frame.normal + 1.0) * 127.5).astype(np.uint8)
-        write_bytes(truth / "normal" / f"{name}.png", image_files.encode_png(coded))
-
-
-def write_truth(folder: Path, camera: Pinhole, names: tuple[str, ...], poses: F64, scene: FlatScene) -> None:
-    """Write the exact camera, the poses, the tables and the surface.
-
-    Args:
-        folder: The capture's folder.
-        camera: Exact intrinsics.
-        names: Name of each image.
-        poses: camera_to_world [m], shape (N, 4, 4), float64.
-        scene: Scene that was rendered.
-    """
-    truth = folder / TRUTH
-    rows = [{"name": name, "camera_to_world": pose.tolist()} for name, pose in zip(names, poses, strict=True)]
-    write_json(truth / "poses.json", {"pinhole": vars(camera), "poses": rows})
-    instances = [
-        {
-            "id": row.id,
-            "path": row.path,
-            "component": row.component,
-            "class": row.class_name,
-            "parameters": row.parameters,
-        }
-        for row in scene.instances
-    ]
-    classes = [{"id": row.id, "name": row.name, "color": row.color} for row in scene.classes]
-    write_json(truth / "instances.json", {"classes": classes, "instances": instances})
-    _write_surface(truth / "surface.npz", scene)
-
-
-def _write_surface(path: Path, scene: FlatScene) -> None:
-    geometry, draws = scene.geometry, scene.draws
-    arrays = {
-        "positions": geometry.positions, "triangles": geometry.triangles,
-        "part_first": geometry.part_first, "part_count": geometry.part_count,
-        "draw_part": draws.part, "draw_transform": draws.transform,
-        "draw_instance": draws.instance, "draw_label": draws.label,
-    }  # fmt: skip
-    with space_errors(path):
-        np.savez_compressed(path, **arrays)  # inside an atomic folder
+def _read_readout(stored: dict[str, Any]) -> Readout | None:
+    if "shutter" not in stored:
+        return None
+    bands = tuple((int(first), int(end)) for first, end in stored["shutter"]["bands"])
+    poses = np.array([row["bands"] for row in stored["poses"]], np.float64).reshape(-1, len(bands), 4, 4)
+    return Readout(bands, poses, float(stored["shutter"]["readout_time"]))
 
 
 def _color(red: int, green: int, blue: int) -> tuple[int, int, int]:

@@ -29,6 +29,8 @@ class Shot:
         seconds: Seconds since the first image [s].
         gps: Measured east, north, up from `origin` [m], or None.
         origin: Latitude [deg], longitude [deg] and height [m] of the local frame's zero.
+        make: Maker of the camera; empty for none that is known.
+        model: Name of the camera; empty for none that is known.
     """
 
     focal_length: float
@@ -37,6 +39,8 @@ class Shot:
     seconds: float
     gps: tuple[float, float, float] | None
     origin: tuple[float, float, float]
+    make: str = ""
+    model: str = ""
 
 
 def insert_exif(jpeg: bytes, shot: Shot, width: int, height: int) -> bytes:
@@ -83,7 +87,7 @@ def _tiff(shot: Shot, width: int, height: int) -> bytes:
     moment = (_EPOCH + timedelta(seconds=round(shot.seconds))).strftime("%Y:%m:%d %H:%M:%S")
     equivalent = round(shot.focal_length / shot.sensor_width * 36.0)
     root = [
-        _text(0x010F, MAKE), _text(0x0110, MODEL), _numbers(0x0112, _SHORT, 1), _text(0x0131, "Falsework"),
+        _text(0x010F, shot.make or MAKE), _text(0x0110, shot.model or MODEL), _numbers(0x0112, _SHORT, 1), _text(0x0131, "Falsework"),
         _text(0x0132, moment),
     ]  # fmt: skip
     photo = [
@@ -129,7 +133,7 @@ def _numbers(tag: int, kind: int, value: int) -> Entry:
 
 
 def _text(tag: int, value: str) -> Entry:
-    data = value.encode("ascii") + b"\x00"
+    data = value.encode("ascii", "replace") + b"\x00"
     return tag, _ASCII, data, len(data)
 
 

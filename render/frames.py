@@ -1,9 +1,10 @@
 """One survey of a stage becomes a capture: photographs as a drone would bring them home, and beside them the truth.
 
-`python -m render.frames` serves one request {scene, folder, settings, seed, survey} of a parent process.
+`python -m render.frames` serves one request {scene, folder, settings, seed, survey, share} of a parent process.
 """
 
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,20 +12,25 @@ from typing import Any
 
 import numpy as np
 
+from groundwork.canonical import digest
 from groundwork.child import answer_parent
-from groundwork.files import write_bytes
+from groundwork.files import folder_lock
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 from render import image_files
-from render.capture import CalibrationPrior, FrameTruth, make_folders, write_cameras, write_frame_truth, write_truth
-from render.context import open_context
+from render.capture import CalibrationPrior, Readout
+from render.capture_writer import FrameTruth, encode_frame_truth, make_folders, write_cameras, write_truth
+from render.context import Driver, Gl, open_context
 from render.exif import insert_exif
 from render.illumination import BRIGHTEST
+from render.journal import Journal
+from render.light_volume import LightVolume, cast_light_volume
 from render.passes import View
 from render.prepare import Prepared, prepare
 from render.records import capture_record, draw_prior, note_shot, write_render_record
 from render.sensor import Exposure, Sensor, meter
 from render.settings import RenderSettings
+from render.shutter import read_out
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole, pinhole_from_lens
 from usd_schemas.stage_reader import read_stage
@@ -32,6 +38,10 @@ from usd_schemas.stage_reader import read_stage
 _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+_RECIPE = 1  # raised whenever frames that an interrupted run left would no longer fit to new ones
+Share = tuple[int, int]
+ALL: Share = (0, 1)
+Shot = Callable[[], View]
 
 
 @dataclass(frozen=True)
@@ -42,49 +52,64 @@ class Assignment:
         scene: The scene, with this survey's product first.
         track: Camera and poses.
         camera: Exact intrinsics.
+        readout: When the rows are read out; None for a global shutter.
         prior: Calibration prior.
         folder: Capture folder.
         settings: How to draw it.
+        seed: Seed of sensor and calibration prior.
+        driver: What draws it.
     """
 
     scene: FlatScene
     track: CameraTrack
     camera: Pinhole
+    readout: Readout | None
     prior: CalibrationPrior
     folder: Path
     settings: RenderSettings
+    seed: int
+    driver: Driver
+
+    def recipe(self) -> str:
+        """Hash everything that the capture's bytes depend on."""
+        settings = self.settings.model_dump(mode="json", exclude={"workers", "encoders"})
+        product = self.scene.products[0]
+        return digest([_RECIPE, self.scene.origin, asdict(product), settings, self.seed, asdict(self.driver)])
 
 
 def render_stage(
-    scene: Path, folder: Path, settings: RenderSettings, seed: int, progress: Progress, survey: str = ""
-) -> dict[str, Any]:
+    scene: Path, folder: Path, settings: RenderSettings, seed: int, progress: Progress, survey: str = "",
+    share: Share = ALL,
+) -> dict[str, Any]:  # fmt: skip
     """Render one survey of a stage into a capture folder.
 
     Args:
         scene: A USD file.
-        folder: An existing, empty folder.
+        folder: An existing folder: empty, or left by an interrupted run.
         settings: How to draw it.
         seed: Seed of sensor and calibration prior.
         progress: Told about warnings, the light volume and every frame.
         survey: Name of the RenderProduct; empty for the first.
+        share: Number of this worker, and how many there are; only one that works alone finishes the capture.
 
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
     """
-    return render_scene(read_stage(scene, survey=survey or None), folder, settings, seed, progress)
+    return render_scene(read_stage(scene, survey=survey or None), folder, settings, seed, progress, share)
 
 
 def render_scene(
-    scene: FlatScene, folder: Path, settings: RenderSettings, seed: int, progress: Progress
+    scene: FlatScene, folder: Path, settings: RenderSettings, seed: int, progress: Progress, share: Share = ALL
 ) -> dict[str, Any]:
     """Render the first product of a scene into a capture folder.
 
     Args:
         scene: What to draw.
-        folder: An existing, empty folder.
+        folder: An existing folder: empty, or left by an interrupted run, which is taken over where it fits.
         settings: How to draw it.
         seed: Seed of sensor and calibration prior.
         progress: Told about warnings, the light volume and every frame.
+        share: Number of this worker, and how many there are; only one that works alone finishes the capture.
 
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
@@ -92,25 +117,25 @@ def render_scene(
     product = scene.products[0]
     track = scene.cameras[product.camera]
     camera = product_camera(track, product.width, product.height)
-    prior = draw_prior(camera, settings, seed)
-    assignment = Assignment(scene, track, camera, prior, folder, settings)
+    readout = read_out(track, camera.height, settings.sensor, seed)
     gl = open_context(settings.device)
+    warnings = scene.warnings
     try:
-        prepared = prepare(gl, scene, settings, progress)
-        for warning in prepared.warnings:
-            progress.note(warning)
-        gain = _meter_survey(prepared, track, camera)
-        sensor = Sensor(settings.sensor, gain, BRIGHTEST, (camera.height, camera.width), seed)
-        make_folders(folder)
-        exposures = _photograph(assignment, prepared, sensor, progress)
+        prior = draw_prior(camera, settings, seed)
+        assignment = Assignment(scene, track, camera, readout, prior, folder, settings, seed, gl.driver)
+        journal = Journal(folder, assignment.recipe())
+        facts = {"frames": len(track.poses), "driver": asdict(gl.driver)}
+        if not journal.is_complete():
+            make_folders(folder, normals=settings.normals)
+            missing = [row for row, name in enumerate(track.image_names) if journal.facts(name) is None]
+            mine = [row for row in missing if row % share[1] == share[0]]
+            if mine:
+                warnings = _draw_missing(gl, assignment, journal, mine, progress)
+            if share == ALL:
+                _finish(assignment, journal)
     finally:
         gl.close()
-    write_cameras(capture_record(folder, product.name, track, camera, prior, settings))
-    write_truth(folder, camera, track.image_names, track.poses, scene)
-    write_render_record(folder, gl.driver, settings, track.image_names, exposures)
-    return {
-        "frames": len(track.poses), "driver": asdict(gl.driver), "gain": gain, "warnings": list(prepared.warnings)
-    }  # fmt: skip
+    return {**facts, "gain": journal.gain(), "warnings": list(warnings)}
 
 
 def product_camera(track: CameraTrack, width: int, height: int) -> Pinhole:
@@ -125,6 +150,41 @@ def product_camera(track: CameraTrack, width: int, height: int) -> Pinhole:
     if exact is not None and (exact.width, exact.height) == (width, height):
         return exact
     return pinhole_from_lens(track.lens, width, height)
+
+
+def _draw_missing(
+    gl: Gl, assignment: Assignment, journal: Journal, rows: list[int], progress: Progress
+) -> tuple[str, ...]:
+    """Draw what is not there yet; returns the scene's warnings."""
+
+    def cast(*arguments: Any) -> LightVolume:
+        with folder_lock(journal.light_lock):  # one worker casts it, the others wait and take it over
+            volume = journal.light_volume() or cast_light_volume(*arguments)
+            journal.keep_light_volume(volume)
+        return volume
+
+    prepared = prepare(gl, assignment.scene, assignment.settings, progress, cast)
+    for warning in prepared.warnings:
+        progress.note(warning)
+    gain = journal.gain()
+    if gain is None:
+        gain = _meter_survey(prepared, assignment.track, assignment.camera)
+        journal.keep_gain(gain)
+    shape = (assignment.camera.height, assignment.camera.width)
+    sensor = Sensor(assignment.settings.sensor, gain, BRIGHTEST, shape, assignment.seed)
+    _photograph(assignment, prepared, sensor, journal, rows, progress)
+    return prepared.warnings
+
+
+def _finish(assignment: Assignment, journal: Journal) -> None:
+    """Write what stands beside the images; the record comes last, and says that the capture is whole."""
+    scene, track, settings, folder = assignment.scene, assignment.track, assignment.settings, assignment.folder
+    camera, name = assignment.camera, scene.products[0].name
+    write_cameras(capture_record(folder, name, track, camera, assignment.prior, settings))
+    write_truth(folder, camera, track.image_names, track.poses, scene, track.distortion, assignment.readout)
+    frames = [{"name": name, **(journal.facts(name) or {})} for name in track.image_names]
+    write_render_record(folder, assignment.driver, settings, frames, journal.gain(), assignment.recipe())
+    journal.close()
 
 
 def _meter_survey(prepared: Prepared, track: CameraTrack, camera: Pinhole) -> float:
@@ -144,53 +204,83 @@ def _meter_survey(prepared: Prepared, track: CameraTrack, camera: Pinhole) -> fl
     return meter(np.concatenate(samples))
 
 
-def _photograph(assignment: Assignment, prepared: Prepared, sensor: Sensor, progress: Progress) -> list[Exposure]:
-    """Draw on this thread, develop and encode on others; a few frames at most are in flight."""
-    settings, track = assignment.settings, assignment.track
-    painter = prepared.painter(assignment.camera, sharp=True)
-    waiting: deque[Future[Exposure]] = deque()
-    exposures: list[Exposure] = []
+def _photograph(
+    assignment: Assignment, prepared: Prepared, sensor: Sensor, journal: Journal, rows: list[int], progress: Progress
+) -> None:
+    """Draw on this thread, develop and encode on others; no more frames are in flight than there are threads."""
+    encoders, total = assignment.settings.encoders, len(assignment.track.poses)
+    shoot = _camera_body(assignment, prepared)
+    waiting: deque[Future[None]] = deque()
+    done = total - len(rows)
 
     def collect() -> None:
-        exposures.append(waiting.popleft().result())
-        progress.advance(len(exposures))
+        nonlocal done
+        waiting.popleft().result()
+        done += 1
+        progress.advance(done)
 
-    progress.stage("render", len(track.poses))
-    with ThreadPoolExecutor(settings.encoders) as pool:
-        for row, pose in enumerate(track.poses):
-            waiting.append(pool.submit(_finish_frame, assignment, sensor, row, painter.draw(pose, track.near)))
-            while len(waiting) > 2 * settings.encoders or (waiting and waiting[0].done()):
+    progress.stage("render", total)
+    with ThreadPoolExecutor(encoders) as pool:
+        for row in rows:
+            waiting.append(pool.submit(_finish_frame, assignment, sensor, journal, row, shoot(row)))
+            while len(waiting) > encoders or (waiting and waiting[0].done()):
                 collect()
         while waiting:
             collect()
-    return exposures
 
 
-def _finish_frame(assignment: Assignment, sensor: Sensor, row: int, view: View) -> Exposure:
-    scene, track, folder = assignment.scene, assignment.track, assignment.folder
-    name = track.image_names[row]
+def _camera_body(assignment: Assignment, prepared: Prepared) -> Callable[[int], Shot]:
+    """Make what draws the frame of a row now, and returns how to get its view, which another thread may do."""
+    track, camera, readout = assignment.track, assignment.camera, assignment.readout
+    bands = readout.bands if readout is not None else ((0, camera.height),)
+    poses = readout.poses if readout is not None else track.poses[:, None]
+    if track.distortion.is_identity:
+        painter = prepared.painter(camera, sharp=True)
+
+        def shoot(row: int) -> Shot:
+            view = painter.draw_bands(poses[row], bands, track.near)
+            return lambda: view
+
+        return shoot
+    lens, wide = prepared.lens(camera, track.distortion)
+    windows = [lens.window(band) for band in bands]
+
+    def shoot_wide(row: int) -> Shot:
+        views = [wide.draw_window(pose, window, track.near) for pose, window in zip(poses[row], windows, strict=True)]
+        return lambda: lens.look(views, poses[row], bands, track.near)
+
+    return shoot_wide
+
+
+def _finish_frame(assignment: Assignment, sensor: Sensor, journal: Journal, row: int, shot: Shot) -> None:
+    scene, track = assignment.scene, assignment.track
+    name, view = track.image_names[row], shot()
     ids = np.concatenate([np.zeros(1, np.uint32), scene.draws.instance])
     labels = np.concatenate([np.zeros(1, np.uint8), scene.draws.label])
     frame = FrameTruth(view.depth, labels[view.draw], ids[view.draw], view.normal)
-    write_frame_truth(folder, name, frame, wide_ids=int(ids.max()) >= image_files.WIDE_ID)
+    files = encode_frame_truth(name, frame, wide_ids=int(ids.max()) >= image_files.WIDE_ID)
     exposure = sensor.expose(row, view.code)
     pixels = sensor.develop(view.code, exposure)
     settings = assignment.settings.sensor
-    if settings.image_format == "png":
-        data = image_files.encode_png(pixels)
-    else:
-        height, width = pixels.shape[:2]
-        shot = note_shot(track, assignment.camera, assignment.prior, assignment.settings, exposure, row)
-        data = insert_exif(image_files.encode_jpeg(pixels, settings.jpeg_quality), shot, width, height)
-    write_bytes(folder / "images" / f"{name}.{settings.image_format}", data)
-    return exposure
+    files[f"images/{name}.{settings.image_format}"] = _encode_photograph(assignment, pixels, exposure, row)
+    journal.write_frame(name, files, asdict(exposure))
+
+
+def _encode_photograph(assignment: Assignment, pixels: "np.ndarray[Any, Any]", exposure: Exposure, row: int) -> bytes:
+    settings = assignment.settings
+    if settings.sensor.image_format == "png":
+        return image_files.encode_png(pixels)
+    height, width = pixels.shape[:2]
+    shot = note_shot(assignment.track, assignment.camera, assignment.prior, settings, exposure, row)
+    return insert_exif(image_files.encode_jpeg(pixels, settings.sensor.jpeg_quality), shot, width, height)
 
 
 def _serve(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     settings = parse_settings(RenderSettings, request["settings"], "render settings")
+    number, count = request.get("share", ALL)
     return render_stage(
         Path(request["scene"]), Path(request["folder"]), settings, int(request["seed"]), progress,
-        str(request.get("survey") or ""),
+        str(request.get("survey") or ""), (int(number), int(count)),
     )  # fmt: skip
 
 

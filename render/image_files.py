@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
-from groundwork.files import write_bytes
 
 _DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
 _FLOAT_PREDICTOR = 3
@@ -72,23 +71,8 @@ def encode_wide_ids(ids: NDArray[np.uint32]) -> bytes:
     return _encode(".tiff", ids, [cv2.IMWRITE_TIFF_COMPRESSION, _DEFLATE])
 
 
-def write_ids(folder: Path, name: str, ids: NDArray[np.uint32], *, wide: bool) -> None:
-    """Write instance ids as 16-bit PNG, or as 32-bit TIFF.
-
-    Args:
-        folder: Where to write.
-        name: Stem of the file.
-        ids: Instance ids, shape (H, W), uint32.
-        wide: Whether any id of the scene is above 65,535: one kind of file for all its images.
-    """
-    if wide:
-        write_bytes(folder / f"{name}.tiff", encode_wide_ids(ids))
-    else:
-        write_bytes(folder / f"{name}.png", encode_png(ids.astype(np.uint16)))
-
-
 def read_ids(folder: Path, name: str) -> NDArray[np.uint32]:
-    """Read the ids that `write_ids` wrote.
+    """Read instance ids: a 16-bit PNG, or a 32-bit TIFF.
 
     Args:
         folder: Where they lie.

@@ -1,6 +1,8 @@
 """Draws views of an uploaded scene: photograph, ids and depth of one view come from one pass over the same samples."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -30,12 +32,14 @@ class View:
         draw: Row of the draw plus 1, 0 for sky, shape (H, W), uint32.
         depth: Planar depth [m], +inf for sky, shape (H, W), float32.
         normal: Unit normals in world axes [1], zero for sky, shape (H, W, 3), float32, or None.
+        triangle: Triangle within the draw's part, shape (H, W), uint32, or None.
     """
 
     code: U16
     draw: U32
     depth: F32
     normal: F32 | None
+    triangle: U32 | None = None
 
 
 class Painter:
@@ -49,8 +53,7 @@ class Painter:
         light: Illumination,
         camera: Pinhole,
         quality: str,
-        *,
-        normals: bool,
+        extra: str = "",
     ) -> None:
         """Make the targets and upload the light.
 
@@ -61,25 +64,26 @@ class Painter:
             light: What lights it.
             camera: Intrinsics of every view.
             quality: `fast`, `standard` or `fine`.
-            normals: Whether normals are wanted.
+            extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
         """
         self._gl, self._programs, self._gpu, self._camera = gl, programs, gpu, camera
         self._fine = quality == "fine"
         context, size = gl.context, (camera.width, camera.height)
         self._color = context.texture(size, 4, dtype="nu2")
         self._truth = [context.texture(size, 1, dtype="u4"), context.texture(size, 1, dtype="f4")]
-        if normals:
-            self._truth.append(context.texture(size, 4, dtype="f2"))
+        self._extra = (extra,) if extra else ()
+        if extra:
+            self._truth.append(_extra_texture(context, size, extra))
         self._exact = self._framebuffer(self._truth if self._fine else [self._color, *self._truth])
         if self._fine:
             doubled = (2 * camera.width, 2 * camera.height)
             self._samples = context.texture(doubled, 4, dtype="nu2")
             self._supersampled = self._framebuffer([self._samples])
             self._resolved = context.framebuffer([self._color])
+        self._readers = {image: context.framebuffer([image]) for image in (self._color, *self._truth)}
         self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._features = (*light.features(), *(("SOFT",) if quality != "fast" else ()))
-        self._normals = ("NORMALS",) if normals else ()
         self._lamps = Lamps(context, light, gpu.anchor)
 
     def draw(self, camera_to_world: F64, near: float) -> View:
@@ -89,23 +93,68 @@ class Painter:
             camera_to_world: Camera pose, shape (4, 4), float64.
             near: Near plane [m].
         """
+        return self.draw_bands(camera_to_world[None], [(0, self._camera.height)], near)
+
+    def draw_bands(self, poses: F64, bands: Sequence[tuple[int, int]], near: float) -> View:
+        """Draw one view whose rows were read out one band after the other while the camera moved.
+
+        Args:
+            poses: Camera pose of each band, shape (B, 4, 4), float64.
+            bands: First row of each band and the row after its last; rows of no band stay empty.
+            near: Near plane [m].
+        """
+        self._clear_rows(0, self._camera.height)
+        for pose, (first, end) in zip(poses, bands, strict=True):
+            self._draw_band(pose, first, end, near)
+        self._resolve(0, self._camera.height)
+        return self._read(0, self._camera.height)
+
+    def draw_window(self, pose: F64, window: tuple[int, int], near: float) -> View:
+        """Draw some rows of a view, and return these alone.
+
+        Args:
+            pose: Camera pose, shape (4, 4), float64.
+            window: First row, and the row after the last.
+            near: Near plane [m].
+        """
+        first, end = window
+        self._clear_rows(first, end)
+        self._draw_band(pose, first, end, near)
+        self._resolve(first, end)
+        return self._read(first, end)
+
+    def _draw_band(self, pose: F64, first: int, end: int, near: float) -> None:
         gpu, camera = self._gpu, self._camera
-        rows = visible_boxes(gpu.lower, gpu.upper, camera, camera_to_world)
-        gpu.place(camera_to_world[:3, 3])
+        band = replace(camera, height=end - first, cy=camera.cy - first)
+        rows = visible_boxes(gpu.lower, gpu.upper, band, pose)
+        gpu.place(pose[:3, 3])
         gpu.bind()
-        clip = clip_from_relative(camera, camera_to_world, near).T.tobytes()
+        clip = clip_from_relative(camera, pose, near).T.tobytes()
         if self._fine:
-            self._clear(self._supersampled, 1)
-            self._draw_surfaces(rows, clip, camera_to_world, self._features)
-            self._draw_sky(camera_to_world, ())
-            self._resolve()
-            self._clear(self._exact, 0)
+            self._open(self._supersampled, 2 * first, 2 * end)
+            self._draw_surfaces(rows, clip, pose, self._features)
+            self._draw_sky(pose, ())
+            self._open(self._exact, first, end)
             self._draw_ids(rows, clip)
         else:
-            self._clear(self._exact, 1)
-            self._draw_surfaces(rows, clip, camera_to_world, self._features + self._normals)
-            self._draw_sky(camera_to_world, self._normals)
-        return self._read()
+            self._open(self._exact, first, end)
+            self._draw_surfaces(rows, clip, pose, self._features + self._extra)
+            self._draw_sky(pose, self._extra)
+
+    def _open(self, framebuffer: moderngl.Framebuffer, first: int, end: int) -> None:
+        """Let some rows of a framebuffer be cleared and drawn on."""
+        framebuffer.scissor = (0, first, framebuffer.width, end - first)
+        framebuffer.use()
+        context = self._gl.context
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func, context.front_face = ">", "cw"  # rows run downwards, so that windings look reversed
+
+    def _clear_rows(self, first: int, end: int) -> None:
+        if self._fine:
+            self._open(self._supersampled, 2 * first, 2 * end)
+            self._clear(self._supersampled, 1)
+        self._open(self._exact, first, end)
+        self._clear(self._exact, 0 if self._fine else 1)
 
     def _framebuffer(self, colors: list[moderngl.Texture]) -> moderngl.Framebuffer:
         width, height = colors[0].size
@@ -114,11 +163,8 @@ class Painter:
         return self._gl.context.framebuffer(colors, depth)
 
     def _clear(self, framebuffer: moderngl.Framebuffer, colors: int) -> None:
-        """Clear the `colors` photographs of a framebuffer, and what follows them: ids, depth, normals."""
-        framebuffer.use()
-        context, functions = self._gl.context, self._gl.functions
-        context.enable_only(moderngl.DEPTH_TEST)
-        context.depth_func, context.front_face = ">", "cw"  # rows run downwards, so that windings look reversed
+        """Clear the `colors` photographs of a framebuffer, and what follows them: ids, depth, one image more."""
+        functions = self._gl.functions
         functions.clear_depth(0.0)
         for attachment in range(colors):
             functions.clear_color(attachment, (0.0, 0.0, 0.0, 0.0))
@@ -126,7 +172,10 @@ class Painter:
             functions.clear_ids(colors)
             functions.clear_color(colors + 1, (np.inf, 0.0, 0.0, 0.0))
         if len(framebuffer.color_attachments) > colors + 2:
-            functions.clear_color(colors + 2, (0.0, 0.0, 0.0, 0.0))
+            if "TRIANGLES" in self._extra:
+                functions.clear_ids(colors + 2)
+            else:
+                functions.clear_color(colors + 2, (0.0, 0.0, 0.0, 0.0))
 
     def _draw_surfaces(self, rows: NDArray[np.int64], clip: bytes, pose: F64, features: tuple[str, ...]) -> None:
         groups = self._gpu.grouped(rows)
@@ -153,7 +202,7 @@ class Painter:
         self._write_commands([members for _, _, members in groups])
         first = 0
         for features, array, members in groups:
-            program = self._programs.get("surface.vert", "ids.frag", self._normals + features)
+            program = self._programs.get("surface.vert", "ids.frag", self._extra + features)
             if array is not None:
                 array.use(FIRST_FREE_UNIT)
                 set_uniform(program, "albedo_array", FIRST_FREE_UNIT)
@@ -174,8 +223,10 @@ class Painter:
         self._gl.context.depth_func = ">="
         self._arrays[program].render(moderngl.TRIANGLES, 3)
 
-    def _resolve(self) -> None:
-        self._resolved.use()
+    def _resolve(self, first: int, end: int) -> None:
+        if not self._fine:
+            return
+        self._open(self._resolved, first, end)
         self._gl.context.enable_only(moderngl.NOTHING)
         program = self._programs.get("sky.vert", "downsample.frag")
         if program not in self._arrays:
@@ -193,12 +244,28 @@ class Painter:
             self._arrays[program] = self._gpu.vertex_array(self._gl.context, program)
         return self._arrays[program]
 
-    def _read(self) -> View:
-        height, width = self._camera.height, self._camera.width
-        code = np.frombuffer(self._color.read(), np.uint16).reshape(height, width, 4)[..., :3]
-        draw = np.frombuffer(self._truth[0].read(), np.uint32).reshape(height, width)
-        depth = np.frombuffer(self._truth[1].read(), np.float32).reshape(height, width)
-        if len(self._truth) < 3:
+    def _read(self, first: int, end: int) -> View:
+        self._exact.scissor = None  # pyright: ignore[reportAttributeAccessIssue]  # else what comes next keeps to some rows
+        self._exact.use()
+        code = self._rows(self._color, first, end, np.uint16, 4)[..., :3]
+        draw = self._rows(self._truth[0], first, end, np.uint32, 1)[..., 0]
+        depth = self._rows(self._truth[1], first, end, np.float32, 1)[..., 0]
+        if not self._extra:
             return View(code, draw, depth, None)
-        normal = np.frombuffer(self._truth[2].read(), np.float16).reshape(height, width, 4)[..., :3]
+        if "TRIANGLES" in self._extra:
+            return View(code, draw, depth, None, self._rows(self._truth[2], first, end, np.uint32, 1)[..., 0])
+        normal = self._rows(self._truth[2], first, end, np.float16, 4)[..., :3]
         return View(code, draw, depth, normal.astype(np.float32))
+
+    def _rows(self, image: moderngl.Texture, first: int, end: int, kind: type, channels: int) -> NDArray[Any]:
+        """Read some rows of an image back, shape (rows, W, channels)."""
+        width, height = image.size
+        if (first, end) == (0, height):
+            data = image.read()
+        else:
+            data = self._readers[image].read((0, first, width, end - first), channels, dtype=image.dtype)
+        return np.frombuffer(data, kind).reshape(end - first, width, channels)
+
+
+def _extra_texture(context: moderngl.Context, size: tuple[int, int], extra: str) -> moderngl.Texture:
+    return context.texture(size, 4, dtype="f2") if extra == "NORMALS" else context.texture(size, 1, dtype="u4")

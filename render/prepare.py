@@ -1,13 +1,17 @@
 """From a flat scene to something that draws views: textures, materials, light and buffers, made once per survey."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from groundwork.progress import Progress
 from render.context import Gl
 from render.daylight import read_daylight
 from render.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
 from render.illumination import Illumination
-from render.light_volume import cast_light_volume
+from render.light_volume import LightVolume, cast_light_volume
 from render.materials import tabulate_materials, texture_keys
 from render.passes import Painter
 from render.programs import Programs
@@ -15,8 +19,14 @@ from render.region import region_of_interest
 from render.settings import RenderSettings
 from render.shadows import draw_shadows
 from render.textures import load_textures
+from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole
+
+if TYPE_CHECKING:
+    from render.lens import Lens  # numba takes long to load, and most lenses do not distort
+
+CastVolume = Callable[..., LightVolume]
 
 
 @dataclass(frozen=True)
@@ -25,6 +35,7 @@ class Prepared:
 
     Attributes:
         gl: Open context.
+        scene: What is drawn.
         programs: Shader programs.
         gpu: Uploaded scene.
         light: What lights it.
@@ -33,6 +44,7 @@ class Prepared:
     """
 
     gl: Gl
+    scene: FlatScene
     programs: Programs
     gpu: GpuScene
     light: Illumination
@@ -46,13 +58,32 @@ class Prepared:
             camera: Intrinsics of every view.
             sharp: Draw as the settings say; else with one sample a pixel, which is enough for metering.
         """
-        quality = self.settings.quality
-        if not sharp and quality == "fine":
-            quality = "standard"
-        return Painter(self.gl, self.programs, self.gpu, self.light, camera, quality, normals=self.settings.normals)
+        quality, extra = self.settings.quality, "NORMALS" if self.settings.normals else ""
+        if not sharp:
+            quality, extra = "standard" if quality == "fine" else quality, ""
+        return Painter(self.gl, self.programs, self.gpu, self.light, camera, quality, extra)
+
+    def lens(self, camera: Pinhole, distortion: Distortion) -> "tuple[Lens, Painter]":
+        """Make what draws views through a lens that distorts.
+
+        Args:
+            camera: Intrinsics of every view.
+            distortion: Distortion of the lens.
+
+        Returns:
+            The lens, and what draws the wider views that it looks at.
+        """
+        from render.lens import Lens, ray_geometry
+
+        cut_out = np.array(["CUT_OUT" in variant.features for variant in self.gpu.variants])[self.gpu.variant_rows]
+        lens = Lens(camera, distortion, ray_geometry(self.scene, cut_out), normals=self.settings.normals)
+        light, quality = self.light, self.settings.quality
+        return lens, Painter(self.gl, self.programs, self.gpu, light, lens.wide, quality, "TRIANGLES")
 
 
-def prepare(gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress) -> Prepared:
+def prepare(
+    gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress, cast: CastVolume = cast_light_volume
+) -> Prepared:
     """Upload a scene and light it.
 
     Args:
@@ -60,6 +91,7 @@ def prepare(gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progre
         scene: What to draw.
         settings: How to draw it.
         progress: Told about the light volume.
+        cast: Casts the light volume, or finds the one that was cast before.
 
     Raises:
         InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
@@ -78,8 +110,6 @@ def prepare(gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progre
     shadow = draw_shadows(gl.context, programs, gpu, daylight, box, settings.shadow_size) if sunny else None
     volume = None
     if settings.quality != "fast":
-        volume = cast_light_volume(
-            scene, daylight, table.means, box, settings.volume_probes, settings.volume_rays, progress
-        )
+        volume = cast(scene, daylight, table.means, box, settings.volume_probes, settings.volume_rays, progress)
     light = Illumination(daylight, shadow, volume, settings.haze_distance)
-    return Prepared(gl, programs, gpu, light, settings, (*scene.warnings, *warnings, *dark))
+    return Prepared(gl, scene, programs, gpu, light, settings, (*scene.warnings, *warnings, *dark))

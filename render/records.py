@@ -2,6 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,8 @@ def note_shot(
         seconds=seconds if seconds is not None else float(row),
         gps=_gps(track, row),
         origin=settings.geodetic_origin,
+        make=track.make,
+        model=track.model,
     )
 
 
@@ -78,19 +81,22 @@ def capture_record(
 
 
 def write_render_record(
-    folder: Path, driver: Driver, settings: RenderSettings, names: tuple[str, ...], exposures: list[Exposure]
-) -> None:
+    folder: Path, driver: Driver, settings: RenderSettings, frames: list[dict[str, Any]], gain: float | None,
+    recipe: str,
+) -> None:  # fmt: skip
     """Write `truth/render.json`: driver, settings, and what the sensor did at each frame.
 
     Args:
         folder: Capture folder.
         driver: What drew.
         settings: How it drew.
-        names: Name of each image.
-        exposures: What the sensor did at each of them.
+        frames: Name of each image, and what the sensor did at it.
+        gain: Exposure metered for the survey [1].
+        recipe: Hash of everything that the capture's bytes depend on.
     """
-    frames = [{"name": name, **asdict(exposure)} for name, exposure in zip(names, exposures, strict=True)]
-    write_json(folder / TRUTH / "render.json", {"driver": asdict(driver), "settings": settings, "frames": frames})
+    told = settings.model_dump(mode="json", exclude={"workers", "encoders"})
+    record = {"driver": asdict(driver), "settings": told, "gain": gain, "frames": frames, "recipe": recipe}
+    write_json(folder / TRUTH / "render.json", record)
 
 
 def _gps(track: CameraTrack, row: int) -> tuple[float, float, float] | None:

@@ -1,6 +1,6 @@
 """The camera behind the lens: from linear radiance to a photograph, with the flaws of a real sensor, seeded per frame.
 
-Order: exposure and white balance, blur, shot and read noise, tone curve. Depth and labels never come here.
+Order: exposure and white balance, vignetting, blur, shot and read noise, tone curve. Depth and labels never come here.
 """
 
 from dataclasses import dataclass
@@ -64,6 +64,7 @@ class Sensor:
         if settings.noise:
             rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
             self._tile = rng.standard_normal((shape[0] + _TILE, shape[1] + _TILE, 3), np.float32)
+        self._vignette = _vignette(shape, settings.vignetting)
 
     def expose(self, frame: int, code: U16) -> Exposure:
         """Meter one frame and draw the sensor's flaws; frames do not depend on each other.
@@ -109,6 +110,8 @@ class Sensor:
     def _disturb(self, light: F32, exposure: Exposure, tile: F32) -> F32:
         settings = self._settings
         height, width = light.shape[:2]
+        if settings.vignetting > 0:
+            light *= self._vignette
         if settings.blur_sigma > 0:
             side = 2 * int(np.ceil(3 * settings.blur_sigma)) + 1
             light = cv2.GaussianBlur(light, (side, side), settings.blur_sigma, borderType=cv2.BORDER_REFLECT).astype(
@@ -136,6 +139,15 @@ def meter(luminance: F32) -> float:
         return 1.0
     median, bright = (max(float(value), 1e-4) for value in np.quantile(luminance, [0.5, 0.98]))
     return min(_EXPOSED_GREY / median, _LATITUDE / bright)
+
+
+def _vignette(shape: tuple[int, int], loss: float) -> F32:
+    """Share of the light that reaches each pixel, falling with the square of its distance from the middle, (H, W, 1)."""
+    height, width = shape
+    down = (np.arange(height) + 0.5) / height * 2 - 1
+    across = (np.arange(width) + 0.5) / width * 2 - 1
+    square = ((down * height)[:, None] ** 2 + (across * width)[None] ** 2) / (height**2 + width**2)
+    return (1.0 - loss * square)[..., None].astype(np.float32)
 
 
 def _tone_table() -> U8:

@@ -28,6 +28,19 @@ class SensorSettings(Settings):
         default=9000.0, ge=100, le=1e6, description="Electrons at sensor white; sets the shot noise [1]."
     )
     read_noise: float = Field(default=4.0, ge=0, le=200, description="Noise of an unlit pixel [electrons].")
+    vignetting: float = Field(
+        default=0.12, ge=0, le=0.9, description="Light that the image's corners lose to its middle [1]."
+    )
+    rolling_shutter: bool = Field(
+        default=True, description="Read rows out one after the other where the camera has a readout time."
+    )
+    shutter_bands: int = Field(default=24, ge=16, le=512, description="Bands of rows with a pose each [1].")
+    tremble_speed: float = Field(
+        default=0.05, ge=0, le=10, description="Spread of the camera's speed about its flight during a readout [m/s]."
+    )
+    tremble_rate: float = Field(
+        default=1.0, ge=0, le=90, description="Spread of the camera's turning during a readout [deg/s]."
+    )
     image_format: Literal["jpg", "png"] = Field(
         default="jpg", description="Photographs as JPEG 4:4:4 with EXIF, or as PNG."
     )
@@ -56,6 +69,9 @@ class ShadingSettings(Settings):
         default=6000.0, gt=0, description="Distance at which haze takes 63 % of the contrast [m]."
     )
     encoders: int = Field(default=2, ge=1, le=64, description="Threads that develop and encode finished frames [1].")
+    workers: int = Field(
+        default=1, ge=1, le=64, description="Processes that draw one survey; its bytes do not depend on them [1]."
+    )
 
 
 class RenderSettings(ShadingSettings):

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,17 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, Vt
 from groundwork.canonical import canonical_json
 from usd_schemas import tokens
 from usd_schemas.components import class_of
+from usd_schemas.distortion import NO_DISTORTION, Distortion
 from usd_schemas.pinhole import Pinhole
 from usd_schemas.registration import register_schemas
 from usd_schemas.taxonomies import Taxonomy
 
 register_schemas()
 
+COMPONENT_API = "FalseworkComponentAPI"
+LABEL_APIS = tuple(f"SemanticsLabelsAPI:{name}" for name in (tokens.COMPONENT_TAXONOMY, tokens.CLASS_TAXONOMY))
 _TYPES = Sdf.ValueTypeNames
+_DISTORTION = ("k1", "k2", "p1", "p2")
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,42 @@ class ComponentFacts:
     parameters: dict[str, object] = field(default_factory=dict)
 
 
+class Opinion(NamedTuple):
+    """An attribute as a schema's accessor writes it, on a stage or straight into a layer.
+
+    Attributes:
+        name: Its name.
+        kind: Type of its value.
+        value: Its value.
+        custom: No schema declares it.
+        uniform: It may never change with time.
+    """
+
+    name: str
+    kind: Sdf.ValueTypeName
+    value: object
+    custom: bool = False
+    uniform: bool = False
+
+
+def component_opinions(facts: ComponentFacts) -> list[Opinion]:
+    """List what the component API says about a prim; the schema itself is `COMPONENT_API`.
+
+    Args:
+        facts: What to say; empty entries are left out.
+    """
+    found = [Opinion("falsework:component:kind", _TYPES.Token, facts.kind, uniform=True)]
+    if facts.instance_id:
+        found.append(Opinion("falsework:component:instanceId", _TYPES.Int, facts.instance_id, uniform=True))
+    if facts.instance_ids:
+        ids = Vt.IntArray(facts.instance_ids)
+        found.append(Opinion("falsework:component:instanceIds", _TYPES.IntArray, ids, uniform=True))
+    if facts.parameters:
+        text = canonical_json(facts.parameters)
+        found.append(Opinion("falsework:component:parameters", _TYPES.String, text, uniform=True))
+    return found
+
+
 def apply_component(prim: Usd.Prim, facts: ComponentFacts) -> None:
     """Author the component API on a prim.
 
@@ -44,14 +84,8 @@ def apply_component(prim: Usd.Prim, facts: ComponentFacts) -> None:
         prim: Mesh, Xform, PointInstancer or GeomSubset.
         facts: What to write; empty entries are left out.
     """
-    prim.ApplyAPI("FalseworkComponentAPI")
-    _set(prim, "falsework:component:kind", _TYPES.Token, facts.kind)
-    if facts.instance_id:
-        _set(prim, "falsework:component:instanceId", _TYPES.Int, facts.instance_id)
-    if facts.instance_ids:
-        _set(prim, "falsework:component:instanceIds", _TYPES.IntArray, Vt.IntArray(facts.instance_ids))
-    if facts.parameters:
-        _set(prim, "falsework:component:parameters", _TYPES.String, canonical_json(facts.parameters))
+    prim.ApplyAPI(COMPONENT_API)
+    _author(prim, component_opinions(facts))
 
 
 def read_component(prim: Usd.Prim) -> ComponentFacts:
@@ -69,6 +103,25 @@ def read_component(prim: Usd.Prim) -> ComponentFacts:
     )
 
 
+def label_opinions(component: str, instance_id: int) -> list[Opinion]:
+    """List the labels of a prim, and the mirrors of them that DCCs keep; the schemas are `LABEL_APIS`.
+
+    Args:
+        component: Component kind.
+        instance_id: Instance id; 0 writes no mirror of it.
+    """
+    name = class_of(component)
+    found = [
+        Opinion(f"semantics:labels:{tokens.COMPONENT_TAXONOMY}", _TYPES.TokenArray, Vt.TokenArray([component])),
+        Opinion(f"semantics:labels:{tokens.CLASS_TAXONOMY}", _TYPES.TokenArray, Vt.TokenArray([name])),
+        Opinion(tokens.USER_COMPONENT, _TYPES.String, component, custom=True),
+        Opinion(tokens.USER_CLASS, _TYPES.String, name, custom=True),
+    ]
+    if instance_id:
+        found.append(Opinion(tokens.USER_INSTANCE_ID, _TYPES.Int, instance_id, custom=True))
+    return found
+
+
 def apply_labels(prim: Usd.Prim, component: str, instance_id: int) -> None:
     """Label a prim: LabelsAPI in the taxonomies `component` and `class`, and the mirrors that DCCs keep.
 
@@ -77,13 +130,10 @@ def apply_labels(prim: Usd.Prim, component: str, instance_id: int) -> None:
         component: Component kind.
         instance_id: Instance id; 0 writes no mirror of it.
     """
-    name = class_of(component)
-    for taxonomy, label in ((tokens.COMPONENT_TAXONOMY, component), (tokens.CLASS_TAXONOMY, name)):
-        UsdSemantics.LabelsAPI.Apply(prim, taxonomy).CreateLabelsAttr([label])
-    _mirror(prim, tokens.USER_COMPONENT, _TYPES.String, component)
-    _mirror(prim, tokens.USER_CLASS, _TYPES.String, name)
-    if instance_id:
-        _mirror(prim, tokens.USER_INSTANCE_ID, _TYPES.Int, instance_id)
+    opinions = label_opinions(component, instance_id)  # first: an unknown kind leaves the prim as it was
+    for taxonomy in (tokens.COMPONENT_TAXONOMY, tokens.CLASS_TAXONOMY):
+        UsdSemantics.LabelsAPI.Apply(prim, taxonomy)
+    _author(prim, opinions)
 
 
 def direct_label(prim: Usd.Prim, taxonomy: str) -> str:
@@ -140,6 +190,12 @@ class SurveyFacts:
         gps: Measured positions [m], shape (N, 3), float64, or None.
         gps_sigma: Standard deviation along x, y, z [m].
         capture_times: Seconds since the first image [s], shape (N,), float64, or None.
+        distortion: Distortion of the lens.
+        readout_time: Time from the first row of an image to its last [s]; 0 for a global shutter.
+        camera_make: Maker of the camera, or empty.
+        camera_model: Name of the camera, or empty.
+        attitude: Measured yaw, pitch, roll [deg], shape (N, 3), float64, or None.
+        attitude_sigma: Standard deviation of yaw, pitch, roll [deg].
     """
 
     kind: str = ""
@@ -152,6 +208,12 @@ class SurveyFacts:
     gps: NDArray[np.float64] | None = None
     gps_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
     capture_times: NDArray[np.float64] | None = None
+    distortion: Distortion = NO_DISTORTION
+    readout_time: float = 0.0
+    camera_make: str = ""
+    camera_model: str = ""
+    attitude: NDArray[np.float64] | None = None
+    attitude_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def apply_survey(camera: UsdGeom.Camera, facts: SurveyFacts) -> None:
@@ -173,13 +235,15 @@ def apply_survey(camera: UsdGeom.Camera, facts: SurveyFacts) -> None:
         for code, seconds in enumerate(facts.capture_times):
             attribute.Set(float(seconds), code)
     if facts.calibration is not None:
-        _apply_calibration(prim, facts.calibration, facts.sensor_width)
+        _apply_calibration(prim, facts, facts.calibration)
     if facts.gps is not None:
         prim.ApplyAPI("FalseworkGpsAPI")
         _set(prim, "falsework:gps:sigma", _TYPES.Double3, Gf.Vec3d(*facts.gps_sigma))
-        attribute = prim.CreateAttribute("falsework:gps:localPosition", _TYPES.Double3, False)
-        for code, position in enumerate(facts.gps):
-            attribute.Set(Gf.Vec3d(*(float(value) for value in position)), code)
+        _sample(prim, "falsework:gps:localPosition", facts.gps)
+    if facts.attitude is not None:
+        prim.ApplyAPI("FalseworkGpsAPI")
+        _set(prim, "falsework:gps:attitudeSigma", _TYPES.Double3, Gf.Vec3d(*facts.attitude_sigma))
+        _sample(prim, "falsework:gps:attitude", facts.attitude)
 
 
 def read_survey(prim: Usd.Prim, count: int) -> SurveyFacts:
@@ -189,9 +253,7 @@ def read_survey(prim: Usd.Prim, count: int) -> SurveyFacts:
         prim: A camera.
         count: Number of images, time codes 0 to count - 1.
     """
-    gps = prim.GetAttribute("falsework:gps:localPosition")
     times = prim.GetAttribute("falsework:survey:captureTime")
-    sigma = _get(prim, "falsework:gps:sigma") or (0.0, 0.0, 0.0)
     return SurveyFacts(
         kind=str(_get(prim, "falsework:survey:kind") or ""),
         id=str(_get(prim, "falsework:survey:id") or ""),
@@ -199,20 +261,34 @@ def read_survey(prim: Usd.Prim, count: int) -> SurveyFacts:
         spacing=float(_get(prim, "falsework:survey:spacing") or 0.0),
         image_names=tuple(str(name) for name in _get(prim, "falsework:survey:imageNames") or ()),
         calibration=_read_calibration(prim),
-        sensor_width=float(_get(prim, "falsework:cal:sensorWidth") or 0.036),
-        gps=np.array([gps.Get(code) for code in range(count)]) if gps and gps.GetNumTimeSamples() else None,
-        gps_sigma=(float(sigma[0]), float(sigma[1]), float(sigma[2])),
+        sensor_width=_number(prim, "falsework:cal:sensorWidth") or 0.036,
+        gps=_samples(prim, "falsework:gps:localPosition", count),
+        gps_sigma=_triple(prim, "falsework:gps:sigma"),
         capture_times=np.array([times.Get(c) for c in range(count)]) if times and times.GetNumTimeSamples() else None,
+        distortion=Distortion(*(_number(prim, f"falsework:cal:{name}") for name in _DISTORTION)),
+        readout_time=_number(prim, "falsework:cal:readoutTime"),
+        camera_make=str(_get(prim, "falsework:cal:cameraMake") or ""),
+        camera_model=str(_get(prim, "falsework:cal:cameraModel") or ""),
+        attitude=_samples(prim, "falsework:gps:attitude", count),
+        attitude_sigma=_triple(prim, "falsework:gps:attitudeSigma"),
     )
 
 
-def _apply_calibration(prim: Usd.Prim, camera: Pinhole, sensor_width: float) -> None:
+def _apply_calibration(prim: Usd.Prim, facts: SurveyFacts, camera: Pinhole) -> None:
     prim.ApplyAPI("FalseworkCalibrationAPI")
-    _set(prim, "falsework:cal:model", _TYPES.Token, "SIMPLE_PINHOLE")
+    distorts = not facts.distortion.is_identity
+    _set(prim, "falsework:cal:model", _TYPES.Token, "OPENCV" if distorts else "SIMPLE_PINHOLE")
     _set(prim, "falsework:cal:imageSize", _TYPES.Int2, Gf.Vec2i(camera.width, camera.height))
     for name, value in (("fx", camera.fx), ("fy", camera.fy), ("cx", camera.cx), ("cy", camera.cy)):
         _set(prim, f"falsework:cal:{name}", _TYPES.Double, value)
-    _set(prim, "falsework:cal:sensorWidth", _TYPES.Double, sensor_width)
+    _set(prim, "falsework:cal:sensorWidth", _TYPES.Double, facts.sensor_width)
+    for name in _DISTORTION if distorts else ():
+        _set(prim, f"falsework:cal:{name}", _TYPES.Double, getattr(facts.distortion, name))
+    if facts.readout_time:
+        _set(prim, "falsework:cal:readoutTime", _TYPES.Double, facts.readout_time)
+    for name, text in (("cameraMake", facts.camera_make), ("cameraModel", facts.camera_model)):
+        if text:
+            _set(prim, f"falsework:cal:{name}", _TYPES.String, text)
 
 
 def _read_calibration(prim: Usd.Prim) -> Pinhole | None:
@@ -224,12 +300,36 @@ def _read_calibration(prim: Usd.Prim) -> Pinhole | None:
     return Pinhole(int(size[0]), int(size[1]), fx, fy, cx, cy)
 
 
+def _sample(prim: Usd.Prim, name: str, rows: NDArray[np.float64]) -> None:
+    attribute = prim.CreateAttribute(name, _TYPES.Double3, False)
+    for code, row in enumerate(rows):
+        attribute.Set(Gf.Vec3d(*(float(value) for value in row)), code)
+
+
+def _samples(prim: Usd.Prim, name: str, count: int) -> NDArray[np.float64] | None:
+    attribute = prim.GetAttribute(name)
+    if not attribute or not attribute.GetNumTimeSamples():
+        return None
+    return np.array([attribute.Get(code) for code in range(count)])
+
+
+def _number(prim: Usd.Prim, name: str) -> float:
+    return float(_get(prim, name) or 0.0)
+
+
+def _triple(prim: Usd.Prim, name: str) -> tuple[float, float, float]:
+    x, y, z = _get(prim, name) or (0.0, 0.0, 0.0)
+    return float(x), float(y), float(z)
+
+
 def _set(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: object) -> None:
     prim.CreateAttribute(name, kind, False, Sdf.VariabilityUniform).Set(value)
 
 
-def _mirror(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: object) -> None:
-    prim.CreateAttribute(name, kind, True).Set(value)
+def _author(prim: Usd.Prim, opinions: list[Opinion]) -> None:
+    for name, kind, value, custom, uniform in opinions:
+        variability = Sdf.VariabilityUniform if uniform else Sdf.VariabilityVarying
+        prim.CreateAttribute(name, kind, custom, variability).Set(value)
 
 
 def _get(prim: Usd.Prim, name: str) -> Any:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usd_schemas.components import ClassRow
+from usd_schemas.distortion import NO_DISTORTION, Distortion
 from usd_schemas.pinhole import Pinhole, UsdLens
 
 F32 = NDArray[np.float32]
@@ -176,6 +177,12 @@ class CameraTrack:
         gps: Measured local positions [m], shape (N, 3), float64, or None.
         gps_sigma: Standard deviation of `gps` along x, y, z [m].
         facts: Further JSON facts of the survey (kind, seed, spacing …).
+        distortion: Distortion of the lens; none on a foreign stage.
+        readout_time: Time from the first row of an image to its last [s]; 0 for a global shutter.
+        make: Maker of the camera, or empty.
+        model: Name of the camera, or empty.
+        attitude: Measured yaw clockwise from +y, pitch and roll [deg], shape (N, 3), float64, or None.
+        attitude_sigma: Standard deviation of `attitude` [deg].
     """
 
     name: str
@@ -189,6 +196,12 @@ class CameraTrack:
     gps: F64 | None = None
     gps_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
     facts: dict[str, object] = field(default_factory=dict)
+    distortion: Distortion = NO_DISTORTION
+    readout_time: float = 0.0
+    make: str = ""
+    model: str = ""
+    attitude: F64 | None = None
+    attitude_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdRender
 
+from groundwork.errors import InputError
 from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
@@ -14,6 +15,7 @@ from usd_schemas.traversal import EARLIEST, composed_prims
 
 F64 = NDArray[np.float64]
 
+CAMERA_MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV")  # of COLMAP, that the calibration schema may name
 DEFAULT_WIDTH = 1280  # [px], where a stage names no resolution
 FRAMING_HEIGHT = 960  # [px]
 FRAMING_LENS = UsdLens(0.24, 0.36, 0.27)  # 24 mm on 36 x 27 mm
@@ -24,8 +26,9 @@ DEFAULT_NEAR = 0.1  # [m]
 def read_cameras(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[CameraTrack, ...]:
     """Read every perspective camera.
 
-    A survey's camera has one image for each integer time code at which it is sampled. Any other camera that moves, by
-    itself or with a parent, has one for each whole frame of the stage; one that stands still has one.
+    A survey's camera has one image for each integer time code at which it is sampled, and so has any other that is
+    sampled at every frame from its first to its last. Any other camera that moves, by itself or with a parent, has one
+    for each whole frame of the stage; one that stands still has one.
 
     Args:
         stage: Composed stage.
@@ -48,8 +51,31 @@ def read_cameras(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Cam
         if not np.isfinite(track.poses).all():
             warn(f"{prim.GetPath()}: its poses are not finite")
             continue
+        fault = _lens_fault(prim, track)
+        if fault:
+            warn(f"{prim.GetPath()}: {fault}")
+            continue
         tracks.append(track)
     return tuple(tracks)
+
+
+def _lens_fault(prim: Usd.Prim, track: CameraTrack) -> str:
+    """Say what is wrong with a stated calibration; empty when nothing is."""
+    stated = prim.GetAttribute("falsework:cal:model")
+    model = str(stated.Get()) if stated and stated.HasAuthoredValue() else "PINHOLE"
+    if model not in CAMERA_MODELS:
+        return f"falsework:cal:model {model} is none of {', '.join(CAMERA_MODELS)}"
+    camera = track.calibration
+    if camera is None or track.distortion.is_identity:
+        return ""
+    across, down = np.meshgrid(np.linspace(0, camera.width, 9), np.linspace(0, camera.height, 9))
+    try:
+        track.distortion.undistort(
+            np.column_stack([(across.ravel() - camera.cx) / camera.fx, (down.ravel() - camera.cy) / camera.fy])
+        )
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def _read_lens(camera: UsdGeom.Camera) -> UsdLens:
@@ -89,6 +115,12 @@ def _read_track(camera: UsdGeom.Camera, lens: UsdLens, stage_to_world: F64) -> C
         gps=gps @ (stage_to_world[:3, :3] / unit).T if gps is not None else None,
         gps_sigma=survey.gps_sigma,
         facts=facts,
+        distortion=survey.distortion,
+        readout_time=survey.readout_time,
+        make=survey.camera_make,
+        model=survey.camera_model,
+        attitude=_sampled(prim, "falsework:gps:attitude", codes),
+        attitude_sigma=survey.attitude_sigma,
     )
 
 
@@ -113,7 +145,8 @@ def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
     if len(sampled) < 2:
         return [Usd.TimeCode(value) for value in sampled] or [EARLIEST]
     whole = [Usd.TimeCode(value) for value in sorted(sampled) if value.is_integer()]
-    if is_survey and whole:
+    every_frame = len(whole) == len(sampled) == max(sampled) - min(sampled) + 1
+    if whole and (is_survey or every_frame):
         return whole
     stage = prim.GetStage()
     first, last = min(sampled), max(sampled)

@@ -16,7 +16,7 @@ from authoring.site_shape import Hills, Land
 F64 = NDArray[np.float64]
 WIDEST_STEP = 55.0  # largest spacing of grid lines [m]
 INVERSIONS = 8  # rounds that find the grid coordinates of a place; each shrinks the error about threefold
-APRON = 2500.0  # plain margin beyond the land that ways and fields reach, so that no high camera sees its end [m]
+APRON = 16_000.0  # plain margin beyond the land that ways and fields reach: over its end even 100 m up is horizon [m]
 FIRST_TILE, TILE_GROWTH = 130.0, 1.3  # size of the atlas tiles beside the site [m], and their growth outwards [1]
 FADE = 400.0  # distance over which the bends of the grid lines fade out [m]
 Cell = tuple[float, float, float, float]

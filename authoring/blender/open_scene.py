@@ -16,6 +16,7 @@ import bpy  # pyright: ignore[reportMissingImports]
 SCENE = ""  # for the text editor: path of scene.usda
 
 FRAMES_PER_SECOND = 24  # one time code is one image
+SUN_STOPS = -2.0  # Blender makes a distant light of USD four times as strong as its sky; an exposure takes that back
 
 
 def open_scene(scene: str, survey: str = "") -> None:
@@ -37,6 +38,9 @@ def open_scene(scene: str, survey: str = "") -> None:
         set_frame_range=True,
         create_world_material=True,  # the sky
     )
+    for lamp in bpy.data.lights:
+        if lamp.type == "SUN" and hasattr(lamp, "exposure"):  # Blender 4.5 and later
+            lamp.exposure += SUN_STOPS
     with contextlib.suppress(ImportError):  # without Blender's own USD library only the import remains
         apply_product(bpy.context.scene, *read_product(scene, survey))
     for thing in bpy.context.scene.objects:

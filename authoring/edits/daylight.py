@@ -1,4 +1,4 @@
-"""What a DCC did to sun and cameras: a turned or dimmed sun comes home, and what cannot come home is named."""
+"""What a DCC did to the sun: turned or dimmed, it comes home into the light that was selected."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,8 +7,6 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 from authoring.edits.matching import object_name
 from authoring.edits.placements import write_transform
 from usd_schemas import tokens
-from usd_schemas.flat_scene import Sun
-from usd_schemas.read_lights import read_lights
 from usd_schemas.stage_reader import stage_to_world
 
 F64 = NDArray[np.float64]
@@ -17,10 +15,23 @@ _TYPES = Sdf.ValueTypeNames
 TURNED = 1e-4  # [rad] single precision turns a sun by less
 DIMMED = 0.005  # share of its radiance
 _DECIMALS = 9
+_BLENDER_STOPS = 2.0  # what `blender/open_scene.py` sets against Blender's fourfold sun comes back as an exposure
 _STRENGTH = ("inputs:color", "inputs:intensity", "inputs:exposure", "inputs:enableColorTemperature")
 
 
-def harvest_sun(layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage) -> str:
+def find_sun(scene: Usd.Stage, edited: Usd.Stage) -> tuple[Usd.Prim | None, Usd.Prim | None]:
+    """Find the sun of a scene, and what became of it: the light of its name, else the first that took its place.
+
+    Args:
+        scene: The scene without earlier edits.
+        edited: What a DCC made of it.
+    """
+    ours, theirs = _suns(scene), _suns(edited)
+    named = [prim for prim in theirs if ours and object_name(prim) == ours[0].GetName()]
+    return next(iter(ours), None), next(iter(named or theirs), None)
+
+
+def harvest_sun(layer: Sdf.Layer, scene: Usd.Stage, prim: Usd.Prim | None, edited: Usd.Prim | None) -> str:
     """Write a changed sun into the light that the scene has selected; another light keeps its own.
 
     The sky's picture stays, with the glow where the sun was.
@@ -28,16 +39,16 @@ def harvest_sun(layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage) -> str:
     Args:
         layer: Edits layer.
         scene: The scene without earlier edits.
-        edited: What a DCC made of it, in any unit and up axis.
+        prim: Its sun.
+        edited: That sun in the edited stage, in any unit and up axis.
 
     Returns:
         Name of the light; empty where nothing changed.
     """
-    ours, theirs = (read_lights(stage, stage_to_world(stage), lambda line: None)[0] for stage in (scene, edited))
-    suns = [[prim for prim in stage.Traverse() if prim.IsA(UsdLux.DistantLight)] for stage in (scene, edited)]
-    if ours is None or theirs is None:
+    if prim is None or edited is None:
         return ""
-    prim, before, after = suns[0][0], _strength(suns[0][0]), _strength(suns[1][0])
+    ours, theirs = _direction(prim), _direction(edited)
+    before, after = _strength(prim), _strength(edited)
     path = _home(scene, prim.GetPath())
     former = layer.GetPrimAtPath(path)
     if former is not None:
@@ -46,7 +57,7 @@ def harvest_sun(layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage) -> str:
                 former.RemoveProperty(spec)
     turned, dimmed = _angle(ours, theirs) > TURNED, not np.allclose(before, after, rtol=DIMMED)
     if turned:
-        write_transform(layer, path, prim, _turned(prim, np.array(ours.direction), np.array(theirs.direction)))
+        write_transform(layer, path, prim, _turned(prim, ours, theirs))
     if dimmed:
         spec = Sdf.CreatePrimInLayer(layer, path)
         strength = float(after.max())
@@ -58,27 +69,6 @@ def harvest_sun(layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage) -> str:
     return prim.GetName() if turned or dimmed else ""
 
 
-def left_out(scene: Usd.Stage, edited: Usd.Stage) -> list[str]:
-    """Name the new cameras and lights of an edited stage, each with what to do about it.
-
-    Args:
-        scene: The scene.
-        edited: What a DCC made of it.
-    """
-    known = {prim.GetName() for prim in scene.Traverse() if prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI)}
-    lines, suns = [], 0
-    for prim in edited.Traverse():
-        name = object_name(prim)
-        if prim.IsA(UsdGeom.Camera) and not {name, prim.GetParent().GetName()} & known:
-            lines.append(f"camera {name} is new: its flight is rendered from the edited file, not from the scene: "
-                         f"falsework render EDITED --survey {prim.GetName()}")  # fmt: skip
-        elif prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdLux.DomeLight):
-            suns += prim.IsA(UsdLux.DistantLight)
-            if not prim.IsA(UsdLux.DistantLight) or suns > 1:
-                lines.append(f"light {name} is new: a scene has one sun and one sky; turn the sun instead")
-    return sorted(lines)
-
-
 def _strength(prim: Usd.Prim) -> F64:
     """Read colour times intensity; Blender says of every light that it has a colour temperature, of white."""
     light, time = UsdLux.LightAPI(prim), Usd.TimeCode.EarliestTime()
@@ -86,7 +76,11 @@ def _strength(prim: Usd.Prim) -> F64:
     kelvin = light.GetColorTemperatureAttr()
     if light.GetEnableColorTemperatureAttr().Get(time) and kelvin.HasAuthoredValue():
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(float(kelvin.Get(time))))
-    return color * 2.0 ** light.GetExposureAttr().Get(time)
+    exposure = light.GetExposureAttr()
+    stops = float(exposure.Get(time))
+    if exposure.HasAuthoredValue() and prim.GetStage().GetRootLayer().documentation.startswith("Blender"):
+        stops += _BLENDER_STOPS
+    return color * 2.0**stops
 
 
 def _home(scene: Usd.Stage, path: Sdf.Path) -> Sdf.Path:
@@ -97,8 +91,22 @@ def _home(scene: Usd.Stage, path: Sdf.Path) -> Sdf.Path:
     return path.ReplacePrefix(environment.GetPath(), environment.GetPath().AppendVariantSelection("light", chosen))
 
 
-def _angle(one: Sun, two: Sun) -> float:
-    a, b = np.array(one.direction), np.array(two.direction)
+def _suns(stage: Usd.Stage) -> list[Usd.Prim]:
+    return [
+        prim
+        for prim in stage.Traverse()
+        if prim.IsA(UsdLux.DistantLight) and UsdGeom.Imageable(prim).ComputeVisibility() != UsdGeom.Tokens.invisible
+    ]
+
+
+def _direction(sun: Usd.Prim) -> F64:
+    """Find the unit vector towards a sun [1], world axes, shape (3,), float64."""
+    matrix = np.array(UsdGeom.Xformable(sun).ComputeLocalToWorldTransform(Usd.TimeCode.EarliestTime())).T
+    towards = stage_to_world(sun.GetStage())[:3, :3] @ matrix[:3, 2]
+    return towards / np.linalg.norm(towards)
+
+
+def _angle(a: F64, b: F64) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 

@@ -8,7 +8,9 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from authoring.edits import additions
 from authoring.edits.additions import ADDITIONS, Labelling, material_name, write_binding
-from authoring.edits.daylight import harvest_sun, left_out
+from authoring.edits.cameras import harvest_cameras
+from authoring.edits.daylight import find_sun, harvest_sun
+from authoring.edits.lamps import harvest_lamps
 from authoring.edits.matching import Matches, match_stages
 from authoring.edits.materials import Place, Textures, bound_name, changed_inputs, materials_by_name, write_inputs
 from authoring.edits.placements import moved_prims, write_transform
@@ -38,7 +40,9 @@ class Harvest:
         added: New objects and their labels.
         removed: Prims that were switched off.
         missing: Prims that the edited stage lacks and that stay.
-        left_out: One line for each new camera or light, with what to do about it.
+        cameras: New cameras, and those of surveys that stand elsewhere, with their number of poses.
+        lights: New lights.
+        left_out: One line for each camera that cannot be taken over.
     """
 
     moved: list[str] = field(default_factory=list)
@@ -47,6 +51,8 @@ class Harvest:
     added: dict[str, str] = field(default_factory=dict)
     removed: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
+    cameras: dict[str, int] = field(default_factory=dict)
+    lights: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
 
@@ -54,7 +60,7 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
     """Compare an edited stage with the scene that it came from, and write the scene's edits layer anew.
 
     The scene is taken without its earlier edits, so that harvesting the same file twice changes nothing. What earlier
-    edits said about things that no DCC brings back (other variants, cameras, light) stays.
+    edits said about things that no DCC brings back (other variants, other lights) stays.
 
     Args:
         edited: USD file that a DCC exported.
@@ -79,18 +85,23 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
         )  # fmt: skip
     former = _former_ids(layer)
     place = _placer(before)
-    found = Harvest(missing=[path.name for path in matches.missing], left_out=left_out(before, after))
+    found = Harvest(missing=[path.name for path in matches.missing])
     _forget(layer, place, before, matches)
     for path, transform in moved_prims(before, after, matches.pairs).items():
         write_transform(layer, place(path), before.GetPrimAtPath(path), transform)
         found.moved.append(path.name)
-    sun = harvest_sun(layer, before, after)
-    found.moved += [sun] if sun else []
+    sun, edited_sun = find_sun(before, after)
+    turned = harvest_sun(layer, before, sun, edited_sun)
+    found.moved += [turned] if turned else []
     for path, prim in _meshes(before, matches):
         if write_reshaped(layer, place(path), read_surface(before.GetPrimAtPath(path)), read_surface(prim)):
             found.reshaped.append(path.name)
     copies = _recolour(layer, place, before, after, matches, Textures(scene.parent), found)
     copies |= _add(layer, before, after, matches, labels, former, found)
+    taken = {prim.GetName() for prim in before.Traverse()} | found.added.keys()
+    found.cameras, found.left_out = harvest_cameras(layer, before, after, taken)
+    found.lights, more = harvest_lamps(layer, before, after, edited_sun, taken)
+    copies |= more
     if remove:
         for path in matches.missing:
             Sdf.CreatePrimInLayer(layer, place(path)).SetInfo("active", False)
@@ -248,6 +259,11 @@ def _forget(layer: Sdf.Layer, place: Place, scene: Usd.Stage, matches: Matches) 
             spec.RemoveProperty(prop)
         if path.StripAllVariantSelections() == Sdf.Path(ADDITIONS) or "Looks" in path.GetParentPath().name:
             del spec.nameParent.nameChildren[spec.name]
+    for scope in (tokens.SURVEYS, tokens.ENVIRONMENT):
+        holder = layer.GetPrimAtPath(scope)
+        for spec in list(holder.nameChildren) if holder else ():
+            if spec.specifier == Sdf.SpecifierDef and tokens.USER_FALSEWORK_ID in spec.attributes:
+                del holder.nameChildren[spec.name]  # a camera or light of earlier edits comes back with the DCC's file
     layer.RemoveInertSceneDescription()
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from usd_schemas import tokens
 
@@ -93,7 +93,8 @@ def home_path(prim: Usd.Prim) -> Sdf.Path:
 def _nests(prim: Usd.Prim) -> bool:
     # The outer Xform is named after the object, the inner mesh after its data.
     parent = prim.GetParent()
-    if not prim.IsA(UsdGeom.Gprim) or not parent.IsA(UsdGeom.Xform):
+    held = prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI)
+    if not held or not parent.IsA(UsdGeom.Xform):
         return False
     return parent.HasAttribute(OBJECT_NAME) or parent.GetName() == prim.GetName()
 
@@ -131,7 +132,7 @@ def _added(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim])
             continue
         if not stable_id(prim) and (prim.GetAttribute(DATA_NAME).Get() or prim.GetName()) in known:
             continue
-        name = _free_name(object_name(prim), taken)
+        name = free_name(object_name(prim), taken)
         taken.add(name)
         yield name, prim
 
@@ -140,7 +141,13 @@ def _anonymous(prim: Usd.Prim) -> bool:
     return prim.IsA(UsdGeom.Mesh) and not stable_id(prim)
 
 
-def _free_name(wanted: str, taken: set[str]) -> str:
+def free_name(wanted: str, taken: set[str]) -> str:
+    """Spell an object's name as a prim name that no other prim has.
+
+    Args:
+        wanted: What the DCC calls the object.
+        taken: Names in use.
+    """
     plain = "".join(letter if letter.isascii() and (letter.isalnum() or letter == "_") else "_" for letter in wanted)
     plain = plain if plain[:1].isalpha() or plain[:1] == "_" else f"Object_{plain}"
     name, number = plain, 2

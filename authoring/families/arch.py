@@ -7,8 +7,6 @@ wide and 2 m deep, columns every 10 m, box deck 3 m deep).
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from authoring.alignment import Layout
 from authoring.families.arch_deck import DrawnDeckArch, build_deck_arch, draw_deck_arch
 from authoring.families.arch_masonry import DrawnMasonry, build_masonry, draw_masonry
@@ -19,7 +17,6 @@ from authoring.families.shared import SharedSettings
 from authoring.parts.drawing import Draws
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground
-from groundwork.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -71,26 +68,10 @@ def build_arch(layout: Layout, drawn: DrawnArch, ground: Ground) -> list[Part]:
 
     Returns:
         Parts in their lasting order.
-
-    Raises:
-        InputError: The ground lies above the deck between the abutments.
     """
-    _refuse_hill(layout, ground)
     if isinstance(drawn.arch, DrawnDeckArch):
         return build_deck_arch(layout, drawn.arch, ground)
     if isinstance(drawn.arch, DrawnMasonry):
         return build_masonry(layout, drawn.arch, ground)
     return build_through_arch(layout, drawn.arch, ground)
 
-
-def _refuse_hill(layout: Layout, ground: Ground) -> None:
-    """Refuse ground above the road between the abutments."""
-    stations = np.linspace(layout.supports[0] + 3.0, layout.supports[-1] - 3.0, 101)
-    road = layout.alignment.point(stations, np.zeros(101), np.zeros(101))
-    over = ground(road[:, :2]) - road[:, 2]
-    if over.max() > 0.0:
-        raise InputError(
-            f"the ground lies {over.max():.1f} m above the deck", field="bridge.arch.springing",
-            allowed="ground below the deck between the abutments",
-            mend=f"Raise the springings by {over.max() + 1.0:.1f} m, or choose a lower site",
-        )  # fmt: skip

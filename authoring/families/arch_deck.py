@@ -24,6 +24,7 @@ from authoring.parts.spans import Levels, Spans, level_at
 FOUNDING = 1.2  # [m] blocks and footings below the lowest ground at them
 _SHOWS = 0.4  # [m] of a springing's block above the land
 _LEAST_COLUMN = 0.25  # [m]
+_COLUMNS = (0.45, 2.2)  # [m] columns along the bridge: the tallest are up to 20 times as tall as thick
 _INTO_DECK = 0.008  # [m] cross-head into the deck that it carries
 _ROOM = 0.25  # [m] on a block before and behind the pier on it
 
@@ -168,7 +169,7 @@ def _draw_bents(choice: ArchChoice, section: RibSection, slab: SpandrelDeck, wid
     paper, ring = draws.profile == "paper", len(section.lines) == 1
     shape = draws.choose({"rectangular": 0.7, "round": 0.3})
     slender, depth, taper = draws.random(), 0.6 + 0.35 * draws.random(), 0.3 * draws.random()
-    length = float(np.clip(choice.rise / (16.0 + 8.0 * slender), 0.45, 1.3))
+    length = float(np.clip(choice.rise / (11.0 + 5.0 * slender), *_COLUMNS))
     count = max(2, int(np.ceil(0.5 * width / 6.5)) + 1)
     lines = np.linspace(-0.25 * width, 0.25 * width, count) if ring else np.array(section.lines)
     across = min(1.3 * length, section.width - 0.16) if not ring else 1.3 * length

@@ -29,6 +29,7 @@ GAUGE = {"road": 4.7, "rail": 6.0}  # [m] above the finished surface or the rail
 _ABOVE_GAUGE = 0.3  # [m]
 _CLEAR = 0.12  # [m] between the deck's edge and a rib
 _LEAST_COLUMN = 0.03  # [m]
+_BESIDE_COLUMN = 0.05  # [m] of floor beam beyond a column under it: their end faces never lie in one plane
 
 
 @dataclass(frozen=True)
@@ -242,7 +243,7 @@ def _panel_parts(arch: DrawnThroughArch, rib: Rib, number: int, place: Alignment
     elif inside and not end and not hung and high > beam_bottom - _LEAST_COLUMN and low < levels.soffit + _LEAST_COLUMN:
         reach = face + EMBEDDED
     elif inside and not end:
-        reach = line + 0.30
+        reach = line + max(0.30, 0.5 * arch.columns.width + _BESIDE_COLUMN)
         parts += [] if hung else _post_parts(arch, rib, number, station, (low, high), level, middle)
     parts.append(floor_beam_part(arch.floor, name, station, reach, levels, place))
     if hung:

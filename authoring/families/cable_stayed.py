@@ -20,7 +20,7 @@ from authoring.parts.drawing import Draws, draw
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.medians import median_parts
 from authoring.parts.part import Part
-from authoring.parts.piers import Ground
+from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
 from authoring.parts.pylons import Pylon, pylon_parts
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.stays import Stays, stay_parts
@@ -34,6 +34,7 @@ _DRAWN = (
 )  # fmt: skip
 _DROP = 6.5  # [m] from a pylon's lower cross beam to the ground, for its proportions
 _GROWTH, _GROWTHS = 1.06, 40  # of a main span that an asked shape finds too short
+_ANCHORED, _ANCHOR_PITCH = 40.0, 36.0  # [m] side spans from here on may stand on anchor piers, so far apart at most
 _MEDIAN = 1.4  # [m] for the sockets of a single plane
 
 
@@ -50,6 +51,7 @@ class DrawnCableStayed:
         pylon: Elevation of every pylon.
         stays: Where the stays end.
         bearings: Pads and plinths.
+        piers: Anchor piers under long side spans.
         abutments: Walls.
     """
 
@@ -61,6 +63,7 @@ class DrawnCableStayed:
     pylon: Pylon
     stays: Stays
     bearings: Bearings
+    piers: Piers
     abutments: Abutments
 
     @property
@@ -71,8 +74,8 @@ class DrawnCableStayed:
     @property
     def pylons(self) -> tuple[tuple[int, float, int], ...]:
         """Support, station [m] and direction of the main span of every pylon."""
-        supports = self.spans.supports
-        return tuple((k, supports[k], 1 if k == 1 else -1) for k in range(1, 1 + self.choice.pylons))
+        stations = self.choice.supports[1 : 1 + self.choice.pylons]
+        return tuple((self.spans.supports.index(s), s, -1 if number else 1) for number, s in enumerate(stations))
 
 
 def _levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Levels:
@@ -100,15 +103,28 @@ def draw_cable_stayed(
     values["share"] = draws.random()
     choice, top, deck, pylon, stays, strip = _fitted(settings, choice, top, values, bearings, draws.profile)
     levels = _levels(top, deck, bearings)
-    spans = Spans(choice.supports, values["overhang"], values["gap"], continuous=True, one_row=True)
+    supports = tuple(sorted((*choice.supports, *_pier_stations(settings, choice, draws))))
+    spans = Spans(supports, values["overhang"], values["gap"], continuous=True, one_row=True)
+    piers = draw_piers(shared.pier, deck.width, deck.bearing_lines[-1], bearings, spans, draws)
     # The approaches' parapets stand on the wing walls, whose outer faces follow the deck's edge.
     walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, strip + 0.5), 3))
     air = draw(settings, "air", draws) * choice.main  # ships pass under long spans
     layout = draw_layout_of(
         shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True, least_clearance=air
     )
-    record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, walls)
+    record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, piers, walls)
     return replace(layout, width=deck.width), record
+
+
+def _pier_stations(settings: CableStayedSettings, choice: Choice, draws: Draws) -> tuple[float, ...]:
+    """Place the anchor piers, which stiffen long side spans [m]."""
+    share = draws.random()
+    stands = share < 0.6 and draws.profile != "paper" if settings.anchor_piers is None else settings.anchor_piers
+    if not stands or choice.side < _ANCHORED:
+        return ()
+    steps = np.linspace(0.0, choice.side, int(np.ceil(choice.side / _ANCHOR_PITCH)) + 1)[1:-1]
+    far = [choice.supports[-1] - s for s in steps[::-1]] if choice.pylons == 2 else []
+    return tuple(round(float(s), 3) for s in (*steps, *far))
 
 
 def _fitted(
@@ -234,6 +250,7 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     for support, station, _ in bridge.pylons:
         parts += pylon_parts(bridge.pylon, support, station, -levels.surfacing, place, ground)
+    parts += pier_parts(bridge.piers, spans, levels, place, ground, tuple(station for _, station, _ in bridge.pylons))
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top
     parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)

@@ -11,7 +11,10 @@ from authoring.parts.abutments import AbutmentSettings
 from authoring.parts.bearings import BearingSettings
 from authoring.parts.deck_top import DeckTop, DeckTopSettings
 from authoring.parts.drawing import Draws, draw, drawn
-from authoring.parts.piers import PierSettings
+from authoring.parts.piers import Ground, PierSettings
+from groundwork.errors import InputError
+
+_BY_ABUTMENTS = 3.0  # [m] where embankments may reach the road
 
 
 class SharedSettings(DeckTopSettings):
@@ -81,6 +84,29 @@ def draw_layout_of(
         underlay=top.underlay,
         track=None if top.tracks is None else top.tracks.section,
     )
+
+
+def refuse_hill(layout: Layout, ground: Ground) -> None:
+    """Refuse ground above the road between the abutments.
+
+    Args:
+        layout: Axis and supports.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+
+    Raises:
+        InputError: The ground reaches the road.
+    """
+    first, last = layout.supports[0], layout.supports[-1]
+    margin = min(_BY_ABUTMENTS, 0.25 * (last - first))
+    stations = np.linspace(first + margin, last - margin, 101)
+    road = layout.alignment.point(stations, np.zeros(101), np.zeros(101))
+    over = float(np.max(ground(road[:, :2]) - road[:, 2]))
+    if over > 0.0:
+        raise InputError(
+            f"the ground lies {over:.1f} m above the deck", field="bridge.clearance",
+            allowed="ground below the deck between the abutments",
+            mend=f"Raise it by {np.ceil(10.0 * over + 10.0) / 10.0:.1f} m, or choose a lower site",
+        )  # fmt: skip
 
 
 def _lowest(axis: Alignment, supports: tuple[float, ...], half_width: float) -> float:

@@ -78,6 +78,10 @@ class CableStayedSettings(Settings):
         0.03, 0.05, "Least height of the deck's soffit above z = 0, over the main span [1]", ge=0.0, le=0.15,
         paper=(0.0, 0.0),
     )  # fmt: skip
+    anchor_piers: bool | None = Field(
+        default=None,
+        description="Piers under side spans of 40 m or more, 36 m apart at most; drawn 60 : 40, never in profile paper",
+    )
     zone: float | None = drawn(0.55, 0.68, "Lowest head of a semi-fan over the pylon's height [1]", ge=0.40, le=0.85)
     pitch: float | None = Field(
         default=None, ge=2.5, le=20.0,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Alignment, Layout
+from authoring.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
 from authoring.families.stayed_elevation import GAUGE
 from authoring.families.suspension_choices import (
@@ -197,22 +197,9 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     towers = [(spans.supports.index(station), station) for station in cables.towers]
     for support, station in towers:
         parts += pylon_parts(bridge.tower, support, station, -levels.surfacing, place, ground)
-    parts += _pier_parts(bridge, place, ground)
+    parts += pier_parts(bridge.piers, spans, levels, place, ground, cables.towers)
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top
     parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
     return parts
 
-
-def _pier_parts(bridge: DrawnSuspension, place: Alignment, ground: Ground) -> list[Part]:
-    """Build the piers between abutments and towers, named by their supports among all."""
-    supports, towers = bridge.spans.supports, bridge.cables.towers
-    others = tuple(station for station in supports if station not in towers)
-    parts = []
-    for part in pier_parts(bridge.piers, replace(bridge.spans, supports=others), bridge.levels, place, ground):
-        number = part.parameters["support"]
-        assert isinstance(number, int)
-        support = supports.index(others[number])
-        name = part.name.replace(f"Pier_{number:03d}", f"Pier_{support:03d}", 1)
-        parts.append(replace(part, name=name, parameters={**part.parameters, "support": support}))
-    return parts

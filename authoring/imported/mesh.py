@@ -16,7 +16,7 @@ from authoring.imported.mesh_soup import MeshSoup, centred, check_count, joined_
 from authoring.imported.model import CityModel
 from authoring.imported.model_files import check_file, read_beside, unpack
 from authoring.imported.skin import Skin, image_skin, palette_skin
-from authoring.looks.bake import encode_srgb
+from authoring.looks.encode import encode_srgb
 from groundwork.errors import InputError
 from usd_schemas.layer_walk import Warn
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.looks.bake import png
+from authoring.looks.encode import png
 from authoring.looks.material import MaterialRecipe
 from groundwork.errors import InputError
 from groundwork.files import write_bytes

@@ -15,7 +15,7 @@ from authoring.imported.mesh_soup import MeshSoup, centred, check_count, joined_
 from authoring.imported.model import CityModel
 from authoring.imported.model_files import check_archive, check_file
 from authoring.imported.skin import Skin, image_skin, palette_skin
-from authoring.looks.bake import encode_srgb
+from authoring.looks.encode import encode_srgb
 from groundwork.errors import InputError, MissingError
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard import check_stage

@@ -7,11 +7,15 @@ from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from authoring.component import Component, Mesh, Scatter
-from authoring.layers.layer import new_outlined_stage
+from authoring.layers.layer import new_layer
+from authoring.layers.specs import apply_schemas, attribute, author, prim_spec
+from authoring.looks.roles import sheet_material, sheet_numbers
 from usd_schemas import tokens
-from usd_schemas.apis import ComponentFacts, apply_component
+from usd_schemas.apis import COMPONENT_API, ComponentFacts, apply_component, component_opinions
 
 F64 = NDArray[np.float64]
+_TYPES = Sdf.ValueTypeNames
+_BINDING_API = "MaterialBindingAPI"
 
 GRID = 1e-6  # [m], [1]: values are rounded to it before they are written, so that every CPU writes the same
 
@@ -78,32 +82,19 @@ def geometry_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sdf
     Returns:
         A layer in memory, to be written as `geometry.usdc`.
     """
-    names = sorted({piece.group for piece in pieces})
-    outline = {asset.group(name): "Xform" for name in names}
-    for piece in pieces:
-        outline[asset.prim(piece)] = "Mesh" if isinstance(piece, Component) else "PointInstancer"
-    stage = new_outlined_stage(asset.root, outline)
-    root = UsdGeom.Xform.Define(stage, f"/{asset.root}").GetPrim()
-    _set_id(root, asset.root)
-    # A model hierarchy must have no gaps: a bridge is an assembly of groups; site and background are one component.
-    grouped = asset is BRIDGE
-    scope = UsdGeom.Scope.Define(stage, asset.geometry).GetPrim()
-    if grouped:
-        Usd.ModelAPI(scope).SetKind(Kind.Tokens.group)
-    UsdGeom.Scope.Define(stage, asset.looks)
-    for role in roles_of(pieces):
-        UsdShade.Material.Define(stage, asset.material(role))
-    for name in names:
-        group = UsdGeom.Xform.Define(stage, asset.group(name)).GetPrim()
-        _set_id(group, group.GetName())
-        if grouped:
-            Usd.ModelAPI(group).SetKind(Kind.Tokens.component)
-    for piece in pieces:
-        if isinstance(piece, Component):
-            _author_component(stage, asset, piece)
-        else:
-            _author_scatter(stage, asset, piece)
-    return stage.GetRootLayer()
+    layer = new_layer(asset.root)
+    sheets = sheet_numbers(pieces) if asset is BRIDGE else {}
+    components = [piece for piece in pieces if isinstance(piece, Component)]
+    with Sdf.ChangeBlock():
+        _author_groups(layer, asset, pieces, sheets)
+        for component in components:
+            _author_component(layer, asset, component, sheets.get(component.instance_id, 0))
+    if len(components) < len(pieces):
+        stage = Usd.Stage.Open(layer, Usd.Stage.LoadAll)
+        for piece in pieces:
+            if isinstance(piece, Scatter):
+                _author_scatter(stage, asset, piece)
+    return layer
 
 
 def roles_of(pieces: tuple[Component | Scatter, ...]) -> tuple[str, ...]:
@@ -119,17 +110,44 @@ def roles_of(pieces: tuple[Component | Scatter, ...]) -> tuple[str, ...]:
     return tuple(sorted(roles))
 
 
-def _author_component(stage: Usd.Stage, asset: Asset, component: Component) -> None:
+def _author_groups(
+    layer: Sdf.Layer, asset: Asset, pieces: tuple[Component | Scatter, ...], sheets: dict[int, int]
+) -> None:
+    groups = [prim_spec(layer, asset.group(name), "Xform") for name in sorted({piece.group for piece in pieces})]
+    for piece in pieces:
+        prim_spec(layer, asset.prim(piece), "Mesh" if isinstance(piece, Component) else "PointInstancer")
+    _set_id(prim_spec(layer, f"/{asset.root}", "Xform"), asset.root)
+    scope = prim_spec(layer, asset.geometry, "Scope")
+    prim_spec(layer, asset.looks, "Scope")
+    for group in groups:
+        _set_id(group, group.name)
+    if asset is BRIDGE:  # a model hierarchy must have no gaps: a bridge is an assembly, site and background a component
+        scope.kind = Kind.Tokens.group
+        for group in groups:
+            group.kind = Kind.Tokens.component
+    for role in roles_of(pieces):
+        prim_spec(layer, asset.material(role), "Material")
+    worn = {(piece.role, sheets.get(piece.instance_id, 0)) for piece in pieces if isinstance(piece, Component)}
+    for role, number in sorted(worn):
+        if number:  # the role's material with another sheet: whatever is made of the role holds for it too
+            other = prim_spec(layer, asset.material(sheet_material(role, number)), "Material")
+            other.specializesList.prependedItems = [Sdf.Path(asset.material(role))]
+
+
+def _author_component(layer: Sdf.Layer, asset: Asset, component: Component, sheet: int) -> None:
     # Points count from the middle of the component: a pivot that artists can use, and float32 to the micrometre.
     points = component.mesh.points
     origin = np.round((points.min(axis=0) + points.max(axis=0)) / 2, 3)
-    mesh = _author_mesh(stage, asset.prim(component), component.mesh, origin, component.double_sided)
-    mesh.AddTranslateOp().Set(Gf.Vec3d(*origin.tolist()))
-    _bind(stage, mesh.GetPrim(), asset.material(component.role))
-    _set_id(mesh.GetPrim(), component.name)
-    apply_component(
-        mesh.GetPrim(), ComponentFacts(component.kind, component.instance_id, parameters=component.parameters)
-    )
+    prim = layer.GetPrimAtPath(asset.prim(component))
+    apply_schemas(prim, (_BINDING_API, COMPONENT_API))
+    _author_mesh(prim, component.mesh, origin, component.double_sided)
+    attribute(prim, "xformOp:translate", _TYPES.Double3, Gf.Vec3d(*origin.tolist()))
+    attribute(prim, "xformOpOrder", _TYPES.TokenArray, Vt.TokenArray(["xformOp:translate"]), uniform=True)
+    _bind(prim, asset.material(sheet_material(component.role, sheet)))
+    _set_id(prim, component.name)
+    author(prim, component_opinions(
+        ComponentFacts(component.kind, component.instance_id, parameters=component.parameters)
+    ))  # fmt: skip
 
 
 def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
@@ -141,8 +159,10 @@ def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
         body = UsdGeom.Xform.Define(stage, f"{path}/{scatter.name}_Prototypes/{name}")
         targets.append(body.GetPath())
         for row, (role, mesh) in enumerate(prototype):
-            part = _author_mesh(stage, f"{body.GetPath()}/{name}_Part_{row:02d}", mesh, np.zeros(3), True)
-            _bind(stage, part.GetPrim(), asset.material(role))
+            part = prim_spec(stage.GetRootLayer(), f"{body.GetPath()}/{name}_Part_{row:02d}", "Mesh")
+            apply_schemas(part, (_BINDING_API,))
+            _author_mesh(part, mesh, np.zeros(3), True)
+            _bind(part, asset.material(role))
     UsdGeom.Scope.Define(stage, f"{path}/{scatter.name}_Prototypes")
     instancer.CreatePrototypesRel().SetTargets(targets)
     count = len(scatter.positions)
@@ -155,51 +175,62 @@ def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
     instancer.CreateIdsAttr(Vt.Int64Array(range(count)))
     extent = instancer.ComputeExtentAtTime(Usd.TimeCode.Default(), Usd.TimeCode.Default())
     instancer.CreateExtentAttr(extent)
-    _set_id(instancer.GetPrim(), scatter.name)
+    _set_id(stage.GetRootLayer().GetPrimAtPath(path), scatter.name)
     ids = scatter.instance_ids
     single = ids[0] if len(ids) == 1 else 0
     facts = ComponentFacts(scatter.kind, single, () if single else ids)
     apply_component(instancer.GetPrim(), facts)
 
 
-def _author_mesh(stage: Usd.Stage, path: str, mesh: Mesh, origin: F64, double_sided: bool) -> UsdGeom.Mesh:
-    prim = UsdGeom.Mesh.Define(stage, path)
+def _author_mesh(prim: Sdf.PrimSpec, mesh: Mesh, origin: F64, double_sided: bool) -> None:
     points = _snap(mesh.points - origin)
-    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-    prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(mesh.face_counts, np.int32)))
-    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(mesh.corners, np.int32)))
-    prim.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([points.min(axis=0), points.max(axis=0)])))
-    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    prim.CreateDoubleSidedAttr(double_sided)
-    prim.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(_snap(mesh.normals)))
-    prim.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying)
-    _author_uv(prim, "st", mesh.st)
+    extent = np.stack([points.min(axis=0), points.max(axis=0)])
+    attribute(prim, "points", _TYPES.Point3fArray, Vt.Vec3fArray.FromNumpy(points))
+    attribute(prim, "faceVertexCounts", _TYPES.IntArray, _int_array(mesh.face_counts))
+    attribute(prim, "faceVertexIndices", _TYPES.IntArray, _int_array(mesh.corners))
+    attribute(prim, "extent", _TYPES.Float3Array, Vt.Vec3fArray.FromNumpy(extent))
+    attribute(prim, "subdivisionScheme", _TYPES.Token, UsdGeom.Tokens.none, uniform=True)
+    attribute(prim, "doubleSided", _TYPES.Bool, double_sided, uniform=True)
+    normals = attribute(prim, "normals", _TYPES.Normal3fArray, Vt.Vec3fArray.FromNumpy(_snap(mesh.normals)))
+    normals.SetInfo(UsdGeom.Tokens.interpolation, UsdGeom.Tokens.faceVarying)
+    _author_uv(prim, "primvars:st", mesh.st)
     if len(mesh.st1):
-        _author_uv(prim, "st1", mesh.st1)
-    return prim
+        _author_uv(prim, "primvars:st1", mesh.st1)
 
 
-def _author_uv(prim: UsdGeom.Mesh, name: str, values: NDArray[np.float32]) -> None:
+def _author_uv(prim: Sdf.PrimSpec, name: str, values: NDArray[np.float32]) -> None:
     snapped = _snap(values)
-    _, first, indices = np.unique(snapped.view(np.uint64), return_index=True, return_inverse=True)
-    primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
-        name, Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
-    )
-    primvar.Set(Vt.Vec2fArray.FromNumpy(snapped[first]))
-    primvar.SetIndices(Vt.IntArray.FromNumpy(indices.reshape(-1).astype(np.int32)))
+    keys = snapped.view(np.uint64).ravel()  # a pair of values as one number
+    order = np.argsort(keys, kind="stable")
+    ranked = keys[order]
+    new = np.concatenate([[True], ranked[1:] != ranked[:-1]])
+    indices = np.empty(len(keys), np.int32)
+    indices[order] = np.cumsum(new) - 1
+    uv = Sdf.AttributeSpec(prim, name, _TYPES.TexCoord2fArray)
+    uv.SetInfo(UsdGeom.Tokens.interpolation, UsdGeom.Tokens.faceVarying)
+    uv.default = Vt.Vec2fArray.FromNumpy(snapped[order[new]])
+    attribute(prim, f"{name}:indices", _TYPES.IntArray, Vt.IntArray.FromNumpy(indices))
 
 
-def _bind(stage: Usd.Stage, prim: Usd.Prim, material: str) -> None:
-    UsdShade.MaterialBindingAPI.Apply(prim).Bind(UsdShade.Material(stage.GetPrimAtPath(material)))
+def _bind(prim: Sdf.PrimSpec, material: str) -> None:
+    binding = Sdf.RelationshipSpec(prim, UsdShade.Tokens.materialBinding, False, Sdf.VariabilityUniform)
+    binding.targetPathList.explicitItems = [material]
 
 
-def _set_id(prim: Usd.Prim, name: str) -> None:
-    prim.CreateAttribute(tokens.USER_FALSEWORK_ID, Sdf.ValueTypeNames.String, True).Set(name)
+def _set_id(prim: Sdf.PrimSpec, name: str) -> None:
+    attribute(prim, tokens.USER_FALSEWORK_ID, _TYPES.String, name, custom=True)
+
+
+def _int_array(values: NDArray[np.integer]) -> Vt.IntArray:
+    return Vt.IntArray.FromNumpy(np.ascontiguousarray(values, np.int32))
 
 
 def _snap(values: NDArray[np.floating]) -> NDArray[np.float32]:
-    # Adding zero turns -0.0 into 0.0: equal values, equal bytes.
-    return np.ascontiguousarray(np.round(np.asarray(values, np.float64) / GRID) * GRID + 0.0, dtype=np.float32)
+    steps = np.divide(values, GRID, dtype=np.float64)
+    np.rint(steps, out=steps)
+    steps *= GRID
+    steps += 0.0  # turns -0.0 into 0.0: equal values, equal bytes
+    return steps.astype(np.float32, order="C")
 
 
 def _half(turn: list[float]) -> tuple[float, float, float, float]:

@@ -35,22 +35,6 @@ def new_stage(default_prim: str) -> Usd.Stage:
     return Usd.Stage.Open(new_layer(default_prim), Usd.Stage.LoadAll)
 
 
-def new_outlined_stage(default_prim: str, prims: dict[str, str]) -> Usd.Stage:
-    """Open a stage whose prims are there already, empty: to define thousands one by one takes quadratic time.
-
-    Args:
-        default_prim: Name of the root prim that arcs to this layer bring in.
-        prims: Path to type, parents first; an empty type makes an override.
-    """
-    layer = new_layer(default_prim)
-    with Sdf.ChangeBlock():
-        for path, kind in prims.items():
-            spec = Sdf.CreatePrimInLayer(layer, path)
-            if kind:
-                spec.specifier, spec.typeName = Sdf.SpecifierDef, kind
-    return Usd.Stage.Open(layer, Usd.Stage.LoadAll)
-
-
 def add_sublayers(layer: Sdf.Layer, paths: list[str]) -> None:
     """Name sublayers, strongest first; the files need not exist yet.
 

@@ -4,7 +4,7 @@ from pxr import Sdf, UsdGeom
 
 from authoring.layers.geometry import Asset
 from authoring.layers.layer import new_stage
-from authoring.looks.material import MaterialRecipe, author_material
+from authoring.looks.material import MaterialRecipe, author_material, author_sheets
 
 
 def look_layer(recipes: dict[str, MaterialRecipe]) -> Sdf.Layer:
@@ -20,6 +20,7 @@ def look_layer(recipes: dict[str, MaterialRecipe]) -> Sdf.Layer:
     UsdGeom.Scope.Define(stage, "/Look")
     for role, recipe in sorted(recipes.items()):
         author_material(stage, f"/Look/{role}", recipe)
+        author_sheets(stage, f"/Look/{role}", recipe)
     return stage.GetRootLayer()
 
 

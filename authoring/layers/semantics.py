@@ -4,8 +4,9 @@ from pxr import Sdf
 
 from authoring.component import Component, Scatter
 from authoring.layers.geometry import Asset
-from authoring.layers.layer import new_outlined_stage
-from usd_schemas.apis import apply_labels
+from authoring.layers.layer import new_layer
+from authoring.layers.specs import apply_schemas, author, prim_spec
+from usd_schemas.apis import LABEL_APIS, label_opinions
 
 
 def semantics_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sdf.Layer:
@@ -18,8 +19,11 @@ def semantics_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sd
     Returns:
         A layer in memory, to be written as `semantics.usdc`.
     """
-    stage = new_outlined_stage(asset.root, {asset.prim(piece): "" for piece in pieces})
-    for piece in pieces:
-        ids = (piece.instance_id,) if isinstance(piece, Component) else piece.instance_ids
-        apply_labels(stage.OverridePrim(asset.prim(piece)), piece.kind, ids[0] if len(ids) == 1 else 0)
-    return stage.GetRootLayer()
+    layer = new_layer(asset.root)
+    with Sdf.ChangeBlock():
+        for piece in pieces:
+            ids = (piece.instance_id,) if isinstance(piece, Component) else piece.instance_ids
+            prim = prim_spec(layer, asset.prim(piece))
+            apply_schemas(prim, LABEL_APIS)
+            author(prim, label_opinions(piece.kind, ids[0] if len(ids) == 1 else 0))
+    return layer

@@ -78,6 +78,12 @@ def _facts(path: CameraPath) -> SurveyFacts:
         gps=np.round(path.gps, 3),
         gps_sigma=path.gps_sigma,
         capture_times=np.round(path.times, 3),
+        distortion=path.distortion,
+        readout_time=path.readout_time,
+        camera_make=path.make,
+        camera_model=path.model,
+        attitude=np.round(path.attitude, 3),
+        attitude_sigma=path.attitude_sigma,
     )
 
 

@@ -43,6 +43,22 @@ def rusted(tile: Tile) -> Floats:
     return palette(0.5 + 0.16 * fractal(tile, 0.5, 0.02) + 0.16 * fractal(tile, 0.04, slope=0.3), _RUST)
 
 
+def weathering_steel(tile: Tile, age: float) -> Sheet:
+    """Unpainted weathering steel: a dense brown patina, orange while it is young, streaked and flaky when old.
+
+    Args:
+        tile: Where it repeats.
+        age: 0 for the first years, 1 for decades [1].
+    """
+    clouds, grain = fractal(tile, 1.2, 0.05), fractal(tile, 0.04, slope=0.25)
+    streaks = fractal(tile, 0.5, 0.015, stretch=(1.0, 6.0))
+    tone = 0.52 - 0.16 * (age - 0.5) + 0.12 * clouds + 0.09 * grain + 0.07 * streaks
+    albedo = palette(tone, ((0.034, 0.019, 0.015), (0.090, 0.043, 0.026), (0.175, 0.078, 0.036), (0.270, 0.125, 0.050)))
+    flakes = ramp(fractal(tile, 0.14, 0.02), 2.6 - 0.9 * age, 3.0 - 0.9 * age)
+    albedo = cover(albedo, 0.6 * flakes, (0.030, 0.020, 0.017))
+    return Sheet(albedo, (0.88 + 0.02 * clouds).astype(np.float32), 0.0004 * grain + 0.0008 * flakes)
+
+
 def rail_steel(tile: Tile, age: float) -> Sheet:
     """Bare rolled steel under a coat of rust dust.
 
@@ -51,7 +67,7 @@ def rail_steel(tile: Tile, age: float) -> Sheet:
         age: 0 for newly laid, 1 for old [1].
     """
     albedo = cover(paint((0.16, 0.15, 0.145), 1 + 0.1 * fractal(tile, 0.3, 0.02, stretch=(10.0, 1.0))),
-                   np.full((tile.pixels, tile.pixels), 0.4 + 0.5 * age, np.float32), rusted(tile))  # fmt: skip
+                   np.full((tile.pixels, tile.pixels), min(0.4 + 0.5 * age, 1), np.float32), rusted(tile))  # fmt: skip
     return Sheet(albedo, np.full((tile.pixels, tile.pixels), 0.75, np.float32))
 
 

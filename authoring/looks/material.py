@@ -1,9 +1,11 @@
 """One material on a stage: a UsdPreviewSurface network and the detail that it cannot express."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pxr import Gf, Sdf, Usd, UsdShade, Vt
 
+from authoring.looks.library import SheetFiles
+from authoring.looks.roles import sheet_material
 from usd_schemas.registration import register_schemas
 
 register_schemas()
@@ -28,6 +30,7 @@ class MaterialRecipe:
         periods: Size of one tile of the detail for each octave [m].
         amplitudes: Contrast of each octave [1].
         macro_file: RGB texture on `st1`, mean 0.5; empty for none.
+        others: Further sheets of the same surface by their number.
     """
 
     name: str
@@ -42,6 +45,7 @@ class MaterialRecipe:
     periods: tuple[float, ...] = ()
     amplitudes: tuple[float, ...] = ()
     macro_file: str = ""
+    others: dict[int, SheetFiles] = field(default_factory=dict)
 
 
 def author_material(stage: Usd.Stage, path: str, recipe: MaterialRecipe) -> UsdShade.Material:
@@ -78,6 +82,28 @@ def author_material(stage: Usd.Stage, path: str, recipe: MaterialRecipe) -> UsdS
     material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", _TYPES.Token))
     _author_detail(material, recipe)
     return material
+
+
+def author_sheets(stage: Usd.Stage, path: str, recipe: MaterialRecipe) -> None:
+    """Define a material for each further sheet: all that the first one is, with other files.
+
+    It specializes the first, so that whatever a stronger layer makes of a role holds for all of its sheets.
+
+    Args:
+        stage: Stage whose edit target receives it.
+        path: Path of the material of the first sheet.
+        recipe: What it consists of.
+    """
+    for number, files in sorted(recipe.others.items()):
+        place = sheet_material(path, number)
+        UsdShade.Material.Define(stage, place).GetPrim().GetSpecializes().AddSpecialize(path)
+        color = Gf.Vec4f(*files.color, 1.0)
+        for name, file in (("BaseColor", files.albedo), ("Roughness", files.roughness), ("Normal", files.normal)):
+            if file:
+                prim = stage.OverridePrim(f"{place}/{name}")
+                prim.CreateAttribute("inputs:file", _TYPES.Asset).Set(Sdf.AssetPath(file))
+        prim = stage.OverridePrim(f"{place}/BaseColor")
+        prim.CreateAttribute("inputs:fallback", _TYPES.Float4).Set(color)
 
 
 def _shader(material: UsdShade.Material, name: str, kind: str) -> UsdShade.Shader:

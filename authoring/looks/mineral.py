@@ -41,7 +41,7 @@ def board_concrete(tile: Tile, age: float, color: Color = _CEMENT) -> Sheet:
     board, seam = _boards(tile, 0.125, 2.5)
     seam = seam * ramp(fractal(tile, 0.8, 0.1, stretch=(3.0, 1.0)), -1.6, 0.4)
     tone = tone * (1 + 0.16 * (board - 0.5) + (0.035 + 0.025 * age) * wood) * (1 - 0.38 * seam)
-    albedo = _stained(tile, paint(color, tone), age)
+    albedo = stained(tile, hairlines(tile, paint(color, tone), age), age)
     relief = 0.0012 * wood + 0.004 * board - 0.003 * seam - 0.004 * pores
     return Sheet(albedo, 0.86 + 0.03 * wood, relief.astype(np.float32))
 
@@ -64,7 +64,7 @@ def panel_concrete(tile: Tile, age: float, color: Color = _CEMENT) -> Sheet:
     tone = tone * (1 + 0.14 * (panel[row][:, column] - 0.5)) * (1 - 0.42 * seam)
     holes, rims = _tie_holes(tile, rows, columns)
     tone = tone * (1 + 0.10 * rims) * (1 - 0.75 * holes)
-    albedo = _stained(tile, paint(color, tone), age)
+    albedo = stained(tile, hairlines(tile, paint(color, tone), age), age)
     return Sheet(albedo, 0.80 + 0.04 * fractal(tile, 0.6, 0.05), (-0.003 * seam - 0.015 * holes - 0.004 * pores))
 
 
@@ -78,7 +78,7 @@ def smooth_concrete(tile: Tile, age: float, color: Color = (0.385, 0.375, 0.350)
     """
     tone, pores = concrete_skin(tile, age)
     drift = fractal(tile, 1.5, 0.06, stretch=(1.0, 3.3))
-    albedo = _stained(tile, paint(color, tone * (1 + 0.04 * drift)), 0.7 * age)
+    albedo = stained(tile, hairlines(tile, paint(color, tone * (1 + 0.04 * drift)), 0.7 * age), 0.7 * age)
     return Sheet(albedo, 0.78 + 0.03 * drift, -0.004 * pores)
 
 
@@ -96,7 +96,7 @@ def deck_concrete(tile: Tile, age: float, color: Color = (0.315, 0.300, 0.275)) 
     bare = ramp(stones.near, 0.42, 0.30) * ramp(fractal(tile, 0.9, 0.05), 0.2, 1.2) * np.float32(age)
     albedo = paint(color, tone * (1 + 0.05 * grooves))
     albedo = cover(albedo, 0.8 * bare, paint((0.27, 0.25, 0.22), 0.5 + per_cell(tile, stones)))
-    albedo = _stained(tile, _cracked(tile, albedo, 0.5 * age), age)
+    albedo = stained(tile, cracked(tile, albedo, 0.5 * age), age)
     return Sheet(albedo, 0.88 + 0.03 * grooves, 0.001 * grooves - 0.003 * pores)
 
 
@@ -121,7 +121,7 @@ def asphalt(
     albedo = cover(albedo, (0.15 + 0.50 * age) * worn, paint((0.175, 0.170, 0.158), tone))
     oil = np.maximum(ramp(fractal(tile, 0.4, 0.05), 1.3, 2.2), spots(tile, 0.5, 0.05, 0.25))
     albedo = cover(albedo, (0.3 + 0.35 * age) * oil, (0.026, 0.025, 0.024))
-    albedo = _cracked(tile, albedo, age)
+    albedo = cracked(tile, albedo, age)
     relief = 0.004 * ramp(stones.near, 0.5, 0.1) * own
     return Sheet(albedo, np.clip(0.90 - 0.25 * oil, 0.3, 1).astype(np.float32), relief)
 
@@ -138,7 +138,7 @@ def plaster(tile: Tile, color: Color) -> Sheet:
     albedo = paint(color, 1 + 0.075 * rough + 0.06 * clouds)
     albedo = cover(albedo, 0.35 * ramp(damp, 0.7, 2.4), (0.20, 0.185, 0.16))
     albedo = cover(albedo, 0.8 * ramp(fractal(tile, 0.5, 0.02), 2.3, 2.6), (0.30, 0.285, 0.26))
-    return Sheet(_cracked(tile, albedo, 0.35), 0.9 + 0.02 * rough, 0.001 * rough)
+    return Sheet(cracked(tile, albedo, 0.35), 0.9 + 0.02 * rough, 0.001 * rough)
 
 
 def brick(tile: Tile) -> Sheet:
@@ -172,7 +172,7 @@ def masonry(tile: Tile, age: float, color: Color = (0.33, 0.30, 0.25), other: Co
     tone = 0.82 + 0.36 * own + (0.06 + 0.06 * age) * clouds + 0.09 * grain
     block = cover(paint(color, tone), ramp(hue, 0.5, 1.0), paint(other, tone))
     albedo = cover(paint((0.24, 0.225, 0.20), 1 + 0.1 * grain), edge, block)
-    return Sheet(_stained(tile, albedo, age), 0.88 + 0.03 * grain, 0.014 * edge + 0.004 * clouds)
+    return Sheet(stained(tile, albedo, age), 0.88 + 0.03 * grain, 0.014 * edge + 0.004 * clouds)
 
 
 def rock(tile: Tile) -> Sheet:
@@ -238,11 +238,20 @@ def roof_tile(tile: Tile, color: Color = (0.275, 0.120, 0.072)) -> Sheet:
     return Sheet(albedo, 0.88 + 0.02 * grain, 0.03 * roll + 0.02 * lap)
 
 
-def _stained(tile: Tile, albedo: Floats, age: float) -> Floats:
-    """Soot in patches and drawn-out drips, and a little lime."""
+def stained(tile: Tile, albedo: Floats, age: float) -> Floats:
+    """Lay soot in patches and drawn-out drips over a mineral surface, and a little lime.
+
+    Args:
+        tile: Where it repeats.
+        albedo: Linear colour [1], shape (H, W, 3), float32.
+        age: 0 for none, 1 for decades of weather [1].
+
+    Returns:
+        Linear colour [1], shape (H, W, 3), float32.
+    """
     if age <= 0:
         return albedo
-    years = np.float32(age)
+    years = np.float32(min(age, 1.25))
     damp = ramp(fractal(tile, 1.2, 0.03), 0.6, 2.6)
     drips = ramp(fractal(tile, 0.5, 0.015, stretch=(1.0, 6.0)), 1.0, 2.6)
     blots = np.maximum(ramp(fractal(tile, 0.45, 0.10), 1.3, 2.1), 0.8 * ramp(fractal(tile, 0.14, 0.04), 1.7, 2.4))
@@ -251,12 +260,40 @@ def _stained(tile: Tile, albedo: Floats, age: float) -> Floats:
     return cover(stained, 0.5 * years * lime, _LIME)
 
 
-def _cracked(tile: Tile, albedo: Floats, amount: float) -> Floats:
-    """Thin dark lines where a field passes through zero, broken off by another."""
+def cracked(tile: Tile, albedo: Floats, amount: float) -> Floats:
+    """Draw thin dark lines where a field passes through zero, broken off by another.
+
+    Args:
+        tile: Where it repeats.
+        albedo: Linear colour [1], shape (H, W, 3), float32.
+        amount: 0 for few, 1 for a net of them [1].
+
+    Returns:
+        Linear colour [1], shape (H, W, 3), float32.
+    """
     where = ramp(fractal(tile, 1.6, 0.3), 1.1 - 0.9 * amount, 1.9 - 0.9 * amount)
     path = np.abs(fractal(tile, 1.1, 0.015, slope=1.6))
     line = ramp(path, 0.030, 0.008) * where
     return albedo * (1 - 0.65 * line)[..., None]
+
+
+def hairlines(tile: Tile, albedo: Floats, age: float) -> Floats:
+    """Draw hairline cracks, thinner and fewer than `cracked`, with the lime that some of them bleed.
+
+    Args:
+        tile: Where it repeats.
+        albedo: Linear colour [1], shape (H, W, 3), float32.
+        age: 0 for none, 1 for decades of weather [1].
+
+    Returns:
+        Linear colour [1], shape (H, W, 3), float32.
+    """
+    if age < 0.3:
+        return albedo
+    path = np.abs(fractal(tile, 1.3, 0.02, slope=1.6))
+    where = ramp(fractal(tile, 1.6, 0.3), 1.5 - 0.5 * age, 2.2 - 0.5 * age)
+    bled = cover(albedo, 0.30 * where * ramp(path, 0.11, 0.02), _LIME)
+    return bled * (1 - 0.55 * ramp(path, 0.018, 0.006) * where)[..., None]
 
 
 def _boards(tile: Tile, height: float, length: float) -> tuple[Floats, Floats]:

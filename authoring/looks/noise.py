@@ -4,6 +4,8 @@ Sums, products, quotients and square roots are exact by IEEE 754; what is not (p
 small tables and rounded to `_GRID`, so that a last-digit difference between two processors does not reach a texel.
 """
 
+import threading
+from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,6 +18,45 @@ I32 = NDArray[np.int32]
 
 _GRID = 2.0**20
 _BLOCK = 64  # lines of texels worked on at once, so that they stay in the cache
+_KEPT = 16  # fields that a bank remembers: at 2048 texels 16 MB each
+
+FieldKey = tuple[int, float, float, float, float, float, float]
+
+
+class Bank:
+    """Noise fields that several sheets share: transforming one costs a second, moving a known one a hundredth of it.
+
+    A tile that draws from a bank gets each field moved, mirrored and turned over as its own random stream says. A
+    surface sums ten or more fields, each moved on its own, so that two sheets have no place in common. A field depends
+    on nothing but its parameters: it does not matter who asked first.
+    """
+
+    def __init__(self) -> None:
+        """Start with nothing drawn."""
+        self._fields: OrderedDict[FieldKey, Floats] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def field(self, key: FieldKey) -> Floats:
+        """Give the field of some parameters, not to be changed.
+
+        Args:
+            key: Texels along a side, its length, then the arguments of `fractal`.
+
+        Returns:
+            Values with mean 0 and standard deviation 1, shape (pixels, pixels), float32.
+        """
+        with self._lock:
+            known = self._fields.get(key)
+            if known is not None:
+                self._fields.move_to_end(key)
+                return known
+        seed = [int(abs(value) * 4096) for value in key]
+        made = _filtered(key, np.random.default_rng(seed))
+        with self._lock:
+            self._fields[key] = made
+            while len(self._fields) > _KEPT:
+                self._fields.popitem(last=False)
+        return made
 
 
 @dataclass(frozen=True)
@@ -26,11 +67,13 @@ class Tile:
         pixels: Texels along a side.
         metres: Length of a side [m].
         rng: Random stream of this tile.
+        bank: Fields shared with other tiles; None draws every field afresh.
     """
 
     pixels: int
     metres: float
     rng: np.random.Generator
+    bank: Bank | None = None
 
 
 def snap(values: Floats | np.floating) -> Floats:
@@ -60,21 +103,10 @@ def fractal(
     Returns:
         Values with mean 0 and standard deviation 1, shape (pixels, pixels), float32.
     """
-    count = tile.pixels
-    across = np.arange(count // 2 + 1, dtype=np.float32) * np.float32(stretch[0])
-    down = np.fft.fftfreq(count, 1 / count).astype(np.float32) * np.float32(stretch[1])
-    cycles = np.sqrt(across[None, :] ** 2 + down[:, None] ** 2)
-    lowest = tile.metres / longest
-    highest = min(tile.metres / shortest if shortest else count / 2, count / 2)
-    table = np.arange(int(cycles.max()) + 2, dtype=np.float64)
-    gain = snap(np.maximum(table, 0.5) ** -slope / (1 + (0.7 * lowest / np.maximum(table, 0.5)) ** 6))
-    gain *= snap(1 / (1 + (table / (1.1 * highest)) ** 8))
-    whole = cycles.astype(np.int32)
-    part = cycles - whole
-    spectrum = _white_spectrum(tile.rng, whole.shape)
-    spectrum *= gain[whole] * (1 - part) + gain[whole + 1] * part
-    spectrum[0, 0] = 0
-    return standard(np.asarray(fft.irfft2(spectrum, s=(count, count), overwrite_x=True)))
+    key = (tile.pixels, tile.metres, longest, shortest, slope, *stretch)
+    if tile.bank is None:
+        return _filtered(key, tile.rng)
+    return _moved(tile.bank.field(key), tile.rng)
 
 
 def standard(field: Floats) -> Floats:
@@ -263,3 +295,32 @@ def joints(tile: Tile, pitch: float, width: float, along: Literal["u", "v"]) -> 
 def _white_spectrum(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.complex64]:
     drawn = rng.integers(-(1 << 15), 1 << 15, (*shape, 2), np.int16).astype(np.float32)
     return drawn.view(np.complex64)[..., 0]
+
+
+def _filtered(key: FieldKey, rng: np.random.Generator) -> Floats:
+    count, metres, longest, shortest, slope, *stretch = key
+    across = np.arange(count // 2 + 1, dtype=np.float32) * np.float32(stretch[0])
+    down = np.fft.fftfreq(count, 1 / count).astype(np.float32) * np.float32(stretch[1])
+    cycles = np.sqrt(across[None, :] ** 2 + down[:, None] ** 2)
+    lowest = metres / longest
+    highest = min(metres / shortest if shortest else count / 2, count / 2)
+    table = np.arange(int(cycles.max()) + 2, dtype=np.float64)
+    gain = snap(np.maximum(table, 0.5) ** -slope / (1 + (0.7 * lowest / np.maximum(table, 0.5)) ** 6))
+    gain *= snap(1 / (1 + (table / (1.1 * highest)) ** 8))
+    whole = cycles.astype(np.int32)
+    part = cycles - whole
+    spectrum = _white_spectrum(rng, whole.shape)
+    spectrum *= gain[whole] * (1 - part) + gain[whole + 1] * part
+    spectrum[0, 0] = 0
+    return standard(np.asarray(fft.irfft2(spectrum, s=(count, count), overwrite_x=True)))
+
+
+def _moved(field: Floats, rng: np.random.Generator) -> Floats:
+    """A copy of a field, moved and mirrored, with its hills for valleys in half of the cases."""
+    count = len(field)
+    down, across, kind = (int(value) for value in rng.integers(0, (count, count, 8)))
+    turned = field[:: 1 - 2 * (kind & 1), :: 1 - (kind & 2)]
+    moved = np.empty_like(field)
+    for to, of in ((slice(down, None), slice(None, count - down)), (slice(None, down), slice(count - down, None))):
+        moved[to, across:], moved[to, :across] = turned[of, : count - across], turned[of, count - across :]
+    return -moved if kind & 4 else moved

@@ -98,15 +98,17 @@ def woodland(tile: Tile) -> Sheet:
     return Sheet(albedo, 0.93 + 0.01 * leaves, 1.2 * dome)
 
 
-def timber(tile: Tile) -> Sheet:
+def timber(tile: Tile, age: float, color: Color = (0.155, 0.120, 0.088)) -> Sheet:
     """Weathered oak with the grain along u: checks, knots, tar.
 
     Args:
         tile: Where it repeats.
+        age: 0 for newly sawn, 1 for decades of weather [1].
+        color: Linear colour of the wood [1].
     """
     rings = fractal(tile, 0.10, 0.006, slope=0.6, stretch=(20.0, 1.0))
-    check = ramp(fractal(tile, 0.12, 0.006, stretch=(16.7, 1.0)), 1.5, 2.2)
-    albedo = paint((0.155, 0.120, 0.088), 1 + 0.20 * rings + 0.10 * fractal(tile, 0.8, 0.02))
+    check = ramp(fractal(tile, 0.12, 0.006, stretch=(16.7, 1.0)), 2.3 - age, 3.0 - age)
+    albedo = paint(color, 1 + 0.20 * rings + 0.10 * fractal(tile, 0.8, 0.02))
     albedo = cover(albedo, 0.8 * check, (0.030, 0.023, 0.017))
     return Sheet(albedo, 0.9 + 0.02 * rings, 0.002 * rings - 0.006 * check)
 

@@ -1,12 +1,15 @@
 """What years of weather do to a bridge as a whole: the macro texture on the `st1` atlas, and patches on open ground."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.component import Component
+from authoring.component import Component, Scatter
+from authoring.looks.arrises import arris_distance
 from authoring.looks.charts import Charts, draw_charts, spread
 from authoring.looks.noise import I32, Floats, Tile, draw, fractal, ramp
+from authoring.looks.runoff import Stains, direction, map_stains
 
 _FIELD_METRES = 32.0
 _FIELD_PIXELS = 1024
@@ -16,6 +19,7 @@ _LIME = np.array([1.38, 1.37, 1.34], np.float32)
 _RUST = np.array([0.95, 0.62, 0.42], np.float32)
 _MUD = np.array([0.74, 0.70, 0.62], np.float32)
 _MOSS = np.array([0.70, 0.72, 0.60], np.float32)
+_WET = np.array([0.46, 0.45, 0.41], np.float32)  # algae where water runs
 
 
 @dataclass(frozen=True)
@@ -30,8 +34,7 @@ class _Members:
     steel: Floats
     ground: Floats
     road: Floats
-    middle: Floats
-    axis: Floats
+    deck: Floats
     lane: Floats
 
 
@@ -44,28 +47,31 @@ class _Fields:
     streaks: Floats
 
 
-def weather(components: list[Component], pixels: int, age: float, rng: np.random.Generator) -> Floats:
+def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng: np.random.Generator) -> Floats:
     """Draw the factors that age multiplies the base colour with; their mean over the surface of each role is 1.
 
     Args:
-        components: Components with `st1`.
+        pieces: Parts of a bridge; those with charts on `st1` are weathered, all may drip.
         pixels: Texels along a side of the atlas.
-        age: 0 for new, 1 for decades of weather [1].
+        age: 0 for new, 1 for decades of weather, more for many [1].
         rng: Random stream.
 
     Returns:
         Factors [1], shape (pixels, pixels, 3), float32.
     """
+    pieces = tuple(pieces)
+    components = [piece for piece in pieces if isinstance(piece, Component) and len(piece.mesh.st1)]
     charts = draw_charts(components, pixels)
-    members, fields = _members(components, age, rng), _fields(rng)
+    edges = arris_distance(components, pixels)
+    members, fields, stains = _members(components, age, rng), _fields(rng), map_stains(pieces)
     factors = np.ones((pixels, pixels, 3), np.float32)
     for top in range(0, pixels, _ROWS):
         block = charts.triangle[top : top + _ROWS]
         row, column = np.nonzero(block >= 0)
         if len(row):
             triangle = block[row, column]
-            place = _places(charts, triangle, column, row + top)
-            factors[row + top, column] = _aged(charts, triangle, place, members, fields, np.float32(age))
+            spot = _spots(charts, triangle, column, row + top, edges)
+            factors[row + top, column] = _aged(spot, members, fields, stains, np.float32(age))
     factors *= _mottle(pixels, age, rng)
     covered = charts.triangle >= 0
     roles = sorted({component.role for component in components})
@@ -84,7 +90,7 @@ def _mottle(pixels: int, age: float, rng: np.random.Generator) -> Floats:
     """Draw blotches of a few texels that occur once on the whole bridge, so that sheets never repeat exactly."""
     tile = Tile(pixels, 1.0, rng)
     blotches = fractal(tile, 96.0 / pixels, 2.5 / pixels, slope=0.5)
-    return (1 + np.float32(0.06 + 0.06 * age) * np.clip(blotches, -2.6, 2.6))[..., None]
+    return (1 + np.float32(0.06 + 0.06 * min(age, 1.0)) * np.clip(blotches, -2.6, 2.6))[..., None]
 
 
 def ground_patches(pixels: int, rng: np.random.Generator) -> Floats:
@@ -115,11 +121,10 @@ def _members(components: list[Component], age: float, rng: np.random.Generator) 
     count = len(components)
     low = np.array([component.mesh.points.min(axis=0) for component in components])
     high = np.array([component.mesh.points.max(axis=0) for component in components])
-    along = np.array([_direction(component) for component in components])
-    wide = [np.ptp(c.mesh.points[:, :2] @ np.array([-a[1], a[0]])) for c, a in zip(components, along, strict=True)]
+    wide = [_width(component) for component in components]
     role = [component.role for component in components]
     ground = [component.group == "Substructure" for component in components]
-    tone = (draw(rng, (count,)) - 0.5) * np.float32(0.04 + 0.12 * age)
+    tone = (draw(rng, (count,)) - 0.5) * np.float32(0.04 + 0.12 * min(age, 1.0))  # 8 % to either side at most
     return _Members(
         low=low[:, 2].astype(np.float32),
         high=high[:, 2].astype(np.float32),
@@ -129,20 +134,9 @@ def _members(components: list[Component], age: float, rng: np.random.Generator) 
         steel=np.array(["Steel" in name for name in role], np.float32),
         ground=np.array([on and "Concrete" in name for on, name in zip(ground, role, strict=True)], np.float32),
         road=np.array([name in ("Role_DeckAsphalt", "Role_RoadMarking") for name in role], np.float32),
-        middle=((low + high)[:, :2] / 2).astype(np.float32),
-        axis=along.astype(np.float32),
+        deck=np.array([name in ("Role_DeckConcrete", "Role_ParapetConcrete") for name in role], np.float32),
         lane=(np.array(wide) / 4).astype(np.float32),
     )
-
-
-def _direction(component: Component) -> tuple[float, float]:
-    """Longer direction in plan, from the second moments of the vertices."""
-    plan = component.mesh.points[:, :2] - component.mesh.points[:, :2].mean(axis=0)
-    xx, yy, xy = (plan[:, 0] ** 2).sum(), (plan[:, 1] ** 2).sum(), (plan[:, 0] * plan[:, 1]).sum()
-    root = np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-    across, along = float(xy), float(root - (xx - yy) / 2)
-    length = np.sqrt(across**2 + along**2)
-    return (across / length, along / length) if length > 1e-9 * (xx + yy) else (1.0, 0.0)
 
 
 def _fields(rng: np.random.Generator) -> _Fields:
@@ -154,44 +148,101 @@ def _fields(rng: np.random.Generator) -> _Fields:
     )
 
 
-def _places(charts: Charts, triangle: I32, column: np.ndarray, row: np.ndarray) -> Floats:
+def _width(component: Component) -> float:
+    """Extent in plan across the longer direction, of a bend no more than a chord sees [m]."""
+    points = component.mesh.points
+    x, y = direction(points)
+    aside, along = points[:, :2] @ np.array([-y, x]), points[:, :2] @ np.array([x, y])
+    start = along < along.min() + 0.05 * np.ptp(along)
+    return float(np.ptp(aside[start])) if start.sum() > 1 else float(np.ptp(aside))
+
+
+@dataclass(frozen=True)
+class _Spots:
+    """What is known of some texels, one row each."""
+
+    owner: I32
+    normal: Floats
+    place: Floats
+    edge: Floats
+
+
+def _spots(charts: Charts, triangle: I32, column: np.ndarray, row: np.ndarray, edges: Floats) -> _Spots:
     x, y = (column + 0.5).astype(np.float32)[:, None], (row + 0.5).astype(np.float32)[:, None]
-    return charts.place[triangle] + charts.across[triangle] * x + charts.down[triangle] * y
+    across = charts.across[triangle]
+    place = charts.place[triangle] + across * x + charts.down[triangle] * y
+    metres = np.sqrt((across * across).sum(axis=1))  # of a texel
+    return _Spots(charts.owner[triangle], charts.normal[triangle], place, edges[row, column] * metres)
 
 
-def _aged(charts: Charts, triangle: I32, place: Floats, members: _Members, fields: _Fields, age: np.float32) -> Floats:
+def _aged(spots: _Spots, members: _Members, fields: _Fields, stains: tuple[Stains, Stains], age: np.float32) -> Floats:
     """Factors at some texels, shape (N, 3)."""
-    owner, normal = charts.owner[triangle], charts.normal[triangle]
+    owner, normal, place = spots.owner, spots.normal, spots.place
     wall = ramp(np.abs(normal[:, 2]), 0.75, 0.45)
-    side = np.maximum(np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2), np.float32(0.05))
-    along = (normal[:, 0] * place[:, 1] - normal[:, 1] * place[:, 0]) / side
-    upright = wall > 0.5
-    u = np.where(upright, along, place[:, 0])
-    v = np.where(upright, place[:, 2], place[:, 1])
-    texels = np.float32(_FIELD_PIXELS / _FIELD_METRES)
-    cell_u = (np.floor(u * texels).astype(np.int32) + members.shift[owner, 0]) % _FIELD_PIXELS
-    cell_v = (np.floor(v * texels).astype(np.int32) + members.shift[owner, 1]) % _FIELD_PIXELS
-    clouds, patches, streaks = (f[cell_v, cell_u] for f in (fields.clouds, fields.patches, fields.streaks))
-    depth, rise = members.high[owner] - place[:, 2], place[:, 2] - members.low[owner]
+    clouds, patches, streaks = _look_up(fields, members, spots)
+    rise = place[:, 2] - members.low[owner]
     steel, road = members.steel[owner], members.road[owner]
+    under, above = ramp(-normal[:, 2], 0.5, 0.8), ramp(normal[:, 2], 0.5, 0.8)
     factors = np.repeat((1 + members.tone[owner] + 0.09 * age * clouds * (1 - 0.5 * steel))[:, None], 3, axis=1)
     factors *= _pours(rise, owner, members, age)[:, None]
+    factors = _washed(factors, spots, members, wall, clouds, streaks, age)
+    splash = wall * members.ground[owner] * ramp(rise + 0.35 * clouds, 1.7, 0.3)
+    factors = _toward(factors, 0.8 * age * splash, _MUD)
+    wet, rusty = (stain.below(place) for stain in stains)
+    drawn = 0.45 + 0.55 * ramp(streaks, -0.8, 1.4)
+    factors = _toward(factors, age * wet * drawn * np.maximum(wall, 0.5 * under), _WET)
+    factors = _toward(factors, 0.8 * age * rusty * drawn, _RUST)
+    factors = _toward(factors, 0.7 * age * under * ramp(patches, 1.3, 2.4) * (1 - steel), _LIME)
+    factors = _toward(factors, 0.7 * age * under * ramp(-patches, 1.0, 2.4), _SOOT)
+    factors = _toward(factors, age * above * (1 - road) * (0.25 + 0.6 * ramp(patches, 0.5, 2.0)), _MOSS)
+    factors = _edged(factors, spots, members, wall, under, patches, age)
+    return factors * _wheel_tracks(spots, members, age)[:, None]
+
+
+def _look_up(fields: _Fields, members: _Members, spots: _Spots) -> tuple[Floats, Floats, Floats]:
+    """Clouds, patches and streaks: on a wall along it and up, else along x and y."""
+    owner, normal, place = spots.owner, spots.normal, spots.place
+    side = np.maximum(np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2), np.float32(0.05))
+    along = (normal[:, 0] * place[:, 1] - normal[:, 1] * place[:, 0]) / side
+    upright = np.abs(normal[:, 2]) < np.float32(0.6)
+    texels = np.float32(_FIELD_PIXELS / _FIELD_METRES)
+    u = np.where(upright, along, place[:, 0]) * texels
+    v = np.where(upright, place[:, 2], place[:, 1]) * texels
+    cell_u = (np.floor(u).astype(np.int32) + members.shift[owner, 0]) % _FIELD_PIXELS
+    cell_v = (np.floor(v).astype(np.int32) + members.shift[owner, 1]) % _FIELD_PIXELS
+    return fields.clouds[cell_v, cell_u], fields.patches[cell_v, cell_u], fields.streaks[cell_v, cell_u]
+
+
+def _washed(
+    factors: Floats, spots: _Spots, members: _Members, wall: Floats, clouds: Floats, streaks: Floats, age: np.float32
+) -> Floats:
+    """Runs from the top of every wall: soot and lime on concrete, rust on steel."""
+    steel = members.steel[spots.owner]
+    depth = members.high[spots.owner] - spots.place[:, 2]
     run = wall * ramp(depth, np.maximum(2.2 + 1.2 * clouds, 0.3), 0.0) * ramp(clouds, -1.8, 0.6)
     soot = age * run * ramp(streaks, 0.5, 2.1)
     factors = _toward(factors, soot * (1 - steel), _SOOT)
     factors = _toward(factors, 0.8 * soot * steel, _RUST)
-    factors = _toward(factors, age * run * ramp(-streaks, 1.3, 2.4) * (1 - steel), _LIME)
-    splash = wall * members.ground[owner] * ramp(rise + 0.35 * clouds, 1.7, 0.3)
-    factors = _toward(factors, 0.8 * age * splash, _MUD)
-    under, above = ramp(-normal[:, 2], 0.5, 0.8), ramp(normal[:, 2], 0.5, 0.8)
-    factors = _toward(factors, 0.7 * age * under * ramp(patches, 1.3, 2.4) * (1 - steel), _LIME)
-    factors = _toward(factors, 0.7 * age * under * ramp(-patches, 1.0, 2.4), _SOOT)
-    factors = _toward(factors, age * above * (1 - road) * (0.25 + 0.6 * ramp(patches, 0.5, 2.0)), _MOSS)
-    return factors * _wheel_tracks(place, owner, members, age)[:, None]
+    return _toward(factors, age * run * ramp(-streaks, 1.3, 2.4) * (1 - steel), _LIME)
+
+
+def _edged(
+    factors: Floats, spots: _Spots, members: _Members, wall: Floats, under: Floats, patches: Floats, age: np.float32
+) -> Floats:
+    """Along arrises: rust on steel, worn corners on concrete, the drip edge of soffits and the lime behind it."""
+    steel = members.steel[spots.owner]
+    broken = 0.35 + 0.65 * ramp(patches, -0.6, 1.2)
+    near = ramp(spots.edge, 0.09, 0.02)
+    factors = _toward(factors, 0.75 * age * near * steel * broken, _RUST)
+    factors = _toward(factors, 0.35 * age * near * wall * (1 - steel) * ramp(patches, 0.0, 1.4), _SOOT)
+    drip = under * (1 - steel) * members.deck[spots.owner]
+    factors = _toward(factors, 0.55 * age * drip * ramp(spots.edge, 0.30, 0.10) * broken, _WET)
+    behind = ramp(spots.edge, 0.20, 0.40) * ramp(spots.edge, 1.1, 0.5)
+    return _toward(factors, 0.6 * age * drip * behind * ramp(patches, 0.3, 1.5), _LIME)
 
 
 def _toward(factors: Floats, amount: Floats, goal: Floats) -> Floats:
-    return factors * (1 + amount[:, None] * (goal - 1))
+    return factors * (1 + np.minimum(amount, 1)[:, None] * (goal - 1))
 
 
 def _pours(rise: Floats, owner: I32, members: _Members, age: np.float32) -> Floats:
@@ -202,11 +253,8 @@ def _pours(rise: Floats, owner: I32, members: _Members, age: np.float32) -> Floa
     return 1 + members.ground[owner] * ((0.05 + 0.07 * age) * members.lifts[owner, number] - 0.22 * age * line)
 
 
-def _wheel_tracks(place: Floats, owner: I32, members: _Members, age: np.float32) -> Floats:
-    """Two dark tracks in each of two lanes, and the oil between them."""
-    aside = place[:, :2] - members.middle[owner]
-    axis = members.axis[owner]
-    left = np.abs(aside[:, 1] * axis[:, 0] - aside[:, 0] * axis[:, 1])
-    off = np.abs(left - members.lane[owner])
+def _wheel_tracks(spots: _Spots, members: _Members, age: np.float32) -> Floats:
+    """Two dark tracks in each of two lanes, and the oil between them; they follow the edge of the road."""
+    off = np.abs(spots.edge - members.lane[spots.owner])
     track = ramp(np.abs(off - np.float32(0.88)), 0.45, 0.10) + 0.5 * ramp(off, 0.40, 0.05)
-    return 1 - members.road[owner] * age * 0.16 * track
+    return 1 - members.road[spots.owner] * np.minimum(age * 0.16 * track, 0.5)

@@ -12,9 +12,10 @@ SUPERSTRUCTURE = "Superstructure"
 SUBSTRUCTURE = "Substructure"
 FURNITURE = "Furniture"
 
-_OFFSET_RANGE = 8.0  # [m]
+_OFFSET_RANGE = 8.192  # [m]
 # The plastic number's powers: offsets of consecutive ids lie as far apart as they can (R2 sequence).
 _OFFSET_STEP = (0.7548776662466927, 0.5698402909980532)
+_FLIP_STEP = 0.41421356237309515
 
 
 @dataclass(frozen=True)
@@ -64,11 +65,12 @@ def number_parts(parts: list[Part]) -> tuple[Component, ...]:
 
 def _mesh(surface: Surface, st1: np.ndarray, instance_id: int) -> Mesh:
     offset = np.array([_OFFSET_RANGE * (instance_id * step % 1.0) for step in _OFFSET_STEP])
+    flip = np.array([-1.0 if instance_id * _FLIP_STEP % 1.0 < 0.5 else 1.0, 1.0])  # what runs down still does
     return Mesh(
         points=surface.points,
         face_counts=surface.face_counts,
         corners=surface.corners,
         normals=surface.normals.astype(np.float32),
-        st=(surface.st + offset).astype(np.float32),
+        st=(surface.st * flip + offset).astype(np.float32),
         st1=st1.astype(np.float32),
     )

@@ -233,7 +233,9 @@ def _with_cap(piers: Piers, taper: float) -> Piers:
     return replace(piers, cap_depth=depth, cap_end_depth=round(depth * (1.0 - loss), 3), cap_width=round(width, 3))
 
 
-def pier_parts(piers: Piers, spans: Spans, levels: Levels, place: Alignment, ground: Ground) -> list[Part]:
+def pier_parts(
+    piers: Piers, spans: Spans, levels: Levels, place: Alignment, ground: Ground, besides: tuple[float, ...] = ()
+) -> list[Part]:
     """Build cap, shafts and footing at every inner support.
 
     Args:
@@ -242,11 +244,13 @@ def pier_parts(piers: Piers, spans: Spans, levels: Levels, place: Alignment, gro
         levels: Levels of the deck.
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+        besides: Stations of inner supports where something else stands, such as a pylon [m].
     """
-    inner = range(1, spans.count)
+    inner = [support for support in range(1, spans.count) if spans.supports[support] not in besides]
     if not inner:
         return []
-    piers = _askew(_as_stout_as_tall(piers, spans, levels, place, ground), spans, place.skew)
+    stations = np.array([spans.supports[support] for support in inner])
+    piers = _askew(_as_stout_as_tall(piers, stations, levels, place, ground), spans, place.skew)
     parts = []
     for support in inner:
         station = spans.supports[support]
@@ -264,9 +268,8 @@ def pier_parts(piers: Piers, spans: Spans, levels: Levels, place: Alignment, gro
     return parts
 
 
-def _as_stout_as_tall(piers: Piers, spans: Spans, levels: Levels, place: Alignment, ground: Ground) -> Piers:
-    """Let the shafts of all piers grow until the tallest is not too slender."""
-    inner = np.array(spans.supports[1:-1])
+def _as_stout_as_tall(piers: Piers, inner: F64, levels: Levels, place: Alignment, ground: Ground) -> Piers:
+    """Let the shafts of the piers at some stations grow until the tallest is not too slender."""
     axis = place.point(inner, np.zeros(len(inner)), np.full(len(inner), levels.seat - piers.cap_depth))
     tallest = float(np.max(axis[:, 2] - ground(axis[:, :2])))
     shafts = stout_shafts(piers.shafts, tallest, piers.slenderness)

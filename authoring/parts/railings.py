@@ -140,7 +140,8 @@ def _rail_solids(
     if railings.infill == "bars":
         middle = face + inward * 0.5 * _BAR
         stations = np.arange(low + 0.04, high - 0.03, _BAR_PITCH)
-        apart = np.abs(stations[:, None] - post_stations(railings, low, high)).min(axis=1)
+        lean = np.tan(place.skew) * (middle - left)  # along the road, by which skewed stations run away from the posts
+        apart = np.abs(stations[:, None] + lean - post_stations(railings, low, high)).min(axis=1)
         stations = stations[apart > 0.5 * _POST + _BAR]  # none in front of a post
         return [*solids, *_bar_solids(middle, bottom + 0.10, top - 0.6 * rail, (low, high), stations, place)]
     size = 0.6 * rail

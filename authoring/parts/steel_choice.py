@@ -15,6 +15,7 @@ LEAST_SPACING, MOST_SPACING = 2.2, 3.6  # [m] of the lines of a multi-girder dec
 _ARRANGEMENTS = {"multi": 60.0, "ladder": 22.0, "box": 18.0}
 _HAUNCHES = {"none": 55.0, "parabolic": 28.0, "straight": 17.0}
 _WIDTHS = {"multi": (0.0, 40.0), "ladder": (7.0, 18.0), "box": (6.5, 27.0)}  # [m] of deck
+_BOX_SPAN = 30.0  # [m] from which boxes pay (Khan, table 1.2)
 _ONE_BOX = 13.5  # [m] widest deck on a single box
 _HAUNCHED_SLIMMER = 1.25  # [1] a haunched girder is so much slimmer at mid-span
 _LEAST_DEPTH = 0.70  # [m]
@@ -26,7 +27,8 @@ class PlateGirderSettings(Settings):
     arrangement: Literal["multi", "ladder", "box"] | None = Field(
         default=None,
         description="Many plate girders, two with floor beams between them, or one or two boxes; drawn 60 : 22 : 18 "
-        "among those that suit the deck's width: ladder 7 to 18 m, box 6.5 to 27 m; in profile paper multi",
+        "among those that suit: ladder for decks 7 to 18 m wide, box 6.5 to 27 m and spans of 30 m or more; in profile "
+        "paper multi",
     )
     slenderness: float | None = drawn(
         20.0, 28.0, "Longest span over steel depth; of a haunched girder 1.25 times that at mid-span [1]",
@@ -74,11 +76,12 @@ def draw_plate_girders(settings: PlateGirderSettings, width: float, spans: Spans
         InputError: What is fixed cannot carry this deck.
     """
     paper = draws.profile == "paper"
-    arrangement = _arrangement(settings, width, paper, draws)
+    longest = float(np.max(np.diff(spans.supports)))
+    arrangement = _arrangement(settings, width, longest, paper, draws)
     haunch = _haunch(settings, spans, paper, draws)
     slenderness = draw(settings, "slenderness", draws) * (1.0 if haunch == "none" else _HAUNCHED_SLIMMER)
     ratio, reach = draw(settings, "haunch_ratio", draws), draw(settings, "haunch_reach", draws)
-    depth = max(round(float(np.max(np.diff(spans.supports))) / slenderness, 2), _LEAST_DEPTH)
+    depth = max(round(longest / slenderness, 2), _LEAST_DEPTH)
     pier_depth = depth if haunch == "none" else round(ratio * depth, 2)
     lines = _lines(settings, arrangement, width, paper, draws)
     bottom = round(max(draw(settings, "flange_share", draws) * depth, 0.22), 3)
@@ -102,10 +105,9 @@ def draw_plate_girders(settings: PlateGirderSettings, width: float, spans: Spans
     )
 
 
-def _arrangement(settings: PlateGirderSettings, width: float, paper: bool, draws: Draws) -> str:
-    share = draws.choose(
-        {name: weight for name, weight in _ARRANGEMENTS.items() if _WIDTHS[name][0] <= width <= _WIDTHS[name][1]}
-    )
+def _arrangement(settings: PlateGirderSettings, width: float, longest: float, paper: bool, draws: Draws) -> str:
+    suited = {name: weight for name, weight in _ARRANGEMENTS.items() if _WIDTHS[name][0] <= width <= _WIDTHS[name][1]}
+    share = draws.choose({name: w for name, w in suited.items() if name != "box" or longest >= _BOX_SPAN})
     choice = settings.arrangement or ("multi" if paper else share)
     low, high = _WIDTHS[choice]
     if not low <= width <= high:

@@ -8,9 +8,10 @@ from authoring.layers.change import check_editable
 from authoring.layers.layer import export
 from authoring.layers.surveys import camera_path, survey_layer
 from authoring.manifest import read_recipe, refresh_manifest
+from authoring.surveys.existing import existing_flight
 from authoring.surveys.path import CameraPath
-from authoring.surveys.registry import plan_survey
-from authoring.surveys.settings import AnySurvey
+from authoring.surveys.registry import plan_survey, record_flight
+from authoring.surveys.settings import AnySurvey, StageSettings
 from authoring.surveys.stage_subject import stage_subject
 from usd_schemas import tokens
 from usd_schemas.stage_reader import read_stage
@@ -31,8 +32,12 @@ def add_survey(scene: Path, settings: AnySurvey, seed: int | None = None) -> Cam
         InputError: A stored scene, one without a recipe, or no such flight is possible.
     """
     check_editable(scene)
-    recipe = read_recipe(scene.parent)
-    path = plan_survey(settings, stage_subject(read_stage(scene)), recipe.seed if seed is None else seed)
+    seed = read_recipe(scene.parent).seed if seed is None else seed
+    flat = read_stage(scene)
+    if isinstance(settings, StageSettings):
+        path = record_flight(settings, existing_flight(settings, flat), seed)
+    else:
+        path = plan_survey(settings, stage_subject(flat), seed)
     folder = scene.parent
     export(survey_layer(path), folder / f"surveys/{path.id}.usdc")
     surveys = Sdf.Layer.FindOrOpen(str(folder / "surveys/surveys.usda"))

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.surveys.box import OrientedBox, oriented_box
-from authoring.surveys.camera_models import CAMERA_MODELS, calibration
+from authoring.surveys.camera_models import calibration, camera_models
+from authoring.surveys.framing import Eye, eye_of
 from authoring.surveys.settings import GridSettings
 from authoring.surveys.subject import Subject
 from authoring.surveys.turning import look_along
@@ -17,6 +18,8 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 
 DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
+USUAL_DISTANCE = 8.0  # [m] from the bridge where no sampling is asked for
+COLUMNS, ROWS = 24, 18  # rays that tell whether an image shows the bridge
 TILT = np.radians(-90.0 + 1.0)  # over the deck: straight down, but for what keeps the heading defined
 
 
@@ -52,19 +55,21 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
         InputError: The sampling distance asks for a camera nearer than is safe, or nothing of the grid is free.
     """
     del rng
-    camera = calibration(CAMERA_MODELS[settings.camera], settings.width, settings.height)
-    distance = settings.sampling * camera.fx
+    model = camera_models()[settings.camera]
+    camera = calibration(model, settings.width, settings.height)
+    sampling = settings.sampling if settings.sampling is not None else USUAL_DISTANCE / camera.fx
+    distance = sampling * camera.fx
     if distance < settings.safety:
         raise InputError(
-            f"needs cameras {distance:.2f} m from the bridge", field="survey.sampling", value=settings.sampling,
+            f"needs cameras {distance:.2f} m from the bridge", field="survey.sampling", value=sampling,
             allowed=f"at least {settings.safety / camera.fx:.4f} m for a safety of {settings.safety:g} m",
             mend="Raise it, or fly smaller images",
         )  # fmt: skip
     box = oriented_box(subject.bridge.reshape(-1, 3))
     positions, looks = [], []
-    for number, face in enumerate(_faces(settings, camera, box, distance)):
+    for number, face in enumerate(_faces(settings, camera, box, sampling)):
         for row, across in enumerate(face.rows[:: 1 if number % 2 == 0 else -1]):
-            line = _row(settings, camera, box, face, float(across))
+            line = _row(settings, camera, box, face, sampling, float(across))
             line = line if row % 2 == 0 else line[::-1]
             spots = np.round(box.to_world(line), DECIMALS)
             spots = spots[_is_free(spots, subject, settings)]
@@ -72,18 +77,42 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
             looks.append(np.tile(face.inward @ box.axes, (len(spots), 1)))
     places = np.concatenate(positions)
     if len(places) < 2:
+        middle = box.to_world(np.array([[0.0, -box.half[1] - distance, 0.0], [0.0, box.half[1] + distance, 0.0]]))
+        row = int(subject.obstacles.distance(middle)[1][int(np.argmin(subject.clearance(middle)))])
         raise InputError(
-            "no row of the grid is free", field="survey.sampling", value=settings.sampling,
+            f"no row of the grid is free: the instance {subject.obstacle_ids[row]} is in the way",
+            field="survey.sampling", value=sampling,
             mend="Raise it, or lower survey.safety and survey.over_ground",
         )  # fmt: skip
     poses = np.tile(np.eye(4), (len(places), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = look_along(np.concatenate(looks)), places
-    return poses
+    shares = _bridge_share(poses, eye_of(camera, model.distortion), subject)
+    taken = shares >= settings.least_bridge
+    if taken.sum() < 2:
+        raise InputError(
+            "no image of the grid shows enough of the bridge", field="survey.least_bridge", value=settings.least_bridge,
+            allowed=f"at most {float(np.sort(shares)[-2]):.3f} here", mend="Lower it, or survey.sampling",
+        )  # fmt: skip
+    return poses[taken]
 
 
-def _faces(settings: GridSettings, camera: Pinhole, box: OrientedBox, distance: float) -> list[_Face]:
+def _bridge_share(poses: F64, eye: Eye, subject: Subject) -> F64:
+    """Find the share of each image that the bridge fills [1], shape (N,), float64."""
+    x, y = (np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(ROWS) + 0.5) / ROWS
+    pixels = np.stack(np.meshgrid(x * eye.camera.width, y * eye.camera.height), axis=-1).reshape(-1, 2)
+    rays = eye.rays(pixels)
+    bridge = np.unique(subject.bridge_ids)
+    shares = np.zeros(len(poses))
+    for row, pose in enumerate(poses):
+        directions = rays @ pose[:3, :3].T
+        _, _, hit = subject.obstacles.cast(np.broadcast_to(pose[:3, 3], directions.shape), directions)
+        shares[row] = np.isin(hit, bridge).mean()
+    return shares
+
+
+def _faces(settings: GridSettings, camera: Pinhole, box: OrientedBox, sampling: float) -> list[_Face]:
     """List the two long sides, and the deck."""
-    between = (1.0 - settings.side_overlap) * settings.sampling
+    between, distance = (1.0 - settings.side_overlap) * sampling, sampling * camera.fx
     heights = _spread(-box.half[2], box.half[2], between * camera.height)
     side = box.half[1] + distance
     faces = [
@@ -96,11 +125,11 @@ def _faces(settings: GridSettings, camera: Pinhole, box: OrientedBox, distance: 
     return faces
 
 
-def _row(settings: GridSettings, camera: Pinhole, box: OrientedBox, face: _Face, across: float) -> F64:
+def _row(settings: GridSettings, camera: Pinhole, box: OrientedBox, face: _Face, sampling: float, across: float) -> F64:
     """Place the images of a row, in the box's axes [m], shape (N, 3), float64."""
     # Over the deck the image's upright runs along the row: cameras look straight down, their tops forward.
     pixels = camera.width if face.axis == 1 else camera.height
-    step = pixels * settings.sampling * (1.0 - settings.overlap)
+    step = pixels * sampling * (1.0 - settings.overlap)
     ends = np.zeros((2, 3))
     ends[:, 0] = (-box.half[0], box.half[0])
     ends[:, face.axis] = face.offset

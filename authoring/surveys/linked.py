@@ -6,7 +6,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from usd_schemas.pinhole import Pinhole, project, unproject
+from authoring.surveys.framing import Eye
 from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
@@ -22,24 +22,24 @@ LEAST_SEEN = 0.25  # share of an image that must see a surface, not sky [1]
 FARTHEST = 150.0  # [m] at which surfaces still carry features worth matching
 
 
-def linked_share(poses: F64, camera: Pinhole, obstacles: RayScene) -> tuple[float, float]:
+def linked_share(poses: F64, eye: Eye, obstacles: RayScene) -> tuple[float, float]:
     """Predict how much of a flight hangs together.
 
     Args:
         poses: camera_to_world in the order of flight [m], shape (N, 4, 4), float64.
-        camera: Intrinsics.
+        eye: The camera.
         obstacles: Bridge and site.
 
     Returns:
         Mean overlap of each image with the next [1], and the predicted share of registered images [1].
     """
     count = len(poses)
-    seen = [_seen(pose, camera, obstacles) for pose in poses]
+    seen = [_seen(pose, eye, obstacles) for pose in poses]
     useful = np.array([len(points) >= LEAST_SEEN * COLUMNS * ROWS for points in seen])
     rows, columns, following = [], [], np.zeros(max(count - 1, 1))
     for first, second in _pairs(poses[:, :3, 3]):
-        forth = _shared(seen[first], poses[first], poses[second], camera, obstacles)
-        back = _shared(seen[second], poses[second], poses[first], camera, obstacles)
+        forth = _shared(seen[first], poses[first], poses[second], eye, obstacles)
+        back = _shared(seen[second], poses[second], poses[first], eye, obstacles)
         if second == first + 1:
             following[first] = forth
         if min(forth, back) >= SHARED and useful[first] and useful[second]:
@@ -62,23 +62,22 @@ def _pairs(centres: F64) -> list[tuple[int, int]]:
     return sorted(pairs)
 
 
-def _seen(pose: F64, camera: Pinhole, obstacles: RayScene) -> F64:
+def _seen(pose: F64, eye: Eye, obstacles: RayScene) -> F64:
     """Cast the rays of an image: the surfaces that it sees [m], shape (M, 3), float64."""
-    x = (np.arange(COLUMNS) + 0.5) / COLUMNS * camera.width
-    y = (np.arange(ROWS) + 0.5) / ROWS * camera.height
+    x = (np.arange(COLUMNS) + 0.5) / COLUMNS * eye.camera.width
+    y = (np.arange(ROWS) + 0.5) / ROWS * eye.camera.height
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    directions = unproject(pixels, np.ones(len(pixels)), camera, pose) - pose[:3, 3]
+    directions = eye.rays(pixels) @ pose[:3, :3].T
     reach, _, _ = obstacles.cast(np.broadcast_to(pose[:3, 3], directions.shape), directions)
     near = reach < FARTHEST
     return pose[:3, 3] + directions[near] * reach[near, None]
 
 
-def _shared(points: F64, own: F64, other: F64, camera: Pinhole, obstacles: RayScene) -> float:
+def _shared(points: F64, own: F64, other: F64, eye: Eye, obstacles: RayScene) -> float:
     """Find the share of what one image sees that another sees much alike."""
     if not len(points):
         return 0.0
-    pixels, depth = project(points, camera, other)
-    framed = (depth > 0.0) & ((pixels >= 0.0) & (pixels < [camera.width, camera.height])).all(axis=1)
+    framed = eye.framed(points, other)
     here, there = own[:3, 3] - points[framed], other[:3, 3] - points[framed]
     near, far = np.linalg.norm(here, axis=1), np.linalg.norm(there, axis=1)
     alike = np.sum(here * there, axis=1) >= np.cos(np.radians(TURNED)) * near * far

@@ -81,7 +81,7 @@ def _draw_way(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: 
     """Draw a way through the box until one has room for as many images as are wanted [m], shape (M, 3), float64."""
     lures = _lures(settings, space, subject, rng)
     low, high = ((count - 1) * settings.spacing for count in settings.images)
-    tried = []
+    tried, longer = [], []
     for _ in range(TRIES):
         goals = _draw_goals(lures, APART * settings.length, rng)
         legs = [lures.ways.between(int(a), int(b)) for a, b in pairwise(goals)]
@@ -92,11 +92,26 @@ def _draw_way(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: 
         if low <= length <= high and _is_smooth(way, settings.spacing):
             return way
         tried.append(length)
+        if length > high:
+            longer.append(way)
+    for way in longer:
+        part = _part(way, rng.uniform(low, high), float(rng.random()))
+        if _is_smooth(part, settings.spacing):
+            return part
     raise InputError(
         f"no flight of the length asked for: {TRIES} were {min(tried):.0f} to {max(tried):.0f} m long",
         field="survey.images", value=list(settings.images),
         allowed=f"{int(min(tried) / settings.spacing)} to {int(max(tried) / settings.spacing) + 1} images in this box",
     )  # fmt: skip
+
+
+def _part(way: F64, length: float, share: float) -> F64:
+    """Cut a part of some length out of a way [m], shape (K, 3), float64; `share` tells where it begins."""
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+    first = share * (arc[-1] - length)
+    inner = (arc > first) & (arc < first + length)
+    stations = np.concatenate([[first], arc[inner], [first + length]])
+    return np.column_stack([np.interp(stations, arc, way[:, axis]) for axis in range(3)])
 
 
 def _is_smooth(way: F64, spacing: float) -> bool:

@@ -7,16 +7,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.streams import stream
-from authoring.surveys.camera_models import CAMERA_MODELS, calibration
-from authoring.surveys.gps import measured_positions
+from authoring.surveys.attitude import measured_attitude
+from authoring.surveys.camera_models import calibration, camera_models
+from authoring.surveys.gps import GpsNoise, measured_positions
 from authoring.surveys.grid import fly_grid
 from authoring.surveys.local import fly_local
-from authoring.surveys.path import CameraPath
-from authoring.surveys.settings import AnySurvey, GlobalSettings, GridSettings, LocalSettings, SurveySettings
+from authoring.surveys.path import CameraPath, Flown
+from authoring.surveys.settings import (
+    AnySurvey,
+    GlobalSettings,
+    GridSettings,
+    LocalSettings,
+    StageSettings,
+    SurveySettings,
+)
 from authoring.surveys.subject import Subject
 from authoring.surveys.whole import fly_whole
+from groundwork.errors import InputError
 
 F64 = NDArray[np.float64]
+
+FRAME_TIME = 1.0 / 24.0  # [s] that passes at least between two images, also for a camera that only turns
 
 
 @dataclass(frozen=True)
@@ -48,24 +59,54 @@ def plan_survey(settings: AnySurvey, subject: Subject, seed: int) -> CameraPath:
         seed: Seed of the scene.
 
     Returns:
-        Cameras, times and measured positions.
+        Cameras, times, measured positions and attitudes.
+
+    Raises:
+        InputError: No such flight is possible; the error names what stands in its way.
     """
-    model = CAMERA_MODELS[settings.camera]
+    if isinstance(settings, StageSettings):
+        raise InputError(
+            "takes a camera of a stage that is there", field="survey.kind", value=settings.kind,
+            allowed=", ".join(SURVEYS), mend="Author the scene, then: falsework survey plan SCENE --kind stage",
+        )  # fmt: skip
     poses = SURVEYS[settings.kind].fly(settings, subject, stream(seed, f"survey/{settings.id}"))
-    positions = poses[:, :3, 3]
+    model = camera_models()[settings.camera]
+    camera = calibration(model, settings.width, settings.height)
+    flown = Flown(
+        poses, camera, model.sensor_width, model.distortion, model.readout_time, model.make, model.model
+    )  # fmt: skip
+    return record_flight(settings, flown, seed)
+
+
+def record_flight(settings: AnySurvey, flown: Flown, seed: int) -> CameraPath:
+    """Note what a drone would note: times at its speed, and positions and attitudes with noise.
+
+    Args:
+        settings: Settings of the survey.
+        flown: Where its camera was.
+        seed: Seed of the scene.
+    """
+    positions = flown.poses[:, :3, 3]
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    times = np.concatenate([[0.0], np.cumsum(steps)]) / settings.speed
+    times = np.concatenate([[0.0], np.cumsum(np.maximum(steps / settings.speed, FRAME_TIME))])
+    noise = GpsNoise(settings.gps_sigma, settings.gps_drift, settings.gps_altitude)
     return CameraPath(
         id=settings.id,
         kind=settings.kind,
         seed=seed,
-        calibration=calibration(model, settings.width, settings.height),
-        sensor_width=model.sensor_width,
-        spacing=float(steps.mean()),
-        poses=poses,
+        calibration=flown.calibration,
+        sensor_width=flown.sensor_width,
+        spacing=float(steps.mean()) if len(steps) else 0.0,
+        poses=flown.poses,
         times=times,
-        gps=measured_positions(
-            positions, times, settings.gps_sigma, settings.gps_drift, stream(seed, f"gps/{settings.id}")
-        ),
+        gps=measured_positions(positions, times, noise, stream(seed, f"gps/{settings.id}")),
         gps_sigma=settings.gps_sigma,
+        attitude=measured_attitude(
+            flown.poses[:, :3, :3], settings.attitude_sigma, stream(seed, f"attitude/{settings.id}")
+        ),
+        attitude_sigma=settings.attitude_sigma,
+        distortion=flown.distortion,
+        readout_time=flown.readout_time,
+        make=flown.make,
+        model=flown.model,
     )

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.surveys.framing import Eye
 from authoring.surveys.linked import linked_share
 from authoring.surveys.surface_samples import SurfaceSamples, sample_surfaces
 from authoring.surveys.turning import pitch_of
-from usd_schemas.pinhole import Pinhole, project
 from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
@@ -50,24 +50,24 @@ class FlightScore:
 
 
 def score_flight(
-    poses: F64, camera: Pinhole, duration: float, bridge: tuple[F64, NDArray[np.integer]], obstacles: RayScene
+    poses: F64, eye: Eye, duration: float, bridge: tuple[F64, NDArray[np.integer]], obstacles: RayScene
 ) -> FlightScore:
     """Judge a flight.
 
     Args:
         poses: camera_to_world in the order of flight [m], shape (N, 4, 4), float64.
-        camera: Intrinsics.
+        eye: The camera.
         duration: Flight time [s].
         bridge: Corners of the bridge's triangles [m], shape (T, 3, 3), float64, and their instance ids, shape (T,).
         obstacles: Bridge and site.
     """
     samples = sample_surfaces(*bridge)
-    views = _views(poses, camera, samples, obstacles)
+    views = _views(poses, eye, samples, obstacles)
     enough = views.count >= ENOUGH_VIEWS
     shares = np.bincount(samples.component, enough) / np.bincount(samples.component)
     steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
-    overlap, linked = linked_share(poses, camera, obstacles)
-    distances = views.nearest[np.isfinite(views.nearest)] / camera.fx
+    overlap, linked = linked_share(poses, eye, obstacles)
+    distances = views.nearest[np.isfinite(views.nearest)] / eye.camera.fx
     sampling = np.percentile(distances, [50.0, 95.0]) if len(distances) else np.full(2, np.inf)
     pitch = np.degrees(pitch_of(poses[:, :3, :3]))
     return FlightScore(
@@ -99,12 +99,12 @@ class _Views:
     angle: F64
 
 
-def _views(poses: F64, camera: Pinhole, samples: SurfaceSamples, obstacles: RayScene) -> _Views:
+def _views(poses: F64, eye: Eye, samples: SurfaceSamples, obstacles: RayScene) -> _Views:
     size = len(samples.points)
     count, nearest, angle = np.zeros(size, np.int64), np.full(size, np.inf), np.zeros(size)
     first = np.zeros((size, 3))
     for pose in poses:
-        rows = seen_rows(pose, camera, samples, obstacles)
+        rows = seen_rows(pose, eye, samples, obstacles)
         toward = pose[:3, 3] - samples.points[rows]
         unit = toward / np.linalg.norm(toward, axis=1, keepdims=True)
         fresh = count[rows] == 0
@@ -116,12 +116,12 @@ def _views(poses: F64, camera: Pinhole, samples: SurfaceSamples, obstacles: RayS
     return _Views(count, nearest, angle)
 
 
-def seen_rows(pose: F64, camera: Pinhole, samples: SurfaceSamples, obstacles: RayScene) -> I64:
+def seen_rows(pose: F64, eye: Eye, samples: SurfaceSamples, obstacles: RayScene) -> I64:
     """Find the samples that a camera sees squarely: framed, not from behind or too aslant, and nothing in between.
 
     Args:
         pose: camera_to_world [m], shape (4, 4), float64.
-        camera: Intrinsics.
+        eye: The camera.
         samples: Samples of surfaces.
         obstacles: Bridge and site.
 
@@ -132,8 +132,6 @@ def seen_rows(pose: F64, camera: Pinhole, samples: SurfaceSamples, obstacles: Ra
     distance = np.linalg.norm(toward, axis=1)
     square = np.sum(toward * samples.normals, axis=1) >= np.cos(np.radians(WIDEST_INCIDENCE)) * distance
     rows = np.flatnonzero(square)
-    pixels, depth = project(samples.points[rows], camera, pose)
-    framed = (depth > 0.0) & ((pixels >= 0.0) & (pixels < [camera.width, camera.height])).all(axis=1)
-    rows = rows[framed]
+    rows = rows[eye.framed(samples.points[rows], pose)]
     reach, _, _ = obstacles.cast(np.broadcast_to(pose[:3, 3], (len(rows), 3)), -toward[rows])
     return rows[reach >= 1.0 - TOUCH / distance[rows]]

@@ -2,31 +2,56 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from authoring.surveys.camera_models import DEFAULT, camera_models
 from groundwork.settings import Settings
 
 Sigma = Annotated[float, Field(ge=0.0, le=50.0)]
+Turn = Annotated[float, Field(ge=0.0, le=45.0)]
 Reach = Annotated[float, Field(ge=0.5, le=100.0)]
 
 
-class SurveySettings(Settings):
-    """What every kind of survey understands."""
+class RecordSettings(Settings):
+    """What every flight writes down, whoever planned it."""
 
     id: str = Field(default="global", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
-    camera: Literal["default_24mm"] = Field(default="default_24mm", description="Camera model")
-    width: int = Field(default=960, ge=64, le=8192, description="Image width [px]")
-    height: int = Field(default=720, ge=64, le=8192, description="Image height [px]")
-    speed: float = Field(default=3.0, ge=0.5, le=15.0, description="Flight speed [m/s]")
-    safety: float = Field(default=1.5, ge=0.3, le=10.0, description="Least distance to bridge and site [m]")
+    width: int | None = Field(
+        default=None, ge=64, le=8192, description="Image width [px]; the camera's own when left out"
+    )
+    height: int | None = Field(
+        default=None, ge=64, le=8192, description="Image height [px]; the camera's own when left out"
+    )
+    speed: float = Field(default=3.0, ge=0.2, le=15.0, description="Flight speed [m/s]")
     gps_sigma: tuple[Sigma, Sigma, Sigma] = Field(
         default=(0.5, 0.5, 0.8), description="Noise of a GPS position along x, y, z [m]"
     )
     gps_drift: float = Field(default=0.3, ge=0.0, le=5.0, description="Standard deviation of the slow GPS bias [m]")
+    gps_altitude: float = Field(
+        default=0.0, ge=0.0, le=100.0,
+        description="Standard deviation of the one error that all altitudes of a flight share: barometer, geoid [m]",
+    )  # fmt: skip
+    attitude_sigma: tuple[Turn, Turn, Turn] = Field(
+        default=(1.0, 0.3, 0.3), description="Noise of the gimbal's yaw, pitch and roll as written down [deg]"
+    )
+
+
+class SurveySettings(RecordSettings):
+    """What every kind of planned survey understands."""
+
+    camera: str = Field(default=DEFAULT, description="Camera model, a name of authoring/surveys/cameras.toml")
+    safety: float = Field(default=1.5, ge=0.3, le=10.0, description="Least distance to bridge and site [m]")
+
+    @field_validator("camera")
+    @classmethod
+    def _camera_is_known(cls, name: str) -> str:
+        if name not in camera_models():
+            raise ValueError(f"no such camera; allowed: {', '.join(camera_models())}")
+        return name
 
 
 class GlobalSettings(SurveySettings):
-    """One loop round the whole bridge, waving between under the deck and over it."""
+    """A flight round the whole bridge: a loop of our own, or the paper's tour."""
 
     kind: Literal["global"] = "global"
     images: int = Field(
@@ -42,6 +67,15 @@ class GlobalSettings(SurveySettings):
         default=(2.0, 3.5), description="Range of the greatest height over parapets and all else [m]"
     )
     over_ground: float = Field(default=2.0, ge=1.5, le=20.0, description="Least height over ground or water [m]")
+    tour: Literal["loop", "rings"] = Field(
+        default="loop",
+        description="One loop that dives under the deck and crosses over it, or the paper's tour of waypoints on the "
+        "surface of the extended box: two rings and strips over the top",
+    )
+    margin: float | None = Field(
+        default=None, ge=2.0, le=100.0,
+        description="Extension of the box for rings [m]; 0.35 of its width or height, 8 to 40 m, when left out",
+    )  # fmt: skip
     poi: Literal["axis", "box50"] = Field(
         default="axis", description="Cameras look at the axis beside them, or at the paper's box of half the size"
     )
@@ -93,11 +127,24 @@ class GridSettings(SurveySettings):
 
     kind: Literal["grid"]
     id: str = Field(default="grid", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
-    sampling: float = Field(default=0.006, ge=0.0005, le=0.1, description="Size of a pixel on the surface [m]")
-    overlap: float = Field(default=0.8, ge=0.3, le=0.95, description="Overlap along a row [1]")
-    side_overlap: float = Field(default=0.65, ge=0.2, le=0.95, description="Overlap of neighbouring rows [1]")
+    sampling: float | None = Field(
+        default=None, ge=0.0005, le=0.1, description="Size of a pixel on the surface [m]; that at 8 m when left out"
+    )
+    overlap: float = Field(default=0.75, ge=0.3, le=0.95, description="Overlap along a row [1]")
+    side_overlap: float = Field(default=0.6, ge=0.2, le=0.95, description="Overlap of neighbouring rows [1]")
     over_ground: float = Field(default=1.5, ge=0.3, le=20.0, description="Least height over ground or water [m]")
     deck: bool = Field(default=True, description="Rows over the deck as well, looking down")
+    least_bridge: float = Field(
+        default=0.1, ge=0.0, le=1.0, description="Share of an image that the bridge must fill for it to be taken [1]"
+    )
 
 
-AnySurvey = Annotated[GlobalSettings | LocalSettings | GridSettings, Field(discriminator="kind")]
+class StageSettings(RecordSettings):
+    """A camera that is in the stage already, animated in a DCC: taken as it is, and given a record."""
+
+    kind: Literal["stage"]
+    id: str = Field(default="stage", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
+    prim: str = Field(default="", description="Path or name of the camera; may be left out where there is only one")
+
+
+AnySurvey = Annotated[GlobalSettings | LocalSettings | GridSettings | StageSettings, Field(discriminator="kind")]

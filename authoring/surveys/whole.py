@@ -1,4 +1,4 @@
-"""Global survey: one closed loop round the whole bridge that waves between under the deck and over it."""
+"""Global survey: round the whole bridge, in a loop that waves between under the deck and over it, or in rings."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,8 +6,10 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from authoring.surveys.box import OrientedBox, oriented_box
 from authoring.surveys.gaze import aim, along_axis, drawn_to_lines, inner_box
+from authoring.surveys.rings import draw_rings, extended_box
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import Subject
+from authoring.surveys.way import equal_steps
 from groundwork.errors import InputError
 
 F64 = NDArray[np.float64]
@@ -31,8 +33,8 @@ def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generat
     """Plan the flight and aim its cameras.
 
     Source: Shi, Kim, Narazaki: Development of large-scale synthetic 3D point cloud datasets for vision-based bridge
-    structural condition assessment, global scenario (extended box, points of interest on an inner box). Their tour
-    over waypoints is a loop here, so that few images suffice.
+    structural condition assessment, global scenario (extended box, waypoints on its surface, points of interest on an
+    inner box). That is the tour "rings"; the default is a loop that needs fewer images.
 
     Args:
         settings: What the scenario says.
@@ -47,14 +49,22 @@ def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generat
     """
     box = oriented_box(subject.bridge.reshape(-1, 3))
     lines = bearing_lines(box.to_local(subject.seats)) if len(subject.seats) else np.zeros((0, 2))
-    route = clear_route(draw_route(settings, box, lines[:, 0], subject, rng), box, subject, settings.safety)
-    crossing = np.abs(box.to_local(route)[:, 0]) > box.half[0] - CROSSING
-    density = np.where(crossing, CROSSING_DENSITY, 1.0)
-    positions = np.round(place_images(route, density, settings.images, settings.spacing), DECIMALS)
-    local = box.to_local(positions)
-    middle = np.array([0.0, 0.0, (local[:, 2].min() + local[:, 2].max()) / 2])
+    if settings.tour == "rings":
+        route = clear_route(
+            draw_rings(settings, extended_box(settings, box), subject, rng), box, subject, settings.safety
+        )
+        length = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
+        positions = np.round(equal_steps(route, min(settings.spacing, length / (settings.images - 1))), DECIMALS)
+        local, middle = box.to_local(positions), np.zeros(3)
+    else:
+        route = clear_route(draw_route(settings, box, lines[:, 0], subject, rng), box, subject, settings.safety)
+        crossing = np.abs(box.to_local(route)[:, 0]) > box.half[0] - CROSSING
+        density = np.where(crossing, CROSSING_DENSITY, 1.0)
+        positions = np.round(place_images(route, density, settings.images, settings.spacing), DECIMALS)
+        local = box.to_local(positions)
+        middle = np.array([0.0, 0.0, (local[:, 2].min() + local[:, 2].max()) / 2])
     targets = middle + POINTS_OF_INTEREST[settings.poi](local - middle)
-    if settings.poi == "axis":
+    if settings.poi == "axis" and settings.tour == "loop":
         targets = drawn_to_lines(local, targets, lines)
     return aim(positions, np.round(box.to_world(targets), DECIMALS))
 

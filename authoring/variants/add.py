@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from pxr import Sdf, Usd
+from pxr import Sdf, Tf, Usd
 
 from authoring.assets import Pieces
 from authoring.backgrounds.registry import BACKGROUNDS
@@ -14,6 +14,7 @@ from authoring.labels import write_taxonomy_layer
 from authoring.layers.change import check_editable
 from authoring.layers.variant import variant_layer
 from authoring.layout import draw_layout
+from authoring.lighting_panorama import PANORAMAS
 from authoring.looks.roles import LOOKS
 from authoring.manifest import SceneRecipe, read_recipe, refresh_manifest
 from authoring.site import Site, draw_site
@@ -38,7 +39,8 @@ def set_choices(scene: Path, choices: dict[str, str], warn: Warn) -> dict[str, s
     Args:
         scene: Root layer of a scene.
         choices: Axis to the name of a choice; to the path of the user's own USD file; or, for a light, to a date and
-            hour such as 2024-12-21T10:00. `taxonomy` to the name of a table, which is a layer and no variant.
+            hour such as 2024-12-21T10:00, or to a photographed sky (.exr, .hdr).
+            `taxonomy` to the name of a table, which is a layer and no variant.
         warn: Called with one line for each thing that a file of the user's loses on the way.
 
     Returns:
@@ -105,6 +107,8 @@ def _ensure(scene: Path, axis: str, value: str, warn: Warn) -> str:
         if Path(value).suffix in USD_FILES and axis != "light":
             bring = import_background if axis == "background" else import_look
             return bring(scene, Path(value), warn)
+        if axis == "light" and Path(value).suffix.lower() in PANORAMAS:
+            return _author_sky(scene, Path(value))
         makeable = {"look": tuple(LOOKS), "background": tuple(BACKGROUNDS), "light": ()}[axis]
         date = _date(value) if axis == "light" else None
         if value not in makeable and date is None:
@@ -120,13 +124,22 @@ def _settle(scene: Path, world: Path) -> str:
     return name
 
 
+def _author_sky(scene: Path, picture: Path) -> str:
+    """Light a scene by a photographed sky."""
+    recipe, name = read_recipe(scene.parent), Tf.MakeValidIdentifier(picture.stem)
+    settings = recipe.settings.light.model_copy(update={"sky": picture.name})
+    file = write_light(settings, recipe.seed, name, scene.parent, {picture.name: picture})
+    add_light(scene.parent / "lighting.usda", name, file)
+    return name
+
+
 def _author(scene: Path, axis: str, value: str, date: datetime | None) -> str:
     folder = scene.parent
     if date is not None:
         recipe = read_recipe(folder)
         name = f"light_{date:%Y%m%d_%H%M}"
-        settings = recipe.settings.light.model_copy(update={"date": date})
-        add_light(folder / "lighting.usda", name, write_light(settings, recipe.seed, name, folder))
+        settings = recipe.settings.light.model_copy(update={"date": date, "sky": ""})
+        add_light(folder / "lighting.usda", name, write_light(settings, recipe.seed, name, folder, {}))
         return name
     drawn = _draw(read_recipe(folder))
     settings, seed = drawn.recipe.settings, drawn.recipe.seed

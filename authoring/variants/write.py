@@ -1,5 +1,6 @@
 """One look, background or light on disk: a folder of its own, with the same bytes whenever it is written."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from authoring.assets import Pieces, bake_surfaces, write_asset
@@ -14,7 +15,7 @@ from authoring.layers.layer import export
 from authoring.layers.lighting import light_layer
 from authoring.layers.looks import look_layer
 from authoring.layers.provenance import author_provenance
-from authoring.lighting import LightSettings, bake_sky
+from authoring.lighting import LightSettings, bake_light
 from authoring.looks.bake import bake_look
 from authoring.settings import AuthoringSettings
 from authoring.site import Site
@@ -95,7 +96,7 @@ def write_background(
     return file
 
 
-def write_light(settings: LightSettings, seed: int, name: str, folder: Path) -> str:
+def write_light(settings: LightSettings, seed: int, name: str, folder: Path, skies: Mapping[str, Path]) -> str:
     """Bake a light; all lights of a scene have the same clouds.
 
     Args:
@@ -103,12 +104,17 @@ def write_light(settings: LightSettings, seed: int, name: str, folder: Path) -> 
         seed: Seed of the scene.
         name: Name of the light.
         folder: Scene folder.
+        skies: Photographed skies by the name under which `light.sky` asks for them.
 
     Returns:
         Its file, relative to that folder.
+
+    Raises:
+        InputError: The photographed sky is missing, or no sky.
     """
+    picture = skies.get(settings.sky, Path(settings.sky)) if settings.sky else None
     file = f"./lights/{name}/light.usda"
     place = (folder / file).parent
     place.mkdir(parents=True, exist_ok=True)
-    export(light_layer(bake_sky(settings, place, stream(seed, "light"))), folder / file)
+    export(light_layer(bake_light(settings, place, stream(seed, "light"), picture)), folder / file)
     return file

@@ -9,6 +9,9 @@ layout(location = 1) out float out_depth;
 #ifdef NORMALS
 layout(location = 2) out vec4 out_normal;
 #endif
+#ifdef TRIANGLES
+layout(location = 2) out uint out_triangle;
+#endif
 
 void main() {
 #ifdef CUT_OUT
@@ -20,5 +23,8 @@ void main() {
 #ifdef NORMALS
     bool mirrored = draws[draw].material.y == 1u;
     out_normal = vec4(normalize(normal + vec3(0.0, 0.0, 1e-12)) * (gl_FrontFacing != mirrored ? 1.0 : -1.0), 1.0);
+#endif
+#ifdef TRIANGLES
+    out_triangle = uint(gl_PrimitiveID);
 #endif
 }

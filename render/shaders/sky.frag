@@ -12,6 +12,9 @@ layout(location = 2) out float out_depth;
 #ifdef NORMALS
 layout(location = 3) out vec4 out_normal;
 #endif
+#ifdef TRIANGLES
+layout(location = 3) out uint out_triangle;
+#endif
 
 const float PI = 3.14159265;
 
@@ -23,5 +26,8 @@ void main() {
     out_depth = uintBitsToFloat(0x7f800000u);
 #ifdef NORMALS
     out_normal = vec4(0.0);
+#endif
+#ifdef TRIANGLES
+    out_triangle = 0u;
 #endif
 }

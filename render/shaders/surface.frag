@@ -35,6 +35,9 @@ layout(location = 2) out float out_depth;
 #ifdef NORMALS
 layout(location = 3) out vec4 out_normal;
 #endif
+#ifdef TRIANGLES
+layout(location = 3) out uint out_triangle;
+#endif
 
 const float PI = 3.14159265;
 
@@ -184,5 +187,8 @@ void main() {
     out_depth = 1.0 / gl_FragCoord.w;
 #ifdef NORMALS
     out_normal = vec4(face, 1.0);
+#endif
+#ifdef TRIANGLES
+    out_triangle = uint(gl_PrimitiveID);
 #endif
 }

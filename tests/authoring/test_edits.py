@@ -18,6 +18,7 @@ from groundwork.errors import InputError
 from groundwork.files import MANIFEST
 from tests.authoring.box_scene import write_box_scene
 from usd_schemas.read_lights import read_lights
+from usd_schemas.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
 
@@ -87,22 +88,71 @@ def test_a_moved_group_is_one_opinion(scene: Path, other: Usd.Stage) -> None:
 
 
 def test_a_turned_sun_comes_home(scene: Path, other: Usd.Stage) -> None:
-    """Its direction and strength reach what is rendered; new cameras and lamps are named, with what to do."""
+    """Its direction and strength reach what is rendered, though another sun was added before it."""
     sun = UsdLux.DistantLight(other.GetPrimAtPath("/World/Environment/Sun"))
     sun.AddRotateXYZOp().Set(Gf.Vec3f(30.0, -20.0, 15.0))
     sun.GetIntensityAttr().Set(2.5)
     expected = read_lights(other, np.eye(4), print)[0]
-    UsdGeom.Camera.Define(other, "/World/Drone")
-    UsdLux.SphereLight.Define(other, "/World/Lamp")
+    UsdLux.DistantLight.Define(other, "/Another")
+    other.GetRootLayer().pseudoRoot.nameChildrenOrder = ["Another", "World"]
     found, _ = bring_home(scene, other)
-    assert found.moved == ["Sun"]
-    assert [line.split(" is new")[0] for line in found.left_out] == ["camera Drone", "light Lamp"]
-    home = read_lights(Usd.Stage.Open(str(scene)), np.eye(4), print)[0]
+    assert (found.moved, found.lights) == (["Sun"], ["Another"])
+    home = read_lights(Usd.Stage.Open(str(scene)), np.eye(4), lambda line: None)[0]
     assert home is not None
     assert expected is not None
     np.testing.assert_allclose(home.direction, expected.direction, atol=1e-6)
     np.testing.assert_allclose(home.radiance, [2.5] * 3, rtol=1e-6)
     assert bring_home(scene, other)[0].moved == ["Sun"]
+    assert validate_scene(scene) == []
+
+
+def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
+    """From a file in centimetres with y up: each pose, the lens and the lamp in metres with z up; and gone with it."""
+    file = tmp_path / "centimetres.usda"
+    _write_centimetres(scene, file, lamp=True)
+    found = harvest_edits(file, scene, Labelling())
+    assert (found.cameras, found.lights, found.moved, found.left_out) == ({"Drone": 3}, ["Lamp"], [], [])
+    assert validate_scene(scene) == []
+    flat = read_stage(scene)
+    (track,) = [camera for camera in flat.cameras if camera.name == "Drone"]
+    np.testing.assert_allclose(track.poses[:, :3, 3], [[5.0 + step, -30.0, 8.0] for step in range(3)], atol=1e-9)
+    forward = np.tile([0.0, 1.0, 0.0], (3, 1))  # along -z of a y-up world
+    np.testing.assert_allclose(track.poses[:, :3, 2], forward, atol=1e-9)
+    np.testing.assert_allclose(track.poses[:, :3, 1], [[0.0, 0.0, -1.0]] * 3, atol=1e-9)
+    lens = (track.lens.focal_length, track.lens.horizontal_aperture, track.lens.vertical_aperture, track.near)
+    assert lens == pytest.approx((0.35, 0.36, 0.24, 0.5))
+    stage = Usd.Stage.Open(str(scene))
+    lamp = stage.GetPrimAtPath("/World/Environment/Lamp")
+    place = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(lamp)).T
+    np.testing.assert_allclose(place[:3, 3], [1.0, -3.0, 2.0], atol=1e-9)
+    assert UsdLux.SphereLight(lamp).GetRadiusAttr().Get() * np.cbrt(np.linalg.det(place[:3, :3])) == pytest.approx(0.1)
+    assert lamp.HasAPI(UsdLux.ShapingAPI)
+    before = (scene.parent / EDITS).read_bytes()
+    harvest_edits(file, scene, Labelling())
+    assert (scene.parent / EDITS).read_bytes() == before
+    _write_centimetres(scene, file, lamp=False)
+    assert harvest_edits(file, scene, Labelling()).lights == []
+    assert not Usd.Stage.Open(str(scene)).GetPrimAtPath("/World/Environment/Lamp")
+
+
+def test_a_moved_survey_camera_is_a_flight_of_its_own(scene: Path, other: Usd.Stage) -> None:
+    """The survey stays to the bit; what a DCC shows of it, one frame or all, is no edit."""
+    before = {camera.name: camera for camera in read_stage(scene).cameras}
+    camera = UsdGeom.Camera(other.GetPrimAtPath("/World/Surveys/global/global_Camera"))
+    (operation,) = camera.GetOrderedXformOps()
+    poses = [operation.Get(code) for code in operation.GetTimeSamples()]
+    operation.GetAttr().Clear()
+    operation.Set(poses[3])
+    assert bring_home(scene, other)[0] == Harvest()
+    for code, pose in enumerate(poses):
+        operation.Set(pose * Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0, 5)), code)
+    found, _ = bring_home(scene, other)
+    assert (found.cameras, found.moved) == ({"global_Camera_2": len(poses)}, [])
+    after = {camera.name: camera for camera in read_stage(scene).cameras}
+    np.testing.assert_array_equal(after["global"].poses, before["global"].poses)
+    lifted = before["global"].poses + np.pad([[0.0], [0.0], [5.0], [0.0]], ((0, 0), (3, 0)))
+    np.testing.assert_allclose(after["global_Camera_2"].poses, lifted, atol=1e-8)
+    assert after["global_Camera_2"].lens == before["global"].lens
     assert validate_scene(scene) == []
 
 
@@ -197,6 +247,34 @@ def test_a_disconnected_colour_is_an_edit_inside_the_look(scene: Path, other: Us
     )
     assert spec.attributes["inputs:diffuseColor"].default == Gf.Vec3f(0.5, 0.25, 0.125)
     assert text.count("diffuseColor") <= 2
+
+
+def _write_centimetres(scene: Path, file: Path, *, lamp: bool) -> None:
+    """Write the scene as one layer under a y-up root in centimetres, with a camera of three poses and a lamp."""
+    flat = Usd.Stage.Open(str(scene)).Flatten(False)
+    stage = Usd.Stage.CreateNew(str(file)) if not file.exists() else Usd.Stage.Open(str(file))
+    stage.GetRootLayer().Clear()
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    root = UsdGeom.Xform.Define(stage, "/root")
+    root.AddTransformOp().Set(Gf.Matrix4d(100, 0, 0, 0, 0, 0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 1))
+    Sdf.CopySpec(flat, "/World", stage.GetRootLayer(), "/root/World")
+    for added in ("/root/World/Surveys", "/root/World/Environment/Lamp"):
+        stage.RemovePrim(added)
+    camera = UsdGeom.Camera.Define(stage, "/Drone")
+    for name, value in (("Focal", 35.0), ("Horizontal", 36.0), ("Vertical", 24.0)):
+        attribute = f"Create{name}{'Length' if name == 'Focal' else 'Aperture'}Attr"
+        getattr(camera, attribute)(value)
+    camera.CreateClippingRangeAttr(Gf.Vec2f(50.0, 1e5))
+    move = camera.AddTranslateOp()
+    for step in range(3):
+        move.Set(Gf.Vec3d(500 + 100 * step, 800, 3000), 1 + step)
+    if lamp:
+        light = UsdLux.SphereLight.Define(stage, "/Lamp")
+        light.CreateRadiusAttr(10.0)
+        light.AddTranslateOp().Set(Gf.Vec3d(100, 200, 300))
+        UsdLux.ShapingAPI.Apply(light.GetPrim())
+    stage.GetRootLayer().Save()  # not atomic: a test's own file
 
 
 def _place(scene: Path) -> F64:

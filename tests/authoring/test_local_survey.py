@@ -12,6 +12,7 @@ from authoring.layout import BridgeSettings, draw_layout
 from authoring.site import SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.box import OrientedBox, oriented_box
+from authoring.surveys.framing import eye_of
 from authoring.surveys.freespace import cut_free_space, link_cells
 from authoring.surveys.grid import fly_grid
 from authoring.surveys.local import fly_local
@@ -286,10 +287,10 @@ def facing(x: float, distance: float, *, turned: float = 0.0) -> F64:
 def test_score_of_a_wall_in_closed_form() -> None:
     """Three cameras see what all three frame; a fourth apart is not linked; sampling is depth over focal length."""
     corners, ids = wall_scene()
-    camera = Pinhole(800, 600, 800.0, 800.0, 400.0, 300.0)
+    eye = eye_of(Pinhole(800, 600, 800.0, 800.0, 400.0, 300.0))
     scene = RayScene(corners, ids)
     close = np.stack([facing(x, 6.0) for x in (-0.5, 0.0, 0.5, 1.0)])
-    score = score_flight(close[:3], camera, 2.0, (corners, ids.astype(np.int64)), scene)
+    score = score_flight(close[:3], eye, 2.0, (corners, ids.astype(np.int64)), scene)
     # Each camera frames 6 m x 4.5 m of the wall; all three share 5 m of its length.
     assert score.covered[1] == pytest.approx(5.0 * 4.5 / 120.0, abs=0.01)
     assert score.sampling[0] == pytest.approx(6.0 / 800.0)
@@ -299,10 +300,10 @@ def test_score_of_a_wall_in_closed_form() -> None:
     assert score.linked == 1.0
     assert sum(score.pitches) == 3
     away = np.concatenate([close, [facing(8.0, 2.0)], [facing(-8.0, 6.0, turned=1.2)]])
-    apart = score_flight(away, camera, 2.0, (corners, ids.astype(np.int64)), scene)
+    apart = score_flight(away, eye, 2.0, (corners, ids.astype(np.int64)), scene)
     assert apart.linked == pytest.approx(4.0 / 6.0)
     behind = score_flight(
-        np.stack([facing(0.0, -6.0, turned=np.pi)] * 3), camera, 0.0, (corners, ids.astype(np.int64)), scene
+        np.stack([facing(0.0, -6.0, turned=np.pi)] * 3), eye, 0.0, (corners, ids.astype(np.int64)), scene
     )
     assert behind.covered[1] == 0.0
     assert behind.sampling[0] == np.inf

@@ -220,11 +220,11 @@ def test_unknown_names_say_what_is_allowed(tmp_path: Path) -> None:
 _BAKE = """
 import sys; from pathlib import Path; import numpy as np
 from authoring.looks.bake import bake_surface
-from authoring.lighting import LightSettings, bake_sky
+from authoring.lighting import LightSettings, bake_light
 folder = Path(sys.argv[1])
 for name in ("board_concrete", "grass", "gravel", "painted_steel", "foliage", "road_marking"):
     bake_surface(name, folder, np.random.default_rng(9), 256)
-bake_sky(LightSettings(sky_height=64), folder, np.random.default_rng(9))
+bake_light(LightSettings(sky_height=64), folder, np.random.default_rng(9))
 """
 
 

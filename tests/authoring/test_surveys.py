@@ -12,7 +12,7 @@ from authoring.site import SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.box import oriented_box
 from authoring.surveys.gaze import aim, inner_box
-from authoring.surveys.gps import measured_positions
+from authoring.surveys.gps import GpsNoise, measured_positions
 from authoring.surveys.registry import plan_survey
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import Subject, make_subject, piece_corners
@@ -157,7 +157,10 @@ def test_gps_noise_has_the_stated_size() -> None:
     """Over many flights the error has the stated spread along each axis, and the bias lasts from image to image."""
     true, times = np.zeros((60, 3)), np.arange(60.0)
     flights = np.stack(
-        [measured_positions(true, times, (0.5, 0.5, 0.8), 0.3, np.random.default_rng(seed)) for seed in range(400)]
+        [
+            measured_positions(true, times, GpsNoise((0.5, 0.5, 0.8), 0.3), np.random.default_rng(seed))
+            for seed in range(400)
+        ]
     )
     np.testing.assert_allclose(flights.std(axis=(0, 1)), np.hypot([0.5, 0.5, 0.8], 0.3), rtol=0.05)
     assert np.abs(flights.mean(axis=(0, 1))).max() < 0.05

@@ -13,7 +13,7 @@ from authoring.imported.place import choose_place
 from authoring.imported.skin import image_skin
 from authoring.imported.surroundings import build_city_world
 from authoring.imported.textured_place import Clearance
-from authoring.looks.bake import png
+from authoring.looks.encode import png
 from authoring.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from usd_schemas.components import class_of

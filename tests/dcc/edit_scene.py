@@ -5,6 +5,7 @@ of operations by name, each with its arguments. The facts of the scene go to `fa
 """
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -131,6 +132,24 @@ def add_cube(name: str, at: list[float], size: float) -> None:
     bpy.context.object.name = name
 
 
+def fly(name: str, lens: float, start: list[float], frames: int) -> None:
+    """Add a camera that looks north, with a lens [mm], and flies east from a point by a metre a frame [m]."""
+    thing = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    thing.data.lens, thing.data.sensor_width, thing.data.clip_start = lens, 36.0, 0.5
+    thing.rotation_euler = (math.pi / 2, 0.0, 0.0)
+    bpy.context.scene.collection.objects.link(thing)
+    for frame in range(frames):
+        thing.location = (start[0] + frame, *start[1:])
+        thing.keyframe_insert("location", frame=frame)
+
+
+def add_lamp(name: str, kind: str, at: list[float]) -> None:
+    """Add a lamp [m]."""
+    thing = bpy.data.objects.new(name, bpy.data.lights.new(name, kind))
+    thing.location = at
+    bpy.context.scene.collection.objects.link(thing)
+
+
 def say(name: str, key: str, value: str) -> None:
     """Write a custom property on an object."""
     bpy.data.objects[name][key] = value
@@ -162,6 +181,8 @@ EDITS = {
         repaint,
         wear,
         add_cube,
+        fly,
+        add_lamp,
         say,
         duplicate,
         delete,

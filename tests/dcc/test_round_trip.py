@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import OpenEXR
 import pytest
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Usd, UsdGeom, UsdLux, UsdShade
 
-from authoring.edits.harvest import EDITS
+from authoring.edits.harvest import EDITS, Harvest
 from authoring.layers.layer import export
 from authoring.layers.root import edits_layer
 from authoring.validate import validate_scene
@@ -265,3 +265,30 @@ def test_a_sun_turned_in_blender_comes_home(original: Path, tmp_path: Path) -> N
     np.testing.assert_allclose(after.direction, pole, atol=1e-5)
     np.testing.assert_allclose(after.radiance, before.radiance, rtol=1e-5)
     assert validate_scene(scene) == []
+
+
+@pytest.mark.parametrize("options", [{}, Y_UP_CENTIMETRES])
+def test_cameras_and_lamps_made_in_blender_come_home(
+    options: dict[str, object], original: Path, tmp_path: Path
+) -> None:
+    """A flight of one pose a frame through the lens that was set, and a spot where it hangs; the survey is no edit."""
+    scene = copy_scene(original, tmp_path / "scene")
+    images = len(read_stage(original).cameras[0].poses)
+    out, _ = trip(original, tmp_path / "out", [
+        ("fly", "Drone", 35.0, [2.0, -30.0, 6.0], images),
+        ("add_lamp", "Spot", "SPOT", [4.0, 1.0, 9.0]),
+    ], export_animation=True, **options)  # fmt: skip
+    found = harvest(scene, out)
+    assert asdict(found) == {**asdict(Harvest()), "cameras": {"Drone": images}, "lights": ["Spot"]}
+    assert validate_scene(scene) == []
+    (track,) = [camera for camera in read_stage(scene).cameras if camera.name == "Drone"]
+    expected = [[2.0 + step, -30.0, 6.0] for step in range(images)]
+    np.testing.assert_allclose(track.poses[:, :3, 3], expected, atol=1e-4)
+    np.testing.assert_allclose(track.poses[:, :3, 2], [[0.0, 1.0, 0.0]] * images, atol=1e-5)
+    lens = (track.lens.focal_length, track.lens.horizontal_aperture, track.near)
+    assert lens == pytest.approx((0.35, 0.36, 0.5), rel=1e-5)
+    stage = Usd.Stage.Open(str(scene))
+    spot = stage.GetPrimAtPath("/World/Environment/Spot")
+    place = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(spot))[3, :3]
+    np.testing.assert_allclose(place, [4.0, 1.0, 9.0], atol=1e-4)
+    assert spot.HasAPI(UsdLux.ShapingAPI)

@@ -11,7 +11,8 @@ from recon.annotate import annotate, edge_distance, gather, vote
 from recon.colmap_model import SparseModel
 from recon.observations import Observations, median_per_point, select_points
 from recon.uncertainty import depths, measure
-from render.capture import FrameTruth, Truth, make_folders, write_frame_truth
+from render.capture import Truth
+from render.capture_writer import FrameTruth, make_folders, write_frame_truth
 from usd_schemas.pinhole import Pinhole, look_at, project
 
 CAMERA = Pinhole(16, 12, 20.0, 20.0, 8.0, 6.0)
@@ -52,7 +53,7 @@ def test_three_view_track(three_views: Truth) -> None:
     assert observed.label.tolist() == [GIRDER, DECK, GIRDER, GIRDER, GIRDER, 0, 0]
     depth = depths(points, three_views.poses, seen)
     np.testing.assert_allclose(depth, [10.2, 10.2, 10.2, 10.1, 10.1, 9.0, 9.0], atol=1e-12)
-    error, measured = measure(points, depth, observed.depth.astype(float), CAMERA, three_views.poses, seen)
+    error, measured = measure(points, depth, observed.depth.astype(float), three_views, seen)
     np.testing.assert_allclose(error, [0.2, 0.2, 0.3, 0.1, 0.4, np.inf, np.inf], atol=1e-6)
     np.testing.assert_allclose(measured.median, [0.2, 0.25, np.inf], atol=1e-6)
     np.testing.assert_allclose(measured.least, [0.2, 0.1, np.inf], atol=1e-6)
@@ -74,7 +75,7 @@ def test_displacement_sees_what_the_depth_error_cannot(three_views: Truth) -> No
     moved = truth + np.array([0.3, 0.0, 0.0])
     for points, away in ((truth, 0.0), (moved, 0.3)):
         depth = depths(points, three_views.poses, seen)
-        _, measured = measure(points, depth, depth_of_truth, CAMERA, three_views.poses, seen)
+        _, measured = measure(points, depth, depth_of_truth, three_views, seen)
         assert measured.median[0] == pytest.approx(0.0, abs=1e-12)
         assert measured.displacement[0] == pytest.approx(away, abs=1e-12)
 

@@ -10,19 +10,8 @@ import pytest
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes
 from render import image_files
-from render.capture import (
-    CalibrationPrior,
-    Capture,
-    CaptureImage,
-    FrameTruth,
-    load_image,
-    make_folders,
-    read_capture,
-    read_truth,
-    write_cameras,
-    write_frame_truth,
-    write_truth,
-)
+from render.capture import CalibrationPrior, Capture, CaptureImage, load_image, read_capture, read_truth
+from render.capture_writer import FrameTruth, make_folders, write_cameras, write_frame_truth, write_truth
 from tests.render.scenes import CAMERA, random_scene
 from usd_schemas.flat_scene import FlatScene, world_triangles
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from authoring.lighting import LightSettings, bake_light
+from authoring.lighting_sun import LUMINANCE
 from groundwork.progress import SILENT
 from render.context import Gl
 from render.daylight import irradiance_coefficients, read_daylight, sphere
@@ -220,3 +222,15 @@ def test_cut_outs_open_colour_depth_and_shadow(gl: Gl, ideal: RenderSettings, tm
         assert depth[60, 60] == pytest.approx(8.0, rel=1e-6)
         assert depth[60, 100] == pytest.approx(6.0, rel=1e-6)
         np.testing.assert_allclose(light[60, 60], 0.5 * 3 / np.pi, rtol=0.15)
+
+
+@pytest.mark.parametrize("cover", [0.0, 1.0])
+def test_grey_card_under_our_own_day(gl: Gl, ideal: RenderSettings, tmp_path: Path, cover: float) -> None:
+    """A level card of 18 % grey has radiance 0.18 under the light that a scene gets, clear or overcast."""
+    lighting = bake_light(LightSettings(cloud_cover=cover), tmp_path, np.random.default_rng(4))
+    upright = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+    dome = Dome((1.0, 1.0, 1.0), str(tmp_path / lighting.sky_file), upright)
+    scene = plate(Material("card", base_color=(0.18, 0.18, 0.18), roughness=1.0)).build(DOWN[None])
+    scene = replace(scene, dome=dome, sun=Sun(lighting.sun_direction, lighting.sun_irradiance))
+    light, _ = radiance(gl, scene, ideal.model_copy(update={"quality": "fast"}))
+    assert light[60, 80] @ LUMINANCE == pytest.approx(0.18, rel=0.03)

@@ -1,6 +1,7 @@
 """The sensor's statistics, the metering, and the EXIF that a photograph carries."""
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from render.settings import SensorSettings
 
 SHAPE = (240, 320)
 GREY = 0.2
+STEADY = {"exposure_sigma": 0, "white_balance_sigma": 0, "auto_exposure": 0, "vignetting": 0}
 
 
 def coded(radiance: float) -> np.ndarray:
@@ -33,7 +35,7 @@ def linear(pixels: np.ndarray, ideal: Sensor) -> np.ndarray:
 @pytest.mark.parametrize("level", [0.05, 0.2, 0.6])
 def test_noise_has_the_variance_of_photons_and_amplifier(level: float) -> None:
     """Without blur, variance is signal / full well + (read noise / full well)^2, and the mean is unharmed."""
-    settings = SensorSettings(exposure_sigma=0, white_balance_sigma=0, auto_exposure=0, blur_sigma=0, full_well=600)
+    settings = SensorSettings(**STEADY, blur_sigma=0, full_well=600)
     sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
     values = linear(sensor.develop(coded(level), sensor.expose(3, coded(level))), ideal)
     assert values.mean() == pytest.approx(level, rel=0.01)
@@ -45,7 +47,7 @@ def test_frames_have_noise_of_their_own_and_repeat_exactly() -> None:
     frame = coded(GREY)
 
     def shot(seed: int, row: int) -> np.ndarray:
-        sensor = Sensor(SensorSettings(), 1.0, BRIGHTEST, SHAPE, seed)
+        sensor = Sensor(SensorSettings(vignetting=0), 1.0, BRIGHTEST, SHAPE, seed)
         return sensor.develop(frame, sensor.expose(row, frame)).astype(float)
 
     np.testing.assert_array_equal(shot(5, 1), shot(5, 1))
@@ -56,7 +58,7 @@ def test_frames_have_noise_of_their_own_and_repeat_exactly() -> None:
 
 def test_the_point_spread_is_the_gaussian_asked_for() -> None:
     """The second moment of a blurred line is sigma squared."""
-    settings = SensorSettings(exposure_sigma=0, white_balance_sigma=0, auto_exposure=0, full_well=1e6, read_noise=0)
+    settings = SensorSettings(**STEADY, full_well=1e6, read_noise=0)
     sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
     frame = coded(0.02)
     frame[:, 160] = coded(0.5)[:, 160]
@@ -64,6 +66,16 @@ def test_the_point_spread_is_the_gaussian_asked_for() -> None:
     rows = profile[157:164] - profile[:150].mean()
     offsets = np.arange(-3, 4)
     assert np.sum(rows * offsets**2) / np.sum(rows) == pytest.approx(0.36, rel=0.1)
+
+
+def test_corners_lose_the_light_that_was_asked_for() -> None:
+    """The very corner loses the stated share, half way to it a quarter of that, the middle nothing."""
+    settings = SensorSettings(**{**STEADY, "vignetting": 0.4}, blur_sigma=0, full_well=1e6, read_noise=0)
+    sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
+    values = linear(sensor.develop(coded(0.3), sensor.expose(0, coded(0.3))), ideal)[..., 1] / 0.3
+    for row, column, expected in ((0, 0, 0.6), (60, 80, 0.9), (120, 160, 1.0), (239, 319, 0.6)):
+        patch = values[max(row - 3, 0) : row + 4, max(column - 3, 0) : column + 4]
+        assert patch.mean() == pytest.approx(expected, abs=0.02)
 
 
 def test_without_noise_the_tone_curve_alone_is_left() -> None:
@@ -121,6 +133,9 @@ def test_exif_is_read_back() -> None:
     tiff = tagged[12 : 4 + struct.unpack(">H", tagged[4:6])[0]]
     root = read_tags(tiff, 8)
     assert root[0x010F] == root[0x0110] == "Falsework"
+    named = replace(shot, make="Maker", model="Model 7")
+    renamed = read_tags(insert_exif(jpeg, named, 64, 48)[12:], 8)
+    assert (renamed[0x010F], renamed[0x0110]) == ("Maker", "Model 7")
     assert root[0x0132] == "2024:06:21 12:00:12"
     photo, gps = read_tags(tiff, int(str(root[0x8769]))), read_tags(tiff, int(str(root[0x8825])))
     assert photo[0x920A] == [pytest.approx(24.4)]

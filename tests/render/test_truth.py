@@ -84,30 +84,36 @@ def test_depth_and_ids_equal_the_ray_caster(gl: Gl, small: RenderSettings, place
         assert np.quantile(np.linalg.norm(view.normal - normal, axis=-1)[sure], 0.999) < 2e-3
 
 
-def edge_line(inside: NDArray[np.bool_]) -> tuple[float, float, float]:
-    """Fit the line x = a + b * y between the last pixel inside and the next one of each row.
+def edge_line(inner: F64, outer: F64) -> tuple[float, float]:
+    """Fit the line x = a + b * y between points (x, y) inside a shape and points outside, each of shape (N, 2).
 
-    A digital straight edge bounds the true line from both sides in every row; the middle of the lines that keep all
-    bounds is found by linear programming. The third number is the slack [px].
+    A digital straight edge bounds the true line from both sides; the middle of the lines that keep all bounds is found
+    by linear programming.
     """
+    ones = np.ones(len(inner))
+    scale = float(np.abs(outer - inner).max())
+    bounds = np.concatenate([
+        np.column_stack([-ones, -inner[:, 1], scale * ones]), np.column_stack([ones, outer[:, 1], scale * ones])
+    ])  # fmt: skip
+    limits = np.concatenate([-inner[:, 0], outer[:, 0]])
+    found = linprog([0, 0, -1], bounds, limits, bounds=[(None, None)] * 3)
+    assert found.x[2] > 0, "the edge is not straight"
+    return float(found.x[0]), float(found.x[1])
+
+
+def row_edge(inside: NDArray[np.bool_]) -> tuple[float, float]:
+    """Fit the line between the last pixel inside and the next one of each row [px]."""
     rows = np.flatnonzero(inside.any(axis=1) & ~inside.all(axis=1))
     last = inside.shape[1] - 1 - np.argmax(inside[rows, ::-1], axis=1)
-    y, middle = rows + 0.5, last + 1.0
-    ones = np.ones_like(y)
-    bounds = np.concatenate([np.column_stack([ones, y, ones]), np.column_stack([-ones, -y, ones])])
-    limits = np.concatenate([middle + 0.5, -(middle - 0.5)])
-    found = linprog([0, 0, -1], bounds, limits, bounds=[(None, None)] * 3)
-    return float(found.x[0]), float(found.x[1]), float(found.x[2])
+    return edge_line(np.column_stack([last + 0.5, rows + 0.5]), np.column_stack([last + 1.5, rows + 0.5]))
 
 
 def rendered_corner(draw: NDArray[np.uint32], corner: F64) -> F64:
     """Find the corner of the only shape, near a first guess, to a hundredth of a pixel."""
     inside = draw > 0
     u, v = int(corner[0]), int(corner[1])
-    a, b, slack = edge_line(inside[: v - 4])
-    c, d, other = edge_line(inside.T[: u - 4])
-    assert slack > 0, "the shape's right edge is not straight"
-    assert other > 0, "the shape's lower edge is not straight"
+    a, b = row_edge(inside[: v - 4])
+    c, d = row_edge(inside.T[: u - 4])
     return np.array([(a + b * c) / (1 - b * d), (c + d * a) / (1 - b * d)])
 
 

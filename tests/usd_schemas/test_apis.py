@@ -20,6 +20,7 @@ from usd_schemas.apis import (
     read_component,
     read_survey,
 )  # fmt: skip
+from usd_schemas.distortion import Distortion
 from usd_schemas.pinhole import Pinhole
 from usd_schemas.registration import register_schemas
 
@@ -77,6 +78,7 @@ def test_survey_round_trip(tmp_path: Path) -> None:
         "grid", "north", 42, 1.25, ("000000", "000001", "000002"),
         Pinhole(1280, 960, 900.1, 901.2, 655.3, 470.7), 0.024,
         rng.normal(size=(3, 3)), (1.5, 1.5, 3.0), rng.uniform(0, 9, 3),
+        Distortion(-0.1, 0.02, 1e-4, -2e-4), 0.02, "Falsework", "Test 24", rng.normal(size=(3, 3)), (0.5, 0.2, 0.1),
     )  # fmt: skip
     apply_survey(camera, facts)
     stage.Save()
@@ -84,6 +86,20 @@ def test_survey_round_trip(tmp_path: Path) -> None:
     found = read_survey(again.GetPrimAtPath("/Camera"), 3)
     for name in SurveyFacts.__dataclass_fields__:
         np.testing.assert_array_equal(getattr(found, name), getattr(facts, name), err_msg=name)
+    assert again.GetPrimAtPath("/Camera").GetAttribute("falsework:cal:model").Get() == "OPENCV"
+
+
+def test_an_ideal_camera_says_nothing_of_distortion() -> None:
+    """Without distortion, read-out time and name the stage keeps quiet, and the schema's defaults stand."""
+    stage = Usd.Stage.CreateInMemory()
+    camera = UsdGeom.Camera.Define(stage, "/Camera")
+    apply_survey(camera, SurveyFacts("grid", "north", calibration=Pinhole(640, 480, 500.0, 500.0, 320.0, 240.0)))
+    prim = camera.GetPrim()
+    assert prim.GetAttribute("falsework:cal:model").Get() == "SIMPLE_PINHOLE"
+    for name in ("k1", "k2", "p1", "p2", "readoutTime"):
+        assert not prim.GetAttribute(f"falsework:cal:{name}").HasAuthoredValue()
+        assert prim.GetAttribute(f"falsework:cal:{name}").Get() == 0.0
+    assert read_survey(prim, 0).distortion.is_identity
 
 
 def test_a_camera_without_our_schemas() -> None:

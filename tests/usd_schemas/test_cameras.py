@@ -9,6 +9,7 @@ from pxr import Gf, Usd, UsdGeom
 from groundwork.errors import InputError
 from tests.usd_schemas.stages import SQUARE, Z_UP, bounds, read_body, write_stage
 from usd_schemas.apis import SurveyFacts, apply_survey
+from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole, lens_from_pinhole, look_at, pinhole_from_lens, project
 from usd_schemas.stage_reader import read_stage
@@ -103,6 +104,8 @@ def write_survey(folder: Path) -> Path:
     apply_survey(prim, SurveyFacts(
         "local", "local", 5, 1.5, ("000000", "000001", "000002"), pinhole, 0.024,
         np.arange(9.0).reshape(3, 3), (1.0, 1.0, 2.0), np.array([0.0, 2.0, 4.0]),
+        Distortion(-0.1, 0.02, 1e-4, -2e-4), 0.02, "Falsework", "Test 24",
+        -np.arange(9.0).reshape(3, 3), (0.5, 0.2, 0.1),
     ))  # fmt: skip
     stage.GetRootLayer().Save()
     return path
@@ -116,6 +119,10 @@ def test_survey_camera(tmp_path: Path) -> None:
     assert (track.name, track.image_names) == ("local", ("000000", "000001", "000002"))
     assert track.calibration == Pinhole(960, 720, 640.0, 640.0, 480.0, 360.0)
     assert track.sensor_width == 0.024
+    assert (track.distortion, track.readout_time) == (Distortion(-0.1, 0.02, 1e-4, -2e-4), 0.02)
+    assert (track.make, track.model, track.attitude_sigma) == ("Falsework", "Test 24", (0.5, 0.2, 0.1))
+    assert track.attitude is not None
+    np.testing.assert_allclose(track.attitude, -np.arange(9.0).reshape(3, 3))
     assert track.gps is not None
     np.testing.assert_allclose(track.gps, np.arange(9.0).reshape(3, 3))
     assert track.facts == {"kind": "local", "seed": 5, "spacing": 1.5, "capture_times": [0.0, 2.0, 4.0]}
@@ -200,6 +207,21 @@ def test_choosing_a_survey(tmp_path: Path) -> None:
     assert chosen.origin == read_stage(path).origin
     with pytest.raises(InputError, match=r"survey: no such survey on the stage .*'C'.*allowed: A, B"):
         read_stage(path, survey="C")
+
+
+def test_a_lens_that_cannot_be(tmp_path: Path) -> None:
+    """Coefficients that fold inside the image, or of a model that we do not know, leave the camera out by name."""
+    path = write_survey(tmp_path)
+    stage = Usd.Stage.Open(str(path))
+    prim = stage.GetPrimAtPath("/World/Surveys/Local/Local_Camera")
+    prim.GetAttribute("falsework:cal:k1").Set(-0.9)
+    stage.GetRootLayer().Save()
+    assert any("Local_Camera: a distortion of k1 -0.9" in line for line in read_stage(path).warnings)
+    prim.GetAttribute("falsework:cal:model").Set("THIN_PRISM_FISHEYE")
+    stage.GetRootLayer().Save()
+    scene = read_stage(path)
+    assert any("Local_Camera: falsework:cal:model THIN_PRISM_FISHEYE" in line for line in scene.warnings)
+    assert [camera.name for camera in scene.cameras] == ["framing"]
 
 
 def inside(scene: FlatScene, track: CameraTrack) -> tuple[np.ndarray, np.ndarray]:

@@ -10,59 +10,72 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Row = Any  # a whole number; numpy's stubs take an element of an array for an array
+_APART = 1e-6  # [m] that rounding may move a sheared corner, with room to spare
+Vector = Any  # three numbers: a tuple, which costs nothing where an array would be allocated, or a row of an array
 
 
 @njit(cache=True, error_model="numpy")
-def _dot(a: F64, b: F64) -> float:
+def _row(t: F64, n: Row) -> Vector:
+    return t[n, 0], t[n, 1], t[n, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def _from(a: Vector, b: Vector) -> Vector:
+    return b[0] - a[0], b[1] - a[1], b[2] - a[2]
+
+
+@njit(cache=True, error_model="numpy")
+def _plus(a: Vector, b: Vector, k: float) -> Vector:
+    return a[0] + b[0] * k, a[1] + b[1] * k, a[2] + b[2] * k
+
+
+@njit(cache=True, error_model="numpy")
+def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True, error_model="numpy")
-def _cross(a: F64, b: F64) -> F64:
-    out = np.empty(3)
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True, error_model="numpy")
-def point_to_triangle(p: F64, t: F64) -> float:
+def point_to_triangle(p: Vector, t: F64) -> float:
     """Squared distance from a point to a triangle [m2] (Ericson, Real-Time Collision Detection, 5.1.5)."""
-    a, b, c = t[0], t[1], t[2]
-    ab, ac, ap = b - a, c - a, p - a
+    a, b, c = _row(t, 0), _row(t, 1), _row(t, 2)
+    ab, ac, ap = _from(a, b), _from(a, c), _from(a, p)
     d1, d2 = _dot(ab, ap), _dot(ac, ap)
     if d1 <= 0.0 and d2 <= 0.0:
         return _dot(ap, ap)
-    bp = p - b
+    bp = _from(b, p)
     d3, d4 = _dot(ab, bp), _dot(ac, bp)
     if d3 >= 0.0 and d4 <= d3:
         return _dot(bp, bp)
     vc = d1 * d4 - d3 * d2
     if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        off = ap - ab * (d1 / (d1 - d3))
+        off = _plus(ap, ab, -d1 / (d1 - d3))
         return _dot(off, off)
-    cp = p - c
+    cp = _from(c, p)
     d5, d6 = _dot(ab, cp), _dot(ac, cp)
     if d6 >= 0.0 and d5 <= d6:
         return _dot(cp, cp)
     vb = d5 * d2 - d1 * d6
     if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        off = ap - ac * (d2 / (d2 - d6))
+        off = _plus(ap, ac, -d2 / (d2 - d6))
         return _dot(off, off)
     va = d3 * d6 - d5 * d4
     if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        off = bp - (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)))
+        off = _plus(bp, _from(b, c), -(d4 - d3) / ((d4 - d3) + (d5 - d6)))
         return _dot(off, off)
     scale = 1.0 / (va + vb + vc)
-    off = ap - ab * (vb * scale) - ac * (vc * scale)
+    off = _plus(_plus(ap, ab, -vb * scale), ac, -vc * scale)
     return _dot(off, off)
 
 
 @njit(cache=True, error_model="numpy")
-def _segments(p1: F64, q1: F64, p2: F64, q2: F64) -> float:
+def _segments(p1: Vector, q1: Vector, p2: Vector, q2: Vector) -> float:
     """Squared distance of two segments [m2] (Ericson, 5.1.9)."""
-    d1, d2, r = q1 - p1, q2 - p2, p1 - p2
+    d1, d2, r = _from(p1, q1), _from(p2, q2), _from(p2, p1)
     a, e, f = _dot(d1, d1), _dot(d2, d2), _dot(d2, r)
     b, c = _dot(d1, d2), _dot(d1, r)
     denominator = a * e - b * b
@@ -72,19 +85,20 @@ def _segments(p1: F64, q1: F64, p2: F64, q2: F64) -> float:
         t, s = 0.0, min(max(-c / a, 0.0), 1.0)
     elif t > 1.0:
         t, s = 1.0, min(max((b - c) / a, 0.0), 1.0)
-    off = r + d1 * s - d2 * t
+    off = _plus(_plus(r, d1, s), d2, -t)
     return _dot(off, off)
 
 
 @njit(cache=True, error_model="numpy")
-def _pierces(p: F64, q: F64, t: F64) -> bool:
+def _pierces(p: Vector, q: Vector, t: F64) -> bool:
     """Whether a segment passes through a triangle."""
-    one, two, run = t[1] - t[0], t[2] - t[0], q - p
+    a = _row(t, 0)
+    one, two, run = _from(a, _row(t, 1)), _from(a, _row(t, 2)), _from(p, q)
     h = _cross(run, two)
     det = _dot(one, h)
     if abs(det) < 1e-18:
         return False
-    s = p - t[0]
+    s = _from(a, p)
     u = _dot(s, h) / det
     if u < 0.0 or u > 1.0:
         return False
@@ -100,15 +114,17 @@ def _pierces(p: F64, q: F64, t: F64) -> bool:
 def _triangles_within(one: F64, two: F64, reach: float) -> bool:
     limit = reach * reach
     for i in range(3):
-        if point_to_triangle(one[i], two) <= limit or point_to_triangle(two[i], one) <= limit:
+        if point_to_triangle(_row(one, i), two) <= limit or point_to_triangle(_row(two, i), one) <= limit:
             return True
     for i in range(3):
+        p, q = _row(one, i), _row(one, (i + 1) % 3)
         for j in range(3):
-            if _segments(one[i], one[(i + 1) % 3], two[j], two[(j + 1) % 3]) <= limit:
+            if _segments(p, q, _row(two, j), _row(two, (j + 1) % 3)) <= limit:
                 return True
     pierced = False
     for i in range(3):
-        pierced |= _pierces(one[i], one[(i + 1) % 3], two) or _pierces(two[i], two[(i + 1) % 3], one)
+        mine, theirs = _row(one, i), _row(two, i)
+        pierced |= _pierces(mine, _row(one, (i + 1) % 3), two) or _pierces(theirs, _row(two, (i + 1) % 3), one)
     return pierced
 
 
@@ -175,10 +191,23 @@ def winding(points: F64, corners: F64, first: Row, last: Row) -> I64:
     # A shear turns the slanting ray upright; its slope is no ratio of anything that is built.
     slope_x, slope_y = 0.0137910234, 0.0094730817
     out = np.zeros(len(points), np.int64)
+    low_x, low_y, low_z, high_x, high_y = np.inf, np.inf, np.inf, -np.inf, -np.inf
+    for n in range(len(points)):  # all rays together run in a narrow shaft
+        x, y = points[n, 0] - slope_x * points[n, 2], points[n, 1] - slope_y * points[n, 2]
+        low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
+        low_z = min(low_z, points[n, 2])
+    low_x, low_y, high_x, high_y = low_x - _APART, low_y - _APART, high_x + _APART, high_y + _APART
     for t in range(first, last):
-        a, b, c = corners[t, 0], corners[t, 1], corners[t, 2]
+        a, b, c = _row(corners[t], 0), _row(corners[t], 1), _row(corners[t], 2)
+        xa, xb, xc = a[0] - slope_x * a[2], b[0] - slope_x * b[2], c[0] - slope_x * c[2]
+        ya, yb, yc = a[1] - slope_y * a[2], b[1] - slope_y * b[2], c[1] - slope_y * c[2]
+        if (
+            min(xa, xb, xc) > high_x or max(xa, xb, xc) < low_x or min(ya, yb, yc) > high_y or max(ya, yb, yc) < low_y
+            or max(a[2], b[2], c[2]) < low_z
+        ):  # fmt: skip
+            continue
         for n in range(len(points)):
-            p = points[n]
+            p = _row(points, n)
             ax, ay = a[0] - p[0] - slope_x * (a[2] - p[2]), a[1] - p[1] - slope_y * (a[2] - p[2])
             bx, by = b[0] - p[0] - slope_x * (b[2] - p[2]), b[1] - p[1] - slope_y * (b[2] - p[2])
             cx, cy = c[0] - p[0] - slope_x * (c[2] - p[2]), c[1] - p[1] - slope_y * (c[2] - p[2])
@@ -202,9 +231,21 @@ def depth_in(points: F64, corners: F64, first: Row, last: Row) -> F64:
     """
     out = np.full(len(points), np.inf)
     for n in range(len(points)):
+        p = _row(points, n)
         for t in range(first, last):
-            out[n] = min(out[n], point_to_triangle(points[n], corners[t]))
+            if _box_away(p, corners[t]) < out[n]:
+                out[n] = min(out[n], point_to_triangle(p, corners[t]))
     return np.sqrt(out)
+
+
+@njit(cache=True, error_model="numpy")
+def _box_away(p: Vector, t: F64) -> float:
+    """Squared distance from a point to a triangle's box, and a little less [m2]."""
+    total = 0.0
+    for k in range(3):
+        gap = max(min(t[0, k], t[1, k], t[2, k]) - p[k], p[k] - max(t[0, k], t[1, k], t[2, k]), 0.0)
+        total += gap * gap
+    return total * (1.0 - 1e-12)
 
 
 @njit(cache=True, error_model="numpy")
@@ -212,12 +253,13 @@ def _clip(subject: F64, triangle: F64, normal: F64) -> F64:
     """Cut a polygon down to what lies over a triangle, seen along its normal (Sutherland, Hodgman 1974)."""
     polygon = subject
     for k in range(3):
-        inward = _cross(normal, triangle[(k + 1) % 3] - triangle[k])
+        edge = _row(triangle, k)
+        inward = _cross(normal, _from(edge, _row(triangle, (k + 1) % 3)))
         kept = np.empty((len(polygon) + 3, 3))
         count = 0
         for n in range(len(polygon)):
             p, q = polygon[n], polygon[(n + 1) % len(polygon)]
-            here, there = _dot(p - triangle[k], inward), _dot(q - triangle[k], inward)
+            here, there = _dot(_from(edge, p), inward), _dot(_from(edge, q), inward)
             if here >= 0.0:
                 kept[count] = p
                 count += 1
@@ -264,7 +306,7 @@ def common_faces(
             for b in theirs:
                 if _dot(normals[a], normals[b]) < 0.9995:
                     continue
-                if abs(_dot(corners[a, 0] - corners[b, 0], normals[b])) > 0.1:
+                if abs(_dot(_from(corners[b, 0], corners[a, 0]), normals[b])) > 0.1:
                     continue
                 polygon = _clip(corners[a], corners[b], normals[b])
                 if len(polygon) < 3:
@@ -272,10 +314,10 @@ def common_faces(
                 farthest, area = 0.0, 0.0
                 middle = np.zeros(3)
                 for n in range(len(polygon)):
-                    farthest = max(farthest, abs(_dot(polygon[n] - corners[b, 0], normals[b])))
+                    farthest = max(farthest, abs(_dot(_from(corners[b, 0], polygon[n]), normals[b])))
                     middle += polygon[n] / len(polygon)
                     if n >= 2:
-                        piece = _cross(polygon[n - 1] - polygon[0], polygon[n] - polygon[0])
+                        piece = _cross(_from(polygon[0], polygon[n - 1]), _from(polygon[0], polygon[n]))
                         area += 0.5 * _dot(piece, normals[b])
                 if farthest <= apart and area > least and count < 10_000:
                     rows[count] = k

@@ -1,0 +1,190 @@
+"""The library of sheets: each surface is baked a few times, once for all scenes, and linked into those that use it."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from authoring.looks.encode import encode_normals, encode_raw, encode_srgb, halved, jpeg, png
+from authoring.looks.noise import Bank, Tile
+from authoring.looks.recipe import FULL
+from authoring.looks.recipes import RECIPES
+from groundwork.canonical import digest, file_digest
+from groundwork.errors import InputError
+from groundwork.files import read_json, write_bytes, write_json
+
+SHEETS = 3  # independent sheets of each surface
+_FACTS = "sheet.json"
+_CACHE = "FALSEWORK_CACHE"
+_SOURCES = (
+    "coated", "encode", "library", "mineral", "noise", "organic", "recipe", "scenery", "sheet", "structural", "urban",
+    "walls",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, order=True)
+class SheetName:
+    """One sheet of one surface.
+
+    Attributes:
+        surface: A row of `authoring.looks.recipes.RECIPES`.
+        number: 0 to `SHEETS` - 1.
+        texels: Texels along a side of a sheet of a bridge, as the settings say [px].
+    """
+
+    surface: str
+    number: int
+    texels: int
+
+    @property
+    def pixels(self) -> int:
+        """Texels along a side of this sheet [px]."""
+        return max(16, RECIPES[self.surface].pixels * self.texels // FULL)
+
+    @property
+    def key(self) -> str:
+        """Hash of all that its bytes depend on."""
+        return digest([self.surface, self.number, self.pixels, _recipes_digest()])
+
+
+@dataclass(frozen=True)
+class SheetFiles:
+    """A sheet that lies beside a layer; files are given as that layer names them.
+
+    Attributes:
+        albedo: Base colour, sRGB.
+        roughness: Roughness, grey.
+        normal: Tangent-space normals; empty for none.
+        color: Mean linear colour [1].
+        mean_roughness: Mean roughness [1].
+    """
+
+    albedo: str
+    roughness: str
+    normal: str
+    color: tuple[float, float, float]
+    mean_roughness: float
+
+
+def cache_folder() -> Path:
+    """Tell where sheets are kept for all scenes of a user: `$FALSEWORK_CACHE`, else the user's cache folder."""
+    own = os.environ.get(_CACHE)
+    if own:
+        return Path(own)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "falsework/sheets"
+
+
+def bake_sheets(names: Iterable[SheetName], folder: Path | None = None) -> dict[SheetName, Path]:
+    """Make sure that sheets are in the library, two at a time.
+
+    Args:
+        names: Sheets.
+        folder: The library; that of the user when not given.
+
+    Returns:
+        Folder of each sheet, whose files are never to be written to.
+
+    Raises:
+        InputError: There is no such surface.
+    """
+    wanted = sorted(set(names))
+    for name in wanted:
+        if name.surface not in RECIPES:
+            raise InputError("unknown surface", field="role", value=name.surface, allowed=", ".join(RECIPES))
+    root = cache_folder() if folder is None else folder
+    bank = Bank()
+    with ThreadPoolExecutor(2) as pool:
+        return dict(zip(wanted, pool.map(lambda name: _ensure(root, name, bank), wanted), strict=True))
+
+
+def link_sheet(sheet: Path, textures: Path, stem: str) -> SheetFiles:
+    """Put a sheet's files beside a layer: hard links to the library where the file system allows it, else copies.
+
+    Args:
+        sheet: Its folder in the library.
+        textures: The folder `textures` beside the layer.
+        stem: What the names of its files begin with.
+    """
+    textures.mkdir(parents=True, exist_ok=True)
+    facts = read_json(sheet / _FACTS)
+    for file in sorted(facts["files"]):
+        _link(sheet / file, textures / f"{stem}_{file}")
+    names = {Path(file).stem: f"./{textures.name}/{stem}_{file}" for file in facts["files"]}
+    red, green, blue = facts["color"]
+    return SheetFiles(
+        names["albedo"], names["roughness"], names.get("normal", ""), (red, green, blue), facts["mean_roughness"]
+    )
+
+
+def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], dict[str, object]]:
+    """Draw one sheet.
+
+    Args:
+        name: Which.
+        bank: Fields shared with other sheets.
+
+    Returns:
+        Bytes of each of its files, and its means.
+    """
+    recipe = RECIPES[name.surface]
+    rng = np.random.default_rng([int.from_bytes(name.surface.encode(), "little"), name.number])
+    sheet = recipe.draw(Tile(name.pixels, recipe.metres, rng, bank))
+    files = {
+        "albedo.jpg": jpeg(encode_srgb(sheet.albedo)),
+        "roughness.png": png(encode_raw(halved(sheet.roughness))),
+    }
+    if recipe.relief and sheet.height is not None:
+        files["normal.png"] = png(encode_normals(sheet.height, recipe.metres))
+    color = [round(float(np.mean(sheet.albedo[..., k], dtype=np.float64)), 4) for k in range(3)]
+    return files, {"color": color, "mean_roughness": round(float(np.mean(sheet.roughness, dtype=np.float64)), 3)}
+
+
+def _ensure(root: Path, name: SheetName, bank: Bank) -> Path:
+    place = root / name.key
+    if _whole(place):
+        return place
+    root.mkdir(parents=True, exist_ok=True)
+    fresh = Path(tempfile.mkdtemp(dir=root, prefix=f".{name.surface}."))
+    files, means = draw_sheet(name, bank)
+    for file, data in files.items():
+        write_bytes(fresh / file, data)
+        (fresh / file).chmod(0o444)  # many scenes share it
+    digests = {file: file_digest(fresh / file) for file in sorted(files)}
+    write_json(fresh / _FACTS, {**asdict(name), **means, "files": digests})
+    shutil.rmtree(place, ignore_errors=True)
+    try:
+        fresh.rename(place)
+    except OSError:  # another process was faster
+        shutil.rmtree(fresh, ignore_errors=True)
+    return place
+
+
+def _whole(place: Path) -> bool:
+    """Somebody may have painted over a shared file in place: then it is baked anew."""
+    if not (place / _FACTS).is_file():
+        return False
+    files = read_json(place / _FACTS)["files"]
+    return all((place / file).is_file() and file_digest(place / file) == files[file] for file in files)
+
+
+def _link(source: Path, target: Path) -> None:
+    target.unlink(missing_ok=True)
+    try:
+        os.link(source, target)
+    except OSError:  # another file system, or one without links
+        shutil.copyfile(source, target)
+
+
+@cache
+def _recipes_digest() -> str:
+    """Hash of the recipes themselves and of what computes and codes their pictures."""
+    sources = [Path(__file__).with_name(f"{name}.py") for name in _SOURCES]
+    libraries = {name: version(name) for name in ("numpy", "scipy", "opencv-python-headless")}
+    return digest([{file.name: file_digest(file) for file in sources}, libraries])

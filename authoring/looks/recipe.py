@@ -1,0 +1,38 @@
+"""What a row of the tables of surfaces says."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from authoring.looks.noise import Tile
+from authoring.looks.sheet import Sheet
+
+# [m] incommensurate with each other and with the sheets, so that nothing repeats; the last gives 0.7 mm a texel.
+DETAIL_PERIODS = (5.3, 1.37, 0.37)
+
+SIDE = 8.192  # [m] of a sheet of a bridge: 4 mm a texel at 2048
+FULL = 2048  # texels along the side of such a sheet
+
+ROUGH = (0.34, 0.26, 0.24)  # strong enough that a patch differs from itself one sheet on
+SMOOTH = (0.12, 0.12, 0.14)
+FAINT = (0.06, 0.06, 0.08)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How one surface is made.
+
+    Attributes:
+        draw: Draws the sheet.
+        metres: Length of the sheet's sides [m].
+        detail: Contrast of the fine detail at each of `DETAIL_PERIODS` [1].
+        patchy: On the site's ground: carries the patchy macro texture on `st1`.
+        relief: Write a normal map.
+        pixels: Texels along a side where the settings ask for `FULL` [px].
+    """
+
+    draw: Callable[[Tile], Sheet]
+    metres: float
+    detail: tuple[float, float, float]
+    patchy: bool = False
+    relief: bool = False
+    pixels: int = FULL // 2

@@ -1,0 +1,187 @@
+"""Contact sheets of worlds: random bridges in each, in turn with every look and light, as an inspector meets them."""
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.registry import BACKGROUNDS
+from authoring.component import FIRST_SITE_ID
+from authoring.layout import draw_layout
+from authoring.looks.roles import LOOKS
+from authoring.scene import author_scene
+from authoring.settings import AuthoringSettings
+from authoring.site import draw_site
+from authoring.streams import stream
+from falsework.gallery_measures import Measures, measure_picture, visible_triangles
+from falsework.gallery_views import VIEWS, world_views
+from groundwork.errors import InputError
+from groundwork.files import write_bytes, write_text
+from groundwork.progress import SILENT, Progress
+from groundwork.settings import parse_settings
+from render.capture import load_image, read_capture, read_truth
+from render.frames import render_scene
+from render.settings import RenderSettings
+from usd_schemas.flat_scene import FlatScene
+from usd_schemas.pinhole import Pinhole
+from usd_schemas.stage_reader import read_stage
+
+F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
+
+LIGHTS: dict[str, dict[str, Any]] = {
+    "noon": {},
+    "overcast": {"cloud_cover": 1.0},
+    "evening": {"date": "2024-06-21T18:15", "turbidity": 4.0},
+    "winter": {"date": "2024-12-21T10:30", "turbidity": 6.0, "cloud_cover": 0.6},
+}
+
+_WIDTH, _HEIGHT = 400, 250  # [px] of one picture
+_FOCAL = 24.0 / 36.0  # of the width
+_TEXELS = 512
+_JPEG_QUALITY = 74
+
+
+@dataclass(frozen=True)
+class WorldShots:
+    """What a sheet shows of one seed.
+
+    Attributes:
+        caption: World, seed, look and light.
+        pictures: One for each of `VIEWS`, each shape (H, W, 3), uint8.
+        measures: Their numbers.
+        total: Instanced triangles of the whole scene.
+    """
+
+    caption: str
+    pictures: tuple[U8, ...]
+    measures: tuple[Measures, ...]
+    total: int
+
+
+def write_worlds(folder: Path, count: int, seed: int, worlds: tuple[str, ...], progress: Progress) -> None:
+    """Photograph random bridges in some worlds, one sheet for each world, with a table of what was measured.
+
+    Args:
+        folder: Existing, empty folder.
+        count: Seeds of each world.
+        seed: The first; the others follow.
+        worlds: Names of procedural worlds; empty for all.
+        progress: Listener.
+
+    Raises:
+        InputError: An unknown world, or nothing to show.
+    """
+    known = tuple(name for name in BACKGROUNDS if name != "none")
+    for name in worlds:
+        if name not in known:
+            raise InputError("no such world", field="world", value=name, allowed=", ".join(known))
+    if count < 1:
+        raise InputError("nothing to show", field="count", value=count, allowed="1 or more")
+    names = worlds or known
+    progress.stage("gallery", len(names) * count)
+    lines = ["# Gallery of worlds", "", f"Seeds {seed} to {seed + count - 1}; from the left: {', '.join(VIEWS)}."]
+    for number, name in enumerate(names):
+        rows = []
+        for step in range(count):
+            rows.append(photograph_world(name, seed + step))
+            progress.advance(number * count + step + 1)
+        write_bytes(folder / f"{name}.jpg", world_sheet(rows))
+        lines += ["", f"## {name}", "", f"![{name}]({name}.jpg)", "", *_table(rows)]
+    write_text(folder / "index.md", "\n".join(lines) + "\n")
+
+
+def photograph_world(world: str, seed: int, **said: Any) -> WorldShots:
+    """Author one random bridge in a world and take its pictures; look and light follow from the seed.
+
+    Args:
+        world: Name of a procedural world.
+        seed: Seed of the scene.
+        said: Further sections of the scenario.
+    """
+    look = tuple(LOOKS)[seed % len(LOOKS)]
+    light = tuple(LIGHTS)[(seed + seed // len(LIGHTS)) % len(LIGHTS)]
+    asked = {
+        "background": {"name": world}, "look": {"name": look, "texels": _TEXELS}, "light": LIGHTS[light],
+        "survey": [{"kind": "global", "images": 8, "spacing": 50.0}], **said,
+    }  # fmt: skip
+    settings = parse_settings(AuthoringSettings, asked, "gallery")
+    layout, _ = draw_layout(settings.bridge, stream(seed, "bridge"))
+    site = draw_site(settings.site, layout, stream(seed, "site"))
+    camera = Pinhole(_WIDTH, _HEIGHT, _FOCAL * _WIDTH, _FOCAL * _WIDTH, 0.5 * _WIDTH, 0.5 * _HEIGHT)
+    with tempfile.TemporaryDirectory() as scratch:
+        stage, capture = Path(scratch) / "stage", Path(scratch) / "capture"
+        stage.mkdir()
+        capture.mkdir()
+        author_scene(settings, seed, stage, SILENT)
+        scene = _seen_from(read_stage(stage / "scene.usda"), world_views(layout, site), camera)
+        pictures, measures = _take(scene, camera, capture, seed, float(site.field.heights.min()))
+    total = int(scene.geometry.part_count[scene.draws.part].sum())
+    return WorldShots(f"{world} {seed}: {look}, {light}", pictures, measures, total)
+
+
+def world_sheet(rows: list[WorldShots]) -> bytes:
+    """Lay the pictures of several seeds out in rows, as a JPEG.
+
+    Args:
+        rows: At least one.
+    """
+    lines = []
+    for shots in rows:
+        line = np.concatenate(shots.pictures, axis=1)[..., ::-1].copy()
+        line[:24, : 12 + 9 * len(shots.caption)] //= 3
+        cv2.putText(line, shots.caption, (6, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
+        lines.append(line)
+    done, data = cv2.imencode(".jpg", np.concatenate(lines), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    if not done:
+        raise RuntimeError("OpenCV cannot write JPEG")
+    return data.tobytes()
+
+
+def _take(
+    scene: FlatScene, camera: Pinhole, folder: Path, seed: int, ground: float
+) -> tuple[tuple[U8, ...], tuple[Measures, ...]]:
+    render_scene(scene, folder, RenderSettings(), seed, SILENT)  # exposed as the frames of a flight are
+    taken = read_capture(folder)
+    truth = read_truth(taken)
+    assert truth is not None
+    kinds = {row.id: row.component for row in scene.instances if row.id >= FIRST_SITE_ID}
+    poses = scene.cameras[0].poses
+    drawn = visible_triangles(scene, camera, poses)
+    pictures = tuple(load_image(taken, row) for row in range(len(poses)))
+    measures = (
+        measure_picture(picture, truth.depth(row), truth.instance(row), kinds, poses[row], camera, ground)
+        for row, picture in enumerate(pictures)
+    )
+    return pictures, tuple(
+        replace(measure, triangles=int(count)) for measure, count in zip(measures, drawn, strict=True)
+    )
+
+
+def _seen_from(scene: FlatScene, poses: F64, camera: Pinhole) -> FlatScene:
+    """Give a scene one camera of ours in place of its surveys."""
+    names = tuple(f"{number:06d}" for number in range(len(poses)))
+    track = replace(
+        scene.cameras[scene.products[0].camera],
+        name="gallery", poses=poses, image_names=names, calibration=camera, gps=None, facts={},
+    )  # fmt: skip
+    product = replace(scene.products[0], name="gallery", camera=0, width=camera.width, height=camera.height)
+    return replace(scene, cameras=(track,), products=(product,))
+
+
+def _table(rows: list[WorldShots]) -> list[str]:
+    lines = [
+        "| seed, look, light | view | kinds of things | rays down to sky | dead patches [%] | median | triangles |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for shots in rows:
+        for view, found in zip(VIEWS, shots.measures, strict=True):
+            lines.append(
+                f"| {shots.caption} | {view} | {len(found.things)}: {', '.join(found.things)} | {found.sky_below} | "
+                f"{100 * found.dead:.1f} | {found.luminance:.0f} | {found.triangles:,} of {shots.total:,} |"
+            )
+    return lines

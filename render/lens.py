@@ -1,0 +1,278 @@
+"""A lens that distorts: views are drawn through a wider one that does not, then every pixel is looked up anew.
+
+The photograph is resampled. The truth is not: the ray of each pixel, as the distorted lens bends it, is cut with the
+triangles that the wider view shows around its place, in double precision, and the nearest one that it meets gives id,
+depth and normal. Nothing is blended across an edge.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from render.passes import View
+from usd_schemas.distortion import Distortion
+from usd_schemas.flat_scene import FlatScene
+from usd_schemas.pinhole import Pinhole
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+U16 = NDArray[np.uint16]
+U32 = NDArray[np.uint32]
+
+_MARGIN = 3  # [px] around the wider view
+_SMALL = 4.0  # [px^2] the ray may have missed a smaller triangle and still have met its neighbour
+Window = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What a ray may meet, as the kernel reads it.
+
+    Attributes:
+        positions: Mesh-local positions, shape (V, 3), float32.
+        normals: Mesh-local normals [1], shape (V, 3), float32.
+        triangles: Vertex numbers, shape (T, 3), uint32.
+        first: First triangle of each draw, shape (D,), int64.
+        transform: Mesh to world, shape (D, 4, 4), float64.
+        cofactor: What turns each draw's normals, shape (D, 3, 3), float64.
+        mirrored: Whether a draw is mirrored, shape (D,), bool.
+        cut_out: Whether a draw has holes that only its texture knows, shape (D,), bool.
+    """
+
+    positions: F32
+    normals: F32
+    triangles: U32
+    first: NDArray[np.int64]
+    transform: F64
+    cofactor: F64
+    mirrored: NDArray[np.bool_]
+    cut_out: NDArray[np.bool_]
+
+
+def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
+    """Lay a scene out for the kernel.
+
+    Args:
+        scene: A scene.
+        cut_out: Whether each draw has holes that only its texture knows, shape (D,), bool.
+    """
+    geometry, draws = scene.geometry, scene.draws
+    linear = draws.transform[:, :3, :3]
+    mirrored = np.linalg.det(linear) < 0
+    cofactor = np.cross(np.roll(linear, -1, axis=1), np.roll(linear, -2, axis=1))
+    cofactor /= np.maximum(np.abs(cofactor).max(axis=(1, 2), keepdims=True), 1e-300)
+    cofactor *= np.where(mirrored, -1.0, 1.0)[:, None, None]
+    return Geometry(
+        geometry.positions, geometry.normals, geometry.triangles, geometry.part_first.astype(np.int64)[draws.part],
+        draws.transform, cofactor, mirrored, cut_out,
+    )  # fmt: skip
+
+
+class Lens:
+    """A distorted camera: which wider view it needs, and what it makes of it."""
+
+    def __init__(self, camera: Pinhole, distortion: Distortion, geometry: Geometry, *, normals: bool) -> None:
+        """Find each pixel's place in the wider view.
+
+        Args:
+            camera: Intrinsics of the distorted image.
+            distortion: Distortion of the lens.
+            geometry: What a ray may meet.
+            normals: Whether normals are wanted.
+
+        Raises:
+            InputError: The distortion folds inside the image.
+        """
+        self._geometry, self._normals = geometry, normals
+        rows, columns = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+        bent = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy], axis=-1)
+        rays = distortion.undistort(bent)
+        place = rays * [camera.fx, camera.fy]
+        low = np.floor(place.min(axis=(0, 1))).astype(int) - _MARGIN
+        high = np.ceil(place.max(axis=(0, 1))).astype(int) + _MARGIN
+        width, height = (high - low).tolist()
+        self.wide = Pinhole(width, height, camera.fx, camera.fy, float(-low[0]), float(-low[1]))
+        self._rays, self._place = rays, place - low
+
+    def window(self, band: Window) -> Window:
+        """Find the rows of the wider view that a band of the image needs.
+
+        Args:
+            band: First row of the image and the row after the last.
+        """
+        rows = self._place[band[0] : band[1], :, 1]
+        return max(int(rows.min()) - 2, 0), min(int(rows.max()) + 3, self.wide.height)
+
+    def look(self, views: list[View], poses: F64, bands: tuple[Window, ...], near: float) -> View:
+        """Make the image of a distorted lens from wider views.
+
+        Args:
+            views: The window of each band.
+            poses: Camera pose of each band, shape (B, 4, 4), float64.
+            bands: First row of each band of the image and the row after its last.
+            near: Near plane [m].
+        """
+        shape = self._rays.shape[:2]
+        code = np.empty((*shape, 3), np.uint16)
+        draw, depth = np.empty(shape, np.uint32), np.empty(shape, np.float32)
+        normal = np.zeros((*shape, 3) if self._normals else (1, 1, 3), np.float32)
+        for view, pose, band in zip(views, poses, bands, strict=True):
+            top, (first, end) = self.window(band)[0], band
+            rows = slice(first, end)
+            place = self._place[rows] - [0.0, top]
+            code[rows] = _resample(view.code, place)
+            assert view.triangle is not None
+            met = normal[rows] if self._normals else normal
+            images = (view.draw, view.triangle, place, self._rays[rows], near)
+            _meet(*images, *self._from_camera(pose), draw[rows], depth[rows], met, self._normals)  # pyright: ignore
+        return View(code, draw, depth, normal if self._normals else None)
+
+    def _from_camera(self, pose: F64) -> tuple[Any, ...]:
+        """What the kernel reads of the geometry, its transforms seen from a camera."""
+        geometry = self._geometry
+        linear = pose[:3, :3].T @ geometry.transform[:, :3, :3]
+        shift = (geometry.transform[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
+        seen = np.concatenate([linear, shift[:, :, None]], axis=2)
+        focal = self.wide.fx * self.wide.fy
+        return (
+            geometry.positions, geometry.normals, geometry.triangles, geometry.first, np.ascontiguousarray(seen),
+            geometry.cofactor, geometry.mirrored, geometry.cut_out, focal,
+        )  # fmt: skip
+
+
+def _resample(code: U16, place: F64) -> U16:
+    """Look the photograph up between pixels; a cubic keeps what a lens would keep."""
+    across, down = (np.ascontiguousarray(place[..., axis] - 0.5, np.float32) for axis in (0, 1))
+    image = np.ascontiguousarray(code)
+    found = cv2.remap(image, across, down, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return found.astype(np.uint16, copy=False)
+
+
+@njit(nogil=True)
+def _meet(
+    draws: U32, parts: U32, place: F64, rays: F64, near: float, positions: F32, normals: F32, triangles: U32,
+    first: NDArray[np.int64], seen: F64, cofactor: F64, mirrored: NDArray[np.bool_], cut_out: NDArray[np.bool_],
+    focal: float, draw_out: U32, depth_out: F32, normal_out: F32, wants_normals: bool,
+) -> None:  # fmt: skip
+    """Cut the ray of each pixel with the triangles around its place."""
+    height, width = draws.shape
+    corners, known = np.empty((3, 3)), np.empty((9, 2), np.int64)
+    weight, chosen = np.empty(3), np.empty(3)
+    for row in range(place.shape[0]):
+        for column in range(place.shape[1]):
+            x, y = rays[row, column, 0], rays[row, column, 1]
+            left, top = int(place[row, column, 0]), int(place[row, column, 1])
+            best, best_draw, best_part, count, sky = np.inf, 0, 0, 0, False
+            for step in range(9):
+                # The nearest pixel comes first, then the others around it.
+                shift = (4 + step) % 9
+                down = min(max(top + shift // 3 - 1, 0), height - 1)
+                across = min(max(left + shift % 3 - 1, 0), width - 1)
+                draw, part = np.int64(draws[down, across]), np.int64(parts[down, across])
+                if draw == 0:
+                    sky = True
+                    continue
+                if cut_out[draw - 1] and step > 0:
+                    continue
+                fresh = True
+                for other in range(count):
+                    fresh = fresh and not (known[other, 0] == draw and known[other, 1] == part)
+                if not fresh:
+                    continue
+                known[count, 0], known[count, 1] = draw, part
+                count += 1
+                _corners(corners, positions, triangles, first[draw - 1] + part, seen[draw - 1])
+                depth = _hit(corners, x, y, weight)
+                inside = weight[0] >= 0 and weight[1] >= 0 and weight[2] >= 0
+                if (inside or cut_out[draw - 1]) and near <= depth < best:
+                    best, best_draw, best_part = depth, draw, part
+                    chosen[:] = weight
+            down, across = min(max(top, 0), height - 1), min(max(left, 0), width - 1)
+            if best_draw == 0 and draws[down, across] != 0:
+                draw, part = np.int64(draws[down, across]), np.int64(parts[down, across])
+                _corners(corners, positions, triangles, first[draw - 1] + part, seen[draw - 1])
+                if not (sky and _area(corners, near) * focal > _SMALL):
+                    depth = _hit(corners, x, y, weight)
+                    middle = (corners[0, 2] + corners[1, 2] + corners[2, 2]) / 3
+                    spread = max(abs(corners[0, 2] - middle), abs(corners[1, 2] - middle), abs(corners[2, 2] - middle))
+                    best = min(max(depth, middle - 2 * spread), middle + 2 * spread)
+                    best_draw, best_part = draw, part
+                    chosen[:] = 1.0 / 3.0
+            draw_out[row, column], depth_out[row, column] = best_draw, best
+            if wants_normals and best_draw != 0:
+                _corners(corners, positions, triangles, first[best_draw - 1] + best_part, seen[best_draw - 1])
+                flip = _faces_away(corners, x, y) != mirrored[best_draw - 1]
+                _normal(
+                    normal_out[row, column], normals, triangles, first[best_draw - 1] + best_part,
+                    cofactor[best_draw - 1], chosen, flip,
+                )  # fmt: skip
+
+
+@njit(nogil=True)
+def _corners(corners: F64, positions: F32, triangles: U32, triangle: int, seen: F64) -> None:
+    """Fill in a triangle's corners as the camera sees them, shape (3, 3)."""
+    for corner in range(3):
+        vertex = triangles[triangle, corner]
+        x, y, z = np.float64(positions[vertex, 0]), np.float64(positions[vertex, 1]), np.float64(positions[vertex, 2])
+        for axis in range(3):
+            corners[corner, axis] = seen[axis, 0] * x + seen[axis, 1] * y + seen[axis, 2] * z + seen[axis, 3]
+
+
+@njit(nogil=True)
+def _volume(a: F64, b: F64, x: float, y: float) -> float:
+    """Volume between the ray (x, y, 1) and two corners; its sign says on which side of their edge the ray goes."""
+    return x * (a[1] * b[2] - a[2] * b[1]) + y * (a[2] * b[0] - a[0] * b[2]) + (a[0] * b[1] - a[1] * b[0])
+
+
+@njit(nogil=True)
+def _hit(corners: F64, x: float, y: float, weight: F64) -> float:
+    """Depth at which the ray meets the triangle's plane; the weights of the corners are left in `weight`."""
+    weight[0] = _volume(corners[1], corners[2], x, y)
+    weight[1] = _volume(corners[2], corners[0], x, y)
+    weight[2] = _volume(corners[0], corners[1], x, y)
+    total = weight[0] + weight[1] + weight[2]
+    if total == 0.0:
+        weight[0] = -1.0
+        return np.nan
+    for corner in range(3):
+        weight[corner] /= total
+    return weight[0] * corners[0, 2] + weight[1] * corners[1, 2] + weight[2] * corners[2, 2]
+
+
+@njit(nogil=True)
+def _area(corners: F64, near: float) -> float:
+    """Area of a triangle in the image plane at distance 1; infinite where it passes the camera."""
+    if min(corners[0, 2], corners[1, 2], corners[2, 2]) < near:
+        return np.inf
+    x0, y0 = corners[0, 0] / corners[0, 2], corners[0, 1] / corners[0, 2]
+    x1, y1 = corners[1, 0] / corners[1, 2] - x0, corners[1, 1] / corners[1, 2] - y0
+    x2, y2 = corners[2, 0] / corners[2, 2] - x0, corners[2, 1] / corners[2, 2] - y0
+    return 0.5 * abs(x1 * y2 - x2 * y1)
+
+
+@njit(nogil=True)
+def _faces_away(corners: F64, x: float, y: float) -> bool:
+    a, b, c = corners[0], corners[1], corners[2]
+    ux, uy, uz, vx, vy, vz = b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    return x * (uy * vz - uz * vy) + y * (uz * vx - ux * vz) + (ux * vy - uy * vx) > 0.0
+
+
+@njit(nogil=True)
+def _normal(out: F32, normals: F32, triangles: U32, triangle: int, cofactor: F64, weight: F64, flip: bool) -> None:
+    local = np.zeros(3)
+    for corner in range(3):
+        vertex = triangles[triangle, corner]
+        for axis in range(3):
+            local[axis] += weight[corner] * normals[vertex, axis]
+    length = 0.0
+    turned = np.empty(3)
+    for axis in range(3):
+        turned[axis] = cofactor[axis, 0] * local[0] + cofactor[axis, 1] * local[1] + cofactor[axis, 2] * local[2]
+        length += turned[axis] * turned[axis]
+    length = max(np.sqrt(length), 1e-30) * (-1.0 if flip else 1.0)
+    for axis in range(3):
+        out[axis] = turned[axis] / length

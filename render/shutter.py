@@ -1,0 +1,70 @@
+"""The rolling shutter: rows are read out one after the other, and the drone flies on meanwhile.
+
+The rows are cut into bands; each band is drawn, photograph and truth alike, from where the camera was when the middle
+of the band was read. The pose of the image is that of its middle row.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from render.capture import Readout
+from render.settings import SensorSettings
+from usd_schemas.flat_scene import CameraTrack
+
+F64 = NDArray[np.float64]
+
+_FASTEST = 5.0  # [m/s] between strips of a survey the positions jump, but no inspection flight is faster than this
+_STREAM = 0x73687574  # the shutter's own random stream beside the sensor's
+
+
+def read_out(track: CameraTrack, height: int, settings: SensorSettings, seed: int) -> Readout | None:
+    """Move each image's camera while its rows are read out: as the flight goes on, and as gusts and gimbal tremble.
+
+    Args:
+        track: Camera and poses.
+        height: Image height [px].
+        settings: Number of bands, and how much the camera trembles.
+        seed: Seed of the survey's sensor.
+
+    Returns:
+        None for a global shutter.
+    """
+    if not (settings.rolling_shutter and track.readout_time > 0):
+        return None
+    count = min(settings.shutter_bands, height)
+    edges = np.linspace(0, height, count + 1).round().astype(int)
+    bands = tuple(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+    middle = np.array([(first + end) / 2 / height - 0.5 for first, end in bands]) * track.readout_time
+    velocity = flight_velocity(track)
+    poses = np.repeat(track.poses[:, None], count, axis=1)
+    for row in range(len(poses)):
+        rng = np.random.default_rng(np.random.SeedSequence([seed, _STREAM, row]))
+        drift = velocity[row] + rng.standard_normal(3) * settings.tremble_speed
+        spin = rng.standard_normal(3) * np.deg2rad(settings.tremble_rate)
+        turns = Rotation.from_rotvec(middle[:, None] * spin).as_matrix()
+        poses[row, :, :3, :3] = turns @ track.poses[row, :3, :3]
+        poses[row, :, :3, 3] += middle[:, None] * drift
+    return Readout(bands, poses, track.readout_time)
+
+
+def flight_velocity(track: CameraTrack) -> F64:
+    """Take the velocity at each image from the images before and after it.
+
+    Args:
+        track: Camera and poses; without capture times it hovers.
+
+    Returns:
+        Velocities [m/s], shape (N, 3), float64, none faster than an inspection flight.
+    """
+    centres = track.poses[:, :3, 3]
+    times = track.facts.get("capture_times")
+    if not isinstance(times, list | tuple) or len(times) != len(centres) or len(centres) < 2:
+        return np.zeros((len(centres), 3))
+    rows = np.arange(len(centres))
+    after, before = np.minimum(rows + 1, len(rows) - 1), np.maximum(rows - 1, 0)
+    seconds = np.asarray(times, np.float64)
+    gap = np.maximum(seconds[after] - seconds[before], 1e-3)
+    velocity = (centres[after] - centres[before]) / gap[:, None]
+    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+    return velocity * np.minimum(1.0, _FASTEST / np.maximum(speed, 1e-9))

@@ -1,0 +1,62 @@
+"""Lens distortion: the same numbers as OpenCV and COLMAP, an exact inverse, and an error where there is none."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from groundwork.errors import InputError
+from usd_schemas.distortion import Distortion
+
+LENS = Distortion(-0.11, 0.04, 0.0007, -0.0012)
+
+
+def grid(half_width: float, half_height: float) -> np.ndarray:
+    """Normalised coordinates all over an image [1]."""
+    x, y = np.meshgrid(np.linspace(-half_width, half_width, 21), np.linspace(-half_height, half_height, 17))
+    return np.stack([x, y], axis=-1)
+
+
+def test_agrees_with_opencv_and_colmap() -> None:
+    """Both libraries put a point where we put it, pixel conventions considered."""
+    import cv2
+    import pycolmap
+
+    xy = grid(0.7, 0.5).reshape(-1, 2)
+    ours = LENS.distort(xy)
+    coefficients = np.array([LENS.k1, LENS.k2, LENS.p1, LENS.p2])
+    points = np.column_stack([xy, np.ones(len(xy))])
+    theirs, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), coefficients)
+    np.testing.assert_allclose(ours, theirs[:, 0], atol=1e-12)
+    camera = pycolmap.Camera(model="OPENCV", width=1280, height=960, params=[900, 910, 655, 470, *coefficients])
+    np.testing.assert_allclose(ours * [900, 910] + [655, 470], np.asarray(camera.img_from_cam(points)), atol=1e-9)
+
+
+@given(
+    k1=st.floats(-0.25, 0.3), k2=st.floats(-0.05, 0.1), p1=st.floats(-0.005, 0.005), p2=st.floats(-0.005, 0.005)
+)  # fmt: skip
+def test_undistort_inverts_distort(k1: float, k2: float, p1: float, p2: float) -> None:
+    """There and back, to within rounding, over an image of 74 degrees and more."""
+    lens = Distortion(k1, k2, p1, p2)
+    xy = grid(0.75, 0.5)
+    np.testing.assert_allclose(lens.undistort(lens.distort(xy)), xy, atol=1e-9)
+
+
+def test_a_lens_that_folds_is_refused() -> None:
+    """Pure barrel x + k1 x³ turns back at x = 1 / sqrt(-3 k1): just inside there is an inverse, just outside none."""
+    lens = Distortion(k1=-1.0 / 3.0)  # turns at x = 1, where it draws 2 / 3
+    inside = np.array([[2.0 / 3.0 - 1e-4, 0.0]])
+    found = lens.undistort(inside)
+    np.testing.assert_allclose(lens.distort(found), inside, atol=1e-11)
+    assert 0.98 < found[0, 0] < 1.0
+    with pytest.raises(InputError, match=r"k1 -0.333.*has no inverse 0.667 focal lengths from the axis"):
+        lens.undistort(np.array([[0.1, 0.0], [2.0 / 3.0 + 1e-4, 0.0]]))
+
+
+def test_the_default_is_no_distortion() -> None:
+    """Identity both ways, to the bit."""
+    xy = grid(0.7, 0.5)
+    assert Distortion().is_identity
+    assert not LENS.is_identity
+    np.testing.assert_array_equal(Distortion().distort(xy), xy)
+    np.testing.assert_array_equal(Distortion().undistort(xy), xy)

@@ -1,0 +1,111 @@
+"""Lens distortion in one place: the radial and tangential polynomial of COLMAP's OPENCV camera.
+
+It acts on normalised coordinates (x / z, y / z), between the pose and the calibration matrix: a point seen at `xy`
+lands where a camera without distortion would put `distort(xy)`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+
+F64 = NDArray[np.float64]
+
+STEPS = 30  # Newton's method needs about five
+CLOSE = 1e-12  # largest remaining error, in normalised coordinates [1]
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Distortion of a lens; the default has none.
+
+    Source: D. C. Brown, Close-range camera calibration, Photogrammetric Engineering 37 (1971); written as in COLMAP.
+
+    Attributes:
+        k1: Radial coefficient of the square of the distance from the axis [1].
+        k2: Radial coefficient of its fourth power [1].
+        p1: Tangential coefficient, upright [1].
+        p2: Tangential coefficient, sideways [1].
+    """
+
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the lens draws straight lines straight."""
+        return not any((self.k1, self.k2, self.p1, self.p2))
+
+    def distort(self, xy: F64) -> F64:
+        """Move points to where the lens draws them.
+
+        Args:
+            xy: Normalised coordinates [1], shape (..., 2), float64.
+
+        Returns:
+            Distorted normalised coordinates [1], same shape, float64.
+        """
+        x, y = xy[..., 0], xy[..., 1]
+        square = x * x + y * y
+        radial = 1.0 + square * (self.k1 + square * self.k2)
+        return np.stack(
+            [
+                x * radial + 2.0 * self.p1 * x * y + self.p2 * (square + 2.0 * x * x),
+                y * radial + self.p1 * (square + 2.0 * y * y) + 2.0 * self.p2 * x * y,
+            ],
+            axis=-1,
+        )
+
+    def undistort(self, xy: F64) -> F64:
+        """Find the points that the lens draws at given places, by Newton's method.
+
+        Args:
+            xy: Distorted normalised coordinates [1], shape (..., 2), float64.
+
+        Returns:
+            Normalised coordinates [1], same shape, float64.
+
+        Raises:
+            InputError: The polynomial folds before it reaches a point: the lens cannot have drawn it.
+        """
+        if self.is_identity:
+            return np.array(xy, np.float64)
+        found = np.array(xy, np.float64)
+        with np.errstate(all="ignore"):
+            for _ in range(STEPS):
+                error = self.distort(found) - xy
+                if not np.any(np.abs(error) > CLOSE):
+                    break
+                xx, xy_, yy = self._slopes(found)
+                area = xx * yy - xy_ * xy_
+                found[..., 0] -= (yy * error[..., 0] - xy_ * error[..., 1]) / area
+                found[..., 1] -= (xx * error[..., 1] - xy_ * error[..., 0]) / area
+            xx, xy_, yy = self._slopes(found)
+            # The slopes are symmetric; while both of their own values are positive the polynomial has not folded yet.
+            good = (xx + yy > 0.0) & (xx * yy - xy_ * xy_ > 0.0)
+            good &= np.all(np.abs(self.distort(found) - xy) <= 1e3 * CLOSE, axis=-1)
+        if not good.all():
+            farthest = float(np.sqrt((np.asarray(xy)[~good] ** 2).sum(axis=-1)).min())
+            raise InputError(
+                f"a distortion of k1 {self.k1:g}, k2 {self.k2:g}, p1 {self.p1:g}, p2 {self.p2:g} has no inverse "
+                f"{farthest:.3g} focal lengths from the axis, which lies inside the image",
+                mend="Weaker coefficients, or a longer focal length",
+            )
+        return found
+
+    def _slopes(self, xy: F64) -> tuple[F64, F64, F64]:
+        """Derivatives dx/dx, dx/dy = dy/dx and dy/dy of the distorted coordinates."""
+        x, y = xy[..., 0], xy[..., 1]
+        square = x * x + y * y
+        radial = 1.0 + square * (self.k1 + square * self.k2)
+        steep = 2.0 * (self.k1 + 2.0 * square * self.k2)
+        xx = radial + steep * x * x + 2.0 * self.p1 * y + 6.0 * self.p2 * x
+        yy = radial + steep * y * y + 6.0 * self.p1 * y + 2.0 * self.p2 * x
+        return xx, steep * x * y + 2.0 * self.p1 * x + 2.0 * self.p2 * y, yy
+
+
+NO_DISTORTION = Distortion()
