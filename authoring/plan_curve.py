@@ -65,6 +65,12 @@ class PlanCurve:
         """Direction of the axis at station 0, counter-clockwise from +x [rad]."""
         return self.heading - float(np.arctan2(self._places[-1, 1], self._places[-1, 0]))
 
+    @cached_property
+    def _turn(self) -> F64:
+        """Turns rows of positions from a first heading of 0 to the axis's own, shape (2, 2), float64."""
+        cosine, sine = np.cos(self.first_heading), np.sin(self.first_heading)
+        return np.array([[cosine, sine], [-sine, cosine]])
+
     @property
     def largest_turn(self) -> float:
         """Largest angle between the axis and its chord [rad]."""
@@ -100,9 +106,10 @@ class PlanCurve:
         begin, change = self._curvatures[number].T
         heading = self.first_heading + (self._turns[number] + local * (begin + 0.5 * change * local))
         inner = self._places[number] + self._run(number, local)
-        cosine, sine = np.cos(self.first_heading), np.sin(self.first_heading)
-        turned = inner @ np.array([[cosine, sine], [-sine, cosine]])
-        return turned + beyond[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1), heading
+        turned = inner @ self._turn
+        if beyond.any():
+            turned += beyond[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        return turned, heading
 
     def _split(self, station: F64) -> tuple[NDArray[np.int64], F64, F64]:
         """Find each station's element, the distance from its beginning, and the signed distance beyond the ends."""

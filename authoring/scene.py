@@ -52,6 +52,7 @@ def author_scene(
     progress: Progress,
     worlds: Mapping[str, Path] = NO_FILES,
     skies: Mapping[str, Path] = NO_FILES,
+    surfaces: Mapping[str, Path] = NO_FILES,
 ) -> None:
     """Author a whole scene.
 
@@ -62,6 +63,7 @@ def author_scene(
         progress: Listener.
         worlds: Imported worlds by the name under which `[background]` and `[variants]` ask for them.
         skies: Photographed skies by the name under which `[light]` and `[[variants.light]]` ask for them.
+        surfaces: Users' folders of surfaces by the name under which `[look]` asks for them.
     """
     for name in (settings.background.name, *settings.variants.background):
         if name not in BACKGROUNDS and name not in worlds:
@@ -81,7 +83,7 @@ def author_scene(
             folder / "site/site.usda",
         )
         progress.advance(2)
-        _write_bridge(settings, layout, drawn, bridge, folder / "bridge", seed)
+        _write_bridge(settings, layout, drawn, bridge, folder / "bridge", seed, surfaces)
         progress.advance(3)
         subject = make_subject(bridge, site.pieces)
         paths = [plan_survey(survey, subject, seed) for survey in settings.survey]
@@ -108,14 +110,20 @@ def author_scene(
 
 
 def _write_bridge(
-    settings: AuthoringSettings, layout: Layout, drawn: DrawnBridge, bridge: Pieces, folder: Path, seed: int
+    settings: AuthoringSettings,
+    layout: Layout,
+    drawn: DrawnBridge,
+    bridge: Pieces,
+    folder: Path,
+    seed: int,
+    surfaces: Mapping[str, Path],
 ) -> None:
     write_asset(BRIDGE, bridge, folder)
     export(payload_layer(), folder / "payload.usda")
     asked = dict.fromkeys((settings.look.name, *settings.variants.look))
     others = (name for name in LOOKS if name not in asked)
     names = [*asked, *islice(others, max(2 - len(asked), 0))]  # two in any case, so that a swap needs no authoring
-    files = {name: write_look(settings, seed, name, bridge, folder) for name in names}
+    files = {name: write_look(settings, seed, name, bridge, folder, surfaces) for name in names}
     spans = tuple(np.diff(layout.supports).tolist())
     facts = {**asdict(drawn), "alignment": asdict(layout.alignment)}
     layer = bridge_layer(drawn.family, spans, layout.width, facts, files)

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from authoring.alignment import Layout
 from authoring.component import FIRST_SITE_ID, Component, Scatter
-from authoring.site_covers import covered, drape, strip_atlas
+from authoring.site_covers import chunked, covered, drape, strip_atlas
 from authoring.site_crossing import CrossingKind
 from authoring.site_extent import Box, keep_out, strip_corners, strip_edge
 from authoring.site_grid import HeightField
@@ -22,7 +22,7 @@ from groundwork.settings import Settings
 F64 = NDArray[np.float64]
 
 
-LONG = 200.0  # [m] of bridge from which the fine mesh grows coarser
+LONG = 250.0  # [m] of bridge from which the fine mesh grows coarser
 
 
 class SiteSettings(Settings):
@@ -36,9 +36,9 @@ class SiteSettings(Settings):
     )
     half_width: float = Field(default=80.0, ge=40.0, le=200.0, description="reach to either side of the axis [m]")
     run_out: float = Field(default=60.0, ge=30.0, le=200.0, description="reach beyond the abutments [m]")
-    fine_reach: float = Field(default=15.0, ge=5.0, le=60.0, description="reach of the fine mesh round the bridge [m]")
+    fine_reach: float = Field(default=30.0, ge=5.0, le=60.0, description="reach of the fine mesh round the bridge [m]")
     fine_spacing: float = Field(
-        default=0.7, ge=0.2, le=2.0, description="spacing of the ground mesh there, more under bridges over 200 m [m]"
+        default=0.5, ge=0.2, le=2.0, description="spacing of the ground mesh there, more under bridges over 250 m [m]"
     )
     coarse_spacing: float = Field(default=2.6, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
     relief: float = Field(default=1.0, ge=0.0, le=1.5, description="scale of the natural relief, 1 = about 0.5 m [1]")
@@ -95,8 +95,9 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     ground, soup = strip_ground(land, stations, lefts)
     _refuse_hill(layout, ground)
     parts = [
-        (cover.prim, cover.kind, cover.role, "Ground", drape(piece, layout.alignment, strip_atlas(piece, ground)))
+        (name, cover.kind, cover.role, "Ground", drape(chunk, layout.alignment, strip_atlas(chunk, ground)))
         for cover, piece in covered(soup)
+        for name, chunk in chunked(cover.prim, piece)
     ]
     parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in way_pieces(land, ground)]
     components = [

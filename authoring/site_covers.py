@@ -12,6 +12,7 @@ from authoring.site_shape import Shape
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+CHUNK = 6000  # triangles of ground that a piece has at most, so that a renderer leaves out what no camera sees
 SNAP = 0.04  # a border this close to a vertex goes through the vertex [m]
 
 
@@ -93,6 +94,31 @@ def covered(soup: Soup) -> list[tuple[Cover, Soup]]:
         if len(inside.faces):
             pieces.append((cover, inside))
     return [*pieces, (REMAINDER, soup)] if len(soup.faces) else pieces
+
+
+def chunked(name: str, soup: Soup) -> list[tuple[str, Soup]]:
+    """Part a large stretch of ground into compact pieces, halving it along its longer side.
+
+    Args:
+        name: Leaf prim name of the whole.
+        soup: Its triangles.
+
+    Returns:
+        Name and triangles of each piece; the whole under its own name where it is small.
+    """
+    middle = soup.rows[soup.faces, :2].mean(axis=1)
+    done, waiting = [], [np.arange(len(soup.faces))]
+    while waiting:
+        rows = waiting.pop()
+        if len(rows) <= CHUNK:
+            done.append(rows)
+            continue
+        axis = int(np.argmax(np.ptp(middle[rows], axis=0)))
+        order = rows[np.argsort(middle[rows, axis], kind="stable")]
+        waiting += [np.sort(order[len(order) // 2 :]), np.sort(order[: len(order) // 2])]
+    if len(done) == 1:
+        return [(name, soup)]
+    return [(f"{name}_{number}", Soup(soup.rows, soup.faces[rows], soup.covers)) for number, rows in enumerate(done)]
 
 
 def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:

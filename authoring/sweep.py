@@ -7,10 +7,11 @@ from typing import Literal
 import numpy as np
 
 from authoring.alignment import Alignment
-from authoring.component import F64, I32
+from authoring.component import F64, I32, I64
 from authoring.sections import inset, is_convex, triangulate
 
 Axis = Literal["station", "left", "above"]
+Pieces = tuple[tuple[int, ...], ...]
 
 GROOVE_DEPTH = 0.010  # [m], of a false joint
 _SMOOTH_COSINE = float(np.cos(np.radians(25.0)))
@@ -40,10 +41,38 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class _Faces:
+class _Corners:
+    """How the corners of a mesh hang together, whatever its points are.
+
+    Attributes:
+        starts: First corner of each face, shape (F,), int64.
+        face: Face of each corner, shape (C,), int64.
+        following: Next corner round the same face, shape (C,), int64.
+        around: Faces round the vertex of each corner, rows filled up with F, shape (C, K), int64.
+    """
+
+    starts: I64
+    face: I64
+    following: I64
+    around: I64
+
+
+@dataclass(frozen=True)
+class _Net:
+    """Faces of a swept solid, whatever its points are; shared by all of one make, and so never written to.
+
+    Attributes:
+        counts: Corners of each face, shape (F,), int32.
+        corners: Vertex number of each face corner, shape (C,), int32.
+        chart: Chart of each face: 0 for the sides, 1 and 2 for the ends, shape (F,), int32.
+        source: Row of each corner's texture coordinates: those of the quads, of the first and of the last outline,
+            shape (C,), int64.
+    """
+
     counts: I32
     corners: I32
-    st: F64
+    chart: I32
+    source: I64
 
 
 def sweep(
@@ -67,24 +96,15 @@ def sweep(
         Closed surface, normals outward.
     """
     sections, along, lengths, girth_of = _stepped(sections, along, axis, place, lengths, girth_of)
-    count, size = sections.shape[:2]
     rings = _rings(sections, along, axis, place)
     if lengths is None:
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rings, axis=0), axis=2).mean(axis=1))])
-    charts = [
-        _sides(sections, rings, lengths, girth_of),
-        _cap(sections[0], 0, back=True),
-        _cap(sections[-1], (count - 1) * size, back=False),
-    ]
-    counts = np.concatenate([chart.counts for chart in charts]).astype(np.int32)
-    corners = np.concatenate([chart.corners for chart in charts]).astype(np.int32)
-    st = np.concatenate([chart.st for chart in charts])
-    if axis == "left":  # (station, above, left) is a left-handed frame
-        turned_round = _reverse_faces(counts)
-        corners, st = corners[turned_round], st[turned_round]
     points = rings.reshape(-1, 3)
-    chart = np.repeat(np.arange(3, dtype=np.int32), [len(c.counts) for c in charts])
-    return _unmirrored(Surface(points, counts, corners, corner_normals(points, counts, corners), st, chart))
+    # (station, above, left) is a left-handed frame: its faces are turned round.
+    net = _net(*sections.shape[:2], _twisted(rings), _pieces(sections[0]), _pieces(sections[-1]), axis == "left")
+    st = np.concatenate([_side_st(sections, lengths, girth_of).reshape(-1, 2), sections[0], sections[-1]])[net.source]
+    normals = corner_normals(points, net.counts, net.corners)
+    return _unmirrored(Surface(points, net.counts, net.corners, normals, st, net.chart))
 
 
 def prism(
@@ -188,29 +208,38 @@ def corner_normals(points: F64, face_counts: I32, corners: I32) -> F64:
     Returns:
         Unit normals, shape (C, 3), float64.
     """
-    ends = np.cumsum(face_counts)
-    starts = ends - face_counts
-    face = np.repeat(np.arange(len(face_counts)), face_counts)
-    following = np.arange(1, len(corners) + 1)
-    following[ends - 1] = starts
+    net = _neighbours(face_counts.astype(np.int32).tobytes(), corners.astype(np.int32).tobytes())
     at = points[corners]
-    centred = at - at[starts][face]
-    normal = _unit(np.add.reduceat(_cross(centred, centred[following]), starts, axis=0))  # Newell's normal
-    # A table of every vertex's corners, rows filled up with a corner whose face has no normal.
-    order = np.argsort(corners, kind="stable")
-    valence = np.bincount(corners, minlength=len(points))
-    slot = np.arange(len(corners)) - np.repeat(np.cumsum(valence) - valence, valence)
-    faces = np.full((len(points), int(valence.max())), len(normal))
-    faces[corners[order], slot] = face[order]
-    around = np.concatenate([normal, np.zeros((1, 3))])[faces[corners]]
-    near = np.einsum("ckd,cd->ck", around, normal[face]) > _SMOOTH_COSINE
+    centred = at - at[net.starts][net.face]
+    normal = _unit(np.add.reduceat(_cross(centred, centred[net.following]), net.starts, axis=0))  # Newell's normal
+    around = np.concatenate([normal, np.zeros((1, 3))])[net.around]
+    near = np.einsum("ckd,cd->ck", around, normal[net.face]) > _SMOOTH_COSINE
     return _unit(np.einsum("ckd,ck->cd", around, near.astype(np.float64)))
+
+
+@lru_cache(maxsize=512)
+def _neighbours(face_counts: bytes, corners: bytes) -> _Corners:
+    counts, vertex = np.frombuffer(face_counts, np.int32), np.frombuffer(corners, np.int32)
+    ends = np.cumsum(counts)
+    starts = ends - counts
+    face = np.repeat(np.arange(len(counts)), counts)
+    following = np.arange(1, len(vertex) + 1)
+    following[ends - 1] = starts
+    # A table of every vertex's corners, rows filled up with a corner whose face has no normal.
+    order = np.argsort(vertex, kind="stable")
+    valence = np.bincount(vertex)
+    slot = np.arange(len(vertex)) - np.repeat(np.cumsum(valence) - valence, valence)
+    faces = np.full((len(valence), int(valence.max())), len(counts))
+    faces[vertex[order], slot] = face[order]
+    return _Corners(starts.astype(np.int64), face, following, faces[vertex])
 
 
 def _cross(a: F64, b: F64) -> F64:
     """Cross products of rows; numpy's own is several times slower on short arrays."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+    out = np.empty_like(a)
+    out[:, 0], out[:, 1], out[:, 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return out
 
 
 def _unit(vectors: F64) -> F64:
@@ -228,22 +257,20 @@ def _missing_rings(along: F64, place: Alignment) -> F64:
 
 def _stepped(
     sections: F64, along: F64, axis: Axis, place: Alignment, lengths: F64 | None, girth_of: I32 | None
-) -> tuple[F64, F64, F64 | None, I32]:
+) -> tuple[F64, F64, F64 | None, I32 | None]:
     """Insert the rings that a sweep along a curved axis needs, between the given ones in proportion."""
-    girth_of = np.arange(len(along), dtype=np.int32) if girth_of is None else girth_of
     rings = _missing_rings(along, place) if axis == "station" else np.zeros(0)
     if len(rings) == 0:
         return sections, along, lengths, girth_of
     after = np.searchsorted(along, rings)
     share = ((rings - along[after - 1]) / (along[after] - along[after - 1]))[:, None, None]
     between = sections[after - 1] + share * (sections[after] - sections[after - 1])
-    moved = np.arange(len(along)) + np.searchsorted(rings, along)  # new numbers of the given rings
-    girth = np.insert(moved[girth_of], after, after + np.arange(len(rings)))
+    if girth_of is not None:
+        moved = np.arange(len(along)) + np.searchsorted(rings, along)  # new numbers of the given rings
+        girth_of = np.insert(moved[girth_of], after, after + np.arange(len(rings))).astype(np.int32)
     if lengths is not None:
         lengths = np.insert(lengths, after, np.interp(rings, along, lengths))
-    return (
-        np.insert(sections, after, between, axis=0), np.insert(along, after, rings), lengths, girth.astype(np.int32),
-    )  # fmt: skip
+    return np.insert(sections, after, between, axis=0), np.insert(along, after, rings), lengths, girth_of
 
 
 def _rings(sections: F64, along: F64, axis: Axis, place: Alignment) -> F64:
@@ -252,15 +279,16 @@ def _rings(sections: F64, along: F64, axis: Axis, place: Alignment) -> F64:
     return place.point(*bridge)
 
 
-def _sides(sections: F64, rings: F64, lengths: F64, girth_of: I32) -> _Faces:
+def _side_st(sections: F64, lengths: F64, girth_of: I32 | None) -> F64:
+    """Find the texture coordinates of the quads between outlines [m], shape (S - 1, P, 4, 2), float64."""
     count, size = sections.shape[:2]
-    guide = sections[girth_of]
-    here, there = np.arange(size), (np.arange(size) + 1) % size
+    guide = sections if girth_of is None else sections[girth_of]
+    there = np.arange(1, size + 1) % size
     edge = guide[:, there] - guide
     length = np.sqrt(np.einsum("spk,spk->sp", edge, edge))
     end = np.cumsum(length, axis=1)
     start = end - length
-    if not np.array_equal(girth_of, np.arange(count)):
+    if girth_of is not None and not np.array_equal(girth_of, np.arange(count)):
         # On a chamfer's ring the outline is smaller: its corners keep their distance along their own side.
         drift = sections - guide
         edge /= length[..., None]
@@ -268,42 +296,74 @@ def _sides(sections: F64, rings: F64, lengths: F64, girth_of: I32) -> _Faces:
         # that no two sides share texture.
         start = np.maximum(start, start + np.einsum("spk,spk->sp", drift, edge))
         end = np.minimum(end, end + np.einsum("spk,spk->sp", drift[:, there], edge))
-    ring = size * np.arange(count)[:, None]
-    low, high = ring + here, ring + there
-    quads = np.stack([low[:-1], high[:-1], high[1:], low[1:]], axis=2).reshape(-1, 4)
-    along = lengths if lengths.ndim == 2 else np.repeat(lengths[:, None], size, axis=1)
-    u = np.stack([along[:-1], along[:-1, there], along[1:, there], along[1:]], axis=2)
-    v = np.stack([start[:-1], end[:-1], end[1:], start[1:]], axis=2)
-    st = np.stack([u, v], axis=3).reshape(-1, 4, 2)
-    a, b, c, d = rings.reshape(-1, 3)[quads.T]
+    st = np.empty((count - 1, size, 4, 2))
+    along = lengths if lengths.ndim == 2 else lengths[:, None]
+    ahead = along[:, there] if lengths.ndim == 2 else along
+    st[..., 0, 0], st[..., 1, 0], st[..., 2, 0], st[..., 3, 0] = along[:-1], ahead[:-1], ahead[1:], along[1:]
+    st[..., 0, 1], st[..., 1, 1], st[..., 2, 1], st[..., 3, 1] = start[:-1], end[:-1], end[1:], start[1:]
+    return st
+
+
+def _twisted(rings: F64) -> bytes:
+    """Tell which quads between rings leave their plane, one flag each; empty for none."""
+    a, b, c, d = rings.reshape(-1, 3)[_quads(*rings.shape[:2]).T]
     across = _cross(c - a, d - b)
     off = np.einsum("nd,nd->n", b - a, across)
     twisted = off * off > _FLAT * _FLAT * np.einsum("nd,nd->n", across, across)
-    if not twisted.any():
-        return _Faces(np.full(len(quads), 4, np.int32), quads.ravel().astype(np.int32), st.reshape(-1, 2))
-    halves = quads[twisted][:, [[0, 1, 2], [0, 2, 3]]].reshape(-1)
-    halves_st = st[twisted][:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 2)
-    counts = np.concatenate([np.full(int((~twisted).sum()), 4), np.full(2 * int(twisted.sum()), 3)])
-    return _Faces(
-        counts.astype(np.int32),
-        np.concatenate([quads[~twisted].ravel(), halves]).astype(np.int32),
-        np.concatenate([st[~twisted].reshape(-1, 2), halves_st]),
-    )
+    return twisted.tobytes() if twisted.any() else b""
 
 
-def _cap(outline: F64, first_vertex: int, *, back: bool) -> _Faces:
+@lru_cache(maxsize=512)
+def _quads(count: int, size: int) -> I32:
+    """Number the corners of the quads between outlines, shape ((S - 1) P, 4), int32."""
+    ring = size * np.arange(count)[:, None]
+    low, high = ring + np.arange(size), ring + np.arange(1, size + 1) % size
+    return np.stack([low[:-1], high[:-1], high[1:], low[1:]], axis=2).reshape(-1, 4).astype(np.int32)
+
+
+@lru_cache(maxsize=512)
+def _net(count: int, size: int, twisted: bytes, first: Pieces, last: Pieces, turned_round: bool) -> _Net:
+    """Lay the faces of a solid: sides, those that are twisted as two triangles each at the end, and both ends.
+
+    Args:
+        count: Number of outlines.
+        size: Corners of each.
+        twisted: Result of `_twisted`.
+        first: How the first outline is cut.
+        last: How the last one is.
+        turned_round: Corners go round the other way.
+    """
+    quads, rows = _quads(count, size), np.arange(4 * (count - 1) * size).reshape(-1, 4)
+    split = np.frombuffer(twisted, bool) if twisted else np.zeros(len(quads), bool)
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    front, back = np.array(first, np.int32)[:, ::-1], np.array(last, np.int32)
+    sides = np.concatenate([rows[~split].ravel(), rows[split][:, halves].ravel()])
+    source = np.concatenate([sides, rows.size + front.ravel(), rows.size + size + back.ravel()])
+    vertex = np.concatenate([quads.ravel()[sides], front.ravel(), (count - 1) * size + back.ravel()])
+    sizes = [(4, int((~split).sum()), 0), (3, 2 * int(split.sum()), 0), (front.shape[1], len(front), 1)]
+    sizes.append((back.shape[1], len(back), 2))
+    per_face, faces, charts = np.array(sizes).T
+    counts = np.repeat(per_face, faces).astype(np.int32)
+    if turned_round:
+        order = _reverse_faces(counts)
+        source, vertex = source[order], vertex[order]
+    net = _Net(counts, vertex.astype(np.int32), np.repeat(charts, faces).astype(np.int32), source.astype(np.int64))
+    for shared in (net.counts, net.corners, net.chart):
+        shared.flags.writeable = False
+    return net
+
+
+def _pieces(outline: F64) -> Pieces:
     # Members of one section differ by where they lie; what is cut is the section.
-    pieces = _pieces(np.round(outline - outline[0], 13).tobytes())
-    flat = (pieces[:, ::-1] if back else pieces).ravel()
-    return _Faces(
-        np.full(len(pieces), pieces.shape[1], np.int32), (flat + first_vertex).astype(np.int32), outline[flat]
-    )
+    return _cut(np.round(outline - outline[0], 13).tobytes())
 
 
 @lru_cache(maxsize=4096)
-def _pieces(section: bytes) -> I32:
+def _cut(section: bytes) -> Pieces:
     outline = np.frombuffer(section).reshape(-1, 2)
-    return np.arange(len(outline), dtype=np.int32)[None] if is_convex(outline) else triangulate(outline)
+    if is_convex(outline):
+        return (tuple(range(len(outline))),)
+    return tuple((int(a), int(b), int(c)) for a, b, c in triangulate(outline))
 
 
 def _reverse_faces(face_counts: I32) -> I32:
@@ -315,15 +375,12 @@ def _reverse_faces(face_counts: I32) -> I32:
 
 def _unmirrored(surface: Surface) -> Surface:
     """Flip the charts that read mirrored from outside: v on the sides, the horizontal on the ends."""
-    ends = np.cumsum(surface.face_counts)
-    starts = ends - surface.face_counts
-    following = np.arange(1, len(surface.corners) + 1)
-    following[ends - 1] = starts
-    s, t = surface.st.T
-    per_face = np.add.reduceat(s * t[following] - s[following] * t, starts)
+    net = _neighbours(surface.face_counts.tobytes(), surface.corners.tobytes())
+    s, t = np.ascontiguousarray(surface.st.T)
+    per_face = np.add.reduceat(s * t[net.following] - s[net.following] * t, net.starts)
     mirrored = np.bincount(surface.chart, per_face) < 0.0
     if not mirrored.any():
         return surface
     factor = np.ones((len(mirrored), 2))
     factor[mirrored, (np.arange(len(mirrored)) == 0)[mirrored].astype(int)] = -1.0
-    return replace(surface, st=surface.st * np.repeat(factor[surface.chart], surface.face_counts, axis=0))
+    return replace(surface, st=surface.st * factor[surface.chart[net.face]])

@@ -3,8 +3,9 @@
 Usage: python -m benchmarks
 """
 
-from benchmarks import chain, stage
+from benchmarks import bridges, chain, stage
 
 if __name__ == "__main__":
     stage.main()
+    bridges.main()
     chain.main()

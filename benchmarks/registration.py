@@ -62,9 +62,6 @@ class Trial:
 TRIALS = (
     Trial("loop", False, {"kind": "global", "images": 30, "spacing": 4.5}),
     Trial("close", False, {"kind": "local", "length": 10.0, "spacing": 0.8, "images": [20, 36]}),
-    Trial(
-        "close_dense", False, {"kind": "local", "length": 8.0, "spacing": 0.5, "images": [20, 30], "at_support": 0.0}
-    ),
     Trial("rows", False, {"kind": "grid", "sampling": 0.02, "overlap": 0.7, "side_overlap": 0.4, "deck": False}),
     Trial("loop_gaps", True, {"kind": "global", "images": 16, "spacing": 50.0}),
     Trial("loop_thin", True, {"kind": "global", "images": 10, "spacing": 50.0}),

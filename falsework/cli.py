@@ -157,6 +157,23 @@ def reconstruct(capture: File, output: Output, *, settings: Path | None = None) 
     return 0
 
 
+def export(source: File, output: Output, *, to: Literal["colmap", "nerfstudio", "video"]) -> int:
+    """Write a capture for another program: its true cameras for COLMAP or nerfstudio, or a film of the flight.
+
+    Args:
+        source: Capture folder.
+        output: Folder to write.
+        to: Format.
+    """
+    from falsework.verbs import export_folder
+
+    with ConsoleProgress() as progress:
+        files = export_folder(source, to, output, progress)
+    for file in files:
+        _say(f"export  {file}")
+    return 0
+
+
 def report(scene: File, output: Output) -> int:
     """Write the report page of one finished scene anew.
 
@@ -190,28 +207,41 @@ def verify(output: File) -> int:
 
 
 def gallery(
-    subject: tyro.conf.Positional[Literal["families"]],
+    subject: tyro.conf.Positional[Literal["families", "worlds"]],
     output: Output,
     *,
     count: int = 6,
     seed: int = 1,
     family: tuple[str, ...] = (),
+    world: tuple[str, ...] = (),
 ) -> int:
-    """Show random bridges of every family on contact sheets: photograph, classes, close-up.
+    """Show random bridges on contact sheets, one sheet for each family or for each world.
+
+    Families: photograph, classes, close-up. Worlds: from eye height, under the deck, beside a pier and the air, look
+    and light in turn, with a table of what was measured.
 
     Args:
         subject: What to show.
-        output: Folder to write: one sheet for each family, and an index.
-        count: Bridges of each family.
+        output: Folder to write: the sheets, and an index.
+        count: Bridges on each sheet.
         seed: Seed of the first bridge; the others follow.
         family: Only these families.
+        world: Only these worlds.
     """
-    from falsework.gallery import write_gallery
     from groundwork.files import fresh_output
 
-    del subject  # one choice so far
+    def write(folder: Path) -> None:
+        if subject == "worlds":
+            from falsework.gallery_worlds import write_worlds
+
+            write_worlds(folder, count, seed, world, progress)
+        else:
+            from falsework.gallery import write_gallery
+
+            write_gallery(folder, count, seed, family, progress)
+
     with ConsoleProgress() as progress:
-        fresh_output(output, "gallery", lambda folder: write_gallery(folder, count, seed, family, progress))
+        fresh_output(output, "gallery", write)
     _say(f"gallery {output / 'index.md'}")
     return 0
 
@@ -238,6 +268,7 @@ VERBS = {
     "author": author,
     "render": render,
     "reconstruct": reconstruct,
+    "export": export,
     "report": report,
     "verify": verify,
     "gallery": gallery,

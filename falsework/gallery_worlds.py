@@ -145,7 +145,7 @@ def world_sheet(rows: list[WorldShots]) -> bytes:
 def _take(
     scene: FlatScene, camera: Pinhole, folder: Path, seed: int, ground: float
 ) -> tuple[tuple[U8, ...], tuple[Measures, ...]]:
-    render_scene(scene, folder, RenderSettings(), seed, SILENT)  # exposed as the frames of a flight are
+    render_scene(scene, folder, RenderSettings(quality="fine"), seed, SILENT)  # exposed as the frames of a flight are
     taken = read_capture(folder)
     truth = read_truth(taken)
     assert truth is not None

@@ -39,6 +39,10 @@ class Scenario(AuthoringSettings):
         default_factory=dict,
         description="Photographed skies: a name for `[light] sky`, and the path, relative to the scenario",
     )
+    surfaces: dict[str, str] = Field(
+        default_factory=dict,
+        description="Folders or zips of surfaces: a name for `[look] folders`, and the path, relative to the scenario",
+    )
     render: ShadingSettings = Field(default_factory=ShadingSettings, description="Renderer")
     sensor: SensorSettings = Field(default_factory=SensorSettings, description="The camera behind the lens")
     recon: ReconSettings = Field(default_factory=ReconSettings, description="Reconstruction")
@@ -66,6 +70,7 @@ def load_scenario(path: Path) -> Scenario:
         InputError: Missing, not TOML, or a key or value that is not allowed.
     """
     scenario = _with_skies(_with_worlds(parse_settings(Scenario, read_toml(path), path), path), path)
+    scenario = _with_surfaces(scenario, path)
     if scenario.stage is None:
         return scenario
     if scenario.variants.combinations():
@@ -133,6 +138,24 @@ def _with_skies(scenario: Scenario, path: Path) -> Scenario:
     return scenario.model_copy(update={"skies": skies, "light": base, "variants": variants})
 
 
+def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
+    """Give every folder of surfaces that the scenario names a path that holds from anywhere, and a name."""
+    surfaces = {name: str(path.parent / place) for name, place in scenario.surfaces.items()}
+    names = []
+    for folder in scenario.look.folders:
+        name, place = (
+            (folder, surfaces[folder]) if folder in surfaces else (Path(folder).name, str(path.parent / folder))
+        )
+        if surfaces.setdefault(name, place) != place:
+            raise InputError("two folders of one name", where=path, field="look.folders", value=name, mend="Rename one")
+        names.append(name)
+    for place in surfaces.values():
+        if not Path(place).exists():
+            raise MissingError("no such folder of surfaces", where=path, field="look.folders", value=place)
+    look = scenario.look.model_copy(update={"folders": tuple(names)})
+    return scenario.model_copy(update={"surfaces": surfaces, "look": look})
+
+
 @contextmanager
 def values_of(path: Path) -> Iterator[None]:
     """Name the scenario in errors that its values meet later, such as a bridge that cannot be drawn.
@@ -154,14 +177,15 @@ def demo_scenario() -> Scenario:
 
 
 def given_files(scenario: Scenario) -> dict[str, Path]:
-    """List the folders of imported worlds and the photographed skies, as inputs of the task that authors a stage.
+    """List the imported worlds, photographed skies and folders of surfaces: inputs of the task that authors a stage.
 
     Args:
         scenario: What to make.
     """
     places = {name: Path(place) for name, place in sorted(scenario.worlds.items())}
     worlds = {f"world/{name}": place if place.is_dir() else place.parent for name, place in places.items()}
-    return {**worlds, **{f"sky/{name}": Path(place) for name, place in sorted(scenario.skies.items())}}
+    skies = {f"sky/{name}": Path(place) for name, place in sorted(scenario.skies.items())}
+    return {**worlds, **skies, **{f"surface/{name}": Path(place) for name, place in sorted(scenario.surfaces.items())}}
 
 
 def scene_seed(seed: int, index: int) -> int:

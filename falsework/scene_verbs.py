@@ -111,6 +111,7 @@ def set_(
     choices: tyro.conf.Positional[tuple[str, ...]],
     *,
     variant: str = "",
+    re_origin: tuple[float, float, float] | None = None,
     allow_root: Roots = (),
     as_json: AsJson = False,
 ) -> int:
@@ -122,6 +123,8 @@ def set_(
             the roles, or it is a world), or for the light a date and hour, 2024-12-21T10:00; taxonomy=kim2023 puts
             another table of classes in force.
         variant: Leave the scene as it is, and write variant_NAME.usda beside it.
+        re_origin: X Y Z of the point of your own background that becomes the scene's origin, where the bridge begins,
+            in metres with z up; for a world in map coordinates.
         allow_root: Folders beside that of your own file from which it may take layers and textures.
         as_json: Print one JSON object instead of lines.
     """
@@ -131,7 +134,7 @@ def set_(
             raise InputError("not a choice", field="set", value=axis, allowed="look=… background=… light=… taxonomy=…")
     wanted = {axis: value for axis, _, value in pairs}
     own = [Path(value) for value in wanted.values() if Path(value).suffix.startswith(".usd")]
-    chosen = _work("choose", scene, {"choices": wanted, "variant": variant}, allow_root, *own)
+    chosen = _work("choose", scene, {"choices": wanted, "variant": variant, "origin": re_origin}, allow_root, *own)
     if as_json:
         return _answer(chosen)
     for axis, name in chosen.items():

@@ -53,15 +53,16 @@ def choose(request: Request, progress: Progress) -> dict[str, str]:
     """Choose look, background and light, or write a variant that does.
 
     Args:
-        request: `{scene, choices, variant}`; `variant` is empty for the scene itself.
+        request: `{scene, choices, variant, origin}`; `variant` is empty for the scene itself.
         progress: Told what a file of the user's loses.
     """
     from authoring.variants.add import set_choices, write_variant
 
-    scene = Path(request["scene"])
+    scene, choices = Path(request["scene"]), request["choices"]
+    origin = tuple(request["origin"]) if request["origin"] else None
     if request["variant"]:
-        return {"variant": str(write_variant(scene, request["variant"], request["choices"], progress.note))}
-    return set_choices(scene, request["choices"], progress.note)
+        return {"variant": str(write_variant(scene, request["variant"], choices, progress.note, origin))}
+    return set_choices(scene, choices, progress.note, origin)
 
 
 def flatten(request: Request, progress: Progress) -> list[str]:

@@ -34,7 +34,8 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
     Args:
         settings: `{seed, authoring}`.
-        inputs: `world/<name>` and `sky/<name>`: each imported world and photographed sky that the scenario names.
+        inputs: `world/<name>`, `sky/<name>` and `surface/<name>`: each imported world, photographed sky and folder of
+            surfaces that the scenario names.
         folder: Empty folder to fill.
         progress: Listener.
     """
@@ -42,9 +43,9 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     from authoring.settings import AuthoringSettings
 
     given = {kind: {name[len(kind) :]: path for name, path in inputs.items() if name.startswith(kind)}
-             for kind in ("world/", "sky/")}  # fmt: skip
+             for kind in ("world/", "sky/", "surface/")}  # fmt: skip
     authoring = parse_settings(AuthoringSettings, settings["authoring"], "scenario")
-    author_scene(authoring, settings["seed"], folder, progress, given["world/"], given["sky/"])
+    author_scene(authoring, settings["seed"], folder, progress, given["world/"], given["sky/"], given["surface/"])
 
 
 def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:

@@ -64,7 +64,7 @@ def plan(
     kind: Literal["global", "local", "grid", "stage"] = "local",
     name: str = "",
     seed: int | None = None,
-    set: tuple[str, ...] = (),
+    set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
 ) -> int:
     """Fly one more survey over a scene of ours and add it as a layer; a former one of that name is replaced.
 
@@ -73,7 +73,7 @@ def plan(
         kind: Kind of survey; stage takes a camera that is there already, such as one animated in Blender.
         name: Its id; that of the kind when left out.
         seed: Another flight than the scene's own seed gives.
-        set: Settings of the survey, such as `length=30` or `pitch=free`.
+        set: A setting of the survey, such as `length=30` or `pitch=free`; may be given more than once.
     """
     settings: dict[str, Any] = {"kind": kind, **dict(_setting(word) for word in set), **({"id": name} if name else {})}
     request = {"plan": settings, "scene": str(scene.absolute()), "seed": seed, "survey": "", "allow_roots": []}

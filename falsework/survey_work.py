@@ -41,6 +41,8 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     progress.stage("score", len(scene.products))
     for number, product in enumerate(scene.products):
         track = scene.cameras[product.camera]
+        if not track.path:  # the camera that frames a stage without any
+            continue
         camera = track.calibration or pinhole_from_lens(track.lens, product.width, product.height)
         times = track.facts.get("capture_times")
         duration = float(times[-1]) if isinstance(times, (list, tuple)) and times else 0.0

@@ -85,3 +85,33 @@ def report_scene(scene: Path, page: Path) -> None:
     clouds = {path.name: path for path in scene.glob("cloud/*") if path.is_dir()}
     surveys = {path.name: (path, clouds.get(path.name)) for path in captures}
     write_report(page, f"Scene {scene.name}", scene / "stage", surveys)
+
+
+CAPTURE_FORMATS = ("colmap", "nerfstudio", "video")
+
+
+def export_folder(source: Path, to: str, out: Path, progress: Progress) -> list[Path]:
+    """Write a capture for another program.
+
+    Args:
+        source: A capture.
+        to: One of `CAPTURE_FORMATS`.
+        out: Folder to write; a former one of ours is replaced.
+        progress: Listener.
+
+    Returns:
+        Files for people to open.
+
+    Raises:
+        InputError: Not a capture, one without truth where that is needed, or a cloud.
+    """
+    from render.export import export_capture
+
+    if (source / "cloud.json").is_file():
+        raise InputError(
+            "a cloud lies ready for other programs in its own folder", where=source, allowed="a capture",
+            mend="Take cloud.laz, cloud.ply, the .npy columns, or sparse/ (a COLMAP model)",
+        )  # fmt: skip
+    files: list[str] = []
+    fresh_output(out, f"export to {to}", lambda folder: files.extend(export_capture(source, to, folder, progress)))
+    return [out / file for file in files]

@@ -87,8 +87,8 @@ def _tiff(shot: Shot, width: int, height: int) -> bytes:
     moment = (_EPOCH + timedelta(seconds=round(shot.seconds))).strftime("%Y:%m:%d %H:%M:%S")
     equivalent = round(shot.focal_length / shot.sensor_width * 36.0)
     root = [
-        _text(0x010F, shot.make or MAKE), _text(0x0110, shot.model or MODEL), _numbers(0x0112, _SHORT, 1), _text(0x0131, "Falsework"),
-        _text(0x0132, moment),
+        _text(0x010F, shot.make or MAKE), _text(0x0110, shot.model or MODEL), _numbers(0x0112, _SHORT, 1),
+        _text(0x0131, "Falsework"), _text(0x0132, moment),
     ]  # fmt: skip
     photo = [
         _rational(0x829A, shot.exposure_time, 1_000_000), _rational(0x829D, 2.8, 10), _numbers(0x8827, _SHORT, 100),

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from render.adjacency import edge_neighbours
 from render.passes import View
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene
@@ -41,6 +42,7 @@ class Geometry:
         cofactor: What turns each draw's normals, shape (D, 3, 3), float64.
         mirrored: Whether a draw is mirrored, shape (D,), bool.
         cut_out: Whether a draw has holes that only its texture knows, shape (D,), bool.
+        neighbours: Triangles that share an edge, counted within the part, shape (T, 3), int32.
     """
 
     positions: F32
@@ -51,6 +53,7 @@ class Geometry:
     cofactor: F64
     mirrored: NDArray[np.bool_]
     cut_out: NDArray[np.bool_]
+    neighbours: NDArray[np.int32]
 
 
 def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
@@ -68,7 +71,7 @@ def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
     cofactor *= np.where(mirrored, -1.0, 1.0)[:, None, None]
     return Geometry(
         geometry.positions, geometry.normals, geometry.triangles, geometry.part_first.astype(np.int64)[draws.part],
-        draws.transform, cofactor, mirrored, cut_out,
+        draws.transform, cofactor, mirrored, cut_out, edge_neighbours(geometry),
     )  # fmt: skip
 
 
@@ -140,7 +143,7 @@ class Lens:
         focal = self.wide.fx * self.wide.fy
         return (
             geometry.positions, geometry.normals, geometry.triangles, geometry.first, np.ascontiguousarray(seen),
-            geometry.cofactor, geometry.mirrored, geometry.cut_out, focal,
+            geometry.cofactor, geometry.mirrored, geometry.cut_out, geometry.neighbours, focal,
         )  # fmt: skip
 
 
@@ -156,60 +159,75 @@ def _resample(code: U16, place: F64) -> U16:
 def _meet(
     draws: U32, parts: U32, place: F64, rays: F64, near: float, positions: F32, normals: F32, triangles: U32,
     first: NDArray[np.int64], seen: F64, cofactor: F64, mirrored: NDArray[np.bool_], cut_out: NDArray[np.bool_],
-    focal: float, draw_out: U32, depth_out: F32, normal_out: F32, wants_normals: bool,
+    neighbours: NDArray[np.int32], focal: float, draw_out: U32, depth_out: F32, normal_out: F32, wants_normals: bool,
 ) -> None:  # fmt: skip
     """Cut the ray of each pixel with the triangles around its place."""
     height, width = draws.shape
-    corners, known = np.empty((3, 3)), np.empty((9, 2), np.int64)
-    weight, chosen = np.empty(3), np.empty(3)
+    corners, known, chosen = np.empty((3, 3)), np.empty((36, 2), np.int64), np.empty(3)
     for row in range(place.shape[0]):
         for column in range(place.shape[1]):
             x, y = rays[row, column, 0], rays[row, column, 1]
-            left, top = int(place[row, column, 0]), int(place[row, column, 1])
-            best, best_draw, best_part, count, sky = np.inf, 0, 0, 0, False
-            for step in range(9):
-                # The nearest pixel comes first, then the others around it.
-                shift = (4 + step) % 9
-                down = min(max(top + shift // 3 - 1, 0), height - 1)
-                across = min(max(left + shift % 3 - 1, 0), width - 1)
-                draw, part = np.int64(draws[down, across]), np.int64(parts[down, across])
-                if draw == 0:
-                    sky = True
-                    continue
-                if cut_out[draw - 1] and step > 0:
-                    continue
-                fresh = True
-                for other in range(count):
-                    fresh = fresh and not (known[other, 0] == draw and known[other, 1] == part)
-                if not fresh:
-                    continue
-                known[count, 0], known[count, 1] = draw, part
-                count += 1
+            left = min(max(int(place[row, column, 0]), 0), width - 1)
+            top = min(max(int(place[row, column, 1]), 0), height - 1)
+            count, sky = _candidates(known, draws, parts, left, top, first, cut_out, neighbours)
+            best, best_draw, best_part = np.inf, 0, 0
+            for number in range(count):
+                draw, part = known[number]
                 _corners(corners, positions, triangles, first[draw - 1] + part, seen[draw - 1])
-                depth = _hit(corners, x, y, weight)
-                inside = weight[0] >= 0 and weight[1] >= 0 and weight[2] >= 0
+                depth, inside, a, b, c = _hit(corners, x, y)
                 if (inside or cut_out[draw - 1]) and near <= depth < best:
                     best, best_draw, best_part = depth, draw, part
-                    chosen[:] = weight
-            down, across = min(max(top, 0), height - 1), min(max(left, 0), width - 1)
-            if best_draw == 0 and draws[down, across] != 0:
-                draw, part = np.int64(draws[down, across]), np.int64(parts[down, across])
+                    chosen[0], chosen[1], chosen[2] = a, b, c
+            if best_draw == 0 and draws[top, left] != 0:
+                draw, part = np.int64(draws[top, left]), np.int64(parts[top, left])
                 _corners(corners, positions, triangles, first[draw - 1] + part, seen[draw - 1])
                 if not (sky and _area(corners, near) * focal > _SMALL):
-                    depth = _hit(corners, x, y, weight)
-                    middle = (corners[0, 2] + corners[1, 2] + corners[2, 2]) / 3
-                    spread = max(abs(corners[0, 2] - middle), abs(corners[1, 2] - middle), abs(corners[2, 2] - middle))
-                    best = min(max(depth, middle - 2 * spread), middle + 2 * spread)
-                    best_draw, best_part = draw, part
+                    best, best_draw, best_part = _beside(corners, x, y), draw, part
                     chosen[:] = 1.0 / 3.0
             draw_out[row, column], depth_out[row, column] = best_draw, best
             if wants_normals and best_draw != 0:
-                _corners(corners, positions, triangles, first[best_draw - 1] + best_part, seen[best_draw - 1])
+                triangle = first[best_draw - 1] + best_part
+                _corners(corners, positions, triangles, triangle, seen[best_draw - 1])
                 flip = _faces_away(corners, x, y) != mirrored[best_draw - 1]
-                _normal(
-                    normal_out[row, column], normals, triangles, first[best_draw - 1] + best_part,
-                    cofactor[best_draw - 1], chosen, flip,
-                )  # fmt: skip
+                _normal(normal_out[row, column], normals, triangles, triangle, cofactor[best_draw - 1], chosen, flip)
+
+
+@njit(nogil=True)
+def _candidates(
+    known: NDArray[np.int64], draws: U32, parts: U32, left: int, top: int, first: NDArray[np.int64],
+    cut_out: NDArray[np.bool_], neighbours: NDArray[np.int32],
+) -> tuple[int, bool]:  # fmt: skip
+    """List the triangles that nine pixels show, the middle one's first, and then those that share an edge with them."""
+    height, width = draws.shape
+    count, sky = 0, False
+    for step in range(9):
+        shift = (4 + step) % 9
+        down = min(max(top + shift // 3 - 1, 0), height - 1)
+        across = min(max(left + shift % 3 - 1, 0), width - 1)
+        draw = np.int64(draws[down, across])
+        sky = sky or draw == 0
+        if draw == 0 or (step > 0 and cut_out[draw - 1]):
+            continue
+        count = _add(known, count, draw, np.int64(parts[down, across]))
+    if count <= 1 and not sky:
+        return count, sky
+    for number in range(count):
+        draw, part = known[number]
+        if not cut_out[draw - 1]:
+            for edge in range(3):
+                beside = np.int64(neighbours[first[draw - 1] + part, edge])
+                if beside >= 0:
+                    count = _add(known, count, draw, beside)
+    return count, sky
+
+
+@njit(nogil=True)
+def _add(known: NDArray[np.int64], count: int, draw: int, part: int) -> int:
+    for other in range(count):
+        if known[other, 0] == draw and known[other, 1] == part:
+            return count
+    known[count, 0], known[count, 1] = draw, part
+    return count + 1
 
 
 @njit(nogil=True)
@@ -229,18 +247,25 @@ def _volume(a: F64, b: F64, x: float, y: float) -> float:
 
 
 @njit(nogil=True)
-def _hit(corners: F64, x: float, y: float, weight: F64) -> float:
-    """Depth at which the ray meets the triangle's plane; the weights of the corners are left in `weight`."""
-    weight[0] = _volume(corners[1], corners[2], x, y)
-    weight[1] = _volume(corners[2], corners[0], x, y)
-    weight[2] = _volume(corners[0], corners[1], x, y)
-    total = weight[0] + weight[1] + weight[2]
+def _hit(corners: F64, x: float, y: float) -> tuple[float, bool, float, float, float]:
+    """Depth at which the ray meets the triangle's plane, whether inside it, and the weights of its corners there."""
+    a, b, c = (
+        _volume(corners[1], corners[2], x, y), _volume(corners[2], corners[0], x, y),
+        _volume(corners[0], corners[1], x, y),
+    )  # fmt: skip
+    total = a + b + c
     if total == 0.0:
-        weight[0] = -1.0
-        return np.nan
-    for corner in range(3):
-        weight[corner] /= total
-    return weight[0] * corners[0, 2] + weight[1] * corners[1, 2] + weight[2] * corners[2, 2]
+        return np.nan, False, 0.0, 0.0, 0.0
+    a, b, c = a / total, b / total, c / total
+    return a * corners[0, 2] + b * corners[1, 2] + c * corners[2, 2], a >= 0 and b >= 0 and c >= 0, a, b, c
+
+
+@njit(nogil=True)
+def _beside(corners: F64, x: float, y: float) -> float:
+    """Depth of a ray that passes just beside a triangle: that of its plane, but no farther than its corners."""
+    depth = _hit(corners, x, y)[0]
+    low, high = min(corners[0, 2], corners[1, 2], corners[2, 2]), max(corners[0, 2], corners[1, 2], corners[2, 2])
+    return min(max(depth, low), high) if depth == depth else 0.5 * (low + high)
 
 
 @njit(nogil=True)

@@ -142,7 +142,7 @@ def meter(luminance: F32) -> float:
 
 
 def _vignette(shape: tuple[int, int], loss: float) -> F32:
-    """Share of the light that reaches each pixel, falling with the square of its distance from the middle, (H, W, 1)."""
+    """Share of the light that reaches each pixel, falling with the squared distance from the middle, (H, W, 1)."""
     height, width = shape
     down = (np.arange(height) + 0.5) / height * 2 - 1
     across = (np.arange(width) + 0.5) / width * 2 - 1

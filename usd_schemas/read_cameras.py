@@ -28,7 +28,7 @@ def read_cameras(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Cam
 
     A survey's camera has one image for each integer time code at which it is sampled, and so has any other that is
     sampled at every frame from its first to its last. Any other camera that moves, by itself or with a parent, has one
-    for each whole frame of the stage; one that stands still has one.
+    for each whole frame of the stage between its first and last key; one that stands still has one.
 
     Args:
         stage: Composed stage.
@@ -150,8 +150,9 @@ def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
         return whole
     stage = prim.GetStage()
     first, last = min(sampled), max(sampled)
-    if stage.HasAuthoredTimeCodeRange():
-        first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    if stage.HasAuthoredTimeCodeRange():  # outside its own keys a camera stands still: nothing new is seen there
+        start, end = max(first, stage.GetStartTimeCode()), min(last, stage.GetEndTimeCode())
+        first, last = (start, end) if start <= end else (first, last)
     return [Usd.TimeCode(value) for value in range(math.ceil(first), max(math.floor(last), math.ceil(first)) + 1)]
 
 

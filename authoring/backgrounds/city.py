@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from authoring.backgrounds.countryside import far_ways
 from authoring.backgrounds.facades import MIDDLE, tower_faces
+from authoring.backgrounds.far_ways import far_ways
 from authoring.backgrounds.pavements import KERB, plate, street_paint
 from authoring.backgrounds.quads import quad_mesh
 from authoring.backgrounds.river_quays import quays
@@ -20,7 +20,7 @@ from authoring.backgrounds.towers import WALK, Tower, draw_towers
 from authoring.backgrounds.traffic import traffic
 from authoring.component import FIRST_BACKGROUND_ID, Component, Mesh, Scatter
 from authoring.site import Site
-from authoring.site_covers import Cover, covered, drape
+from authoring.site_covers import Cover, chunked, covered, drape
 from authoring.site_land import FIRST_STEP
 from authoring.site_relief import Relief, smoothstep
 from authoring.site_shape import Hills, Land
@@ -123,8 +123,9 @@ def build_city(settings: CitySettings, site: Site, rng: np.random.Generator) -> 
     terrain, plan = town.terrain, town.plan
     axis = site.land.layout.alignment
     pieces: list[Piece] = [
-        (cover.prim, cover.kind, cover.role, "Ground", drape(soup, axis, terrain.atlas(soup)))
+        (name, cover.kind, cover.role, "Ground", drape(chunk, axis, terrain.atlas(chunk)))
         for cover, soup in covered(terrain.soup(((_ASPHALT, _paved(town)),)))
+        for name, chunk in chunked(cover.prim, soup)
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
     pieces += [(prim, kind, role, "Quays", mesh) for prim, kind, role, mesh in quays(terrain, 1.2 * settings.town)]

@@ -4,19 +4,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from authoring.backgrounds.far_ways import far_ways
 from authoring.backgrounds.hamlet import RADIUS, draw_hamlet, hamlet_components
 from authoring.backgrounds.parcels import crop_fields, draw_parcels, uncropped
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
-from authoring.backgrounds.terrain import Terrain, grow_terrain, rolling_hills
+from authoring.backgrounds.terrain import grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import plant_trees
 from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.site import Site
-from authoring.site_covers import covered, drape
-from authoring.site_roads import Piece, approach_pieces, crossing_pieces, spread
+from authoring.site_covers import chunked, covered, drape
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
-FAR_STEP = 8.0  # distance between cross-sections of far roads and rivers [m]
 
 
 class CountrysideSettings(Settings):
@@ -49,8 +48,9 @@ def build_countryside(
     taken = np.array([(house.station, house.left, RADIUS - 3.0) for house in houses]).reshape(-1, 3)
     parcels = uncropped(draw_parcels(terrain, rng), taken)
     pieces = [
-        (cover.prim, cover.kind, cover.role, "Ground", drape(soup, axis, terrain.atlas(soup)))
+        (name, cover.kind, cover.role, "Ground", drape(chunk, axis, terrain.atlas(chunk)))
         for cover, soup in covered(terrain.soup(crop_fields(terrain, parcels)))
+        for name, chunk in chunked(cover.prim, soup)
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
     components = [
@@ -64,22 +64,3 @@ def build_countryside(
         plants += plant(terrain, parcels, taken, count, rng, number)
     poles = plant_poles(terrain, FIRST_BACKGROUND_ID + len(components) + len(plants), rng)
     return (*components, *plants, *poles)
-
-
-def far_ways(terrain: Terrain) -> list[Piece]:
-    """Continue the crossing and the approach roads to the terrain's border.
-
-    Args:
-        terrain: The terrain.
-
-    Returns:
-        Leaf prim name, component kind, material recipe and mesh of each piece.
-    """
-    first, last, low, high = terrain.inner
-    field, land, hills = terrain.field, terrain.land, terrain.hills
-    pieces: list[Piece] = []
-    for suffix, start, stop in (("_Right", low, field.lefts[1]), ("_Left", high, field.lefts[-2])):
-        pieces += crossing_pieces(land, spread(start, stop, FAR_STEP), hills, suffix, terrain.height)
-    for number, start, stop in ((0, first, field.stations[1]), (1, last, field.stations[-2])):
-        pieces += approach_pieces(land, number, spread(start, stop, FAR_STEP), hills, "_Far", terrain.height)
-    return pieces

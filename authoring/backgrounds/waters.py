@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.countryside import far_ways
+from authoring.backgrounds.far_ways import far_ways, without
 from authoring.backgrounds.terrain import Terrain
 from authoring.component import Mesh
-from authoring.site_covers import Cover, Soup, covered, drape
+from authoring.site_covers import Cover, Soup, chunked, covered, drape
 from authoring.site_grid import HeightField
 from authoring.site_relief import smoothstep
 from authoring.site_roads import Piece
@@ -19,7 +19,7 @@ F64 = NDArray[np.float64]
 GroundPiece = tuple[str, str, str, str, Mesh]
 
 SNAP = 0.06  # ground this close to the water's level lies on it, so that the shore passes through its vertices [m]
-SLEEPERS = 420.0  # distance from the site up to which a railway has sleepers [m]
+ROAD_END = 9.0  # distance from the shore at which the road under the bridge ends [m]
 MOUTH = 12.0  # open water reaches this far up a river's channel [m]
 BEACH = 0.6  # height to which the shore is bare [m]
 WATER = Cover("open_water", "OpenWater", "water", "open_water")
@@ -56,7 +56,7 @@ def water_level(land: Land) -> float:
 
 
 def dammed(land: Land, station: F64, left: F64) -> F64:
-    """Tell where a crossing road or railway runs on a dam: 1 under it, 0 beside it and for rivers [1], same shape."""
+    """Tell where land under the water's level carries the crossing way: 1 under it, 0 beside it and for rivers [1]."""
     if land.crossing.kind == "river":
         return np.zeros(np.broadcast(station, left).shape)
     half = land.crossing.half_width + SHOULDER
@@ -64,7 +64,7 @@ def dammed(land: Land, station: F64, left: F64) -> F64:
 
 
 def bathed(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hills) -> Hills:
-    """Let land at large fall to a shore and on below the water; a dam carries a crossing road on.
+    """Let land at large fall to a shore and on below the water; a crossing road is carried to the shore.
 
     Args:
         land: The land.
@@ -78,7 +78,7 @@ def bathed(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hills)
     """
 
     def hills(station: F64, left: F64) -> F64:
-        inside = basin.inside(station, left)
+        inside, out = basin.inside(station, left), basin.side * left - basin.near(station)
         shore = smoothstep(-0.55 * foreshore, -8.0, inside)
         fall = smoothstep(-foreshore, -18.0, inside)
         high = 0.0
@@ -90,7 +90,8 @@ def bathed(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hills)
         ashore = np.minimum(ashore, own) - 0.3 * overlap * overlap
         bed = basin.level - np.minimum(0.3 * np.maximum(inside, 0.0), 9.0)
         wet = np.where(inside > 0.0, bed, ashore)
-        return np.where(basin.side * left > 0.0, wet + dammed(land, station, left) * np.maximum(-wet, 0.0), own)
+        carried = dammed(land, station, left) * (1.0 - smoothstep(-ROAD_END, -0.3 * ROAD_END, out))
+        return np.where(basin.side * left > 0.0, wet + carried * np.maximum(-wet, 0.0), own)
 
     return hills
 
@@ -131,9 +132,10 @@ def shore_pieces(terrain: Terrain, basin: Basin, extra: tuple[tuple[Cover, F64],
     pieces = []
     axis = terrain.land.layout.alignment
     for cover, soup in covered(terrain.soup(extra, ((WATER, wet), (SHORE, beach)))):
-        atlas = terrain.atlas(soup)
-        level = _levelled(soup, basin.level) if cover is WATER else soup
-        pieces.append((cover.prim, cover.kind, cover.role, "Ground", drape(level, axis, atlas)))
+        for name, chunk in chunked(cover.prim, soup) if cover is not WATER else [(cover.prim, soup)]:
+            atlas = terrain.atlas(chunk)
+            level = _levelled(chunk, basin.level) if cover is WATER else chunk
+            pieces.append((name, cover.kind, cover.role, "Ground", drape(level, axis, atlas)))
     return pieces
 
 
@@ -144,7 +146,7 @@ def _levelled(soup: Soup, level: float) -> Soup:
 
 
 def ways_to_water(terrain: Terrain, basin: Basin) -> list[Piece]:
-    """Continue the crossing and the approach roads to the terrain's border; a river sinks into the open water.
+    """Continue the approach roads to the terrain's border, and the crossing: a river sinks into the open water.
 
     Args:
         terrain: The terrain.
@@ -167,18 +169,8 @@ def ways_to_water(terrain: Terrain, basin: Basin) -> list[Piece]:
                 sink * smoothstep(-80.0, 2.0, inside), 4
             )  # nothing at the site: the very same bytes
             mesh = Mesh(points, mesh.face_counts, mesh.corners, mesh.normals, mesh.st)
-        if "Sleepers" in prim:
-            mesh = _nearby(terrain, mesh)
+        elif prim.endswith(("_Left", "_Right")):  # a road or railway under the bridge ends on the quay
+            station, left = terrain.land.layout.alignment.locate(mesh.points)
+            mesh = without(mesh, basin.side * left - basin.near(station) > -ROAD_END)
         pieces.append((prim, kind, role, mesh))
     return pieces
-
-
-def _nearby(terrain: Terrain, mesh: Mesh) -> Mesh:
-    """Leave out the faces that lie farther from the site than anybody sees a sleeper."""
-    away = terrain.beyond(*terrain.land.layout.alignment.locate(mesh.points))
-    face = np.repeat(np.arange(len(mesh.face_counts)), mesh.face_counts)
-    far = np.bincount(face, away[mesh.corners] > SLEEPERS, len(mesh.face_counts)) > 0
-    kept = ~far[face]
-    used, corners = np.unique(mesh.corners[kept], return_inverse=True)
-    return Mesh(mesh.points[used], mesh.face_counts[~far], corners.reshape(-1).astype(np.int32), mesh.normals[kept],
-                mesh.st[kept])  # fmt: skip

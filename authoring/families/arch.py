@@ -74,4 +74,3 @@ def build_arch(layout: Layout, drawn: DrawnArch, ground: Ground) -> list[Part]:
     if isinstance(drawn.arch, DrawnMasonry):
         return build_masonry(layout, drawn.arch, ground)
     return build_through_arch(layout, drawn.arch, ground)
-

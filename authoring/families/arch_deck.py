@@ -24,7 +24,9 @@ from authoring.parts.spans import Levels, Spans, level_at
 FOUNDING = 1.2  # [m] blocks and footings below the lowest ground at them
 _SHOWS = 0.4  # [m] of a springing's block above the land
 _LEAST_COLUMN = 0.25  # [m]
-_COLUMNS = (0.45, 2.2)  # [m] columns along the bridge: the tallest are up to 20 times as tall as thick
+_COLUMNS = (0.55, 2.6)  # [m] columns along the bridge: the tallest are up to 20 times as tall as thick
+_BELOW = 5.0  # [m] by which the tallest columns exceed the rise, about
+_RIB_SLENDERNESS = 20.0  # [1] of the tallest columns across the bridge, where ribs carry them
 _INTO_DECK = 0.008  # [m] cross-head into the deck that it carries
 _ROOM = 0.25  # [m] on a block before and behind the pier on it
 
@@ -160,7 +162,9 @@ def _draw_section(choice: ArchChoice, width: float, draws: Draws) -> RibSection:
         return RibSection("concrete", ring, (0.0,), sharp)
     count = 2 if width <= 15.0 else (3 if width <= 22.0 else 4)
     outer = (0.28 + 0.06 * spread) * width
-    rib = float(np.clip(choice.depth * (0.7 + 0.5 * rib_share), 0.7, min(2.2, 1.2 * outer / (count - 1))))
+    least = max(0.9, (choice.rise + _BELOW) / _RIB_SLENDERNESS + 0.16)  # what the tallest columns on it want
+    most = min(2.6, 1.2 * outer / (count - 1))
+    rib = min(max(choice.depth * (0.7 + 0.5 * rib_share), least), most)
     lines = tuple(round(float(line), 3) for line in np.linspace(-outer, outer, count))
     return RibSection(choice.form, round(rib, 3), lines, 0.0 if choice.form == "steel" else sharp)
 
@@ -169,7 +173,7 @@ def _draw_bents(choice: ArchChoice, section: RibSection, slab: SpandrelDeck, wid
     paper, ring = draws.profile == "paper", len(section.lines) == 1
     shape = draws.choose({"rectangular": 0.7, "round": 0.3})
     slender, depth, taper = draws.random(), 0.6 + 0.35 * draws.random(), 0.3 * draws.random()
-    length = float(np.clip(choice.rise / (11.0 + 5.0 * slender), *_COLUMNS))
+    length = float(np.clip((choice.rise + _BELOW) / (14.0 + 4.0 * slender), *_COLUMNS))
     count = max(2, int(np.ceil(0.5 * width / 6.5)) + 1)
     lines = np.linspace(-0.25 * width, 0.25 * width, count) if ring else np.array(section.lines)
     across = min(1.3 * length, section.width - 0.16) if not ring else 1.3 * length

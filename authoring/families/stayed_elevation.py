@@ -7,7 +7,7 @@ import numpy as np
 from authoring.families.stayed_choices import Choice
 from authoring.parts.deck_top import DeckTop
 from authoring.parts.pylons import Pylon, anchor_faces
-from authoring.parts.stays import STEEPEST, Stays, collar_of, head_heights
+from authoring.parts.stays import STEEPEST, Run, Stays, collar_of, head_heights
 from groundwork.errors import InputError
 
 GAUGE = {"road": 4.7, "rail": 6.0}  # [m] clear height over the finished surface
@@ -16,6 +16,7 @@ _CLEAR = 0.25  # [m] beside the gauge
 _LEG_GAP = 0.35  # [m] between deck and leg
 _WIDEST_STRIP = 2.4  # [m]
 _END = 1.2  # [m] from the last bearing line back to the outermost foot
+_MOST_LEAN = 0.55  # [1] of the legs of an A or a diamond
 _MOST = 24  # stays to one side in one plane
 
 
@@ -173,9 +174,16 @@ def _heads(choice: Choice, frame: Frame, least: float) -> tuple[tuple[float, ...
         near = (max(least, frame.foot + 3.0) - frame.foot) / slope + face[0] + 0.1 if least else 0.0
     collar = collar_of(choice.diameter)
     offsets = _offsets(choice, frame, lowest, near)
-    lowest = head_heights(choice.arrangement, offsets, frame.foot, top, zone, collar, face)[0]
+    lowest = head_heights(choice.arrangement, _runs(choice, offsets, face), frame.foot, top, zone, collar, face)[0]
     offsets = _offsets(choice, frame, lowest, near)
-    return offsets, head_heights(choice.arrangement, offsets, frame.foot, top, zone, collar, face)
+    return offsets, head_heights(choice.arrangement, _runs(choice, offsets, face), frame.foot, top, zone, collar, face)
+
+
+def _runs(choice: Choice, offsets: tuple[float, ...], face: tuple[float, float]) -> tuple[Run, ...]:
+    """Find how far each stay runs along the bridge from the pylon's face, in the main span and where it runs least."""
+    half = face[0]
+    shrink = min((choice.side - _END - half) / (offsets[-1] - half), 1.0)
+    return tuple((x - half, shrink * (x - half)) for x in offsets)
 
 
 def stays_of(choice: Choice, frame: Frame, pylon: Pylon, plane: float) -> Stays:
@@ -227,7 +235,7 @@ def fit(choice: Choice, frame: Frame, strip: float) -> tuple[Pylon, Stays, float
     """
     while strip <= _WIDEST_STRIP:
         pylon, plane = pylon_of(choice, frame, strip)
-        if pylon.merge > 0.4 * frame.height or not pylon.headed:
+        if not pylon.headed or (pylon.merge > 0.4 * frame.height and pylon.lean < _MOST_LEAN):
             stays = stays_of(choice, frame, pylon, plane)
             if clears_traffic(choice, frame, pylon, stays):
                 return pylon, stays, strip

@@ -202,4 +202,3 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     top = bridge.top
     parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
     return parts
-

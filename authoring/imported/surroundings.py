@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from authoring.backgrounds.countryside import far_ways
+from authoring.backgrounds.far_ways import far_ways
 from authoring.backgrounds.terrain import Terrain, distance_beyond, grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import plant_trees
 from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
@@ -17,7 +17,7 @@ from authoring.imported.model import Building, CityModel
 from authoring.imported.place import CELL, BuiltMap, CityPlace, built_map, choose_place
 from authoring.imported.textured_place import Clearance, place_textured
 from authoring.site import Site
-from authoring.site_covers import Cover, covered, drape, to_world
+from authoring.site_covers import Cover, chunked, covered, drape, to_world
 from authoring.site_land import FIRST_STEP
 from authoring.site_relief import smoothstep
 from authoring.site_shape import Hills
@@ -60,8 +60,9 @@ def build_city_world(model: CityModel, site: Site, rng: np.random.Generator) -> 
     # A photograph shows its own pavements; where it is cut away there is grass, as on the site.
     paved = () if clearance is not None else ((_PAVING, _paving(terrain, place, built_map(model))),)
     pieces = [
-        (cover.prim, cover.kind, cover.role, "Ground", drape(soup, axis, terrain.atlas(soup)))
+        (name, cover.kind, cover.role, "Ground", drape(chunk, axis, terrain.atlas(chunk)))
         for cover, soup in covered(terrain.soup(paved))
+        for name, chunk in chunked(cover.prim, soup)
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
     components = [

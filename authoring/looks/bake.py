@@ -1,7 +1,8 @@
 """Bake surfaces and looks into texture files: sheets, the shared fine detail, and the macro texture of a bridge."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from pydantic import Field
@@ -10,16 +11,27 @@ from authoring.component import Component, Scatter
 from authoring.looks.encode import U8, encode_raw, png
 from authoring.looks.library import SheetFiles, SheetName, bake_sheets, link_sheet
 from authoring.looks.material import MaterialRecipe
-from authoring.looks.noise import Tile, fractal
-from authoring.looks.recipe import DETAIL_PERIODS
+from authoring.looks.noise import Tile, fractal, spots, standard
+from authoring.looks.recipe import DETAIL_PERIODS, SMOOTH
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, fill_roles, sheet_numbers
+from authoring.looks.user_sets import place_set, read_sets
 from authoring.looks.weathering import ground_patches, weather
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
 from groundwork.settings import Settings
+from usd_schemas.tokens import ROLES
+
+NO_FOLDERS: Mapping[str, Path] = MappingProxyType({})
 
 _DETAIL_PIXELS = 512
+# Pitch, radius and share of the specks of a detail tile of side 1, and how high they stand out of the noise.
+_SPECKS = (
+    (0.022, 0.010, 0.25, -3.5),
+    (0.022, 0.010, 0.25, 3.0),
+    (0.050, 0.022, 0.25, -2.5),
+    (0.050, 0.022, 0.20, 2.0),
+)
 _DETAIL_SEED = 20_531  # one detail for all surfaces, so that its file is the same wherever it lies
 _FEW_YEARS = 0.5  # what is nearly even needs no finer macro texture than its tones
 
@@ -35,6 +47,15 @@ class LookSettings(Settings):
     texels: int = Field(
         default=2048, ge=256, le=4096, description="Texels along a side of a bridge's sheets of 8.2 m [px]"
     )
+    folders: tuple[str, ...] = Field(
+        default=(),
+        description="Folders or zips of your own surfaces, relative to the scenario: family/name/{albedo|color|"
+        "diffuse, roughness, height, metallic}, ambientCG, Poly Haven; a role that a family suits wears one of "
+        "them, drawn from the seed",
+    )
+    picture_side: float = Field(
+        default=2.0, ge=0.1, le=100.0, description="Length of a side of the pictures in `folders` on the bridge [m]"
+    )
 
 
 def bake_look(
@@ -43,6 +64,7 @@ def bake_look(
     folder: Path,
     components: Iterable[Component | Scatter],
     rng: np.random.Generator,
+    given: Mapping[str, Path] = NO_FOLDERS,
     library: Path | None = None,
 ) -> dict[str, MaterialRecipe]:
     """Bake one look for the roles that a bridge uses.
@@ -53,23 +75,29 @@ def bake_look(
         folder: Folder of the look's layer; receives `textures/`.
         components: Parts of the bridge; their charts on `st1` are weathered.
         rng: Random stream of the look.
+        given: Users' folders of surfaces by the names that the settings have for them.
         library: Where sheets are kept; the user's cache folder when not given.
 
     Returns:
         One recipe for each role in use, in the order of `usd_schemas.tokens.ROLES`.
 
     Raises:
-        InputError: There is no such look.
+        InputError: There is no such look, or a user's surface cannot be read.
     """
     if name not in LOOKS:
         raise InputError("unknown look", field="look.name", value=name, allowed=", ".join(LOOKS))
     pieces = tuple(components)
     surfaces, years = fill_roles(name, rng)
     worn = worn_sheets(pieces)
+    own = {
+        role: sets for role, sets in read_sets(given[n] for n in settings.folders if n in given).items() if role in worn
+    }
+    chosen = {role: sets[int(rng.integers(len(sets)))] for role, sets in own.items()}
     wanted = {
         (role, number): SheetName(surface, number, settings.texels)
         for role, surface in surfaces.items()
         for number in sorted(worn.get(role, ()))
+        if role not in chosen
     }
     kept = bake_sheets(wanted.values(), library)
     linked = {
@@ -78,11 +106,18 @@ def bake_look(
     }
     macro = _bake_macro(settings, years, folder, pieces, rng)
     detail = write_texture(folder, "detail", detail_texture())
-    return {
+    recipes = {
         role: _recipe(surface, detail, macro, {n: linked[wanted[role, n]] for n in sorted(worn[role])})
         for role, surface in surfaces.items()
-        if role in worn
+        if role in worn and role not in chosen
     }
+    for role, one in chosen.items():
+        files, metallic = place_set(one, folder, settings.picture_side, settings.texels)
+        recipes[role] = MaterialRecipe(
+            one.name, files.albedo, files.color, files.roughness, files.mean_roughness, files.normal, metallic,
+            settings.picture_side, detail, DETAIL_PERIODS, SMOOTH, macro,
+        )  # fmt: skip
+    return {role: recipes[role] for role in ROLES if role in recipes}
 
 
 def bake_surface(
@@ -180,11 +215,17 @@ def write_texture(folder: Path, name: str, image: U8) -> str:
 
 
 def detail_texture() -> U8:
-    """Draw the tileable grey detail: noise in every octave, mean 0.5, so that 2 g - 1 has mean 0.
+    """Draw the tileable grey detail: noise in every octave, pores and grains; mean 0.5, so that 2 g - 1 has mean 0.
+
+    Single dark and bright specks are what a feature detector holds on to: of two details with the same contrast, this
+    one gives three times the keypoints of noise alone.
 
     Returns:
         Grey values, shape (512, 512), uint8.
     """
     tile = Tile(_DETAIL_PIXELS, 1.0, np.random.default_rng(_DETAIL_SEED))
-    field = np.clip(fractal(tile, 0.5, slope=0.75), -2.6, 2.6)
-    return encode_raw(0.5 + field * np.float32(0.36 / 2))
+    field = np.float32(0.6) * fractal(tile, 0.5, slope=0.6)
+    for pitch, radius, share, height in _SPECKS:
+        field = field + np.float32(height) * spots(tile, pitch, radius, share)
+    field = standard(np.clip(standard(field), -2.7, 2.7))
+    return encode_raw(0.5 + np.clip(field * np.float32(0.36 / 2), -0.5, 0.5))

@@ -21,9 +21,13 @@ def painted_steel(tile: Tile, color: Color, age: float) -> Sheet:
     chalk = ramp(fractal(tile, 0.8, 0.03, stretch=(1.0, 3.3)), 0.3, 2.4)
     pale = (0.6 * color[0] + 0.14, 0.6 * color[1] + 0.14, 0.6 * color[2] + 0.135)
     albedo = cover(albedo, 0.45 * np.float32(age) * chalk, pale)
+    # Blisters break where rust creeps below the paint; what the rain washes out of them runs down.
     bloom = fractal(tile, 0.5, 0.012)
-    rust = ramp(bloom, 2.6 - 1.0 * age, 2.9 - 1.0 * age) if age > 0 else np.zeros_like(bloom)
-    halo = ramp(bloom, 1.9 - 1.0 * age, 2.8 - 1.0 * age) if age > 0 else np.zeros_like(bloom)
+    years = min(age, 1.0)
+    rust = ramp(bloom, 2.75 - 0.9 * years, 3.0 - 0.9 * years) if age > 0 else np.zeros_like(bloom)
+    halo = ramp(bloom, 2.1 - 0.9 * years, 2.9 - 0.9 * years) if age > 0 else np.zeros_like(bloom)
+    runs = ramp(fractal(tile, 0.35, 0.012, stretch=(1.0, 8.0)), 2.6 - age, 3.4 - age)
+    albedo = cover(albedo, 0.45 * np.float32(years) * runs, (0.20, 0.115, 0.062))
     albedo = cover(albedo, 0.40 * halo, (0.17, 0.095, 0.055))
     albedo = cover(albedo, rust, rusted(tile))
     return Sheet(
@@ -97,7 +101,7 @@ def rubber(tile: Tile, age: float) -> Sheet:
     """
     dust = ramp(fractal(tile, 0.4, 0.02), -1.2, 2.2)
     albedo = paint((0.034, 0.034, 0.036), 1 + 0.14 * fractal(tile, 0.06, slope=0.3))
-    albedo = cover(albedo, (0.10 + 0.28 * age) * dust, (0.19, 0.175, 0.15))
+    albedo = cover(albedo, (0.10 + 0.22 * age) * dust, (0.125, 0.118, 0.105))
     return Sheet(albedo, (0.72 + 0.15 * dust).astype(np.float32))
 
 
@@ -113,7 +117,7 @@ def marking(tile: Tile, age: float, road: Floats, color: Color = (0.60, 0.595, 0
     worn = ramp(fractal(tile, 0.8, 0.03) + 0.9 * fractal(tile, 0.04, slope=0.2), 2.6 - 2.0 * age, 3.4 - 2.0 * age)
     film = paint(color, 1 + 0.05 * fractal(tile, 1.0, 0.05) + 0.05 * fractal(tile, 0.04, slope=0.2))
     film = cover(film, (0.08 + 0.20 * age) * ramp(fractal(tile, 0.9, 0.04), -0.5, 2.2), (0.16, 0.15, 0.14))
-    return Sheet(cover(film, 0.9 * worn, road), (0.62 + 0.25 * worn).astype(np.float32))
+    return Sheet(cover(film, (0.9 - 0.2 * age) * worn, road), (0.62 + 0.25 * worn).astype(np.float32))
 
 
 def glass(tile: Tile) -> Sheet:

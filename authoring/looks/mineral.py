@@ -116,11 +116,11 @@ def asphalt(
     bare = ramp(stones.near, 0.50, 0.30) * ramp(fractal(tile, 0.9, 0.04), -1.8, 0.8) * (0.35 + 0.65 * age)
     tone = 1 + 0.10 * fractal(tile, 1.2, 0.15) + (0.12 + 0.08 * age) * fractal(tile, 0.20, 0.012, slope=0.5)
     albedo = paint(bitumen, tone)
-    albedo = cover(albedo, bare * 0.85, paint(stone, 0.35 + 1.2 * own * own))
+    albedo = cover(albedo, bare * 0.85, paint(stone, 0.55 + 0.75 * own * own))
     worn = ramp(fractal(tile, 0.30, 0.04), 0.9, 2.2)
     albedo = cover(albedo, (0.15 + 0.50 * age) * worn, paint((0.175, 0.170, 0.158), tone))
     oil = np.maximum(ramp(fractal(tile, 0.4, 0.05), 1.3, 2.2), spots(tile, 0.5, 0.05, 0.25))
-    albedo = cover(albedo, (0.3 + 0.35 * age) * oil, (0.026, 0.025, 0.024))
+    albedo = cover(albedo, (0.3 + 0.25 * min(age, 1)) * oil, (0.026, 0.025, 0.024))
     albedo = cracked(tile, albedo, age)
     relief = 0.004 * ramp(stones.near, 0.5, 0.1) * own
     return Sheet(albedo, np.clip(0.90 - 0.25 * oil, 0.3, 1).astype(np.float32), relief)
@@ -210,8 +210,10 @@ def stones(tile: Tile, pitch: float, color: Color, bed: Color) -> Sheet:
         own, chance, radius = (per_cell(tile, layer) for _ in range(3))
         border = np.minimum(0.36 + 0.22 * radius - layer.near, 0.8 * (layer.second - layer.near))
         body = ramp(border, 0.0, 0.10) * (chance < np.float32(share))
-        rim = 0.72 + 0.28 * ramp(border, 0.0, 0.30)
-        albedo = cover(albedo * (1 - 0.3 * body)[..., None], body, paint(color, (0.5 + own) * rim + 0.08 * grain))
+        rim = 0.80 + 0.20 * ramp(border, 0.0, 0.30)
+        albedo = cover(
+            albedo * (1 - 0.3 * body)[..., None], body, paint(color, (0.72 + 0.56 * own) * rim + 0.05 * grain)
+        )
         relief = np.maximum(relief, body * ramp(border, -0.1, 0.5) * np.float32(0.5 * size * pitch))
     return Sheet(albedo * (1 + 0.06 * clouds)[..., None], 0.93 + 0.02 * grain, relief)
 

@@ -108,8 +108,8 @@ def timber(tile: Tile, age: float, color: Color = (0.155, 0.120, 0.088)) -> Shee
     """
     rings = fractal(tile, 0.10, 0.006, slope=0.6, stretch=(20.0, 1.0))
     check = ramp(fractal(tile, 0.12, 0.006, stretch=(16.7, 1.0)), 2.3 - age, 3.0 - age)
-    albedo = paint(color, 1 + 0.20 * rings + 0.10 * fractal(tile, 0.8, 0.02))
-    albedo = cover(albedo, 0.8 * check, (0.030, 0.023, 0.017))
+    albedo = paint(color, 1 + 0.14 * rings + 0.10 * fractal(tile, 0.8, 0.02))
+    albedo = cover(albedo, 0.6 * check, (0.050, 0.040, 0.031))
     return Sheet(albedo, 0.9 + 0.02 * rings, 0.002 * rings - 0.006 * check)
 
 

@@ -12,7 +12,7 @@ DETAIL_PERIODS = (5.3, 1.37, 0.37)
 SIDE = 8.192  # [m] of a sheet of a bridge: 4 mm a texel at 2048
 FULL = 2048  # texels along the side of such a sheet
 
-ROUGH = (0.34, 0.26, 0.24)  # strong enough that a patch differs from itself one sheet on
+ROUGH = (0.36, 0.30, 0.42)  # strong enough that a patch differs from itself one sheet on
 SMOOTH = (0.12, 0.12, 0.14)
 FAINT = (0.06, 0.06, 0.08)
 

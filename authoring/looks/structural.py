@@ -13,8 +13,7 @@ from authoring.looks.sheet import Color, Sheet
 
 CLEAN, AGED = "_clean", "_aged"
 
-_METAL = (0.24, 0.24, 0.26)  # detail of coated metal after decades
-_STRONG = (0.36, 0.32, 0.32)  # of what decades have made rough
+_METAL = (0.44, 0.36, 0.46)  # detail of coated metal after decades: its sheets are the plainest
 _ROAD = 10.24  # [m]; a camera that crosses a road by 3 to 4 m from image to image must not meet the same asphalt
 
 
@@ -23,7 +22,7 @@ def _ages(
     draw: Callable[..., Sheet],
     new: dict[str, Color] | None = None,
     old: dict[str, Color] | None = None,
-    details: tuple[tuple[float, float, float], ...] = (SMOOTH, ROUGH, _STRONG),
+    details: tuple[tuple[float, float, float], ...] = (SMOOTH, ROUGH, ROUGH),
     years: tuple[float, float, float] = (0.1, 0.8, 1.3),
     metres: float = SIDE,
     relief: bool = False,
@@ -70,7 +69,7 @@ def _paints() -> dict[str, Recipe]:
     for name, color in PAINTS.items():
         paint: dict[str, Color] = {"color": color}
         draw = partial(coated.painted_steel, **paint)
-        rows |= _ages(f"paint_{name}", draw, details=(FAINT, _METAL, ROUGH), years=(0.0, 0.7, 1.25))
+        rows |= _ages(f"paint_{name}", draw, details=(FAINT, _METAL, _METAL), years=(0.0, 0.7, 1.25))
     return rows
 
 
@@ -80,13 +79,13 @@ STRUCTURAL: dict[str, Recipe] = {
     **_ages("smooth_concrete", mineral.smooth_concrete, {"color": (0.555, 0.56, 0.55)}, {"color": (0.33, 0.32, 0.29)}),
     **_ages("deck_concrete", mineral.deck_concrete, {"color": (0.480, 0.485, 0.478)}, {"color": (0.29, 0.275, 0.245)}),
     **_ages("washed_concrete", walls.washed_concrete, relief=True),
-    **_ages("coated_concrete", walls.coated_concrete, details=(FAINT, ROUGH, _STRONG)),
-    **_ages("asphalt", mineral.asphalt, _BITUMEN, _OLD_BITUMEN, (ROUGH, ROUGH, _STRONG), (0.1, 0.7, 1.2), _ROAD),
-    **_ages("road_marking", _marking, {"color": (0.67, 0.67, 0.65)}, None, (FAINT, ROUGH, _STRONG), (0.1, 0.6, 1.0)),
+    **_ages("coated_concrete", walls.coated_concrete, details=(FAINT, ROUGH, ROUGH)),
+    **_ages("asphalt", mineral.asphalt, _BITUMEN, _OLD_BITUMEN, (ROUGH, ROUGH, ROUGH), (0.1, 0.7, 1.2), _ROAD),
+    **_ages("road_marking", _marking, {"color": (0.67, 0.67, 0.65)}, None, (FAINT, ROUGH, ROUGH), (0.1, 0.6, 1.0)),
     **_ages(
         "yellow_marking",
         partial(_marking, color=(0.58, 0.37, 0.045)),
-        details=(FAINT, ROUGH, _STRONG),
+        details=(FAINT, ROUGH, ROUGH),
         years=(0.1, 0.6, 1.0),
     ),
     **_ages("masonry", mineral.masonry, {"color": (0.50, 0.47, 0.40), "other": (0.46, 0.45, 0.42)}, None, relief=True),
@@ -100,11 +99,11 @@ STRUCTURAL: dict[str, Recipe] = {
     **_ages("brickwork", walls.brickwork, relief=True),
     **_paints(),
     **_ages("painted_steel", partial(coated.painted_steel, color=PAINTS["green"]), {"color": PAINTS["blue"]}, None,
-            (FAINT, _METAL, ROUGH), (0.0, 0.7, 1.25)),
+            (FAINT, _METAL, _METAL), (0.0, 0.7, 1.25)),
     **_ages("weathering_steel", coated.weathering_steel, details=(SMOOTH, ROUGH, ROUGH)),
-    **_ages("galvanised_steel", coated.galvanised, {"color": (0.555, 0.565, 0.575)}, None, (FAINT, _METAL, ROUGH)),
-    **_ages("rail_steel", coated.rail_steel, None, None, (FAINT, _METAL, ROUGH), (0.2, 0.8, 1.2)),
-    **_ages("rubber", coated.rubber, None, None, (FAINT, ROUGH, _STRONG)),
+    **_ages("galvanised_steel", coated.galvanised, {"color": (0.555, 0.565, 0.575)}, None, (FAINT, _METAL, _METAL)),
+    **_ages("rail_steel", coated.rail_steel, None, None, (FAINT, _METAL, _METAL), (0.2, 0.8, 1.2)),
+    **_ages("rubber", coated.rubber, None, None, (FAINT, ROUGH, ROUGH)),
     **_ages("timber", organic.timber, {"color": (0.215, 0.165, 0.110)}, {"color": (0.165, 0.150, 0.130)}),
     **_ages("tarred_timber", partial(organic.timber, color=(0.070, 0.056, 0.044))),
     "ballast": _stones((0.165, 0.155, 0.145), (0.06, 0.055, 0.05)),

@@ -239,7 +239,8 @@ def _pad(bearings: Bearings, spot: _Spot, low: float, high: float) -> Surface:
     outline = _plate((bearings.pad_length, bearings.pad_width))
     layers = max(2, round((high - low) / _LAYER))
     heights = np.linspace(low, high, 2 * layers + 1)
-    rings = np.stack([inset(outline, _BULGE) if k % 2 == 0 else outline for k in range(2 * layers + 1)])
+    waist = inset(outline, _BULGE)
+    rings = np.stack([waist if k % 2 == 0 else outline for k in range(2 * layers + 1)])
     guide = np.array([min(k | 1, 2 * layers - 1) for k in range(2 * layers + 1)], np.int32)
     return sweep(rings, heights, "above", frame, girth_of=guide)
 

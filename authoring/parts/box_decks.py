@@ -61,14 +61,18 @@ class CableDeck:
         return self.kind in ("edge_beam", "concrete_box")
 
 
-def deck_pieces(low: float, high: float) -> list[tuple[float, float]]:
-    """Cut a deck into pieces of equal length, with open construction joints between them.
+def deck_pieces(low: float, high: float, floor: tuple[float, ...]) -> list[tuple[float, float]]:
+    """Cut a deck into pieces of about equal length, with open construction joints between two floor beams.
 
     Args:
         low: Station of its first end [m].
         high: Station of its last end [m].
+        floor: Stations of the floor beams, rising, the first and the last near the ends [m].
     """
     cuts = np.linspace(low, high, int(np.ceil((high - low) / _LONGEST)) + 1)
+    beams = np.array(floor)
+    bays = np.clip(np.searchsorted(beams, cuts[1:-1]), 1, len(beams) - 1)
+    cuts[1:-1] = 0.5 * (beams[bays - 1] + beams[bays])
     half = 0.5 * _JOINT
     last = len(cuts) - 2
     return [
@@ -86,7 +90,7 @@ def cable_deck_parts(
         deck: Cross-section.
         low: Station of its first end [m].
         high: Station of its last end [m].
-        floor: Stations of the floor beams [m]; a box has none.
+        floor: Stations of the floor beams [m]; a box has diaphragms there, which nothing sees.
         levels: Levels of the deck.
         place: Axis of the bridge.
     """
@@ -94,7 +98,7 @@ def cable_deck_parts(
     outline = rectangle((-0.5 * deck.width, levels.soffit), (0.5 * deck.width, -levels.surfacing))
     if deck.chamfered:
         outline = cut_corners(outline, np.array([_CHAMFER, _CHAMFER, 0.0, 0.0]))
-    pieces = deck_pieces(low, high)
+    pieces = deck_pieces(low, high, floor)
     for number, (begin, end) in enumerate(pieces):
         size: dict[str, object] = {"length": end - begin, "width": deck.width, "thickness": deck.slab}
         surface = prism(outline, begin, end, "station", place)

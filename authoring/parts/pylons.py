@@ -69,6 +69,11 @@ class Pylon:
         """Whether the legs meet in a head."""
         return self.shape in ("a", "diamond")
 
+    @property
+    def lean(self) -> float:
+        """How far a leg's middle moves inward for each metre above the knee [1]."""
+        return (self.knee_line - self.merge_line) / (self.merge - self.knee)
+
     def line(self, above: float) -> float:
         """Find the middle of the left leg [m].
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -14,6 +15,7 @@ from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.pylons import Pylon, anchor_faces
 from authoring.parts.spans import level_at
 
+Run = tuple[float, float]
 Arrangement = Literal["fan", "semi_fan", "harp"]
 
 _BETWEEN = 0.06  # [m] between two collars on a pylon
@@ -71,7 +73,7 @@ def collar_of(diameter: float) -> float:
 
 def head_heights(
     arrangement: str,
-    offsets: Sequence[float],
+    runs: Sequence[Run],
     foot: float,
     top: float,
     zone: float,
@@ -82,7 +84,7 @@ def head_heights(
 
     Args:
         arrangement: `fan`: as close as their collars allow; `semi_fan`: spread over a zone; `harp`: all stays parallel.
-        offsets: From the pylon's axis to every foot, rising [m].
+        runs: How far every stay runs along the bridge from the pylon's face in the main span, rising [m], and at least.
         foot: Height of the feet [m].
         top: Height of the highest head [m].
         zone: Lowest head of a semi-fan [m].
@@ -93,16 +95,16 @@ def head_heights(
         Heights, rising [m].
     """
     if arrangement == "harp":
-        half, growth = face
-        slope = (top - foot) / (offsets[-1] - half)
+        _, growth = face
+        slope = (top - foot) / runs[-1][0]
         # head = foot + slope * (offset - half length there), and the half length grows downward
-        heads = [(foot + slope * (x - half - growth * top)) / (1.0 - slope * growth) for x in offsets]
-        return tuple(heads)
-    spread = [collar * float(np.hypot(1.0, (top - foot) / x)) for x in offsets]
-    even = (top - zone) / (len(offsets) - 1) if arrangement == "semi_fan" else 0.0
-    heads = [top]
-    for k in range(len(offsets) - 1, 0, -1):
-        heads.append(heads[-1] - max(even, spread[k] + spread[k - 1] + _BETWEEN))
+        return tuple((foot + slope * (run - growth * top)) / (1.0 - slope * growth) for run, _ in runs)
+    even = (top - zone) / (len(runs) - 1) if arrangement == "semi_fan" else 0.0
+    heads, least = [top], [run for _, run in runs[::-1]]
+    for upper, lower in pairwise(least):
+        # The lower one is told by the upper one's height, from which it slants a little more than it does.
+        spread = [collar * float(np.hypot(1.0, (heads[-1] - foot) / run)) for run in (upper, lower)]
+        heads.append(heads[-1] - max(even, sum(spread) + _BETWEEN))
     return tuple(heads[::-1])
 
 

@@ -35,6 +35,8 @@ def existing_flight(settings: StageSettings, scene: FlatScene) -> Flown:
 def _find(wanted: str, scene: FlatScene) -> int:
     own = [row for row, track in enumerate(scene.cameras) if track.path]  # the framing camera has no prim
     found = [row for row in own if wanted in ("", scene.cameras[row].path, _leaf(scene.cameras[row]))]
+    if not wanted:  # whoever names none means the one that no survey of ours flew
+        found = [row for row in found if "kind" not in scene.cameras[row].facts] or found
     if len(found) == 1:
         return found[0]
     names = ", ".join(scene.cameras[row].path for row in own) or "none is there"

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import KDTree
 
 from authoring.surveys.box import OrientedBox
 from authoring.surveys.subject import Subject
@@ -29,12 +30,14 @@ class FreeSpace:
         edge: Length of a cell's edge [m].
         clearance: Distance of each cell's middle to the nearest surface, rounded to centimetres [m], shape (X, Y, Z).
         free: Whether the whole cell keeps its distance, and belongs to the largest connected part, shape (X, Y, Z).
+        cut_off: Whether it keeps its distance, but no way leads there, shape (X, Y, Z).
     """
 
     box: OrientedBox
     edge: float
     clearance: F64
     free: Cells
+    cut_off: Cells
 
     def middles(self, cells: I64) -> F64:
         """Find the middles of cells.
@@ -73,7 +76,8 @@ def cut_free_space(box: OrientedBox, subject: Subject, edge: float, safety: floa
         over_ground: Least height of a cell's middle over ground or water [m].
     """
     shape = tuple(int(count) for count in np.maximum(np.floor(2.0 * box.half / edge + 1e-9), 1.0))
-    space = FreeSpace(box, edge, np.zeros(shape), np.zeros(shape, bool))
+    nothing = np.zeros(shape, bool)
+    space = FreeSpace(box, edge, np.zeros(shape), nothing, nothing)
     cells = np.stack(np.meshgrid(*(np.arange(count) for count in shape), indexing="ij"), axis=-1).reshape(-1, 3)
     middles = space.middles(cells)
     clearance = np.round(subject.clearance(middles), 2)
@@ -81,7 +85,25 @@ def cut_free_space(box: OrientedBox, subject: Subject, edge: float, safety: floa
     columns = space.middles(np.column_stack([cells[:: shape[2], :2], np.zeros(len(cells) // shape[2], np.int64)]))
     ground = np.repeat(subject.ground_height(columns[:, :2]), shape[2])
     free = (far & (middles[:, 2] > ground + over_ground) & np.isfinite(ground)).reshape(shape)
-    return FreeSpace(box, edge, clearance.reshape(shape), _largest_part(free))
+    largest = _largest_part(free)
+    return FreeSpace(box, edge, clearance.reshape(shape), largest, free & ~largest)
+
+
+def gap_between(space: FreeSpace) -> F64 | None:
+    """Find the middle between the largest part of the free space and what is cut off nearest to it.
+
+    Args:
+        space: The cells.
+
+    Returns:
+        A world position [m], shape (3,), float64, or None where all free cells hang together.
+    """
+    if not space.cut_off.any():
+        return None
+    inside, outside = (space.middles(np.argwhere(cells)) for cells in (space.free, space.cut_off))
+    away, rows = KDTree(inside).query(outside)
+    nearest = int(np.argmin(away))
+    return 0.5 * (outside[nearest] + inside[int(rows[nearest])])
 
 
 def _largest_part(free: Cells) -> Cells:

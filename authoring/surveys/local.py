@@ -6,13 +6,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.surveys.freespace import FreeSpace, Ways, cut_free_space, link_cells, smooth_field
+from authoring.surveys.freespace import FreeSpace, Ways, cut_free_space, gap_between, link_cells, smooth_field
 from authoring.surveys.local_box import draw_local_box
 from authoring.surveys.local_gaze import gaze
 from authoring.surveys.settings import LocalSettings
 from authoring.surveys.subject import Subject
 from authoring.surveys.way import eased_way, equal_steps, rounded_way, shortcut
 from groundwork.errors import InputError
+from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -56,7 +57,8 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
             f"no free space: the instance {subject.obstacle_ids[int(row[0])]} fills the box", field="survey.safety",
             value=settings.safety, mend="Lower it, or widen survey.beside and survey.above",
         )  # fmt: skip
-    way = _draw_way(settings, space, subject, rng)
+    target = None if settings.target is None else _reach_target(settings, settings.target, space, subject)
+    way = _draw_way(settings, space, subject, target, rng)
     positions = np.round(equal_steps(way, settings.spacing), DECIMALS)
     highest = np.radians(settings.pitch_limit) if limited else 0.5 * np.pi
     return gaze(positions, subject, highest, COARSE)
@@ -77,13 +79,50 @@ class _Lures:
     chance: F64
 
 
-def _draw_way(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: np.random.Generator) -> F64:
+def _reach_target(settings: LocalSettings, target: int, space: FreeSpace, subject: Subject) -> int:
+    """Find the free cell nearest to a component: its row among the free cells."""
+    own = subject.bridge_ids == target
+    if not own.any():
+        raise InputError("no component of the bridge has this id", field="survey.target", value=target)
+    component = RayScene(subject.bridge[own], subject.bridge_ids[own].astype(np.uint32))
+    middles = space.middles(np.argwhere(space.free))
+    away = np.round(component.distance(middles)[0], 2)
+    row = int(np.argmin(away))
+    if away[row] > settings.near + 2.0 * CLOSE:
+        nearest, _ = component.nearest(middles[row : row + 1])
+        toward = nearest - middles[row]
+        _, _, hit = subject.obstacles.cast(middles[row : row + 1], toward)
+        between = (
+            f"the instance {int(hit[0])} lies between" if int(hit[0]) not in (0, target) else "the box ends before"
+        )
+        raise InputError(
+            f"cannot be reached: the flight comes no nearer than {away[row]:.1f} m; {between}",
+            field="survey.target", value=target, mend="Widen the box, or lower survey.safety",
+        )  # fmt: skip
+    return row
+
+
+def _limits(space: FreeSpace, subject: Subject) -> str:
+    """Say what keeps a flight from more of its box; empty where the box alone does."""
+    gap = gap_between(space)
+    if gap is None:
+        return ""
+    _, row = subject.obstacles.distance(gap[None])
+    share = float(space.free.sum()) / float(space.free.sum() + space.cut_off.sum())
+    return (
+        f"; only {share:.0%} of the free space hangs together, cut at the instance {subject.obstacle_ids[int(row[0])]}"
+    )
+
+
+def _draw_way(
+    settings: LocalSettings, space: FreeSpace, subject: Subject, target: int | None, rng: np.random.Generator
+) -> F64:
     """Draw a way through the box until one has room for as many images as are wanted [m], shape (M, 3), float64."""
     lures = _lures(settings, space, subject, rng)
     low, high = ((count - 1) * settings.spacing for count in settings.images)
     tried, longer = [], []
     for _ in range(TRIES):
-        goals = _draw_goals(lures, APART * settings.length, rng)
+        goals = _draw_goals(lures, APART * settings.length, target, rng)
         legs = [lures.ways.between(int(a), int(b)) for a, b in pairwise(goals)]
         rows = np.concatenate([legs[0], *(leg[1:] for leg in legs[1:])]) if legs else goals
         short = shortcut(lures.middles[rows], subject, settings.safety)
@@ -94,12 +133,13 @@ def _draw_way(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: 
         tried.append(length)
         if length > high:
             longer.append(way)
-    for way in longer:
+    for way in longer if target is None else ():
         part = _part(way, rng.uniform(low, high), float(rng.random()))
         if _is_smooth(part, settings.spacing):
             return part
     raise InputError(
-        f"no flight of the length asked for: {TRIES} were {min(tried):.0f} to {max(tried):.0f} m long",
+        f"no flight of the length asked for: {TRIES} were {min(tried):.0f} to {max(tried):.0f} m long"
+        + _limits(space, subject),
         field="survey.images", value=list(settings.images),
         allowed=f"{int(min(tried) / settings.spacing)} to {int(max(tried) / settings.spacing) + 1} images in this box",
     )  # fmt: skip
@@ -131,11 +171,11 @@ def _lures(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: np.
     return _Lures(link_cells(space, weight), middles, chance / chance.sum())
 
 
-def _draw_goals(lures: _Lures, apart: float, rng: np.random.Generator) -> I64:
-    """Draw cells to fly to, no two too near each other; fewer where the free space is small."""
+def _draw_goals(lures: _Lures, apart: float, target: int | None, rng: np.random.Generator) -> I64:
+    """Draw cells to fly to, no two too near each other; fewer where the free space is small, the target among them."""
     wanted = int(rng.integers(GOALS[0], GOALS[1] + 1))
     edges = np.cumsum(lures.chance)
-    goals: list[int] = []
+    goals: list[int] = [] if target is None else [target]
     for share in rng.random(40 * wanted):
         row = int(min(np.searchsorted(edges, share), len(edges) - 1))
         if all(np.linalg.norm(lures.middles[row] - lures.middles[goal]) >= apart for goal in goals):

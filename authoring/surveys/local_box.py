@@ -59,6 +59,15 @@ def _draw_station(settings: LocalSettings, whole: OrientedBox, subject: Subject,
     at_support, which, along = rng.random(), rng.random(), rng.random()
     if settings.station is not None:
         return settings.station
+    if settings.target is not None:
+        own = subject.bridge[subject.bridge_ids == settings.target].reshape(-1, 3)
+        if not len(own):
+            ids = np.unique(subject.bridge_ids)
+            raise InputError(
+                "no component of the bridge has this id", field="survey.target", value=settings.target,
+                allowed=f"{len(ids)} ids from {ids[0]} to {ids[-1]}: falsework scene info --tree",
+            )  # fmt: skip
+        return float(whole.to_local(0.5 * (own.min(axis=0) + own.max(axis=0))[None])[0, 0])
     reach = max(float(whole.half[0]) - 0.5 * settings.length, 0.0)
     if len(subject.seats) and at_support < settings.at_support:
         lines = bearing_lines(whole.to_local(subject.seats))[:, 0]

@@ -98,6 +98,11 @@ class LocalSettings(SurveySettings):
     station: float | None = Field(
         default=None, description="Middle of the box along the bridge, from its middle [m]; drawn, often at a support"
     )
+    target: int | None = Field(
+        default=None,
+        ge=1,
+        description="Instance id of a component that the flight must come near; the box lies round it",
+    )
     at_support: float = Field(default=0.7, ge=0.0, le=1.0, description="Share of the boxes that lie at a support [1]")
     length: float = Field(default=20.0, ge=6.0, le=100.0, description="Length of the box along the bridge [m]")
     beside: float = Field(default=6.0, ge=2.0, le=40.0, description="Box beside the bridge [m]")
@@ -128,7 +133,7 @@ class GridSettings(SurveySettings):
     kind: Literal["grid"]
     id: str = Field(default="grid", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
     sampling: float | None = Field(
-        default=None, ge=0.0005, le=0.1, description="Size of a pixel on the surface [m]; that at 8 m when left out"
+        default=None, ge=0.0005, le=0.1, description="Size of a pixel on the surface [m]; that at 10 m when left out"
     )
     overlap: float = Field(default=0.75, ge=0.3, le=0.95, description="Overlap along a row [1]")
     side_overlap: float = Field(default=0.6, ge=0.2, le=0.95, description="Overlap of neighbouring rows [1]")

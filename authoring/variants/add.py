@@ -22,6 +22,7 @@ from authoring.streams import stream
 from authoring.variants.arcs import add_background, add_light, add_look
 from authoring.variants.foreign_background import import_background
 from authoring.variants.foreign_look import import_look
+from authoring.variants.foreign_place import HERE, Point
 from authoring.variants.selection import AXES, choose, offered, unknown_choice
 from authoring.variants.write import write_background, write_light, write_look
 from groundwork.errors import InputError
@@ -33,15 +34,17 @@ TAXONOMY = "taxonomy"
 USD_FILES = (".usd", ".usda", ".usdc", ".usdz")
 
 
-def set_choices(scene: Path, choices: dict[str, str], warn: Warn) -> dict[str, str]:
+def set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None = None) -> dict[str, str]:
     """Choose a look, a background, a light, a table of classes; what the scene does not offer yet is added to it first.
 
     Args:
         scene: Root layer of a scene.
-        choices: Axis to the name of a choice; to the path of the user's own USD file; or, for a light, to a date and
+        choices: Axis to the name of a choice; to the path of the user's own USD file; for a look, to a folder or zip of
+            the user's surfaces; or, for a light, to a date and
             hour such as 2024-12-21T10:00, or to a photographed sky (.exr, .hdr).
             `taxonomy` to the name of a table, which is a layer and no variant.
         warn: Called with one line for each thing that a file of the user's loses on the way.
+        origin: Point of the user's own background that becomes the scene's origin [m], z up.
 
     Returns:
         Axis to the name selected.
@@ -53,7 +56,8 @@ def set_choices(scene: Path, choices: dict[str, str], warn: Warn) -> dict[str, s
     tables = {axis: taxonomy(name).name for axis, name in choices.items() if axis == TAXONOMY}
     for axis in choices.keys() - AXES.keys() - tables.keys():
         raise InputError("no such choice", where=scene, field=axis, allowed=", ".join([*AXES, TAXONOMY]))
-    names = {axis: _ensure(scene, axis, value, warn) for axis, value in choices.items() if axis in AXES}
+    _check_origin(choices, origin)
+    names = {axis: _ensure(scene, axis, value, warn, origin) for axis, value in choices.items() if axis in AXES}
     choose(scene, names)
     for name in tables.values():
         write_taxonomy_layer(scene.parent, name)
@@ -61,7 +65,7 @@ def set_choices(scene: Path, choices: dict[str, str], warn: Warn) -> dict[str, s
     return {**names, **tables}
 
 
-def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn) -> Path:
+def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn, origin: Point | None = None) -> Path:
     """Write a scene variant beside a scene, whose own selections stay as they are.
 
     Args:
@@ -69,6 +73,7 @@ def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn) -
         name: Name of the variant.
         choices: As for `set_choices`.
         warn: As for `set_choices`.
+        origin: As for `set_choices`.
 
     Returns:
         `variant_<name>.usda`.
@@ -79,7 +84,8 @@ def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn) -
     check_editable(scene)
     for axis in choices.keys() - AXES.keys():
         raise InputError("no such choice", where=scene, field=axis, allowed=", ".join(AXES))
-    names = {axis: _ensure(scene, axis, value, warn) for axis, value in choices.items()}
+    _check_origin(choices, origin)
+    names = {axis: _ensure(scene, axis, value, warn, origin) for axis, value in choices.items()}
     path = scene.with_name(f"variant_{name}.usda")
     layer = variant_layer(Sdf.Layer.OpenAsAnonymous(str(scene), metadataOnly=False), scene.name, names)
     write_text(path, layer.ExportToString())
@@ -96,7 +102,17 @@ class _Drawn:
     site: Site
 
 
-def _ensure(scene: Path, axis: str, value: str, warn: Warn) -> str:
+def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
+    """An origin is that of a background from elsewhere; our own worlds, and imported ones, have theirs."""
+    file = Path(choices.get("background", ""))
+    if origin is not None and (file.suffix not in USD_FILES or is_city(file)):
+        raise InputError(
+            "only a USD file as background has an origin to be moved", field="--re-origin", value=origin,
+            mend="A world of falsework background import has its own; else leave it out",
+        )  # fmt: skip
+
+
+def _ensure(scene: Path, axis: str, value: str, warn: Warn, origin: Point | None) -> str:
     """Make sure that a scene offers a choice, and tell its name."""
     known = offered(Usd.Stage.Open(str(scene), Usd.Stage.LoadNone)).get(axis, ())
     if value in known:
@@ -105,10 +121,13 @@ def _ensure(scene: Path, axis: str, value: str, warn: Warn) -> str:
         if axis == "background" and is_city(Path(value)):
             return _settle(scene, Path(value))
         if Path(value).suffix in USD_FILES and axis != "light":
-            bring = import_background if axis == "background" else import_look
-            return bring(scene, Path(value), warn)
+            if axis == "look":
+                return import_look(scene, Path(value), warn)
+            return import_background(scene, Path(value), warn, HERE if origin is None else origin)
         if axis == "light" and Path(value).suffix.lower() in PANORAMAS:
             return _author_sky(scene, Path(value))
+        if axis == "look" and (Path(value).is_dir() or Path(value).suffix.lower() == ".zip"):
+            return _wear(scene, Path(value))
         makeable = {"look": tuple(LOOKS), "background": tuple(BACKGROUNDS), "light": ()}[axis]
         date = _date(value) if axis == "light" else None
         if value not in makeable and date is None:
@@ -121,6 +140,19 @@ def _settle(scene: Path, world: Path) -> str:
     drawn, name = _draw(read_recipe(scene.parent)), world_name(world)
     file = write_background(drawn.recipe.settings, drawn.recipe.seed, name, drawn.site, scene.parent, world)
     add_background(scene, name, file)
+    return name
+
+
+def _wear(scene: Path, surfaces: Path) -> str:
+    """Dress the bridge in a user's folder of surfaces; what it does not suit stays as the scene's own look has it."""
+    drawn, name = _draw(read_recipe(scene.parent)), Tf.MakeValidIdentifier(surfaces.stem)
+    if name in LOOKS:
+        raise InputError("has the name of a look of ours", where=surfaces, value=name, mend="Rename it")
+    look = drawn.recipe.settings.look.model_copy(update={"folders": (surfaces.name,)})
+    settings = drawn.recipe.settings.model_copy(update={"look": look})
+    given, bridge = {surfaces.name: surfaces}, scene.parent / "bridge"
+    file = write_look(settings, drawn.recipe.seed, name, drawn.bridge, bridge, given, look.name)
+    add_look(bridge / "bridge.usda", name, file)
     return name
 
 

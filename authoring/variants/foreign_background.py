@@ -9,7 +9,7 @@ from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
 from authoring.variants.arcs import add_background
 from authoring.variants.foreign_file import adopt, flatten_foreign, open_foreign, safe_name
-from authoring.variants.foreign_place import check_place
+from authoring.variants.foreign_place import HERE, Point, check_place
 from groundwork.canonical import file_digest
 from usd_schemas import tokens
 from usd_schemas.components import component_classes
@@ -27,13 +27,14 @@ _LABELS = (
 )  # fmt: skip
 
 
-def import_background(scene: Path, file: Path, warn: Warn) -> str:
+def import_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) -> str:
     """Bring in a world as the background of a scene, and offer it there; a former one of the same name is replaced.
 
     Args:
         scene: Root layer of the scene.
-        file: USD file; its origin becomes that of the scene.
+        file: USD file.
         warn: Called with one line about what is left out, and one about what stands in the way.
+        origin: Point of the file's world that becomes the scene's origin, where the bridge begins [m], z up.
 
     Returns:
         Name of the background.
@@ -43,18 +44,21 @@ def import_background(scene: Path, file: Path, warn: Warn) -> str:
     """
     name = safe_name(file.stem)
     stage = open_foreign(file)
-    check_place(stage, file, scene, warn)
+    check_place(stage, file, scene, origin, warn)
     place = scene.parent / "background" / name
     fresh = place.with_name(f".{name}.partial")
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
-    export(_background(stage, name, flatten_foreign(stage, file, fresh), warn), fresh / "world.usdc")
+    export(_background(stage, name, flatten_foreign(stage, file, fresh), origin, warn), fresh / "world.usdc")
     root = new_layer("Background")
     spec = Sdf.CreatePrimInLayer(root, "/Background")
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
     spec.SetInfo("kind", Kind.Tokens.component)
     spec.SetInfo("assetInfo", {"name": name})
-    author_provenance(root, "/Background", {"file": file.name, "sha256": file_digest(file)})
+    made = {"file": file.name, "sha256": file_digest(file)}
+    if origin != HERE:
+        made["origin"] = " ".join(f"{value:.15g}" for value in origin)
+    author_provenance(root, "/Background", made)
     root.subLayerPaths = ["./world.usdc"]
     export(root, fresh / f"{name}.usda")
     shutil.rmtree(place, ignore_errors=True)
@@ -63,7 +67,7 @@ def import_background(scene: Path, file: Path, warn: Warn) -> str:
     return name
 
 
-def _background(stage: Usd.Stage, name: str, flat: Sdf.Layer, warn: Warn) -> Sdf.Layer:
+def _background(stage: Usd.Stage, name: str, flat: Sdf.Layer, origin: Point, warn: Warn) -> Sdf.Layer:
     dropped = _dropped(stage)
     if dropped:
         warn(f"left out of the background: {', '.join(str(path) for path in dropped)}")
@@ -74,7 +78,7 @@ def _background(stage: Usd.Stage, name: str, flat: Sdf.Layer, warn: Warn) -> Sdf
     for spec in (layer.GetPrimAtPath("/Background"), world):
         spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
     adopt(flat, layer, world.path)
-    _convert(world, stage)
+    _convert(world, stage, origin)
     _strip_ids(layer)
     return layer
 
@@ -89,8 +93,11 @@ def _dropped(stage: Usd.Stage) -> list[Sdf.Path]:
     ]
 
 
-def _convert(world: Sdf.PrimSpec, stage: Usd.Stage) -> None:
+def _convert(world: Sdf.PrimSpec, stage: Usd.Stage, origin: Point) -> None:
     order = []
+    if origin != HERE:
+        order.append("xformOp:translate:reOrigin")
+        Sdf.AttributeSpec(world, order[-1], Sdf.ValueTypeNames.Double3).default = -Gf.Vec3d(*origin)
     if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
         order.append("xformOp:rotateX:unitsResolve")
         Sdf.AttributeSpec(world, order[-1], Sdf.ValueTypeNames.Double).default = 90.0

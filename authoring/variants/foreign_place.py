@@ -13,28 +13,40 @@ from usd_schemas.layer_walk import Warn
 from usd_schemas.stage_reader import stage_to_world
 
 F64 = NDArray[np.float64]
+Point = tuple[float, float, float]
 
+HERE: Point = (0.0, 0.0, 0.0)
+COARSE = 0.005  # [m] between two single-precision numbers: windows and kerbs begin to tear
 FARTHEST = 10_000.0  # [m] single precision is a millimetre there
 _BORDER = 0.998  # of the site's plan: a world may join its edge
 _BELOW = 1.0  # [m] under the lowest ground, as for our own backgrounds
 _NAMED = 5
 
 
-def check_place(stage: Usd.Stage, file: Path, scene: Path, warn: Warn) -> None:
+def check_place(stage: Usd.Stage, file: Path, scene: Path, origin: Point, warn: Warn) -> None:
     """Look where a world will stand in a scene.
 
     Args:
         stage: The world, in any unit and up axis.
         file: Its file, for errors.
         scene: Root layer of the scene.
-        warn: Called with one line that names what stands in the keep-out volume over the site.
+        origin: Point of the world that becomes the scene's origin [m], z up.
+        warn: Called with one line that names what stands in the keep-out volume over the site, and one about points
+            that are too coarse.
 
     Raises:
         InputError: It stands more than 10 km off.
     """
-    bodies = _bodies(stage)
-    if not bodies:
+    found, coarse = _bodies(stage)
+    if not found:
         return
+    bodies = {path: corners - np.array(origin) for path, corners in found.items()}
+    worst = max(coarse, key=lambda path: coarse[path])
+    if coarse[worst] > COARSE:
+        warn(
+            f"{worst}: its points are stored {1000 * coarse[worst]:.0f} mm coarse, since they count from far away; "
+            f"move them to an origin nearby before export, and leave the distance to a transform"
+        )
     everything = np.concatenate([corners.reshape(-1, 3) for corners in bodies.values()])
     middle = (everything.min(axis=0) + everything.max(axis=0)) / 2
     if float(np.abs(middle).max()) > FARTHEST:
@@ -42,7 +54,8 @@ def check_place(stage: Usd.Stage, file: Path, scene: Path, warn: Warn) -> None:
         raise InputError(
             "stands too far from the scene's origin, where the bridge begins", where=file, field="background",
             value=f"middle at ({far}) km", allowed=f"within {FARTHEST / 1000:.0f} km",
-            mend="Subtract its map origin before export, so that the bridge's place is (0, 0, 0)",
+            mend="Say which of its points becomes the scene's origin [m], z up: --re-origin "
+            + " ".join(f"{value:.0f}" for value in middle + np.array(origin)),
         )  # fmt: skip
     planes = _keep_out(Usd.Stage.Open(str(scene)))
     inside = [path for path, corners in bodies.items() if planes is not None and _enters(corners, planes)]
@@ -54,10 +67,10 @@ def check_place(stage: Usd.Stage, file: Path, scene: Path, warn: Warn) -> None:
         )
 
 
-def _bodies(stage: Usd.Stage) -> dict[str, F64]:
-    """Gather the triangles of each mesh in metres with z up, shape (T, 3, 3)."""
+def _bodies(stage: Usd.Stage) -> tuple[dict[str, F64], dict[str, float]]:
+    """Gather the triangles of each mesh in metres with z up, shape (T, 3, 3), and how coarse its numbers are [m]."""
     cache, to_scene = UsdGeom.XformCache(Usd.TimeCode.EarliestTime()), stage_to_world(stage)
-    found = {}
+    found, coarse = {}, {}
     for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
         if not prim.IsA(UsdGeom.Mesh):
             continue
@@ -73,7 +86,9 @@ def _bodies(stage: Usd.Stage) -> dict[str, F64]:
         step = np.concatenate([np.arange(1, count - 1) for count in counts])
         fan = np.stack([corners[first], corners[first + step], corners[first + step + 1]], axis=1)
         found[str(prim.GetPath())] = placed[fan]
-    return found
+        step = float(np.spacing(np.float32(np.abs(points).max())))
+        coarse[str(prim.GetPath())] = step * float(np.linalg.norm(matrix[:3, 0]))
+    return found, coarse
 
 
 def _keep_out(scene: Usd.Stage) -> F64 | None:

@@ -16,7 +16,7 @@ from authoring.layers.lighting import light_layer
 from authoring.layers.looks import look_layer
 from authoring.layers.provenance import author_provenance
 from authoring.lighting import LightSettings, bake_light
-from authoring.looks.bake import bake_look
+from authoring.looks.bake import NO_FOLDERS, bake_look
 from authoring.settings import AuthoringSettings
 from authoring.site import Site
 from authoring.streams import stream
@@ -38,7 +38,15 @@ def made_from(settings: AuthoringSettings, seed: int, asset: str) -> dict[str, s
     return {"seed": str(seed), "settings": digest(sections)}
 
 
-def write_look(settings: AuthoringSettings, seed: int, name: str, bridge: Pieces, folder: Path) -> str:
+def write_look(
+    settings: AuthoringSettings,
+    seed: int,
+    name: str,
+    bridge: Pieces,
+    folder: Path,
+    given: Mapping[str, Path] = NO_FOLDERS,
+    base: str = "",
+) -> str:
     """Bake a look for a bridge.
 
     Args:
@@ -47,6 +55,8 @@ def write_look(settings: AuthoringSettings, seed: int, name: str, bridge: Pieces
         name: Name of the look.
         bridge: Pieces of the bridge.
         folder: Folder of the bridge.
+        given: Users' folders of surfaces by the names that the settings have for them.
+        base: Look of the roles that the users' surfaces do not suit; the one of that name when empty.
 
     Returns:
         Its file, relative to that folder.
@@ -54,7 +64,7 @@ def write_look(settings: AuthoringSettings, seed: int, name: str, bridge: Pieces
     file = f"./looks/{name}/look.usda"
     place = (folder / file).parent
     place.mkdir(parents=True, exist_ok=True)
-    recipes = bake_look(settings.look, name, place, bridge, stream(seed, f"look/{name}"))
+    recipes = bake_look(settings.look, base or name, place, bridge, stream(seed, f"look/{name}"), given)
     export(look_layer(recipes), folder / file)
     return file
 

@@ -13,6 +13,8 @@ from authoring.edits.harvest import EDITS, Harvest, harvest_edits
 from authoring.edits.shapes import flat_normals, read_surface
 from authoring.layers.layer import export
 from authoring.layers.root import edits_layer
+from authoring.surveys.existing import existing_flight
+from authoring.surveys.settings import StageSettings
 from authoring.validate import validate_scene
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST
@@ -127,6 +129,9 @@ def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(place[:3, 3], [1.0, -3.0, 2.0], atol=1e-9)
     assert UsdLux.SphereLight(lamp).GetRadiusAttr().Get() * np.cbrt(np.linalg.det(place[:3, :3])) == pytest.approx(0.1)
     assert lamp.HasAPI(UsdLux.ShapingAPI)
+    flown = existing_flight(StageSettings(kind="stage", prim="Drone", width=600), flat)
+    np.testing.assert_array_equal(flown.poses, track.poses)
+    assert (flown.calibration.fx, flown.calibration.height) == pytest.approx((600 * 35 / 36, 400))
     before = (scene.parent / EDITS).read_bytes()
     harvest_edits(file, scene, Labelling())
     assert (scene.parent / EDITS).read_bytes() == before

@@ -218,7 +218,7 @@ def test_boats_float(world: World) -> None:
 
 
 def test_shapes_are_sound_and_few(world: World) -> None:
-    """No degenerate triangle, unit normals, site and world within 1.3 million instanced triangles."""
+    """No degenerate triangle, unit normals, site and world within 1.5 million instanced triangles."""
     _, site, pieces = world
     total = 0
     for piece in (*site.pieces, *pieces):
@@ -234,7 +234,7 @@ def test_shapes_are_sound_and_few(world: World) -> None:
             assert np.linalg.norm(normal, axis=1).min() > 1e-9, piece.name
             np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-4)
             total += weight * len(corner)
-    assert total < 1_300_000
+    assert total <= 1_500_000
 
 
 def test_walls_hold_terraces() -> None:

@@ -47,16 +47,30 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return _author(tmp_path_factory.mktemp("scene"), SMALL)
 
 
+CHANGES: dict[str, dict[str, str]] = {
+    "hash seed": {"PYTHONHASHSEED": "4711"},
+    "CPU features": {"NPY_DISABLE_CPU_FEATURES": "", "NUMBA_CPU_NAME": "generic"},  # which numpy may lack, see below
+    "worker count": {"PXR_WORK_THREAD_LIMIT": "1", "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+}
+
+
 def test_another_process_writes_the_same_bytes(scene: Path, tmp_path: Path, record_proof: RecordProof) -> None:
-    """Another folder, process, hash seed and set of vector instructions change no byte of any file."""
-    environment = {**os.environ, "PYTHONHASHSEED": "4711", "NPY_DISABLE_CPU_FEATURES": _slow_numpy()}
-    settings = AuthoringSettings.model_validate(SMALL).model_dump_json()
-    command = [sys.executable, "-c", AUTHOR, str(tmp_path), settings, str(SEED)]
-    subprocess.run(command, env=environment, check=True, cwd=Path(__file__).parents[2])
-    files = _files(tmp_path)
+    """Another folder, process, hash seed, worker count and set of vector instructions change no byte of any file."""
+    files = _files(_author_elsewhere(tmp_path, {name: text for one in CHANGES.values() for name, text in one.items()}))
     assert files == _files(scene)
-    name = "stage/determinism: bytes across folder, process, hash seed and CPU features"
+    name = "stage/determinism: bytes across folder, process, hash seed, worker count and CPU features"
     record_proof(name, len(files), SEED, {"unequal_files": 0})
+
+
+@pytest.mark.proof_only
+@pytest.mark.parametrize("change", [*CHANGES, "folder and process"])
+def test_each_of_them_alone_writes_the_same_bytes(
+    scene: Path, tmp_path: Path, change: str, record_proof: RecordProof
+) -> None:
+    """Each of them by itself, so that no two of them make up for one another."""
+    files = _files(_author_elsewhere(tmp_path / "an other/folder", CHANGES.get(change, {})))
+    assert files == _files(scene)
+    record_proof(f"stage/determinism: bytes across {change}", len(files), SEED, {"unequal_files": 0})
 
 
 def test_scene_is_sound(scene: Path) -> None:
@@ -178,6 +192,19 @@ def test_two_surveys_need_two_ids() -> None:
 
 def _author(folder: Path, settings: dict[str, object]) -> Path:
     author_scene(AuthoringSettings.model_validate(settings), SEED, folder, SILENT)
+    return folder
+
+
+def _author_elsewhere(folder: Path, change: dict[str, str]) -> Path:
+    """Author in a process of its own, with some of its environment changed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    known = {name: text for name, text in os.environ.items() if name != "PYTHONHASHSEED"}
+    environment = {**known, **change}
+    if "NPY_DISABLE_CPU_FEATURES" in change:
+        environment["NPY_DISABLE_CPU_FEATURES"] = _slow_numpy()
+    settings = AuthoringSettings.model_validate(SMALL).model_dump_json()
+    command = [sys.executable, "-c", AUTHOR, str(folder), settings, str(SEED)]
+    subprocess.run(command, env=environment, check=True, cwd=Path(__file__).parents[2])
     return folder
 
 

@@ -4,25 +4,32 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from authoring.component import Component, Scatter
 from authoring.families.registry import build_bridge
 from authoring.layout import BridgeSettings, draw_layout
 from authoring.site import SiteSettings, draw_site
 from authoring.streams import stream
+from authoring.surveys.attitude import attitude_of, measured_attitude
 from authoring.surveys.box import oriented_box
+from authoring.surveys.camera_models import calibration, camera_models
+from authoring.surveys.framing import eye_of
 from authoring.surveys.gaze import aim, inner_box
 from authoring.surveys.gps import GpsNoise, measured_positions
 from authoring.surveys.registry import plan_survey
+from authoring.surveys.rings import draw_rings, extended_box
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import Subject, make_subject, piece_corners
 from authoring.surveys.whole import bearing_lines, clear_route, draw_route, place_images
 from groundwork.errors import InputError
+from groundwork.settings import parse_settings
 from tests.authoring.boxes import box, box_bridge, flat_site
 from tests.authoring.flight_views import neighbour_overlap, views_per_instance, visible_pixels
 from tests.conftest import Count, RecordProof
 from usd_schemas.components import class_of
-from usd_schemas.pinhole import look_at, project
+from usd_schemas.distortion import Distortion
+from usd_schemas.pinhole import Pinhole, look_at, project
 
 F64 = NDArray[np.float64]
 
@@ -153,19 +160,104 @@ def test_bearing_lines_are_grouped() -> None:
     np.testing.assert_allclose(bearing_lines(seats), [[0, 4], [18, 5], [40, 6]])
 
 
-def test_gps_noise_has_the_stated_size() -> None:
-    """Over many flights the error has the stated spread along each axis, and the bias lasts from image to image."""
-    true, times = np.zeros((60, 3)), np.arange(60.0)
-    flights = np.stack(
-        [
-            measured_positions(true, times, GpsNoise((0.5, 0.5, 0.8), 0.3), np.random.default_rng(seed))
-            for seed in range(400)
-        ]
-    )
-    np.testing.assert_allclose(flights.std(axis=(0, 1)), np.hypot([0.5, 0.5, 0.8], 0.3), rtol=0.05)
-    assert np.abs(flights.mean(axis=(0, 1))).max() < 0.05
-    covariance = (flights[:, 1:] * flights[:, :-1]).mean(axis=(0, 1))
-    np.testing.assert_allclose(covariance, 0.09 * np.exp(-1 / 60), atol=0.02)
+def test_gps_noise_has_the_stated_size(proof_count: Count, record_proof: RecordProof) -> None:
+    """Spread and memory of the errors in closed form: white noise, a bias that walks, one altitude error a flight."""
+    count, noise = proof_count(400, 4000), GpsNoise((0.5, 0.5, 0.8), 0.3, 2.0)
+    true, times = np.zeros((60, 3)), 2.0 * np.arange(60.0)
+    flights = np.stack([measured_positions(true, times, noise, np.random.default_rng(seed)) for seed in range(count)])
+    spread = flights.std(axis=(0, 1))
+    np.testing.assert_allclose(spread, np.sqrt([0.25 + 0.09, 0.25 + 0.09, 0.64 + 0.09 + 4.0]), rtol=0.06)
+    assert np.abs(flights.mean(axis=(0, 1))[:2]).max() < 0.05
+    lags = (1, 10, 30)
+    found = [float((flights[:, lag:, :2] * flights[:, :-lag, :2]).mean()) for lag in lags]
+    np.testing.assert_allclose(found, [0.09 * np.exp(-2.0 * lag / 60.0) for lag in lags], atol=0.012)
+    shared = float((flights[:, 30:, 2] * flights[:, :-30, 2]).mean())
+    assert shared == pytest.approx(4.0 + 0.09 * np.exp(-1.0), rel=0.2 if count < 1000 else 0.06)
+    figures = {"spread_m": spread.tolist(), "bias_covariance_m2": found, "lags_s": [2 * lag for lag in lags]}
+    record_proof("surveys/gps noise", count, 0, figures)
+
+
+def test_attitude_is_that_of_drones() -> None:
+    """Yaw clockwise from +y, pitch up, roll clockwise, straight down included; the noise has the stated spread."""
+    looks = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, -1.0], [-1.0, 0.0, 0.0]])
+    expected = [[0, 0, 0], [90, 0, 0], [180, -45, 0], [-90, 0, 0]]
+    turned = np.stack([look_at(np.zeros(3), look)[:3, :3] for look in looks])
+    np.testing.assert_allclose(attitude_of(turned), expected, atol=1e-9)
+    rolled = turned @ Rotation.from_euler("z", 20.0, degrees=True).as_matrix()
+    np.testing.assert_allclose(attitude_of(rolled), np.add(expected, [0, 0, 20]), atol=1e-9)
+    down = np.column_stack([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    np.testing.assert_allclose(attitude_of(down[None]), [[90.0, -90.0, 0.0]], atol=1e-9)
+    many = measured_attitude(np.tile(turned[2], (20000, 1, 1)), (2.0, 0.5, 0.2), np.random.default_rng(1))
+    errors = (many - expected[2] + 180.0) % 360.0 - 180.0
+    np.testing.assert_allclose(errors.std(axis=0), [2.0, 0.5, 0.2], rtol=0.03)
+    assert np.abs(many[:, 0]).max() <= 180.0
+
+
+def test_the_paper_tour_runs_on_the_extended_box(subject: Subject) -> None:
+    """Every place lies on the surface of the extended box; both rings and the top are flown; steps are equal."""
+    settings = GlobalSettings(tour="rings", poi="box50", images=100)
+    inner = oriented_box(subject.bridge.reshape(-1, 3))
+    outer = extended_box(settings, inner)
+    np.testing.assert_allclose(outer.half - inner.half, max(8.0, 0.7 * inner.half[1:].max()))
+    starts = set()
+    for seed in range(5):
+        route = draw_rings(settings, outer, subject, stream(seed, "survey/global"))
+        local = outer.to_local(route)
+        np.testing.assert_allclose(np.abs(local / outer.half).max(axis=1), 1.0, atol=1e-9)
+        on_top = local[:, 2] > outer.half[2] - 1e-6
+        assert on_top.sum() * 0.25 > 2 * outer.half[0]  # at least one strip along the whole bridge
+        around = np.unwrap(np.arctan2(local[~on_top, 1], local[~on_top, 0]))
+        assert abs(around[-1] - around[0]) > 3.5 * np.pi  # two rings
+        starts.add(tuple(np.round(route[0], 1)))
+        poses = plan_survey(settings, subject, seed).poses
+        steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+        assert len(poses) >= 100
+        assert steps.max() <= settings.spacing + 1e-3
+        assert np.median(steps) > 0.99 * steps.max()
+        assert subject.clearance(poses[:, :3, 3]).min() >= settings.safety
+        half = inner.to_world(inner.to_local(poses[:, :3, 3]) / 2)
+        toward = half - poses[:, :3, 3]
+        toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+        np.testing.assert_allclose(np.sum(toward * poses[:, :3, 2], axis=1), 1.0, atol=1e-8)
+    assert len(starts) == 5
+
+
+@pytest.mark.parametrize("name", list(camera_models()))
+def test_cameras_of_the_table(name: str, subject: Subject) -> None:
+    """Each is a camera that can be: its field of view, a lens with an inverse, its own size unless another is asked."""
+    model = camera_models()[name]
+    full = calibration(model)
+    assert (full.width, full.height) == (model.width, model.height)
+    diagonal = 2.0 * np.degrees(np.arctan(0.5 * np.hypot(full.width, full.height) / full.fx))
+    fields = {"default_24mm": 84, "mavic_air_2_like": 84, "mini_like": 83, "p1_like": 63, "phone": 80}
+    assert diagonal == pytest.approx(fields[name], abs=4.0)
+    eye = eye_of(full, model.distortion)
+    corner = np.array([[0.0, 0.0], [full.width, full.height]])
+    rays = eye.rays(corner)
+    drawn = model.distortion.distort(rays[:, :2]) * [full.fx, full.fy] + [full.cx, full.cy]
+    np.testing.assert_allclose(drawn, corner, atol=1e-6)
+    small = plan_survey(GlobalSettings(camera=name, width=640), subject, 1)
+    assert (small.calibration.width, small.calibration.height) == (640, round(640 * model.height / model.width))
+    assert (small.distortion, small.readout_time, small.model) == (model.distortion, model.readout_time, model.model)
+    assert (model.readout_time > 0.0) == (name not in ("default_24mm", "p1_like"))
+
+
+def test_an_unknown_camera_is_told_with_the_known() -> None:
+    """One line with every name."""
+    with pytest.raises(InputError, match=r"camera: no such camera; allowed: default_24mm, mavic_air_2_like.*'gopro'"):
+        parse_settings(GlobalSettings, {"camera": "gopro"}, "survey")
+
+
+def test_framing_follows_the_distortion() -> None:
+    """A point is framed exactly where its distorted pixel lies inside; far outside the fold brings none back in."""
+    camera, lens = Pinhole(800, 600, 600.0, 600.0, 400.0, 300.0), Distortion(-0.2, 0.03)
+    eye, pose = eye_of(camera, lens), np.eye(4)
+    rng = np.random.default_rng(2)
+    pixels = rng.uniform([-100, -100], [900, 700], (500, 2))
+    inside = ((pixels >= 0) & (pixels < [800, 600])).all(axis=1)
+    points = np.column_stack([lens.undistort((pixels - [400, 300]) / 600), np.ones(500)]) * rng.uniform(1, 9, (500, 1))
+    np.testing.assert_array_equal(eye.framed(points, pose), inside)
+    assert not eye.framed(np.array([[30.0, 0.0, 1.0], [2.2, 0.0, 1.0], [0.0, 0.0, -1.0]]), pose).any()
 
 
 def test_pixels_agree_with_the_pinhole() -> None:

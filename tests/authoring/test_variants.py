@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdMedia, UsdShade
 
 from authoring.layers.change import change_layer
@@ -17,6 +18,7 @@ from authoring.settings import AuthoringSettings
 from authoring.validate import validate_scene
 from authoring.variants.add import set_choices, write_variant
 from authoring.variants.selection import offered, selected
+from benchmarks.stage import measure
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.authoring.small_scene import SEED, SMALL, file_bytes, write_small_scene
@@ -122,6 +124,18 @@ def test_switching_is_quick(stored_scene: Path, proof_count: Count, record_proof
     record_proof("stage/switch: another look on an open stage", len(seconds), SEED, {"least_ms": 1000 * min(seconds)})
 
 
+@pytest.mark.proof_only
+def test_a_thousand_components_are_quick(record_proof: RecordProof) -> None:
+    """Authored and written, opened, switched and compared within the limits, on the processor's clock."""
+    row = measure(1000)
+    assert row["author"] + row["export"] <= 0.7
+    assert row["open"] < 0.5
+    assert row["switch"] < 0.005
+    assert row["diff"] < 5.0
+    figures = {f"{name}_ms": 1000 * seconds for name, seconds in row.items() if name != "components"}
+    record_proof("stage/speed: 1,000 components", 1000, SEED, figures)
+
+
 def test_provenance_names_seed_and_recipe(stored_scene: Path) -> None:
     """World, bridge and site say who made them, and from what."""
     stage = Usd.Stage.Open(str(stored_scene))
@@ -170,10 +184,7 @@ def test_own_world_as_background(own_scene: Path, tmp_path: Path, outside: bool)
     (number,) = [row.id for row in flat.instances if row.path.endswith("/Tower")]
     (draw,) = np.flatnonzero(flat.draws.instance == number)
     assert flat.draws.label[draw] == 0
-    part = flat.draws.part[draw]
-    first, count = flat.geometry.part_first[part], flat.geometry.part_count[part]
-    points = flat.geometry.positions[flat.geometry.triangles[first : first + count].reshape(-1)].astype(np.float64)
-    placed = points @ flat.draws.transform[draw][:3, :3].T + flat.draws.transform[draw][:3, 3]
+    placed = _corners(own_scene, "/Tower")
     np.testing.assert_allclose(placed.min(axis=0), [-1, 29, 0], atol=1e-6)
     np.testing.assert_allclose(placed.max(axis=0), [1, 31, 2], atol=1e-6)
     texture = flat.materials[flat.draws.material[draw]].base_texture
@@ -230,8 +241,51 @@ def test_world_in_the_way_is_told(own_scene: Path, tmp_path: Path) -> None:
     set_choices(own_scene, {"background": str(_plane(tmp_path / "high.usda", 1.0))}, warn)
     assert len(lines) == 1
     assert "/Town/Plain" in lines[0]
-    with pytest.raises(InputError, match=r"12\.0, 0\.0.*Subtract its map origin"):
+    with pytest.raises(InputError, match=r"12\.0, 0\.0.*--re-origin 12000 0 0"):
         set_choices(own_scene, {"background": str(_plane(tmp_path / "far.usda", 0.0, 12_000.0))}, warn)
+
+
+def test_a_world_in_map_coordinates_is_moved(own_scene: Path, tmp_path: Path) -> None:
+    """By the point that is named, in metres with z up, to the millimetre; where its own numbers are coarse, it says."""
+    file = tmp_path / "map.usda"
+    stage = Usd.Stage.CreateNew(str(file))
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/Town").GetPrim())
+    house = UsdGeom.Mesh.Define(stage, "/Town/House")
+    house.CreatePointsAttr([(0, 0, 0), (1000, 0, 0), (0, 500, 0)])
+    house.CreateFaceVertexCountsAttr([3])
+    house.CreateFaceVertexIndicesAttr([0, 1, 2])
+    house.AddTranslateOp().Set(Gf.Vec3d(50_012_345.6, 12_300, -580_000_000.0 - 5_000))  # east, up, south [cm]
+    stage.Save()
+    lines, warn = _said()
+    with pytest.raises(InputError, match=r"--re-origin 500128 5800050 126"):
+        set_choices(own_scene, {"background": str(file)}, warn)
+    origin = (500_123.456, 5_800_000.0, 123.0)
+    set_choices(own_scene, {"background": str(file)}, warn, origin)
+    assert lines == []
+    corners = _corners(own_scene, "/House")
+    np.testing.assert_allclose(corners, [[0, 50, 0], [10, 50, 0], [0, 50, 5]], atol=1e-6)
+    stage = Usd.Stage.Open(str(own_scene))
+    record = UsdMedia.AuthorshipAPI.Get(stage.GetPrimAtPath(tokens.BACKGROUND), "generator")
+    inputs = list(record.GetInputsAttr().Get())
+    assert dict(zip(inputs[::2], inputs[1::2], strict=True))["origin"] == "500123.456 5800000 123"
+    assert validate_scene(own_scene) == []
+    set_choices(own_scene, {"background": str(_plane(tmp_path / "far.usda", -60.0, 5e5))}, warn, (5e5, 0.0, 0.0))
+    assert "/Town/Plain: its points are stored 31 mm coarse" in lines[0]
+    with pytest.raises(InputError, match=r"--re-origin: only a USD file as background"):
+        set_choices(own_scene, {"background": "none"}, warn, origin)
+
+
+def _corners(scene: Path, name: str) -> NDArray[np.float64]:
+    """Place the corners of an instance's triangles in the world [m], shape (3 T, 3)."""
+    flat = read_stage(scene)
+    (number,) = [row.id for row in flat.instances if row.path.endswith(name)]
+    (draw,) = np.flatnonzero(flat.draws.instance == number)
+    part = flat.draws.part[draw]
+    first, count = flat.geometry.part_first[part], flat.geometry.part_count[part]
+    points = flat.geometry.positions[flat.geometry.triangles[first : first + count].reshape(-1)].astype(np.float64)
+    return points @ flat.draws.transform[draw][:3, :3].T + flat.draws.transform[draw][:3, 3]
 
 
 def test_own_look_fills_some_roles(own_scene: Path, tmp_path: Path) -> None:

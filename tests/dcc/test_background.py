@@ -12,6 +12,7 @@ from authoring.validate import validate_scene
 from authoring.variants.add import set_choices
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
+from tests.conftest import RecordProof
 from tests.dcc.blender import run_in_blender
 from tests.dcc.round_trip import SMALL, copy_scene, harvest, small_scene, trip
 from usd_schemas.flat_scene import FlatScene, world_triangles
@@ -48,7 +49,9 @@ def export_world(folder: Path, name: str, options: dict[str, Any]) -> Path:
 
 
 @pytest.mark.parametrize("name", EXPORTS)
-def test_world_from_blender_is_a_background(name: str, original: Path, tmp_path: Path) -> None:
+def test_world_from_blender_is_a_background(
+    name: str, original: Path, tmp_path: Path, record_proof: RecordProof
+) -> None:
     """Right size and place, textured, class background; bridge, survey and light stay as they were."""
     scene = copy_scene(original, tmp_path / "scene")
     world = export_world(tmp_path / "world", name, EXPORTS[name])
@@ -67,6 +70,8 @@ def test_world_from_blender_is_a_background(name: str, original: Path, tmp_path:
     for layer in ("bridge/geometry.usdc", "bridge/semantics.usdc", "surveys/global.usdc", "lighting.usda"):
         assert file_digest(scene.parent / layer) == file_digest(original.parent / layer)
     assert validate_scene(scene) == []
+    off = float(np.abs(np.array([low, high]) - [[55.0, 74.0, 0.0], [65.0, 86.0, 30.0]]).max())
+    record_proof(f"stage/dcc: a world from Blender, {name}", 1, 7, {"largest_offset_m": off, "changed_cameras": 0})
 
 
 def test_missing_texture_names_its_material(original: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from groundwork.progress import SILENT
+from tests.conftest import RecordProof
 from tests.dcc.blender import run_in_blender
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import USD_FROM_CAMERA
@@ -29,7 +30,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlatScene, dict[st
     return read_stage(folder / "scene.usda"), json.loads(facts.read_text(encoding="utf-8"))
 
 
-def test_camera_arrives_frame_by_frame(opened: tuple[FlatScene, dict[str, Any]]) -> None:
+def test_camera_arrives_frame_by_frame(opened: tuple[FlatScene, dict[str, Any]], record_proof: RecordProof) -> None:
     """24 mm on 36 mm, one frame an image, each at the survey's pose."""
     scene, facts = opened
     track, camera = scene.cameras[0], facts["cameras"][0]
@@ -38,6 +39,8 @@ def test_camera_arrives_frame_by_frame(opened: tuple[FlatScene, dict[str, Any]])
     assert camera["near"] == pytest.approx(track.near)
     assert facts["frames"] == [0, len(track.poses) - 1]
     np.testing.assert_allclose(np.array(camera["poses"]) @ USD_FROM_CAMERA, track.poses, atol=1e-4)
+    figures = {"lens_mm": float(camera["lens"]), "sensor_mm": float(camera["sensor"])}
+    record_proof("stage/dcc: the survey's camera in Blender", len(track.poses), 7, figures)
 
 
 def test_parts_stand_where_they_belong(opened: tuple[FlatScene, dict[str, Any]]) -> None:

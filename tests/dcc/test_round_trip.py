@@ -17,6 +17,7 @@ from falsework.pipeline import run_scenario
 from falsework.scenario import load_scenario, scene_seed
 from groundwork.progress import SILENT
 from recon.cloud import read_cloud
+from tests.conftest import RecordProof
 from tests.dcc.round_trip import CHAIN, SMALL, Edit, copy_scene, harvest, opinions, small_scene, trip
 from usd_schemas.stage_reader import read_stage
 
@@ -100,7 +101,7 @@ def test_sky_stands_where_its_sun_is(original: Path, edited: tuple[Path, dict[st
     "options", [{}, {"root_prim_path": ""}, {"use_instancing": True}, {"merge_parent_xform": True}, Y_UP_CENTIMETRES]
 )
 def test_round_trip_without_edits_writes_an_empty_layer(
-    options: dict[str, object], original: Path, tmp_path: Path
+    options: dict[str, object], original: Path, tmp_path: Path, record_proof: RecordProof
 ) -> None:
     """Single precision, renamed materials and nested meshes are no edits."""
     scene = copy_scene(original, tmp_path / "scene")
@@ -108,9 +109,11 @@ def test_round_trip_without_edits_writes_an_empty_layer(
     assert not any(asdict(found).values())
     export(edits_layer(), tmp_path / "empty.usda")
     assert (scene.parent / EDITS).read_bytes() == (tmp_path / "empty.usda").read_bytes()
+    name = f"stage/dcc: no edits, exported with {', '.join(options) or 'defaults'}: an empty layer"
+    record_proof(name, len(read_stage(scene).instances), 7, {"opinions": 0})
 
 
-def test_layer_holds_the_four_changes_and_no_other(original: Path, home: Path) -> None:
+def test_layer_holds_the_four_changes_and_no_other(original: Path, home: Path, record_proof: RecordProof) -> None:
     """Translations of the pier's parts, points of one deck, one colour inside the look, one new object."""
     found = opinions(home)
     crate = found.pop("/World/Additions/Crate")
@@ -121,6 +124,8 @@ def test_layer_holds_the_four_changes_and_no_other(original: Path, home: Path) -
     assert found == {
         f"{SUPERSTRUCTURE}/Deck_000": {"points", "extent", "normals"}, PAINTED: {"inputs:diffuseColor"},
     }  # fmt: skip
+    opinions_more = len(found) - 2
+    record_proof("stage/dcc: four edits in Blender", 4, 7, {"moved_parts": len(piers), "other_opinions": opinions_more})
 
 
 def test_edits_have_the_values_of_blender(original: Path, home: Path) -> None:
@@ -215,7 +220,7 @@ def test_every_other_kind_of_edit(original: Path, tmp_path: Path) -> None:
     assert not Usd.Stage.Open(str(scene)).GetPrimAtPath("/World/Bridge/BridgeGeom/Furniture/Coping_000_L").IsActive()
 
 
-def test_run_goes_on_from_the_edited_stage(tmp_path: Path) -> None:
+def test_run_goes_on_from_the_edited_stage(tmp_path: Path, record_proof: RecordProof) -> None:
     """`falsework run` with `[stage] path` gives a labelled cloud of the bridge as it was edited."""
     scene = small_scene(tmp_path / "scene", CHAIN, scene_seed(3, 0))
     out, _ = trip(scene, tmp_path / "out", [
@@ -236,6 +241,8 @@ def test_run_goes_on_from_the_edited_stage(tmp_path: Path) -> None:
     assert set(cloud.columns["segment"][crate].tolist()) == {1}  # a wing wall is part of an abutment
     reach = np.abs(where[crate] - [6.0, 0.0, 7.4]).max(axis=1)
     assert np.median(reach) == pytest.approx(0.8, abs=0.05)
+    figures = {"points_of_the_new_box": int(crate.sum()), "median_half_side_m": float(np.median(reach))}
+    record_proof("stage/dcc: a labelled cloud of the edited bridge", len(what), 3, figures)
 
 
 def _color(stage: Usd.Stage) -> tuple[float, ...] | str:
@@ -269,7 +276,7 @@ def test_a_sun_turned_in_blender_comes_home(original: Path, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("options", [{}, Y_UP_CENTIMETRES])
 def test_cameras_and_lamps_made_in_blender_come_home(
-    options: dict[str, object], original: Path, tmp_path: Path
+    options: dict[str, object], original: Path, tmp_path: Path, record_proof: RecordProof
 ) -> None:
     """A flight of one pose a frame through the lens that was set, and a spot where it hangs; the survey is no edit."""
     scene = copy_scene(original, tmp_path / "scene")
@@ -292,3 +299,6 @@ def test_cameras_and_lamps_made_in_blender_come_home(
     place = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(spot))[3, :3]
     np.testing.assert_allclose(place, [4.0, 1.0, 9.0], atol=1e-4)
     assert spot.HasAPI(UsdLux.ShapingAPI)
+    off = float(np.abs(track.poses[:, :3, 3] - expected).max())
+    name = f"stage/dcc: a camera animated in Blender, {'centimetres and y up' if options else 'metres and z up'}"
+    record_proof(name, images, 7, {"largest_offset_m": off})

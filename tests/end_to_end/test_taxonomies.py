@@ -13,6 +13,7 @@ from groundwork.progress import SILENT
 from render.capture import Truth, read_capture, read_truth
 from render.frames import render_stage
 from render.settings import RenderSettings
+from tests.conftest import RecordProof
 from usd_schemas.taxonomies import BASE, taxonomy
 
 SEED = 7
@@ -55,7 +56,9 @@ def base(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Truth:
 
 
 @pytest.mark.parametrize("name", ["kim2023", "semanticbridge", "ifc43"])
-def test_label_images_are_those_of_the_table(scene: Path, base: Truth, tmp_path: Path, name: str) -> None:
+def test_label_images_are_those_of_the_table(
+    scene: Path, base: Truth, tmp_path: Path, name: str, record_proof: RecordProof
+) -> None:
     """Each pixel has the class of its instance's component, the sky class 0; every other file keeps its bytes."""
     assert set_choices(scene / "scene.usda", {"taxonomy": name}, lambda line: None) == {"taxonomy": name}
     try:
@@ -80,6 +83,8 @@ def test_label_images_are_those_of_the_table(scene: Path, base: Truth, tmp_path:
     assert changed_files(base.folder.parent, tmp_path / "capture") <= {
         "truth/instances.json", "truth/surface.npz", *(f"truth/semantic/{name}.png" for name in base.names),
     }  # fmt: skip
+    name = f"stage/labels: images carry the table {name}"
+    record_proof(name, len(base.names), SEED, {"classes_shown": len(shown), "unequal_pixels": 0})
 
 
 def changed_files(first: Path, second: Path) -> set[str]:

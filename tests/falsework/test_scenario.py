@@ -4,7 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from falsework.scenario import Scenario, demo_scenario, load_scenario, scene_range, scene_seed, world_folders
+from falsework.scenario import (
+    Scenario,
+    demo_scenario,
+    given_files,
+    load_scenario,
+    scene_range,
+    scene_seed,
+)
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings, read_toml
 
@@ -96,7 +103,23 @@ def test_imported_world_is_found_beside_the_scenario(tmp_path: Path) -> None:
     scenario = load_scenario(file)
     assert scenario.background.name == "hague"
     assert scenario.variants.background == ("hague", "none")
-    assert world_folders(scenario) == {"world/hague": tmp_path / "cities/hague"}
+    assert given_files(scenario) == {"world/hague": tmp_path / "cities/hague"}
     file.write_text('[background]\nname = "cities/delft"\n')
     with pytest.raises(InputError, match=r"no such background.*cities/delft.*countryside"):
         load_scenario(file)
+
+
+def test_a_photographed_sky_has_a_name_and_a_path(tmp_path: Path) -> None:
+    """The path counts from the scenario, the settings keep the name alone; a missing picture is told by field."""
+    (tmp_path / "skies").mkdir()
+    (tmp_path / "skies/park.hdr").write_bytes(b"")
+    path = tmp_path / "scenario.toml"
+    path.write_text('[light]\nsky = "skies/park.hdr"\n[[variants.light]]\nname = "again"\n')
+    scenario = load_scenario(path)
+    assert scenario.light.sky == "park.hdr"
+    assert scenario.variants.lights(scenario.light)["again"].sky == "park.hdr"
+    assert given_files(scenario) == {"sky/park.hdr": tmp_path / "skies/park.hdr"}
+    assert str(tmp_path) not in str(scenario.authoring())
+    path.write_text('[light]\nsky = "skies/gone.hdr"\n')
+    with pytest.raises(InputError, match=r"light\.sky"):
+        load_scenario(path)

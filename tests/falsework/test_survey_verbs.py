@@ -1,11 +1,14 @@
 """`falsework survey`: flights are added to a scene and judged there; bad input is one line."""
 
 import json
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from falsework.cli import main
+from groundwork.files import write_text
 from tests.authoring.small_scene import write_small_scene
 from usd_schemas.stage_reader import read_stage
 
@@ -26,8 +29,21 @@ def _run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, s
 def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A grid and a local flight join the authored one; the same words give the same cameras; a page is written."""
     before = {product.name for product in read_stage(scene).products}
-    words = ("plan", scene, "--kind", "local", "--set", "pitch=free", "--set", "images=[20, 120]")
+    words = (
+        "plan",
+        scene,
+        "--kind",
+        "local",
+        "--set",
+        "pitch=free",
+        "--set",
+        "spacing=0.4",
+        "--set",
+        "images=[20, 120]",
+    )
     assert _run(capsys, *words)[0] == 0
+    flown = read_stage(scene, survey="local").cameras[0].poses
+    assert 0.3 < np.linalg.norm(np.diff(flown[:, :3, 3], axis=0), axis=1).max() <= 0.4001  # every --set counts
     first = (scene.parent / "surveys/local.usdc").read_bytes()
     assert _run(capsys, *words)[0] == 0
     assert (scene.parent / "surveys/local.usdc").read_bytes() == first
@@ -42,6 +58,74 @@ def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsy
     assert row["clearance"] >= 1.0
     assert set(row["by_class"]) >= {"deck", "girder", "abutment"}
     assert "Flights, before they are flown" in page.read_text()
+
+
+CAMERA = """#usda 1.0
+over "World" {{
+    def Xform "Rig" {{
+        double3 xformOp:translate.timeSamples = {{ 10: (0, -20, 8), 20: (12, -20, 8) }}
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        def Camera "{name}" {{
+            float focalLength = 0.24
+            float horizontalAperture = 0.36
+            float verticalAperture = 0.27
+            float3 xformOp:rotateXYZ = (90, 0, 0)
+            uniform token[] xformOpOrder = ["xformOp:rotateXYZ"]
+            {more}
+        }}
+    }}
+}}
+"""
+
+
+def _with_camera(scene: Path, folder: Path, name: str, more: str = "") -> Path:
+    """Copy the scene, and animate a camera in its layer of edits, as a DCC would."""
+    copy = Path(shutil.copytree(scene.parent, folder)) / "scene.usda"
+    write_text(copy.parent / "edits/user.usda", CAMERA.format(name=name, more=more))
+    return copy
+
+
+def test_a_camera_of_a_dcc_is_flown_as_it_is(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two keys on a parent become eleven images with the same poses and lens, names, times and a noisy GPS."""
+    copy = _with_camera(scene, tmp_path / "dcc", "Drone")
+    before = {track.name: track for track in read_stage(copy).cameras}["Drone"]
+    words = ("plan", copy, "--kind", "stage", "--name", "orbit", "--set", "width=320")
+    code, out, errors = _run(capsys, *words)
+    assert code == 0, errors
+    assert out.startswith("survey      orbit: 11 images, 12 m")
+    after = read_stage(copy, survey="orbit")
+    track, product = after.cameras[0], after.products[0]
+    np.testing.assert_allclose(track.poses, before.poses, atol=1e-8)
+    assert (product.width, product.height) == (320, 240)
+    assert track.calibration is not None
+    assert track.calibration.fx == pytest.approx(320 * 24 / 36)
+    assert track.image_names == tuple(f"{row:06d}" for row in range(11))
+    assert track.gps is not None
+    assert 0.05 < np.abs(track.gps - track.poses[:, :3, 3]).mean() < 3.0
+    times = track.facts["capture_times"]
+    assert isinstance(times, list)
+    np.testing.assert_allclose(np.diff(times), 1.2 / 3.0, atol=2e-3)
+    code, out, _ = _run(capsys, "score", copy, "--survey", "orbit", "--json")
+    assert code == 0
+    assert json.loads(out)["surveys"][0]["images"] == 11
+
+
+def test_a_camera_that_cannot_be_flown(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Unknown, ambiguous and orthographic cameras are one line that names the others."""
+    copy = _with_camera(scene, tmp_path / "flat", "Plan", 'token projection = "orthographic"')
+    for prim, parts in (
+        ("Nobody", ["survey.prim", "no such camera", "/World/Surveys/global/global_Camera"]),
+        ("Plan", ["survey.prim", "/World/Rig/Plan", "only perspective cameras"]),
+    ):
+        code, _, errors = _run(capsys, "plan", copy, "--kind", "stage", "--set", f"prim={prim}")
+        assert code == 2
+        assert all(part in errors for part in parts), errors
+    other = '}\ndef Camera "Other" {\nfloat focalLength = 0.2'
+    second = _with_camera(scene, tmp_path / "two", "Drone", other)
+    code, _, errors = _run(capsys, "plan", second, "--kind", "stage")
+    assert code == 2
+    assert "several cameras could be meant" in errors
+    assert "/World/Rig/Drone" in errors
 
 
 @pytest.mark.parametrize(

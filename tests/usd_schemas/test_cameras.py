@@ -145,6 +145,10 @@ def test_an_animated_camera_has_every_frame(on_parent: bool, tmp_path: Path) -> 
     frames = read_body(tmp_path, GROUND + body, Z_UP + "\n startTimeCode = 2\n endTimeCode = 4").cameras[0]
     np.testing.assert_allclose(frames.poses[:, 0, 3], [2.0, 4.0, 6.0])
     assert frames.image_names == ("000000", "000001", "000002")
+    longer = read_body(tmp_path, GROUND + body, Z_UP + "\n startTimeCode = 0\n endTimeCode = 90").cameras[0]
+    np.testing.assert_allclose(longer.poses[:, 0, 3], [0.0, 2.0, 4.0, 6.0, 8.0])
+    elsewhere = read_body(tmp_path, GROUND + body, Z_UP + "\n startTimeCode = 50\n endTimeCode = 90").cameras[0]
+    np.testing.assert_allclose(elsewhere.poses, longer.poses)
     unbounded = read_body(tmp_path, GROUND + body).cameras[0]
     np.testing.assert_allclose(unbounded.poses[:, 0, 3], [0.0, 2.0, 4.0, 6.0, 8.0])
 

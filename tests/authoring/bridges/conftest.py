@@ -10,6 +10,7 @@ import pytest
 from groundwork.errors import InputError
 from tests.authoring.bridges import invariants, structure
 from tests.authoring.bridges.built import Bridge, make_bridge
+from tests.authoring.bridges.ratios import ratios_in_bands
 from tests.conftest import ROOT, Count
 
 QUICK, PROOF = 4, 200
@@ -34,6 +35,7 @@ INVARIANTS: tuple[Invariant, ...] = (
     structure.supports_have_bearings,
     structure.headroom,
     structure.rails_at_gauge,
+    ratios_in_bands,
 )
 BUILDS = "every_draw_builds"
 

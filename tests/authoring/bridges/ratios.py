@@ -253,7 +253,9 @@ def _stay_angle(bridge: Bridge) -> list[float]:
     return found
 
 
-_PIER = Ratio("pier height / least side", 0.0, 14.0, "Shi, Kim, Narazaki: piers 0.8 to 2.4 m; practice", _column_slenderness)
+_PIER = Ratio(
+    "pier height / least side", 0.0, 14.0, "Shi, Kim, Narazaki: piers 0.8 to 2.4 m; practice", _column_slenderness
+)
 RATIOS: dict[str, tuple[Ratio, ...]] = {
     "slab": (
         Ratio("span / depth over 22, 25, 15 or 17", 0.85, 1.15, "WSDOT; Network Rail", _slab),
@@ -315,7 +317,10 @@ def ratios_in_bands(bridge: Bridge) -> list[str]:
     """Every proportion lies in its band; profile `paper` keeps the proportions of its generator, whatever they are."""
     found = []
     for ratio in RATIOS[bridge.family] if bridge.profile == "default" else ():
-        for value in ratio.measure(bridge):
-            if not ratio.low * (1.0 - _ROUNDED) <= value <= ratio.high * (1.0 + _ROUNDED):
-                found.append(f"{ratio.name}: {value:.3f}, not {ratio.low:.3g} to {ratio.high:.3g} ({ratio.source})")
+        low, high = ratio.low * (1.0 - _ROUNDED), ratio.high * (1.0 + _ROUNDED)
+        found += [
+            f"{ratio.name}: {value:.3f}, not {ratio.low:.3g} to {ratio.high:.3g} ({ratio.source})"
+            for value in ratio.measure(bridge)
+            if not low <= value <= high
+        ]
     return found

@@ -145,17 +145,21 @@ def test_a_harps_stays_are_parallel(shape: str, pylons: int) -> None:
         assert np.ptp(directions, axis=0).max() < 1e-6
 
 
-def test_fans_meet_and_semi_fans_spread() -> None:
-    """A fan's heads are as close as their collars allow; a semi-fan's lie evenly, a harp's in proportion."""
+@pytest.mark.parametrize("shrink", [1.0, 0.6])
+def test_fans_meet_and_semi_fans_spread(shrink: float) -> None:
+    """A fan's heads are as close as collars allow on the steeper side; a semi-fan's lie evenly, a harp's in proportion."""
     offsets = np.linspace(8.0, 40.0, 9)
-    fan = np.array(head_heights("fan", offsets.tolist(), 0.0, 20.0, 12.0, 0.1, (0.5, 0.01)))
-    spread = 0.1 * np.hypot(1.0, 20.0 / offsets)
-    np.testing.assert_allclose(np.diff(fan), spread[1:] + spread[:-1] + 0.06, atol=1e-12)
+    runs, where = [(float(x) - 0.5, shrink * (float(x) - 0.5)) for x in offsets], (0.1, (0.5, 0.01))
+    fan = np.array(head_heights("fan", runs, 0.0, 20.0, 12.0, *where))
+    reach = 0.1 * np.hypot(1.0, fan / (shrink * (offsets - 0.5)))
+    apart = np.diff(fan) - (reach[1:] + reach[:-1])  # between two collars on the steeper side
+    assert apart.min() > 0.06 - 1e-12
+    assert apart.max() < 0.06 + 0.03
     assert fan[-1] == 20.0
     assert fan[0] > 15.0
-    semi = np.array(head_heights("semi_fan", offsets.tolist(), 0.0, 20.0, 12.0, 0.1, (0.5, 0.01)))
+    semi = np.array(head_heights("semi_fan", runs, 0.0, 20.0, 12.0, *where))
     np.testing.assert_allclose(semi, np.linspace(12.0, 20.0, 9), atol=1e-9)
-    harp = np.array(head_heights("harp", offsets.tolist(), 0.0, 20.0, 12.0, 0.1, (0.5, 0.01)))
+    harp = np.array(head_heights("harp", runs, 0.0, 20.0, 12.0, *where))
     faces = 0.5 + 0.01 * (20.0 - harp)
     np.testing.assert_allclose(harp / (offsets - faces), 20.0 / 39.5, rtol=1e-12)
 

@@ -1,0 +1,155 @@
+"""What every procedural world promises on random bridges: room for the bridge, free ways, labels, size, speed."""
+
+import time
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from authoring.alignment import Alignment, Layout
+from authoring.backgrounds.city import CitySettings
+from authoring.backgrounds.countryside import CountrysideSettings
+from authoring.backgrounds.hillside import HillsideSettings
+from authoring.backgrounds.lakeside import LakesideSettings
+from authoring.backgrounds.registry import BackgroundSettings, build_background
+from authoring.backgrounds.terrain import grow_terrain, rolling_hills
+from authoring.component import Component, Scatter, triangles
+from authoring.layout import BridgeSettings, draw_layout
+from authoring.plan_curve import Element
+from authoring.site import Site, SiteSettings, draw_site
+from authoring.site_covers import CHUNK, Soup, chunked, to_world
+from authoring.site_crossing import CrossingKind
+from authoring.streams import stream
+from tests.conftest import Count, RecordProof
+from usd_schemas.components import class_of
+
+F64 = NDArray[np.float64]
+Pieces = tuple[Component | Scatter, ...]
+
+WORLDS = ("city", "countryside", "hillside", "lakeside")
+MOST_TRIANGLES = 1_500_000
+MOST_SECONDS = 30.0
+STANDING = ("building", "roof", "window", "tree", "shrub", "fence", "wall_retaining", "pole", "lamp_post")
+FEW = BackgroundSettings(
+    city=CitySettings(town=200.0, trees=80, vehicles=60),
+    countryside=CountrysideSettings(buildings=8, trees=100),
+    lakeside=LakesideSettings(reach=2500.0, villas=25, town_houses=6, trees=150, boats=8),
+    hillside=HillsideSettings(reach=2500.0, houses=40, blocks=8, sheds=4, cranes=2, trees=150),
+)
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_worlds_keep_their_promises(name: str, proof_count: Count, record_proof: RecordProof) -> None:
+    """Random bridges of random families: nothing in the keep-out volume, nothing on the ways, labels, size, speed."""
+    count = proof_count(1, 8)
+    settings = FEW if count == 1 else BackgroundSettings()
+    most, slowest, crossings = 0, 0.0, set()
+    for seed in range(count):
+        layout, _ = draw_layout(BridgeSettings(), stream(seed, "bridge"))
+        site = draw_site(SiteSettings(), layout, stream(seed, "site"))
+        start = time.process_time()
+        pieces = build_background(name, settings, site, stream(seed, "background"))
+        slowest = max(slowest, time.process_time() - start)
+        assert {class_of(piece.kind) for piece in (*site.pieces, *pieces)} == {"background"}
+        # Round a bend the box is wider than the strip, and bare land goes on within it.
+        bent = () if layout.alignment.square else ("Ground", "Ways")
+        in_the_way = [p.name for p in pieces if p.group not in bent and _inside(site, _vertices(p))]
+        assert in_the_way == [], seed
+        blocked = [piece.name for piece in pieces if piece.kind in STANDING and _on_the_way(site, _vertices(piece))]
+        assert blocked == [], seed
+        most = max(most, sum(_size(piece) for piece in (*site.pieces, *pieces)))
+        crossings.add(site.land.crossing.kind)
+    assert most <= MOST_TRIANGLES
+    assert slowest < MOST_SECONDS
+    figures = {
+        "in_keep_out": 0, "on_the_ways": 0, "unlabelled": 0, "most_triangles": most,
+        "slowest_world_cpu_s": round(slowest, 1), "crossings": sorted(crossings),
+    }  # fmt: skip
+    record_proof(f"worlds/{name}", count, 0, figures)
+
+
+@pytest.mark.parametrize("crossing", ["road", "rail", "river", "valley", "harbour"])
+def test_ground_is_fine_round_every_bridge(crossing: CrossingKind) -> None:
+    """No edge of the ground is longer than half a metre along or across within 30 m of a bridge of 240 m."""
+    layout = Layout(Alignment(14.0), (0.0, 60.0, 180.0, 240.0), 11.5, 1.9)
+    site = draw_site(SiteSettings(crossing=crossing), layout, stream(5, "site"))
+    stations, lefts = site.field.stations, site.field.lefts
+    near = (stations > -30.0) & (stations < 270.0)
+    assert np.diff(stations[near]).max() < 0.5 + 1e-3
+    assert np.diff(lefts[np.abs(lefts) < 30.0 + 5.75]).max() < 0.5 + 1e-3
+    kinds = {piece.name: len(piece.positions) for piece in site.pieces if isinstance(piece, Scatter)}
+    assert min(kinds[name] for name in ("Site_Stones", "Site_Shrubs", "Site_Tufts")) > 50
+
+
+@pytest.mark.parametrize("radius", [60.0, 90.0, 200.0])
+@pytest.mark.parametrize("skew", [0.0, 0.4, -0.4])
+def test_land_round_a_bend_has_no_fold(radius: float, skew: float) -> None:
+    """The sharpest bends that a bridge may have: every cell of the land keeps its upper side up."""
+    bend = radius / np.cos(skew) ** 2
+    length = min(1.0 * bend, 120.0)
+    axis = Alignment(8.5, plan=(Element(length, 1 / bend, 1 / bend),), skew=skew)
+    layout = Layout(axis, (0.0, 0.5 * length, length), 11.5, 1.9)
+    for crossing in ("river", "road"):
+        drawn = SiteSettings(crossing=crossing, fine_spacing=2.0, coarse_spacing=6.0)
+        site = draw_site(drawn, layout, stream(3, "site"))
+        own = site.field
+        inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
+        terrain = grow_terrain(site, rolling_hills(site.land, inner, 40.0, np.random.default_rng(1)), 2000.0)
+        station, left = terrain.nodes()
+        nodes = np.stack([station, left, terrain.field.heights], axis=-1).reshape(-1, 3)
+        corner = to_world(axis, nodes)[terrain.field.triangles()]
+        up = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])[:, 2]
+        assert (up > 0).all()
+
+
+def test_chunks_are_small_and_lose_nothing() -> None:
+    """Every triangle is in exactly one piece; a small stretch keeps its name."""
+    rng = np.random.default_rng(2)
+    rows = np.column_stack([rng.uniform(-300, 300, 9000), rng.uniform(-80, 80, 9000), np.zeros((9000, 4))])
+    soup = Soup(rows, rng.integers(0, 9000, (3 * CHUNK + 7, 3)), ())
+    parts = chunked("Grass", soup)
+    assert [name for name, _ in parts] == [f"Grass_{number}" for number in range(len(parts))]
+    assert max(len(part.faces) for _, part in parts) <= CHUNK
+    together = np.concatenate([part.faces for _, part in parts])
+    assert sorted(map(tuple, together.tolist())) == sorted(map(tuple, soup.faces.tolist()))
+    assert chunked("Sand", Soup(rows, soup.faces[:9], ()))[0][0] == "Sand"
+
+
+def _vertices(piece: Component | Scatter) -> F64:
+    """World positions of all vertices, shape (N, 3)."""
+    if isinstance(piece, Component):
+        return piece.mesh.points
+    found = [np.zeros((0, 3))]
+    for which in np.unique(piece.prototype):
+        rows = piece.prototype == which
+        local = np.concatenate([mesh.points for _, mesh in piece.prototypes[which]])
+        local = local * np.asarray(piece.scales)[rows].reshape(int(rows.sum()), 1, -1)
+        c, s = np.cos(piece.yaw[rows])[:, None], np.sin(piece.yaw[rows])[:, None]
+        x, y, z = np.moveaxis(local, -1, 0)
+        spots = np.stack([x * c - y * s, x * s + y * c, z], axis=-1) + piece.positions[rows][:, None]
+        found.append(spots.reshape(-1, 3))
+    return np.concatenate(found)
+
+
+def _inside(site: Site, points: F64) -> bool:
+    return any(bool(box.contains(points, margin=1e-6).any()) for box in site.keep_out)
+
+
+def _on_the_way(site: Site, points: F64) -> bool:
+    """Whether anything stands on the road, railway or river within 90 m of the strip."""
+    layout, crossing = site.land.layout, site.land.crossing
+    reach = 0.5 * (layout.supports[-1] - layout.supports[0]) + 300.0
+    near = points[np.hypot(*(points[:, :2] - site.extent.mean(axis=0)).T) < reach]
+    if not len(near):
+        return False
+    station, left = layout.alignment.locate(near)
+    beyond = (np.abs(left) > site.field.lefts[-1]) & (np.abs(left) < site.field.lefts[-1] + 90.0)
+    return bool((beyond & (crossing.distance(station, left) < crossing.half_width - 0.3)
+                 & (near[:, 2] < crossing.level + 4.0)).any())  # fmt: skip
+
+
+def _size(piece: Component | Scatter) -> int:
+    if isinstance(piece, Component):
+        return len(triangles(piece.mesh))
+    sizes = [sum(len(triangles(mesh)) for _, mesh in prototype) for prototype in piece.prototypes]
+    return int(np.array(sizes)[piece.prototype].sum())
