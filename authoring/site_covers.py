@@ -1,6 +1,6 @@
 """Cut a height field along the borders of its covers: grass, banks, fills … meet in curves that share every vertex."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,14 +53,24 @@ class Soup:
         rows: Station, left, height [m], normal (3), then one column for each cover, shape (V, 6 + C), float64.
         faces: Vertex numbers, shape (T, 3), int64.
         covers: The covers of the columns, the first in the list wins.
+        plan: World positions in plan [m], shape (V, 2), float64, where the axis bends: cuts must be straight in the
+            world, for a cut that is straight along a bent axis folds what it leaves. None where that is the same.
     """
 
     rows: F64
     faces: I64
     covers: tuple[Cover, ...]
+    plan: F64 | None = None
 
 
-def soup_of(nodes: F64, normals: F64, faces: I64, shape: Shape, covers: tuple[Cover, ...] = COVERS) -> Soup:
+def soup_of(
+    nodes: F64,
+    normals: F64,
+    faces: I64,
+    shape: Shape,
+    covers: tuple[Cover, ...] = COVERS,
+    axis: Alignment | None = None,
+) -> Soup:
     """Gather ground triangles with their covers.
 
     Args:
@@ -69,6 +79,7 @@ def soup_of(nodes: F64, normals: F64, faces: I64, shape: Shape, covers: tuple[Co
         faces: Node numbers, shape (T, 3), int64.
         shape: The covers, each field holding V values.
         covers: Covers to look for, the winning ones first.
+        axis: Axis that the nodes count from, where it may bend.
 
     Returns:
         The triangles.
@@ -76,7 +87,8 @@ def soup_of(nodes: F64, normals: F64, faces: I64, shape: Shape, covers: tuple[Co
     present = tuple(cover for cover in covers if cover.name in shape.covers)
     values = [shape.covers[cover.name].reshape(-1, 1) for cover in present]
     columns = [np.where(np.abs(value) < SNAP, 0.0, value) for value in values]
-    return Soup(np.hstack([nodes, normals, *columns]), faces, present)
+    plan = None if axis is None or axis.curve is None else to_world(axis, nodes)[:, :2]
+    return Soup(np.hstack([nodes, normals, *columns]), faces, present, plan)
 
 
 def covered(soup: Soup) -> list[tuple[Cover, Soup]]:
@@ -118,7 +130,7 @@ def chunked(name: str, soup: Soup) -> list[tuple[str, Soup]]:
         waiting += [np.sort(order[len(order) // 2 :]), np.sort(order[: len(order) // 2])]
     if len(done) == 1:
         return [(name, soup)]
-    return [(f"{name}_{number}", Soup(soup.rows, soup.faces[rows], soup.covers)) for number, rows in enumerate(done)]
+    return [(f"{name}_{number}", replace(soup, faces=soup.faces[rows])) for number, rows in enumerate(done)]
 
 
 def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:
@@ -135,10 +147,13 @@ def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:
     sign = np.sign(value)[soup.faces]
     above, below = (sign > 0).any(axis=1), (sign < 0).any(axis=1)
     crossing = above & below
-    rows, plus, minus = _split(soup.rows, soup.faces[crossing], value)
+    whole = soup.rows if soup.plan is None else np.hstack([soup.rows, soup.plan])
+    rows, plus, minus = _split(whole, soup.faces[crossing], value, soup.rows.shape[1])
+    plan = None if soup.plan is None else rows[:, soup.rows.shape[1] :]
+    rows = rows[:, : soup.rows.shape[1]]
     inside = np.concatenate([soup.faces[above & ~below], plus])
     outside = np.concatenate([soup.faces[~above], minus])
-    return Soup(rows, inside, soup.covers), Soup(rows, outside, soup.covers)
+    return Soup(rows, inside, soup.covers, plan), Soup(rows, outside, soup.covers, plan)
 
 
 def drape(soup: Soup, alignment: Alignment, atlas: F64) -> Mesh:
@@ -155,8 +170,9 @@ def drape(soup: Soup, alignment: Alignment, atlas: F64) -> Mesh:
     used, corners = np.unique(soup.faces, return_inverse=True)
     rows = soup.rows[used]
     corners = corners.reshape(-1)
+    bent = None if soup.plan is None else np.column_stack([soup.plan[used], rows[:, 2]])
     return Mesh(
-        points=to_world(alignment, rows[:, :3]),
+        points=to_world(alignment, rows[:, :3]) if bent is None else bent,
         face_counts=np.full(len(soup.faces), 3, np.int32),
         corners=corners.astype(np.int32),
         normals=turn(alignment, rows[corners, :3], _unit(rows[corners, 3:6])).astype(np.float32),
@@ -219,8 +235,11 @@ def _unit(vectors: F64) -> F64:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def _split(rows: F64, faces: I64, value: F64) -> tuple[F64, I64, I64]:
-    """Split triangles that have corners on both sides; new vertices are shared by the two triangles of an edge."""
+def _split(rows: F64, faces: I64, value: F64, fields: int) -> tuple[F64, I64, I64]:
+    """Split triangles that have corners on both sides; new vertices are shared by the two triangles of an edge.
+
+    Columns 6 up to `fields` are those of covers.
+    """
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     crossed = value[ends[:, 0]] * value[ends[:, 1]] < 0
     upward = value[ends[:, 0]] > 0
@@ -228,7 +247,7 @@ def _split(rows: F64, faces: I64, value: F64) -> tuple[F64, I64, I64]:
     unique, inverse = np.unique(pairs[crossed], axis=0, return_inverse=True)
     share = value[unique[:, 0]] / (value[unique[:, 0]] - value[unique[:, 1]]) if len(unique) else np.zeros(0)
     born = rows[unique[:, 0]] + share[:, None] * (rows[unique[:, 1]] - rows[unique[:, 0]])
-    born[:, 6:][np.abs(born[:, 6:]) < SNAP] = 0.0
+    born[:, 6:fields][np.abs(born[:, 6:fields]) < SNAP] = 0.0
     middle = np.full(len(ends), -1, np.int64)
     middle[crossed] = len(rows) + inverse.reshape(-1)
     middle = middle.reshape(-1, 3)

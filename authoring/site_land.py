@@ -100,4 +100,6 @@ def strip_ground(land: Land, stations: F64, lefts: F64) -> tuple[HeightField, So
     ground = HeightField(stations, lefts, outer.heights[1:-1, 1:-1])
     covers = {name: values[1:-1, 1:-1] for name, values in shape.covers.items()}
     inner = normals[1:-1, 1:-1].reshape(-1, 3)
-    return ground, soup_of(ground.nodes(), inner, ground.triangles(), Shape(ground.heights, covers))
+    return ground, soup_of(
+        ground.nodes(), inner, ground.triangles(), Shape(ground.heights, covers), axis=land.layout.alignment
+    )

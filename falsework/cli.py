@@ -1,6 +1,7 @@
 """The command line: one verb per room, one line for every error, and exit codes that scripts can rely on."""
 
 import json
+import os
 import signal
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from groundwork.errors import FalseworkError
 
 INTERRUPTED = 130
 TERMINATED = 143
+PIPE_CLOSED = 141
 SOME_SCENES_FAILED = 3
 JSON_VERSION = 1
 ABOUT = "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo"
@@ -300,6 +302,9 @@ def main(arguments: list[str] | None = None) -> None:
     except FalseworkError as error:
         sys.stderr.write(f"falsework: {error}\n")
         code = error.exit_code
+    except BrokenPipeError:  # `falsework scene info SCENE | head`: whoever read has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = PIPE_CLOSED
     except KeyboardInterrupt:
         sys.stderr.write("falsework: interrupted; the same command goes on where it stopped\n")
         code = INTERRUPTED

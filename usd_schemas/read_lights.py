@@ -14,7 +14,7 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from usd_schemas.flat_scene import Dome, Sun
 from usd_schemas.read_labels import Warn
-from usd_schemas.read_materials import asset_file
+from usd_schemas.shader_inputs import asset_file
 from usd_schemas.traversal import EARLIEST, composed_prims
 
 F64 = NDArray[np.float64]

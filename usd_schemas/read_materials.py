@@ -1,15 +1,14 @@
 """UsdPreviewSurface networks as flat materials; what they cannot hold falls back visibly, with one warning each."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 from pxr import Sdf, Usd, UsdShade
 
 from usd_schemas.flat_scene import Detail, Material, Texture
+from usd_schemas.read_foreign_materials import read_foreign_material
 from usd_schemas.read_labels import Warn
 from usd_schemas.read_meshes import ATLAS_ST
-from usd_schemas.traversal import EARLIEST
+from usd_schemas.shader_inputs import Source, asset_file, find_source, number_of, pair_of, triple_of
 
 GREY = (0.5, 0.5, 0.5)
 _DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)
@@ -28,15 +27,6 @@ class ReadMaterial:
 
     material: Material | None
     uv_names: tuple[str, str] = ("", "")
-
-
-@dataclass(frozen=True)
-class _Source:
-    """What feeds a shader input: a value, or an output of a shader."""
-
-    value: Any = None
-    shader: UsdShade.Shader | None = None
-    output: str = ""
 
 
 @dataclass(frozen=True)
@@ -59,6 +49,9 @@ def read_material(material: UsdShade.Material, warn: Warn) -> ReadMaterial:
     surface, _, _ = material.ComputeSurfaceSource()
     kind = surface.GetShaderId() if surface else ""
     if kind != "UsdPreviewSurface":
+        foreign = read_foreign_material(material, warn)
+        if foreign is not None:
+            return ReadMaterial(*foreign)
         others = (material.ComputeSurfaceSource(context)[0] for context in _CONTEXTS)
         names = (other.GetShaderId() or other.GetPrim().GetName() for other in others if other)
         named = kind or next(names, "no surface")
@@ -71,14 +64,14 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
     def note(text: str) -> None:
         warn(f"{path}: {text}")
 
-    base, color, by_vertex = _read_color(_source(surface, "diffuseColor"), note)
-    rough = _read_texture(_source(surface, "roughness"), False, "roughness", note)
+    base, color, by_vertex = _read_color(find_source(surface, "diffuseColor"), note)
+    rough = _read_texture(find_source(surface, "roughness"), False, "roughness", note)
     if rough and rough.output != "r":
         note(f"roughness from channel {rough.output} of a texture is left out")
         rough = None
-    normal = _read_texture(_source(surface, "normal"), False, "normal", note)
+    normal = _read_texture(find_source(surface, "normal"), False, "normal", note)
     for name in ("metallic", "emissiveColor"):
-        if _source(surface, name).shader:
+        if find_source(surface, name).shader:
             note(f"a texture of {name} is left out")
     detail = _read_detail(material.GetPrim(), note)
     names = _uv_names([sampled.varname for sampled in (base, rough, normal) if sampled])
@@ -92,11 +85,11 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
             base_color=color,
             use_display_color=by_vertex,
             base_texture=numbered(base),
-            roughness=_number(_source(surface, "roughness"), _DEFAULT_ROUGHNESS),
+            roughness=number_of(find_source(surface, "roughness"), _DEFAULT_ROUGHNESS),
             roughness_texture=numbered(rough),
-            metallic=_number(_source(surface, "metallic"), 0.0),
+            metallic=number_of(find_source(surface, "metallic"), 0.0),
             normal_texture=numbered(normal),
-            emissive=_triple(_source(surface, "emissiveColor"), (0.0, 0.0, 0.0)),
+            emissive=triple_of(find_source(surface, "emissiveColor"), (0.0, 0.0, 0.0)),
             opacity_threshold=_read_opacity(surface, base, note),
             detail=detail,
         ),
@@ -111,24 +104,12 @@ def _uv_names(used: list[str]) -> tuple[str, str]:
     return (first[0] if first else ""), second
 
 
-def _source(shader: UsdShade.Shader, name: str) -> _Source:
-    """Follow an input through node graphs and material interfaces to what feeds it."""
-    source = shader.GetInput(name)
-    attributes = source.GetValueProducingAttributes() if source else []
-    if not attributes:
-        return _Source()
-    if UsdShade.Output.IsOutput(attributes[0]):
-        output = UsdShade.Output(attributes[0])
-        return _Source(shader=UsdShade.Shader(attributes[0].GetPrim()), output=str(output.GetBaseName()))
-    return _Source(value=attributes[0].Get(EARLIEST))
-
-
-def _read_color(source: _Source, note: Warn) -> tuple[_Sampled | None, tuple[float, float, float], bool]:
+def _read_color(source: Source, note: Warn) -> tuple[_Sampled | None, tuple[float, float, float], bool]:
     """Diffuse colour: its texture, else a constant, else the vertex colour."""
     if source.shader is None:
-        return None, _triple(source, _DEFAULT_DIFFUSE), False
+        return None, triple_of(source, _DEFAULT_DIFFUSE), False
     if source.shader.GetShaderId() == "UsdPrimvarReader_float3":
-        if str(_source(source.shader, "varname").value) == "displayColor":
+        if str(find_source(source.shader, "varname").value) == "displayColor":
             return None, GREY, True
         note("diffuseColor reads a primvar other than displayColor: drawn grey")
         return None, GREY, False
@@ -136,50 +117,50 @@ def _read_color(source: _Source, note: Warn) -> tuple[_Sampled | None, tuple[flo
     return sampled, GREY, False
 
 
-def _read_texture(source: _Source, is_color: bool, name: str, note: Warn) -> _Sampled | None:
+def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sampled | None:
     shader = source.shader
     if shader is None:
         return None
     if shader.GetShaderId() != "UsdUVTexture":
         note(f"{name} is fed by {shader.GetShaderId() or 'an unknown node'}, which is not read")
         return None
-    value = _source(shader, "file").value
+    value = find_source(shader, "file").value
     file = asset_file(value)
     if not file:
         note(f"no texture {value.path if isinstance(value, Sdf.AssetPath) else '(none)'} for {name}: drawn plain grey")
         return None
     if is_color and _tinted(shader):
         note(f"scale and bias of the {name} texture are left out")
-    space = str(_source(shader, "sourceColorSpace").value or "auto")
-    placed = _source(shader, "st")
+    space = str(find_source(shader, "sourceColorSpace").value or "auto")
+    placed = find_source(shader, "st")
     scale, rotation, translation = (1.0, 1.0), 0.0, (0.0, 0.0)
     if placed.shader and placed.shader.GetShaderId() == "UsdTransform2d":
-        scale = _pair(_source(placed.shader, "scale"), scale)
-        rotation = _number(_source(placed.shader, "rotation"), 0.0)
-        translation = _pair(_source(placed.shader, "translation"), translation)
-        placed = _source(placed.shader, "in")
+        scale = pair_of(find_source(placed.shader, "scale"), scale)
+        rotation = number_of(find_source(placed.shader, "rotation"), 0.0)
+        translation = pair_of(find_source(placed.shader, "translation"), translation)
+        placed = find_source(placed.shader, "in")
     varname = ""
     if placed.shader and placed.shader.GetShaderId() == "UsdPrimvarReader_float2":
-        varname = str(_source(placed.shader, "varname").value or "")
+        varname = str(find_source(placed.shader, "varname").value or "")
     # `auto` asks the file; files of colours are sRGB and files of data are not, whatever their header says.
     srgb = space == "sRGB" or (space == "auto" and is_color)
     return _Sampled(Texture(file, srgb, scale, rotation, translation), varname, source.output)
 
 
 def _tinted(texture: UsdShade.Shader) -> bool:
-    scale, bias = _source(texture, "scale").value, _source(texture, "bias").value
+    scale, bias = find_source(texture, "scale").value, find_source(texture, "bias").value
     return (scale is not None and tuple(scale)[:3] != (1.0, 1.0, 1.0)) or (bias is not None and any(tuple(bias)[:3]))
 
 
 def _read_opacity(surface: UsdShade.Shader, base: _Sampled | None, note: Warn) -> float:
     """Threshold of a cut-out whose alpha is in the base texture; anything else transparent is drawn opaque."""
-    threshold = _number(_source(surface, "opacityThreshold"), 0.0)
-    opacity = _source(surface, "opacity")
+    threshold = number_of(find_source(surface, "opacityThreshold"), 0.0)
+    opacity = find_source(surface, "opacity")
     if opacity.shader is None:
-        if _number(opacity, 1.0) < 1.0:
+        if number_of(opacity, 1.0) < 1.0:
             note("is transparent: drawn opaque")
         return 0.0
-    file = asset_file(_source(opacity.shader, "file").value) if opacity.shader.GetInput("file") else ""
+    file = asset_file(find_source(opacity.shader, "file").value) if opacity.shader.GetInput("file") else ""
     if base is None or file != base.texture.file or opacity.output != "a":
         note("opacity that is not the alpha of the diffuse texture is left out")
         return 0.0
@@ -204,31 +185,3 @@ def _read_detail(prim: Usd.Prim, note: Warn) -> Detail:
     if not files[0] or len(periods) != len(amplitudes):
         return Detail(macro_file=files[1])
     return Detail(files[0], periods, amplitudes, files[1])
-
-
-def asset_file(value: Any) -> str:
-    """Find the file that an asset path means.
-
-    Args:
-        value: Value of an asset attribute.
-
-    Returns:
-        Absolute path of an existing file, or empty: also for a file inside a usdz package.
-    """
-    resolved = str(value.resolvedPath) if isinstance(value, Sdf.AssetPath) else ""
-    return str(Path(resolved).resolve()) if resolved and Path(resolved).is_file() else ""
-
-
-def _number(source: _Source, default: float) -> float:
-    return float(source.value) if isinstance(source.value, int | float) else default
-
-
-def _pair(source: _Source, default: tuple[float, float]) -> tuple[float, float]:
-    return default if source.value is None else (float(source.value[0]), float(source.value[1]))
-
-
-def _triple(source: _Source, default: tuple[float, float, float]) -> tuple[float, float, float]:
-    if source.value is None:
-        return default
-    red, green, blue = (float(value) for value in source.value)
-    return red, green, blue

@@ -88,7 +88,8 @@ class Terrain:
         columns, rows = self.field.stations[:-1], self.field.lefts[:-1]
         outside = ((columns < first) | (columns >= last))[:, None] | ((rows < low) | (rows >= high))[None, :]
         covers = (*(cover for cover, _ in over), *COVERS[:-1], *(cover for cover, _ in extra), COVERS[-1])
-        return soup_of(nodes, normals, faces[np.repeat(outside.reshape(-1), 2)], shape, covers)
+        outer = faces[np.repeat(outside.reshape(-1), 2)]
+        return soup_of(nodes, normals, outer, shape, covers, self.land.layout.alignment)
 
     def atlas(self, soup: Soup) -> F64:
         """Chart the land in tiles from 0 to 1, wider and wider outwards; turned and mirrored, no two neighbours match.

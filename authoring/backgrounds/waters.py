@@ -21,6 +21,7 @@ GroundPiece = tuple[str, str, str, str, Mesh]
 SNAP = 0.06  # ground this close to the water's level lies on it, so that the shore passes through its vertices [m]
 ROAD_END = 9.0  # distance from the shore at which the road under the bridge ends [m]
 MOUTH = 12.0  # open water reaches this far up a river's channel [m]
+BANKS = 6.0  # distance from a river's edge up to which land may lie below the open water's level [m]
 BEACH = 0.6  # height to which the shore is bare [m]
 WATER = Cover("open_water", "OpenWater", "water", "open_water")
 SHORE = Cover("beach", "Beach", "riverbank", "gravel")
@@ -97,7 +98,9 @@ def bathed(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hills)
 
 
 def level_shore(terrain: Terrain, basin: Basin) -> Terrain:
-    """Put ground that nearly lies on the water's level on it.
+    """Put ground that nearly lies on the water's level on it, and lift land that lies below it.
+
+    So the water ends exactly where the ground comes up to it; only a river's channel leads on below its level.
 
     Args:
         terrain: The terrain.
@@ -109,8 +112,17 @@ def level_shore(terrain: Terrain, basin: Basin) -> Terrain:
     heights = terrain.field.heights.copy()
     station, left = terrain.nodes()
     near = (np.abs(heights - basin.level) < SNAP) & (terrain.beyond(station, left) > 1.0)
-    heights[near] = basin.level
+    low = (heights < basin.level) & (basin.inside(station, left) <= 0.0) & ~_channel(terrain.land, station, left)
+    heights[near | (low & (terrain.beyond(station, left) > 1.0))] = basin.level
     return replace(terrain, field=HeightField(terrain.field.stations, terrain.field.lefts, heights))
+
+
+def _channel(land: Land, station: F64, left: F64) -> NDArray[np.bool_]:
+    """Tell where a river runs through the land, with its banks, same shape, bool."""
+    crossing = land.crossing
+    if crossing.kind != "river":
+        return np.zeros(np.broadcast(station, left).shape, bool)
+    return crossing.distance(station, left) < crossing.half_width + BANKS
 
 
 def shore_pieces(terrain: Terrain, basin: Basin, extra: tuple[tuple[Cover, F64], ...]) -> list[GroundPiece]:
@@ -127,7 +139,9 @@ def shore_pieces(terrain: Terrain, basin: Basin, extra: tuple[tuple[Cover, F64],
     station, left = terrain.nodes()
     inside = basin.inside(station, left)
     heights = terrain.field.heights
-    wet = np.minimum(basin.level - heights, inside + MOUTH)
+    wet = np.where(
+        _channel(terrain.land, station, left), np.minimum(basin.level - heights, inside + MOUTH), basin.level - heights
+    )
     beach = np.minimum(basin.level + BEACH - heights, inside + 30.0)
     pieces = []
     axis = terrain.land.layout.alignment
@@ -142,7 +156,7 @@ def shore_pieces(terrain: Terrain, basin: Basin, extra: tuple[tuple[Cover, F64],
 def _levelled(soup: Soup, level: float) -> Soup:
     rows = soup.rows.copy()
     rows[:, 2], rows[:, 3:6] = level, (0.0, 0.0, 1.0)
-    return Soup(rows, soup.faces, soup.covers)
+    return replace(soup, rows=rows)
 
 
 def ways_to_water(terrain: Terrain, basin: Basin) -> list[Piece]:

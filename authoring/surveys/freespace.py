@@ -101,7 +101,7 @@ def gap_between(space: FreeSpace) -> F64 | None:
     if not space.cut_off.any():
         return None
     inside, outside = (space.middles(np.argwhere(cells)) for cells in (space.free, space.cut_off))
-    away, rows = KDTree(inside).query(outside)
+    away, rows = (np.asarray(found) for found in KDTree(inside).query(outside))
     nearest = int(np.argmin(away))
     return 0.5 * (outside[nearest] + inside[int(rows[nearest])])
 

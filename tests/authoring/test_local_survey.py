@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from authoring.component import Component
 from authoring.families.registry import build_bridge
 from authoring.layout import BridgeSettings, draw_layout
 from authoring.site import SiteSettings, draw_site
@@ -25,6 +26,7 @@ from authoring.surveys.turning import angle_between, limit_pitch, look_along, pi
 from authoring.surveys.way import equal_steps, rounded_way
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
+from tests.authoring.boxes import box, flat_site
 from tests.conftest import Count, RecordProof
 from usd_schemas.pinhole import Pinhole
 from usd_schemas.raycast import RayScene
@@ -237,6 +239,8 @@ def test_same_seed_same_flight_and_sections_do_not_disturb(subject: Subject) -> 
         ({"station": 400.0}, "holds no bridge"),
         ({"safety": 5.0, "beside": 2.0, "above": 1.0}, "no free space"),
         ({"images": [2000, 2100], "length": 6.0, "cell": 1.0}, "no flight of the length"),
+        ({"target": 999_999}, "no component of the bridge has this id"),
+        ({"target": 1, "station": 0.0, "length": 8.0}, r"cannot be reached: .* m; (the instance \d+|the box ends)"),
     ],
 )
 def test_bad_boxes_name_what_limits_them(subject: Subject, settings: dict[str, object], problem: str) -> None:
@@ -246,9 +250,36 @@ def test_bad_boxes_name_what_limits_them(subject: Subject, settings: dict[str, o
     assert "survey." in str(caught.value)
 
 
+def test_a_flight_comes_near_its_target(subject: Subject) -> None:
+    """The box lies round the component asked for, and some image is taken near it."""
+    for target in np.unique(subject.bridge_ids)[[0, 40, -1]].tolist():
+        places = fly(subject, 1, target=target, images=[20, 160])[:, :3, 3]
+        own = subject.bridge_ids == target
+        assert RayScene(subject.bridge[own], subject.bridge_ids[own].astype(np.uint32)).distance(places)[0].min() < 6.5
+
+
+def test_a_divided_box_names_what_divides_it() -> None:
+    """A wall across the whole box leaves half of it; a flight too long for that half is told of the wall."""
+    deck = Component("Deck", "deck_slab", "Role_DeckConcrete", "Superstructure", box((0, -4, 6), (40, 4, 7)), 1)
+    wall = Component("Wall", "building", "brick", "Ways", box((19.8, -60, -1), (20.2, 60, 60)), 40_009)
+    subject = make_subject((deck,), (*flat_site(), wall))
+    with pytest.raises(InputError, match=r"no flight of the length .* 5\d% of the free space .* at the instance 40009"):
+        fly(subject, 0, station=0.0, images=[300, 400])
+
+
+def test_a_long_way_is_cut_to_the_images_asked_for(subject: Subject) -> None:
+    """Where every way drawn is too long, a part of one is flown: as safe, as even, and of the length."""
+    for seed in range(3):
+        places = fly(subject, seed, images=[20, 24])[:, :3, 3]
+        assert 20 <= len(places) <= 25
+        assert subject.clearance(places).min() >= 1.0
+        chords = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        assert 0.45 <= chords.min() <= chords.max() <= 0.5 + 1e-6
+
+
 def test_grid_covers_the_sides_at_the_sampling_asked_for(subject: Subject) -> None:
     """Cameras stand square to a side at sampling x focal length; neighbours overlap as asked; all are safe."""
-    settings = GridSettings(kind="grid", sampling=0.008)
+    settings = GridSettings(kind="grid", sampling=0.008, overlap=0.8)
     poses = fly_grid(settings, subject, np.random.default_rng(0))
     box = oriented_box(subject.bridge.reshape(-1, 3))
     local, looks = box.to_local(poses[:, :3, 3]), poses[:, :3, 2] @ box.axes.T

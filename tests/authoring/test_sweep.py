@@ -146,6 +146,24 @@ def test_triangulation_covers_a_star_exactly(corners: int, seed: int) -> None:
     assert sum(pieces) == pytest.approx(area(outline), rel=1e-9)
 
 
+def test_corners_in_line_by_chance_make_no_sliver() -> None:
+    """A girder's section whose far corners lie in one line, to ten micrometres: no triangle joins those three."""
+    right = [(0.2625, 0.0), (0.2625, 0.129), (0.2325, 0.2322), (0.2325, 0.7048), (0.305, 0.765), (0.305, 0.87)]
+    outline = cut_corners(mirrored(right), np.array([0.027, 0.0135, 0.0, 0.0, 0.0135, 0.0] + [0.0] * 6))
+    triangles = triangulate(outline)
+    assert sum(area(outline[t]) for t in triangles) == pytest.approx(area(outline), rel=1e-12)
+    for here in triangles:
+        for there in triangles:  # across every inner side the angles sum up to 180 degrees at most
+            shared = set(here) & set(there)
+            if len(shared) == 2:
+                tips = [next(k for k in t if k not in shared) for t in (here, there)]
+                angles = []
+                for tip in tips:
+                    a, b = (outline[k] - outline[tip] for k in sorted(shared))
+                    angles.append(np.arctan2(abs(a[0] * b[1] - a[1] * b[0]), a @ b))
+                assert tips[0] == tips[1] or sum(angles) <= np.pi + 1e-6
+
+
 @given(st.floats(0.001, 0.02))
 def test_inset_and_cut_corners_have_the_areas_of_their_formulas(size: float) -> None:
     """Parallel outlines and cut corners, convex or not."""

@@ -37,6 +37,16 @@ def test_unknown_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert all(part in line for part in ("s.toml", "sitte", "Did you mean 'site'"))
 
 
+def test_what_cannot_be_drawn_names_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A value that is found wrong while the bridge is drawn: file, key, rule and nearest valid value in one line."""
+    scenario = tmp_path / "far.toml"
+    scenario.write_text('[bridge]\nfamily = "slab"\n[bridge.slab]\nspans = [300.0]\n')
+    for verb in ("author", "run"):
+        line = _fails([verb, scenario, "-o", tmp_path / verb], capsys)
+        assert line.startswith(f"falsework: {scenario}: bridge.slab.spans: ")
+        assert "(found 300.0); allowed: 5 to 18 m. The nearest is 18 m" in line
+
+
 def test_foreign_output_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A folder with somebody's files is never written into."""
     scenario = tmp_path / "s.toml"

@@ -52,7 +52,7 @@ def test_from_the_store_to_a_package(stored: Path, tmp_path: Path, capsys: pytes
 
 def test_info_for_people(stored: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The choice in force stands in brackets, and counts are there."""
-    code, out, _ = _run(capsys, "info", stored, "--files")
+    code, out, _ = _run(capsys, "info", stored.parent, "--files")
     assert code == 0
     assert "look: clean [weathered]" in out
     assert "bearing " in out
@@ -67,6 +67,8 @@ def test_info_for_people(stored: Path, capsys: pytest.CaptureFixture[str]) -> No
         (["set", "{own}", "taxonomy=kim"], ["unknown taxonomy", "kim2023"]),
         (["set", "{stored}", "look=clean"], ["read-only", "scene checkout"]),
         (["info", "{own}.no"], ["no such file"]),
+        (["diff", "{own}", "{folder}/bridge"], ["holds no scene.usda"]),
+        (["set", "{own}", "background=none", "--re-origin", "1", "2", "3"], ["--re-origin", "only a USD file"]),
         (["package", "{own}", "-o", "{own}.fbx"], [".usdz, .glb"]),
         (["checkout", "{own}", "-o", "{folder}"], ["not empty"]),
     ],

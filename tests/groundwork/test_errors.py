@@ -12,6 +12,17 @@ def test_parts_of_an_input_error_stand_in_order() -> None:
     assert str(InputError("wrong")) == "wrong"
 
 
+def test_the_place_is_said_once() -> None:
+    """A value found wrong later than its file was read still names the file; who names a place keeps it."""
+    error = InputError("too long", field="bridge.slab.spans")
+    error.found_in("a.toml")
+    error.found_in("b.toml")
+    assert str(error) == "a.toml: bridge.slab.spans: too long"
+    known = MissingError("no such file", where="c.toml")
+    known.found_in("a.toml")
+    assert str(known) == "c.toml: no such file"
+
+
 def test_line_breaks_are_taken_out() -> None:
     """A message from elsewhere with several lines still comes as one."""
     assert str(InputError("first\n  second", mend="third\n")) == "first second. third"

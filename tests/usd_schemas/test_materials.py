@@ -152,11 +152,11 @@ def test_missing_texture_is_grey(tmp_path: Path) -> None:
 
 def test_unknown_surface_falls_back(tmp_path: Path) -> None:
     """A material that is no preview surface: one warning, then displayColor where there is one, else grey."""
-    body = network("").replace("UsdPreviewSurface", "ND_standard_surface_surfaceshader")
+    body = network("").replace("UsdPreviewSurface", "ND_open_pbr_surface_surfaceshader")
     scene, material = read_one(tmp_path, body)
     assert material == scene.materials[0]
     assert len(scene.warnings) == 1
-    assert "ND_standard_surface_surfaceshader" in scene.warnings[0]
+    assert "ND_open_pbr_surface_surfaceshader" in scene.warnings[0]
     colored = body.replace(
         SQUARE, SQUARE + 'color3f[] primvars:displayColor = [(1, 0, 0)] (interpolation = "constant")\n'
     )
@@ -167,9 +167,9 @@ def test_unknown_surface_falls_back(tmp_path: Path) -> None:
 def test_only_an_mdl_surface(tmp_path: Path) -> None:
     """A material for another renderer is named in the warning."""
     body = network("").replace("token outputs:surface.connect", "token outputs:mdl:surface.connect")
-    scene, material = read_one(tmp_path, body.replace("UsdPreviewSurface", "OmniPBR"))
+    scene, material = read_one(tmp_path, body.replace("UsdPreviewSurface", "OmniGlass"))
     assert material == scene.materials[0]
-    assert "OmniPBR" in scene.warnings[0]
+    assert "OmniGlass" in scene.warnings[0]
 
 
 def test_display_color_reader(tmp_path: Path) -> None:

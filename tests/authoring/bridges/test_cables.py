@@ -147,7 +147,7 @@ def test_a_harps_stays_are_parallel(shape: str, pylons: int) -> None:
 
 @pytest.mark.parametrize("shrink", [1.0, 0.6])
 def test_fans_meet_and_semi_fans_spread(shrink: float) -> None:
-    """A fan's heads are as close as collars allow on the steeper side; a semi-fan's lie evenly, a harp's in proportion."""
+    """A fan's heads are as close as the steeper side's collars allow, a semi-fan's even, a harp's in proportion."""
     offsets = np.linspace(8.0, 40.0, 9)
     runs, where = [(float(x) - 0.5, shrink * (float(x) - 0.5)) for x in offsets], (0.1, (0.5, 0.01))
     fan = np.array(head_heights("fan", runs, 0.0, 20.0, 12.0, *where))

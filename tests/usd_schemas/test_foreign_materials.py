@@ -1,0 +1,157 @@
+"""Simple OmniPBR and MaterialX standard_surface materials, as Omniverse and MaterialX exporters write them."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.usd_schemas.stages import SQUARE
+from tests.usd_schemas.test_materials import UV, read_one
+from usd_schemas.flat_scene import Texture
+
+
+def bound(material: str) -> str:
+    """Write a square that a material is bound to."""
+    return f"""{material}
+    def Mesh "M" (prepend apiSchemas = ["MaterialBindingAPI"]) {{
+        rel material:binding = </Mat>
+        {SQUARE}{UV.format("st")}{UV.format("map7").replace("(1,1)", "(3,3)")}
+    }}"""
+
+
+def omni(inputs: str) -> str:
+    """Write an OmniPBR material."""
+    return bound(f"""def Material "Mat" {{
+        token outputs:mdl:surface.connect = </Mat/S.outputs:out>
+        def Shader "S" {{
+            uniform token info:implementationSource = "sourceAsset"
+            uniform asset info:mdl:sourceAsset = @OmniPBR.mdl@
+            uniform token info:mdl:sourceAsset:subIdentifier = "OmniPBR"
+            {inputs}
+            token outputs:out
+        }}
+    }}""")
+
+
+def standard(inputs: str, nodes: str = "") -> str:
+    """Write a standard_surface material."""
+    return bound(f"""def Material "Mat" {{
+        token outputs:mtlx:surface.connect = </Mat/S.outputs:out>
+        def Shader "S" {{
+            uniform token info:id = "ND_standard_surface_surfaceshader"
+            {inputs}
+            token outputs:out
+        }}
+        {nodes}
+    }}""")
+
+
+def test_omnipbr_constants(tmp_path: Path) -> None:
+    """Colour times tint, roughness, metallic, emission only where it is on; no warning."""
+    scene, material = read_one(tmp_path, omni("""
+        color3f inputs:diffuse_color_constant = (0.8, 0.4, 0.2)
+        color3f inputs:diffuse_tint = (0.5, 1, 1)
+        float inputs:reflection_roughness_constant = 0.3
+        float inputs:metallic_constant = 0.9
+        color3f inputs:emissive_color = (1, 1, 1)
+        float inputs:emissive_intensity = 50
+        bool inputs:enable_emission = 0
+    """))  # fmt: skip
+    assert material.base_color == pytest.approx((0.4, 0.4, 0.2))
+    assert (material.roughness, material.metallic) == pytest.approx((0.3, 0.9))
+    assert material.emissive == (0.0, 0.0, 0.0)
+    assert scene.warnings == ()
+    _, lit = read_one(tmp_path, omni("bool inputs:enable_emission = 1\nfloat inputs:emissive_intensity = 2\n"))
+    assert lit.emissive == pytest.approx((2.0, 0.2, 0.2))
+    assert lit.base_color == pytest.approx((0.2, 0.2, 0.2))
+
+
+def test_omnipbr_textures(tmp_path: Path) -> None:
+    """One texture an input, with the material's own placement; what is left out is named."""
+    scene, material = read_one(tmp_path, omni("""
+        asset inputs:diffuse_texture = @./a.png@
+        asset inputs:normalmap_texture = @./b.png@
+        asset inputs:reflectionroughness_texture = @./c.png@
+        float inputs:reflection_roughness_texture_influence = 1
+        float2 inputs:texture_scale = (2, 3)
+        float inputs:texture_rotate = 45
+        float2 inputs:texture_translate = (0.5, 0)
+        asset inputs:metallic_texture = @./gone.png@
+    """))  # fmt: skip
+    assert material.base_texture == Texture(str(tmp_path / "a.png"), True, (2.0, 3.0), 45.0, (0.5, 0.0))
+    assert material.normal_texture == Texture(str(tmp_path / "b.png"), False, (2.0, 3.0), 45.0, (0.5, 0.0))
+    assert material.roughness_texture is not None
+    assert len(scene.warnings) == 1
+    assert "gone.png" in scene.warnings[0]
+
+
+def test_standard_surface_constants(tmp_path: Path) -> None:
+    """Its weights multiply its colours; glass is drawn opaque, with a warning."""
+    scene, material = read_one(tmp_path, standard("""
+        float inputs:base = 0.5
+        color3f inputs:base_color = (0.8, 0.4, 0.2)
+        float inputs:specular_roughness = 0.35
+        float inputs:metalness = 1
+        float inputs:emission = 3
+        color3f inputs:emission_color = (0.5, 0, 0)
+        float inputs:transmission = 0.9
+    """))  # fmt: skip
+    assert material.base_color == pytest.approx((0.4, 0.2, 0.1))
+    assert (material.roughness, material.metallic) == pytest.approx((0.35, 1.0))
+    assert material.emissive == pytest.approx((1.5, 0.0, 0.0))
+    assert scene.warnings == ("/Mat: is transparent: drawn opaque",)
+
+
+def test_standard_surface_textures(tmp_path: Path) -> None:
+    """An image by its primvar, a tiled one, a normal map through its node; colour spaces as stated."""
+    inputs = """
+        color3f inputs:base_color.connect = </Mat/A.outputs:out>
+        float inputs:specular_roughness.connect = </Mat/B.outputs:out>
+        vector3f inputs:normal.connect = </Mat/N.outputs:out>
+    """
+    nodes = """
+        def Shader "A" {
+            uniform token info:id = "ND_image_color3"
+            asset inputs:file = @./a.png@ (colorSpace = "srgb_texture")
+            float2 inputs:texcoord.connect = </Mat/Uv.outputs:out>
+            color3f outputs:out
+        }
+        def Shader "B" {
+            uniform token info:id = "ND_tiledimage_float"
+            asset inputs:file = @./b.png@
+            float2 inputs:uvtiling = (4, 2)
+            float outputs:out
+        }
+        def Shader "N" {
+            uniform token info:id = "ND_normalmap"
+            vector3f inputs:in.connect = </Mat/C.outputs:out>
+            vector3f outputs:out
+        }
+        def Shader "C" {
+            uniform token info:id = "ND_image_vector3"
+            asset inputs:file = @./c.png@
+            vector3f outputs:out
+        }
+        def Shader "Uv" {
+            uniform token info:id = "ND_geompropvalue_vector2"
+            string inputs:geomprop = "map7"
+            float2 outputs:out
+        }
+    """
+    scene, material = read_one(tmp_path, standard(inputs, nodes))
+    assert material.base_texture == Texture(str(tmp_path / "a.png"), True)
+    assert material.roughness_texture == Texture(str(tmp_path / "b.png"), False, (4.0, 2.0))
+    assert material.normal_texture == Texture(str(tmp_path / "c.png"), False)
+    assert scene.geometry.st.max() == 3.0
+    assert scene.warnings == ()
+    raw = nodes.replace("srgb_texture", "lin_rec709")
+    _, material = read_one(tmp_path, standard(inputs, raw))
+    assert material.base_texture is not None
+    assert not material.base_texture.srgb
+
+
+def test_a_network_that_is_more_than_one_texture_is_named(tmp_path: Path) -> None:
+    """A product of two images is no flat material: the constant stays, and one line says so."""
+    nodes = 'def Shader "A" {\nuniform token info:id = "ND_multiply_color3"\ncolor3f outputs:out\n}'
+    scene, material = read_one(tmp_path, standard("color3f inputs:base_color.connect = </Mat/A.outputs:out>", nodes))
+    assert material.base_texture is None
+    assert scene.warnings == ("/Mat: base_color is fed by ND_multiply_color3, which is not read",)
