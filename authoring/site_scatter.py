@@ -20,7 +20,7 @@ class ScatterSettings(Settings):
     """How much is strewn over the site."""
 
     stones: int = Field(default=420, ge=0, le=20_000, description="stones tried [1]")
-    shrubs: int = Field(default=220, ge=0, le=5_000, description="shrubs tried [1]")
+    shrubs: int = Field(default=190, ge=0, le=5_000, description="shrubs tried [1]")
     reeds: int = Field(default=260, ge=0, le=20_000, description="clumps of reed tried at a river [1]")
     tufts: int = Field(default=1250, ge=0, le=50_000, description="tufts of grass tried [1]")
 

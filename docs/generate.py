@@ -40,7 +40,8 @@ def scenario_page() -> str:
         for key, field in model.model_fields.items():
             if not _models_in(field.annotation):
                 default = field.get_default(call_default_factory=True, validated_data={})
-                shown = "required" if default is PydanticUndefined else "drawn" if default is None else f"`{default!r}`"
+                nothing = "–" if "left out" in (field.description or "") else "drawn"
+                shown = "required" if default is PydanticUndefined else nothing if default is None else f"`{default!r}`"
                 meaning = (field.description or "").replace("\n", " ").replace("|", "\\|")
                 lines.append(f"| `{key}` | {_type_name(field.annotation)} | {shown} | {meaning} |")
         lines.append("")

@@ -145,7 +145,9 @@ def world_sheet(rows: list[WorldShots]) -> bytes:
 def _take(
     scene: FlatScene, camera: Pinhole, folder: Path, seed: int, ground: float
 ) -> tuple[tuple[U8, ...], tuple[Measures, ...]]:
-    render_scene(scene, folder, RenderSettings(quality="fine"), seed, SILENT)  # exposed as the frames of a flight are
+    sensor = {"auto_exposure": 1.0}  # each picture for itself: nobody flies from the shade under a deck into the sky
+    settings = RenderSettings.model_validate({"quality": "fine", "sensor": sensor})
+    render_scene(scene, folder, settings, seed, SILENT)
     taken = read_capture(folder)
     truth = read_truth(taken)
     assert truth is not None

@@ -25,6 +25,7 @@ U16 = NDArray[np.uint16]
 U32 = NDArray[np.uint32]
 
 _MARGIN = 3  # [px] around the wider view
+FINER = 2  # the exact images of the wider view have this many pixels to one: grass and cables are thinner than that
 _SMALL = 4.0  # [px^2] the ray may have missed a smaller triangle and still have met its neighbour
 Window = tuple[int, int]
 
@@ -130,7 +131,7 @@ class Lens:
             code[rows] = _resample(view.code, place)
             assert view.triangle is not None
             met = normal[rows] if self._normals else normal
-            images = (view.draw, view.triangle, place, self._rays[rows], near)
+            images = (view.draw, view.triangle, FINER * place, self._rays[rows], near)
             _meet(*images, *self._from_camera(pose), draw[rows], depth[rows], met, self._normals)  # pyright: ignore
         return View(code, draw, depth, normal if self._normals else None)
 
@@ -140,7 +141,7 @@ class Lens:
         linear = pose[:3, :3].T @ geometry.transform[:, :3, :3]
         shift = (geometry.transform[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
         seen = np.concatenate([linear, shift[:, :, None]], axis=2)
-        focal = self.wide.fx * self.wide.fy
+        focal = self.wide.fx * self.wide.fy * FINER**2
         return (
             geometry.positions, geometry.normals, geometry.triangles, geometry.first, np.ascontiguousarray(seen),
             geometry.cofactor, geometry.mirrored, geometry.cut_out, geometry.neighbours, focal,

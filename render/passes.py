@@ -54,6 +54,7 @@ class Painter:
         camera: Pinhole,
         quality: str,
         extra: str = "",
+        finer: int = 1,
     ) -> None:
         """Make the targets and upload the light.
 
@@ -65,20 +66,22 @@ class Painter:
             camera: Intrinsics of every view.
             quality: `fast`, `standard` or `fine`.
             extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
+            finer: How many times finer than the photograph the exact images are, along rows and columns.
         """
         self._gl, self._programs, self._gpu, self._camera = gl, programs, gpu, camera
-        self._fine = quality == "fine"
+        self._fine, self._finer, self._apart = quality == "fine", finer, quality == "fine" or finer > 1
         context, size = gl.context, (camera.width, camera.height)
+        exact = (finer * camera.width, finer * camera.height)
         self._color = context.texture(size, 4, dtype="nu2")
-        self._truth = [context.texture(size, 1, dtype="u4"), context.texture(size, 1, dtype="f4")]
+        self._truth = [context.texture(exact, 1, dtype="u4"), context.texture(exact, 1, dtype="f4")]
         self._extra = (extra,) if extra else ()
         if extra:
-            self._truth.append(_extra_texture(context, size, extra))
-        self._exact = self._framebuffer(self._truth if self._fine else [self._color, *self._truth])
-        if self._fine:
+            self._truth.append(_extra_texture(context, exact, extra))
+        self._exact = self._framebuffer(self._truth if self._apart else [self._color, *self._truth])
+        if self._apart:
             doubled = (2 * camera.width, 2 * camera.height)
-            self._samples = context.texture(doubled, 4, dtype="nu2")
-            self._supersampled = self._framebuffer([self._samples])
+            self._samples = context.texture(doubled, 4, dtype="nu2") if self._fine else self._color
+            self._photo = self._framebuffer([self._samples])
             self._resolved = context.framebuffer([self._color])
         self._readers = {image: context.framebuffer([image]) for image in (self._color, *self._truth)}
         self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
@@ -130,11 +133,12 @@ class Painter:
         gpu.place(pose[:3, 3])
         gpu.bind()
         clip = clip_from_relative(camera, pose, near).T.tobytes()
-        if self._fine:
-            self._open(self._supersampled, 2 * first, 2 * end)
+        if self._apart:
+            samples = 2 if self._fine else 1
+            self._open(self._photo, samples * first, samples * end)
             self._draw_surfaces(rows, clip, pose, self._features)
             self._draw_sky(pose, ())
-            self._open(self._exact, first, end)
+            self._open(self._exact, self._finer * first, self._finer * end)
             self._draw_ids(rows, clip)
         else:
             self._open(self._exact, first, end)
@@ -150,11 +154,12 @@ class Painter:
         context.depth_func, context.front_face = ">", "cw"  # rows run downwards, so that windings look reversed
 
     def _clear_rows(self, first: int, end: int) -> None:
-        if self._fine:
-            self._open(self._supersampled, 2 * first, 2 * end)
-            self._clear(self._supersampled, 1)
-        self._open(self._exact, first, end)
-        self._clear(self._exact, 0 if self._fine else 1)
+        if self._apart:
+            samples = 2 if self._fine else 1
+            self._open(self._photo, samples * first, samples * end)
+            self._clear(self._photo, 1)
+        self._open(self._exact, self._finer * first, self._finer * end)
+        self._clear(self._exact, 0 if self._apart else 1)
 
     def _framebuffer(self, colors: list[moderngl.Texture]) -> moderngl.Framebuffer:
         width, height = colors[0].size
@@ -248,6 +253,7 @@ class Painter:
         self._exact.scissor = None  # pyright: ignore[reportAttributeAccessIssue]  # else what comes next keeps to some rows
         self._exact.use()
         code = self._rows(self._color, first, end, np.uint16, 4)[..., :3]
+        first, end = self._finer * first, self._finer * end
         draw = self._rows(self._truth[0], first, end, np.uint32, 1)[..., 0]
         depth = self._rows(self._truth[1], first, end, np.float32, 1)[..., 0]
         if not self._extra:

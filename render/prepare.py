@@ -73,12 +73,12 @@ class Prepared:
         Returns:
             The lens, and what draws the wider views that it looks at.
         """
-        from render.lens import Lens, ray_geometry
+        from render.lens import FINER, Lens, ray_geometry
 
         cut_out = np.array(["CUT_OUT" in variant.features for variant in self.gpu.variants])[self.gpu.variant_rows]
         lens = Lens(camera, distortion, ray_geometry(self.scene, cut_out), normals=self.settings.normals)
         light, quality = self.light, self.settings.quality
-        return lens, Painter(self.gl, self.programs, self.gpu, light, lens.wide, quality, "TRIANGLES")
+        return lens, Painter(self.gl, self.programs, self.gpu, light, lens.wide, quality, "TRIANGLES", FINER)
 
 
 def prepare(

@@ -10,6 +10,7 @@ from authoring.backgrounds.parcels import crop_fields, draw_parcels, uncropped
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.terrain import grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import plant_trees
+from authoring.backgrounds.wayside import drive_cars, plant_fences
 from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.site import Site
 from authoring.site_covers import chunked, covered, drape
@@ -25,6 +26,7 @@ class CountrysideSettings(Settings):
     hills: float = Field(default=42.0, ge=0.0, le=150.0, description="typical height of the far hills [m]")
     buildings: int = Field(default=26, ge=0, le=60, description="buildings wanted [1]")
     hedge_bushes: int = Field(default=170, ge=0, le=3000, description="most bushes in hedges [1]")
+    vehicles: int = Field(default=14, ge=0, le=200, description="vehicles on the approach roads [1]")
     trees: int = Field(default=380, ge=0, le=2000, description="trees wanted [1]")
 
 
@@ -62,5 +64,7 @@ def build_countryside(
     for plant, count in ((plant_trees, settings.trees), (plant_hedges, settings.hedge_bushes)):
         number = FIRST_BACKGROUND_ID + len(components) + len(plants)
         plants += plant(terrain, parcels, taken, count, rng, number)
-    poles = plant_poles(terrain, FIRST_BACKGROUND_ID + len(components) + len(plants), rng)
-    return (*components, *plants, *poles)
+    things = [*plants, *plant_poles(terrain, FIRST_BACKGROUND_ID + len(components) + len(plants), rng)]
+    things += plant_fences(terrain, rng, FIRST_BACKGROUND_ID + len(components) + len(things))
+    things += drive_cars(terrain, settings.vehicles, rng, FIRST_BACKGROUND_ID + len(components) + len(things))
+    return (*components, *things)

@@ -77,7 +77,7 @@ def plant_hedges(
         return ()
     height = terrain.height(places[:, 0], places[:, 1]) - 0.05
     positions = to_world(terrain.land.layout.alignment, np.column_stack([places, height]))
-    bushes = tuple((("foliage", leaf_bush(rng, 10)),) for _ in range(3))
+    bushes = tuple((("foliage", leaf_bush(rng, 22)),) for _ in range(3))
     which = rng.integers(0, len(bushes), len(places)).astype(np.int32)
     scales = rng.uniform(1.5, 2.4, len(places))[:, None] * rng.uniform(0.85, 1.15, (len(places), 3))
     yaw = rng.uniform(0.0, 2 * np.pi, len(places))

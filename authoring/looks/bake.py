@@ -9,9 +9,8 @@ from pydantic import Field
 
 from authoring.component import Component, Scatter
 from authoring.looks.encode import U8, encode_raw, png
-from authoring.looks.library import SheetFiles, SheetName, bake_sheets, link_sheet
+from authoring.looks.library import SheetFiles, SheetName, bake_sheets, link_detail, link_sheet
 from authoring.looks.material import MaterialRecipe
-from authoring.looks.noise import Tile, fractal, spots, standard
 from authoring.looks.recipe import DETAIL_PERIODS, SMOOTH
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, fill_roles, sheet_numbers
@@ -24,15 +23,7 @@ from usd_schemas.tokens import ROLES
 
 NO_FOLDERS: Mapping[str, Path] = MappingProxyType({})
 
-_DETAIL_PIXELS = 512
-# Pitch, radius and share of the specks of a detail tile of side 1, and how high they stand out of the noise.
-_SPECKS = (
-    (0.022, 0.010, 0.25, -3.5),
-    (0.022, 0.010, 0.25, 3.0),
-    (0.050, 0.022, 0.25, -2.5),
-    (0.050, 0.022, 0.20, 2.0),
-)
-_DETAIL_SEED = 20_531  # one detail for all surfaces, so that its file is the same wherever it lies
+_PATCHES_SEED = 20_532
 _FEW_YEARS = 0.5  # what is nearly even needs no finer macro texture than its tones
 
 
@@ -105,7 +96,7 @@ def bake_look(
         for name, place in kept.items()
     }
     macro = _bake_macro(settings, years, folder, pieces, rng)
-    detail = write_texture(folder, "detail", detail_texture())
+    detail = link_detail(folder / "textures", "detail", library)
     recipes = {
         role: _recipe(surface, detail, macro, {n: linked[wanted[role, n]] for n in sorted(worn[role])})
         for role, surface in surfaces.items()
@@ -140,9 +131,9 @@ def bake_surface(
     files = link_sheet(bake_sheets([sheet], library)[sheet], folder / "textures", f"{prefix}{name}")
     macro = ""
     if RECIPES[name].patchy:
-        patches = ground_patches(texels // 4, np.random.default_rng([_DETAIL_SEED, number]))
+        patches = ground_patches(texels // 4, np.random.default_rng([_PATCHES_SEED, number]))
         macro = write_texture(folder, f"{prefix}{name}_macro", encode_raw(patches / 2))
-    return _recipe(name, write_texture(folder, f"{prefix}detail", detail_texture()), macro, {0: files})
+    return _recipe(name, link_detail(folder / "textures", f"{prefix}detail", library), macro, {0: files})
 
 
 def _recipe(surface: str, detail: str, macro: str, sheets: dict[int, SheetFiles]) -> MaterialRecipe:
@@ -212,20 +203,3 @@ def write_texture(folder: Path, name: str, image: U8) -> str:
     textures.mkdir(parents=True, exist_ok=True)
     write_bytes(textures / f"{name}.png", png(image))
     return f"./textures/{name}.png"
-
-
-def detail_texture() -> U8:
-    """Draw the tileable grey detail: noise in every octave, pores and grains; mean 0.5, so that 2 g - 1 has mean 0.
-
-    Single dark and bright specks are what a feature detector holds on to: of two details with the same contrast, this
-    one gives three times the keypoints of noise alone.
-
-    Returns:
-        Grey values, shape (512, 512), uint8.
-    """
-    tile = Tile(_DETAIL_PIXELS, 1.0, np.random.default_rng(_DETAIL_SEED))
-    field = np.float32(0.6) * fractal(tile, 0.5, slope=0.6)
-    for pitch, radius, share, height in _SPECKS:
-        field = field + np.float32(height) * spots(tile, pitch, radius, share)
-    field = standard(np.clip(standard(field), -2.7, 2.7))
-    return encode_raw(0.5 + np.clip(field * np.float32(0.36 / 2), -0.5, 0.5))

@@ -44,7 +44,7 @@ def rusted(tile: Tile) -> Floats:
     Returns:
         Linear colour [1], shape (H, W, 3), float32.
     """
-    return palette(0.5 + 0.16 * fractal(tile, 0.5, 0.02) + 0.16 * fractal(tile, 0.04, slope=0.3), _RUST)
+    return palette(0.5 + 0.12 * fractal(tile, 0.5, 0.02) + 0.10 * fractal(tile, 0.04, slope=0.3), _RUST)
 
 
 def weathering_steel(tile: Tile, age: float) -> Sheet:
@@ -117,7 +117,7 @@ def marking(tile: Tile, age: float, road: Floats, color: Color = (0.60, 0.595, 0
     worn = ramp(fractal(tile, 0.8, 0.03) + 0.9 * fractal(tile, 0.04, slope=0.2), 2.6 - 2.0 * age, 3.4 - 2.0 * age)
     film = paint(color, 1 + 0.05 * fractal(tile, 1.0, 0.05) + 0.05 * fractal(tile, 0.04, slope=0.2))
     film = cover(film, (0.08 + 0.20 * age) * ramp(fractal(tile, 0.9, 0.04), -0.5, 2.2), (0.16, 0.15, 0.14))
-    return Sheet(cover(film, (0.9 - 0.2 * age) * worn, road), (0.62 + 0.25 * worn).astype(np.float32))
+    return Sheet(cover(film, (0.85 - 0.35 * age) * worn, road), (0.62 + 0.25 * worn).astype(np.float32))
 
 
 def glass(tile: Tile) -> Sheet:

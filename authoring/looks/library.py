@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from authoring.looks.detail import detail_texture
 from authoring.looks.encode import encode_normals, encode_raw, encode_srgb, halved, jpeg, png
 from authoring.looks.noise import Bank, Tile
 from authoring.looks.recipe import FULL
@@ -24,8 +25,8 @@ SHEETS = 3  # independent sheets of each surface
 _FACTS = "sheet.json"
 _CACHE = "FALSEWORK_CACHE"
 _SOURCES = (
-    "coated", "encode", "library", "mineral", "noise", "organic", "recipe", "scenery", "sheet", "structural", "urban",
-    "walls",
+    "coated", "detail", "encode", "library", "mineral", "noise", "organic", "recipe", "scenery", "sheet", "structural",
+    "urban", "walls",
 )  # fmt: skip
 
 
@@ -101,7 +102,8 @@ def bake_sheets(names: Iterable[SheetName], folder: Path | None = None) -> dict[
     root = cache_folder() if folder is None else folder
     bank = Bank()
     with ThreadPoolExecutor(2) as pool:
-        return dict(zip(wanted, pool.map(lambda name: _ensure(root, name, bank), wanted), strict=True))
+        places = pool.map(lambda name: _ensure(root, name.key, lambda: draw_sheet(name, bank)), wanted)
+        return dict(zip(wanted, places, strict=True))
 
 
 def link_sheet(sheet: Path, textures: Path, stem: str) -> SheetFiles:
@@ -143,21 +145,40 @@ def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], di
     if recipe.relief and sheet.height is not None:
         files["normal.png"] = png(encode_normals(sheet.height, recipe.metres))
     color = [round(float(np.mean(sheet.albedo[..., k], dtype=np.float64)), 4) for k in range(3)]
-    return files, {"color": color, "mean_roughness": round(float(np.mean(sheet.roughness, dtype=np.float64)), 3)}
+    roughness = round(float(np.mean(sheet.roughness, dtype=np.float64)), 3)
+    return files, {**asdict(name), "color": color, "mean_roughness": roughness}
 
 
-def _ensure(root: Path, name: SheetName, bank: Bank) -> Path:
-    place = root / name.key
+def link_detail(textures: Path, stem: str, folder: Path | None = None) -> str:
+    """Put the fine detail beside a layer.
+
+    Args:
+        textures: The folder `textures` beside the layer.
+        stem: Name of its file there, without the suffix.
+        folder: The library; that of the user when not given.
+
+    Returns:
+        The file, as the layer names it.
+    """
+    root = cache_folder() if folder is None else folder
+    place = _ensure(root, digest(["detail", _recipes_digest()]), lambda: ({"detail.png": png(detail_texture())}, {}))
+    textures.mkdir(parents=True, exist_ok=True)
+    _link(place / "detail.png", textures / f"{stem}.png")
+    return f"./{textures.name}/{stem}.png"
+
+
+def _ensure(root: Path, key: str, make: Callable[[], tuple[dict[str, bytes], dict[str, object]]]) -> Path:
+    place = root / key
     if _whole(place):
         return place
     root.mkdir(parents=True, exist_ok=True)
-    fresh = Path(tempfile.mkdtemp(dir=root, prefix=f".{name.surface}."))
-    files, means = draw_sheet(name, bank)
+    fresh = Path(tempfile.mkdtemp(dir=root, prefix=".fresh."))
+    files, facts = make()
     for file, data in files.items():
         write_bytes(fresh / file, data)
         (fresh / file).chmod(0o444)  # many scenes share it
     digests = {file: file_digest(fresh / file) for file in sorted(files)}
-    write_json(fresh / _FACTS, {**asdict(name), **means, "files": digests})
+    write_json(fresh / _FACTS, {**facts, "files": digests})
     shutil.rmtree(place, ignore_errors=True)
     try:
         fresh.rename(place)

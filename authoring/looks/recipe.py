@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from authoring.looks.noise import Tile
 from authoring.looks.sheet import Sheet
 
-# [m] incommensurate with each other and with the sheets, so that nothing repeats; the last gives 0.7 mm a texel.
-DETAIL_PERIODS = (5.3, 1.37, 0.37)
+# [m] of a tile of the detail, 2048 texels: the first is longer than what one picture shows, the last gives 0.7 mm a
+# texel. Incommensurate with each other and with the sheets.
+DETAIL_PERIODS = (31.0, 6.7, 1.43)
 
 SIDE = 8.192  # [m] of a sheet of a bridge: 4 mm a texel at 2048
 FULL = 2048  # texels along the side of such a sheet
 
-ROUGH = (0.36, 0.30, 0.42)  # strong enough that a patch differs from itself one sheet on
+ROUGH = (0.42, 0.30, 0.44)  # strong enough that a patch differs from itself one sheet on
 SMOOTH = (0.12, 0.12, 0.14)
 FAINT = (0.06, 0.06, 0.08)
 

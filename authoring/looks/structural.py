@@ -23,7 +23,7 @@ def _ages(
     new: dict[str, Color] | None = None,
     old: dict[str, Color] | None = None,
     details: tuple[tuple[float, float, float], ...] = (SMOOTH, ROUGH, ROUGH),
-    years: tuple[float, float, float] = (0.1, 0.8, 1.3),
+    years: tuple[float, float, float] = (0.1, 0.8, 1.2),
     metres: float = SIDE,
     relief: bool = False,
 ) -> dict[str, Recipe]:
@@ -106,8 +106,8 @@ STRUCTURAL: dict[str, Recipe] = {
     **_ages("rubber", coated.rubber, None, None, (FAINT, ROUGH, ROUGH)),
     **_ages("timber", organic.timber, {"color": (0.215, 0.165, 0.110)}, {"color": (0.165, 0.150, 0.130)}),
     **_ages("tarred_timber", partial(organic.timber, color=(0.070, 0.056, 0.044))),
-    "ballast": _stones((0.165, 0.155, 0.145), (0.06, 0.055, 0.05)),
-    "ballast_basalt": _stones((0.090, 0.092, 0.095), (0.035, 0.035, 0.035)),
-    "ballast_limestone": _stones((0.300, 0.285, 0.255), (0.11, 0.10, 0.085)),
-    "ballast_rusty": _stones((0.150, 0.098, 0.066), (0.055, 0.038, 0.027)),
+    "ballast": _stones((0.165, 0.155, 0.145), (0.085, 0.078, 0.071)),
+    "ballast_basalt": _stones((0.090, 0.092, 0.095), (0.047, 0.047, 0.047)),
+    "ballast_limestone": _stones((0.300, 0.285, 0.255), (0.155, 0.143, 0.122)),
+    "ballast_rusty": _stones((0.150, 0.098, 0.066), (0.077, 0.052, 0.037)),
 }  # fmt: skip

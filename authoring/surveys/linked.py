@@ -14,8 +14,10 @@ F64 = NDArray[np.float64]
 COLUMNS, ROWS = 24, 18  # rays of an image
 NEIGHBOURS = 12  # nearest images that each is compared with, besides the next ones in the order of flight
 AHEAD = 4
-SHARED = 0.22  # share of an image's surfaces that a partner must see as well [1]
-TURNED = 30.0  # [deg], largest angle at which features of a surface are still recognised
+# Features are recognised less and less from further aside: a surface counts fully up to the first angle between two
+# views of it, and not at all from the second on. These and the share below fit docs/benchmarks/registration.md.
+ALIKE, STRANGE = 10.0, 28.0  # [deg]
+SHARED = 0.28  # share of an image's surfaces, so counted, that a partner must see as well [1]
 SCALED = 2.0  # largest ratio of two distances to a surface
 PARTNERS = 2  # fewest partners of a registered image
 LEAST_SEEN = 0.25  # share of an image that must see a surface, not sky [1]
@@ -38,10 +40,10 @@ def linked_share(poses: F64, eye: Eye, obstacles: RayScene) -> tuple[float, floa
     useful = np.array([len(points) >= LEAST_SEEN * COLUMNS * ROWS for points in seen])
     rows, columns, following = [], [], np.zeros(max(count - 1, 1))
     for first, second in _pairs(poses[:, :3, 3]):
-        forth = _shared(seen[first], poses[first], poses[second], eye, obstacles)
-        back = _shared(seen[second], poses[second], poses[first], eye, obstacles)
+        overlap, forth = _shared(seen[first], poses[first], poses[second], eye, obstacles)
+        _, back = _shared(seen[second], poses[second], poses[first], eye, obstacles)
         if second == first + 1:
-            following[first] = forth
+            following[first] = overlap
         if min(forth, back) >= SHARED and useful[first] and useful[second]:
             rows.append(first)
             columns.append(second)
@@ -73,15 +75,16 @@ def _seen(pose: F64, eye: Eye, obstacles: RayScene) -> F64:
     return pose[:3, 3] + directions[near] * reach[near, None]
 
 
-def _shared(points: F64, own: F64, other: F64, eye: Eye, obstacles: RayScene) -> float:
-    """Find the share of what one image sees that another sees much alike."""
+def _shared(points: F64, own: F64, other: F64, eye: Eye, obstacles: RayScene) -> tuple[float, float]:
+    """Find the share of what one image sees that another sees at all, and that it sees enough alike to know it again."""
     if not len(points):
-        return 0.0
-    framed = eye.framed(points, other)
-    here, there = own[:3, 3] - points[framed], other[:3, 3] - points[framed]
+        return 0.0, 0.0
+    framed = points[eye.framed(points, other)]
+    here, there = own[:3, 3] - framed, other[:3, 3] - framed
+    reach, _, _ = obstacles.cast(np.broadcast_to(other[:3, 3], there.shape), -there)
+    here, there = here[reach > 0.99], there[reach > 0.99]
     near, far = np.linalg.norm(here, axis=1), np.linalg.norm(there, axis=1)
-    alike = np.sum(here * there, axis=1) >= np.cos(np.radians(TURNED)) * near * far
-    alike &= (near < SCALED * far) & (far < SCALED * near)
-    rays = -there[alike]
-    reach, _, _ = obstacles.cast(np.broadcast_to(other[:3, 3], rays.shape), rays)
-    return float((reach > 0.99).sum() / len(points))
+    turned = np.degrees(np.arccos(np.clip(np.sum(here * there, axis=1) / np.maximum(near * far, 1e-12), -1.0, 1.0)))
+    known = np.clip((STRANGE - turned) / (STRANGE - ALIKE), 0.0, 1.0)
+    known[(near >= SCALED * far) | (far >= SCALED * near)] = 0.0
+    return len(here) / len(points), float(known.sum()) / len(points)

@@ -32,18 +32,15 @@ def draw_local_box(settings: LocalSettings, subject: Subject, rng: np.random.Gen
     centres = whole.to_local(subject.bridge.mean(axis=1))
     station = _draw_station(settings, whole, subject, rng)
     half = 0.5 * settings.length
-    own = np.abs(centres[:, 0] - station) < half
-    if not own.any():
+    if not len(_within(subject.bridge, whole.axes, float(whole.center @ whole.axes[0]) + station, half)):
         raise InputError(
             "the box holds no bridge", field="survey.station", value=station,
             allowed=f"{-whole.half[0]:.1f} to {whole.half[0]:.1f} m from the bridge's middle",
         )  # fmt: skip
     axes = _turned(whole, _direction(centres, station, half))
-    corners = subject.bridge[own].reshape(-1, 3)
-    local = corners @ axes.T
     middle = whole.to_world(np.array([[station, 0.0, 0.0]]))[0] @ axes.T
-    near = np.abs(local[:, 0] - middle[0]) < half
-    low, high = local[near].min(axis=0), local[near].max(axis=0)
+    local = _within(subject.bridge, axes, float(middle[0]), half)
+    low, high = local.min(axis=0), local.max(axis=0)
     low[0], high[0] = middle[0] - half, middle[0] + half
     low[1], high[1] = low[1] - settings.beside, high[1] + settings.beside
     plan = np.array([[x, y, 0.0] for x in np.linspace(low[0], high[0], 9) for y in np.linspace(low[1], high[1], 9)])
@@ -52,6 +49,22 @@ def draw_local_box(settings: LocalSettings, subject: Subject, rng: np.random.Gen
     low[2] = (float(ground.min()) if len(ground) else low[2]) + _FOOT
     high[2] += settings.above
     return OrientedBox(0.5 * (low + high) @ axes, axes, 0.5 * (high - low))
+
+
+def _within(triangles: F64, axes: F64, middle: float, half: float) -> F64:
+    """Clip the edges of triangles to a slab across the bridge: what is left, in its axes [m], shape (N, 3)."""
+    local = triangles @ axes.T
+    first, last = local.reshape(-1, 3), np.roll(local, -1, axis=1).reshape(-1, 3)
+    run = last[:, 0] - first[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = (middle + np.array([[-half], [half]]) - first[:, 0]) / run
+    level = np.abs(run) < 1e-12
+    inside = np.abs(first[:, 0] - middle) <= half
+    low = np.where(level, np.where(inside, 0.0, 2.0), np.clip(ends.min(axis=0), 0.0, None))
+    high = np.where(level, 1.0, np.clip(ends.max(axis=0), None, 1.0))
+    kept = low <= high
+    first, last, low, high = first[kept], last[kept], low[kept, None], high[kept, None]
+    return np.concatenate([first + low * (last - first), first + high * (last - first)])
 
 
 def _draw_station(settings: LocalSettings, whole: OrientedBox, subject: Subject, rng: np.random.Generator) -> float:

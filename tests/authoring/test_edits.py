@@ -261,10 +261,10 @@ def _write_centimetres(scene: Path, file: Path, *, lamp: bool) -> None:
     stage.GetRootLayer().Clear()
     UsdGeom.SetStageMetersPerUnit(stage, 0.01)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    root = UsdGeom.Xform.Define(stage, "/root")
+    root = UsdGeom.Xform.Define(stage, "/dcc")
     root.AddTransformOp().Set(Gf.Matrix4d(100, 0, 0, 0, 0, 0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 1))
-    Sdf.CopySpec(flat, "/World", stage.GetRootLayer(), "/root/World")
-    for added in ("/root/World/Surveys", "/root/World/Environment/Lamp"):
+    Sdf.CopySpec(flat, "/World", stage.GetRootLayer(), "/dcc/World")
+    for added in ("/dcc/World/Surveys", "/dcc/World/Environment/Lamp"):
         stage.RemovePrim(added)
     camera = UsdGeom.Camera.Define(stage, "/Drone")
     for name, value in (("Focal", 35.0), ("Horizontal", 36.0), ("Vertical", 24.0)):

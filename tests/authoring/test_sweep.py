@@ -148,10 +148,12 @@ def test_triangulation_covers_a_star_exactly(corners: int, seed: int) -> None:
 
 def test_corners_in_line_by_chance_make_no_sliver() -> None:
     """A girder's section whose far corners lie in one line, to ten micrometres: no triangle joins those three."""
-    right = [(0.2625, 0.0), (0.2625, 0.129), (0.2325, 0.2322), (0.2325, 0.7048), (0.305, 0.765), (0.305, 0.87)]
-    outline = cut_corners(mirrored(right), np.array([0.027, 0.0135, 0.0, 0.0, 0.0135, 0.0] + [0.0] * 6))
+    foot = [(0.2355, 0.0), (0.2625, 0.027), (0.2625, 0.1155), (0.258731578, 0.141963371)]
+    neck = [(0.2325, 0.2322), (0.2325, 0.7048), (0.294613764, 0.756375842), (0.305, 0.7785), (0.305, 0.87)]
+    outline = mirrored([*foot, *neck])
     triangles = triangulate(outline)
     assert sum(area(outline[t]) for t in triangles) == pytest.approx(area(outline), rel=1e-12)
+    assert min(area(outline[t]) for t in triangles) > 1e-4
     for here in triangles:
         for there in triangles:  # across every inner side the angles sum up to 180 degrees at most
             shared = set(here) & set(there)

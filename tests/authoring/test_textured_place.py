@@ -14,6 +14,7 @@ from authoring.imported.skin import image_skin
 from authoring.imported.surroundings import build_city_world
 from authoring.imported.textured_place import Clearance
 from authoring.looks.encode import png
+from authoring.plan_curve import Element
 from authoring.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from usd_schemas.components import class_of
@@ -24,8 +25,12 @@ LAYOUT = Layout(Alignment(7.0, 0.015, 0.4), (0.0, 18.0, 40.0), 11.5, 1.9, "road"
 SIDE, BLOCK = 900.0, 25.0  # [m]
 
 
-def photograph() -> CityModel:
-    """A tile of 900 m: ground that rises by 1.5 % and waves, with blocks fused to it, about its own middle."""
+def photograph(sheds: int = 0) -> CityModel:
+    """A tile of 900 m: ground that rises by 1.5 % and waves, with blocks fused to it, about its own middle.
+
+    Args:
+        sheds: Further closed boxes without an image on it.
+    """
     line = np.linspace(-0.5 * SIDE, 0.5 * SIDE, 181)
     rng = np.random.default_rng(6)
     corners = [(x, y) for x in range(-420, 400, 60) for y in range(-420, 400, 60) if rng.random() < 0.6]
@@ -42,8 +47,21 @@ def photograph() -> CityModel:
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     triangles = nodes[faces]
     skin = image_skin(png(np.full((8, 8, 3), 120, np.uint8)), "image")
-    soup = MeshSoup(triangles, triangles[..., :2] / SIDE + 0.5, np.zeros(len(faces), np.int32), (skin,), {})
+    shown = np.zeros(len(faces), np.int32)
+    if sheds:
+        plain = np.concatenate([box(*rng.uniform(-430.0, 430.0, 2)) for _ in range(sheds)])
+        triangles, shown = np.concatenate([triangles, plain]), np.r_[shown, np.full(len(plain), -1, np.int32)]
+    soup = MeshSoup(triangles, triangles[..., :2] / SIDE + 0.5, shown, (skin,), {})
     return city_of(soup, lambda line: None)
+
+
+def box(x: float, y: float) -> F64:
+    """A closed box of 14 x 11 m, 12 m high over the ground, its foot in it: triangles, shape (12, 3, 3)."""
+    low, high = np.array([x, y, 10.0]), np.array([x + 14.0, y + 11.0, 42.0])
+    corner = np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]]
+                       for i in (0, 1) for j in (0, 1) for k in (0, 1)])  # fmt: skip
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    return corner[[triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))]]
 
 
 @pytest.fixture(scope="module")
@@ -128,3 +146,27 @@ def test_roofs_stay_level(pieces: tuple[Component | Scatter, ...]) -> None:
         points = block.mesh.points
         tops = points[points[:, 2] > points[:, 2].max() - 2.0, 2]
         assert np.ptp(tops) < 0.01, block.name
+
+
+@pytest.mark.slow
+@pytest.mark.proof_only
+def test_a_bent_skewed_bridge_in_a_mixed_world() -> None:
+    """Objects with and without an image round a bend: free site, roofs level, blank ones painted, no id twice."""
+    axis = Alignment(8.5, 0.01, 0.7, plan=(Element(60.0, 1 / 150.0, 1 / 150.0),), skew=0.25)
+    bend = draw_site(SiteSettings(crossing="road"), Layout(axis, (0.0, 30.0, 60.0), 11.5, 1.9), stream(2, "site"))
+    pieces = build_city_world(photograph(70), bend, stream(4, "background"))
+    clearance = Clearance.of(bend)
+    shown = textured(pieces)
+    blank = [p for p in pieces if isinstance(p, Component) and p.kind in ("building", "roof") and p not in shown]
+    assert len(shown) > 20
+    assert len(blank) > 40
+    for piece in (*shown, *blank):
+        assert clearance.free(piece.mesh.points[:, :2]).min() > -1.8, piece.name  # of 2.5 m, measured along the bend
+    corners, _ = triangle_corners(tuple(p for p in pieces if isinstance(p, Component) and p.group == "Ground"))
+    up = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    assert (up > -1e-6).mean() > 0.999
+    for piece in blank:
+        if piece.kind == "roof":
+            assert np.ptp(piece.mesh.points[:, 2]) < 0.01, piece.name
+    ids = [number for p in pieces for number in (p.instance_ids if isinstance(p, Scatter) else (p.instance_id,))]
+    assert len(set(ids)) == len(ids)

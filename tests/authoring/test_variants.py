@@ -61,7 +61,7 @@ def test_selection_wins_and_stays(own_scene: Path) -> None:
 @pytest.mark.parametrize(
     ("axis", "value", "parts"),
     [
-        ("look", "shiny", ["look", "'shiny'", "clean, weathered"]),
+        ("look", "shiny", ["look", "'shiny'", "clean, ", "weathered"]),
         ("background", "moon", ["background", "'moon'", "countryside", "none"]),
         ("light", "noon", ["light", "'noon'", "default"]),
         ("weather", "rain", ["weather", "look, background, light"]),

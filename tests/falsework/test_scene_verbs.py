@@ -62,7 +62,7 @@ def test_info_for_people(stored: Path, capsys: pytest.CaptureFixture[str]) -> No
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["set", "{own}", "look=shiny"], ["'shiny'", "clean, weathered"]),
+        (["set", "{own}", "look=shiny"], ["'shiny'", "clean, ", "weathered"]),
         (["set", "{own}", "look"], ["not a choice", "taxonomy=…"]),
         (["set", "{own}", "taxonomy=kim"], ["unknown taxonomy", "kim2023"]),
         (["set", "{stored}", "look=clean"], ["read-only", "scene checkout"]),

@@ -79,8 +79,8 @@ def test_anchor_piers_stand_under_long_side_spans_alone() -> None:
     piers = {m.parameters["support"] for m in long.members if m.kind == "pier_cap"}
     assert piers == {1, 2, 5, 6}
     assert {m.parameters["support"] for m in long.members if m.kind == "pylon_leg"} == {3, 4}
-    short = make_bridge("cable_stayed", FIXED, cable_stayed={**fixed, "main": 90.0})
-    assert len(short.layout.supports) == 4
+    short = settings_of("cable_stayed", cable_stayed={**fixed, "main": 90.0})
+    assert len(draw_layout(short, stream(FIXED, "bridge"))[0].supports) == 4
 
 
 def test_steel_boxes_are_drawn_for_long_spans_alone() -> None:
@@ -104,7 +104,7 @@ def test_ground_above_any_deck_is_refused(family: str) -> None:
 @pytest.mark.parametrize("family", ["slab", {"slab": 1.0, "girder": 2.0}])
 def test_settings_of_a_family_that_is_not_drawn_are_refused(family: object) -> None:
     """They would be without effect; the section alone, or with its family in the table of weights, is fine."""
-    with pytest.raises(InputError, match=r"bridge\.arch: the settings of family 'arch' have no effect"):
+    with pytest.raises(InputError, match=r"arch: the settings of family 'arch' have no effect"):
         parse_settings(BridgeSettings, {"family": family, "arch": {"span": 80.0}}, "test")
     parse_settings(BridgeSettings, {"family": family, "arch": {}}, "test")
     parse_settings(BridgeSettings, {"family": {"slab": 1.0, "arch": 1.0}, "arch": {"span": 80.0}}, "test")
