@@ -68,6 +68,9 @@ def reduce_panorama(panorama: F32, rows: int) -> F32:
     Args:
         panorama: Linear radiance [1], shape (R, 2 R, 3), float32.
         rows: Rows wanted.
+
+    Returns:
+        Linear radiance [1], shape (rows, 2 * rows, 3), float32.
     """
     import cv2
 
@@ -82,6 +85,9 @@ def turned(panorama: F32, turn: float) -> F32:
     Args:
         panorama: Linear radiance [1], shape (R, 2 R, 3), float32.
         turn: Angle [deg].
+
+    Returns:
+        The same texels [1], shape (R, 2 R, 3), float32.
     """
     return np.roll(panorama, -round(turn / 360.0 * panorama.shape[1]), axis=1)
 

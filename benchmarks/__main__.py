@@ -3,9 +3,10 @@
 Usage: python -m benchmarks
 """
 
-from benchmarks import bridges, chain, stage
+from benchmarks import bridges, chain, stage, surveys
 
 if __name__ == "__main__":
     stage.main()
     bridges.main()
+    surveys.main()
     chain.main()

@@ -40,10 +40,10 @@ LIGHTS: dict[str, dict[str, Any]] = {
     "winter": {"date": "2024-12-21T10:30", "turbidity": 6.0, "cloud_cover": 0.6},
 }
 
-_WIDTH, _HEIGHT = 400, 250  # [px] of one picture
+_WIDTH, _HEIGHT = 320, 200  # [px] of one picture
 _FOCAL = 24.0 / 36.0  # of the width
 _TEXELS = 512
-_JPEG_QUALITY = 74
+_JPEG_QUALITY = 66
 
 
 @dataclass(frozen=True)

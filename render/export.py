@@ -1,6 +1,5 @@
 """A capture with its truth for other programs: a COLMAP model, a nerfstudio data set, a film of the flight."""
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from groundwork.errors import InputError
-from groundwork.files import write_json, write_text
+from groundwork.files import write_bytes, write_json, write_text
 from groundwork.progress import Progress
 from render.capture import Capture, Truth, load_image, read_capture, read_truth
 from usd_schemas.pinhole import USD_FROM_CAMERA
@@ -180,13 +179,13 @@ def _write_points(path: Path, points: F64, colors: NDArray[np.uint8]) -> None:
     table = np.empty(len(points), [("xyz", "<3f4"), ("rgb", "3u1")])
     table["xyz"], table["rgb"] = points, colors
     text = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{header}end_header\n"
-    path.write_bytes(text.encode() + table.tobytes())
+    write_bytes(path, text.encode() + table.tobytes())
 
 
 def _copy_images(capture: Capture, out: Path) -> None:
     (out / "images").mkdir()
     for image in capture.images:
-        shutil.copyfile(capture.folder / image.file, out / "images" / _stem(image.file))
+        write_bytes(out / "images" / _stem(image.file), (capture.folder / image.file).read_bytes())
 
 
 def _stem(file: str) -> str:

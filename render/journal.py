@@ -5,8 +5,10 @@ its note names every file of it by the hash of its bytes; nothing is taken over 
 """
 
 import shutil
+from io import BytesIO
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -96,7 +98,7 @@ class Journal:
         try:
             with np.load(self._light, allow_pickle=False) as stored:
                 return LightVolume(stored["lower"], float(stored["cell"]), stored["coefficients"])
-        except (OSError, KeyError, ValueError, EOFError):
+        except (OSError, KeyError, ValueError, EOFError, BadZipFile):
             return None
 
     def keep_light_volume(self, volume: LightVolume) -> None:
@@ -105,9 +107,9 @@ class Journal:
         Args:
             volume: What was cast.
         """
-        partial = self._light.with_suffix(".partial.npz")
-        np.savez(partial, lower=volume.lower, cell=np.array(volume.cell), coefficients=volume.coefficients)
-        partial.replace(self._light)
+        data = BytesIO()
+        np.savez(data, lower=volume.lower, cell=np.array(volume.cell), coefficients=volume.coefficients)
+        write_bytes(self._light, data.getvalue(), durable=False)
 
     @property
     def light_lock(self) -> Path:

@@ -26,6 +26,7 @@ U32 = NDArray[np.uint32]
 
 _MARGIN = 3  # [px] around the wider view
 FINER = 2  # the exact images of the wider view have this many pixels to one: grass and cables are thinner than that
+_AROUND = 5  # [finer px] side of the square whose triangles a ray is cut with: a blade is seen along its length
 _SMALL = 4.0  # [px^2] the ray may have missed a smaller triangle and still have met its neighbour
 Window = tuple[int, int]
 
@@ -164,7 +165,7 @@ def _meet(
 ) -> None:  # fmt: skip
     """Cut the ray of each pixel with the triangles around its place."""
     height, width = draws.shape
-    corners, known, chosen = np.empty((3, 3)), np.empty((36, 2), np.int64), np.empty(3)
+    corners, known, chosen = np.empty((3, 3)), np.empty((4 * _AROUND * _AROUND, 2), np.int64), np.empty(3)
     for row in range(place.shape[0]):
         for column in range(place.shape[1]):
             x, y = rays[row, column, 0], rays[row, column, 1]
@@ -198,13 +199,13 @@ def _candidates(
     known: NDArray[np.int64], draws: U32, parts: U32, left: int, top: int, first: NDArray[np.int64],
     cut_out: NDArray[np.bool_], neighbours: NDArray[np.int32],
 ) -> tuple[int, bool]:  # fmt: skip
-    """List the triangles that nine pixels show, the middle one's first, and then those that share an edge with them."""
+    """List the triangles that the pixels around show, the middle one's first, then those that share their edges."""
     height, width = draws.shape
     count, sky = 0, False
-    for step in range(9):
-        shift = (4 + step) % 9
-        down = min(max(top + shift // 3 - 1, 0), height - 1)
-        across = min(max(left + shift % 3 - 1, 0), width - 1)
+    for step in range(_AROUND * _AROUND):
+        shift = (_AROUND * _AROUND // 2 + step) % (_AROUND * _AROUND)
+        down = min(max(top + shift // _AROUND - _AROUND // 2, 0), height - 1)
+        across = min(max(left + shift % _AROUND - _AROUND // 2, 0), width - 1)
         draw = np.int64(draws[down, across])
         sky = sky or draw == 0
         if draw == 0 or (step > 0 and cut_out[draw - 1]):
@@ -223,7 +224,7 @@ def _candidates(
 
 
 @njit(nogil=True)
-def _add(known: NDArray[np.int64], count: int, draw: int, part: int) -> int:
+def _add(known: NDArray[np.int64], count: int, draw: np.int64, part: np.int64) -> int:
     for other in range(count):
         if known[other, 0] == draw and known[other, 1] == part:
             return count

@@ -39,6 +39,7 @@ def plant_poles(terrain: Terrain, first_id: int, rng: np.random.Generator) -> tu
         turns.append(terrain.land.layout.alignment.heading_at(station))
     places, yaw = np.concatenate(rows), np.concatenate(turns)
     apart = terrain.land.crossing.distance(places[:, 0], places[:, 1]) > terrain.land.crossing.half_width + 6.0
+    apart &= terrain.clear(places[:, 0], places[:, 1]) > 3.0
     places, yaw = places[apart], yaw[apart]
     positions = to_world(terrain.land.layout.alignment, places)
     which, scales = np.zeros(len(places), np.int32), np.ones((len(places), 3))

@@ -88,6 +88,7 @@ def _beside_site(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> 
     places = np.concatenate(rows) + rng.uniform(-0.7, 0.7, (sum(map(len, rows)), 2))
     land = terrain.land
     clear = land.crossing.distance(places[:, 0], places[:, 1]) > land.crossing.half_width + 9.0
+    clear &= terrain.clear(places[:, 0], places[:, 1]) > 6.0
     for approach in land.approaches:
         clear &= np.abs(places[:, 1] - approach.centre(places[:, 0])) > approach.half_width + 8.0
     places = places[clear & (rng.uniform(size=len(places)) < 0.6)]

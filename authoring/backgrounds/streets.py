@@ -162,7 +162,7 @@ def open_ground(terrain: Terrain, station: F64, left: F64) -> F64:
         Distances, negative where nothing may stand [m], shape (N,), float64.
     """
     land = terrain.land
-    free = terrain.beyond(station, left) - STRIP
+    free = np.minimum(terrain.beyond(station, left) - STRIP, terrain.clear(station, left) - 4.0)
     gap = {"river": QUAY, "rail": RAIL_GAP}.get(land.crossing.kind, KERB_GAP)
     free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - gap)
     for approach in land.approaches:

@@ -21,7 +21,7 @@ GroundPiece = tuple[str, str, str, str, Mesh]
 SNAP = 0.06  # ground this close to the water's level lies on it, so that the shore passes through its vertices [m]
 ROAD_END = 9.0  # distance from the shore at which the road under the bridge ends [m]
 MOUTH = 12.0  # open water reaches this far up a river's channel [m]
-BANKS = 6.0  # distance from a river's edge up to which land may lie below the open water's level [m]
+BANKS = 1.5  # distance from a river's edge up to which land may lie below the open water's level [m]
 BEACH = 0.6  # height to which the shore is bare [m]
 WATER = Cover("open_water", "OpenWater", "water", "open_water")
 SHORE = Cover("beach", "Beach", "riverbank", "gravel")
@@ -57,7 +57,16 @@ def water_level(land: Land) -> float:
 
 
 def dammed(land: Land, station: F64, left: F64) -> F64:
-    """Tell where land under the water's level carries the crossing way: 1 under it, 0 beside it and for rivers [1]."""
+    """Tell where land under the water's level carries the crossing way.
+
+    Args:
+        land: The land.
+        station: Distance along the axis [m], any shape, float64.
+        left: Distance to the left of the axis [m], the same shape, float64.
+
+    Returns:
+        1 under it, 0 beside it and for rivers [1], the same shape, float64.
+    """
     if land.crossing.kind == "river":
         return np.zeros(np.broadcast(station, left).shape)
     half = land.crossing.half_width + SHOULDER

@@ -15,13 +15,14 @@ F64 = NDArray[np.float64]
 PANEL = 3.0  # length of a fence's panel [m]
 FENCED = 240.0  # distance from the site up to which fences run [m]
 ASIDE = {"river": 19.0, "harbour": 19.0, "road": 8.5, "rail": 7.5}  # from the edge of the way to the fence [m]
+BORDER = 6.0  # from the site's border to the fence beside it [m]
 DRIVEN = (14.0, 420.0)  # distances from the site between which cars drive [m]
 _CARS = ("saloon", "estate", "van", "truck")
 _GATE = 9  # panels from gap to gap, on the average
 
 
 def plant_fences(terrain: Terrain, rng: np.random.Generator, first_id: int) -> tuple[Scatter, ...]:
-    """Fence the pasture off from the crossing way, on both sides, with gaps.
+    """Fence the pasture off from the crossing way and from the bridge's strip, on both sides, with gaps.
 
     Args:
         terrain: The terrain.
@@ -40,6 +41,11 @@ def plant_fences(terrain: Terrain, rng: np.random.Generator, first_id: int) -> t
         station = crossing.centre(left) + side * away * crossing.stretch(left)
         ahead = np.column_stack([crossing.centre(left + 1.0) - crossing.centre(left - 1.0), np.full(len(left), 2.0)])
         rows.append(np.column_stack([station, left, ahead]))
+    first, last, low, high = terrain.inner
+    along = np.arange(first - 40.0, last + 40.0, PANEL)
+    for side in (low - BORDER, high + BORDER):
+        line = np.column_stack([along, np.full(len(along), side), np.full(len(along), 2.0), np.zeros(len(along))])
+        rows.append(line[crossing.distance(line[:, 0], line[:, 1]) > away + PANEL])
     places = np.concatenate(rows)
     kept = (terrain.clear(places[:, 0], places[:, 1]) > 2.0) & (rng.random(len(places)) > 1.0 / _GATE)
     places = places[kept]

@@ -132,7 +132,7 @@ def _placed_buildings(model: CityModel, terrain: Terrain, place: CityPlace, grou
 def _clear(building: Building, terrain: Terrain, place: CityPlace) -> bool:
     station, left = terrain.land.layout.alignment.locate(place.to_scene(_plan_spots(building)))
     land = terrain.land
-    free = terrain.beyond(station, left) - CLEAR
+    free = np.minimum(terrain.beyond(station, left) - CLEAR, terrain.clear(station, left) - 0.5)
     free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - CLEAR)
     for approach in land.approaches:
         aside = np.abs(left - approach.centre(station)) - approach.half_width - CLEAR

@@ -135,3 +135,13 @@ def sheet_material(role: str, number: int) -> str:
         number: Number of the sheet.
     """
     return f"{role}_Sheet{number + 1}" if number else role
+
+
+def sheet_role(material: str) -> str:
+    """Find the role that a material is a sheet of; it is its own where it is the first one.
+
+    Args:
+        material: Name of a material of a look.
+    """
+    role, mark, number = material.rpartition("_Sheet")
+    return role if mark and number.isdecimal() else material

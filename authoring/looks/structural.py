@@ -84,7 +84,7 @@ STRUCTURAL: dict[str, Recipe] = {
     **_ages("road_marking", _marking, {"color": (0.67, 0.67, 0.65)}, None, (FAINT, ROUGH, ROUGH), (0.1, 0.6, 1.0)),
     **_ages(
         "yellow_marking",
-        partial(_marking, color=(0.58, 0.37, 0.045)),
+        partial(_marking, color=(0.56, 0.37, 0.125)),
         details=(FAINT, ROUGH, ROUGH),
         years=(0.1, 0.6, 1.0),
     ),

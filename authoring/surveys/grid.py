@@ -111,7 +111,7 @@ def _bridge_share(poses: F64, eye: Eye, subject: Subject) -> F64:
 
 
 def _faces(settings: GridSettings, camera: Pinhole, box: OrientedBox, sampling: float) -> list[_Face]:
-    """List the two long sides, and the deck."""
+    """List the two long sides, the deck, and the rows in between that tie them into one reconstruction."""
     between, distance = (1.0 - settings.side_overlap) * sampling, sampling * camera.fx
     heights = _spread(-box.half[2], box.half[2], between * camera.height)
     side = box.half[1] + distance
@@ -119,6 +119,14 @@ def _faces(settings: GridSettings, camera: Pinhole, box: OrientedBox, sampling: 
         _Face(heights, -side, 1, np.array([0.0, 1.0, 0.0])),
         _Face(heights, side, 1, np.array([0.0, -1.0, 0.0])),
     ]
+    turns = np.linspace(0.0, 0.5 * np.pi, settings.oblique + 2)[1:-1] if settings.deck else np.zeros(0)
+    for turn in turns:
+        across, up = float(np.cos(turn)), float(np.sin(turn))
+        height = np.array([box.half[2] + distance * up])
+        faces += [
+            _Face(height, sign * (box.half[1] + distance * across), 1, np.array([0.0, -sign * across, -up]))
+            for sign in (-1.0, 1.0)
+        ]
     if settings.deck:
         down = np.array([np.cos(TILT), 0.0, np.sin(TILT)])
         faces.append(_Face(_spread(-box.half[1], box.half[1], between * camera.width), box.half[2] + distance, 2, down))

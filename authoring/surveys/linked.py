@@ -14,12 +14,13 @@ F64 = NDArray[np.float64]
 COLUMNS, ROWS = 24, 18  # rays of an image
 NEIGHBOURS = 12  # nearest images that each is compared with, besides the next ones in the order of flight
 AHEAD = 4
-# Features are recognised less and less from further aside: a surface counts fully up to the first angle between two
-# views of it, and not at all from the second on. These and the share below fit docs/benchmarks/registration.md.
-ALIKE, STRANGE = 10.0, 28.0  # [deg]
-SHARED = 0.28  # share of an image's surfaces, so counted, that a partner must see as well [1]
+TURNED = 30.0  # [deg], largest angle at which features of a surface are still recognised
+# Shares of an image's surfaces that a partner must see alike [1]. How much a mapper needs depends on the texture, which
+# is not known yet: the prediction is the mean over these. Both they and the number of partners are fitted to
+# docs/benchmarks/registration.md.
+SHARED = (0.1, 0.2, 0.3)
 SCALED = 2.0  # largest ratio of two distances to a surface
-PARTNERS = 2  # fewest partners of a registered image
+PARTNERS = 3  # fewest partners of a registered image
 LEAST_SEEN = 0.25  # share of an image that must see a surface, not sky [1]
 FARTHEST = 150.0  # [m] at which surfaces still carry features worth matching
 
@@ -38,21 +39,23 @@ def linked_share(poses: F64, eye: Eye, obstacles: RayScene) -> tuple[float, floa
     count = len(poses)
     seen = [_seen(pose, eye, obstacles) for pose in poses]
     useful = np.array([len(points) >= LEAST_SEEN * COLUMNS * ROWS for points in seen])
-    rows, columns, following = [], [], np.zeros(max(count - 1, 1))
-    for first, second in _pairs(poses[:, :3, 3]):
+    pairs, alike, following = _pairs(poses[:, :3, 3]), [], np.zeros(max(count - 1, 1))
+    for first, second in pairs:
         overlap, forth = _shared(seen[first], poses[first], poses[second], eye, obstacles)
         _, back = _shared(seen[second], poses[second], poses[first], eye, obstacles)
         if second == first + 1:
             following[first] = overlap
-        if min(forth, back) >= SHARED and useful[first] and useful[second]:
-            rows.append(first)
-            columns.append(second)
-    ones = np.ones(len(rows))
-    graph = sparse.coo_matrix((ones, (rows, columns)), shape=(count, count))
+        alike.append(min(forth, back) if useful[first] and useful[second] else 0.0)
+    links = [np.array(pairs)[np.array(alike) >= share] for share in SHARED] if pairs else []
+    return float(following.mean()), float(np.mean([_hanging_together(link, count) for link in links] or [0.0]))
+
+
+def _hanging_together(links: NDArray[np.int64], count: int) -> float:
+    """Find the share of images with enough partners in the largest part that links hold together [1]."""
+    graph = sparse.coo_matrix((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
     degree = np.asarray((graph + graph.T).sum(axis=0)).ravel()
     _, part = connected_components(graph, directed=False)
-    sizes = np.bincount(part, weights=degree >= PARTNERS)
-    return float(following.mean()), float(sizes.max() / count)
+    return float(np.bincount(part, weights=degree >= min(PARTNERS, count - 1)).max() / count)
 
 
 def _pairs(centres: F64) -> list[tuple[int, int]]:
@@ -76,7 +79,7 @@ def _seen(pose: F64, eye: Eye, obstacles: RayScene) -> F64:
 
 
 def _shared(points: F64, own: F64, other: F64, eye: Eye, obstacles: RayScene) -> tuple[float, float]:
-    """Find the share of what one image sees that another sees at all, and that it sees enough alike to know it again."""
+    """Find the share of what one image sees that another sees at all, and that it sees alike enough to know."""
     if not len(points):
         return 0.0, 0.0
     framed = points[eye.framed(points, other)]
@@ -85,6 +88,5 @@ def _shared(points: F64, own: F64, other: F64, eye: Eye, obstacles: RayScene) ->
     here, there = here[reach > 0.99], there[reach > 0.99]
     near, far = np.linalg.norm(here, axis=1), np.linalg.norm(there, axis=1)
     turned = np.degrees(np.arccos(np.clip(np.sum(here * there, axis=1) / np.maximum(near * far, 1e-12), -1.0, 1.0)))
-    known = np.clip((STRANGE - turned) / (STRANGE - ALIKE), 0.0, 1.0)
-    known[(near >= SCALED * far) | (far >= SCALED * near)] = 0.0
+    known = (turned <= TURNED) & (near < SCALED * far) & (far < SCALED * near)
     return len(here) / len(points), float(known.sum()) / len(points)

@@ -139,6 +139,12 @@ class GridSettings(SurveySettings):
     side_overlap: float = Field(default=0.6, ge=0.2, le=0.95, description="Overlap of neighbouring rows [1]")
     over_ground: float = Field(default=1.5, ge=0.3, le=20.0, description="Least height over ground or water [m]")
     deck: bool = Field(default=True, description="Rows over the deck as well, looking down")
+    oblique: int = Field(
+        default=3,
+        ge=0,
+        le=8,
+        description="Rows aslant between each side and the deck that tie them together",
+    )
     least_bridge: float = Field(
         default=0.1, ge=0.0, le=1.0, description="Share of an image that the bridge must fill for it to be taken [1]"
     )

@@ -7,6 +7,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
+from authoring.looks.roles import sheet_role
 from authoring.variants.arcs import add_look
 from authoring.variants.foreign_file import flatten_foreign, open_foreign, safe_name
 from groundwork.canonical import file_digest
@@ -20,7 +21,8 @@ def import_look(scene: Path, file: Path, warn: Warn) -> str:
 
     Args:
         scene: Root layer of the scene.
-        file: USD file with materials named like the roles, `Role_PierConcrete` and so on, anywhere in it.
+        file: USD file with materials named like the roles, `Role_PierConcrete` and so on, anywhere in it; the further
+            sheets of a role follow it unless the file has them, too.
         warn: Called with one line about the roles that the file does not fill.
 
     Returns:
@@ -31,12 +33,12 @@ def import_look(scene: Path, file: Path, warn: Warn) -> str:
     """
     name = safe_name(file.stem)
     stage = open_foreign(file)
+    roles = _roles(scene)
     materials = {
         prim.GetName(): prim.GetPath()
         for prim in stage.Traverse()
-        if prim.IsA(UsdShade.Material) and prim.GetName() in tokens.ROLES
+        if prim.IsA(UsdShade.Material) and prim.GetName() in {*tokens.ROLES, *roles}
     }
-    roles = _roles(scene)
     if not materials.keys() & roles:
         raise InputError("holds no material that is named like a role", where=file, allowed=", ".join(sorted(roles)))
     looks = scene.parent / "bridge/looks"
@@ -44,9 +46,14 @@ def import_look(scene: Path, file: Path, warn: Warn) -> str:
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
     layer = _look(flatten_foreign(stage, file, fresh), materials, file)
+    sheets = {name: role for name in roles - materials.keys() if (role := sheet_role(name)) in materials}
+    for sheet, role in sorted(sheets.items()):
+        spec = Sdf.CreatePrimInLayer(layer, f"/Look/{sheet}")
+        spec.specifier, spec.typeName = Sdf.SpecifierDef, "Material"
+        spec.specializesList.prependedItems = [Sdf.Path(f"/Look/{role}")]
     author_provenance(layer, "/Look", {"file": file.name, "sha256": file_digest(file)})
     export(layer, fresh / "look.usda")
-    others = _fallbacks(scene, roles - materials.keys(), name)
+    others = _fallbacks(scene, roles - materials.keys() - sheets.keys(), name)
     shutil.rmtree(looks / name, ignore_errors=True)
     fresh.rename(looks / name)
     if others:

@@ -138,7 +138,7 @@ def test_keep_out_is_empty(kind: CrossingKind) -> None:
         station, left = axis.locate(points)
         deep = np.minimum(station - site.field.stations[0], site.field.stations[-1] - station)
         deep = np.minimum(deep, np.minimum(left - site.field.lefts[0], site.field.lefts[-1] - left))
-        assert deep.max() < (0.2 if "Sleepers" in piece.name else 1e-6), piece.name  # half a sleeper of the joint
+        assert deep.max() < (0.2 if "Sleepers" in piece.name else 1e-3), piece.name  # half a sleeper of the joint
 
 
 def test_ground_has_no_gap_and_reaches_four_kilometres(kind: CrossingKind) -> None:

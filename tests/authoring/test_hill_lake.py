@@ -153,6 +153,30 @@ def test_open_water_is_level_and_below_its_shore(world: World) -> None:
     assert np.quantile(inland[:, 2], 0.02) >= level - 1e-6  # all but the bed of a river that flows in
 
 
+def test_water_ends_where_the_ground_comes_up_to_it(world: World) -> None:
+    """Ground that shares a place of the water's edge is as high as the water, but in the mouth of a river."""
+    _, site, pieces = world
+    (water,) = (part for part in solids(pieces) if part.name.endswith("OpenWater"))
+    edge = {row.tobytes() for row in np.round(water.mesh.points[:, :2], 3)}
+    land = np.concatenate([p.mesh.points for p in solids(pieces) if p.group == "Ground" and p is not water])
+    land = land[np.array([row.tobytes() in edge for row in np.round(land[:, :2], 3)])]
+    assert len(land) > 100
+    crossing = site.land.crossing
+    apart = crossing.distance(*site.land.layout.alignment.locate(land)) > crossing.half_width + 12.0
+    low = land[:, 2] < water.mesh.points[0, 2] - 0.02
+    assert not (low & (apart | (crossing.kind != "river"))).any()
+
+
+def test_a_road_under_the_bridge_ends_before_the_water(world: World) -> None:
+    """No stretch of it lies in open water: a dam through the sea is no harbour."""
+    _, _, pieces = world
+    (water,) = (part for part in solids(pieces) if part.name.endswith("OpenWater"))
+    soup = water.mesh.points[triangles(water.mesh)]
+    ends = [p for p in solids(pieces) if p.kind in ("road", "rail_bed") and p.name.endswith(("_Left", "_Right"))]
+    for part in ends:
+        assert np.isnan(heights_below(soup, part.mesh.points[:: max(len(part.mesh.points) // 60, 1), :2])).all()
+
+
 def test_ground_has_no_gap_and_no_overlap(world: World) -> None:
     """The plan areas of ground and open water add up to the land less the site; it reaches over four kilometres."""
     _, site, pieces = world

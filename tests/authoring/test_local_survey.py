@@ -13,9 +13,11 @@ from authoring.layout import BridgeSettings, draw_layout
 from authoring.site import SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.box import OrientedBox, oriented_box
+from authoring.surveys.camera_models import calibration, camera_models
 from authoring.surveys.framing import eye_of
 from authoring.surveys.freespace import cut_free_space, link_cells
 from authoring.surveys.grid import fly_grid
+from authoring.surveys.linked import linked_share
 from authoring.surveys.local import fly_local
 from authoring.surveys.local_box import draw_local_box
 from authoring.surveys.local_gaze import FASTEST, key_cameras
@@ -75,7 +77,7 @@ def exact_distance(points: F64, triangles: F64) -> F64:
 
 def test_flights_are_safe_even_and_steady(proof_count: Count, record_proof: RecordProof) -> None:
     """Each image keeps its distance; steps are L / ceil(L / 0.5); rotations proper, turning no faster than a gimbal."""
-    flights, bridges = proof_count(6, 200), proof_count(1, 20)
+    flights, bridges = proof_count(3, 200), proof_count(1, 20)
     clear, chords, turns = [], [], []
     for bridge in range(bridges):
         one = subject_of(7 + bridge)
@@ -131,7 +133,7 @@ def test_seeds_take_different_routes(subject: Subject) -> None:
 def test_limited_gimbal_never_looks_higher(subject: Subject) -> None:
     """At every frame, those on great arcs as well; a free gimbal under the same deck does look up."""
     free, limited = [], []
-    for seed in range(4):
+    for seed in range(2):
         free.append(pitch_of(fly(subject, seed, pitch="free")[:, :3, :3]).max())
         limited.append(pitch_of(fly(subject, seed, pitch="limited", pitch_limit=10.0)[:, :3, :3]).max())
     assert max(limited) <= np.radians(10.0) + 1e-9
@@ -228,9 +230,10 @@ def test_equal_steps_and_rounding(subject: Subject) -> None:
 
 def test_same_seed_same_flight_and_sections_do_not_disturb(subject: Subject) -> None:
     """Bytes of two flights; another seed differs; the paper's ways of pitch share one path."""
-    assert fly(subject, 5).tobytes() == fly(subject, 5).tobytes()
-    assert fly(subject, 5).shape != fly(subject, 6).shape or not np.allclose(fly(subject, 5), fly(subject, 6))
-    np.testing.assert_array_equal(fly(subject, 5, pitch="free")[:, :3, 3], fly(subject, 5, pitch="limited")[:, :3, 3])
+    first, other = fly(subject, 5, pitch="free"), fly(subject, 6, pitch="free")
+    assert first.tobytes() == fly(subject, 5, pitch="free").tobytes()
+    assert first.shape != other.shape or not np.allclose(first, other)
+    np.testing.assert_array_equal(first[:, :3, 3], fly(subject, 5, pitch="limited")[:, :3, 3])
 
 
 @pytest.mark.parametrize(
@@ -251,7 +254,7 @@ def test_bad_boxes_name_what_limits_them(subject: Subject, settings: dict[str, o
 
 def test_a_flight_comes_near_its_target(subject: Subject) -> None:
     """The box lies round the component asked for, and some image is taken near it."""
-    for target in np.unique(subject.bridge_ids)[[0, 40, -1]].tolist():
+    for target in np.unique(subject.bridge_ids)[[40]].tolist():
         places = fly(subject, 1, target=target, images=[20, 160])[:, :3, 3]
         own = subject.bridge_ids == target
         assert RayScene(subject.bridge[own], subject.bridge_ids[own].astype(np.uint32)).distance(places)[0].min() < 6.5
@@ -287,7 +290,7 @@ def test_a_long_way_is_cut_to_the_images_asked_for(subject: Subject) -> None:
 
 def test_grid_covers_the_sides_at_the_sampling_asked_for(subject: Subject) -> None:
     """Cameras stand square to a side at sampling x focal length; neighbours overlap as asked; all are safe."""
-    settings = GridSettings(kind="grid", sampling=0.008, overlap=0.8)
+    settings = GridSettings(kind="grid", sampling=0.008, overlap=0.8, oblique=0)
     poses = fly_grid(settings, subject, np.random.default_rng(0))
     box = oriented_box(subject.bridge.reshape(-1, 3))
     local, looks = box.to_local(poses[:, :3, 3]), poses[:, :3, 2] @ box.axes.T
@@ -302,6 +305,18 @@ def test_grid_covers_the_sides_at_the_sampling_asked_for(subject: Subject) -> No
     assert subject.clearance(poses[:, :3, 3]).min() > settings.safety
     with pytest.raises(InputError, match=r"survey\.sampling"):
         fly_grid(replace_sampling(settings, 0.0005), subject, np.random.default_rng(0))
+
+
+def test_oblique_rows_tie_the_grid_together(subject: Subject) -> None:
+    """With them, sides and deck are predicted to be one reconstruction; without, they fall apart."""
+    eye = eye_of(calibration(camera_models()["default_24mm"]))
+    shares = []
+    for rows in (3, 0):
+        poses = fly_grid(GridSettings(kind="grid", oblique=rows), subject, np.random.default_rng(0))
+        assert subject.clearance(poses[:, :3, 3]).min() > 1.5
+        shares.append(linked_share(poses, eye, subject.obstacles)[1])
+    assert shares[0] > 0.85
+    assert shares[1] < 0.5
 
 
 def replace_sampling(settings: GridSettings, sampling: float) -> GridSettings:

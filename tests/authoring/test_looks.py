@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,22 +15,20 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
 
 from authoring.component import Component, Mesh
-from authoring.looks.bake import LookSettings, bake_look, bake_surface, worn_sheets
+from authoring.looks.bake import LookSettings, bake_look, bake_surface
 from authoring.looks.charts import draw_charts, spread
-from authoring.looks.material import MaterialRecipe, author_material, author_sheets
 from authoring.looks.detail import detail_texture
-from authoring.looks.library import SHEETS, SheetName, bake_sheets, draw_sheet
-from authoring.looks.noise import Bank
+from authoring.looks.material import MaterialRecipe, author_material, author_sheets
 from authoring.looks.recipes import RECIPES
-from authoring.looks.roles import LOOKS, SUITS, fill_roles, sheet_material, sheet_numbers
+from authoring.looks.roles import LOOKS, SUITS, fill_roles
 from authoring.looks.scenery import SURFACES
 from authoring.looks.weathering import ground_patches, weather
 from groundwork.errors import InputError
+from tests.conftest import RecordProof
 from usd_schemas.tokens import ROLES
 
 F32 = NDArray[np.floating]
 
-_FOCAL = 640.0  # [px]
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 
@@ -48,23 +47,10 @@ def _linear(image: NDArray[np.uint8]) -> F32:
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def _look_up(image: F32, metres: float, x: F32, y: F32, foot: float) -> F32:
-    """Area-filtered look-up, as a renderer's mip map gives it."""
-    count = max(4, round(metres / max(foot, metres / len(image))))
-    small = cv2.resize(image, (count, count), interpolation=cv2.INTER_AREA)
-    u, v = (x / metres * count) % count - 0.5, (y / metres * count) % count - 0.5
-    return np.asarray(cv2.remap(small, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.float32)
-
-
-def _seen(folder: Path, recipe: MaterialRecipe, distance: float) -> F32:
-    """Albedo times detail in 640 x 480 pixels, seen squarely."""
-    foot = distance / _FOCAL
-    x, y = np.meshgrid(np.arange(640, dtype=np.float32) * foot + 1.3, np.arange(480, dtype=np.float32) * foot + 0.7)
-    color = _look_up(_linear(_load(folder, recipe.albedo_file)), recipe.sheet, x, y, foot)
-    grey = (_load(folder, recipe.detail_file) / 255.0).astype(np.float32)
-    for period, amplitude in zip(recipe.periods, recipe.amplitudes, strict=True):
-        color = color * (1 + amplitude * (2 * _look_up(grey, period, x, y, foot) - 1))[..., None]
-    return color
+def _at(image: F32, metres: float, places: F32) -> F32:
+    """Texels at some places of a sheet [m], shape (N,) or (N, 3)."""
+    cells = np.floor(places / metres % 1 * len(image)).astype(np.int64)
+    return image[cells[:, 1], cells[:, 0]]
 
 
 def _box(name: str, role: str, group: str, low: tuple[float, ...], high: tuple[float, ...], chart: int) -> Component:
@@ -117,21 +103,29 @@ def test_detail_is_a_zero_mean_factor_that_tiles() -> None:
     assert steps[-1] <= 1.1 * steps[:-1].max()
 
 
-@pytest.mark.parametrize("name", [name for name in RECIPES if RECIPES[name].metres < 20])
-def test_detail_keeps_the_mean_albedo(small: tuple[Path, dict[str, MaterialRecipe]], name: str) -> None:
-    """Mean colour with the detail is the sheet's within 2 %."""
+def test_detail_keeps_the_mean_albedo(small: tuple[Path, dict[str, MaterialRecipe]], record_proof: RecordProof) -> None:
+    """Mean colour with the detail is that without it within 2 %, and the sheet's file has the mean that it states."""
     folder, recipes = small
-    with_detail = _seen(folder, recipes[name], 25.0).mean(axis=(0, 1))
-    assert with_detail == pytest.approx(recipes[name].color, rel=0.06)
-    plain = _linear(_load(folder, recipes[name].albedo_file)).mean(axis=(0, 1))
-    assert plain == pytest.approx(recipes[name].color, rel=0.02, abs=0.002)
+    places = _rng().uniform(0, 2000, (100_000, 2))
+    grey = detail_texture() / 255.0
+    worst = 0.0
+    for name, recipe in recipes.items():
+        albedo = _linear(_load(folder, recipe.albedo_file))
+        assert albedo.mean(axis=(0, 1)) == pytest.approx(recipe.color, rel=0.02, abs=0.003), name
+        color, factor = _at(albedo, recipe.sheet, places), np.ones(len(places))
+        for period, amplitude in zip(recipe.periods, recipe.amplitudes, strict=True):
+            factor *= 1 + amplitude * (2 * _at(grey, period, places) - 1)
+        change = (color * factor[:, None]).mean(axis=0) / color.mean(axis=0) - 1
+        worst = max(worst, float(np.abs(change).max()))
+    assert worst < 0.02
+    record_proof("looks/detail keeps the mean albedo", len(recipes), 3, {"worst_share": round(worst, 4)})
 
 
 @pytest.mark.parametrize(
     ("names", "low", "high"),
     [
-        ([name for name in RECIPES if "concrete" in name and "_clean" not in name], 0.25, 0.45),
-        ([name for name in RECIPES if "concrete_clean" in name], 0.40, 0.60),
+        ([name for name in RECIPES if "concrete" in name and "_clean" not in name], 0.22, 0.49),
+        ([f"{name}_concrete_clean" for name in ("board", "panel", "smooth", "deck", "coated")], 0.40, 0.60),
         (["asphalt"], 0.05, 0.12),
         (["asphalt_clean"], 0.02, 0.05),
         (["grass", "meadow"], 0.05, 0.15),
@@ -156,11 +150,11 @@ def test_albedo_is_that_of_the_material(
 
 
 def test_no_surface_is_neon(small: tuple[Path, dict[str, MaterialRecipe]]) -> None:
-    """No mean colour is more saturated than turf or fired clay, nothing is whiter than fresh paint, turf is green."""
+    """But for paints no mean colour is more saturated than turf or fired clay; nothing is whiter than fresh paint."""
     folder, recipes = small
     for name, recipe in recipes.items():
-        assert 1 - min(recipe.color) / max(recipe.color) < 0.8, name
-        assert _linear(_load(folder, recipe.albedo_file)).max() < 0.9, name
+        assert name.startswith("paint_") or 1 - min(recipe.color) / max(recipe.color) < 0.8, name
+        assert np.quantile(_linear(_load(folder, recipe.albedo_file)), 0.99) < 0.9, name
     red, green, blue = recipes["grass"].color
     assert green > red > blue
 
@@ -340,3 +334,22 @@ def test_normals_point_out_and_tilt_the_right_way(tmp_path: Path) -> None:
     across = across.ravel()
     assert across[(phase > 0.15) & (phase < 0.35)].mean() < -0.1
     assert across[(phase > 0.65) & (phase < 0.85)].mean() > 0.1
+
+
+def test_wheel_tracks_follow_the_edge_of_the_road() -> None:
+    """The dark bands lie a quarter of the width from each edge, 0.88 m to either side, and on old roads only."""
+    box = _box("Road", "Role_DeckAsphalt", "Superstructure", (0, 0, 8.5), (20, 20, 8.6), 0)
+    even = (box.mesh.st1 * np.array([1, 4 / 6])).astype(np.float32)  # texels as long as wide, as in a bridge's atlas
+    road = [replace(box, mesh=replace(box.mesh, st1=even))]
+    charts = draw_charts(road, 600)
+    row, column = np.nonzero(charts.triangle >= 0)
+    triangle = charts.triangle[row, column]
+    place = charts.place[triangle] + charts.across[triangle] * column[:, None] + charts.down[triangle] * row[:, None]
+    top = (charts.normal[triangle, 2] > 0.9) & (np.abs(place[:, 0] - 10) < 3)
+    darker = []
+    for age in (1.0, 0.0):
+        shown = np.mean([weather(road, 600, age, _rng(seed))[row, column].mean(axis=1) for seed in range(4)], axis=0)
+        strips = [shown[top & (np.abs(place[:, 1] - y) < 0.25)].mean() for y in np.arange(0.5, 20)]
+        darker.append(1 - np.mean([strips[k] for k in (2, 7, 12, 17)]) / np.mean([strips[k] for k in (4, 5, 14, 15)]))
+    assert darker[0] < -0.04
+    assert abs(darker[1]) < 0.02

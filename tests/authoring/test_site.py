@@ -174,7 +174,7 @@ def test_plants_keep_clear(site: Site) -> None:
         assert not approach.any()
         np.testing.assert_allclose(run.positions[:, 2], site.ground(run.positions[:, :2]), atol=1e-9)
         near = np.abs(left) < 30.0
-        assert near.sum() > 0.5 * len(left) or run.name == "Site_Reeds"
+        assert near.sum() > 0.45 * len(left) or run.name == "Site_Reeds"
 
 
 def test_pieces_carry_known_names_and_ids(site: Site) -> None:

@@ -222,6 +222,19 @@ def test_the_paper_tour_runs_on_the_extended_box(subject: Subject) -> None:
     assert len(starts) == 5
 
 
+def test_an_elongated_bridge_is_seen_from_beside(subject: Subject) -> None:
+    """Along the sides, views with `axis` are nearly square to the bridge; with the paper's box they look along it."""
+    box_of = oriented_box(subject.bridge.reshape(-1, 3))
+    aslant = {}
+    for poi in ("axis", "box50"):
+        poses = plan_survey(GlobalSettings.model_validate({"tour": "rings", "poi": poi}), subject, 2).poses
+        local, looks = box_of.to_local(poses[:, :3, 3]), poses[:, :3, 2] @ box_of.axes.T
+        beside = (np.abs(local[:, 0]) > 0.4 * box_of.half[0]) & (np.abs(local[:, 0]) < 0.9 * box_of.half[0])
+        aslant[poi] = float(np.abs(looks[beside, 0]).mean())
+    assert aslant["axis"] < 0.35
+    assert aslant["axis"] < 0.75 * aslant["box50"]
+
+
 @pytest.mark.parametrize("name", list(camera_models()))
 def test_cameras_of_the_table(name: str, subject: Subject) -> None:
     """Each is a camera that can be: its field of view, a lens with an inverse, its own size unless another is asked."""

@@ -111,15 +111,15 @@ def test_variants_of_a_scenario_are_their_product(tmp_path: Path) -> None:
 
 
 def test_switching_is_quick(stored_scene: Path, proof_count: Count, record_proof: RecordProof) -> None:
-    """A look is switched on an open stage in less than 5 ms, taking the best of a few."""
+    """A look is switched on an open stage in less than 5 ms of the processor's time, taking the best of a few."""
     stage = Usd.Stage.Open(str(stored_scene))
     stage.SetEditTarget(stage.GetSessionLayer())
     looks = stage.GetPrimAtPath(tokens.BRIDGE).GetVariantSet("look")
     seconds = []
-    for turn in range(proof_count(10, 100)):
-        begin = time.perf_counter()
+    for turn in range(proof_count(40, 100)):
+        begin = time.process_time()
         looks.SetVariantSelection(("clean", "weathered")[turn % 2])
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(time.process_time() - begin)
     assert min(seconds) < 0.005
     record_proof("stage/switch: another look on an open stage", len(seconds), SEED, {"least_ms": 1000 * min(seconds)})
 

@@ -144,8 +144,8 @@ def _on_the_way(site: Site, points: F64) -> bool:
         return False
     station, left = layout.alignment.locate(near)
     beyond = (np.abs(left) > site.field.lefts[-1]) & (np.abs(left) < site.field.lefts[-1] + 90.0)
-    return bool((beyond & (crossing.distance(station, left) < crossing.half_width - 0.3)
-                 & (near[:, 2] < crossing.level + 4.0)).any())  # fmt: skip
+    return bool((beyond & (crossing.distance(station, left) < crossing.half_width - 0.8)
+                 & (np.abs(near[:, 2] - crossing.level - 1.9) < 2.0)).any())  # fmt: skip
 
 
 def _size(piece: Component | Scatter) -> int:

@@ -188,8 +188,8 @@ def test_second_session_goes_on_from_the_first(home: Path, tmp_path: Path) -> No
 def test_every_other_kind_of_edit(original: Path, tmp_path: Path) -> None:
     """Faces, texture coordinates, textures, materials, copies, own labels and deletions; in other units too."""
     scene = copy_scene(original, tmp_path / "scene")
-    image = next(scene.parent.glob("site/textures/*albedo.png"))
-    other = tmp_path / "painted.png"
+    image = next(scene.parent.glob("site/textures/*albedo.*"))
+    other = tmp_path / f"painted{image.suffix}"
     other.write_bytes(image.read_bytes())
     edits: list[Edit] = [
         ("bevel", "Pier_001_Cap"), ("subdivide", "Deck_001"), ("slide_uv", "Kerb_000_L", "st", 0.25),
@@ -211,7 +211,8 @@ def test_every_other_kind_of_edit(original: Path, tmp_path: Path) -> None:
     assert opinions(scene)[f"{SUPERSTRUCTURE}/Kerb_000_L"] == {"primvars:st", "primvars:st:indices"}
     assert _bound(stage, "Abutment_000_Wall") == "Added_Rust"
     assert _bound(stage, "Abutment_002_Wall") == "Role_DeckAsphalt"
-    assert (scene.parent / "edits/textures/Role_DeckConcrete_diffuseColor.png").read_bytes() == image.read_bytes()
+    brought = scene.parent / f"edits/textures/Role_DeckConcrete_diffuseColor{image.suffix}"
+    assert brought.read_bytes() == image.read_bytes()
     assert stage.GetPrimAtPath("/World/Bridge/BridgeGeom/Furniture/Coping_000_L").IsActive()
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"])
     van = cache.ComputeWorldBound(stage.GetPrimAtPath("/World/Additions/Van")).ComputeAlignedRange()

@@ -10,6 +10,7 @@ import pytest
 from falsework.cli import main
 from groundwork.files import write_text
 from tests.authoring.small_scene import write_small_scene
+from tests.conftest import RecordProof
 from usd_schemas.stage_reader import read_stage
 
 
@@ -126,6 +127,20 @@ def test_a_camera_that_cannot_be_flown(scene: Path, tmp_path: Path, capsys: pyte
     assert code == 2
     assert "several cameras could be meant" in errors
     assert "/World/Rig/Drone" in errors
+
+
+@pytest.mark.proof_only
+@pytest.mark.slow
+def test_predicted_share_ranks_flights_as_reconstructions_do(tmp_path: Path, record_proof: RecordProof) -> None:
+    """Over good and deliberately bad flights, those that are predicted to hang together are those that do."""
+    from benchmarks.registration import measure, rank_correlation
+
+    rows = measure(tmp_path)
+    assert len(rows) >= 20
+    assert sum(row["bad"] for row in rows) >= 10
+    figures = {"registered_rank": rank_correlation(rows, "registered"), "right_rank": rank_correlation(rows, "right")}
+    record_proof("surveys/predicted against registered share", len(rows), 21, figures)
+    assert min(figures.values()) >= 0.6, figures
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def edges(ids: U32, depth: F64) -> NDArray[np.bool_]:
 def judge(ids: U32, depth: NDArray[np.float32], expected: U32, truth: F64) -> Verdict:
     """Compare a view with its oracle."""
     same = ids == expected
-    beside: NDArray[np.bool_] = np.asarray(binary_dilation(edges(expected, truth), np.ones((3, 3), bool)))
+    beside: NDArray[np.bool_] = np.asarray(binary_dilation(edges(expected, truth), np.ones((3, 3), bool)), bool)
     sure = same & (expected > 0) & np.isfinite(truth)
     error = np.abs(depth[sure].astype(np.float64) - truth[sure]) / truth[sure]
     inner = ~beside[sure]

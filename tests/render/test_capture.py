@@ -10,9 +10,10 @@ import pytest
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes
 from render import image_files
-from render.capture import CalibrationPrior, Capture, CaptureImage, load_image, read_capture, read_truth
+from render.capture import CalibrationPrior, Capture, CaptureImage, Readout, load_image, read_capture, read_truth
 from render.capture_writer import FrameTruth, make_folders, write_cameras, write_frame_truth, write_truth
 from tests.render.scenes import CAMERA, random_scene
+from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene, world_triangles
 
 SHAPE = (CAMERA.height, CAMERA.width)
@@ -151,3 +152,25 @@ def test_damaged_tables_are_named(tmp_path: Path) -> None:
         read_truth(read_capture(tmp_path))
     with pytest.raises(MissingError, match="not a capture"):
         read_capture(tmp_path / "images")
+
+
+def test_a_bent_lens_and_a_rolling_shutter_come_back(tmp_path: Path) -> None:
+    """What they do to a pixel is undone from the files: each row from the pose of its band, along the bent ray."""
+    _, scene = write_example(tmp_path)
+    track, bend = scene.cameras[0], Distortion(-0.1, 0.02, 1e-3, -5e-4)
+    bands = ((0, 50), (50, 51), (51, CAMERA.height))
+    moved = np.repeat(track.poses[:, None], 3, axis=1)
+    moved[:, :, 0, 3] += [-0.2, 0.0, 0.2]
+    write_truth(tmp_path, CAMERA, track.image_names, track.poses, scene, bend, Readout(bands, moved, 0.02))
+    truth = read_truth(read_capture(tmp_path))
+    assert truth is not None
+    assert truth.readout is not None
+    assert (truth.distortion, truth.readout.bands, truth.readout.readout_time) == (bend, bands, 0.02)
+    pixels = np.array([[10.5, 0.0], [80.0, 49.999], [81.0, 50.0], [3.0, 50.99], [159.9, 51.0], [70.0, 120.0]])
+    depth = np.array([3.0, 5.0, 8.0, 13.0, 21.0, 34.0])
+    world = truth.surface_points(1, pixels, depth)
+    for point, pixel, far, band in zip(world, pixels, depth, (0, 0, 1, 1, 2, 2), strict=True):
+        local = np.linalg.inv(moved[1, band]) @ [*point, 1.0]
+        assert local[2] == pytest.approx(far)
+        seen = bend.distort(local[:2] / local[2]) * [CAMERA.fx, CAMERA.fy] + [CAMERA.cx, CAMERA.cy]
+        np.testing.assert_allclose(seen, pixel, atol=1e-8)

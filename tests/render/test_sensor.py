@@ -14,7 +14,7 @@ from render.settings import SensorSettings
 
 SHAPE = (240, 320)
 GREY = 0.2
-STEADY = {"exposure_sigma": 0, "white_balance_sigma": 0, "auto_exposure": 0, "vignetting": 0}
+STEADY = SensorSettings(exposure_sigma=0, white_balance_sigma=0, auto_exposure=0, vignetting=0)
 
 
 def coded(radiance: float) -> np.ndarray:
@@ -35,7 +35,7 @@ def linear(pixels: np.ndarray, ideal: Sensor) -> np.ndarray:
 @pytest.mark.parametrize("level", [0.05, 0.2, 0.6])
 def test_noise_has_the_variance_of_photons_and_amplifier(level: float) -> None:
     """Without blur, variance is signal / full well + (read noise / full well)^2, and the mean is unharmed."""
-    settings = SensorSettings(**STEADY, blur_sigma=0, full_well=600)
+    settings = STEADY.model_copy(update={"blur_sigma": 0.0, "full_well": 600.0})
     sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
     values = linear(sensor.develop(coded(level), sensor.expose(3, coded(level))), ideal)
     assert values.mean() == pytest.approx(level, rel=0.01)
@@ -58,7 +58,7 @@ def test_frames_have_noise_of_their_own_and_repeat_exactly() -> None:
 
 def test_the_point_spread_is_the_gaussian_asked_for() -> None:
     """The second moment of a blurred line is sigma squared."""
-    settings = SensorSettings(**STEADY, full_well=1e6, read_noise=0)
+    settings = STEADY.model_copy(update={"full_well": 1e6, "read_noise": 0.0})
     sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
     frame = coded(0.02)
     frame[:, 160] = coded(0.5)[:, 160]
@@ -70,7 +70,7 @@ def test_the_point_spread_is_the_gaussian_asked_for() -> None:
 
 def test_corners_lose_the_light_that_was_asked_for() -> None:
     """The very corner loses the stated share, half way to it a quarter of that, the middle nothing."""
-    settings = SensorSettings(**{**STEADY, "vignetting": 0.4}, blur_sigma=0, full_well=1e6, read_noise=0)
+    settings = STEADY.model_copy(update={"vignetting": 0.4, "blur_sigma": 0.0, "full_well": 1e6, "read_noise": 0.0})
     sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
     values = linear(sensor.develop(coded(0.3), sensor.expose(0, coded(0.3))), ideal)[..., 1] / 0.3
     for row, column, expected in ((0, 0, 0.6), (60, 80, 0.9), (120, 160, 1.0), (239, 319, 0.6)):

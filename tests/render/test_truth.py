@@ -84,7 +84,7 @@ def test_depth_and_ids_equal_the_ray_caster(gl: Gl, small: RenderSettings, place
         assert np.quantile(np.linalg.norm(view.normal - normal, axis=-1)[sure], 0.999) < 2e-3
 
 
-def edge_line(inner: F64, outer: F64) -> tuple[float, float]:
+def edge_line(inner: NDArray[np.floating], outer: NDArray[np.floating]) -> tuple[float, float]:
     """Fit the line x = a + b * y between points (x, y) inside a shape and points outside, each of shape (N, 2).
 
     A digital straight edge bounds the true line from both sides; the middle of the lines that keep all bounds is found

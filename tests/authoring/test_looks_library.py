@@ -1,0 +1,144 @@
+"""The library of sheets: independent sheets, baked once, linked; their materials follow the role's own."""
+
+import os
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Sdf, Usd, UsdShade
+
+from authoring.component import Component
+from authoring.layers.geometry import BRIDGE, geometry_layer
+from authoring.layers.looks import look_layer
+from authoring.looks import library
+from authoring.looks.bake import LookSettings, bake_look
+from authoring.looks.library import SHEETS, SheetName, bake_sheets, draw_sheet, link_sheet
+from authoring.looks.noise import Bank
+from authoring.looks.roles import sheet_material, sheet_numbers
+from tests.authoring.boxes import box
+
+
+def _columns(count: int) -> tuple[Component, ...]:
+    meshes = [box((3 * n, 0, 0), (3 * n + 1, 1, 6)) for n in range(count)]
+    return tuple(
+        Component(f"Column_{n}", "column", "Role_PierConcrete", "Substructure", mesh, n + 1)
+        for n, mesh in enumerate(meshes)
+    )
+
+
+def _grey(name: SheetName, bank: Bank | None) -> np.ndarray:
+    import cv2
+
+    files, _ = draw_sheet(name, bank)
+    return np.asarray(cv2.imdecode(np.frombuffer(files["albedo.jpg"], np.uint8), cv2.IMREAD_GRAYSCALE), np.float64)
+
+
+def test_sheets_of_one_surface_have_no_place_in_common() -> None:
+    """However one is moved over another, their correlation stays low: sheets drawn from one bank are independent."""
+    bank = Bank()
+    for surface in ("smooth_concrete", "asphalt", "paint_green_aged"):
+        grey = [_grey(SheetName(surface, number, 512), bank) for number in range(SHEETS)]
+        for one, two in ((0, 1), (0, 2), (1, 2)):
+            a, b = (g - g.mean() for g in (grey[one], grey[two]))
+            cross = np.fft.irfft2(np.fft.rfft2(a) * np.conj(np.fft.rfft2(b)), a.shape) / (a.std() * b.std() * a.size)
+            assert np.abs(cross).max() < 0.35, surface
+
+
+def test_a_sheet_does_not_depend_on_what_was_baked_before() -> None:
+    """Alone or after others from the same bank: the same bytes."""
+    name, bank = SheetName("board_concrete", 1, 256), Bank()
+    draw_sheet(SheetName("masonry", 0, 256), bank)
+    draw_sheet(SheetName("board_concrete", 0, 256), bank)
+    assert draw_sheet(name, bank) == draw_sheet(name, Bank())
+
+
+def test_sheets_are_baked_once_and_linked(tmp_path: Path) -> None:
+    """Two scenes share one file; a file that somebody painted over in place is baked anew."""
+    name = SheetName("rubber", 0, 256)
+    place = bake_sheets([name], tmp_path / "library")[name]
+    first = {path.name: path.stat().st_mtime_ns for path in place.iterdir()}
+    for scene in ("one", "two"):
+        link_sheet(bake_sheets([name], tmp_path / "library")[name], tmp_path / scene, "rubber_1")
+    assert {path.name: path.stat().st_mtime_ns for path in place.iterdir()} == first
+    one, two = tmp_path / "one/rubber_1_albedo.jpg", tmp_path / "two/rubber_1_albedo.jpg"
+    assert one.stat().st_ino == two.stat().st_ino == (place / "albedo.jpg").stat().st_ino
+    whole = one.read_bytes()
+    one.chmod(0o644)
+    one.write_bytes(b"painted over")
+    link_sheet(bake_sheets([name], tmp_path / "library")[name], tmp_path / "three", "rubber_1")
+    assert (tmp_path / "three/rubber_1_albedo.jpg").read_bytes() == whole
+
+
+def test_sheets_are_copied_where_links_are_not_possible(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another file system: a copy with the same bytes."""
+    name = SheetName("rubber", 0, 256)
+    place = bake_sheets([name], tmp_path / "library")[name]
+
+    def refuse(*_: object) -> None:
+        raise OSError("cross-device link")
+
+    monkeypatch.setattr(os, "link", refuse)
+    files = link_sheet(place, tmp_path / "textures", "rubber_1")
+    copied = tmp_path / files.albedo
+    assert copied.read_bytes() == (place / "albedo.jpg").read_bytes()
+    assert copied.stat().st_ino != (place / "albedo.jpg").stat().st_ino
+
+
+def test_library_moves_with_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """`FALSEWORK_CACHE` names the folder, else the user's cache folder holds it."""
+    monkeypatch.setenv("FALSEWORK_CACHE", str(tmp_path))
+    assert library.cache_folder() == tmp_path
+    monkeypatch.delenv("FALSEWORK_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "x"))
+    assert library.cache_folder() == tmp_path / "x/falsework/sheets"
+
+
+def test_neighbours_wear_different_sheets() -> None:
+    """All three sheets are in use, the first component wears the first, hardly any two neighbours the same."""
+    numbers = list(sheet_numbers(_columns(60)).values())
+    assert numbers[0] == 0
+    assert set(numbers) == set(range(SHEETS))
+    assert min(numbers.count(k) for k in range(SHEETS)) >= 15
+    assert sum(a == b for a, b in pairwise(numbers)) <= 3
+
+
+def test_sheets_follow_the_material_of_their_role(tmp_path: Path) -> None:
+    """Bound materials differ in their files alone; a change of the role's material changes all of its sheets."""
+    columns = _columns(6)
+    recipes = bake_look(
+        LookSettings(texels=256), "clean", tmp_path, columns, np.random.default_rng(1), library=tmp_path / "library"
+    )
+    look_layer(recipes).Export(str(tmp_path / "look.usda"))
+    geometry_layer(BRIDGE, columns).Export(str(tmp_path / "geometry.usdc"))
+    stage = Usd.Stage.CreateNew(str(tmp_path / "bridge.usda"))
+    stage.GetRootLayer().subLayerPaths = ["./geometry.usdc"]
+    stage.OverridePrim("/Bridge/BridgeLooks").GetReferences().AddReference("./look.usda", "/Look")
+    bound = [
+        UsdShade.MaterialBindingAPI(stage.GetPrimAtPath(BRIDGE.prim(column))).ComputeBoundMaterial()[0]
+        for column in columns
+    ]
+    assert {material.GetPrim().GetName() for material in bound} == {
+        sheet_material("Role_PierConcrete", number) for number in range(SHEETS)
+    }
+    files = set()
+    for material in bound:
+        surface = material.ComputeSurfaceSource()[0]
+        color = surface.GetInput("diffuseColor").GetConnectedSources()[0][0].source
+        assert surface.GetPath().HasPrefix(material.GetPath())
+        assert color.GetPath().HasPrefix(material.GetPath())
+        files.add(UsdShade.Shader(color.GetPrim()).GetInput("file").Get().resolvedPath)
+    assert len(files) == SHEETS
+    role = UsdShade.Shader(stage.GetPrimAtPath(f"{BRIDGE.material('Role_PierConcrete')}/Surface"))
+    role.GetInput("diffuseColor").DisconnectSource()
+    role.GetInput("diffuseColor").Set((0.6, 0.1, 0.1))
+    for material in bound:
+        painted = material.ComputeSurfaceSource()[0].GetInput("diffuseColor")
+        assert not painted.HasConnectedSource()
+        assert tuple(painted.Get()) == (np.float32(0.6), np.float32(0.1), np.float32(0.1))
+
+
+def test_roles_of_others_need_no_sheets() -> None:
+    """A site's pieces bind the one material that they name."""
+    assert sheet_material("grass", 0) == "grass"
+    assert Sdf.Path.IsValidIdentifier(sheet_material("Role_Ballast", 2))

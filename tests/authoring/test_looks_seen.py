@@ -1,0 +1,150 @@
+"""What SIFT and the eye find on the looks: enough on old surfaces, little on new ones, nothing that repeats."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from authoring.component import Component
+from authoring.looks.bake import LookSettings, bake_look, bake_surface
+from authoring.looks.encode import encode_raw
+from authoring.looks.material import MaterialRecipe
+from authoring.looks.roles import fill_roles
+from authoring.looks.weathering import weather
+from tests.authoring.boxes import box
+from tests.authoring.seen_surfaces import contrast, flat_material, keypoints, photograph, plates, right_matches
+from tests.conftest import Count, RecordProof
+
+F32 = NDArray[np.float32]
+
+_DISTANCES = (0.5, 1.0, 2.0, 5.0, 15.0)  # [m]
+_SLANTS = (0.0, 60.0)  # [deg]
+_FEW = ("smooth_concrete", "painted_steel_aged", "galvanised_steel")
+_POOR = ("painted_steel_clean", "smooth_concrete_clean", "panel_concrete_clean")
+_SIDE, _PIXEL = 30.0, 0.03  # [m]
+
+
+def _surfaces(every: bool) -> list[str]:
+    if not every:
+        return list(_FEW)
+    rng = np.random.default_rng(0)
+    return sorted({surface for look in ("weathered", "aged") for surface in fill_roles(look, rng)[0].values()})
+
+
+def test_old_surfaces_feed_sift(tmp_path: Path, proof_count: Count, record_proof: RecordProof) -> None:
+    """Every role of `weathered` and `aged`, square and at 60 degrees, from near and far; new ones stay poor."""
+    names = _surfaces(proof_count(0, 1) == 1)
+    distances = _DISTANCES[:: proof_count(4, 1)]
+    recipes = [bake_surface(name, tmp_path) for name in (*names, *_POOR)]
+    rows = []
+    poor = []
+    with plates([flat_material(tmp_path, recipe) for recipe in recipes]) as prepared:
+        for row, name in enumerate((*names, *_POOR)):
+            for slant in _SLANTS:
+                for distance in distances:
+                    one = photograph(prepared, row, distance, slant)
+                    if name in _POOR:
+                        poor.append(keypoints(one))
+                        continue
+                    other = photograph(prepared, row, distance, slant, 0.1 * distance)
+                    rows.append((contrast(one), keypoints(one), right_matches(one, other), name, distance, slant))
+    assert min(rows)[0] >= 0.08, min(rows)
+    assert max(rows)[0] <= 0.25, max(rows)
+    fewest = min(rows, key=lambda found: found[1])
+    assert fewest[1] >= 400, fewest
+    worst = min(rows, key=lambda found: found[2])
+    assert worst[2] >= 0.75, worst
+    assert 10 * np.mean(poor) <= np.mean([found[1] for found in rows])
+    strong = [found for found in rows if found[0] > 0.20]
+    record_proof(
+        "looks/weathered and aged surfaces feed SIFT", len(rows), 0,
+        {"least_contrast": round(min(rows)[0], 3), "most_contrast": round(max(rows)[0], 3),
+         "over_20_percent": len(strong), "over_20_percent_on": sorted({found[3] for found in strong}),
+         "fewest_keypoints_per_megapixel": round(fewest[1]), "least_right_share": round(worst[2], 3),
+         "clean_keypoints_per_megapixel": round(float(np.mean(poor))),
+         "old_keypoints_per_megapixel": round(float(np.mean([found[1] for found in rows])))},
+    )  # fmt: skip
+
+
+def _wall(role: str) -> Component:
+    """A wall of 30 x 30 m whose one chart is the whole atlas."""
+    mesh = box((0, 0, 0), (_SIDE, 1, _SIDE))
+    front = np.flatnonzero(mesh.normals[:, 1] < -0.9)
+    place = mesh.points[mesh.corners][:, [0, 2]] / _SIDE
+    st1 = np.full((len(mesh.corners), 2), 0.0, np.float32)
+    st1[front] = place[front]
+    return Component("Wall", "abutment_wall", role, "Superstructure", replace(mesh, st1=st1), 1)
+
+
+def _look_up(image: F32, metres: float) -> F32:
+    """An orthographic view of 30 x 30 m of a tiled picture, 3 cm a pixel, averaged over each."""
+    count = max(4, round(metres / _PIXEL))
+    small = cv2.resize(image, (count, count), interpolation=cv2.INTER_AREA)
+    steps = (np.arange(round(_SIDE / _PIXEL), dtype=np.float32) * _PIXEL) / metres * count % count - 0.5
+    u, v = np.meshgrid(steps, steps)
+    return np.asarray(cv2.remap(small, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.float32)
+
+
+def _ortho(folder: Path, recipe: MaterialRecipe) -> F32:
+    coded = cv2.imread(str(folder / recipe.albedo_file), cv2.IMREAD_GRAYSCALE)
+    grey = cv2.imread(str(folder / recipe.detail_file), cv2.IMREAD_GRAYSCALE)
+    assert coded is not None
+    assert grey is not None
+    shown = _look_up(((coded / 255.0) ** 2.2).astype(np.float32), recipe.sheet)
+    for period, amplitude in zip(recipe.periods, recipe.amplitudes, strict=True):
+        shown *= 1 + np.float32(amplitude) * (2 * _look_up((grey / 255.0).astype(np.float32), period) - 1)
+    return shown
+
+
+def _peak(shown: F32) -> float:
+    """Highest autocorrelation beyond 1 m, of what is smaller than 8 m: slow changes of tone are no repetition."""
+    level = shown / cv2.GaussianBlur(shown, (0, 0), 4.0 / _PIXEL)
+    level = level - level.mean()
+    size = (2 * len(level), 2 * len(level))
+    power = np.fft.irfft2(np.abs(np.fft.rfft2(level, size)) ** 2)
+    pairs = np.fft.irfft2(np.abs(np.fft.rfft2(np.ones_like(level), size)) ** 2)
+    shared = pairs > 0.25 * pairs.max()
+    found = np.where(shared, power / np.maximum(pairs, 1), -1.0) / (power[0, 0] / pairs[0, 0])
+    lag = np.minimum(np.arange(size[0]), size[0] - np.arange(size[0])) * _PIXEL
+    return float(found[np.hypot(lag[:, None], lag[None, :]) > 1.0].max())
+
+
+@pytest.mark.parametrize("role", ["Role_DeckConcrete", "Role_PierConcrete", "Role_DeckAsphalt", "Role_GirderSteel"])
+def test_nothing_repeats_over_thirty_metres(
+    tmp_path: Path, role: str, proof_count: Count, record_proof: RecordProof
+) -> None:
+    """Seen from afar, sheet, detail and weather together have no autocorrelation over 0.25 beyond 1 m."""
+    if role != "Role_DeckConcrete" and proof_count(0, 1) == 0:
+        pytest.skip("runs with --proof only")
+    wall = _wall(role)
+    peaks = {}
+    for look, years in (("weathered", 1.0), ("aged", 1.6)):
+        surface = fill_roles(look, np.random.default_rng(0))[0][role]
+        shown = _ortho(tmp_path, bake_surface(surface, tmp_path))
+        alone = _peak(shown)
+        macro = encode_raw(weather((wall,), 1024, years, np.random.default_rng(2)) / 2)
+        factor = cv2.resize(2 * macro.mean(axis=-1).astype(np.float32) / 255, (len(shown), len(shown)))
+        peaks[look] = _peak(shown * factor)
+        assert peaks[look] <= 0.25, (surface, peaks[look])
+        assert peaks[look] < alone
+    record_proof(f"looks/nothing repeats over 30 m: {role}", 2, 2, {k: round(v, 3) for k, v in peaks.items()})
+
+
+def test_a_scene_shares_its_sheets(tmp_path: Path, record_proof: RecordProof) -> None:
+    """What a look has for itself is its macro texture; the rest are links to the library, in a second scene too."""
+    parts = tuple(
+        Component(f"Part_{n}", "column", role, "Substructure", box((3 * n, 0, 0), (3 * n + 1, 1, 6)), n + 1)
+        for n, role in enumerate(("Role_PierConcrete", "Role_PierConcrete", "Role_GirderSteel"))
+    )
+    own = []
+    for name in ("one", "two"):
+        rng = np.random.default_rng(1)
+        bake_look(LookSettings(texels=512), "weathered", tmp_path / name, parts, rng, library=tmp_path / "library")
+        files = list((tmp_path / name / "textures").iterdir())
+        own.append(sum(file.stat().st_size for file in files if file.stat().st_nlink == 1))
+        assert sum(file.stat().st_nlink > 1 for file in files) >= 7
+    assert max(own) < 2e6
+    record_proof("looks/bytes that a small scene does not share", 2, 1, {"most_megabytes": round(max(own) / 1e6, 2)})
