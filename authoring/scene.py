@@ -78,10 +78,8 @@ def author_scene(
     with space_errors(folder):
         write_asset(SITE, site.pieces, folder / "site")
         recipes = bake_surfaces(site.pieces, folder / "site", settings.look.texels, seed)
-        export(
-            author_provenance(site_layer(recipes), "/Site", made_from(settings, seed, "site")),
-            folder / "site/site.usda",
-        )
+        site_root = author_provenance(site_layer(recipes), "/Site", made_from(settings, seed, "site"))
+        export(site_root, folder / "site/site.usda")
         progress.advance(2)
         _write_bridge(settings, layout, drawn, bridge, folder / "bridge", seed, surfaces)
         progress.advance(3)

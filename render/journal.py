@@ -83,6 +83,8 @@ class Journal:
 
     def gain(self) -> float | None:
         """Return the exposure that was metered for the survey, or None."""
+        if self.is_complete():
+            return read_json(self._folder / RECORD)["gain"]
         return self._read("gain.json")
 
     def keep_gain(self, gain: float) -> None:
@@ -108,7 +110,8 @@ class Journal:
             volume: What was cast.
         """
         data = BytesIO()
-        np.savez(data, lower=volume.lower, cell=np.array(volume.cell), coefficients=volume.coefficients)
+        arrays = {"lower": volume.lower, "cell": np.array(volume.cell), "coefficients": volume.coefficients}
+        np.savez(data, allow_pickle=False, **arrays)  # not atomic: into memory, and from there at once
         write_bytes(self._light, data.getvalue(), durable=False)
 
     @property

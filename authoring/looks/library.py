@@ -200,7 +200,7 @@ def _link(source: Path, target: Path) -> None:
     try:
         os.link(source, target)
     except OSError:  # another file system, or one without links
-        shutil.copyfile(source, target)
+        write_bytes(target, source.read_bytes())
 
 
 @cache

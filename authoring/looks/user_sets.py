@@ -151,7 +151,7 @@ def _decode_exr(data: bytes, where: str) -> U8:
 
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / "picture.exr"
-        path.write_bytes(data)  # not atomic: gone in a moment
+        write_bytes(path, data)
         try:
             with OpenEXR.File(str(path), header_only=True) as file:
                 low, high = file.header()["dataWindow"]

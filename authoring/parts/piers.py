@@ -20,6 +20,7 @@ from authoring.parts.spans import Levels, Spans, level_at
 from groundwork.settings import Settings
 
 _COLUMN_PITCH = 7.0  # [m] no two columns stand further apart
+_CLEAR_PITCH = 2.2  # of their diameter: nor closer
 _LEG_SHARE = 0.29  # of a pi-frame's beam, from the axis to a leg
 _ARM_SHARE = 0.33  # of the cap's length, from the axis to the head of a Y's arm
 _FLUSH = 0.015  # [m] legs of a frame behind its beam's faces
@@ -170,7 +171,8 @@ def draw_piers(
         (settings.kind, settings.cap, settings.columns), cap_length, upstand, draws, paper_kinds if paper else ()
     )
     least = 2 if kind != "multi" else max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
-    number = {"multi": settings.columns or min(least + int(2.0 * share), 5), "pi_frame": 2}.get(kind, 1)
+    room = max(2, int(cap_length / (_CLEAR_PITCH * several)))  # a short cap under a narrow box holds few
+    number = {"multi": settings.columns or min(least + int(2.0 * share), 5, room), "pi_frame": 2}.get(kind, 1)
     shape = settings.column_shape or _shape(round_share, paper)
     battered = settings.battered if settings.battered is not None else batter_share < 0.35 and not paper
     piers = Piers(

@@ -72,7 +72,8 @@ def test_killed_or_shared_the_bytes_are_the_same(tmp_path: Path, small: RenderSe
     started = {path.stem for path in (killed / "images").glob("0*.jpg")}
     assert len(started - done) <= 1, "at most the frame in work is lost with one encoder"
     again = render_survey(request(stage, killed, small), time_limit=300, memory_limit=4, progress=SILENT)
-    assert again == answer
+    assert (again["frames"], again["gain"], again["driver"]) == (FRAMES, answer["gain"], answer["driver"])
+    assert again["gain"] > 0
     assert {path: path.stat().st_mtime_ns for path in written} == written
     assert folder_digest(killed) == folder_digest(shared)
     assert not list(killed.rglob(".*"))
