@@ -118,8 +118,8 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(3, author),
-    "capture": Stage(2, capture, resumes=True),
-    "cloud": Stage(1, cloud),
+    "stage": Stage(4, author),
+    "capture": Stage(3, capture, resumes=True),
+    "cloud": Stage(2, cloud),
     "report": Stage(1, report),
 }

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -70,8 +70,7 @@ def plates(materials: list[Material]) -> Iterator[Prepared]:
         st = _CORNERS[..., :2] * PLATE + 3.7  # metres
         builder.add_mesh(_CORNERS, placed((_APART * row, 0, 0), (PLATE, PLATE, 1.0)), row + 1, material=row, st=st)
     scene = builder.build(np.eye(4)[None], CAMERA)
-    slant = np.array([-0.35, -0.45, -0.82])
-    lit = type(scene)(**{**scene.__dict__, "dome": Dome((0.3, 0.3, 0.32)), "sun": Sun(slant, np.full(3, 8e3), 0.53)})
+    lit = replace(scene, dome=Dome((0.3, 0.3, 0.32)), sun=Sun((0.35, 0.45, 0.82), (3.0, 3.0, 3.0)))
     gl = open_context()
     settings = RenderSettings(quality="fast", shadow_size=512, haze_distance=_FAR)
     try:

@@ -14,7 +14,7 @@ from authoring.layers.looks import look_layer
 from authoring.layers.semantics import semantics_layer
 from authoring.layers.surveys import camera_path, survey_layer
 from authoring.looks.material import MaterialRecipe
-from authoring.surveys.camera_models import CAMERA_MODELS, calibration
+from authoring.surveys.camera_models import DEFAULT, calibration, camera_models
 from authoring.surveys.gaze import aim
 from authoring.surveys.path import CameraPath
 from authoring.surveys.subject import piece_corners
@@ -118,10 +118,21 @@ def test_cameras_come_back(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     positions = rng.normal(size=(9, 3)) * 20
     poses = aim(positions, rng.normal(size=(9, 3)))
-    model = CAMERA_MODELS["default_24mm"]
+    model = camera_models()[DEFAULT]
     camera = calibration(model, 960, 720)
     path = CameraPath(
-        "flight", "global", 7, camera, model.sensor_width, 3.0, poses, np.arange(9.0), positions + 1, (0.5, 0.5, 0.8)
+        "flight",
+        "global",
+        7,
+        camera,
+        model.sensor_width,
+        3.0,
+        poses,
+        np.arange(9.0),
+        positions + 1,
+        (0.5, 0.5, 0.8),
+        rng.normal(size=(9, 3)),
+        (1.0, 0.5, 0.5),
     )
     export(survey_layer(path), tmp_path / "flight.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "flight.usdc"))
