@@ -7,6 +7,8 @@ OUT ?= demo-out
 
 PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PYTEST := .venv/bin/python -m pytest
+# Whole files go to whichever process is free: what a file's tests share is made once.
+PARALLEL := -n auto --maxprocesses 4 --dist loadfile
 PINS := pyproject.toml constraints.txt
 
 .PHONY: help setup demo test lint proof test-dcc test-faults bench docs
@@ -27,7 +29,7 @@ demo: .venv/.stamp-core
 	.venv/bin/falsework demo -o $(OUT)
 
 test: lint
-	$(PYTEST) -m "not dcc"
+	$(PYTEST) -m "not dcc" $(PARALLEL)
 
 lint: .venv/.stamp-dev
 	.venv/bin/ruff check .
@@ -35,7 +37,7 @@ lint: .venv/.stamp-dev
 	.venv/bin/pyright
 
 proof: lint
-	$(PYTEST) -m "not dcc" --proof -o faulthandler_timeout=3600
+	$(PYTEST) -m "not dcc" $(PARALLEL) --proof -o faulthandler_timeout=3600
 
 test-dcc: .venv/.stamp-dev .venv-dcc/.stamp
 	FALSEWORK_BPY_PYTHON=$(CURDIR)/.venv-dcc/bin/python $(PYTEST) -m dcc

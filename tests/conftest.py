@@ -27,6 +27,7 @@ RecordProof = Callable[[str, int, int, Figures], None]
 settings.register_profile("quick", max_examples=40, deadline=None, derandomize=True, database=None)
 settings.register_profile("proof", max_examples=1000, deadline=None, derandomize=True, database=None)
 
+_SENT = "falsework_proof_rows"
 _ROWS = pytest.StashKey[dict[str, dict[str, Any]]]()
 
 
@@ -83,10 +84,19 @@ def record_proof(request: pytest.FixtureRequest) -> RecordProof:
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     """Merge the rows of a successful ``--proof`` run into ``docs/proof.json``; a failed run writes nothing."""
     rows = session.config.stash[_ROWS]
-    if session.config.getoption("--proof") and rows and exitstatus == pytest.ExitCode.OK:
+    if (output := getattr(session.config, "workeroutput", None)) is not None:
+        output[_SENT] = json.dumps(rows)  # one of several processes: the first one writes
+    elif session.config.getoption("--proof") and rows and exitstatus == pytest.ExitCode.OK:
         commit = _git("rev-parse", "HEAD") or "none"
         dirty = bool(_git("status", "--porcelain", "--", ".", ":!docs"))
         write_proof(PROOF_FILE, [{**row, "commit": commit, "dirty": dirty} for row in rows.values()])
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any, error: object) -> None:
+    """Take over the rows that another process of the same run has recorded."""
+    sent = getattr(node, "workeroutput", {}).get(_SENT, "{}")
+    node.config.stash[_ROWS].update(json.loads(sent))
 
 
 def write_proof(path: Path, rows: list[dict[str, Any]]) -> None:
