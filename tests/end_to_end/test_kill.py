@@ -22,7 +22,7 @@ def test_killed_run_goes_on(chain: Chain, tmp_path: Path, proof_count: Count) ->
     scenario.write_text(chain.scenario.as_toml())
     command = [sys.executable, "-m", "falsework", "run", str(scenario), "-o", str(out)]
     draw = np.random.default_rng(5)
-    for _ in range(proof_count(2, 12)):
+    for _ in range(proof_count(1, 12)):
         process = subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
         )
