@@ -59,7 +59,7 @@ def sleeve_reach(radius: float, cosine: float) -> float:
     return radius / cosine
 
 
-def clamp(centre: F64, along: F64, radius: float, length: float, lug: float) -> Surface:
+def clamp(centre: F64, along: F64, radius: float, length: float, lug: float, hanger: float) -> Surface:
     """Build a clamp: a ring round the main cable, and a lug under it that takes the hanger.
 
     Args:
@@ -68,12 +68,13 @@ def clamp(centre: F64, along: F64, radius: float, length: float, lug: float) -> 
         radius: Of the cable [m].
         length: Of the ring along the cable [m].
         lug: Of the lug below the cable [m].
+        hanger: Radius of the hanger that ends in the lug [m].
     """
     wall = 0.02 + 0.35 * radius
     ring = _pipe(centre - 0.5 * length * along, centre + 0.5 * length * along, radius - _BORE, radius + wall, 16)
     top = centre + np.array([0.0, 0.0, -radius - 0.75 * wall])
     bottom = centre + np.array([0.0, 0.0, -radius - wall - lug])
-    return joined([ring, tube(np.stack([top, bottom]), max(0.04, 0.4 * radius), 8)])
+    return joined([ring, tube(np.stack([top, bottom]), max(0.04, 0.4 * radius, hanger + 0.01), 8)])
 
 
 def hanger_socket(foot: F64, radius: float, length: float) -> Surface:

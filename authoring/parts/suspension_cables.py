@@ -172,7 +172,7 @@ def _hanger_parts(cables: SuspensionCables, side: str, left: float, place: Align
         parts += [
             Part(f"Hanger_{name}", "hanger", "Role_CableSteel", SUPERSTRUCTURE, hanger, {**facts, "length": length}),
             Part(f"Clamp_{name}", "cable_clamp", "Role_GirderSteel", SUPERSTRUCTURE,
-                 clamp(top, tangent, 0.5 * cables.diameter, ring, _LUG), holds),
+                 clamp(top, tangent, 0.5 * cables.diameter, ring, _LUG, radius), holds),
             Part(f"HangerSocket_{name}", "cable_socket", "Role_CableSteel", SUPERSTRUCTURE,
                  hanger_socket(foot, radius, socket), holds),
         ]  # fmt: skip

@@ -104,7 +104,7 @@ def test_rings_stand_square_to_the_cable_and_do_not_twist() -> None:
 @pytest.mark.parametrize(
     "surface",
     [
-        clamp(np.zeros(3), np.array([0.8, 0.0, 0.6]), 0.1, 0.4, 0.2),
+        clamp(np.zeros(3), np.array([0.8, 0.0, 0.6]), 0.1, 0.4, 0.2, 0.02),
         hanger_socket(np.zeros(3), 0.03, 0.4),
         sleeve(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([0.8, 0.0, 0.6]), 0.12, 0.9).surface,
     ],
