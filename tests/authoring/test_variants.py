@@ -110,6 +110,7 @@ def test_variants_of_a_scenario_are_their_product(tmp_path: Path) -> None:
     assert offered(Usd.Stage.Open(str(scene)))["light"] == ("default", "dusk")
 
 
+@pytest.mark.proof_only
 def test_switching_is_quick(stored_scene: Path, proof_count: Count, record_proof: RecordProof) -> None:
     """A look is switched on an open stage in less than 5 ms of the processor's time, taking the best of a few."""
     stage = Usd.Stage.Open(str(stored_scene))
