@@ -90,7 +90,7 @@ def _mottle(pixels: int, age: float, rng: np.random.Generator) -> Floats:
     """Draw blotches of a few texels that occur once on the whole bridge, so that sheets never repeat exactly."""
     tile = Tile(pixels, 1.0, rng)
     blotches = fractal(tile, 96.0 / pixels, 2.5 / pixels, slope=0.5)
-    return (1 + np.float32(0.06 + 0.09 * min(age, 1.0)) * np.clip(blotches, -2.6, 2.6))[..., None]
+    return (1 + np.float32(0.07 + 0.10 * min(age, 1.0)) * np.clip(blotches, -2.6, 2.6))[..., None]
 
 
 def ground_patches(pixels: int, rng: np.random.Generator) -> Floats:
