@@ -4,6 +4,7 @@ Source: side span about 0.40 of the main span by Jorquera 2016; pylon heights, p
 common practice, as listed in Shi, Kim, Narazaki; profile `paper` by the public Random Bridge Generator.
 """
 
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,10 +99,13 @@ def draw_cable_stayed(
     top = draw_deck_top(shared, draws)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
+    again = deepcopy(draws)
     choice = choose(settings, top, draws)
+    open_shape = settings.shape is None and settings.planes != 1 and choice.shape != "h"
+    upright = choose(settings.model_copy(update={"shape": "h"}), top, again) if open_shape else None
     values = {key: draw(settings, key, draws) for key in _DRAWN}
     values["share"] = draws.random()
-    choice, top, deck, pylon, stays, strip = _fitted(settings, choice, top, values, bearings, draws.profile)
+    choice, top, deck, pylon, stays, strip = _fitted(settings, (choice, upright), top, values, bearings, draws.profile)
     levels = _levels(top, deck, bearings)
     supports = tuple(sorted((*choice.supports, *_pier_stations(settings, choice, draws))))
     spans = Spans(supports, values["overhang"], values["gap"], continuous=True, one_row=True)
@@ -128,10 +132,11 @@ def _pier_stations(settings: CableStayedSettings, choice: Choice, draws: Draws) 
 
 
 def _fitted(
-    settings: CableStayedSettings, choice: Choice, top: DeckTop, values: dict[str, float], bearings: Bearings,
-    profile: str,
+    settings: CableStayedSettings, choices: tuple[Choice, Choice | None], top: DeckTop, values: dict[str, float],
+    bearings: Bearings, profile: str,
 ) -> tuple[Choice, DeckTop, CableDeck, Pylon, Stays, float]:  # fmt: skip
     """Fit pylon, stays and deck: where a drawn span is too short for an asked shape it grows, else an H stands in."""
+    choice, upright = choices
     longer = choice
     for _ in range(_GROWTHS):
         way = with_median(top, _median(longer, values)) if longer.planes == 1 else top
@@ -150,10 +155,8 @@ def _fitted(
             return longer, way, deck, pylon, stays, strip
         if found is not None:
             break
-        if settings.shape is None and longer.shape != "h":
-            other = longer.deck if longer.planes == 2 or settings.deck else "steel_box"
-            longer = replace(longer, shape="h", planes=2, deck=other)
-            choice = longer
+        if upright is not None and longer.shape != "h":
+            longer = choice = upright
         else:
             longer = stretched(longer, _GROWTH)
     raise InputError(
@@ -253,7 +256,8 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     parts += pier_parts(bridge.piers, spans, levels, place, ground, tuple(station for _, station, _ in bridge.pylons))
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top
-    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
+    beside = bridge.pylon.face(0.0) + 1.0  # a leg that leans over the footway
+    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place, clear=beside)
     return parts
 
 

@@ -99,8 +99,9 @@ def draw_fittings(settings: FittingSettings, draws: Draws) -> Fittings:
 
 
 def fitting_parts(
-    fittings: Fittings, roadway: Roadway | None, width: float, spans: Spans, soffit: float | None, place: Alignment
-) -> list[Part]:
+    fittings: Fittings, roadway: Roadway | None, width: float, spans: Spans, soffit: float | None, place: Alignment,
+    *, clear: float = _CLEAR,
+) -> list[Part]:  # fmt: skip
     """Build the fittings of a road bridge; a railway has none.
 
     Args:
@@ -111,10 +112,11 @@ def fitting_parts(
         soffit: Lowest underside of the superstructure, above the finished surface [m]; None where the deck's edges are
             not free, and nothing may hang there.
         place: Axis of the bridge.
+        clear: Least distance between a lamp post and a support [m]: the legs of pylons reach over the deck.
     """
     if roadway is None:
         return []
-    parts = _lamp_parts(fittings, roadway, spans, place) if fittings.lamps else []
+    parts = _lamp_parts(fittings, roadway, spans, place, clear) if fittings.lamps else []
     if fittings.drainage and roadway.shoulder >= _LEAST_SHOULDER:
         parts += _scupper_parts(fittings, roadway, spans, place)
         if soffit is not None:
@@ -141,12 +143,13 @@ def fitting_stations(pitch: float, spans: Spans) -> F64:
     return np.concatenate(found)
 
 
-def lamp_stations(pitch: float, spans: Spans) -> F64:
+def lamp_stations(pitch: float, spans: Spans, clear: float = _CLEAR) -> F64:
     """Space lamp posts evenly from end to end; one that would stand on a joint moves beside it.
 
     Args:
         pitch: Largest distance [m].
         spans: Stations.
+        clear: Least distance from a support [m].
 
     Returns:
         Stations [m], rising, shape (N,), float64.
@@ -156,17 +159,17 @@ def lamp_stations(pitch: float, spans: Spans) -> F64:
     stations = spans.supports[0] + length * (np.arange(count) + 0.5) / count
     for support in spans.supports:
         away = stations - support
-        stations = np.where(np.abs(away) < _CLEAR, support + np.where(away < 0.0, -_CLEAR, _CLEAR), stations)
+        stations = np.where(np.abs(away) < clear, support + np.where(away < 0.0, -clear, clear), stations)
     return stations
 
 
-def _lamp_parts(fittings: Fittings, roadway: Roadway, spans: Spans, place: Alignment) -> list[Part]:
+def _lamp_parts(fittings: Fittings, roadway: Roadway, spans: Spans, place: Alignment, clear: float) -> list[Part]:
     verge = roadway.half_width - roadway.kerb_face
     if verge < _LEAST_VERGE:
         return []
     base = roadway.kerb_height - (0.006 if roadway.footway_width else 0.0)
     template = _lamp(fittings.lamp_height - base, fittings.lamp_arm)
-    stations = lamp_stations(fittings.lamp_pitch, spans)
+    stations = lamp_stations(fittings.lamp_pitch, spans, clear)
     size: dict[str, object] = {"height": fittings.lamp_height - base, "arm": fittings.lamp_arm}
     sides = (("L", 1.0), ("R", -1.0)) if 2.0 * roadway.kerb_face > _WIDE else (("L", 1.0),)
     return [
