@@ -29,6 +29,7 @@ _PITCHES = {
     ("compact", True): (3.5, 5.5), ("compact", False): (5.0, 8.0),
     ("realistic", True): (5.0, 10.0), ("realistic", False): (10.0, 16.0),
 }  # fmt: skip
+_LEANING = ("a", "diamond")
 _DIAMETERS = {"compact": (0.06, 0.12), "realistic": (0.10, 0.25)}
 _TOTAL = {"compact": (60.0, 250.0), "realistic": (144.0, 480.0)}  # [m] whole bridge
 _PAPER_HEIGHT = 36.0  # [m] of the paper's pylons
@@ -151,6 +152,8 @@ def choose(settings: CableStayedSettings, top: DeckTop, draws: Draws) -> Choice:
     divided = top.roadway is not None and top.roadway.lanes % 2 == 0
     if shape == "mast" and not divided:
         shape = "h"
+    if settings.arrangement == "harp" and shape in _LEANING:
+        shape = "h"  # what is drawn yields to what was asked for
     shape = settings.shape or shape
     word = draws.choose(_ARRANGEMENTS[shape])
     arrangement = settings.arrangement or word
@@ -195,7 +198,7 @@ def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes:
             where, settings.shape or planes, "roads of 2, 4 or 6 lanes, where a median has room",
             "Set bridge.service = \"road\" and bridge.roadway.lanes = 2",
         )  # fmt: skip
-    if arrangement == "harp" and shape in ("a", "diamond"):
+    if arrangement == "harp" and shape in _LEANING:
         _wrong("arrangement", arrangement, "fan or semi_fan on leaning legs", "Take shape h, portal or mast for a harp")
 
 
