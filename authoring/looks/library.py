@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
@@ -19,7 +18,7 @@ from authoring.looks.recipe import FULL
 from authoring.looks.recipes import RECIPES
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError
-from groundwork.files import read_json, write_bytes, write_json
+from groundwork.files import folder_lock, read_json, write_bytes, write_json
 
 SHEETS = 3  # independent sheets of each surface
 _FACTS = "sheet.json"
@@ -171,20 +170,32 @@ def _ensure(root: Path, key: str, make: Callable[[], tuple[dict[str, bytes], dic
     place = root / key
     if _whole(place):
         return place
-    root.mkdir(parents=True, exist_ok=True)
-    fresh = Path(tempfile.mkdtemp(dir=root, prefix=".fresh."))
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        if not os.access(root, os.W_OK):
+            raise PermissionError(root)
+    except OSError as error:
+        raise InputError(
+            "textures cannot be kept here", where=root, mend=f"Set {_CACHE} to a folder that can be written"
+        ) from error
+    with folder_lock(root / f"{key}.lock"):  # who came first bakes; nobody removes what another one reads
+        if not _whole(place):
+            _bake(place, make)
+    return place
+
+
+def _bake(place: Path, make: Callable[[], tuple[dict[str, bytes], dict[str, object]]]) -> None:
+    fresh = place.with_suffix(".partial")
+    for left in (fresh, place):  # by one that was killed; by one who painted over it
+        shutil.rmtree(left, ignore_errors=True)
+    fresh.mkdir()
     files, facts = make()
     for file, data in files.items():
         write_bytes(fresh / file, data)
         (fresh / file).chmod(0o444)  # many scenes share it
     digests = {file: file_digest(fresh / file) for file in sorted(files)}
     write_json(fresh / _FACTS, {**facts, "files": digests})
-    shutil.rmtree(place, ignore_errors=True)
-    try:
-        fresh.rename(place)
-    except OSError:  # another process was faster
-        shutil.rmtree(fresh, ignore_errors=True)
-    return place
+    fresh.rename(place)
 
 
 def _whole(place: Path) -> bool:

@@ -1,8 +1,11 @@
 """The library of sheets: independent sheets, baked once, linked; their materials follow the role's own."""
 
 import os
+import time
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
+from threading import Barrier
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from authoring.looks.bake import LookSettings, bake_look
 from authoring.looks.library import SHEETS, SheetName, bake_sheets, draw_sheet, link_sheet
 from authoring.looks.noise import Bank
 from authoring.looks.roles import sheet_material, sheet_numbers
+from groundwork.errors import InputError
 from tests.authoring.boxes import box
 
 
@@ -68,6 +72,34 @@ def test_sheets_are_baked_once_and_linked(tmp_path: Path) -> None:
     one.write_bytes(b"painted over")
     link_sheet(bake_sheets([name], tmp_path / "library")[name], tmp_path / "three", "rubber_1")
     assert (tmp_path / "three/rubber_1_albedo.jpg").read_bytes() == whole
+
+
+def test_who_comes_second_waits_and_takes_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenes that are authored at once bake a sheet once, and none loses it while it reads it."""
+    name, drawn = SheetName("board_concrete", 0, 64), []
+    both = Barrier(2)
+
+    def slow(sheet: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], dict[str, object]]:
+        drawn.append(sheet)
+        time.sleep(0.2)
+        return draw_sheet(sheet, bank)
+
+    def author(scene: str) -> str:
+        both.wait()
+        place = bake_sheets([name], tmp_path / "library")[name]
+        return link_sheet(place, tmp_path / scene, "pier").albedo
+
+    monkeypatch.setattr(library, "draw_sheet", slow)
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(author, ("one", "two"))) == ["./one/pier_albedo.jpg", "./two/pier_albedo.jpg"]
+    assert drawn == [name]
+
+
+def test_a_cache_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    """A file where the folder should be: the message names the variable that mends it."""
+    (tmp_path / "library").write_text("")
+    with pytest.raises(InputError, match="FALSEWORK_CACHE"):
+        bake_sheets([SheetName("board_concrete", 0, 64)], tmp_path / "library")
 
 
 def test_sheets_are_copied_where_links_are_not_possible(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
