@@ -234,11 +234,11 @@ def gallery(
 
     def write(folder: Path) -> None:
         if subject == "worlds":
-            from falsework.gallery_worlds import write_worlds
+            from falsework.gallery.worlds import write_worlds
 
             write_worlds(folder, count, seed, world, progress)
         else:
-            from falsework.gallery import write_gallery
+            from falsework.gallery.families import write_gallery
 
             write_gallery(folder, count, seed, family, progress)
 

@@ -1,4 +1,4 @@
-"""The gallery: cameras that look where they should, sheets of the right size, and one real bridge."""
+"""The gallery of families: sheets of the right size, and one real bridge."""
 
 from pathlib import Path
 
@@ -7,26 +7,14 @@ import numpy as np
 import pytest
 
 from falsework.cli import main
-from falsework.gallery import Views, look_at, sheet
-
-
-def test_a_camera_looks_at_its_target_and_stands_upright() -> None:
-    """The target lies straight ahead, z up is y down in the image, the frame is a rotation."""
-    eye, target = np.array([3.0, -20.0, 7.0]), np.array([1.0, 2.0, 0.5])
-    pose = look_at(eye, target)
-    ahead = np.array([0.0, 0.0, float(np.linalg.norm(target - eye))])
-    np.testing.assert_allclose(pose[:3, :3].T @ (target - eye), ahead, atol=1e-9)
-    np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
-    assert pose[2, 1] < 0.0
-    assert pose[2, 0] == 0.0
+from falsework.gallery.contact_sheet import contact_sheet
 
 
 def test_a_sheet_has_a_row_for_each_bridge() -> None:
     """Three pictures side by side, bridges one below the other, colours kept."""
     colors = [(200, 30, 30), (30, 200, 30), (30, 30, 200)]
     pictures = tuple(np.full((60, 100, 3), color, np.uint8) for color in colors)
-    data = sheet([Views("one", pictures), Views("two", pictures)])  # pyright: ignore[reportArgumentType]
+    data = contact_sheet([("one", pictures), ("two", pictures)], letters=0.3, quality=82)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     assert image is not None
     assert image.shape == (120, 300, 3)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -10,9 +9,9 @@ from authoring.alignment import Alignment, Layout
 from authoring.site import SiteSettings, draw_site
 from authoring.streams import stream
 from falsework.cli import main
-from falsework.gallery_measures import Measures, dead_share, horizon_dip, measure_picture
-from falsework.gallery_views import VIEWS, world_views
-from falsework.gallery_worlds import WorldShots, photograph_world, world_sheet
+from falsework.gallery.measures import dead_share, horizon_dip, measure_picture
+from falsework.gallery.world_views import VIEWS, world_views
+from falsework.gallery.worlds import photograph_world
 from tests.conftest import Count, RecordProof
 from usd_schemas.pinhole import Pinhole, look_at
 
@@ -61,15 +60,6 @@ def test_measures_of_a_drawn_picture() -> None:
     flat[:24] = np.arange(96)
     assert dead_share(flat, np.zeros((72, 96), bool)) == pytest.approx(2 / 3)
     assert horizon_dip(100.0) == pytest.approx(np.arccos(6.371e6 / (6.371e6 + 100.0)), rel=1e-3)
-
-
-def test_a_world_sheet_has_a_row_for_each_seed() -> None:
-    """Four pictures side by side."""
-    pictures = tuple(np.full((60, 100, 3), 40 * number, np.uint8) for number in range(4))
-    shots = WorldShots("city 1", pictures, (Measures(0, 0.0, 99.0, (), 0),) * 4, 10)
-    image = cv2.imdecode(np.frombuffer(world_sheet([shots, shots, shots]), np.uint8), cv2.IMREAD_COLOR)
-    assert image is not None
-    assert image.shape == (180, 400, 3)
 
 
 @pytest.mark.slow

@@ -49,3 +49,15 @@ def test_straight_up_and_down(up: float) -> None:
     np.testing.assert_allclose(pose[:3, 0], [1, 0, 0])
     np.testing.assert_allclose(pose[:3, 2], [0, 0, up])
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+
+
+def test_a_camera_looks_at_its_target_and_stands_upright() -> None:
+    """The target lies straight ahead, z up is y down in the image, the frame is a rotation."""
+    eye, target = np.array([3.0, -20.0, 7.0]), np.array([1.0, 2.0, 0.5])
+    pose = look_at(eye, target)
+    ahead = np.array([0.0, 0.0, float(np.linalg.norm(target - eye))])
+    np.testing.assert_allclose(pose[:3, :3].T @ (target - eye), ahead, atol=1e-9)
+    np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    assert pose[2, 1] < 0.0
+    assert pose[2, 0] == 0.0

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,8 +16,9 @@ from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from authoring.site import draw_site
 from authoring.streams import stream
-from falsework.gallery_measures import Measures, measure_picture, visible_triangles
-from falsework.gallery_views import VIEWS, world_views
+from falsework.gallery.contact_sheet import contact_sheet
+from falsework.gallery.measures import Measures, measure_picture, visible_triangles
+from falsework.gallery.world_views import VIEWS, world_views
 from groundwork.errors import InputError
 from groundwork.files import write_bytes, write_text
 from groundwork.progress import SILENT, Progress
@@ -43,7 +43,7 @@ LIGHTS: dict[str, dict[str, Any]] = {
 _WIDTH, _HEIGHT = 320, 200  # [px] of one picture
 _FOCAL = 24.0 / 36.0  # of the width
 _TEXELS = 512
-_JPEG_QUALITY = 66
+_LETTERS, _QUALITY = 0.45, 66  # of captions, of the JPEG
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,8 @@ def write_worlds(folder: Path, count: int, seed: int, worlds: tuple[str, ...], p
         for step in range(count):
             rows.append(photograph_world(name, seed + step))
             progress.advance(number * count + step + 1)
-        write_bytes(folder / f"{name}.jpg", world_sheet(rows))
+        data = contact_sheet([(row.caption, row.pictures) for row in rows], letters=_LETTERS, quality=_QUALITY)
+        write_bytes(folder / f"{name}.jpg", data)
         lines += ["", f"## {name}", "", f"![{name}]({name}.jpg)", "", *_table(rows)]
     write_text(folder / "index.md", "\n".join(lines) + "\n")
 
@@ -122,24 +123,6 @@ def photograph_world(world: str, seed: int, **said: Any) -> WorldShots:
         pictures, measures = _take(scene, camera, capture, seed, float(site.field.heights.min()))
     total = int(scene.geometry.part_count[scene.draws.part].sum())
     return WorldShots(f"{world} {seed}: {look}, {light}", pictures, measures, total)
-
-
-def world_sheet(rows: list[WorldShots]) -> bytes:
-    """Lay the pictures of several seeds out in rows, as a JPEG.
-
-    Args:
-        rows: At least one.
-    """
-    lines = []
-    for shots in rows:
-        line = np.concatenate(shots.pictures, axis=1)[..., ::-1].copy()
-        line[:24, : 12 + 9 * len(shots.caption)] //= 3
-        cv2.putText(line, shots.caption, (6, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
-        lines.append(line)
-    done, data = cv2.imencode(".jpg", np.concatenate(lines), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    if not done:
-        raise RuntimeError("OpenCV cannot write JPEG")
-    return data.tobytes()
 
 
 def _take(

@@ -4,7 +4,6 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +16,7 @@ from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from authoring.site import draw_site
 from authoring.streams import stream
+from falsework.gallery.contact_sheet import contact_sheet
 from falsework.report_figures import paint_labels
 from groundwork.errors import InputError
 from groundwork.files import write_bytes, write_text
@@ -26,7 +26,7 @@ from render.capture import load_image, read_capture, read_truth
 from render.frames import render_scene
 from render.settings import RenderSettings
 from usd_schemas.flat_scene import FlatScene
-from usd_schemas.pinhole import Pinhole
+from usd_schemas.pinhole import Pinhole, look_at
 from usd_schemas.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
@@ -36,7 +36,7 @@ _WIDTH, _HEIGHT = 480, 300  # [px] of one picture
 _TEXELS = 256
 _HALF_VIEW = np.radians(24.0)  # half the horizontal field of view
 _EYE_OVER_GROUND = 1.8  # [m] at least
-_JPEG_QUALITY = 82
+_LETTERS, _QUALITY = 0.55, 82  # of captions, of the JPEG
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,8 @@ def write_gallery(folder: Path, count: int, seed: int, families: tuple[str, ...]
         for step in range(count):
             rows.append(photograph(name, seed + step))
             progress.advance(number * count + step + 1)
-        write_bytes(folder / f"{name}.jpg", sheet(rows))
+        data = contact_sheet([(row.caption, row.pictures) for row in rows], letters=_LETTERS, quality=_QUALITY)
+        write_bytes(folder / f"{name}.jpg", data)
         lines += ["", f"## {name}", "", f"![{name}]({name}.jpg)"]
     write_text(folder / "index.md", "\n".join(lines) + "\n")
 
@@ -116,24 +117,6 @@ def photograph(family: str, seed: int) -> Views:
         return Views(f"{family} {seed}", (load_image(taken, 0), labels, load_image(taken, 1)))
 
 
-def sheet(rows: list[Views]) -> bytes:
-    """Lay the pictures of several bridges out in rows, as a JPEG.
-
-    Args:
-        rows: At least one.
-    """
-    lines = []
-    for views in rows:
-        line = np.concatenate(views.pictures, axis=1)[..., ::-1].copy()
-        line[:28, : 16 + 11 * len(views.caption)] //= 3
-        cv2.putText(line, views.caption, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (255, 255, 255), 1, cv2.LINE_AA)
-        lines.append(line)
-    done, data = cv2.imencode(".jpg", np.concatenate(lines), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    if not done:
-        raise RuntimeError("OpenCV cannot write JPEG")
-    return data.tobytes()
-
-
 def _overview(layout: Layout, pieces: tuple[Component | Scatter, ...]) -> F64:
     """Stand aside and above, so far away that every member that shows is in the picture."""
     points = np.concatenate([piece.mesh.points for piece in pieces if isinstance(piece, Component)])
@@ -162,24 +145,6 @@ def _close_up(layout: Layout, ground: Ground) -> F64:
     eye = at(back * 1.1 * width, -1.3 * width, -layout.depth - 2.0)
     eye[2] = max(eye[2], float(ground(eye[None, :2])[0]) + _EYE_OVER_GROUND)
     return look_at(eye, at(-back * 0.1 * width, 0.0, -layout.depth))
-
-
-def look_at(eye: F64, target: F64) -> F64:
-    """Point a camera: x right, y down, z forward.
-
-    Args:
-        eye: Where it stands [m], shape (3,), float64.
-        target: What it looks at [m], shape (3,), float64.
-
-    Returns:
-        camera_to_world, shape (4, 4), float64.
-    """
-    forward = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross(forward, (0.0, 0.0, 1.0))
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(forward, right), forward, eye
-    return pose
 
 
 def _seen_from(scene: FlatScene, poses: F64) -> FlatScene:

@@ -1,0 +1,32 @@
+"""A contact sheet: rows of pictures with a caption each, as one JPEG."""
+
+from collections.abc import Iterable, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+U8 = NDArray[np.uint8]
+
+_CHARACTER, _MARGIN, _BAR, _BASELINE = 20.0, 28.0, 52.0, 37.0  # [px] at letters of size 1
+
+
+def contact_sheet(rows: Iterable[tuple[str, Sequence[U8]]], *, letters: float, quality: int) -> bytes:
+    """Lay pictures out in rows, with a caption in the first one's corner.
+
+    Args:
+        rows: Caption and pictures of each row, at least one; every picture shape (H, W, 3), uint8, RGB.
+        letters: Size of the captions, as OpenCV counts it [1].
+        quality: Of the JPEG [1], 1 to 100.
+    """
+    lines = []
+    for caption, pictures in rows:
+        line = np.concatenate(pictures, axis=1)[..., ::-1].copy()
+        line[: round(_BAR * letters), : round((_MARGIN + _CHARACTER * len(caption)) * letters)] //= 3
+        corner = round(0.5 * _MARGIN * letters), round(_BASELINE * letters)
+        cv2.putText(line, caption, corner, cv2.FONT_HERSHEY_SIMPLEX, letters, (255, 255, 255), 1, cv2.LINE_AA)
+        lines.append(line)
+    done, data = cv2.imencode(".jpg", np.concatenate(lines), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not done:
+        raise RuntimeError("OpenCV cannot write JPEG")
+    return data.tobytes()
