@@ -1,7 +1,7 @@
 """Contact sheets of random bridges: each family on its sites, photographed and in the colours of its classes."""
 
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from authoring.site import draw_site
 from authoring.streams import stream
+from falsework.gallery.camera import seen_from
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.report_figures import paint_labels
 from groundwork.errors import InputError
@@ -25,7 +26,6 @@ from groundwork.settings import parse_settings
 from render.capture import load_image, read_capture, read_truth
 from render.frames import render_scene
 from render.settings import RenderSettings
-from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole, look_at
 from usd_schemas.stage_reader import read_stage
 
@@ -109,7 +109,7 @@ def photograph(family: str, seed: int) -> Views:
         author_scene(settings, seed, stage, SILENT)
         scene = read_stage(stage / "scene.usda")
         render = RenderSettings.model_validate({"quality": "standard", "sensor": {"noise": False}})
-        render_scene(_seen_from(scene, poses), capture, render, seed, SILENT)
+        render_scene(seen_from(scene, poses, _camera()), capture, render, seed, SILENT)
         taken = read_capture(capture)
         truth = read_truth(taken)
         assert truth is not None
@@ -147,14 +147,6 @@ def _close_up(layout: Layout, ground: Ground) -> F64:
     return look_at(eye, at(-back * 0.1 * width, 0.0, -layout.depth))
 
 
-def _seen_from(scene: FlatScene, poses: F64) -> FlatScene:
-    """Give a scene one camera of ours in place of its surveys."""
+def _camera() -> Pinhole:
     focal = 0.5 * _WIDTH / float(np.tan(_HALF_VIEW))
-    camera = Pinhole(_WIDTH, _HEIGHT, focal, focal, 0.5 * _WIDTH, 0.5 * _HEIGHT)
-    names = tuple(f"{number:06d}" for number in range(len(poses)))
-    track = replace(
-        scene.cameras[scene.products[0].camera],
-        name="gallery", poses=poses, image_names=names, calibration=camera, gps=None, facts={},
-    )  # fmt: skip
-    product = replace(scene.products[0], name="gallery", camera=0, width=_WIDTH, height=_HEIGHT)
-    return replace(scene, cameras=(track,), products=(product,))
+    return Pinhole(_WIDTH, _HEIGHT, focal, focal, 0.5 * _WIDTH, 0.5 * _HEIGHT)

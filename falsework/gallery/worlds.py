@@ -16,6 +16,7 @@ from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from authoring.site import draw_site
 from authoring.streams import stream
+from falsework.gallery.camera import seen_from
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.gallery.measures import Measures, measure_picture, visible_triangles
 from falsework.gallery.world_views import VIEWS, world_views
@@ -119,7 +120,7 @@ def photograph_world(world: str, seed: int, **said: Any) -> WorldShots:
         stage.mkdir()
         capture.mkdir()
         author_scene(settings, seed, stage, SILENT)
-        scene = _seen_from(read_stage(stage / "scene.usda"), world_views(layout, site), camera)
+        scene = seen_from(read_stage(stage / "scene.usda"), world_views(layout, site), camera)
         pictures, measures = _take(scene, camera, capture, seed, float(site.field.heights.min()))
     total = int(scene.geometry.part_count[scene.draws.part].sum())
     return WorldShots(f"{world} {seed}: {look}, {light}", pictures, measures, total)
@@ -145,17 +146,6 @@ def _take(
     return pictures, tuple(
         replace(measure, triangles=int(count)) for measure, count in zip(measures, drawn, strict=True)
     )
-
-
-def _seen_from(scene: FlatScene, poses: F64, camera: Pinhole) -> FlatScene:
-    """Give a scene one camera of ours in place of its surveys."""
-    names = tuple(f"{number:06d}" for number in range(len(poses)))
-    track = replace(
-        scene.cameras[scene.products[0].camera],
-        name="gallery", poses=poses, image_names=names, calibration=camera, gps=None, facts={},
-    )  # fmt: skip
-    product = replace(scene.products[0], name="gallery", camera=0, width=camera.width, height=camera.height)
-    return replace(scene, cameras=(track,), products=(product,))
 
 
 def _table(rows: list[WorldShots]) -> list[str]:

@@ -1,0 +1,26 @@
+"""A camera of the gallery in place of a scene's surveys."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usd_schemas.flat_scene import FlatScene
+from usd_schemas.pinhole import Pinhole
+
+
+def seen_from(scene: FlatScene, poses: NDArray[np.float64], camera: Pinhole) -> FlatScene:
+    """Give a scene one camera of ours in place of its surveys.
+
+    Args:
+        scene: Any scene with a survey.
+        poses: camera_to_world of each picture, shape (N, 4, 4), float64.
+        camera: Intrinsics of all of them.
+    """
+    names = tuple(f"{number:06d}" for number in range(len(poses)))
+    track = replace(
+        scene.cameras[scene.products[0].camera],
+        name="gallery", poses=poses, image_names=names, calibration=camera, gps=None, facts={},
+    )  # fmt: skip
+    product = replace(scene.products[0], name="gallery", camera=0, width=camera.width, height=camera.height)
+    return replace(scene, cameras=(track,), products=(product,))
