@@ -112,22 +112,22 @@ def test_variants_of_a_scenario_are_their_product(tmp_path: Path) -> None:
 
 @pytest.mark.proof_only
 def test_switching_is_quick(stored_scene: Path, proof_count: Count, record_proof: RecordProof) -> None:
-    """A look is switched on an open stage in less than 5 ms of the processor's time, taking the best of a few."""
+    """A look is switched on an open stage in less than 5 ms of waiting, taking the best of a few."""
     stage = Usd.Stage.Open(str(stored_scene))
     stage.SetEditTarget(stage.GetSessionLayer())
     looks = stage.GetPrimAtPath(tokens.BRIDGE).GetVariantSet("look")
     seconds = []
     for turn in range(proof_count(40, 100)):
-        begin = time.process_time()
+        begin = time.perf_counter()
         looks.SetVariantSelection(("clean", "weathered")[turn % 2])
-        seconds.append(time.process_time() - begin)
+        seconds.append(time.perf_counter() - begin)
     assert min(seconds) < 0.005
     record_proof("stage/switch: another look on an open stage", len(seconds), SEED, {"least_ms": 1000 * min(seconds)})
 
 
 @pytest.mark.proof_only
 def test_a_thousand_components_are_quick(record_proof: RecordProof) -> None:
-    """Authored and written, opened, switched and compared within the limits, on the processor's clock."""
+    """Authored and written, opened, compared within the limits on the processor's clock; switched while you wait."""
     row = measure(1000)
     assert row["author"] + row["export"] <= 0.7
     assert row["open"] < 0.5
