@@ -175,7 +175,7 @@ def _page(rows: list[dict[str, float]], large: dict[str, float]) -> str:
         f"{large['open']:.3f} s (at most 0.5 s each).",
         "",
         "Another look composes every prim below the bridge anew, on all cores at once, 3 to 7 microseconds",
-        "of processor time each (aim: a wait of at most 5 ms for 1,000 components). The variant set stands on the bridge,",
+        "of processor time each (aim: at most 5 ms for 1,000 components). The variant set stands on the bridge,",
         "where a DCC looks for it. USD takes half of that for prims of a single layer, too; the other half",
         "goes to the arcs from scene to bridge to payload, and to the labels' own layer. On the scope of the materials",
         "the variant set would switch in 0.2 ms at 2,000 components.",
