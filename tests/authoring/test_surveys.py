@@ -304,13 +304,18 @@ def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof)
         counts.append(len(path.poses))
     worst = {name: min(shares) for name, shares in sorted(seen.items())}
     assert set(worst) >= {"abutment", "bearing", "column", "deck", "girder", "parapet", "pier_cap"}
-    # Diaphragms hide between the girders of wide bridges, and one wing wall may lie behind its embankment.
-    least = {"bearing": 0.5, "girder": 0.4, "abutment": 0.7, "background": 0.4}  # scuppers and conduits are small
+    # A flight round a wide bridge sees few of its inner bearings and diaphragms, and one wing wall may lie behind its
+    # embankment: docs/surveys.md says so, and what to fly instead. Scuppers and conduits (background) are small.
+    least = {"bearing": 0.15, "girder": 0.35, "abutment": 0.6, "background": 0.4}
     assert all(share >= least.get(name, 0.85) for name, share in worst.items()), worst
+    typical = {name: float(np.mean(shares)) for name, shares in sorted(seen.items())}
+    usual = {"bearing": 0.5, "girder": 0.7, "abutment": 0.8, "background": 0.4}
+    assert all(share >= usual.get(name, 0.95) for name, share in typical.items()), typical
     assert min(overlaps) > 0.7
     record_proof(
         "surveys: share of instances with 50 px in 3 images, worst bridge", len(seeds), 0,
-        {**{f"{name}_share": share for name, share in worst.items()}, "least_mean_overlap": min(overlaps),
+        {**{f"{name}_share": share for name, share in worst.items()},
+         **{f"{name}_mean_share": share for name, share in typical.items()}, "least_mean_overlap": min(overlaps),
          "most_images": max(counts)},
     )  # fmt: skip
 
