@@ -1,0 +1,236 @@
+"""Time the renderer beside others on one scene, judge its images for structure from motion, write the page.
+
+Usage: python -m benchmarks.render. Others take part where their Python is named: FALSEWORK_BPY_PYTHON (bpy) and
+FALSEWORK_PYRENDER_PYTHON (an environment with `pyrender` and `numpy<2`).
+"""
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+import authoring.blender
+import benchmarks.peers
+from benchmarks.render_scene import CAMERA, IMAGES, LONG, SEED, SHORT, VIEWS, author_bench, view_pairs
+from benchmarks.sfm_value import SfmValue, sfm_value
+from falsework.gallery.camera import seen_from
+from falsework.platform import processor, render_platform
+from falsework.stages import STAGES
+from groundwork.files import write_bytes, write_text
+from groundwork.progress import SILENT
+from render.capture import load_image, read_capture, read_truth
+from render.frames import render_scene
+from render.settings import RenderSettings
+from usd_schemas.flat_scene import FlatScene, world_triangles
+from usd_schemas.stage_reader import read_stage
+
+U8 = NDArray[np.uint8]
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGE = DOCS / "benchmarks" / "render.md"
+PICTURE = DOCS / "images" / "bench_scene.jpg"
+SCRIPTS = Path(benchmarks.peers.__file__).resolve().parent
+LIMITS = {"fast": (0.33, 5.0), "standard": (0.45, 3.5), "fine": (1.1, 0.0)}  # CPU-s an image, images a second
+ENGINES = (("Workbench", "BLENDER_WORKBENCH", 0), ("EEVEE, 4 samples", "BLENDER_EEVEE_NEXT", 4),
+           ("Cycles, 16 samples, denoised", "CYCLES", 16))  # fmt: skip
+FRAMES = (1, 5)  # peers render the first to warm up, and are timed on the other
+BAR = {"close": (5000, 0.80), "global": (5000, 0.80), "under deck": (3000, 0.79)}  # keypoints, right share
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What an image costs.
+
+    Attributes:
+        name: Who rendered it.
+        cpu: Processor time of all threads [s].
+        wall: Waiting time [s].
+    """
+
+    name: str
+    cpu: float
+    wall: float
+
+
+def main() -> None:
+    """Author the scene, measure everybody, and write the page."""
+    with tempfile.TemporaryDirectory() as scratch:
+        work = Path(scratch)
+        (work / "stage").mkdir()
+        layout = author_bench(work / "stage")
+        scene = read_stage(work / "stage" / "scene.usda")
+        ours = {quality: measure_ours(work, quality) for quality in LIMITS}
+        peers = [*measure_blender(work), *measure_pyrender(work, scene)]
+        pairs = view_pairs(layout)
+        values, pictures = judge_views(work, scene, pairs)
+        write_bytes(
+            PICTURE, cv2.imencode(".jpg", np.hstack(pictures)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
+        )
+        write_text(PAGE, _page(scene, ours, peers, values))
+
+
+def measure_ours(work: Path, quality: str) -> Cost:
+    """Render both surveys, encoding included; what the longer one costs more, an image.
+
+    Args:
+        work: Folder with `stage`.
+        quality: One of `LIMITS`.
+    """
+    cores = len(os.sched_getaffinity(0))
+    spent = {}
+    for survey in (SHORT, LONG):
+        folder = work / f"{quality}_{survey}"
+        folder.mkdir()
+        request = {"seed": SEED, "survey": survey, "render": {"quality": quality},
+                   "drawing": {"workers": cores, "encoders": 1}}  # fmt: skip
+        cpu, wall = _children(), time.perf_counter()
+        STAGES["capture"].run(request, {"stage": work / "stage"}, folder, SILENT)
+        spent[survey] = (_children() - cpu, time.perf_counter() - wall, len(read_capture(folder).images))
+        shutil.rmtree(folder)
+    more = spent[LONG][2] - spent[SHORT][2]
+    return Cost(quality, (spent[LONG][0] - spent[SHORT][0]) / more, (spent[LONG][1] - spent[SHORT][1]) / more)
+
+
+def measure_blender(work: Path) -> list[Cost]:
+    """Let Blender's engines render the same stage, opened with the script that we ship.
+
+    Args:
+        work: Folder with `stage`.
+    """
+    python = os.environ.get("FALSEWORK_BPY_PYTHON", "")
+    if not python:
+        return []
+    found = []
+    for name, engine, samples in ENGINES:
+        rows = _ask(python, "in_blender.py", work, {
+            "script": str(Path(authoring.blender.__file__).parent), "scene": str(work / "stage" / "scene.usda"),
+            "survey": LONG, "engine": engine, "samples": samples, "frames": FRAMES, "folder": str(work),
+        })  # fmt: skip
+        found.append(Cost(f"Blender {name}", rows[-1]["cpu"], rows[-1]["wall"]))
+    return found
+
+
+def measure_pyrender(work: Path, scene: FlatScene) -> list[Cost]:
+    """Let pyrender draw the same triangles, flat colours with shadows, no files written.
+
+    Args:
+        work: Folder for the exchange.
+        scene: The scene.
+    """
+    python = os.environ.get("FALSEWORK_PYRENDER_PYTHON", "")
+    if not python:
+        return []
+    corners, ids, rows = world_triangles(scene)
+    order = np.argsort(ids, kind="stable")
+    start = np.concatenate([[0], np.flatnonzero(np.diff(ids[order])) + 1, [len(ids)]])
+    materials = scene.draws.material[rows[order[start[:-1]]]]
+    track = next(camera for camera in scene.cameras if camera.name.startswith(LONG))
+    assert scene.sun is not None
+    down = -np.array(scene.sun.direction)
+    side = np.cross(down, [0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side)
+    np.savez(
+        work / "triangles.npz", corners=corners[order].astype(np.float32), start=start,
+        color=np.array([scene.materials[row].base_color for row in materials]), poses=track.poses,
+        sun=np.column_stack([side, np.cross(-down, side), -down]),
+        camera=[CAMERA.width, CAMERA.height, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy],
+    )  # fmt: skip
+    found = _ask(python, "in_pyrender.py", work, {"scene": str(work / "triangles.npz"), "frames": FRAMES})
+    return [Cost("pyrender, flat colours", found[-1]["cpu"], found[-1]["wall"])]
+
+
+def judge_views(work: Path, scene: FlatScene, pairs: NDArray[np.float64]) -> tuple[dict[str, SfmValue], list[U8]]:
+    """Photograph the views in `standard`, noise on, and judge the pairs.
+
+    Args:
+        work: Folder for the capture.
+        scene: The scene.
+        pairs: camera_to_world, shape (3, 2, 4, 4), float64.
+
+    Returns:
+        Figures by view, and the first picture of each, a third of its size.
+    """
+    folder = work / "views"
+    folder.mkdir()
+    settings = RenderSettings.model_validate({"quality": "standard", "sensor": {"auto_exposure": 1.0}})
+    render_scene(seen_from(scene, pairs.reshape(-1, 4, 4), CAMERA), folder, settings, SEED, SILENT)
+    capture = read_capture(folder)
+    truth = read_truth(capture)
+    assert truth is not None
+    values, pictures = {}, []
+    for row, name in enumerate(VIEWS):
+        images = (load_image(capture, 2 * row), load_image(capture, 2 * row + 1))
+        values[name] = sfm_value(images, truth.depth(2 * row), (pairs[row, 0], pairs[row, 1]), CAMERA)
+        pictures.append(cv2.resize(images[0], (640, 480), interpolation=cv2.INTER_AREA).astype(np.uint8))
+    return values, pictures
+
+
+def _ask(python: str, script: str, work: Path, request: dict[str, Any]) -> list[dict[str, float]]:
+    answer = work / "answer.json"
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "PXR_"))}
+    environment["PYOPENGL_PLATFORM"] = "egl"
+    command = [python, str(SCRIPTS / script), json.dumps({**request, "answer": str(answer)})]
+    subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return json.loads(answer.read_text(encoding="utf-8"))
+
+
+def _children() -> float:
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def _page(scene: FlatScene, ours: dict[str, Cost], peers: list[Cost], values: dict[str, SfmValue]) -> str:
+    triangles = int(scene.geometry.part_count[scene.draws.part].sum())
+    standard = ours["standard"]
+    lines = [
+        "# The renderer beside others",
+        "",
+        f"Written by `python -m benchmarks.render`. {len(os.sched_getaffinity(0))} cores of {processor()},",
+        f"{render_platform()['gl_renderer']}; {CAMERA.width} x {CAMERA.height} px. Processor time counts all threads.",
+        f"The scene: {len(scene.instances):,} prims, {triangles:,} triangles with instances, look `weathered`.",
+        "",
+        "![Close, global, under the deck](../images/bench_scene.jpg)",
+        "",
+        "Ours: photograph with sensor noise, depth, labels and instances, encoded and written; what each of "
+        f"{IMAGES[LONG] - IMAGES[SHORT]}",
+        "further images of a survey costs. The others: one image after a first one, scene and textures loaded.",
+        "",
+        "| renderer | processor [s an image] | at most | images a second | at least | times `standard` |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, cost in ours.items():
+        cpu, rate = LIMITS[name]
+        lines.append(
+            f"| Falsework `{name}` | {cost.cpu:.2f} | {cpu} | {1 / cost.wall:.1f} | {rate or ''} "
+            f"| {cost.cpu / standard.cpu:.1f} |"
+        )
+    lines += [
+        f"| {cost.name} | {cost.cpu:.1f} | | {1 / cost.wall:.2f} | | {cost.cpu / standard.cpu:.0f} |" for cost in peers
+    ]
+    lines += [
+        "",
+        "What an image is worth to structure from motion (`standard`, noise on): keypoints of OpenCV's SIFT, matches",
+        "to an image taken 0.6 m beside it (ratio 0.8), and the share of them within 1.5 px of the truth.",
+        "",
+        "| view | keypoints | at least | matches | right | at least |",
+        "|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {name} | {value.keypoints:,} | {BAR[name][0]:,} | {value.matches:,} | {value.right:.2f} | {BAR[name][1]} |"
+        for name, value in values.items()
+    ]
+    return "\n".join([*lines, ""])
+
+
+if __name__ == "__main__":
+    main()
