@@ -67,6 +67,16 @@ class Alignment:
         """Whether the axis is straight in plan and the supports stand square to it."""
         return not self.plan and self.skew == 0.0
 
+    @property
+    def affine(self) -> bool:
+        """Whether parallel lines stay parallel: no curve in plan or profile, one crossfall, no skew."""
+        return self.square and self.crest is None and len(self.falls) <= 1
+
+    @property
+    def fall(self) -> float:
+        """Rise to the left [1] of a road whose crossfall is one everywhere."""
+        return self.falls[0][1] if self.falls else 0.0
+
     @cached_property
     def curve(self) -> PlanCurve | None:
         """The axis in plan where it is not straight."""

@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from authoring.component import F64, I64
+from authoring.component import F64, I32, I64
 from authoring.sweep import Surface
 
 MARGIN = 1.0 / 1024.0  # free border round each chart, as a share of the atlas: two texels of 2048
 _TRIALS = 48
+_DIGITS = 6  # of a chart's size in metres: what rounding does to equal sizes must not decide which is packed first
 
 
 def pack_atlas(surfaces: list[Surface]) -> list[F64]:
@@ -19,9 +20,11 @@ def pack_atlas(surfaces: list[Surface]) -> list[F64]:
         For each surface its atlas coordinates [1], shape (C, 2), float64, all within 0 to 1.
     """
     st = np.concatenate([surface.st for surface in surfaces])
-    chart = _chart_of_corners(surfaces)
-    low, high = _boxes(st, chart)
-    size = high - low
+    chart = _chart_of_faces(surfaces)
+    counts = np.concatenate([surface.face_counts for surface in surfaces])
+    low, high = _boxes(st, counts, chart)
+    size = np.round(high - low, _DIGITS)
+    chart = np.repeat(chart, counts)
     lying = size[:, 0] < size[:, 1]
     size = np.where(lying[:, None], size[:, ::-1], size)  # long side along s
     corner, side, margin = _best_square(size)
@@ -33,24 +36,25 @@ def pack_atlas(surfaces: list[Surface]) -> list[F64]:
     return np.split(atlas, np.cumsum([len(surface.st) for surface in surfaces])[:-1])
 
 
-def _boxes(st: F64, chart: I64) -> tuple[F64, F64]:
-    """Find the least and largest coordinates of each chart; both 0 for a number that no face has."""
-    corners = np.bincount(chart)
-    used = corners > 0
-    first = (np.cumsum(corners) - corners)[used]
-    by_chart = np.ascontiguousarray(st[np.argsort(chart, kind="stable")].T)
-    low, high = np.zeros((len(corners), 2)), np.zeros((len(corners), 2))
-    low[used] = np.minimum.reduceat(by_chart, first, axis=1).T
-    high[used] = np.maximum.reduceat(by_chart, first, axis=1).T
-    return low, high
+def _boxes(st: F64, counts: I32, chart: I64) -> tuple[F64, F64]:
+    """Find the least and largest coordinates of each chart, from those of its faces; 0 for a number that none has."""
+    faces = np.bincount(chart)
+    used = faces > 0
+    first = (np.cumsum(faces) - faces)[used]
+    order, rows = np.argsort(chart, kind="stable"), np.ascontiguousarray(st.T)
+    bounds = []
+    for least in (np.minimum, np.maximum):
+        by_chart = least.reduceat(rows, np.cumsum(counts) - counts, axis=1)[:, order]
+        bounds.append(np.zeros((len(faces), 2)))
+        bounds[-1][used] = least.reduceat(by_chart, first, axis=1).T
+    return bounds[0], bounds[1]
 
 
-def _chart_of_corners(surfaces: list[Surface]) -> I64:
-    """Number the charts through all surfaces: one number for each face corner, shape (C,)."""
+def _chart_of_faces(surfaces: list[Surface]) -> I64:
+    """Number the charts through all surfaces: one number for each face, shape (F,)."""
     charts = [int(surface.chart.max()) + 1 for surface in surfaces]
     first = np.repeat(np.cumsum([0, *charts[:-1]]), [len(surface.chart) for surface in surfaces])
-    faces = first + np.concatenate([surface.chart for surface in surfaces])
-    return np.repeat(faces.astype(np.int64), np.concatenate([surface.face_counts for surface in surfaces]))
+    return (first + np.concatenate([surface.chart for surface in surfaces])).astype(np.int64)
 
 
 def _best_square(size: F64) -> tuple[F64, float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from pxr import Sdf
 
 from authoring.alignment import Layout
-from authoring.assets import Pieces, bake_surfaces, write_asset
+from authoring.assets import Pieces, bake_site, write_asset
 from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.families.registry import build_bridge
 from authoring.labels import write_labels
@@ -77,7 +77,7 @@ def author_scene(
     progress.advance(1)
     with space_errors(folder):
         write_asset(SITE, site.pieces, folder / "site")
-        recipes = bake_surfaces(site.pieces, folder / "site", settings.look.texels, seed)
+        recipes = bake_site(site, folder / "site", settings.look.texels, seed)
         site_root = author_provenance(site_layer(recipes), "/Site", made_from(settings, seed, "site"))
         export(site_root, folder / "site/site.usda")
         progress.advance(2)

@@ -73,14 +73,12 @@ def cut_corners(outline: F64, leg: float | F64) -> F64:
     Returns:
         Outline [m], shape (Q, 2), float64: two corners for each cut one.
     """
-    legs = np.broadcast_to(np.asarray(leg, dtype=np.float64), (len(outline),))
-    before = np.roll(outline, 1, axis=0) - outline
-    after = np.roll(outline, -1, axis=0) - outline
-    before /= np.linalg.norm(before, axis=1, keepdims=True)
-    after /= np.linalg.norm(after, axis=1, keepdims=True)
-    both = np.stack([outline + before * legs[:, None], outline + after * legs[:, None]], axis=1)
-    keep = np.stack([np.ones(len(legs), bool), legs > 0.0], axis=1)
-    return both[keep]
+    legs = np.broadcast_to(np.asarray(leg, dtype=np.float64), (len(outline),))[:, None]
+    before, after = _preceding(outline) - outline, _following(outline) - outline
+    before /= np.sqrt(np.sum(before * before, axis=1, keepdims=True))
+    after /= np.sqrt(np.sum(after * after, axis=1, keepdims=True))
+    both = np.stack([outline + before * legs, outline + after * legs], axis=1)
+    return both[np.concatenate([np.ones(legs.shape, bool), legs > 0.0], axis=1)]
 
 
 def inset(outline: F64, distance: float) -> F64:
@@ -93,24 +91,41 @@ def inset(outline: F64, distance: float) -> F64:
     Returns:
         Outline [m], shape (P, 2), float64.
     """
-    along = np.roll(outline, -1, axis=0) - outline
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    previous = np.roll(inward, 1, axis=0)
-    # The mitre: the vector whose component along both neighbouring inward normals is one.
-    mitre = (previous + inward) / (1.0 + np.sum(previous * inward, axis=1, keepdims=True))
-    return outline + distance * mitre
+    return outline + distance * mitres(outline)
 
 
-def is_convex(outline: F64) -> bool:
-    """Tell whether a counter-clockwise outline never turns right.
+def mitres(outlines: F64) -> F64:
+    """Find how corners move when all sides move inward by one metre.
 
     Args:
-        outline: Corners [m], shape (P, 2), float64.
+        outlines: Corners, counter-clockwise [m], shape (..., P, 2), float64.
+
+    Returns:
+        For each corner the vector whose component along both neighbouring inward normals is one [1], same shape.
     """
-    side = np.roll(outline, -1, axis=0) - outline
-    turn = _cross(np.roll(side, 1, axis=0), side)
-    return bool(np.all(turn >= -1e-12))
+    along = _following(outlines) - outlines
+    along /= np.sqrt(np.sum(along * along, axis=-1, keepdims=True))
+    inward = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    previous = _preceding(inward)
+    return (previous + inward) / (1.0 + np.sum(previous * inward, axis=-1, keepdims=True))
+
+
+def is_convex(outlines: F64) -> bool:
+    """Tell whether counter-clockwise outlines never turn right.
+
+    Args:
+        outlines: Corners [m], shape (..., P, 2), float64.
+    """
+    side = _following(outlines) - outlines
+    return bool(np.all(_cross(_preceding(side), side) >= -1e-12))
+
+
+def _following(rows: F64) -> F64:
+    return np.concatenate([rows[..., 1:, :], rows[..., :1, :]], axis=-2)
+
+
+def _preceding(rows: F64) -> F64:
+    return np.concatenate([rows[..., -1:, :], rows[..., :-1, :]], axis=-2)
 
 
 def triangulate(outline: F64) -> I32:

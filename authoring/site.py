@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from authoring.alignment import Layout
-from authoring.component import FIRST_SITE_ID, Component, Scatter
-from authoring.site_covers import chunked, covered, drape, strip_atlas
+from authoring.component import FIRST_SITE_ID, Component, Mesh, Scatter
+from authoring.site_covers import Soup, chunked, covered, drape, strip_atlas
 from authoring.site_crossing import CrossingKind
 from authoring.site_extent import Box, keep_out, strip_corners, strip_edge
 from authoring.site_grid import HeightField
 from authoring.site_land import draw_land, strip_ground, strip_lines
+from authoring.site_photo import PhotoSquare, by_square, photo_role, photo_squares
 from authoring.site_roads import way_pieces
 from authoring.site_scatter import ScatterSettings, scatter_plants
 from authoring.site_shape import Land
@@ -40,7 +41,11 @@ class SiteSettings(Settings):
     fine_spacing: float = Field(
         default=0.5, ge=0.2, le=2.0, description="spacing of the ground mesh there, more under bridges over 250 m [m]"
     )
-    coarse_spacing: float = Field(default=2.6, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
+    coarse_spacing: float = Field(default=4.0, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
+    photo_reach: float = Field(
+        default=30.0, ge=5.0, le=38.0,
+        description="reach round the bridge of the ground that has a picture of its own, 4 cm a texel [m]",
+    )  # fmt: skip
     relief: float = Field(default=1.0, ge=0.0, le=1.5, description="scale of the natural relief, 1 = about 0.5 m [1]")
     scatter: ScatterSettings = Field(default_factory=ScatterSettings, description="stones, shrubs and tufts")
 
@@ -56,6 +61,7 @@ class Site:
         extent: Corners of the strip in plan, counter-clockwise [m], shape (4, 2), float64.
         edge: Ground nodes along the strip's border, counter-clockwise from the first corner [m], shape (B, 3), float64.
         keep_out: Boxes that backgrounds leave empty.
+        squares: Squares of ground near the bridge that have a picture of their own.
     """
 
     land: Land
@@ -64,6 +70,7 @@ class Site:
     extent: F64
     edge: F64
     keep_out: tuple[Box, ...]
+    squares: tuple[PhotoSquare, ...] = ()
 
     def ground(self, xy: F64) -> F64:
         """Find the height of the ground mesh; beyond the strip its edge goes on level.
@@ -94,11 +101,9 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)
     ground, soup = strip_ground(land, stations, lefts)
     _refuse_hill(layout, ground)
-    parts = [
-        (name, cover.kind, cover.role, "Ground", drape(chunk, layout.alignment, strip_atlas(chunk, ground)))
-        for cover, piece in covered(soup)
-        for name, chunk in chunked(cover.prim, piece)
-    ]
+    ends = (land.approaches[0].back, land.approaches[1].back)
+    squares = photo_squares(ground, layout.width / 2, ends, settings.photo_reach)
+    parts = _ground(soup, ground, squares, layout)
     parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in way_pieces(land, ground)]
     components = [
         Component(f"Site_{prim}", kind, role, group, mesh, FIRST_SITE_ID + number)
@@ -113,7 +118,23 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
         strip_corners(axis, ground),
         strip_edge(axis, ground),
         (keep_out(axis, ground),),
+        squares,
     )
+
+
+def _ground(
+    soup: Soup, field: HeightField, squares: tuple[PhotoSquare, ...], layout: Layout
+) -> list[tuple[str, str, str, str, Mesh]]:
+    """Cut the ground into pieces: name, component kind, material recipe, group and mesh of each."""
+    parts = []
+    for cover, whole in covered(soup):
+        for square, piece in by_square(whole, squares):
+            prim = cover.prim if square is None else f"{cover.prim}_Near{square.number}"
+            role = cover.role if square is None else photo_role(cover.role, square)
+            for name, chunk in chunked(prim, piece):
+                atlas = strip_atlas(chunk, field) if square is None else square.atlas(chunk)
+                parts.append((name, cover.kind, role, "Ground", drape(chunk, layout.alignment, atlas)))
+    return parts
 
 
 def _refuse_hill(layout: Layout, ground: HeightField) -> None:

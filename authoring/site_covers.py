@@ -12,7 +12,7 @@ from authoring.site_shape import Shape
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-CHUNK = 6000  # triangles of ground that a piece has at most, so that a renderer leaves out what no camera sees
+CHUNK = 3000  # triangles of ground that a piece has at most, so that a renderer leaves out what no camera sees
 SNAP = 0.04  # a border this close to a vertex goes through the vertex [m]
 
 

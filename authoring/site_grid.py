@@ -99,7 +99,7 @@ def graded_lines(fixed: tuple[float, ...], fine: tuple[float, float], spacing: f
     return np.unique(np.round(lines, 4))
 
 
-def growing_steps(reach: float, first: float, largest: float, ratio: float = 1.14) -> F64:
+def growing_steps(reach: float, first: float, largest: float, ratio: float = 1.24) -> F64:
     """Count outwards in steps that grow by a constant ratio up to a largest step, and end exactly at `reach`.
 
     Args:

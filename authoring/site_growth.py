@@ -18,16 +18,17 @@ ICOSAHEDRON = (
 )
 
 
-def pebble(rng: np.random.Generator) -> Mesh:
+def pebble(rng: np.random.Generator, level: int = 1) -> Mesh:
     """Make a stone about 1 m wide, half sunk in the ground.
 
     Args:
         rng: Random stream.
+        level: How finely it is divided, as in `icosphere`.
 
     Returns:
         A closed mesh.
     """
-    points, faces = icosphere(1)
+    points, faces = icosphere(level)
     points = _bulge(points, 0.22, rng) * np.array([0.5, rng.uniform(0.34, 0.48), rng.uniform(0.22, 0.36)])
     points[:, 2] += 0.08
     return faceted(points, faces)

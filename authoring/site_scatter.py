@@ -13,6 +13,8 @@ from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
+DETAILED = 22.0  # distance from the bridge's edge up to which plants are modelled in detail [m]
+SMALL = 0.2  # size of stones that need no detail [m]
 NEAR = 28.0  # distance from the axis or the crossing at which density has fallen to about a third [m]
 
 
@@ -43,17 +45,28 @@ def scatter_plants(
     stones = tuple((("rock", pebble(rng)),) for _ in range(4))
     shrubs = tuple((("foliage", leaf_bush(rng)),) for _ in range(3))
     tufts = tuple((("meadow", blade_tuft(rng)),) for _ in range(3))
+    more = rng.spawn(1)[0]
+    plain_stones = tuple((("rock", pebble(more, 0)),) for _ in stones)
+    plain_shrubs = tuple((("foliage", leaf_bush(more, 16)),) for _ in shrubs)
+    plain_tufts = tuple((("meadow", blade_tuft(more, 4)),) for _ in tufts)
     runs = (
-        ("Site_Stones", "rock", stones, (0.08, 0.55), _places(land, ground, settings.stones, 0.3, 0.4, rng, 0.75)),
-        ("Site_Shrubs", "shrub", shrubs, (0.7, 1.9), _places(land, ground, settings.shrubs, 3.0, 1.4, rng)),
-        ("Site_Tufts", "vegetation", tufts, (0.25, 0.7), _places(land, ground, settings.tufts, 0.5, 0.3, rng)),
-        ("Site_Reeds", "vegetation", tufts, (0.8, 1.7), _shore_places(land, ground, settings.reeds, rng)),
-    )
+        ("Site_Stones", "rock", (stones, plain_stones), (0.08, 0.55),
+         _places(land, ground, settings.stones, 0.3, 0.4, rng, 0.75)),
+        ("Site_Shrubs", "shrub", (shrubs, plain_shrubs), (0.7, 1.9),
+         _places(land, ground, settings.shrubs, 3.0, 1.4, rng)),
+        ("Site_Tufts", "vegetation", (tufts, plain_tufts), (0.25, 0.7),
+         _places(land, ground, settings.tufts, 0.5, 0.3, rng)),
+        ("Site_Reeds", "vegetation", (tufts, plain_tufts), (0.8, 1.7),
+         _shore_places(land, ground, settings.reeds, rng)),
+    )  # fmt: skip
     scatters = []
-    for name, kind, prototypes, size, places in runs:
+    for name, kind, (detailed, plain), size, places in runs:
         scale = np.exp(rng.uniform(np.log(size[0]), np.log(size[1]), len(places)))
         scales = scale[:, None] * rng.uniform(0.8, 1.2, (len(places), 3))
-        yaw, chosen = rng.uniform(0.0, 2 * np.pi, len(places)), rng.integers(0, len(prototypes), len(places))
+        yaw, chosen = rng.uniform(0.0, 2 * np.pi, len(places)), rng.integers(0, len(detailed), len(places))
+        far = np.abs(places[:, 1]) > 0.5 * land.layout.width + DETAILED
+        far |= (scale < SMALL) if kind == "rock" else False
+        chosen, prototypes = np.where(far, chosen + len(detailed), chosen), (*detailed, *plain)
         if len(places):
             positions = to_world(land.layout.alignment, places)
             number = first_id + len(scatters)

@@ -181,7 +181,7 @@ def registered(capture: Path, work: Path) -> dict[str, Any]:
         raise ValueError("a capture without truth")
     count = len(photographs.images)
     try:
-        model, _ = run_sparse(photographs, work, settings, SILENT)
+        model = run_sparse(photographs, work, settings, SILENT).model
         row_of = {image.file: row for row, image in enumerate(photographs.images)}
         rows = np.array([row_of[name] for name in model.names], np.int64)
         target = Target("truth", truth.poses[:, :3, 3], truth.poses[:, :3, :3], CENTRE_LIMIT)

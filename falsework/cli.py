@@ -159,18 +159,28 @@ def reconstruct(capture: File, output: Output, *, settings: Path | None = None) 
     return 0
 
 
-def export(source: File, output: Output, *, to: Literal["colmap", "nerfstudio", "video"]) -> int:
-    """Write a capture for another program: its true cameras for COLMAP or nerfstudio, or a film of the flight.
+def export(
+    source: File,
+    output: Output,
+    *,
+    to: Literal["laz", "las", "ply", "hdf5", "pointcept", "s3dis", "colmap", "nerfstudio", "video"],
+    photographs: Path | None = None,
+) -> int:
+    """Write a cloud or a capture for another program.
+
+    Of a capture: its true cameras (colmap, nerfstudio), or a film of the flight (video). Of a cloud: its points (laz,
+    las, ply, hdf5, pointcept, s3dis), or the reconstructed cameras with them (colmap, nerfstudio).
 
     Args:
-        source: Capture folder.
+        source: Cloud or capture folder.
         output: Folder to write.
         to: Format.
+        photographs: Capture of a cloud: its photographs are copied beside the cameras (colmap, nerfstudio).
     """
     from falsework.verbs import export_folder
 
     with ConsoleProgress() as progress:
-        files = export_folder(source, to, output, progress)
+        files = export_folder(source, to, output, progress, photographs)
     for file in files:
         _say(f"export  {file}")
     return 0
@@ -263,6 +273,11 @@ def survey() -> int:
     return _survey(["--help"])
 
 
+def sample() -> int:
+    """Make a cloud from a stage without any image: falsework sample --help."""
+    return _sample(["--help"])
+
+
 VERBS = {
     "doctor": doctor,
     "demo": demo,
@@ -277,6 +292,7 @@ VERBS = {
     "scene": scene,
     "background": background,
     "survey": survey,
+    "sample": sample,
 }
 
 
@@ -295,6 +311,8 @@ def main(arguments: list[str] | None = None) -> None:
             code = _background(words[1:])
         elif words[:1] == ["survey"]:
             code = _survey(words[1:])
+        elif words[:1] == ["sample"]:
+            code = _sample(words[1:])
         else:
             code = tyro.extras.subcommand_cli_from_dict(
                 VERBS, prog="falsework", description=ABOUT, args=words, config=(tyro.conf.FlagCreatePairsOff,)
@@ -333,6 +351,15 @@ def _survey(words: list[str]) -> int:
     return tyro.extras.subcommand_cli_from_dict(
         survey_verbs.SURVEY_VERBS, prog="falsework survey", description=survey_verbs.__doc__, args=words
     )
+
+
+def _sample(words: list[str]) -> int:
+    from falsework import sample_verbs
+
+    return tyro.extras.subcommand_cli_from_dict(
+        sample_verbs.SAMPLE_VERBS, prog="falsework sample", description=sample_verbs.__doc__, args=words,
+        config=(tyro.conf.FlagCreatePairsOff,),
+    )  # fmt: skip
 
 
 def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:

@@ -30,7 +30,10 @@ def surveys_of(stage: Path, allow_roots: tuple[Path, ...] = (), progress: Progre
     return read_safely("falsework.products", request, stage, progress)
 
 
-def read_safely(module: str, request: dict[str, Any], stage: Path, progress: Progress) -> Any:
+def read_safely(
+    module: str, request: dict[str, Any], stage: Path, progress: Progress, time_limit: float = TIME_LIMIT,
+    memory_limit: float = MEMORY_LIMIT,
+) -> Any:  # fmt: skip
     """Run a child that reads a stage from elsewhere; whatever kills it is the fault of that stage.
 
     Args:
@@ -38,6 +41,8 @@ def read_safely(module: str, request: dict[str, Any], stage: Path, progress: Pro
         request: JSON for it.
         stage: The stage, for the error.
         progress: Listener.
+        time_limit: Wall time after which it is killed [s].
+        memory_limit: Resident memory above which it is killed [GB].
 
     Returns:
         The child's answer.
@@ -46,11 +51,11 @@ def read_safely(module: str, request: dict[str, Any], stage: Path, progress: Pro
         InputError: The child found bad input, crashed, or went over a limit.
     """
     try:
-        return run_child(module, request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT, progress=progress)
+        return run_child(module, request, time_limit=time_limit, memory_limit=memory_limit, progress=progress)
     except ChildError as error:
         reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
         raise InputError(
-            f"cannot be read within {TIME_LIMIT:.0f} s and {MEMORY_LIMIT:.0f} GB: {reason}", where=stage,
+            f"cannot be read within {time_limit:.0f} s and {memory_limit:.0f} GB: {reason}", where=stage,
             mend="Make it smaller, or flatten it where it was made",
         ) from error  # fmt: skip
 

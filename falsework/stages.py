@@ -79,8 +79,8 @@ def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progr
 
     Args:
         settings: `{recon, platform}`.
-        inputs: `capture`: a capture folder.
-        folder: Empty folder to fill.
+        inputs: `capture`: a capture folder, or one of plain photographs.
+        folder: Folder to fill: empty, or left by an interrupted run.
         progress: Listener.
     """
     from recon.reconstruct import reconstruct
@@ -120,6 +120,6 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 STAGES: dict[str, Stage] = {
     "stage": Stage(4, author),
     "capture": Stage(3, capture, resumes=True),
-    "cloud": Stage(2, cloud),
+    "cloud": Stage(2, cloud, resumes=True),
     "report": Stage(1, report),
 }

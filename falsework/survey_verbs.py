@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from falsework.console import ConsoleProgress
+from falsework.given_settings import given_settings
 from falsework.products import read_safely
 from groundwork.errors import InputError
 
@@ -75,22 +76,12 @@ def plan(
         seed: Another flight than the scene's own seed gives.
         set: A setting of the survey, such as `length=30` or `pitch=free`; may be given more than once.
     """
-    settings: dict[str, Any] = {"kind": kind, **dict(_setting(word) for word in set), **({"id": name} if name else {})}
+    settings: dict[str, Any] = {"kind": kind, **given_settings(set), **({"id": name} if name else {})}
     request = {"plan": settings, "scene": str(scene.absolute()), "seed": seed, "survey": "", "allow_roots": []}
     with ConsoleProgress() as progress:
         found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
     _say(f"survey      {found[0]['survey']}: {found[0]['images']} images, {found[0]['length']:.0f} m")
     return 0
-
-
-def _setting(word: str) -> tuple[str, Any]:
-    key, equals, value = word.partition("=")
-    if not equals:
-        raise InputError("not a setting", field="--set", value=word, allowed="key=value")
-    try:
-        return key, json.loads(value)
-    except json.JSONDecodeError:
-        return key, value
 
 
 def _tell(row: dict[str, Any]) -> None:

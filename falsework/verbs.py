@@ -8,7 +8,7 @@ from falsework.products import surveys_of
 from falsework.report import write_report
 from falsework.scenario import load_scenario
 from falsework.stages import STAGES
-from groundwork.errors import InputError, MissingError
+from groundwork.errors import InputError, MissingError, RejectedSceneError
 from groundwork.files import claim_output, fresh_output
 from groundwork.progress import Progress
 from recon.settings import ReconSettings
@@ -57,19 +57,27 @@ def render_file(
 
 
 def reconstruct_folder(capture: Path, out: Path, scenario: Path | None, progress: Progress) -> None:
-    """Reconstruct one capture into a plain folder.
+    """Reconstruct one capture, or a folder of photographs, into a plain folder; goes on where it was interrupted.
 
     Args:
-        capture: Capture folder.
+        capture: Capture folder, or one of plain photographs.
         out: Folder to write; a former one of ours is replaced.
         scenario: File whose `[recon]` section applies, or None for the defaults.
         progress: Listener.
     """
     if not capture.is_dir():
-        raise MissingError("no such folder", where=capture, mend="Name a capture")
+        raise MissingError("no such folder", where=capture, mend="Name a capture, or a folder of photographs")
     settings = ReconSettings() if scenario is None else load_scenario(scenario).recon
     request = {"recon": settings.model_dump(mode="json")}
-    fresh_output(out, "cloud", lambda folder: STAGES["cloud"].run(request, {"capture": capture}, folder, progress))
+
+    def write(folder: Path) -> None:
+        try:
+            STAGES["cloud"].run(request, {"capture": capture}, folder, progress)
+        except RejectedSceneError:
+            shutil.rmtree(folder)  # nothing of it would go on
+            raise
+
+    fresh_output(out, "cloud", write, resume=True)
 
 
 def report_scene(scene: Path, page: Path) -> None:
@@ -90,28 +98,37 @@ def report_scene(scene: Path, page: Path) -> None:
 CAPTURE_FORMATS = ("colmap", "nerfstudio", "video")
 
 
-def export_folder(source: Path, to: str, out: Path, progress: Progress) -> list[Path]:
-    """Write a capture for another program.
+def export_folder(source: Path, to: str, out: Path, progress: Progress, photographs: Path | None = None) -> list[Path]:
+    """Write a capture or a cloud for another program.
 
     Args:
-        source: A capture.
-        to: One of `CAPTURE_FORMATS`.
+        source: A capture, or a cloud.
+        to: One of `CAPTURE_FORMATS`, or a row of `recon.export.EXPORTS` for a cloud.
         out: Folder to write; a former one of ours is replaced.
         progress: Listener.
+        photographs: Capture whose photographs go with the cameras of a cloud.
 
     Returns:
         Files for people to open.
 
     Raises:
-        InputError: Not a capture, one without truth where that is needed, or a cloud.
+        InputError: Neither of them, or a format for which it lacks something.
     """
-    from render.export import export_capture
+    is_cloud = (source / "cloud.json").is_file()
+    if not is_cloud and to not in CAPTURE_FORMATS:
+        raise InputError("a format of clouds, and this is none", where=source, field="--to", value=to,
+                         allowed=", ".join(CAPTURE_FORMATS), mend="Name the folder that holds cloud.json")  # fmt: skip
 
-    if (source / "cloud.json").is_file():
-        raise InputError(
-            "a cloud lies ready for other programs in its own folder", where=source, allowed="a capture",
-            mend="Take cloud.laz, cloud.ply, the .npy columns, or sparse/ (a COLMAP model)",
-        )  # fmt: skip
+    def write(folder: Path) -> None:
+        if is_cloud:
+            from recon.export import export_cloud
+
+            files.extend(export_cloud(source, to, folder, photographs))
+        else:
+            from render.export import export_capture
+
+            files.extend(export_capture(source, to, folder, progress))
+
     files: list[str] = []
-    fresh_output(out, f"export to {to}", lambda folder: files.extend(export_capture(source, to, folder, progress)))
+    fresh_output(out, f"export to {to}", write)
     return [out / file for file in files]

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from groundwork.canonical import canonical_json
-from groundwork.errors import ChildError, FalseworkError, InputError, RejectedSceneError
+from groundwork.errors import ChildError, FalseworkError, InputError, OutOfSpaceError, RejectedSceneError
 from groundwork.progress import SILENT, Progress
 
 _POLL = 0.1  # [s] how often limits are looked at
+_STACK = ("@ ", "***", "PC: @")  # how glog begins the lines of a stack, which it prints below its last words
 _PREFIX = "\x1efalsework "  # marks a child's messages among whatever native libraries print
 
 
@@ -46,6 +47,7 @@ def run_child(
     Raises:
         ChildError: Killed at a limit, died of a signal, or failed; the text ends in its last error line.
         InputError: The child found bad input.
+        OutOfSpaceError: The child found the disk full.
         RejectedSceneError: The child found that the scene cannot go on.
     """
     with tempfile.TemporaryFile() as errors:
@@ -161,8 +163,10 @@ def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[st
         raise RejectedSceneError(*final["value"])
     if final["kind"] == "error":
         exit_code, text = final["value"]
-        raise InputError(text) if exit_code == InputError.exit_code else ChildError(text)
-    last = next((line for line in reversed(errors.splitlines()) if line.strip()), "it printed nothing")
+        kinds = {InputError.exit_code: InputError, OutOfSpaceError.exit_code: OutOfSpaceError}
+        raise kinds.get(exit_code, ChildError)(text)
+    spoken = [line for line in errors.splitlines() if line.strip() and not line.lstrip().startswith(_STACK)]
+    last = spoken[-1] if spoken else "it printed nothing"
     how = f"died of {signal.Signals(-code).name}" if code < 0 else f"failed with exit code {code}"
     raise ChildError(f"{module}: {how}: {last}")
 

@@ -7,54 +7,17 @@ from numpy.typing import NDArray
 
 from groundwork.errors import RejectedSceneError
 from recon.settings import AlignmentSettings
+from recon.similarity import Similarity, angles, fit_similarity, heading_rotation, level_rotation
 
 F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 OK, UNREGISTERED, CENTRE_OUTLIER, ROTATION_OUTLIER = "ok", "unregistered", "centre_outlier", "rotation_outlier"
+REGISTERED = (OK, CENTRE_OUTLIER, ROTATION_OUTLIER)
 _MIN_CAMERAS = 3
 _STRAIGHT = 1e-3  # second over first singular value below which centres fix no rotation
 _ROUNDS = 10
-
-
-@dataclass(frozen=True)
-class Similarity:
-    """world = scale * rotation @ local + translation.
-
-    Attributes:
-        scale: World metres per unit [m].
-        rotation: Rotation [1], shape (3, 3), float64.
-        translation: Translation [m], shape (3,), float64.
-    """
-
-    scale: float
-    rotation: F64
-    translation: F64
-
-    def move(self, points: F64) -> F64:
-        """Carry points into the world.
-
-        Args:
-            points: Local positions, shape (N, 3), float64.
-
-        Returns:
-            World positions [m], shape (N, 3), float64.
-        """
-        return self.scale * points @ self.rotation.T + self.translation
-
-    def move_poses(self, poses: F64) -> F64:
-        """Carry camera poses into the world; their rotations stay rotations.
-
-        Args:
-            poses: Local camera_to_world, shape (N, 4, 4), float64.
-
-        Returns:
-            World camera_to_world [m], shape (N, 4, 4), float64.
-        """
-        moved = poses.copy()
-        moved[:, :3, :3] = self.rotation @ poses[:, :3, :3]
-        moved[:, :3, 3] = self.move(poses[:, :3, 3])
-        return moved
+_SWAY = 5.0  # a path that sways less than so many standard deviations of its centres leaves its roll open
 
 
 @dataclass(frozen=True)
@@ -62,16 +25,18 @@ class Target:
     """Where the cameras really were.
 
     Attributes:
-        kind: `truth` or `gps`.
+        kind: `truth`, `gps` or `none`.
         centres: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
         rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
         centre_limit: Distance above which a centre is an outlier [m].
+        centre_sigma: Standard deviation of a centre along the ground [m].
     """
 
     kind: str
     centres: F64
     rotations: F64 | None
     centre_limit: float
+    centre_sigma: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -80,7 +45,7 @@ class Alignment:
 
     Attributes:
         similarity: From the model into the world.
-        method: How its rotation was found: `centres+rotations` or `centres`.
+        method: How its rotation was found: `centres+rotations`, `centres`, `centres+up`, or `up` alone.
         status: Reason code of every image of the capture, `ok` for valid ones.
         centre_errors: Distance between aligned and target centre [m], shape (N,), float64; NaN when unregistered.
         rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.
@@ -119,7 +84,9 @@ def align(
     """Find the similarity on the cameras that agree with it, and judge every camera.
 
     RANSAC over the centres finds the cameras that agree. By default the rotation is then the mean rotation between
-    the cameras' own frames: on a nearly straight flight the centres alone leave the roll about the path open.
+    the cameras' own frames: on a nearly straight flight the centres alone leave the roll about the path open. Where
+    the target has no rotations, such a flight stands as upright as its photographs were level, and takes only its
+    heading, scale and place from the centres.
     Source: the paper aligns by RANSAC over centres (method `paper`).
 
     Args:
@@ -155,8 +122,10 @@ def align(
         similarity = _fit(source, goal, ruling, inliers)
         far, twist = _misfit(similarity, source, goal, turned)
     spread = np.linalg.svd(goal[inliers] - goal[inliers].mean(axis=0), compute_uv=False).astype(np.float64)
-    if not by_rotations and spread[1] < _STRAIGHT * spread[0]:
-        raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
+    method = "centres+rotations" if by_rotations else "centres"
+    if not by_rotations and _leaves_roll_open(spread, int(inliers.sum()), target.centre_sigma):
+        similarity, method = _with_up(poses, goal, inliers, target), "centres+up"
+        far, twist = _misfit(similarity, source, goal, turned)
     straying = ~known | (far > target.centre_limit)
     twisted = by_rotations & (twist > settings.rotation_limit)
     count = len(target.centres)
@@ -164,8 +133,26 @@ def align(
     status[rows] = np.where(straying, CENTRE_OUTLIER, np.where(twisted, ROTATION_OUTLIER, OK))
     centre_errors, rotation_errors = np.full(count, np.nan), np.full(count, np.nan)
     centre_errors[rows], rotation_errors[rows] = np.where(known, far, np.nan), twist
-    method = "centres+rotations" if by_rotations else "centres"
     return Alignment(similarity, method, tuple(status), centre_errors, rotation_errors, spread)
+
+
+def stand_upright(poses: F64, rows: NDArray[np.int64], count: int) -> Alignment:
+    """Leave a model in its own units, and only stand it upright, its cameras round the origin.
+
+    Args:
+        poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
+        rows: Their rows in the capture, shape (I,), int64.
+        count: Number of images of the capture.
+
+    Returns:
+        An alignment of scale 1 that finds no fault with any registered camera.
+    """
+    rotation, centres = level_rotation(poses[:, :3, :3]), poses[:, :3, 3]
+    status, unknown = np.full(count, UNREGISTERED, dtype=object), np.full(count, np.nan)
+    status[rows] = OK
+    spread = np.linalg.svd(centres - centres.mean(axis=0), compute_uv=False).astype(np.float64)
+    upright = Similarity(1.0, rotation, -rotation @ centres.mean(axis=0))
+    return Alignment(upright, "up", tuple(status), unknown, unknown, spread)
 
 
 def check_share(status: tuple[str, ...], settings: AlignmentSettings) -> None:
@@ -183,32 +170,8 @@ def check_share(status: tuple[str, ...], settings: AlignmentSettings) -> None:
         raise RejectedSceneError(
             "too_few_cameras",
             f"{invalid} of {count} cameras are invalid (unregistered or outliers), more than "
-            f"{settings.max_invalid_share:.0%}",
+            f"{settings.max_invalid_share:.0%}. Take more images, or raise [recon.alignment] max_invalid_share",
         )
-
-
-def fit_similarity(source: F64, goal: F64) -> tuple[F64, F64, F64]:
-    """Fit similarities to matching points in the least-squares sense, many sets at once.
-
-    Source: Umeyama, Least-squares estimation of transformation parameters between two point patterns (1991).
-
-    Args:
-        source: Points, shape (..., N, 3), float64.
-        goal: Matching points, shape (..., N, 3), float64.
-
-    Returns:
-        Scales, shape (...,); rotations, shape (..., 3, 3); translations, shape (..., 3); all float64.
-    """
-    source_mean, goal_mean = source.mean(axis=-2), goal.mean(axis=-2)
-    source_free, goal_free = source - source_mean[..., None, :], goal - goal_mean[..., None, :]
-    left, values, right = np.linalg.svd(np.swapaxes(goal_free, -1, -2) @ source_free)
-    sign = np.ones_like(values)
-    sign[..., 2] = np.where(np.linalg.det(left) * np.linalg.det(right) < 0, -1.0, 1.0)
-    rotation = (left * sign[..., None, :]) @ right
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = (values * sign).sum(axis=-1) / (source_free**2).sum(axis=(-1, -2))
-        translation = goal_mean - scale[..., None] * np.einsum("...ij,...j->...i", rotation, source_mean)
-    return scale, rotation, translation
 
 
 def find_inliers(source: F64, goal: F64, known: Mask, limit: float, iterations: int, rng: np.random.Generator) -> Mask:
@@ -243,20 +206,6 @@ def find_inliers(source: F64, goal: F64, known: Mask, limit: float, iterations: 
     raise RejectedSceneError("alignment_failed", "no similarity brings three cameras to where they were")
 
 
-def angles(rotations: F64, reference: F64) -> F64:
-    """Measure the angles between rotations and a reference.
-
-    Args:
-        rotations: Rotations [1], shape (N, 3, 3), float64.
-        reference: Rotation [1], shape (3, 3), float64.
-
-    Returns:
-        Angles [deg], shape (N,), float64.
-    """
-    chord = np.linalg.norm(rotations - reference, axis=(1, 2))  # 2 sqrt 2 sin(angle / 2), sharp at small angles
-    return np.degrees(2 * np.arcsin(np.clip(chord / np.sqrt(8.0), 0.0, 1.0)))
-
-
 def _central_rotation(rotations: F64, inliers: Mask) -> F64:
     """Take the rotation whose median distance to the others is smallest: up to half of them may be wrong."""
     chosen = rotations[inliers]
@@ -270,6 +219,21 @@ def _misfit(similarity: Similarity, source: F64, goal: F64, turned: F64 | None) 
     return far, angles(turned, similarity.rotation) if turned is not None else np.full(len(source), np.nan)
 
 
+def _leaves_roll_open(spread: F64, count: int, sigma: float) -> bool:
+    """Tell whether the centres' own error, rather than the path, would decide how the model lies round the path."""
+    return spread[1] < max(_STRAIGHT * spread[0], _SWAY * sigma * np.sqrt(count))
+
+
+def _with_up(poses: F64, goal: F64, inliers: Mask, target: Target) -> Similarity:
+    """Fit a similarity that stands as upright as level photographs say."""
+    chosen, goal = poses[inliers], goal[inliers]
+    plan = np.linalg.norm(goal[:, :2] - goal[:, :2].mean(axis=0))
+    if target.rotations is not None or plan < max(_STRAIGHT, target.centre_sigma) * np.sqrt(len(goal)):
+        raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
+    source = chosen[:, :3, 3]
+    return _with_rotation(heading_rotation(chosen[:, :3, :3], source, goal), source, goal)
+
+
 def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarity:
     if inliers.sum() < _MIN_CAMERAS:
         raise RejectedSceneError("alignment_failed", "fewer than three cameras agree on where they were")
@@ -278,7 +242,10 @@ def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarit
         scale, rotation, translation = fit_similarity(source, goal)
         return Similarity(float(scale), rotation, translation)
     left, _, right = np.linalg.svd(turned[inliers].sum(axis=0))
-    rotation = left @ right  # no reflection: the rotations lie within 45 degrees of each other
+    return _with_rotation(left @ right, source, goal)  # no reflection: the rotations lie within 45 degrees
+
+
+def _with_rotation(rotation: F64, source: F64, goal: F64) -> Similarity:
     source_mean, goal_mean = source.mean(axis=0), goal.mean(axis=0)
     spread = np.linalg.norm(source - source_mean)
     if spread == 0.0:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
@@ -73,13 +74,11 @@ def gather(truth: Truth, observations: Observations) -> ObservedTruth:
     found = ObservedTruth(
         np.zeros(count, np.uint8), np.zeros(count, np.uint32), np.zeros(count, np.float32), np.zeros(count, np.float32)
     )
-    by_image = np.argsort(observations.image, kind="stable")
-    images, first = np.unique(observations.image[by_image], return_index=True)
     height, width = truth.camera.height, truth.camera.width
-    pixel = np.clip(observations.pixel, 0, [width - 1, height - 1])  # a keypoint may lie on the image's very edge
-    for image, rows in zip(images, np.split(by_image, first[1:]), strict=True):
-        column, row = pixel[rows].T
-        labels, instances, depth = truth.semantic(int(image)), truth.instance(int(image)), truth.depth(int(image))
+    for image, rows in observations.by_image:
+        pixel = np.floor(observations.uv[rows]).astype(np.int64)
+        column, row = np.clip(pixel, 0, [width - 1, height - 1]).T  # a keypoint may lie on the image's very edge
+        labels, instances, depth = truth.semantic(image), truth.instance(image), truth.depth(image)
         for kind, values in (("semantic", labels), ("instance", instances), ("depth", depth)):
             if values.shape != (height, width):
                 where = truth.folder / kind / truth.names[image]
@@ -139,17 +138,32 @@ def vote(point: I64, label: I64, depth_error: F64) -> tuple[I64, I64]:
     """Find the most frequent label of each point.
 
     Args:
-        point: Point of each vote, shape (M,), int64, holding each number from 0 to N - 1.
+        point: Point of each vote, ascending, shape (M,), int64, holding each number from 0 to N - 1.
         label: Label of each vote, shape (M,), int64.
         depth_error: Settles a tie: the label with the smallest one wins, then the smaller label, shape (M,), float64.
 
     Returns:
         Winning label and its number of votes, both of shape (N,), int64.
     """
-    order = np.lexsort((depth_error, label, point))
-    point, label, depth_error = point[order], label[order], depth_error[order]
-    first = np.flatnonzero(np.diff(point, prepend=-1).astype(bool) | np.diff(label, prepend=-1).astype(bool))
-    votes = np.diff(first, append=len(point))
-    rank = np.lexsort((label[first], depth_error[first], -votes, point[first]))
-    best = rank[np.flatnonzero(np.diff(point[first][rank], prepend=-1))]
-    return label[first][best], votes[best]
+    start = np.concatenate([[0], np.flatnonzero(np.diff(point)) + 1, [len(point)]]) if len(point) else np.zeros(1)
+    return _vote(start.astype(np.int64), np.asarray(label, np.int64), np.asarray(depth_error, np.float64))
+
+
+@njit(cache=True, nogil=True)
+def _vote(start: I64, label: I64, depth_error: F64) -> tuple[I64, I64]:
+    winner, most = np.empty(len(start) - 1, np.int64), np.empty(len(start) - 1, np.int64)
+    for point in range(len(winner)):
+        best, best_votes, best_error = np.int64(0), 0, np.inf
+        for first in range(start[point], start[point + 1]):
+            votes, least, counted = 0, np.inf, False
+            for other in range(start[point], start[point + 1]):
+                if label[other] == label[first]:
+                    counted |= other < first
+                    votes, least = votes + 1, min(least, depth_error[other])
+            if counted:
+                continue
+            closer = least < best_error or (least == best_error and label[first] < best)
+            if votes > best_votes or (votes == best_votes and closer):
+                best, best_votes, best_error = label[first], votes, least
+        winner[point], most[point] = best, best_votes
+    return winner, most

@@ -14,8 +14,13 @@ from groundwork.files import read_json, write_bytes, write_json
 from usd_schemas.components import NOISY_POINT, ClassRow
 
 FORMAT = "falsework.cloud"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+_READABLE = (1, FORMAT_VERSION)  # version 1 knew sparse reconstructions only, and no optional columns
 OBSERVATIONS = "observations"
+SFM_SPARSE, SFM_DENSE = "sfm-sparse", "sfm-dense"
+MESH, LIDAR_TERRESTRIAL, LIDAR_MOBILE = "mesh", "lidar-terrestrial", "lidar-mobile"
+RECONSTRUCTED = (SFM_SPARSE, SFM_DENSE)  # each of their points has at least one observation
+SOURCES = (*RECONSTRUCTED, MESH, LIDAR_TERRESTRIAL, LIDAR_MOBILE)
 
 Column = NDArray[Any]
 
@@ -39,8 +44,10 @@ class ColumnKind:
 
 COLUMNS: Mapping[str, ColumnKind] = {
     "coord": ColumnKind("float64", 3, "m", "Position in the world, Z up."),
-    "color": ColumnKind("uint8", 3, "1", "sRGB colour, mean over the views."),
-    "normal": ColumnKind("float32", 3, "1", "Unit normal; of a sparse point: towards the mean of its cameras."),
+    "color": ColumnKind("uint8", 3, "1", "sRGB colour, mean over the views; of a sampled point: that of the material."),
+    "normal": ColumnKind(
+        "float32", 3, "1", "Unit normal of the surface; of a sparse point: towards the mean of its cameras."
+    ),
     "segment": ColumnKind("uint8", 1, "1", "Class id by vote of the views; 255 without truth."),
     "instance": ColumnKind("uint32", 1, "1", "Component id by vote within the class; 0 for none."),
     "component": ColumnKind("uint16", 1, "1", "Row in the list `components` of cloud.json."),
@@ -57,14 +64,24 @@ COLUMNS: Mapping[str, ColumnKind] = {
     ),
     "surface_distance": ColumnKind("float32", 1, "m", "Distance to the nearest true surface."),
     "surface_class": ColumnKind("uint8", 1, "1", "Class id of the nearest true surface; 255 without truth."),
-    "reprojection_error": ColumnKind("float32", 1, "px", "Mean distance between keypoints and reprojected point."),
+    "reprojection_error": ColumnKind(
+        "float32", 1, "px", "Mean distance between keypoints and reprojected point; NaN of a dense point."
+    ),
     "n_views": ColumnKind("uint16", 1, "1", "Number of valid cameras that saw the point."),
+}
+
+OPTIONAL_COLUMNS: Mapping[str, ColumnKind] = {
+    "intensity": ColumnKind("float32", 1, "1", "Strength of the echo: reflectance times cosine of the incidence."),
+    "range": ColumnKind("float32", 1, "m", "Measured distance from the scanner."),
+    "station": ColumnKind("uint16", 1, "1", "Row in the list `stations` of the statistics: where the scanner stood."),
 }
 
 OBSERVATION_COLUMNS: Mapping[str, ColumnKind] = {
     "start": ColumnKind("int64", 1, "1", "First observation of each point and the end: one row more than points."),
     "image": ColumnKind("uint32", 1, "1", "Row in the list `cameras` of cloud.json."),
-    "uv": ColumnKind("float64", 2, "px", "Keypoint as found; the top-left pixel's centre is (0.5, 0.5)."),
+    "uv": ColumnKind(
+        "float64", 2, "px", "Keypoint, or where a dense point appears; the top-left pixel's centre is (0.5, 0.5)."
+    ),
     "label": ColumnKind("uint8", 1, "1", "Class id at the keypoint's pixel; 255 without truth."),
     "instance": ColumnKind("uint32", 1, "1", "Component id at the keypoint's pixel."),
     "depth_error": ColumnKind("float32", 1, "m", "|true depth - reconstructed depth| at the keypoint's pixel."),
@@ -76,13 +93,14 @@ class Cloud:
     """An annotated point cloud of N points with M observations.
 
     Attributes:
-        columns: One array per name of `COLUMNS`, shape (N,) or (N, width).
+        columns: One array per name of `COLUMNS`, and some of `OPTIONAL_COLUMNS`, shape (N,) or (N, width).
         observations: One array per name of `OBSERVATION_COLUMNS`, shape (M,) or (M, width); `start` (N + 1,).
         components: Component kinds that the column `component` counts through; the first is empty, for none.
         classes: Class table in force.
         alignment: JSON facts of the alignment: target, method, scale, rotation, translation, singular values, limits.
         cameras: One JSON row per image of the capture: name, status, center_error [m], rotation_error [deg].
         statistics: JSON figures of the whole cloud.
+        source: How the points were made, one of `SOURCES`.
     """
 
     columns: Mapping[str, Column]
@@ -92,6 +110,7 @@ class Cloud:
     alignment: Mapping[str, Any]
     cameras: tuple[Mapping[str, Any], ...]
     statistics: Mapping[str, Any]
+    source: str = SFM_SPARSE
 
     def __len__(self) -> int:
         """Count the points."""
@@ -124,14 +143,15 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
     """
     _check(folder, cloud)
     (folder / OBSERVATIONS).mkdir()
-    for name in COLUMNS:
+    kinds = _kinds(cloud.columns)
+    for name in kinds:
         _save(folder / f"{name}.npy", cloud.columns[name])
     for name in OBSERVATION_COLUMNS:
         _save(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name])
     write_json(folder / "cloud.json", {
-        "format": FORMAT, "format_version": FORMAT_VERSION,
+        "format": FORMAT, "format_version": FORMAT_VERSION, "source": cloud.source,
         "count": len(cloud), "observation_count": len(cloud.observations["image"]),
-        "columns": {name: vars(kind) for name, kind in COLUMNS.items()},
+        "columns": {name: vars(kind) for name, kind in kinds.items()},
         "observations": {name: vars(kind) for name, kind in OBSERVATION_COLUMNS.items()},
         "components": cloud.components, "classes": [vars(row) for row in cloud.classes],
         "alignment": cloud.alignment, "cameras": cloud.cameras, "statistics": cloud.statistics,
@@ -153,22 +173,44 @@ def read_cloud(folder: Path) -> Cloud:
         raise MissingError("not a cloud: no cloud.json", where=folder, mend="Name the folder that holds cloud.json")
     stored = read_json(path)
     found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
-    if found != (FORMAT, FORMAT_VERSION):
+    if found not in [(FORMAT, version) for version in _READABLE]:
         raise InputError("not a cloud of this version", where=path, field="format", value=found,
-                         allowed=f"{FORMAT}, version {FORMAT_VERSION}")  # fmt: skip
+                         allowed=f"{FORMAT}, version {' or '.join(map(str, _READABLE))}")  # fmt: skip
     try:
         cloud = Cloud(
-            columns={name: _load(folder / f"{name}.npy") for name in COLUMNS},
+            columns={name: _load(folder / f"{name}.npy") for name in _kinds(stored["columns"])},
             observations={name: _load(folder / OBSERVATIONS / f"{name}.npy") for name in OBSERVATION_COLUMNS},
             components=tuple(stored["components"]),
             classes=tuple(ClassRow(row["id"], row["name"], tuple(row["color"])) for row in stored["classes"]),
             alignment=stored["alignment"], cameras=tuple(stored["cameras"]), statistics=stored["statistics"],
+            source=stored.get("source", SFM_SPARSE),
         )  # fmt: skip
         count, observation_count = stored["count"], stored["observation_count"]
     except (KeyError, TypeError) as error:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
     _check(folder, cloud, count, observation_count)
     return cloud
+
+
+def without_observations(count: int) -> dict[str, Column]:
+    """Make the observations of a cloud that no camera saw.
+
+    Args:
+        count: Number of points.
+
+    Returns:
+        One empty array per name of `OBSERVATION_COLUMNS`; `start` counts through nothing.
+    """
+    empty = {
+        name: np.zeros((0,) if kind.width == 1 else (0, kind.width), kind.dtype)
+        for name, kind in OBSERVATION_COLUMNS.items()
+    }
+    return {**empty, "start": np.zeros(count + 1, np.int64)}
+
+
+def _kinds(present: Mapping[str, Any]) -> dict[str, ColumnKind]:
+    """Every column that must be there, and those of the optional ones that are."""
+    return {**COLUMNS, **{name: kind for name, kind in OPTIONAL_COLUMNS.items() if name in present}}
 
 
 def _save(path: Path, column: Column) -> None:
@@ -189,13 +231,17 @@ def _load(path: Path) -> Column:
 def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_count: int | None = None) -> None:
     count = len(cloud) if count is None else count
     observation_count = len(cloud.observations["image"]) if observation_count is None else observation_count
-    for name, kind in COLUMNS.items():
+    if cloud.source not in SOURCES:
+        raise InputError("an unknown source", where=folder / "cloud.json", field="source", value=cloud.source,
+                         allowed=", ".join(SOURCES))  # fmt: skip
+    for name, kind in _kinds(cloud.columns).items():
         _check_column(folder / f"{name}.npy", cloud.columns[name], kind, count)
     for name, kind in OBSERVATION_COLUMNS.items():
         rows = count + 1 if name == "start" else observation_count
         _check_column(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name], kind, rows)
+    fewest = int(cloud.source in RECONSTRUCTED)
     start, image = cloud.observations["start"], cloud.observations["image"]
-    if start[0] != 0 or start[-1] != observation_count or (np.diff(start) < 1).any():
+    if start[0] != 0 or start[-1] != observation_count or (np.diff(start) < fewest).any():
         raise InputError("does not count through the observations", where=folder / OBSERVATIONS / "start.npy")
     if observation_count and image.max() >= len(cloud.cameras):
         raise InputError("an image that is not listed", where=folder / OBSERVATIONS / "image.npy")

@@ -1,86 +1,62 @@
-"""A cloud as one file for other programs: LAZ and PLY, without a clock in any header."""
+"""A cloud for other programs: which formats there are, and who writes them."""
 
-from datetime import date
-from io import BytesIO
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
+from groundwork.errors import InputError
+from recon.cloud import Cloud, read_cloud
+from recon.formats.cameras import write_colmap, write_nerfstudio
+from recon.formats.hdf5 import write_hdf5
+from recon.formats.laz import write_laz
+from recon.formats.ply import write_ply
+from recon.formats.pointcept import write_pointcept, write_s3dis
 
-from groundwork.files import write_bytes
-from recon.cloud import Cloud
-from usd_schemas.components import UNLABELLED
+Export = Callable[[Path, Cloud, Path, Path | None], list[str]]
 
-LAZ_SCALE = 0.0001  # [m] coordinates are rounded to this
-_FIRST_USER_CLASS = 64  # LAS leaves the codes from here on to users
-_UNCLASSIFIED = 1
-_CREATED = date(2000, 1, 1)
-_EXTRA = {
-    "segment": "class id",
-    "instance": "component id",
-    "component": "component kind",
-    "uncertainty": "median depth error [m]",
-    "confidence": "share of agreeing views",
-    "n_views": "views of the point",
+
+def export_cloud(source: Path, to: str, out: Path, photographs: Path | None = None) -> list[str]:
+    """Write a cloud for another program.
+
+    Args:
+        source: A cloud.
+        to: Row of `EXPORTS`.
+        out: Empty folder to fill.
+        photographs: Capture whose photographs go with it (colmap and nerfstudio), or None.
+
+    Returns:
+        Files for people to open, from `out`.
+
+    Raises:
+        InputError: Not a cloud, an unknown format, or a format for which the cloud lacks something.
+    """
+    if to not in EXPORTS:
+        raise InputError("not a format of clouds", where=source, field="--to", value=to, allowed=", ".join(EXPORTS))
+    return EXPORTS[to](source, read_cloud(source), out, photographs)
+
+
+def _file(name: str, write: Callable[[Path, Cloud], None]) -> Export:
+    def export(_: Path, cloud: Cloud, out: Path, __: Path | None) -> list[str]:
+        write(out / name, cloud)
+        return [name]
+
+    return export
+
+
+def _folder(write: Callable[[Path, Cloud], list[str]]) -> Export:
+    return lambda _, cloud, out, __: write(out, cloud)
+
+
+def _write_las(path: Path, cloud: Cloud) -> None:
+    write_laz(path, cloud, compress=False)
+
+
+EXPORTS: dict[str, Export] = {
+    "laz": _file("cloud.laz", write_laz),
+    "las": _file("cloud.las", _write_las),
+    "ply": _file("cloud.ply", write_ply),
+    "hdf5": _file("cloud.h5", write_hdf5),
+    "pointcept": _folder(write_pointcept),
+    "s3dis": _folder(write_s3dis),
+    "colmap": write_colmap,
+    "nerfstudio": write_nerfstudio,
 }
-_PLY_TYPES = {"f8": "double", "f4": "float", "u1": "uchar", "u2": "ushort", "u4": "uint"}
-
-
-def write_laz(path: Path, cloud: Cloud) -> None:
-    """Write LAZ: LAS 1.4, point format 7, with extra dimensions and the class table as a VLR.
-
-    The field `classification` holds 64 + class id, in the range that LAS leaves to users, and 1 for no class.
-
-    Args:
-        path: File to write.
-        cloud: What to write.
-    """
-    import laspy
-    from laspy.vlrs.known import ClassificationLookupVlr
-
-    columns = cloud.columns
-    header = laspy.LasHeader(point_format=7, version="1.4")
-    header.creation_date = _CREATED
-    header.system_identifier = header.generating_software = "Falsework"
-    header.scales = np.full(3, LAZ_SCALE)
-    header.offsets = np.floor(columns["coord"].min(axis=0)) if len(cloud) else np.zeros(3)
-    header.add_extra_dims([
-        laspy.ExtraBytesParams(name, columns[name].dtype, description) for name, description in _EXTRA.items()
-    ])  # fmt: skip
-    table = ClassificationLookupVlr()
-    for row in cloud.classes:
-        if row.id != UNLABELLED:
-            table[_FIRST_USER_CLASS + row.id] = row.name[:15]
-    header.vlrs.append(table)
-    record = laspy.LasData(header)
-    record.x, record.y, record.z = columns["coord"].T
-    record.red, record.green, record.blue = (columns["color"].astype(np.uint16) * 257).T
-    segment = columns["segment"]
-    record.classification = np.where(segment == UNLABELLED, _UNCLASSIFIED, _FIRST_USER_CLASS + segment % 128)
-    for name in _EXTRA:
-        record[name] = columns[name]
-    data = BytesIO()
-    record.write(data, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
-    write_bytes(path, data.getvalue())
-
-
-def write_ply(path: Path, cloud: Cloud) -> None:
-    """Write PLY, binary and little endian.
-
-    Args:
-        path: File to write.
-        cloud: What to write.
-    """
-    columns = cloud.columns
-    fields: list[tuple[str, str, NDArray[np.generic]]] = [
-        *((name, "f8", columns["coord"][:, i]) for i, name in enumerate("xyz")),
-        *((f"n{name}", "f4", columns["normal"][:, i]) for i, name in enumerate("xyz")),
-        *((name, "u1", columns["color"][:, i]) for i, name in enumerate(("red", "green", "blue"))),
-        *((name, columns[name].dtype.str[1:], columns[name]) for name in (*_EXTRA, "label_margin_px", "displacement")),
-    ]
-    table = np.empty(len(cloud), [(name, f"<{code}") for name, code, _ in fields])
-    for name, _, values in fields:
-        table[name] = values
-    properties = "".join(f"property {_PLY_TYPES[code]} {name}\n" for name, code, _ in fields)
-    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(cloud)}\n{properties}end_header\n"
-    write_bytes(path, header.encode() + table.tobytes())

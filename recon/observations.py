@@ -1,11 +1,14 @@
 """Which image saw which point where: observations in CSR order, and reductions of their values to points."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from recon.colmap_model import SparseModel
+from recon.dense_points import DensePoints
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -34,6 +37,14 @@ class Observations:
     def point(self) -> I64:
         """Point of each observation, shape (M,), int64."""
         return np.repeat(np.arange(len(self.start) - 1), self.counts)
+
+    @cached_property
+    def by_image(self) -> list[tuple[int, I64]]:
+        """Images in ascending order, each with the rows of its observations, ascending, int64."""
+        short = self.image.astype(np.uint16 if self.image.max(initial=0) < 2**16 else np.int64)  # sorted by radix
+        order = np.argsort(short, kind="stable")
+        groups = np.split(order, np.flatnonzero(np.diff(short[order])) + 1)
+        return [(int(self.image[rows[0]]), rows) for rows in groups if len(rows)]
 
     @property
     def pixel(self) -> I64:
@@ -65,6 +76,30 @@ def select_points(
     return kept, Observations(start, image[chosen], model.obs_uv[chosen])
 
 
+def select_dense(
+    points: DensePoints, rows: I64, valid: NDArray[np.bool_], min_views: int
+) -> tuple[NDArray[np.bool_], Observations]:
+    """Keep the dense points that enough valid cameras made.
+
+    Args:
+        points: Dense points.
+        rows: Row in the capture of each image of the model, shape (I,), int64.
+        valid: Whether a camera of the capture is valid, shape (K,), bool.
+        min_views: Valid views that a point needs.
+
+    Returns:
+        Which points stay, shape (N,), bool, and the valid observations of those.
+    """
+    image = rows[points.image]
+    point = np.repeat(np.arange(len(points.counts)), points.counts)
+    counted = valid[image]
+    views = np.bincount(point[counted], minlength=len(points.counts))
+    kept = views >= min_views
+    chosen = counted & kept[point]
+    start = np.concatenate([[0], np.cumsum(views[kept])]).astype(np.int64)
+    return kept, Observations(start, image[chosen], points.uv[chosen].astype(np.float64))
+
+
 def median_per_point(values: F64, observations: Observations) -> F64:
     """Take the median of each point's values; of an even number, the mean of the middle two.
 
@@ -75,6 +110,21 @@ def median_per_point(values: F64, observations: Observations) -> F64:
     Returns:
         Medians, shape (N,), float64.
     """
-    ordered = values[np.lexsort((values, observations.point))]
-    first, counts = observations.start[:-1], observations.counts
-    return 0.5 * (ordered[first + (counts - 1) // 2] + ordered[first + counts // 2])
+    return _medians(values, observations.start)
+
+
+@njit(cache=True, nogil=True)
+def _medians(values: F64, start: I64) -> F64:
+    """Sort in place by insertion: a point has a handful of values."""
+    result = np.empty(len(start) - 1)
+    ordered = np.empty(np.diff(start).max() if len(result) else 0)
+    for point in range(len(result)):
+        count = start[point + 1] - start[point]
+        for at in range(count):
+            value, hole = values[start[point] + at], at
+            while hole > 0 and ordered[hole - 1] > value:
+                ordered[hole] = ordered[hole - 1]
+                hole -= 1
+            ordered[hole] = value
+        result[point] = 0.5 * (ordered[(count - 1) // 2] + ordered[count // 2])
+    return result

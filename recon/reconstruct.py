@@ -1,30 +1,32 @@
 """The conductor: from a capture to an annotated cloud, step by step as in the paper's figure."""
 
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.errors import RejectedSceneError
 from groundwork.files import write_json
 from groundwork.progress import Progress
-from recon.align import OK, Alignment, Target, align, centre_limit, check_share
+from recon.align import OK
 from recon.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.cloud import Cloud, write_cloud
 from recon.colmap_model import SparseModel
+from recon.dense import run_dense
 from recon.export import write_laz, write_ply
-from recon.observations import Observations, select_points
-from recon.settings import AlignmentSettings, ReconSettings
+from recon.noise_figures import describe_noise
+from recon.observations import Observations
+from recon.photos import open_photographs
+from recon.place import alignment_facts, camera_rows, place, similarity_facts
+from recon.placed_points import PlacedPoints, place_dense, place_sparse
+from recon.settings import AGREEMENT, ReconSettings
 from recon.sparse import run_sparse, write_world_model
 from recon.statistics import describe
+from recon.steps import enter_work, leave_work
 from recon.surface_distance import nearest_surface
 from recon.uncertainty import Uncertainty, depths, measure
-from render.capture import Capture, Truth, read_capture, read_truth
+from render.capture import Capture, Truth, read_truth
 from usd_schemas.components import UNLABELLED, class_rows
-
-_GPS_SIGMAS = 4.0  # a centre may stray this many standard deviations of the GPS
 
 
 def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: Progress) -> None:
@@ -32,7 +34,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
 
     Args:
         capture: Folder of photographs, with or without truth.
-        folder: Existing empty folder for the cloud.
+        folder: Existing folder for the cloud: empty, or left by an interrupted run.
         settings: What to do.
         progress: Listener.
 
@@ -40,40 +42,46 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
         InputError: The capture is damaged.
         RejectedSceneError: The images cannot become a cloud; its reason says why.
     """
-    photographs = read_capture(capture)
-    work = folder / "work"
-    work.mkdir()
-    model, facts = run_sparse(photographs, work, settings, progress)
-
-    progress.stage("annotate", 0)
+    photographs = open_photographs(capture)
+    work = enter_work(folder)
+    sparse = run_sparse(photographs, work, settings, progress)
+    model = sparse.model
+    progress.stage("align", 0)
     truth = read_truth(photographs)
     rows = _rows_in_capture(model, photographs)
-    target = _target(photographs, truth, settings.alignment)
-    alignment = align(model.poses, rows, target, settings.alignment, np.random.default_rng(settings.seed))
-    check_share(alignment.status, settings.alignment)
+    rng = np.random.default_rng(settings.seed)
+    alignment, target = place(model.poses, rows, sparse.reasons, photographs, truth, settings.alignment, rng)
     poses = np.full((len(photographs.images), 4, 4), np.nan)
     poses[rows] = alignment.similarity.move_poses(model.poses)
     valid = np.array([code == OK for code in alignment.status])
-    kept, seen = select_points(model, rows, valid, settings.max_reprojection_error, settings.min_views)
-    if not kept.any():
-        raise RejectedSceneError("no_points", "no point was seen well enough by valid cameras")
-    points = alignment.similarity.move(model.points[kept])
-
-    columns = _own_columns(points, model, kept, poses, seen)
-    observed, components = _label(columns, points, poses, seen, truth)
+    figures: dict[str, Any] = {"sparse": sparse.facts}
+    if settings.mode == "dense":
+        dense, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
+        min_views, _ = AGREEMENT[settings.filter]
+        placed = place_dense(dense, rows, valid, alignment.similarity, min_views)
+    else:
+        placed = place_sparse(
+            model, rows, valid, alignment.similarity, settings.max_reprojection_error, settings.min_views
+        )
+    progress.stage("annotate", 0)
+    columns = _own_columns(placed)
+    depth = depths(placed.coord, poses, placed.seen)
+    observed, components = _label(columns, placed.coord, depth, placed.seen, truth)
     cloud = Cloud(
         columns, observed, components, truth.classes if truth else class_rows(),
-        _alignment_facts(alignment, target), _camera_rows(photographs, alignment), {},
+        alignment_facts(alignment, target, photographs), camera_rows(photographs, alignment), {},
     )  # fmt: skip
-    statistics = {**describe(columns, alignment, model, cloud.classes), "sparse": facts}
+    figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, placed.seen.start[:-1]))
+    statistics = {**describe(columns, alignment, model, cloud.classes), **figures}
     cloud = Cloud(**{**vars(cloud), "statistics": statistics})
 
     write_cloud(folder, cloud)
     write_laz(folder / "cloud.laz", cloud)
     write_ply(folder / "cloud.ply", cloud)
     _write_poses(folder / "cameras_sfm.json", photographs, model, poses)
-    write_world_model(work, folder / "sparse", _similarity_facts(alignment), settings, progress)
-    shutil.rmtree(work)
+    world = similarity_facts(alignment.similarity)
+    write_world_model(sparse.folder, folder / "sparse", world, settings, progress)
+    leave_work(work)
 
 
 def _rows_in_capture(model: SparseModel, capture: Capture) -> NDArray[np.int64]:
@@ -81,36 +89,16 @@ def _rows_in_capture(model: SparseModel, capture: Capture) -> NDArray[np.int64]:
     return np.array([row_of[name] for name in model.names], np.int64)
 
 
-def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) -> Target:
-    kind = capture.facts.get("kind")
-    if truth is not None:
-        centres = truth.poses[:, :3, 3]
-        return Target("truth", centres, truth.poses[:, :3, :3], centre_limit(centres, kind, settings))
-    centres = np.array([image.gps or (np.nan,) * 3 for image in capture.images])
-    if np.isfinite(centres).all(axis=1).sum() < 3:
-        raise RejectedSceneError("no_position", "neither truth nor GPS says where three of the cameras were")
-    limit = centre_limit(centres, kind, settings) + _GPS_SIGMAS * float(np.linalg.norm(capture.gps_sigma))
-    return Target("gps", centres, None, limit)
-
-
-def _own_columns(
-    points: NDArray[np.float64], model: SparseModel, kept: NDArray[np.bool_], poses: NDArray[np.float64],
-    seen: Observations,
-) -> dict[str, NDArray[Any]]:  # fmt: skip
+def _own_columns(placed: PlacedPoints) -> dict[str, NDArray[Any]]:
     """Fill the columns that need no truth."""
-    centres = np.add.reduceat(poses[seen.image, :3, 3], seen.start[:-1]) / seen.counts[:, None]
-    normal = centres - points
     return {
-        "coord": points,
-        "color": model.colors[kept],
-        "normal": (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32),
-        "reprojection_error": model.errors[kept].astype(np.float32),
-        "n_views": seen.counts.astype(np.uint16),
-    }
+        "coord": placed.coord, "color": placed.color, "normal": placed.normal,
+        "reprojection_error": placed.reprojection_error, "n_views": placed.seen.counts.astype(np.uint16),
+    }  # fmt: skip
 
 
 def _label(
-    columns: dict[str, NDArray[Any]], points: NDArray[np.float64], poses: NDArray[np.float64], seen: Observations,
+    columns: dict[str, NDArray[Any]], points: NDArray[np.float64], depth: NDArray[np.float64], seen: Observations,
     truth: Truth | None,
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:  # fmt: skip
     """Fill the columns that need the truth; without it, with what says that nothing is known."""
@@ -126,7 +114,6 @@ def _label(
         distance, nearest, component = nothing, unknown, np.zeros(count, np.uint16)
     else:
         observed = gather(truth, seen)
-        depth = depths(points, poses, seen)
         error, measured = measure(points, depth, observed.depth.astype(float), truth, seen)
         verdict = annotate(observed, error, seen)
         distance, nearest = nearest_surface(points, truth)
@@ -151,36 +138,6 @@ def _components(instance: NDArray[np.uint32], truth: Truth, components: tuple[st
     kinds = np.array([0, *(components.index(row.component) for row in known)], np.uint16)
     at = np.minimum(np.searchsorted(ids, instance), len(ids) - 1)
     return np.where(ids[at] == instance, kinds[at], 0).astype(np.uint16)
-
-
-def _similarity_facts(alignment: Alignment) -> dict[str, Any]:
-    similarity = alignment.similarity
-    return {
-        "scale": similarity.scale,
-        "rotation": similarity.rotation.tolist(),
-        "translation": similarity.translation.tolist(),
-    }
-
-
-def _alignment_facts(alignment: Alignment, target: Target) -> dict[str, Any]:
-    note = "labels and uncertainty from truth" if target.kind == "truth" else "no truth: aligned to GPS, without labels"
-    return {
-        **_similarity_facts(alignment), "target": target.kind, "method": alignment.method, "note": note,
-        "inliers": sum(code == OK for code in alignment.status), "centre_limit": target.centre_limit,
-        "singular_values": alignment.singular_values.tolist(),
-    }  # fmt: skip
-
-
-def _camera_rows(capture: Capture, alignment: Alignment) -> tuple[dict[str, Any], ...]:
-    def known(value: float) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
-    return tuple(
-        {"name": image.name, "status": status, "center_error": known(centre), "rotation_error": known(rotation)}
-        for image, status, centre, rotation in zip(
-            capture.images, alignment.status, alignment.centre_errors, alignment.rotation_errors, strict=True
-        )
-    )
 
 
 def _write_poses(path: Path, capture: Capture, model: SparseModel, poses: NDArray[np.float64]) -> None:

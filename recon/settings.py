@@ -1,10 +1,21 @@
 """What a user may choose about the reconstruction."""
 
+from collections.abc import Mapping
 from typing import Literal
 
 from pydantic import Field
 
 from groundwork.settings import Settings
+
+Quality = Literal["low", "medium", "high", "ultra"]
+Filter = Literal["none", "mild", "moderate", "aggressive"]
+
+DOWNSCALE: Mapping[Quality, int] = {"low": 8, "medium": 4, "high": 2, "ultra": 1}
+"""Pixels of the photograph along a side of a depth map's pixel."""
+AGREEMENT: Mapping[Filter, tuple[int, float]] = {
+    "none": (2, 0.02), "mild": (2, 0.01), "moderate": (3, 0.01), "aggressive": (5, 0.005),
+}  # fmt: skip
+"""Views that must agree on a dense point, and how far their depths may differ, as a share of the depth [1]."""
 
 
 class SparseSettings(Settings):
@@ -19,9 +30,13 @@ class SparseSettings(Settings):
     neighbours: int = Field(default=20, ge=2, le=200)
     """Nearest images by GPS that an image is matched with (spatial)."""
     overlap: int = Field(default=10, ge=1, le=100)
-    """Following images that an image is matched with (sequential)."""
+    """Following images that an image is matched with, and as many 2, 4, 8 … further on (sequential)."""
     exhaustive_below: int = Field(default=40, ge=3, le=1000)
     """Up to this many images without GPS are matched exhaustively."""
+    mapper: Literal["auto", "incremental", "global"] = "auto"
+    """One image after the other, or all poses at once; auto: incremental below `global_from` images."""
+    global_from: int = Field(default=1000, ge=3, le=1_000_000)
+    """From this number of images on, `auto` maps globally."""
     use_gps_in_mapping: bool = False
     """Let the bundle adjustment pull camera centres towards their GPS positions."""
     two_view_tracks: bool = True
@@ -36,6 +51,29 @@ class SparseSettings(Settings):
     """Wall time that each stage may take per image, on top of two minutes [s]."""
     memory_limit: float = Field(default=3.0, ge=0.5, le=1024.0)
     """Resident memory that a stage may use [GB]."""
+
+
+class DenseSettings(Settings):
+    """Dense matching: how depth is measured, between which images, and the limits of its child process."""
+
+    method: Literal["auto", "sgm", "patchmatch", "colmap"] = "auto"
+    """How depth is measured; auto: COLMAP's PatchMatch where it has CUDA, else semi-global matching."""
+    sources: int = Field(default=4, ge=1, le=16)
+    """Images that each depth map is matched with."""
+    fusion_neighbours: int = Field(default=10, ge=2, le=32)
+    """Images whose depth maps each depth map is checked against."""
+    min_angle: float = Field(default=2.5, ge=0.1, le=30.0)
+    """Angle between two rays of a point below which an image is little help [deg]."""
+    max_angle: float = Field(default=20.0, ge=2.0, le=60.0)
+    """Angle between two rays of a point above which an image is little help [deg]."""
+    min_point_angle: float = Field(default=1.5, ge=0.0, le=30.0)
+    """Largest angle between the rays of a fused point below which it is dropped [deg]."""
+    threads: int = Field(default=2, ge=1, le=256)
+    """Depth maps measured at once; any number gives the same bytes."""
+    seconds_per_image: float = Field(default=60.0, ge=1.0, le=7200.0)
+    """Wall time that the dense step may take per image, on top of two minutes [s]."""
+    memory_limit: float = Field(default=2.0, ge=0.5, le=1024.0)
+    """Resident memory that the dense step may use [GB]."""
 
 
 class AlignmentSettings(Settings):
@@ -57,10 +95,17 @@ class AlignmentSettings(Settings):
 class ReconSettings(Settings):
     """From a capture to an annotated cloud."""
 
-    mode: Literal["sparse"] = "sparse"
-    """Which points: those of structure from motion."""
+    mode: Literal["sparse", "dense"] = "sparse"
+    """Which points: those of structure from motion, or one for nearly every pixel."""
+    quality: Quality = "high"
+    """Side of a depth map's pixel in pixels of the photograph: low 8, medium 4, high 2, ultra 1."""
+    filter: Filter = "moderate"
+    """Views that must agree on a dense point, and how closely: none 2 within 2 %, mild 2 within 1 %, moderate 3 within
+    1 %, aggressive 5 within 0.5 % of the depth."""
     sparse: SparseSettings = SparseSettings()
     """Structure from motion."""
+    dense: DenseSettings = DenseSettings()
+    """Dense matching."""
     alignment: AlignmentSettings = AlignmentSettings()
     """Alignment to the world."""
     max_reprojection_error: float = Field(default=2.0, gt=0.0, le=20.0)

@@ -1,93 +1,229 @@
-"""Structure from motion as seen from outside: three child processes, their progress, and the verdict on each."""
+"""Structure from motion as seen from outside: three steps in child processes, their progress, the verdict on each."""
 
+import shutil
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from groundwork.canonical import folder_digest
+from groundwork.canonical import file_digest, folder_digest
 from groundwork.child import run_child
-from groundwork.errors import RejectedSceneError
+from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
 from groundwork.progress import Progress
 from recon.colmap_model import SparseModel, read_model
 from recon.settings import ReconSettings
+from recon.steps import Step, take_step
 from render.capture import Capture
 
+NO_TEXTURE, NO_OVERLAP, NOT_IN_LARGEST = "no_texture", "no_overlap", "not_in_largest_model"
 _CHILD = "recon.sparse_child"
 _DATABASE, _MODEL = "database.db", "model"  # as the child names them; importing it would load COLMAP here
+_VERSION = 1  # raised whenever the same settings would give another model
 _SLACK = 120.0  # [s] beside the time per image
 _LOOK = 0.5  # [s] how often the database is asked how far it is
 _FEW_KEYPOINTS = 50
 _MIN_IMAGES = 3
+_BYTES_PER_KEYPOINT = 2 * 200  # in the database of features and again in that of matches: descriptor, place, matches
+_NOTHING_LEFT = 8e6  # [bytes] COLMAP has many words for a full disk, and this is one for all of them
+_DISK_SIGNS = ("disk I/O error", "database or disk is full", "No space left", "File too large")
 
 
-def run_sparse(
-    capture: Capture, work: Path, settings: ReconSettings, progress: Progress
-) -> tuple[SparseModel, dict[str, Any]]:
+@dataclass(frozen=True)
+class Sparse:
+    """What structure from motion found.
+
+    Attributes:
+        model: The largest model, in its own units.
+        folder: The same as a COLMAP model on disk.
+        recipe: Hash of everything that it depends on.
+        reasons: Reason code of every image that is not in it, by file.
+        facts: JSON figures of the steps.
+    """
+
+    model: SparseModel
+    folder: Path
+    recipe: str
+    reasons: Mapping[str, str]
+    facts: dict[str, Any]
+
+
+def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: Progress) -> Sparse:
     """Reconstruct camera poses and sparse points; never looks at the truth.
 
     Args:
         capture: Photographs.
-        work: Existing empty folder for the database and the model.
+        work: Existing work folder; steps that are finished there are taken over.
         settings: What to do.
         progress: Listener.
 
     Returns:
-        The largest model, in its own units, and JSON figures of the stages.
+        The largest model, its figures, and why each image that is not in it is not.
 
     Raises:
         InputError: An image is damaged.
+        OutOfSpaceError: The disk is full, or would be.
+        ChildError: A step ran into a limit or died.
         RejectedSceneError: `too_few_images`, `no_texture`, `no_overlap` or `no_model`.
     """
     count = len(capture.images)
     if count < _MIN_IMAGES:
         raise RejectedSceneError("too_few_images", f"{count} images: a reconstruction needs {_MIN_IMAGES} at least")
-    with _row_count(work / _DATABASE, "keypoints", progress):
-        keypoints = _run("extract", capture, work, settings, progress)
-    progress.advance(count)
+    features = _extract(capture, work, settings, progress)
+    keypoints: list[int] = features.result["keypoints"]
     if sum(number >= _FEW_KEYPOINTS for number in keypoints) < _MIN_IMAGES:
-        raise RejectedSceneError("no_texture", f"fewer than {_MIN_IMAGES} images show {_FEW_KEYPOINTS} keypoints")
-    with _row_count(work / _DATABASE, "two_view_geometries", progress):
-        matching = _run("match", capture, work, settings, progress)
-    progress.advance(matching["pairs"])
-    if matching["verified"] == 0:
-        raise RejectedSceneError("no_overlap", f"none of {matching['pairs']} image pairs shows the same thing")
-    models = _run("map", capture, work, settings, progress)
-    if not models:
-        raise RejectedSceneError("no_model", "the mapper found no pair of images to start from")
-    facts = {"keypoints": sum(keypoints), **matching, "models": models, "model_sha256": folder_digest(work / _MODEL)}
-    return read_model(work / _MODEL), facts
+        raise RejectedSceneError(
+            NO_TEXTURE, f"fewer than {_MIN_IMAGES} images show {_FEW_KEYPOINTS} keypoints. "
+            "Lower [recon.sparse] peak_threshold",
+        )  # fmt: skip
+    matches = _match(capture, features, work, settings, progress)
+    pairs: int = matches.result["pairs"]
+    if matches.result["verified"] == 0:
+        raise RejectedSceneError(NO_OVERLAP, f"none of {pairs} image pairs shows the same thing")
+    mapped = _map(capture, matches, work, settings, progress)
+    if not mapped.result["models"]:
+        raise RejectedSceneError("no_model", "the mapper found no pair of images to start from: nothing moves sideways")
+    figures = {"keypoints": sum(keypoints), "pairing": matches.result["pairing"], "pairs": pairs,
+               "verified": matches.result["verified"], "mapper": mapped.result["mapper"],
+               "models": mapped.result["models"], "model_sha256": folder_digest(mapped.folder / _MODEL)}  # fmt: skip
+    reasons = absent_reasons(capture, keypoints, matches.result["overlapping"], mapped.result["elsewhere"])
+    return Sparse(read_model(mapped.folder / _MODEL), mapped.folder / _MODEL, mapped.recipe, reasons, figures)
+
+
+def absent_reasons(
+    capture: Capture, keypoints: list[int], overlapping: list[bool], elsewhere: list[str]
+) -> dict[str, str]:  # fmt: skip
+    """Tell why images are not in the largest model, where more is known than that the mapper refused them.
+
+    Args:
+        capture: Photographs.
+        keypoints: Number of keypoints of each.
+        overlapping: Whether each is in a verified pair.
+        elsewhere: Files of those that are in another model.
+
+    Returns:
+        Reason code by file.
+    """
+    found: dict[str, str] = {}
+    others = set(elsewhere)
+    for image, number, overlaps in zip(capture.images, keypoints, overlapping, strict=True):
+        if image.file in others:
+            found[image.file] = NOT_IN_LARGEST
+        elif number < _FEW_KEYPOINTS:
+            found[image.file] = NO_TEXTURE
+        elif not overlaps:
+            found[image.file] = NO_OVERLAP
+    return found
 
 
 def write_world_model(
-    work: Path, out: Path, similarity: dict[str, Any], settings: ReconSettings, progress: Progress
+    model: Path, out: Path, similarity: dict[str, Any], settings: ReconSettings, progress: Progress
 ) -> None:
     """Write the COLMAP model in world metres.
 
     Args:
-        work: Folder that `run_sparse` filled.
+        model: Folder of the model.
         out: Folder to create.
         similarity: `scale`, `rotation` 3x3 row-major, `translation` [m].
         settings: For the limits.
         progress: Listener.
     """
-    request = {"stage": "transform", "work": str(work), "out": str(out), "seed": 0, "similarity": similarity}
-    run_child(_CHILD, request, time_limit=_SLACK, memory_limit=settings.sparse.memory_limit, progress=progress)
+    request = {"stage": "transform", "before": str(model), "folder": str(out), "seed": 0, "similarity": similarity}
+    with _plain_errors(out):
+        run_child(_CHILD, request, time_limit=_SLACK, memory_limit=settings.sparse.memory_limit, progress=progress)
 
 
-def _run(stage: str, capture: Capture, work: Path, settings: ReconSettings, progress: Progress) -> Any:
+def _extract(capture: Capture, work: Path, settings: ReconSettings, progress: Progress) -> Step:
+    sparse = settings.sparse
+    progress.stage("read images", len(capture.images))
+    hashes = [(image.file, file_digest(capture.folder / image.file)) for image in capture.images]
+    recipe = [
+        _VERSION, version("pycolmap"), hashes, capture.size, capture.prior, capture.facts.get("focal"),
+        [image.gps for image in capture.images], capture.gps_sigma, sparse.peak_threshold, sparse.max_features,
+        settings.seed,
+    ]  # fmt: skip
+
+    def make(folder: Path) -> Any:
+        _check_space(work, len(capture.images) * sparse.max_features * _BYTES_PER_KEYPOINT)
+        with _row_count(folder / _DATABASE, "keypoints", progress):
+            return _run("extract", capture, folder, folder, settings, progress)
+
+    return take_step(work, "features", recipe, make)
+
+
+def _match(capture: Capture, features: Step, work: Path, settings: ReconSettings, progress: Progress) -> Step:
+    sparse = settings.sparse
+    recipe = [features.recipe, sparse.pairing, sparse.neighbours, sparse.overlap, sparse.exhaustive_below]
+
+    def make(folder: Path) -> Any:
+        with _row_count(folder / _DATABASE, "two_view_geometries", progress):
+            found = _run("match", capture, features.folder, folder, settings, progress)
+        progress.advance(found["pairs"])
+        return found
+
+    return take_step(work, "matches", recipe, make)
+
+
+def _map(capture: Capture, matches: Step, work: Path, settings: ReconSettings, progress: Progress) -> Step:
+    sparse = settings.sparse
+    recipe = [
+        matches.recipe, sparse.mapper, sparse.global_from, sparse.two_view_tracks, sparse.min_triangulation_angle,
+        sparse.use_gps_in_mapping, sparse.deterministic or sparse.threads,
+    ]  # fmt: skip
+    return take_step(
+        work, "model", recipe, lambda folder: _run("map", capture, matches.folder, folder, settings, progress)
+    )
+
+
+def _run(
+    stage: str, capture: Capture, before: Path, folder: Path, settings: ReconSettings, progress: Progress
+) -> Any:  # fmt: skip
     sparse = settings.sparse
     threads = "1" if stage == "map" and sparse.deterministic else str(sparse.threads)
-    return run_child(
-        _CHILD,
-        {"stage": stage, "capture": str(capture.folder), "work": str(work), "settings": sparse, "seed": settings.seed},
-        time_limit=_SLACK + sparse.seconds_per_image * len(capture.images),
-        memory_limit=sparse.memory_limit,
-        progress=progress,
-        environment={"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads},
-    )
+    request = {
+        "stage": stage, "capture": str(capture.folder), "before": str(before), "folder": str(folder),
+        "settings": sparse, "seed": settings.seed,
+    }  # fmt: skip
+    with _plain_errors(folder):
+        return run_child(
+            _CHILD,
+            request,
+            time_limit=_SLACK + sparse.seconds_per_image * len(capture.images),
+            memory_limit=sparse.memory_limit,
+            progress=progress,
+            environment={"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads},
+        )
+
+
+@contextmanager
+def _plain_errors(folder: Path) -> Iterator[None]:
+    """Say in one line how to mend what stopped a child: COLMAP's own last words are a place in its source."""
+    try:
+        yield
+    except ChildError as error:
+        text = str(error)
+        full = shutil.disk_usage(folder.parent).free < _NOTHING_LEFT
+        if full or any(sign in text for sign in _DISK_SIGNS):
+            raise OutOfSpaceError(
+                f"{folder.parent}: no space left on the disk. Free some, then run the same command again"
+            ) from None
+        if "of memory" in text:
+            raise ChildError(f"{text}: [recon.sparse] memory_limit") from None
+        if "ran longer" in text:
+            raise ChildError(f"{text}: [recon.sparse] seconds_per_image; what is finished stays") from None
+        raise
+
+
+def _check_space(folder: Path, needed: int) -> None:
+    free = shutil.disk_usage(folder).free
+    if free < needed:
+        raise OutOfSpaceError(
+            f"{folder}: {free / 1e9:.1f} GB are free, structure from motion of these images may need "
+            f"{needed / 1e9:.1f} GB. Free some, then run the same command again"
+        )
 
 
 @contextmanager

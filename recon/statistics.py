@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.align import OK, UNREGISTERED, Alignment
+from recon.align import OK, REGISTERED, Alignment
 from recon.colmap_model import SparseModel
 from usd_schemas.components import UNLABELLED, ClassRow
 
@@ -30,12 +30,12 @@ def describe(
         JSON figures; None where nothing is known.
     """
     status = np.array(alignment.status)
-    valid = status == OK
+    valid, registered = status == OK, np.isin(status, REGISTERED)
     views, segment, uncertainty = columns["n_views"], columns["segment"], columns["uncertainty"]
     figures: dict[str, Any] = {
         "images": len(status),
-        "registered": int((status != UNREGISTERED).sum()),
-        "registered_share": float((status != UNREGISTERED).mean()),
+        "registered": int(registered.sum()),
+        "registered_share": float(registered.mean()),
         "valid": int(valid.sum()),
         "center_error_median": _quantile(alignment.centre_errors[valid], 0.5),
         "center_error_p95": _quantile(alignment.centre_errors[valid], 0.95),
@@ -45,7 +45,7 @@ def describe(
         "points": len(segment),
         "observations": int(views.sum()),
         "mean_track_length": _mean(views),
-        "mean_reprojection_error": _mean(columns["reprojection_error"]),
+        "mean_reprojection_error": _mean(columns["reprojection_error"][~np.isnan(columns["reprojection_error"])]),
         "camera_model": model.camera_model,
         "camera_params": list(model.camera_params),
         "points_per_class": {row.name: int((segment == row.id).sum()) for row in classes},

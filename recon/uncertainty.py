@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from recon.observations import Observations, median_per_point
 from render.capture import Truth
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -42,8 +44,18 @@ def depths(points: F64, poses: F64, observations: Observations) -> F64:
     Returns:
         Depths [m], shape (M,), float64.
     """
-    centres, forward = poses[observations.image, :3, 3], poses[observations.image, :3, 2]
-    return np.einsum("mi,mi->m", points[observations.point] - centres, forward)
+    centres, forward = np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2])
+    return _depths(points, observations.start, observations.image, centres, forward)
+
+
+@njit(cache=True, nogil=True)
+def _depths(points: F64, start: I64, image: I64, centres: F64, forward: F64) -> F64:
+    depth = np.empty(len(image))
+    for point in range(len(start) - 1):
+        for row in range(start[point], start[point + 1]):
+            from_there, along = points[point] - centres[image[row]], forward[image[row]]
+            depth[row] = from_there[0] * along[0] + from_there[1] * along[1] + from_there[2] * along[2]
+    return depth
 
 
 def measure(
@@ -67,10 +79,11 @@ def measure(
     error = np.abs(true_depth - depth)
     sky = ~np.isfinite(true_depth)
     away = np.full(len(error), np.inf)
-    for image in np.unique(observations.image[~sky]):
-        seen = (observations.image == image) & ~sky
-        surface = truth.surface_points(int(image), observations.uv[seen], true_depth[seen])
-        away[seen] = np.linalg.norm(points[observations.point[seen]] - surface, axis=1)
+    point = observations.point
+    for image, rows in observations.by_image:
+        seen = rows[~sky[rows]]
+        surface = truth.surface_points(image, observations.uv[seen], true_depth[seen])
+        away[seen] = np.linalg.norm(points[point[seen]] - surface, axis=1)
     first = observations.start[:-1]
     none = np.zeros(0)
     return error, Uncertainty(

@@ -198,9 +198,7 @@ class Truth:
         """
         if self.readout is None:
             return np.broadcast_to(self.poses[index], (len(pixels), 4, 4))
-        ends = np.array([end for _, end in self.readout.bands])
-        band = np.minimum(np.searchsorted(ends, np.floor(pixels[:, 1]), side="right"), len(ends) - 1)
-        return self.readout.poses[index, band]
+        return self.readout.poses[index, self._bands(pixels)]
 
     def surface_points(self, index: int, pixels: F64, depth: F64) -> F64:
         """Find the world points that an image shows at given pixels, as its lens bends and its shutter moves them.
@@ -216,8 +214,19 @@ class Truth:
         camera = self.camera
         bent = (np.asarray(pixels, np.float64) - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
         rays = np.column_stack([self.distortion.undistort(bent), np.ones(len(bent))]) * depth[:, None]
-        poses = self.seen_from(index, pixels)
-        return np.einsum("nij,nj->ni", poses[:, :3, :3], rays) + poses[:, :3, 3]
+        if self.readout is None:
+            return rays @ self.poses[index, :3, :3].T + self.poses[index, :3, 3]
+        world = np.empty_like(rays)
+        band = self._bands(pixels)
+        for number in np.unique(band):  # a pose for each pixel would be ten times the work
+            pose, mine = self.readout.poses[index, number], band == number
+            world[mine] = rays[mine] @ pose[:3, :3].T + pose[:3, 3]
+        return world
+
+    def _bands(self, pixels: F64) -> NDArray[np.int64]:
+        """Find the band of rows of each pixel, shape (N,)."""
+        ends = np.array([end for _, end in self.readout.bands]) if self.readout else np.zeros(1)
+        return np.minimum(np.searchsorted(ends, np.floor(pixels[:, 1]), side="right"), len(ends) - 1)
 
     def depth(self, index: int) -> F32:
         """Read planar depth [m], +inf for sky, shape (H, W), float32.

@@ -9,10 +9,14 @@ from numpy.typing import NDArray
 from render.daylight import Daylight
 from render.light_volume import LightVolume
 from render.programs import set_uniform
+from render.settings import ShadingSettings
 from render.shadows import ShadowMap
+from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
 
+CLEAR_DAY = 6000.0  # distance at which haze takes 63 % of the contrast where nobody says [m]
+LEAST_CONTRAST = 0.02  # contrast that is left at the visibility [1]
 BRIGHTEST = 16.0  # radiance that the 16-bit code of a pixel ends at
 _SHADOW_UNIT, _VOLUME_UNIT, _PANORAMA_UNIT, FIRST_FREE_UNIT = 0, 1, 4, 5
 
@@ -36,6 +40,21 @@ class Illumination:
     def features(self) -> tuple[str, ...]:
         """Name what the surface shader must be compiled with."""
         return (*(("SUN",) if self.shadow is not None else ()), *(("VOLUME",) if self.volume is not None else ()))
+
+
+def haze_distance(scene: FlatScene, settings: ShadingSettings) -> float:
+    """Find the distance at which haze takes 63 % of the contrast [m]: as the settings say, else the stage.
+
+    Source: Koschmieder, Theorie der horizontalen Sichtweite, 1924: contrast falls with exp(-3.912 distance /
+    visibility), to 2 % at the visibility.
+
+    Args:
+        scene: The scene.
+        settings: How it is drawn.
+    """
+    if settings.haze_distance is not None:
+        return settings.haze_distance
+    return scene.visibility / -np.log(LEAST_CONTRAST) if scene.visibility is not None else CLEAR_DAY
 
 
 class Lamps:

@@ -10,7 +10,7 @@ from groundwork.progress import Progress
 from render.context import Gl
 from render.daylight import read_daylight
 from render.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
-from render.illumination import Illumination
+from render.illumination import Illumination, haze_distance
 from render.light_volume import LightVolume, cast_light_volume
 from render.materials import tabulate_materials, texture_keys
 from render.passes import Painter
@@ -111,5 +111,5 @@ def prepare(
     volume = None
     if settings.quality != "fast":
         volume = cast(scene, daylight, table.means, box, settings.volume_probes, settings.volume_rays, progress)
-    light = Illumination(daylight, shadow, volume, settings.haze_distance)
+    light = Illumination(daylight, shadow, volume, haze_distance(scene, settings))
     return Prepared(gl, scene, programs, gpu, light, settings, (*scene.warnings, *warnings, *dark))

@@ -65,8 +65,11 @@ class ShadingSettings(Settings):
     texture_side: int = Field(
         default=2048, ge=64, le=8192, description="Larger textures are reduced to this side [px]."
     )
-    haze_distance: float = Field(
-        default=6000.0, gt=0, description="Distance at which haze takes 63 % of the contrast [m]."
+    haze_distance: float | None = Field(
+        default=None,
+        gt=0,
+        description="Distance at which haze takes 63 % of the contrast [m]; empty: as the stage says (its visibility / "
+        "3.912), else 6000.",
     )
     encoders: int = Field(default=2, ge=1, le=64, description="Threads that develop and encode finished frames [1].")
     workers: int = Field(

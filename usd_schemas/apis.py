@@ -19,6 +19,8 @@ from usd_schemas.taxonomies import Taxonomy
 register_schemas()
 
 COMPONENT_API = "FalseworkComponentAPI"
+ENVIRONMENT_API = "FalseworkEnvironmentAPI"
+_VISIBILITY = "falsework:environment:visibility"
 LABEL_APIS = tuple(f"SemanticsLabelsAPI:{name}" for name in (tokens.COMPONENT_TAXONOMY, tokens.CLASS_TAXONOMY))
 _TYPES = Sdf.ValueTypeNames
 _DISTORTION = ("k1", "k2", "p1", "p2")
@@ -101,6 +103,27 @@ def read_component(prim: Usd.Prim) -> ComponentFacts:
         instance_ids=tuple(int(value) for value in _get(prim, "falsework:component:instanceIds") or ()),
         parameters=json.loads(str(text)) if text else {},
     )
+
+
+def apply_environment(prim: Usd.Prim, visibility: float) -> None:
+    """Author the environment API on a prim.
+
+    Args:
+        prim: The scope that holds sun and sky.
+        visibility: Distance at which haze leaves 2 % of the contrast [m].
+    """
+    prim.ApplyAPI(ENVIRONMENT_API)
+    _set(prim, _VISIBILITY, _TYPES.Double, visibility)
+
+
+def read_visibility(prim: Usd.Prim) -> float | None:
+    """Read the visibility [m] that a prim states, None where it states none that air can have.
+
+    Args:
+        prim: Any prim; the attribute counts even where the schema itself was lost on the way.
+    """
+    value = _get(prim, _VISIBILITY) if prim else None
+    return float(value) if value is not None and float(value) > 0.0 else None
 
 
 def label_opinions(component: str, instance_id: int) -> list[Opinion]:

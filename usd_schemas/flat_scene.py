@@ -258,6 +258,7 @@ class FlatScene:
         classes: Class table in force.
         warnings: One line for each thing that could not be read as authored.
         origin: Hash of the composed stage content that was read.
+        visibility: Distance at which haze leaves 2 % of the contrast [m]; None where the stage does not say.
     """
 
     geometry: Geometry
@@ -271,6 +272,7 @@ class FlatScene:
     classes: tuple[ClassRow, ...]
     warnings: tuple[str, ...]
     origin: str
+    visibility: float | None = None
 
 
 def world_triangles(scene: FlatScene) -> tuple[F64, U32, U32]:

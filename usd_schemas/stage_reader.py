@@ -9,6 +9,8 @@ from pxr import Tf, Usd, UsdGeom, UsdUtils
 
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError, MissingError
+from usd_schemas import tokens
+from usd_schemas.apis import read_visibility
 from usd_schemas.flat_geometry import flatten, world_bounds
 from usd_schemas.flat_scene import CameraTrack, Dome, FlatScene, Material, Product
 from usd_schemas.read_cameras import framing_camera, read_cameras, read_products
@@ -103,9 +105,11 @@ def _flatten_stage(stage: Usd.Stage, warn: Warn) -> FlatScene | None:
         track, product = framing_camera(*world_bounds(flat))
         cameras, products = (track,), (product,)
     sun, dome = read_lights(stage, transform, warn)
+    visibility = read_visibility(stage.GetPrimAtPath(tokens.ENVIRONMENT))
     return FlatScene(
-        flat.geometry, flat.draws, flat.materials, sun, dome, cameras, products, flat.instances, table.rows, (), ""
-    )
+        flat.geometry, flat.draws, flat.materials, sun, dome, cameras, products, flat.instances, table.rows, (), "",
+        visibility,
+    )  # fmt: skip
 
 
 def _only(scene: FlatScene, survey: str, path: Path) -> FlatScene:

@@ -131,7 +131,7 @@ def build_city(settings: CitySettings, site: Site, rng: np.random.Generator) -> 
     pieces += [(prim, kind, role, "Quays", mesh) for prim, kind, role, mesh in quays(terrain, 1.2 * settings.town)]
     surfaces, lawns, lots = _blocks(town)
     pieces += surfaces + _buildings(town)
-    runs = window_runs(town.towers, rng) + roof_runs(town.towers, rng) + furniture(plan, terrain, rng)
+    runs = window_runs(town.towers, site.extent, rng) + roof_runs(town.towers, rng) + furniture(plan, terrain, rng)
     runs += street_trees(plan, terrain, lawns, settings.trees, rng) + traffic(
         plan, terrain, lots, settings.vehicles, rng
     )
@@ -166,9 +166,8 @@ def _paved(town: Town) -> F64:
 def _blocks(town: Town) -> tuple[list[Piece], list[Block], list[Block]]:
     """Pave the blocks; gives their pieces, and lawns and parking lots in grid coordinates."""
     plan, pieces, lawns, lots = town.plan, [], [], []
-    paint = street_paint(plan)
-    if paint is not None:
-        pieces.append(("StreetMarking", "road", "road_marking", "Streets", paint))
+    for number, paint in enumerate(street_paint(plan)):
+        pieces.append((f"StreetMarking_{number}", "road", "road_marking", "Streets", paint))
     for number, (block, use) in enumerate(zip(plan.blocks, town.uses, strict=True)):
         base = plate(plan, block)
         if base is None:

@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 Parts = tuple[tuple[str, Mesh], ...]
 
 STOREY = 3.0  # [m]
-MOST = 48  # buildings in detail
+MOST = 32  # buildings in detail
 HOME = Frame(0.0, 0.0, 0.0, 0.0)
 
 
@@ -242,13 +242,15 @@ def _openings(half: tuple[float, float], storeys: int, rng: np.random.Generator)
 def _window(shutters: bool, rng: np.random.Generator) -> tuple[Mesh, tuple[Mesh, Mesh | None]]:
     """Model a window, x to its right and y into the wall: panes, and their surround and shutters."""
     wide, tall = float(rng.uniform(0.48, 0.7)), float(rng.uniform(0.62, 0.8))
-    panes = [box(HOME, (s * 0.5 * wide, 0.02, 0.0), (0.5 * wide - 0.02, 0.05, tall)) for s in (-1.0, 1.0)]
+    panes = [box(HOME, (s * 0.5 * wide, 0.02, 0.0), (0.5 * wide - 0.02, 0.05, tall), "y") for s in (-1.0, 1.0)]
     surround = [
-        *(box(HOME, (s * (wide + 0.05), -0.02, 0.0), (0.06, 0.08, tall + 0.02)) for s in (-1.0, 1.0)),
-        box(HOME, (0.0, -0.02, tall + 0.06), (wide + 0.11, 0.08, 0.06)),
-        box(HOME, (0.0, -0.05, -tall - 0.05), (wide + 0.18, 0.13, 0.05)),
+        *(box(HOME, (s * (wide + 0.05), -0.02, 0.0), (0.06, 0.08, tall + 0.02), "yxX") for s in (-1.0, 1.0)),
+        box(HOME, (0.0, -0.02, tall + 0.06), (wide + 0.11, 0.08, 0.06), "yzZxX"),
+        box(HOME, (0.0, -0.05, -tall - 0.05), (wide + 0.18, 0.13, 0.05), "yzZxX"),
+    ]  # what lies in the wall nobody sees
+    leaves = [
+        box(HOME, (s * (1.5 * wide + 0.12), -0.03, 0.0), (0.48 * wide, 0.035, tall), "yzZxX") for s in (-1.0, 1.0)
     ]
-    leaves = [box(HOME, (s * (1.5 * wide + 0.12), -0.03, 0.0), (0.48 * wide, 0.035, tall)) for s in (-1.0, 1.0)]
     return merged(panes), (merged(surround), merged(leaves) if shutters else None)
 
 

@@ -12,7 +12,8 @@ from authoring.backgrounds.towers import GROUND_STOREY, Style, Tier, Tower
 F64 = NDArray[np.float64]
 Faces = dict[str, list[F64]]
 
-NEAR, MIDDLE = 120.0, 330.0  # distances to the site up to which facades have windows, and piers and bands [m]
+NEAR, MIDDLE = 80.0, 240.0  # distances to the site up to which facades have windows, and piers and bands [m]
+AROUND = 60.0  # how far beside the site somebody may look from [m]
 PARAPET = 1.05  # height of parapets over the roof [m]
 SHOP_SILL, SHOP_HEAD = 0.55, 3.55  # of the shops' glazing [m]
 _FOOT = -1.6  # walls go down to here [m]
@@ -93,11 +94,12 @@ def tower_faces(tower: Tower) -> Faces:
     return {role: [placed(np.concatenate(parts), tower.spot, tower.heading)] for role, parts in faces.items()}
 
 
-def openings(tower: Tower) -> Openings:
-    """Find the windows of a near building.
+def openings(tower: Tower, strip: F64) -> Openings:
+    """Find the windows of a near building, in the walls that somebody on or over the site may see.
 
     Args:
         tower: The building.
+        strip: Corners of the site in plan [m], shape (4, 2), float64.
 
     Returns:
         Its windows, those of the shops among them.
@@ -109,6 +111,8 @@ def openings(tower: Tower) -> Openings:
         if tier.levels[0] == 0.0:
             spans.append((SHOP_SILL, SHOP_HEAD, 1.0))
         for start, along, width, turn in sides_of(tier):
+            if not _faces(tower, start, along, strip):
+                continue
             count = bays(width, style)
             right = width / count * (np.arange(count) + 0.5)
             plan = start + right[:, None] * along
@@ -119,6 +123,13 @@ def openings(tower: Tower) -> Openings:
     table = np.concatenate(rows)
     places = placed(table[:, None, :3], tower.spot, tower.heading)[:, 0]
     return Openings(places, table[:, 3] + tower.heading, table[:, 4:6], table[:, 6] > 0.5)
+
+
+def _faces(tower: Tower, start: F64, along: F64, strip: F64) -> bool:
+    """Tell whether some place on the site, or somewhat beside it, lies before a wall."""
+    corner = placed(np.array([[[*start, 0.0]]]), tower.spot, tower.heading)[0, 0, :2]
+    turn = np.arctan2(along[1], along[0]) + tower.heading
+    return float(((strip - corner) @ np.array([np.sin(turn), -np.cos(turn)])).max()) > -AROUND
 
 
 def _relief(faces: Faces, tower: Tower, tier: Tier) -> None:

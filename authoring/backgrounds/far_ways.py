@@ -8,7 +8,7 @@ from authoring.component import Mesh
 from authoring.site_roads import Piece, approach_pieces, crossing_pieces, spread
 
 FAR_STEP = 8.0  # distance between cross-sections of far roads and rivers [m]
-SLEEPERS = 300.0  # distance from the site up to which a railway has sleepers [m]
+TRACK = 300.0  # distance from the site up to which a railway has rails and sleepers [m]
 
 
 def far_ways(terrain: Terrain) -> list[Piece]:
@@ -28,7 +28,7 @@ def far_ways(terrain: Terrain) -> list[Piece]:
     for number, start, stop in ((0, first, field.stations[1]), (1, last, field.stations[-2])):
         pieces += approach_pieces(land, number, spread(start, stop, FAR_STEP), hills, "_Far", terrain.height)
     return [
-        (prim, kind, role, _near_sleepers(terrain, mesh) if "Sleepers" in prim else mesh)
+        (prim, kind, role, _near_track(terrain, mesh) if "Sleepers" in prim or "Rails" in prim else mesh)
         for prim, kind, role, mesh in pieces
     ]
 
@@ -48,5 +48,5 @@ def without(mesh: Mesh, lost: NDArray[np.bool_]) -> Mesh:
                 mesh.st[kept])  # fmt: skip
 
 
-def _near_sleepers(terrain: Terrain, mesh: Mesh) -> Mesh:
-    return without(mesh, terrain.beyond(*terrain.land.layout.alignment.locate(mesh.points)) > SLEEPERS)
+def _near_track(terrain: Terrain, mesh: Mesh) -> Mesh:
+    return without(mesh, terrain.beyond(*terrain.land.layout.alignment.locate(mesh.points)) > TRACK)

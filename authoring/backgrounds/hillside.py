@@ -28,7 +28,7 @@ from groundwork.settings import Settings
 F64 = NDArray[np.float64]
 PREFIX = "Hillside"
 WIDEST = 110.0  # largest spacing of the terrain's grid lines [m]
-CLOSE = 110.0  # distance from the site within which buildings stand in detail [m]
+CLOSE = 50.0  # distance from the site within which buildings stand in detail [m]
 STREETS = (112.0, 168.0)  # distances of the streets on the lower land from the axis [m]
 PITCH = 33.0  # from a lane to the next one above [m]
 TERRACE = 6.6  # half the depth of a terrace [m]

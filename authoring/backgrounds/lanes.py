@@ -14,7 +14,7 @@ from authoring.site_ways import Line, merged, ribbon
 F64 = NDArray[np.float64]
 GroundPiece = tuple[str, str, str, str, Mesh]
 
-STEP = 5.0  # distance between cross-sections [m]
+STEP = 8.0  # distance between cross-sections [m]
 _CALM = 5  # cross-sections on either side over which a lane's height is levelled
 _WALL = 0.35  # thickness of a retaining wall [m]
 _PARAPET = 0.45  # its height over the lane [m]

@@ -17,6 +17,7 @@ PAINT = 0.025  # height of road paint over it [m]
 _STEP = 4.5  # spacing of a pavement's grid where it is cut or not level [m]
 _BURIED = 0.5  # that kerbs go into the ground [m]
 _LEVEL = 0.03  # difference in height up to which a block counts as level [m]
+_SQUARE = 130.0  # side of the squares by which paint is gathered [m]
 _MARKED = 420.0  # distance from the site within which streets are painted [m]
 
 
@@ -52,14 +53,14 @@ def plate(plan: TownPlan, block: Block, rise: float = KERB, margin: float = 0.0)
     return _skirted(inside.rows[:, :3], inside.faces)
 
 
-def street_paint(plan: TownPlan) -> Mesh | None:
+def street_paint(plan: TownPlan) -> list[Mesh]:
     """Paint lane lines and zebra crossings on the streets near the site.
 
     Args:
         plan: The town.
 
     Returns:
-        Thin raised strips, or None where there is no street.
+        Thin raised strips, square by square of the town; none where there is no street.
     """
     marks = [np.zeros((0, 4))]
     for street in plan.streets:
@@ -73,9 +74,10 @@ def street_paint(plan: TownPlan) -> Mesh | None:
     good = (land.room(flat) > 0.3) & (land.look(land.away, flat, 1e4) < _MARKED)
     height = land.ground(flat).reshape(-1, 4)
     good = good.reshape(-1, 4).all(axis=1) & (np.ptp(height, axis=1) < 0.15)
-    if not good.any():
-        return None
-    return quad_mesh(np.concatenate([corners, height[..., None] + PAINT], axis=-1)[good])
+    strips = np.concatenate([corners, height[..., None] + PAINT], axis=-1)
+    _, square = np.unique(np.floor(rows[good, :2] / _SQUARE), axis=0, return_inverse=True)
+    square = square.reshape(-1)
+    return [quad_mesh(strips[good][square == number]) for number in range(int(square.max(initial=-1)) + 1)]
 
 
 def _lane_lines(plan: TownPlan, street: Street, crossed: list[Street]) -> F64:

@@ -110,7 +110,7 @@ def green_runs(
     hedges = hedges[clear_ground(terrain, hedges[:, :2], plots, 0.9)]
     hedges = hedges[lane_room(lanes, hedges[:, 0], hedges[:, 1]) > 0.6]
     hedges = hedges[(terrain.beyond(hedges[:, 0], hedges[:, 1]) < 260.0)][:900]
-    bushes = tuple((("foliage", leaf_bush(rng, 18)),) for _ in range(3))
+    bushes = tuple((("foliage", leaf_bush(rng, leaves)),) for leaves in (18, 18, 18, 5, 5, 5))
     return runs + shrub_run(terrain, prefix, hedges, bushes, rng, first_id + len(runs))
 
 

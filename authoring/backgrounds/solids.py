@@ -9,6 +9,9 @@ from authoring.component import Mesh
 
 F64 = NDArray[np.float64]
 
+_SIDES = {"z": [0, 2, 3, 1], "Z": [4, 5, 7, 6], "y": [0, 1, 5, 4], "Y": [2, 6, 7, 3], "x": [0, 4, 6, 2],
+          "X": [1, 3, 7, 5]}  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -37,20 +40,22 @@ class Frame:
         return self.turned(points) + np.array([self.station, self.left, self.height])
 
 
-def box(frame: Frame, centre: tuple[float, float, float], half: tuple[float, float, float]) -> Mesh:
+def box(
+    frame: Frame, centre: tuple[float, float, float], half: tuple[float, float, float], sides: str = "zZyYxX"
+) -> Mesh:
     """Make a box.
 
     Args:
         frame: Local frame.
         centre: Its middle [m].
         half: Half its sizes [m].
+        sides: Sides wanted: small letters face down the axis, capitals up it.
 
     Returns:
-        A closed mesh.
+        The mesh, closed where it has all sides.
     """
     signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
-    faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-    return solid(frame, np.asarray(centre) + signs * np.asarray(half), faces)
+    return solid(frame, np.asarray(centre) + signs * np.asarray(half), [_SIDES[side] for side in sides])
 
 
 def gabled_walls(frame: Frame, half: tuple[float, float], levels: tuple[float, float, float]) -> Mesh:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.kerbs import Spots, beside_approaches, joined, kerbside, scatter
 from authoring.backgrounds.river_quays import START, has_quays, quay_line
-from authoring.backgrounds.street_models import PANEL, fence_panel, lamp, signs, traffic_light
+from authoring.backgrounds.street_models import PANEL, fence_panels, lamp, signs, traffic_light
 from authoring.backgrounds.streets import KERB_GAP, TownPlan
 from authoring.backgrounds.terrain import Terrain
 from authoring.component import Scatter
@@ -13,6 +13,7 @@ from authoring.site_covers import to_world
 
 F64 = NDArray[np.float64]
 
+_DETAILED = 35.0  # distance to the site up to which railings are modelled in detail [m]
 _FURNISHED = 260.0  # distance to the site up to which streets are furnished [m]
 
 
@@ -45,7 +46,7 @@ def furniture(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> lis
         *scatter("Lamps", "lamp_post", "Furniture", (lamp(),), 0, joined(lamps)),
         *scatter("TrafficLights", "traffic_sign", "Furniture", (traffic_light(),), 0, lights),
         *scatter("Signs", "traffic_sign", "Furniture", signs(), kinds, turned),
-        *scatter("Railings", "fence", "Furniture", (fence_panel(),), 0, joined(rails)),
+        *scatter("Railings", "fence", "Furniture", fence_panels(), _plain(plan, joined(rails)), joined(rails)),
     ]
 
 
@@ -65,6 +66,11 @@ def _panels(places: F64) -> Spots:
     """Turn each fence panel towards the next post."""
     step = np.diff(places[:, :2], axis=0)
     return Spots(places[:-1], np.arctan2(step[:, 1], step[:, 0]))
+
+
+def _plain(plan: TownPlan, spots: Spots) -> F64:
+    """Tell which panels are so far away that a plain one is as good: 0 or 1, shape (N,), float64."""
+    return (plan.land.look(plan.land.away, spots.places[:, :2], 1e4) > _DETAILED).astype(np.float64)
 
 
 def _facing(places: F64) -> Spots:

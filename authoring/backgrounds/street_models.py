@@ -19,9 +19,9 @@ def window_models() -> tuple[Model, ...]:
     """Model windows one metre wide and high about their middle, x to the right and y into the wall.
 
     They are stretched into their place. Returns four for each kind of facade: sash, ribbon, curtain wall, shop;
-    the four differ in how far their blinds are down.
+    the four differ in how far their blinds are down. Then as many plain ones, without a frame.
     """
-    models = []
+    models, plain = [], []
     for frame, bars, role, blinds, cloth in (
         (0.045, ((0.0, 0.5),), "painted_metal", (0.0, 0.0, 0.35, 0.7), "plaster"),
         (0.02, ((-0.17, 1.0), (0.17, 1.0)), "painted_metal", (0.0, 0.0, 0.25, 0.6), "metal_silver"),
@@ -29,7 +29,8 @@ def window_models() -> tuple[Model, ...]:
         (0.025, ((-0.2, 1.0), (0.2, 1.0)), "metal_panel", (0.0, 0.0, 0.0, 0.0), "plaster"),
     ):
         models += [_window(frame, bars, role, (blind, cloth)) for blind in blinds]
-    return tuple(models)
+        plain += [_window(0.0, tuple((at, 1.0) for at, _ in bars), role, (blind, cloth)) for blind in blinds]
+    return (*models, *plain)
 
 
 def shop_fronts() -> tuple[Model, ...]:
@@ -86,15 +87,19 @@ def signs() -> tuple[Model, ...]:
     return tuple(models)
 
 
-def fence_panel() -> Model:
-    """Model a panel of a railing along x from its first post: top and bottom rail, pickets."""
-    rails = boxes([[0.0, -0.03, 1.0], [0.0, -0.025, 0.14]], [[PANEL, 0.03, 1.07], [PANEL, 0.025, 0.19]])
+def fence_panels() -> tuple[Model, Model]:
+    """Model a panel of a railing along x from its first post, in detail and plain: top and bottom rail, pickets."""
+    return _fence_panel("xXyYzZ", "xXyY"), _fence_panel("yYZ", "yY")
+
+
+def _fence_panel(all_round: str, upright: str) -> Model:
+    rails = boxes([[0.0, -0.03, 1.0], [0.0, -0.025, 0.14]], [[PANEL, 0.03, 1.07], [PANEL, 0.025, 0.19]], all_round)
     at = np.arange(1, 10) * PANEL / 10
     pickets = boxes(
         np.column_stack([at - 0.012, np.full(9, -0.012), np.full(9, 0.19)]),
-        np.column_stack([at + 0.012, np.full(9, 0.012), np.full(9, 1.0)]), "xXyY",
+        np.column_stack([at + 0.012, np.full(9, 0.012), np.full(9, 1.0)]), upright,
     )  # fmt: skip
-    post = boxes([-0.04, -0.04, -0.3], [0.04, 0.04, 1.12])
+    post = boxes([-0.04, -0.04, -0.3], [0.04, 0.04, 1.12], upright + "Z")
     return (("galvanised_steel", quad_mesh(np.concatenate([rails, pickets, post]))),)
 
 
@@ -125,11 +130,13 @@ def _window(frame: float, bars: tuple[tuple[float, float], ...], role: str, blin
     glass = np.array([[[-0.5, -0.02, -0.5], [0.5, -0.02, -0.5], [0.5, -0.02, 0.5], [-0.5, -0.02, 0.5]]])
     edges = [
         ([-0.5, -0.09, -0.5], [-0.5 + frame, -0.02, 0.5]), ([0.5 - frame, -0.09, -0.5], [0.5, -0.02, 0.5]),
-        ([-0.5, -0.09, 0.5 - frame], [0.5, -0.02, 0.5]), ([-0.5, -0.13, -0.5], [0.5, -0.02, -0.5 + frame]),
+        ([-0.5, -0.09, 0.5 - frame], [0.5, -0.02, 0.5]), ([-0.5, -0.13, -0.5], [0.5, -0.02, -0.5 + max(frame, 0.03)]),
     ]  # fmt: skip
-    parts = [boxes(low, high, sides) for (low, high), sides in zip(edges, ("y", "y", "y", "Zy"), strict=True)]
+    parts = [boxes(*edges[3], "y")]
+    if frame > 0.0:
+        parts = [boxes(low, high, sides) for (low, high), sides in zip(edges, ("y", "y", "y", "Zy"), strict=True)]
     for at, width in bars:
-        half = 0.4 * frame
+        half = 0.4 * frame if frame > 0.0 else 0.012
         parts.append(boxes([at - half, -0.07, -0.5], [at + half, -0.02, 0.5], "y"))
         if width < 1.0:
             parts.append(boxes([-0.5, -0.06, -half], [0.5, -0.02, half], "y"))

@@ -7,7 +7,7 @@ from authoring.backgrounds.kerbs import Spots, beside_approaches, joined, kerbsi
 from authoring.backgrounds.pavements import KERB
 from authoring.backgrounds.streets import KERB_GAP, STRIP, Block, TownPlan
 from authoring.backgrounds.terrain import Terrain
-from authoring.backgrounds.vegetation import species
+from authoring.backgrounds.vegetation import graded, species
 from authoring.component import Scatter
 from authoring.site_covers import to_world
 
@@ -63,7 +63,10 @@ def street_trees(
         if name == "FarTrees":
             places = np.concatenate([places, far.places])
             scale = np.concatenate([scale, rng.uniform(0.8, 1.3, len(far.yaw))])
-            which = np.concatenate([which, rng.choice((0, 0, 1, 3), len(far.yaw))])
+            which = graded(
+                np.concatenate([which, rng.choice((0, 0, 1, 3), len(far.yaw))]).astype(np.int32),
+                np.concatenate([away[chosen], np.full(len(far.yaw), np.inf)]),
+            )
         if len(places):
             yaw, sizes = (
                 rng.uniform(0.0, 2 * np.pi, len(places)),

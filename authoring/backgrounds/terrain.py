@@ -1,10 +1,11 @@
 """Terrain beyond the site: the strip's own grid lines go on outwards, so that both share every vertex of the joint."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.backgrounds.terrain_lines import Demands, Middle, outer_triangles, settled, thin_out
 from authoring.site import Site
 from authoring.site_covers import COVERS, Cover, Soup, soup_of
 from authoring.site_extent import Box
@@ -19,6 +20,8 @@ INVERSIONS = 8  # rounds that find the grid coordinates of a place; each shrinks
 APRON = 16_000.0  # plain margin beyond the land that ways and fields reach: over its end even 100 m up is horizon [m]
 FIRST_TILE, TILE_GROWTH = 130.0, 1.3  # size of the atlas tiles beside the site [m], and their growth outwards [1]
 FADE = 400.0  # distance over which the bends of the grid lines fade out [m]
+SLACK = (0.015, 0.0012, 2.0)  # by how much the mesh may miss the land: beside the site [m], its growth [1], most [m]
+WAY_SLACK, BESIDE = 0.03, 9.0  # the same beside roads and water, and how far that reaches [m]
 Cell = tuple[float, float, float, float]
 
 
@@ -31,6 +34,7 @@ class Terrain:
         hills: Height of the land at large.
         field: Heights over grid coordinates; in its middle lies the site.
         inner: Lowest and highest station, lowest and highest left of the site [m].
+        kept: Whether each node is part of the mesh, shape (S, L), bool: outwards more and more lines end.
         keep_out: Volumes that stay empty; they stand round the site where its axis bends.
     """
 
@@ -38,7 +42,14 @@ class Terrain:
     hills: Hills
     field: HeightField
     inner: Cell
+    kept: NDArray[np.bool_]
     keep_out: tuple[Box, ...] = ()
+
+    def with_heights(self, heights: F64) -> "Terrain":
+        """Give the same terrain other heights at its nodes [m], shape (S, L), float64."""
+        field = self.field
+        level = settled(heights, field, _middle(field, self.inner), self.kept)
+        return replace(self, field=HeightField(field.stations, field.lefts, level))
 
     def height(self, station: F64, left: F64) -> F64:
         """Find ground heights: exact on the site and along river and roads, to a few centimetres elsewhere.
@@ -84,11 +95,8 @@ class Terrain:
         shape = self.land.shape(station, left, self.hills)
         shape.covers["patch"] = shape.covers["patch"] - 0.2 * self.beyond(station, left)  # too small for far cells
         shape.covers.update({cover.name: values for cover, values in (*over, *extra)})
-        first, last, low, high = self.inner
-        columns, rows = self.field.stations[:-1], self.field.lefts[:-1]
-        outside = ((columns < first) | (columns >= last))[:, None] | ((rows < low) | (rows >= high))[None, :]
         covers = (*(cover for cover, _ in over), *COVERS[:-1], *(cover for cover, _ in extra), COVERS[-1])
-        outer = faces[np.repeat(outside.reshape(-1), 2)]
+        outer = outer_triangles(_middle(self.field, self.inner), self.kept)
         return soup_of(nodes, normals, outer, shape, covers, self.land.layout.alignment)
 
     def atlas(self, soup: Soup) -> F64:
@@ -148,7 +156,9 @@ def grow_terrain(site: Site, hills: Hills, reach: float, widest: float = WIDEST_
     heights = np.round(site.land.shape(station, left, hills).height, 4)
     column, row = np.searchsorted(stations, inner[0]), np.searchsorted(lefts, inner[2])
     heights[column : column + len(own.stations), row : row + len(own.lefts)] = own.heights
-    return Terrain(site.land, hills, HeightField(stations, lefts, heights), inner, site.keep_out)
+    field = HeightField(stations, lefts, heights)
+    kept = _coarser(site.land, hills, field, inner)
+    return Terrain(site.land, hills, field, inner, kept, site.keep_out).with_heights(heights)
 
 
 def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generator) -> Hills:
@@ -206,6 +216,30 @@ def _outward(line: F64, reach: float, widest: float) -> F64:
     steps = np.concatenate([[0.0], growing_steps(reach - FIRST_STEP, FIRST_STEP, widest, 1.19)]) + FIRST_STEP
     steps = np.append(steps, steps[-1] + APRON)
     return np.concatenate([line[0] - steps[::-1], line, line[-1] + steps])
+
+
+def _middle(field: HeightField, inner: Cell) -> Middle:
+    first, last = (int(row) for row in np.searchsorted(field.stations, inner[:2]))
+    low, high = (int(row) for row in np.searchsorted(field.lefts, inner[2:]))
+    return Middle((first, last), (low, high))
+
+
+def _coarser(land: Land, hills: Hills, field: HeightField, inner: Cell) -> NDArray[np.bool_]:
+    """Choose the nodes of the mesh, shape (S, L), bool: beside roads and water every step of the ground stays."""
+    station, left = _bent_nodes(land, inner, field.stations, field.lefts)
+    away = distance_beyond(inner, station, left)
+    slack = np.minimum(SLACK[0] + SLACK[1] * away, SLACK[2])
+    beside = land.crossing.distance(station, left) - land.crossing.half_width
+    for approach in land.approaches:
+        aside = np.abs(left - approach.centre(station)) - approach.half_width
+        beside = np.minimum(beside, np.where(approach.along(station) > 0.0, aside, np.inf))
+    slack = np.where(beside < BESIDE, np.minimum(slack, WAY_SLACK), slack)
+    covers = land.shape(station, left, hills).covers
+    borders = tuple(values for name, values in covers.items() if name != "patch")
+    tiles = (_tile_borders(field.stations, *inner[:2]), _tile_borders(field.lefts, *inner[2:]))
+    wanted = (np.searchsorted(field.stations, tiles[0]), np.searchsorted(field.lefts, tiles[1]))
+    demands = Demands(field.heights, slack, borders, 0.10 + 0.004 * away)
+    return thin_out(field, _middle(field, inner), demands, wanted)
 
 
 def _tile_borders(lines: F64, low: float, high: float) -> F64:

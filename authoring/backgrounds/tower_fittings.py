@@ -11,6 +11,7 @@ from authoring.component import Scatter
 
 F64 = NDArray[np.float64]
 
+_FRAMED = 30.0  # distance to the site up to which windows have frames [m]
 WINDOWS = 14_000  # most windows
 _BLINDS = 4  # models of each kind of window
 _SHOP = 3  # kind of window of shops
@@ -19,18 +20,19 @@ _SMALL = 9.0  # narrowest roof that carries plant [m]
 _HIGH = 90.0  # height of buildings that carry masts [m]
 
 
-def window_runs(towers: tuple[Tower, ...], rng: np.random.Generator) -> list[Scatter]:
+def window_runs(towers: tuple[Tower, ...], strip: F64, rng: np.random.Generator) -> list[Scatter]:
     """Set windows into the facades near the site, the nearest first, and signs over the shops.
 
     Args:
         towers: Buildings.
+        strip: Corners of the site in plan [m], shape (4, 2), float64.
         rng: Random stream.
 
     Returns:
         A run of windows and one of name boards and awnings; none where no building is near.
     """
     near = sorted((tower for tower in towers if tower.away < NEAR), key=lambda tower: tower.away)
-    found = [openings(tower) for tower in near]
+    found = [openings(tower, strip) for tower in near]
     if not found:
         return []
     count = np.array([len(part.yaw) for part in found])
@@ -39,9 +41,11 @@ def window_runs(towers: tuple[Tower, ...], rng: np.random.Generator) -> list[Sca
     places, yaw = np.concatenate([part.places for part in found]), np.concatenate([part.yaw for part in found])
     sizes = np.concatenate([part.sizes for part in found])
     blinds = np.where(shop, 0, rng.integers(0, _BLINDS, len(yaw)))
-    which = (_BLINDS * kinds + blinds)[:WINDOWS].astype(np.int32)
+    plain = np.repeat([tower.away for tower in near], count) > _FRAMED
+    models = window_models()
+    which = (_BLINDS * kinds + blinds + plain * (len(models) // 2))[:WINDOWS].astype(np.int32)
     scales = np.column_stack([sizes[:, 0], np.ones(len(sizes)), sizes[:, 1]])[:WINDOWS]
-    windows = Scatter("City_Windows", "window", "Buildings", window_models(), which, places[:WINDOWS], yaw[:WINDOWS],
+    windows = Scatter("City_Windows", "window", "Buildings", models, which, places[:WINDOWS], yaw[:WINDOWS],
                       scales, (0,))  # fmt: skip
     out = np.repeat([tower.style.pier[1] + _FASCIA for tower in near], count)
     signed = shop & (rng.uniform(size=len(shop)) < 0.45)

@@ -13,7 +13,9 @@ from authoring.site_ways import merged
 
 F64 = NDArray[np.float64]
 Tree = tuple[tuple[str, Mesh], ...]
-NEAR = 190.0  # distance from the site's middle up to which trees are modelled in detail [m]
+NEAR = 165.0  # distance from the site's middle up to which trees are modelled in detail [m]
+DISTANT = 150.0  # distance from the site from which trees are the simplest [m]
+SPECIES = 4
 SUNK = 0.25  # trunks go on below the ground [m]
 
 
@@ -71,18 +73,32 @@ def conifer(rng: np.random.Generator, height: float, width: float, tiers: int, s
 
 
 def species(rng: np.random.Generator) -> tuple[tuple[Tree, ...], tuple[Tree, ...]]:
-    """Model every species, in detail and plain: oak, lime, poplar and spruce in this order.
+    """Model every species, in detail, and plain as well as for the distance: oak, lime, poplar, spruce in this order.
 
     Args:
         rng: Random stream.
 
     Returns:
-        Detailed and plain trees, species by species.
+        Detailed trees, species by species; plain ones likewise, then those for the distance.
     """
     shapes = ((11.0, 10.5), (13.0, 8.5), (17.0, 4.8))
     detailed = [broadleaf(rng, *shape, 38) for shape in shapes]
-    plain = [broadleaf(rng, *shape, 13) for shape in shapes]
-    return (*detailed, conifer(rng, 15.0, 6.2, 8, 8)), (*plain, conifer(rng, 15.0, 6.2, 5, 5))
+    plain = [*(broadleaf(rng, *shape, 13) for shape in shapes), conifer(rng, 15.0, 6.2, 5, 5)]
+    distant = [*(broadleaf(rng, *shape, 5) for shape in shapes), conifer(rng, 15.0, 6.2, 3, 4)]
+    return (*detailed, conifer(rng, 15.0, 6.2, 8, 8)), (*plain, *distant)
+
+
+def graded(which: NDArray[np.int32], away: F64) -> NDArray[np.int32]:
+    """Let plain trees far away be those for the distance.
+
+    Args:
+        which: Number of the species of each plain tree, shape (N,), int32.
+        away: Distance to the site [m], shape (N,), float64.
+
+    Returns:
+        Number of the tree among the plain ones and those for the distance, shape (N,), int32.
+    """
+    return np.where(away > DISTANT, which + SPECIES, which).astype(np.int32)
 
 
 def plant_trees(
@@ -110,11 +126,13 @@ def plant_trees(
     positions = to_world(terrain.land.layout.alignment, np.column_stack([places[:, :2], height]))
     scale = rng.uniform(0.62, 1.18, len(places))[:, None] * rng.uniform(0.93, 1.07, (len(places), 3))
     yaw = rng.uniform(0.0, 2 * np.pi, len(places))
-    near = terrain.beyond(places[:, 0], places[:, 1]) < NEAR - 80.0
+    away = terrain.beyond(places[:, 0], places[:, 1])
+    near = away < NEAR - 80.0
     runs = []
     for name, chosen, prototypes in zip(("NearTrees", "FarTrees"), (near, ~near), species(rng), strict=True):
         if chosen.any():
             which, ids = places[chosen, 2].astype(np.int32), (first_id + len(runs),)
+            which = which if name == "NearTrees" else graded(which, away[chosen])
             place = (positions[chosen], yaw[chosen], scale[chosen])
             runs.append(Scatter(f"Countryside_{name}", "tree", "Plants", prototypes, which, *place, ids))
     return tuple(runs)

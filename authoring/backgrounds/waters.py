@@ -10,7 +10,6 @@ from authoring.backgrounds.far_ways import far_ways, without
 from authoring.backgrounds.terrain import Terrain
 from authoring.component import Mesh
 from authoring.site_covers import Cover, Soup, chunked, covered, drape
-from authoring.site_grid import HeightField
 from authoring.site_relief import smoothstep
 from authoring.site_roads import Piece
 from authoring.site_shape import SHOULDER, Hills, Land
@@ -123,7 +122,7 @@ def level_shore(terrain: Terrain, basin: Basin) -> Terrain:
     near = (np.abs(heights - basin.level) < SNAP) & (terrain.beyond(station, left) > 1.0)
     low = (heights < basin.level) & (basin.inside(station, left) <= 0.0) & ~_channel(terrain.land, station, left)
     heights[near | (low & (terrain.beyond(station, left) > 1.0))] = basin.level
-    return replace(terrain, field=HeightField(terrain.field.stations, terrain.field.lefts, heights))
+    return terrain.with_heights(heights)
 
 
 def _channel(land: Land, station: F64, left: F64) -> NDArray[np.bool_]:

@@ -17,8 +17,9 @@ F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
 
 OAK, LIME, SPRUCE, CYPRESS, PALM = range(5)  # species
-CLOSE, MIDDLE = 95.0, 330.0  # distances from the site up to which trees are detailed, and plain [m]
-MOST = 120, 1100  # trees in detail, and in detail or plain
+CLOSE, MIDDLE = 75.0, 210.0  # distances from the site up to which trees are detailed, and plain [m]
+FULL = 45.0  # distance from the site up to which shrubs are detailed [m]
+MOST = 110, 640  # trees in detail, and in detail or plain
 _SHAPES = ((11.0, 10.0), (13.5, 8.5), (16.0, 6.2))  # height and width of oak, lime and spruce [m]
 
 
@@ -113,7 +114,7 @@ def shrub_run(
         terrain: The terrain.
         prefix: Put before the name of the run.
         places: Station, left and size of each, shape (N, 3), float64.
-        shapes: What they look like.
+        shapes: What they look like, in detail and then as many plain ones.
         rng: Random stream.
         first_id: Instance id of the run.
 
@@ -125,7 +126,9 @@ def shrub_run(
     height = terrain.height(places[:, 0], places[:, 1]) - 0.08
     positions = to_world(terrain.land.layout.alignment, np.column_stack([places[:, :2], height]))
     scale = places[:, 2:] * rng.uniform(0.85, 1.15, (len(places), 3))
-    which = rng.integers(0, len(shapes), len(places)).astype(np.int32)
+    which = rng.integers(0, len(shapes) // 2, len(places)).astype(np.int32)
+    far = terrain.beyond(places[:, 0], places[:, 1]) > FULL
+    which = np.where(far, which + len(shapes) // 2, which).astype(np.int32)
     yaw = rng.uniform(0.0, 2 * np.pi, len(places))
     return [Scatter(f"{prefix}_Shrubs", "shrub", "Plants", shapes, which, positions, yaw, scale, (first_id,))]
 

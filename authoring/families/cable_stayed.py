@@ -4,14 +4,20 @@ Source: side span about 0.40 of the main span by Jorquera 2016; pylon heights, p
 common practice, as listed in Shi, Kim, Narazaki; profile `paper` by the public Random Bridge Generator.
 """
 
-from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from authoring.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
-from authoring.families.stayed_choices import CableStayedSettings, Choice, choose, stretched, with_median
+from authoring.families.stayed_choices import (
+    CableStayedSettings,
+    Choice,
+    choose,
+    draw_lots,
+    stretched,
+    with_median,
+)
 from authoring.families.stayed_elevation import FLATTEST, Frame, NoRoomForStays, fit, frame_of, leg_size
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
@@ -99,13 +105,12 @@ def draw_cable_stayed(
     top = draw_deck_top(shared, draws)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
-    again = deepcopy(draws)
-    choice = choose(settings, top, draws)
-    open_shape = settings.shape is None and settings.planes != 1 and choice.shape != "h"
-    upright = choose(settings.model_copy(update={"shape": "h"}), top, again) if open_shape else None
+    lots = draw_lots(settings, draws)
     values = {key: draw(settings, key, draws) for key in _DRAWN}
     values["share"] = draws.random()
-    choice, top, deck, pylon, stays, strip = _fitted(settings, (choice, upright), top, values, bearings, draws.profile)
+    make = _Make(settings, values, bearings, draws.profile)
+    choice = choose(settings, top, lots, lambda kind: _fits(make, kind, top))
+    choice, top, deck, pylon, stays, strip = _fitted(make, choice, top)
     levels = _levels(top, deck, bearings)
     supports = tuple(sorted((*choice.supports, *_pier_stations(settings, choice, draws))))
     spans = Spans(supports, values["overhang"], values["gap"], continuous=True, one_row=True)
@@ -131,34 +136,63 @@ def _pier_stations(settings: CableStayedSettings, choice: Choice, draws: Draws) 
     return tuple(round(float(s), 3) for s in (*steps, *far))
 
 
-def _fitted(
-    settings: CableStayedSettings, choices: tuple[Choice, Choice | None], top: DeckTop, values: dict[str, float],
-    bearings: Bearings, profile: str,
-) -> tuple[Choice, DeckTop, CableDeck, Pylon, Stays, float]:  # fmt: skip
-    """Fit pylon, stays and deck: where a drawn span is too short for an asked shape it grows, else an H stands in."""
-    choice, upright = choices
+@dataclass(frozen=True)
+class _Make:
+    """What a bridge is fitted from, whatever its kind.
+
+    Attributes:
+        settings: What the user fixed.
+        values: Numbers that were drawn.
+        bearings: Pads and plinths.
+        profile: `default` or `paper`.
+    """
+
+    settings: CableStayedSettings
+    values: dict[str, float]
+    bearings: Bearings
+    profile: str
+
+
+Fitted = tuple[Choice, DeckTop, CableDeck, Pylon, Stays, float]
+
+
+def _fits(make: _Make, choice: Choice, top: DeckTop) -> bool:
+    try:
+        return _try(make, choice, top) is not None
+    except NoRoomForStays:
+        return False
+
+
+def _try(make: _Make, choice: Choice, top: DeckTop) -> Fitted | None:
+    """Fit pylon, stays and deck of one kind and length; None where legs or stays do not clear the traffic."""
+    values, chamfered = make.values, make.profile != "paper"
+    way = with_median(top, _median(choice, values)) if choice.planes == 1 else top
+    # The strips grow later: what the deck spans across is the road.
+    depth = max(choice.main / values["slenderness"], _LEAST_DEPTH[choice.deck], way.width / 15.0)
+    deck = _deck(choice, way.width, depth, values, chamfered)
+    found = _elevation(make.settings, choice, way, values, _levels(way, deck, make.bearings))
+    if found is None:
+        return None
+    pylon, stays, strip = found
+    deck = _deck(choice, way.width + 2.0 * strip, depth, values, chamfered, stays.plane)
+    return choice, way, deck, pylon, stays, strip
+
+
+def _fitted(make: _Make, choice: Choice, top: DeckTop) -> Fitted:
+    """Fit pylon, stays and deck; a drawn span that is too short for them grows."""
     longer = choice
     for _ in range(_GROWTHS):
-        way = with_median(top, _median(longer, values)) if longer.planes == 1 else top
-        # The strips grow later: what the deck spans across is the road.
-        depth = max(longer.main / values["slenderness"], _LEAST_DEPTH[longer.deck], way.width / 15.0)
-        deck = _deck(longer, way.width, depth, values, profile != "paper")
         try:
-            found = _elevation(settings, longer, way, values, _levels(way, deck, bearings))
+            found = _try(make, longer, top)
         except NoRoomForStays:
-            if settings.main is not None:
+            if make.settings.main is not None:
                 raise
             found = None
-        if found is not None and (settings.main is None or longer is choice):
-            pylon, stays, strip = found
-            deck = _deck(longer, way.width + 2.0 * strip, depth, values, deck.chamfered, stays.plane)
-            return longer, way, deck, pylon, stays, strip
+        if found is not None and (make.settings.main is None or longer is choice):
+            return found
         if found is not None:
             break
-        if upright is not None and longer.shape != "h":
-            longer = choice = upright
-        else:
-            longer = stretched(longer, _GROWTH)
+        longer = stretched(longer, _GROWTH)
     raise InputError(
         f"leaves no clear gauge beside {choice.shape} pylons", field="bridge.cable_stayed.main", value=choice.main,
         allowed=f"at least {longer.main:g} m here",

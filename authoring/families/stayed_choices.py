@@ -1,5 +1,6 @@
 """What a cable-stayed bridge may be: its settings, and the draw of its kind and its spans."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, NoReturn
 
@@ -7,7 +8,7 @@ from pydantic import Field
 
 from authoring.parts.box_decks import DeckKind
 from authoring.parts.deck_top import DeckTop
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, at_share, draw, drawn
 from authoring.parts.pylons import PylonShape
 from authoring.parts.stays import Arrangement
 from groundwork.errors import InputError
@@ -136,55 +137,109 @@ class Choice:
         return (0.0, self.side, round(self.side + self.main, 3), total)[: 2 + self.pylons]
 
 
-def choose(settings: CableStayedSettings, top: DeckTop, draws: Draws) -> Choice:
-    """Draw the kind of the bridge and its spans.
+@dataclass(frozen=True)
+class Lots:
+    """What chance says of the kind of a bridge, before it is known what goes together.
+
+    Attributes:
+        size: Share of the sizes [1].
+        pylons: Share of their number [1].
+        shape: Share of the shapes [1].
+        arrangement: Share of the arrangements [1].
+        planes: Share of the number of planes [1].
+        deck: Share of the kinds of deck [1].
+        ratios: Side span over main span [1] with two pylons and with one.
+        main: Share of the main spans [1].
+        pitch: Share of the pitches [1].
+        diameter: Share of the diameters [1].
+        profile: `default` or `paper`.
+    """
+
+    size: float
+    pylons: float
+    shape: float
+    arrangement: float
+    planes: float
+    deck: float
+    ratios: tuple[float, float]
+    main: float
+    pitch: float
+    diameter: float
+    profile: str
+
+
+def draw_lots(settings: CableStayedSettings, draws: Draws) -> Lots:
+    """Draw all that the kind of a bridge depends on.
+
+    Args:
+        settings: What the user fixed.
+        draws: Random stream and profile of the bridge.
+    """
+    size, pylons, shape, arrangement, planes, deck = (draws.random() for _ in range(6))
+    ratios = draw(settings, "side_ratio", draws), draw(settings, "back_ratio", draws)
+    main = 0.5 * (draws.random() + draws.random())
+    pitch, diameter = draws.random(), draws.random()
+    return Lots(size, pylons, shape, arrangement, planes, deck, ratios, main, pitch, diameter, draws.profile)
+
+
+def choose(settings: CableStayedSettings, top: DeckTop, lots: Lots, fits: Callable[[Choice], bool]) -> Choice:
+    """Choose the kind of the bridge and its spans.
+
+    The shape is settled first: an H takes the place of a drawn one whose legs do not fit. Whether they do is judged of
+    the bridge as chance has it as well as of what was asked for, so that asking for what was drawn changes nothing.
 
     Args:
         settings: What the user fixed.
         top: What lies on the deck.
-        draws: Random stream and profile of the bridge.
+        lots: What was drawn.
+        fits: Tells whether legs and stays of such a bridge clear the traffic.
     """
-    paper = draws.profile == "paper"
-    word = "compact" if draws.random() < (2.0 if paper else 0.7) else "realistic"
-    number = 1 if draws.random() < 0.4 else 2
-    size, pylons = settings.size or word, settings.pylons or number
-    shape = draws.choose(_SHAPES)
     divided = top.roadway is not None and top.roadway.lanes % 2 == 0
-    if shape == "mast" and not divided:
-        shape = "h"
-    if settings.arrangement == "harp" and shape in _LEANING:
+    if settings.shape is not None:
+        return _choice(settings, settings.shape, lots, divided)
+    shape = at_share(_SHAPES, lots.shape)
+    two_planes = settings.planes == 2 or settings.deck in (set(_DECKS[2]) - set(_DECKS[1]))
+    if (two_planes or not divided) if shape == "mast" else (shape in _LEANING and settings.arrangement == "harp"):
         shape = "h"  # what is drawn yields to what was asked for
-    shape = settings.shape or shape
-    word = draws.choose(_ARRANGEMENTS[shape])
-    arrangement = settings.arrangement or word
-    single = draws.random() < 0.3 and shape == "diamond" and divided
+    if shape == "h" or settings.planes == 1:
+        return _choice(settings, shape, lots, divided)
+    open_settings = settings.model_copy(update={"arrangement": None, "planes": None, "deck": None})
+    as_drawn = _choice(open_settings, shape, lots, divided)
+    if not fits(as_drawn):
+        return _choice(settings, "h", lots, divided)
+    choice = _choice(settings, shape, lots, divided)
+    return choice if choice == as_drawn or fits(choice) else _choice(settings, "h", lots, divided)
+
+
+def _choice(settings: CableStayedSettings, shape: str, lots: Lots, divided: bool) -> Choice:
+    """Put a bridge together that has one shape."""
+    paper = lots.profile == "paper"
+    size = settings.size or ("compact" if lots.size < (2.0 if paper else 0.7) else "realistic")
+    pylons = settings.pylons or (1 if lots.pylons < 0.4 else 2)
+    arrangement = settings.arrangement or at_share(_ARRANGEMENTS[shape], lots.arrangement)
+    single = lots.planes < 0.3 and shape == "diamond" and divided and settings.deck in (None, *_DECKS[1])
     planes = settings.planes or (1 if shape == "mast" or single else 2)
     _refuse(settings, shape, arrangement, planes, divided)
-    kind = draws.choose(_DECKS[planes])
-    deck = settings.deck or kind
+    deck = settings.deck or at_share(_DECKS[planes], lots.deck)
     if deck not in _DECKS[planes]:
         _wrong("deck", deck, f"{', '.join(_DECKS[planes])} under {planes} plane(s) of stays", "Choose one of them")
-    ratio = draw(settings, "side_ratio", draws), draw(settings, "back_ratio", draws)
-    side_ratio = ratio[0] if pylons == 2 else ratio[1]
-    drawn_main = _main(size, pylons, side_ratio, draws)
-    main = settings.main or drawn_main
-    share = draws.random(), draws.random()
+    side_ratio = lots.ratios[0] if pylons == 2 else lots.ratios[1]
+    main = settings.main or _main(size, pylons, side_ratio, lots)
     low, high = _PITCHES[size, deck in ("edge_beam", "concrete_box")]
-    pitch = settings.pitch or (0.0 if paper else round(low + share[0] * (high - low), 2))
+    pitch = settings.pitch or (0.0 if paper else round(low + lots.pitch * (high - low), 2))
     low, high = (0.10, 0.10) if paper else _DIAMETERS[size]
-    diameter = settings.stay_diameter or round(low + share[1] * (high - low), 3)
+    diameter = settings.stay_diameter or round(low + lots.diameter * (high - low), 3)
     side = round(main * side_ratio, 1)
     return Choice(size, pylons, shape, arrangement, planes, deck, main, side, pitch, diameter)  # pyright: ignore
 
 
-def _main(size: str, pylons: int, ratio: float, draws: Draws) -> float:
-    share = 0.5 * (draws.random() + draws.random())
-    if draws.profile == "paper":
+def _main(size: str, pylons: int, ratio: float, lots: Lots) -> float:
+    if lots.profile == "paper":
         low, high = (3.0, 6.0) if pylons == 2 else (0.75, 1.5)
-        return round(_PAPER_HEIGHT * (low + share * (high - low)), 1)
+        return round(_PAPER_HEIGHT * (low + lots.main * (high - low)), 1)
     low, high = _TOTAL[size]
     parts = 1.0 + ratio * (2 if pylons == 2 else 1)
-    return round(max(low * (high / low) ** share / parts, 30.0), 1)
+    return round(max(low * (high / low) ** lots.main / parts, 30.0), 1)
 
 
 def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes: int, divided: bool) -> None:

@@ -8,16 +8,14 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from authoring.component import Component, Mesh, Scatter
 from authoring.layers.layer import new_layer
+from authoring.layers.mesh_arrays import IndexedUV, MeshArrays, mesh_arrays, snapped
 from authoring.layers.specs import apply_schemas, attribute, author, prim_spec
 from authoring.looks.roles import sheet_material, sheet_numbers
 from usd_schemas import tokens
 from usd_schemas.apis import COMPONENT_API, ComponentFacts, apply_component, component_opinions
 
-F64 = NDArray[np.float64]
 _TYPES = Sdf.ValueTypeNames
 _BINDING_API = "MaterialBindingAPI"
-
-GRID = 1e-6  # [m], [1]: values are rounded to it before they are written, so that every CPU writes the same
 
 
 @dataclass(frozen=True)
@@ -87,8 +85,9 @@ def geometry_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sdf
     components = [piece for piece in pieces if isinstance(piece, Component)]
     with Sdf.ChangeBlock():
         _author_groups(layer, asset, pieces, sheets)
-        for component in components:
-            _author_component(layer, asset, component, sheets.get(component.instance_id, 0))
+        arrays = mesh_arrays([component.mesh for component in components], centred=True)
+        for component, own in zip(components, arrays, strict=True):
+            _author_component(layer, asset, component, own, sheets.get(component.instance_id, 0))
     if len(components) < len(pieces):
         stage = Usd.Stage.Open(layer, Usd.Stage.LoadAll)
         for piece in pieces:
@@ -134,14 +133,11 @@ def _author_groups(
             other.specializesList.prependedItems = [Sdf.Path(asset.material(role))]
 
 
-def _author_component(layer: Sdf.Layer, asset: Asset, component: Component, sheet: int) -> None:
-    # Points count from the middle of the component: a pivot that artists can use, and float32 to the micrometre.
-    points = component.mesh.points
-    origin = np.round((points.min(axis=0) + points.max(axis=0)) / 2, 3)
+def _author_component(layer: Sdf.Layer, asset: Asset, component: Component, arrays: MeshArrays, sheet: int) -> None:
     prim = layer.GetPrimAtPath(asset.prim(component))
     apply_schemas(prim, (_BINDING_API, COMPONENT_API))
-    _author_mesh(prim, component.mesh, origin, component.double_sided)
-    attribute(prim, "xformOp:translate", _TYPES.Double3, Gf.Vec3d(*origin.tolist()))
+    _author_mesh(prim, component.mesh, arrays, component.double_sided)
+    attribute(prim, "xformOp:translate", _TYPES.Double3, Gf.Vec3d(*arrays.origin.tolist()))
     attribute(prim, "xformOpOrder", _TYPES.TokenArray, Vt.TokenArray(["xformOp:translate"]), uniform=True)
     _bind(prim, asset.material(sheet_material(component.role, sheet)))
     _set_id(prim, component.name)
@@ -158,20 +154,21 @@ def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
         name = f"{scatter.name}_Prototype_{number:02d}"
         body = UsdGeom.Xform.Define(stage, f"{path}/{scatter.name}_Prototypes/{name}")
         targets.append(body.GetPath())
+        arrays = mesh_arrays([mesh for _, mesh in prototype], centred=False)
         for row, (role, mesh) in enumerate(prototype):
             part = prim_spec(stage.GetRootLayer(), f"{body.GetPath()}/{name}_Part_{row:02d}", "Mesh")
             apply_schemas(part, (_BINDING_API,))
-            _author_mesh(part, mesh, np.zeros(3), True)
+            _author_mesh(part, mesh, arrays[row], True)
             _bind(part, asset.material(role))
     UsdGeom.Scope.Define(stage, f"{path}/{scatter.name}_Prototypes")
     instancer.CreatePrototypesRel().SetTargets(targets)
     count = len(scatter.positions)
     half = scatter.yaw / 2
-    turns = _snap(np.column_stack([np.zeros((count, 2)), np.sin(half), np.cos(half)]))
+    turns = snapped(np.column_stack([np.zeros((count, 2)), np.sin(half), np.cos(half)]))
     instancer.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(scatter.prototype, np.int32)))
-    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(_snap(scatter.positions)))
+    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(snapped(scatter.positions)))
     instancer.CreateOrientationsAttr(Vt.QuathArray([Gf.Quath(*_half(turn)) for turn in turns.tolist()]))
-    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(_snap(scatter.scales)))
+    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(snapped(scatter.scales)))
     instancer.CreateIdsAttr(Vt.Int64Array(range(count)))
     extent = instancer.ComputeExtentAtTime(Usd.TimeCode.Default(), Usd.TimeCode.Default())
     instancer.CreateExtentAttr(extent)
@@ -182,34 +179,25 @@ def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
     apply_component(instancer.GetPrim(), facts)
 
 
-def _author_mesh(prim: Sdf.PrimSpec, mesh: Mesh, origin: F64, double_sided: bool) -> None:
-    points = _snap(mesh.points - origin)
-    extent = np.stack([points.min(axis=0), points.max(axis=0)])
-    attribute(prim, "points", _TYPES.Point3fArray, Vt.Vec3fArray.FromNumpy(points))
+def _author_mesh(prim: Sdf.PrimSpec, mesh: Mesh, arrays: MeshArrays, double_sided: bool) -> None:
+    attribute(prim, "points", _TYPES.Point3fArray, Vt.Vec3fArray.FromNumpy(arrays.points))
     attribute(prim, "faceVertexCounts", _TYPES.IntArray, _int_array(mesh.face_counts))
     attribute(prim, "faceVertexIndices", _TYPES.IntArray, _int_array(mesh.corners))
-    attribute(prim, "extent", _TYPES.Float3Array, Vt.Vec3fArray.FromNumpy(extent))
+    attribute(prim, "extent", _TYPES.Float3Array, Vt.Vec3fArray.FromNumpy(arrays.extent))
     attribute(prim, "subdivisionScheme", _TYPES.Token, UsdGeom.Tokens.none, uniform=True)
     attribute(prim, "doubleSided", _TYPES.Bool, double_sided, uniform=True)
-    normals = attribute(prim, "normals", _TYPES.Normal3fArray, Vt.Vec3fArray.FromNumpy(_snap(mesh.normals)))
+    normals = attribute(prim, "normals", _TYPES.Normal3fArray, Vt.Vec3fArray.FromNumpy(arrays.normals))
     normals.SetInfo(UsdGeom.Tokens.interpolation, UsdGeom.Tokens.faceVarying)
-    _author_uv(prim, "primvars:st", mesh.st)
-    if len(mesh.st1):
-        _author_uv(prim, "primvars:st1", mesh.st1)
+    _author_uv(prim, "primvars:st", arrays.st)
+    if arrays.st1 is not None:
+        _author_uv(prim, "primvars:st1", arrays.st1)
 
 
-def _author_uv(prim: Sdf.PrimSpec, name: str, values: NDArray[np.float32]) -> None:
-    snapped = _snap(values)
-    keys = snapped.view(np.uint64).ravel()  # a pair of values as one number
-    order = np.argsort(keys, kind="stable")
-    ranked = keys[order]
-    new = np.concatenate([[True], ranked[1:] != ranked[:-1]])
-    indices = np.empty(len(keys), np.int32)
-    indices[order] = np.cumsum(new) - 1
+def _author_uv(prim: Sdf.PrimSpec, name: str, pairs: IndexedUV) -> None:
     uv = Sdf.AttributeSpec(prim, name, _TYPES.TexCoord2fArray)
     uv.SetInfo(UsdGeom.Tokens.interpolation, UsdGeom.Tokens.faceVarying)
-    uv.default = Vt.Vec2fArray.FromNumpy(snapped[order[new]])
-    attribute(prim, f"{name}:indices", _TYPES.IntArray, Vt.IntArray.FromNumpy(indices))
+    uv.default = Vt.Vec2fArray.FromNumpy(pairs.values)
+    attribute(prim, f"{name}:indices", _TYPES.IntArray, Vt.IntArray.FromNumpy(pairs.indices))
 
 
 def _bind(prim: Sdf.PrimSpec, material: str) -> None:
@@ -223,14 +211,6 @@ def _set_id(prim: Sdf.PrimSpec, name: str) -> None:
 
 def _int_array(values: NDArray[np.integer]) -> Vt.IntArray:
     return Vt.IntArray.FromNumpy(np.ascontiguousarray(values, np.int32))
-
-
-def _snap(values: NDArray[np.floating]) -> NDArray[np.float32]:
-    steps = np.divide(values, GRID, dtype=np.float64)
-    np.rint(steps, out=steps)
-    steps *= GRID
-    steps += 0.0  # turns -0.0 into 0.0: equal values, equal bytes
-    return steps.astype(np.float32, order="C")
 
 
 def _half(turn: list[float]) -> tuple[float, float, float, float]:

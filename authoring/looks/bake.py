@@ -11,6 +11,7 @@ from authoring.component import Component, Scatter
 from authoring.looks.encode import U8, encode_raw, png
 from authoring.looks.library import SheetFiles, SheetName, bake_sheets, link_detail, link_sheet
 from authoring.looks.material import MaterialRecipe
+from authoring.looks.noise import Floats
 from authoring.looks.recipe import DETAIL_PERIODS, SMOOTH
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, fill_roles, sheet_numbers
@@ -112,7 +113,13 @@ def bake_look(
 
 
 def bake_surface(
-    name: str, folder: Path, texels: int = 2048, prefix: str = "", number: int = 0, library: Path | None = None
+    name: str,
+    folder: Path,
+    texels: int = 2048,
+    prefix: str = "",
+    number: int = 0,
+    library: Path | None = None,
+    patches: int = 0,
 ) -> MaterialRecipe:
     """Bake one surface of a site or background.
 
@@ -123,6 +130,7 @@ def bake_surface(
         prefix: Put before the names of its files: a DCC gathers those of all assets in one folder.
         number: Which of its sheets.
         library: Where sheets are kept; the user's cache folder when not given.
+        patches: Which patches lie on open ground: those of a site and of its background are the same.
 
     Raises:
         InputError: There is no such surface.
@@ -131,9 +139,24 @@ def bake_surface(
     files = link_sheet(bake_sheets([sheet], library)[sheet], folder / "textures", f"{prefix}{name}")
     macro = ""
     if RECIPES[name].patchy:
-        patches = ground_patches(texels // 4, np.random.default_rng([_PATCHES_SEED, number]))
-        macro = write_texture(folder, f"{prefix}{name}_macro", encode_raw(patches / 2))
+        file = folder / "textures" / f"{prefix}patches.png"
+        if not file.exists():
+            write_texture(folder, f"{prefix}patches", encode_raw(open_ground(texels, patches) / 2))
+        macro = f"./textures/{file.name}"
     return _recipe(name, link_detail(folder / "textures", f"{prefix}detail", library), macro, {0: files})
+
+
+def open_ground(texels: int, patches: int) -> Floats:
+    """Draw the patches that lie on open ground.
+
+    Args:
+        texels: Texels along a side of a bridge's sheets [px].
+        patches: Which.
+
+    Returns:
+        Factors with mean 1 [1], shape (texels / 4, texels / 4, 3), float32.
+    """
+    return ground_patches(texels // 4, np.random.default_rng([_PATCHES_SEED, patches]))
 
 
 def _recipe(surface: str, detail: str, macro: str, sheets: dict[int, SheetFiles]) -> MaterialRecipe:

@@ -210,9 +210,9 @@ def stones(tile: Tile, pitch: float, color: Color, bed: Color) -> Sheet:
         own, chance, radius = (per_cell(tile, layer) for _ in range(3))
         border = np.minimum(0.36 + 0.22 * radius - layer.near, 0.8 * (layer.second - layer.near))
         body = ramp(border, 0.0, 0.10) * (chance < np.float32(share))
-        rim = 0.80 + 0.20 * ramp(border, 0.0, 0.30)
+        rim = 0.83 + 0.17 * ramp(border, 0.0, 0.30)
         albedo = cover(
-            albedo * (1 - 0.2 * body)[..., None], body, paint(color, (0.86 + 0.28 * own) * rim + 0.04 * grain)
+            albedo * (1 - 0.2 * body)[..., None], body, paint(color, (0.89 + 0.22 * own) * rim + 0.04 * grain)
         )
         relief = np.maximum(relief, body * ramp(border, -0.1, 0.5) * np.float32(0.5 * size * pitch))
     return Sheet(albedo * (1 + 0.06 * clouds)[..., None], 0.93 + 0.02 * grain, relief)

@@ -18,6 +18,7 @@ SCENERY: dict[str, Recipe] = {
         partial(mineral.stones, pitch=0.05, color=(0.23, 0.215, 0.19), bed=(0.12, 0.105, 0.085)),
         4.0,
         ROUGH,
+        patchy=True,
         relief=True,
     ),
     "grass": Recipe(partial(organic.grass, dry=0.2), 4.5, ROUGH, patchy=True),

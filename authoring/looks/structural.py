@@ -106,8 +106,8 @@ STRUCTURAL: dict[str, Recipe] = {
     **_ages("rubber", coated.rubber, None, None, (FAINT, ROUGH, ROUGH)),
     **_ages("timber", organic.timber, {"color": (0.215, 0.165, 0.110)}, {"color": (0.165, 0.150, 0.130)}),
     **_ages("tarred_timber", partial(organic.timber, color=(0.070, 0.056, 0.044))),
-    "ballast": _stones((0.165, 0.155, 0.145), (0.085, 0.078, 0.071)),
-    "ballast_basalt": _stones((0.090, 0.092, 0.095), (0.047, 0.047, 0.047)),
-    "ballast_limestone": _stones((0.300, 0.285, 0.255), (0.155, 0.143, 0.122)),
-    "ballast_rusty": _stones((0.150, 0.098, 0.066), (0.077, 0.052, 0.037)),
+    "ballast": _stones((0.160, 0.150, 0.140), (0.100, 0.092, 0.084)),
+    "ballast_basalt": _stones((0.088, 0.090, 0.093), (0.055, 0.055, 0.055)),
+    "ballast_limestone": _stones((0.290, 0.275, 0.246), (0.182, 0.168, 0.144)),
+    "ballast_rusty": _stones((0.146, 0.095, 0.064), (0.090, 0.061, 0.043)),
 }  # fmt: skip

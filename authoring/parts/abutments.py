@@ -7,6 +7,7 @@ from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
@@ -14,7 +15,6 @@ from authoring.parts.piers import Ground
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
 from authoring.parts.wedges import wedge
 from authoring.sections import area, cut_corners, rectangle
-from authoring.sweep import prism
 from groundwork.settings import Settings
 
 _SIDE_STEP = 0.012  # [m] backwall behind the wall's side faces
@@ -163,7 +163,7 @@ def _wall_parts(
             (ABUTMENT_BACK - _SIDE_STEP, foot),
             (-toe, foot),
         ]
-        surface = prism(cut_corners(stand.outline(corners), a.chamfer), -reach, reach, "left", level, a.chamfer)
+        surface = Prism(cut_corners(stand.outline(corners), a.chamfer), -reach, reach, "left", level, a.chamfer)
         size = {
             "length": 2.0 * reach, "thickness": toe + ABUTMENT_BACK - _SIDE_STEP, "height": foot - lowest,
             "support": stand.support,
@@ -178,7 +178,7 @@ def _wall_parts(
         (ABUTMENT_BACK, levels.seat),
         (-a.front, levels.seat),
     ]
-    surface = prism(cut_corners(stand.outline(corners), a.chamfer), -half, half, "left", level, a.chamfer)
+    surface = Prism(cut_corners(stand.outline(corners), a.chamfer), -half, half, "left", level, a.chamfer)
     size = {
         "length": width, "thickness": a.front + lean + ABUTMENT_BACK, "height": levels.seat - bottom,
         "batter": a.batter, "support": stand.support,
@@ -197,7 +197,7 @@ def _backwall_part(
     twist = float(np.diff(place.crossfall(at))[0]) / (stand.back * far)
     frame = wedge(level, (stand.station, 0.0), (low, top), high=(stand.grade, 0.0), twist=twist)
     outline = replace(stand, station=0.0).outline([(near, low), (far, low), (far, top), (near, top)])
-    surface = prism(outline, -half, half, "left", frame)
+    surface = Prism(outline, -half, half, "left", frame)
     size: dict[str, object] = {
         "length": 2.0 * half, "thickness": far - near, "height": top - levels.seat, "support": stand.support,
     }  # fmt: skip
@@ -217,7 +217,7 @@ def _wing_parts(
         bottom = _lowest(ground, place, (ends[0], ends[1]), (left[0], left[1])) - abutments.founding
         bottom = min(bottom, levels.seat - 0.5)
         outline = rectangle((left[0], bottom), (left[1], -levels.surfacing))
-        surface = prism(outline, ends[0], ends[1], "station", place, abutments.chamfer)
+        surface = Prism(outline, ends[0], ends[1], "station", place, abutments.chamfer)
         size: dict[str, object] = {
             "length": abutments.wing_length, "thickness": abutments.wing_thickness,
             "height": -levels.surfacing - bottom, "support": support,

@@ -6,9 +6,10 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import prism
 from authoring.parts.cables import STAY_SIDES, Plane, tube
 from authoring.sections import cut_corners
-from authoring.sweep import Surface, joined, prism
+from authoring.sweep import Surface, joined
 
 SUNK = 0.010  # [m] sleeves and saddles into what they stand on
 HELD = 0.12  # [m] of a cable's end inside the body that holds it

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from authoring.alignment import Alignment
+from authoring.extrusion import Prism
 from authoring.parts.arches import ground_under
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spandrel_decks import i_outline
 from authoring.parts.spans import ABUTMENT_BACK, Levels, level_at
 from authoring.sections import cut_corners, rectangle
-from authoring.sweep import prism
 
 EMBEDDED = 0.008  # [m] floor beam into slab
 _FLANGE = (0.45, 0.035)  # [m] width and thickness of a steel floor beam's flanges
@@ -62,7 +62,7 @@ def floor_beam_part(floor: Floor, name: str, station: float, reach: float, level
         half = 0.5 * floor.beam_width
         outline = rectangle((station - half, top - depth), (station + half, top))
         outline = cut_corners(outline, np.array([0.02, 0.02, 0.0, 0.0]))
-    surface = prism(outline, -reach, reach, "left", level)
+    surface = Prism(outline, -reach, reach, "left", level)
     size: dict[str, object] = {"length": 2.0 * reach, "depth": depth, "width": floor.beam_width, "station": station}
     role = "Role_GirderSteel" if floor.material == "steel" else "Role_GirderConcrete"
     return Part(name, "floor_beam", role, SUPERSTRUCTURE, surface, size)
@@ -88,7 +88,7 @@ def tie_parts(floor: Floor, line: float, low: float, high: float, place: Alignme
     for side, middle in (("L", line), ("R", -line)):
         outline = rectangle((middle - half, bottom), (middle + half, floor.tie_top))
         outline = cut_corners(outline, chamfer) if chamfer else outline
-        surface = prism(outline, low - floor.tie_end, high + floor.tie_end, "station", place, chamfer)
+        surface = Prism(outline, low - floor.tie_end, high + floor.tie_end, "station", place, chamfer)
         parts.append(Part(f"Tie_{side}", "edge_beam", role, SUPERSTRUCTURE, surface, size))
     return parts
 
@@ -130,7 +130,7 @@ def tie_seat_parts(
                 ]
             )
             outline = outline if away < 0.0 else outline[::-1]
-            surface = prism(outline, left[0], left[1], "left", level, 0.025)
+            surface = Prism(outline, left[0], left[1], "left", level, 0.025)
             size: dict[str, object] = {
                 "length": left[1] - left[0], "thickness": abs(back - face), "height": seat - bottom, "support": support,
             }  # fmt: skip

@@ -6,11 +6,13 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism
+from authoring.faces import corner_normals
 from authoring.parts.arch_axis import Rib
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.sections import cut_corners, mirrored, rectangle
-from authoring.sweep import Surface, corner_normals, prism, sweep
+from authoring.sweep import Surface, sweep
 
 EMBEDDED = 0.010  # [m] rib into its block, strut into rib
 _FLAT = 1e-8  # [m] that a face may leave its plane
@@ -225,7 +227,7 @@ def skewback_part(
     stations = (min(behind, lower[0]), max(behind, lower[0]))
     bottom = min(ground_under(ground, place, stations, left)[0], lower[1] - 0.5) - founding
     outline = np.array([(behind, bottom), (lower[0], bottom), lower, upper, (behind, upper[1])])
-    surface = prism(outline if end == 0 else outline[::-1], left[0], left[1], "left", place, 0.025)
+    surface = Prism(outline if end == 0 else outline[::-1], left[0], left[1], "left", place, 0.025)
     size: dict[str, object] = {
         "length": left[1] - left[0], "width": stations[1] - stations[0], "height": float(upper[1]) - bottom,
         "springing": end,
@@ -255,7 +257,7 @@ def strut_parts(
             local = cut_corners(local, section.chamfer)
         outline = middle + local[:, :1] * along + local[:, 1:] * across
         for bay, (first, second) in enumerate(zip(section.lines[:-1], section.lines[1:], strict=True)):
-            surface = prism(outline, first + half, second - half, "left", place)
+            surface = Prism(outline, first + half, second - half, "left", place)
             facts: dict[str, object] = {"length": second - first - 2.0 * half, "width": size[0], "depth": size[1]}
             name = f"Arch_Brace_{number:02d}_{bay}"
             parts.append(Part(name, "arch_brace", section.role, SUPERSTRUCTURE, surface, facts))

@@ -1,6 +1,7 @@
 """Bearings: elastomeric pads or pots under sole plates, on concrete plinths, one for each line and row."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -8,12 +9,14 @@ from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.copies import LOCAL, copied
+from authoring.extrusion import Prism, extruded
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.parts.wedges import Slope, road_slope, seat_slope, wedge
 from authoring.sections import circle, inset, rectangle
-from authoring.sweep import Surface, joined, prism, sweep
+from authoring.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
 PAD_EMBEDDED = 0.002  # [m] into plinth and girder: loaded rubber leaves no gap
@@ -98,33 +101,20 @@ def draw_bearings(settings: BearingSettings, draws: Draws) -> Bearings:
 
 
 @dataclass(frozen=True)
-class _Spot:
-    """Where one bearing stands: its own level frame, and the planes below and above it.
+class _Row:
+    """The bearings at one end of one span, which are all alike: heights above each one's own level frame, and slopes.
 
     Attributes:
-        frame: Level, turned with the support line; heights are the deck's at this place.
-        station: Of the row [m].
-        line: Distance to the left of the axis [m].
-        seat: Height of the seat [m].
-        plinth_top: Height of the plinth [m].
-        soffit: Height of the girder's soffit [m].
+        plinth_top: Height of the plinths [m].
+        soffit: Height of the girders' soffit [m].
         below: Slope of the seat.
         above: Slope of the soffit.
     """
 
-    frame: Alignment
-    station: float
-    line: float
-    seat: float
     plinth_top: float
     soffit: float
     below: Slope
     above: Slope
-
-    def between(self, low: float, high: float, *, below: bool = False, above: bool = False) -> Alignment:
-        """Take the frame of what reaches from one height to another, with the slopes of the seat and the soffit."""
-        slopes = (self.below if below else (0.0, 0.0)), (self.above if above else (0.0, 0.0))
-        return wedge(self.frame, (self.station, self.line), (low, high), low=slopes[0], high=slopes[1])
 
 
 def bearing_parts(
@@ -149,14 +139,25 @@ def bearing_parts(
         at = np.full(len(lines), station), np.array(lines), np.zeros(len(lines))
         seats = levels.seat + level.point(*at)[:, 2] - place.point(*at)[:, 2]
         below, above = seat_slope(place, support), road_slope(place, station)
+        row = _Row(levels.plinth_top, levels.girder_soffit, below, above)
+        template = _bearing(bearings, row)
         for number, line in enumerate(lines):
-            frame = place.frame_at(station, line, turn=-place.skew)
-            spot = _Spot(
-                frame, station, line, float(seats[number]), levels.plinth_top, levels.girder_soffit, below, above
-            )
+            where, name = place.frame_at(station, line, turn=-place.skew), f"{span:03d}_{end}_{number:02d}"
             facts: dict[str, object] = {"span": span, "support": span + end, "line": number}
-            parts += _stack(bearings, spot, f"{span:03d}_{end}_{number:02d}", facts)
+            surface = copied(template, _standing(where, station, line))
+            parts.append(_bearing_part(bearings, row, surface, name, facts))
+            frame = wedge(where, (station, line), (float(seats[number]) - PLINTH_EMBEDDED, row.plinth_top), low=below)
+            parts.append(_plinth_part(bearings, row, float(seats[number]), frame, name, facts))
     return parts
+
+
+def _standing(level: Alignment, station: float, left: float) -> F64:
+    """Find the frame of a copy that stands on one spot of a level frame, shape (4, 4), float64."""
+    cosine, sine = float(np.cos(level.heading)), float(np.sin(level.heading))
+    frame = np.eye(4)
+    frame[:2, :2] = (cosine, -sine), (sine, cosine)
+    frame[:3, 3] = level.point(*(np.array([value]) for value in (station, left, 0.0)))[0]
+    return frame
 
 
 def _askew(bearings: Bearings, skew: float) -> Bearings:
@@ -182,29 +183,37 @@ def _beside(bearings: Bearings, soffit: tuple[float, float]) -> Bearings:
     return replace(bearings, pad_width=sizes[0], pad_length=sizes[1])
 
 
-def _stack(bearings: Bearings, spot: _Spot, where: str, facts: dict[str, object]) -> list[Part]:
-    """Build one bearing with its sole plate and plinth."""
-    b, top = bearings, spot.soffit
-    kind = "bearing_pot" if b.kind == "pot" else "bearing_pad"
-    low, parts = spot.plinth_top - PAD_EMBEDDED, []
-    sole = sole_thickness(bearings, spot.above)
+@lru_cache(maxsize=64)
+def _bearing(bearings: Bearings, row: _Row) -> Surface:
+    """Build one bearing with its sole plate round the origin of `LOCAL`."""
+    b, low, top = bearings, row.plinth_top - PAD_EMBEDDED, row.soffit
     if b.sole_plate:
-        top -= sole
-    surface = _pot(b, spot, low, top) if b.kind == "pot" else _pad(b, spot, low, top + PAD_EMBEDDED)
-    role = "Role_GirderSteel" if b.kind == "pot" else "Role_BearingRubber"
-    size = {"width": b.pad_width, "length": b.pad_length, "height": spot.soffit - spot.plinth_top, **facts}
+        top -= sole_thickness(bearings, row.above)
+    surface = _pot(b, row, low, top) if b.kind == "pot" else _pad(b, row, low, top + PAD_EMBEDDED)
+    if not b.sole_plate:
+        return surface
+    plan = (b.pad_length + 2.0 * _SOLE_MARGIN, b.pad_width + 2.0 * _SOLE_MARGIN)
+    # Vulcanised to its pad or bolted to its pot: one bearing, one component.
+    return joined([surface, _sole_plate(plan, row, top, row.soffit + PAD_EMBEDDED)])
+
+
+def _bearing_part(bearings: Bearings, row: _Row, surface: Surface, name: str, facts: dict[str, object]) -> Part:
+    b = bearings
+    kind, role = ("bearing_pot", "Role_GirderSteel") if b.kind == "pot" else ("bearing_pad", "Role_BearingRubber")
+    size = {"width": b.pad_width, "length": b.pad_length, "height": row.soffit - row.plinth_top, **facts}
     if b.sole_plate:
-        plan = (b.pad_length + 2.0 * _SOLE_MARGIN, b.pad_width + 2.0 * _SOLE_MARGIN)
-        # Vulcanised to its pad or bolted to its pot: one bearing, one component.
-        surface = joined([surface, _sole_plate(plan, spot, top, spot.soffit + PAD_EMBEDDED)])
-        size = {**size, "sole_plate": sole}
-    parts.append(Part(f"Bearing_{where}", kind, role, SUBSTRUCTURE, surface, size))
-    foot = spot.seat - PLINTH_EMBEDDED
-    outline, frame = _plate((b.plinth_length, b.plinth_width)), spot.between(foot, spot.plinth_top, below=True)
-    plinth = prism(outline, foot, spot.plinth_top, "above", frame, 0.015)
-    size = {"width": b.plinth_width, "length": b.plinth_length, "height": spot.plinth_top - spot.seat, **facts}
-    parts.append(Part(f"Plinth_{where}", "bearing_plinth", "Role_CapConcrete", SUBSTRUCTURE, plinth, size))
-    return parts
+        size["sole_plate"] = sole_thickness(bearings, row.above)
+    return Part(f"Bearing_{name}", kind, role, SUBSTRUCTURE, surface, size)
+
+
+def _plinth_part(
+    bearings: Bearings, row: _Row, seat: float, frame: Alignment, name: str, facts: dict[str, object]
+) -> Part:
+    b = bearings
+    outline = _plate((b.plinth_length, b.plinth_width))
+    plinth = Prism(outline, seat - PLINTH_EMBEDDED, row.plinth_top, "above", frame, 0.015)
+    size = {"width": b.plinth_width, "length": b.plinth_length, "height": row.plinth_top - seat, **facts}
+    return Part(f"Plinth_{name}", "bearing_plinth", "Role_CapConcrete", SUBSTRUCTURE, plinth, size)
 
 
 def _plate(size: tuple[float, float]) -> F64:
@@ -223,19 +232,20 @@ def sole_thickness(bearings: Bearings, slope: Slope) -> float:
     return max(_SOLE, _SOLE_EDGE + abs(slope[0]) * reach[0] + abs(slope[1]) * reach[1])
 
 
-def _sole_plate(plan: tuple[float, float], spot: _Spot, low: float, high: float) -> Surface:
+def _sole_plate(plan: tuple[float, float], row: _Row, low: float, high: float) -> Surface:
     """Build a plate, level below and as steep as the girder above."""
     outline = _plate(plan)
-    heights = np.stack([np.full(4, low), high + outline @ np.array(spot.above)])
+    heights = np.stack([np.full(4, low), high + outline @ np.array(row.above)])
     return sweep(
-        np.stack([outline, outline]), np.array([low, high]), "above", spot.between(low, high, above=True),
+        np.stack([outline, outline]), np.array([low, high]), "above",
+        wedge(LOCAL, (0.0, 0.0), (low, high), high=row.above),
         lengths=heights - low,
     )  # fmt: skip
 
 
-def _pad(bearings: Bearings, spot: _Spot, low: float, high: float) -> Surface:
+def _pad(bearings: Bearings, row: _Row, low: float, high: float) -> Surface:
     """Build a rubber pad whose edges bulge between its steel laminates."""
-    frame = spot.between(low, high, above=not bearings.sole_plate)
+    frame = LOCAL if bearings.sole_plate else wedge(LOCAL, (0.0, 0.0), (low, high), high=row.above)
     outline = _plate((bearings.pad_length, bearings.pad_width))
     layers = max(2, round((high - low) / _LAYER))
     heights = np.linspace(low, high, 2 * layers + 1)
@@ -245,16 +255,15 @@ def _pad(bearings: Bearings, spot: _Spot, low: float, high: float) -> Surface:
     return sweep(rings, heights, "above", frame, girth_of=guide)
 
 
-def _pot(bearings: Bearings, spot: _Spot, low: float, high: float) -> Surface:
+def _pot(bearings: Bearings, row: _Row, low: float, high: float) -> Surface:
     """Build a pot bearing: base plate, pot, piston and top plate."""
     width, height = bearings.pad_width, high - low
     levels = low + height * np.array([0.0, 0.20, 0.62, 0.76, 1.0])
-    frame = spot.between(low, high)
-    top = spot.between(float(levels[3]), high, above=not bearings.sole_plate)
+    top = LOCAL if bearings.sole_plate else wedge(LOCAL, (0.0, 0.0), (float(levels[3]), high), high=row.above)
     e = _POT_EMBEDDED
-    return joined([
-        prism(_plate((width, width)), low, float(levels[1]), "above", frame),
-        prism(circle(0.86 * width, _POT_SIDES), float(levels[1]) - e, float(levels[2]), "above", frame),
-        prism(circle(0.70 * width, _POT_SIDES), float(levels[2]) - e, float(levels[3]) + e, "above", frame),
-        prism(_plate((0.94 * width, 0.94 * width)), float(levels[3]), high + e, "above", top),
-    ])  # fmt: skip
+    return joined(extruded([
+        Prism(_plate((width, width)), low, float(levels[1]), "above", LOCAL),
+        Prism(circle(0.86 * width, _POT_SIDES), float(levels[1]) - e, float(levels[2]), "above", LOCAL),
+        Prism(circle(0.70 * width, _POT_SIDES), float(levels[2]) - e, float(levels[3]) + e, "above", LOCAL),
+        Prism(_plate((0.94 * width, 0.94 * width)), float(levels[3]), high + e, "above", top),
+    ]))  # fmt: skip

@@ -8,10 +8,11 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism, prism
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels
 from authoring.sections import cut_corners, mirrored, rectangle
-from authoring.sweep import prism, turned
+from authoring.sweep import turned
 
 DeckKind = Literal["edge_beam", "concrete_box", "steel_box", "plate_girder"]
 
@@ -101,7 +102,7 @@ def cable_deck_parts(
     pieces = deck_pieces(low, high, floor)
     for number, (begin, end) in enumerate(pieces):
         size: dict[str, object] = {"length": end - begin, "width": deck.width, "thickness": deck.slab}
-        surface = prism(outline, begin, end, "station", place)
+        surface = Prism(outline, begin, end, "station", place)
         parts.append(Part(f"Deck_{number:03d}", "deck_slab", "Role_DeckConcrete", SUPERSTRUCTURE, surface, size))
     for number, (begin, end) in enumerate(pieces):
         begin += _SHORTER if number == 0 else _JOINT
@@ -136,13 +137,13 @@ def _member_parts(
     role = "Role_GirderConcrete" if deck.concrete else "Role_GirderSteel"
     size: dict[str, object] = {"length": high - low, "depth": deck.depth}
     if deck.kind in ("concrete_box", "steel_box"):
-        surface = prism(box_outline(deck, levels), low, high, "station", place)
+        surface = Prism(box_outline(deck, levels), low, high, "station", place)
         return [Part(f"Box_{number:03d}", "box_girder", role, SUPERSTRUCTURE, surface, size)]
     kind, word = ("edge_beam", "Edge") if deck.kind == "edge_beam" else ("plate_girder", "Girder")
     parts = []
     for side, sign in (("L", 1.0), ("R", -1.0)):
         shift = np.array([sign * deck.edge, levels.girder_soffit])
-        surface = prism(_beam_outline(deck) + shift, low, high, "station", place)
+        surface = Prism(_beam_outline(deck) + shift, low, high, "station", place)
         sized = {**size, "width": deck.beam_width}
         parts.append(Part(f"{word}_{number:03d}_{side}", kind, role, SUPERSTRUCTURE, surface, sized))
     return parts
@@ -208,7 +209,7 @@ def _floor_beam(deck: CableDeck, number: int, station: float, levels: Levels, pl
         ) + np.array([station, 0.0])  # fmt: skip
         role = "Role_GirderSteel"
     reach = inner + EMBEDDED * (1.0 if deck.kind == "edge_beam" else 0.5)
-    surface = prism(outline, -reach, reach, "left", place)
+    surface = Prism(outline, -reach, reach, "left", place)
     size: dict[str, object] = {"length": 2.0 * reach, "depth": high - low}
     return Part(f"FloorBeam_{number:03d}", "floor_beam", role, SUPERSTRUCTURE, surface, size)
 

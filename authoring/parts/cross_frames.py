@@ -215,6 +215,7 @@ def _lateral_parts(
     surfaces, names = [], []
     bays = sorted({0, len(girders.lines) - 2})
     above = girders.steel_top(levels)
+    made: dict[tuple[object, ...], Surface] = {}
     for span in range(spans.count):
         low, high = spans.bearing_lines(span)
         points = [s for s in stations if low - 0.01 < s < high + 0.01]
@@ -223,8 +224,11 @@ def _lateral_parts(
             for bay in bays:
                 lefts = np.array(girders.lines[bay : bay + 2])
                 falling = (panel % 2 == 1) != (lefts.sum() > 0.0)  # both outer bays lean towards the axis together
-                bar = lateral_bar(girders, np.array(ends), lefts, depth, falling=falling)
-                surfaces.append(shifted(in_one_chart(bar), np.array([0.0, 0.0, above])))
+                size = (ends[1] - ends[0], lefts[1] - lefts[0])
+                key = (*np.round([*size, *depth], 9).tolist(), falling)
+                if key not in made:
+                    made[key] = in_one_chart(lateral_bar(girders, size, depth, falling=falling))
+                surfaces.append(shifted(made[key], np.array([ends[0], lefts[0], above])))
                 names.append(f"Lateral_{span:03d}_{panel:02d}_{bay:02d}")
     return [
         Part(name, "cross_frame", "Role_GirderSteel", SUPERSTRUCTURE, surface, {"type": "lateral"})

@@ -6,12 +6,12 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.girder_sections import HAUNCH_LEDGE
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
 from authoring.sections import cut_corners, mirrored
-from authoring.sweep import prism
 from groundwork.settings import Settings
 
 EDGE_CHAMFER = 0.025  # [m]
@@ -136,7 +136,7 @@ def deck_parts(
     parts = []
     outline = deck_outline(width, -levels.surfacing, levels.soffit, edge, haunches)
     for span, (low, high) in enumerate(spans.pieces):
-        surface = prism(outline, low, high, "station", place)
+        surface = Prism(outline, low, high, "station", place)
         size: dict[str, object] = {"length": high - low, "width": width, "thickness": levels.slab, "span": span}
         parts.append(Part(f"Deck_{span:03d}", "deck_slab", "Role_DeckConcrete", SUPERSTRUCTURE, surface, size))
     return parts

@@ -8,12 +8,13 @@ from pydantic import Field
 from authoring.alignment import Alignment
 from authoring.component import F64
 from authoring.copies import LOCAL, copied, frames_along
+from authoring.extrusion import Prism, prism
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import FURNITURE, Part
 from authoring.parts.roadway import Roadway
 from authoring.parts.spans import Spans
 from authoring.sections import circle, rectangle
-from authoring.sweep import Surface, joined, prism, sweep
+from authoring.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
 _EMBEDDED = 0.005  # [m] grates into asphalt, conduits and pipes into the deck's edge
@@ -264,7 +265,7 @@ def _conduit_parts(fittings: Fittings, roadway: Roadway, width: float, spans: Sp
     middle = np.array([-0.5 * width - 0.5 * d + _EMBEDDED, -roadway.surfacing - _CONDUIT])
     parts = []
     for number, (low, high) in enumerate(spans.pieces):
-        surface = prism(circle(d, 12) + middle, low + 0.03, high - 0.03, "station", place)
+        surface = Prism(circle(d, 12) + middle, low + 0.03, high - 0.03, "station", place)
         size: dict[str, object] = {"diameter": d, "length": high - low - 0.06}
         parts.append(Part(f"Conduit_{number:03d}", "conduit", "Role_RailingSteel", FURNITURE, surface, size))
     return parts

@@ -6,8 +6,9 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import prism
 from authoring.sections import cut_corners, rectangle
-from authoring.sweep import Surface, prism
+from authoring.sweep import Surface
 
 Ground = Callable[[F64], F64]
 

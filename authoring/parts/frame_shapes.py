@@ -166,21 +166,22 @@ def pierced_plate(girders: PlateGirders, depth: float, width: float, thickness: 
     return _pierced(corners, np.stack(holes), 0.5 * thickness)
 
 
-def lateral_bar(girders: PlateGirders, ends: F64, lefts: F64, depth: F64, *, falling: bool) -> Surface:
+def lateral_bar(girders: PlateGirders, size: tuple[float, float], depth: F64, *, falling: bool) -> Surface:
     """Build an angle in plan across a bay, over the bottom flanges, on two gusset plates at the webs.
+
+    It is laid from where the bay's right line meets the panel's first cross-frame.
 
     Args:
         girders: What it braces.
-        ends: Stations of the cross-frames at both ends of the panel [m], shape (2,), float64.
-        lefts: Lines at both sides of the bay [m], shape (2,), float64.
+        size: Length of the panel and width of the bay [m].
         depth: Of the steel at both ends [m], shape (2,), float64.
         falling: Whether it runs from the left line to the right one.
     """
     web = 0.5 * girders.web - _INTO
-    sides = lefts + np.array([web, -web])
-    where = np.array([0.06, -0.06]) + ends
+    sides = np.array([web, size[1] - web])
+    where = np.array([0.06, size[0] - 0.06])
     sides, where, depth = (sides, where, depth) if not falling else (sides, where[::-1], depth[::-1])
-    inward = np.sign(ends.mean() - where)
+    inward = np.sign(0.5 * size[0] - where)
     z = girders.flange + _LATERAL_ABOVE - depth
     reach = 0.5 * girders.bottom_width + 0.22
     plate = [

@@ -8,13 +8,14 @@ import numpy as np
 from pydantic import Field
 
 from authoring.alignment import Alignment
+from authoring.extrusion import Prism, prism
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.girder_sections import EMBEDDED as EMBEDDED
 from authoring.parts.girder_sections import Girders as Girders
 from authoring.parts.girder_sections import diaphragm_heights, diaphragm_outline, girder_outline, u_top_width
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
-from authoring.sweep import Surface, prism, sweep
+from authoring.sweep import Surface, sweep
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
@@ -253,7 +254,7 @@ def diaphragm_parts(girders: Girders, spans: Spans, levels: Levels, place: Align
         for row, (station, thickening) in enumerate(diaphragm_stations(spans, span)):
             for bay, (first, second) in enumerate(pairwise(girders.lines)):
                 outline = diaphragm_outline(girders, first, second, thickening * girders.end_blocks) + shift
-                surface = prism(outline, station - half, station + half, "station", place)
+                surface = Prism(outline, station - half, station + half, "station", place)
                 parameters: dict[str, object] = {
                     "thickness": girders.diaphragm, "depth": high - low, "length": float(np.ptp(outline[:, 0])),
                     "span": span,

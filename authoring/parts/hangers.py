@@ -6,10 +6,11 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism, prism
 from authoring.parts.arch_axis import Rib
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.sections import circle
-from authoring.sweep import Surface, prism
+from authoring.sweep import Surface
 
 GRIP = 0.020  # [m] rod into socket and anchorage
 EMBEDDED = 0.005  # [m] socket into what it stands on, anchorage into the rib
@@ -59,8 +60,8 @@ def hanger_parts(
     centre = np.array([station, line])
     soffit = float(rib.intrados(np.array([station]))[0]) + lift
     low, high = foot + SOCKET_HEIGHT - GRIP, soffit - ANCHOR_HEIGHT + GRIP
-    socket = prism(circle(h.socket, _SIDES) + centre, foot - EMBEDDED, foot + SOCKET_HEIGHT, "above", level, 0.015)
-    rod = prism(circle(h.diameter, _SIDES) + centre, low, high, "above", level)
+    socket = Prism(circle(h.socket, _SIDES) + centre, foot - EMBEDDED, foot + SOCKET_HEIGHT, "above", level, 0.015)
+    rod = Prism(circle(h.diameter, _SIDES) + centre, low, high, "above", level)
     anchor = bracket_surface(rib, station, line, (h.anchor_length, h.anchor_width), soffit - ANCHOR_HEIGHT, level, lift)
     length = soffit - foot - SOCKET_HEIGHT - ANCHOR_HEIGHT
     facts: dict[str, object] = {"diameter": h.diameter, "length": length, "station": station}

@@ -6,12 +6,14 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism, prism
+from authoring.faces import corner_normals
 from authoring.parts.arch_axis import ArchAxis, Rib
 from authoring.parts.arches import RibSection, facetted, ground_under, rib_surface
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.sections import rectangle
-from authoring.sweep import Surface, corner_normals, prism, sweep
+from authoring.sweep import Surface, sweep
 
 ROLE = "Role_Masonry"
 PROUD = 0.02  # [m] ring in front of the spandrel walls
@@ -133,7 +135,7 @@ def masonry_support_parts(viaduct: Viaduct, founding: float, place: Alignment, g
         reach = half + _OFFSET
         bottom = min(ground_under(ground, place, stations, (-reach, reach))[0], lower[1] - 0.5) - founding
         outline = np.array([(back, bottom), (lower[0], bottom), lower, upper, (back, upper[1])])
-        surface = prism(outline if k == 0 else outline[::-1], -reach, reach, "left", place)
+        surface = Prism(outline if k == 0 else outline[::-1], -reach, reach, "left", place)
         size: dict[str, object] = {
             "length": 2.0 * reach, "thickness": stations[1] - stations[0], "height": float(upper[1]) - bottom,
             "support": 0 if k == 0 else last + 1, "filled_spandrel": True,

@@ -3,10 +3,10 @@
 import numpy as np
 
 from authoring.alignment import Alignment
+from authoring.extrusion import Prism
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.roadway import EMBEDDED, Roadway
 from authoring.sections import cut_corners, rectangle
-from authoring.sweep import prism
 
 _BESIDE = 0.20  # [m] from its kerb to the inner edge lines
 _APART = 0.02  # [m] from a mast
@@ -35,7 +35,7 @@ def median_parts(
     cuts.append(high - _SHORTER)
     parts = []
     for number, (begin, end) in enumerate(zip(cuts[::2], cuts[1::2], strict=True)):
-        surface = prism(outline, begin, end, "station", place)
+        surface = Prism(outline, begin, end, "station", place)
         size: dict[str, object] = {
             "length": end - begin, "width": 2.0 * half, "height": roadway.kerb_height, "embedded_in": "surfacing",
         }  # fmt: skip

@@ -8,11 +8,11 @@ from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import FURNITURE, Part
 from authoring.parts.railings import Railings, RailingSettings, draw_railings, railing_parts
 from authoring.sections import cut_corners, rectangle
-from authoring.sweep import prism
 
 LEDGE = 0.03  # [m] of slab that shows outside a parapet
 EMBEDDED = 0.010  # [m] parapet into slab, coping onto parapet
@@ -136,7 +136,7 @@ def parapet_parts(
     for side, sign in (("L", 1.0), ("R", -1.0)):
         for label, kind, outline in concrete_outlines(p, foot, slab_top, way):
             sided = outline if sign > 0.0 else (outline * (-1.0, 1.0))[::-1]
-            surface = prism(sided, low, high, "station", place, p.chamfer, () if plain else joints)
+            surface = Prism(sided, low, high, "station", place, p.chamfer, () if plain else joints)
             size: dict[str, object] = {"length": high - low, "height": p.height, "thickness": p.thickness}
             parts.append(Part(f"{label}_{name}_{side}", kind, "Role_ParapetConcrete", FURNITURE, surface, size))
         if p.shape in ("railing", "wall_rail"):

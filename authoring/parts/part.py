@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from authoring.atlas import pack_atlas
-from authoring.component import FIRST_BRIDGE_ID, Component, Mesh
+from authoring.component import F64, FIRST_BRIDGE_ID, I64, Component, Mesh
+from authoring.extrusion import Prism, extruded
 from authoring.sweep import Surface
 
 SUPERSTRUCTURE = "Superstructure"
@@ -27,7 +28,7 @@ class Part:
         kind: Component kind.
         role: Material role.
         group: Name of the Xform that it stands under.
-        surface: Closed surface in world space.
+        solid: Closed surface in world space, or a prism that is built together with all others.
         parameters: Dimensions [m] and counts.
     """
 
@@ -35,8 +36,13 @@ class Part:
     kind: str
     role: str
     group: str
-    surface: Surface
+    solid: Surface | Prism
     parameters: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def surface(self) -> Surface:
+        """Its closed surface; whoever wants those of many parts takes `surfaces_of`."""
+        return surfaces_of([self])[0]
 
 
 def number_parts(parts: list[Part]) -> tuple[Component, ...]:
@@ -48,29 +54,38 @@ def number_parts(parts: list[Part]) -> tuple[Component, ...]:
     Returns:
         Components with ids from FIRST_BRIDGE_ID on.
     """
-    atlas = pack_atlas([part.surface for part in parts])
+    surfaces = surfaces_of(parts)
+    atlas = pack_atlas(surfaces)
+    ids = FIRST_BRIDGE_ID + np.arange(len(parts))
     return tuple(
-        Component(
-            name=part.name,
-            kind=part.kind,
-            role=part.role,
-            group=part.group,
-            mesh=_mesh(part.surface, st1, FIRST_BRIDGE_ID + number),
-            instance_id=FIRST_BRIDGE_ID + number,
-            parameters=part.parameters,
+        Component(part.name, part.kind, part.role, part.group, mesh, number, part.parameters)
+        for part, mesh, number in zip(parts, _meshes(surfaces, atlas, ids), ids.tolist(), strict=True)
+    )
+
+
+def surfaces_of(parts: list[Part]) -> list[Surface]:
+    """Find the surfaces of parts; prisms are built together.
+
+    Args:
+        parts: Any number.
+    """
+    built = iter(extruded([part.solid for part in parts if isinstance(part.solid, Prism)]))
+    return [next(built) if isinstance(part.solid, Prism) else part.solid for part in parts]
+
+
+def _meshes(surfaces: list[Surface], atlas: list[F64], ids: I64) -> list[Mesh]:
+    """Lay every member's texture elsewhere, and mirror that of some along the member: what runs down still does."""
+    offsets = np.stack([_OFFSET_RANGE * (ids * step % 1.0) for step in _OFFSET_STEP], axis=1)
+    flips = np.where(ids * _FLIP_STEP % 1.0 < 0.5, -1.0, 1.0)
+    flips = np.stack([flips, np.ones(len(ids))], axis=1)
+    return [
+        Mesh(
+            points=surface.points,
+            face_counts=surface.face_counts,
+            corners=surface.corners,
+            normals=surface.normals.astype(np.float32),
+            st=(surface.st * flip + offset).astype(np.float32),
+            st1=st1.astype(np.float32),
         )
-        for number, (part, st1) in enumerate(zip(parts, atlas, strict=True))
-    )
-
-
-def _mesh(surface: Surface, st1: np.ndarray, instance_id: int) -> Mesh:
-    offset = np.array([_OFFSET_RANGE * (instance_id * step % 1.0) for step in _OFFSET_STEP])
-    flip = np.array([-1.0 if instance_id * _FLIP_STEP % 1.0 < 0.5 else 1.0, 1.0])  # what runs down still does
-    return Mesh(
-        points=surface.points,
-        face_counts=surface.face_counts,
-        corners=surface.corners,
-        normals=surface.normals.astype(np.float32),
-        st=(surface.st * flip + offset).astype(np.float32),
-        st1=st1.astype(np.float32),
-    )
+        for surface, st1, flip, offset in zip(surfaces, atlas, flips, offsets, strict=True)
+    ]

@@ -6,8 +6,9 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import prism
 from authoring.sections import cut_corners, mirrored
-from authoring.sweep import Surface, prism, turned
+from authoring.sweep import Surface, turned
 
 _KNEE = 0.35  # haunch between leg and beam of a frame, over the beam's depth
 _INTO_LEG = 0.005  # [m] that a haunch reaches into its leg

@@ -1,6 +1,7 @@
 """Steel railings: posts on base plates, a top rail, and rails or upright bars below it."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -9,10 +10,11 @@ from pydantic import Field
 from authoring.alignment import Alignment
 from authoring.component import F64
 from authoring.copies import LOCAL, copied_together, frames_along
+from authoring.extrusion import Prism, extruded, prism
 from authoring.parts.drawing import Draws, draw, draw_whole, drawn
 from authoring.parts.part import FURNITURE, Part
 from authoring.sections import circle, rectangle
-from authoring.sweep import Surface, joined, prism
+from authoring.sweep import Surface, joined
 from groundwork.settings import Settings
 
 _PLATE = (0.16, 0.18, 0.015)  # [m] base plate along, across, up
@@ -122,47 +124,45 @@ def railing_parts(
     ]  # fmt: skip
 
 
+@lru_cache(maxsize=64)
 def _post_solid(across: float, height: float) -> Surface:
     half, up = 0.5 * np.array(_PLATE[:2]), _PLATE[2]
-    plate = prism(rectangle((-half[0], -half[1]), (half[0], half[1])), -_HELD, up, "above", LOCAL)
+    plate = Prism(rectangle((-half[0], -half[1]), (half[0], half[1])), -_HELD, up, "above", LOCAL)
     outline = rectangle((-0.5 * _POST, -0.5 * across), (0.5 * _POST, 0.5 * across))
-    return joined([plate, prism(outline, up - _HELD, height, "above", LOCAL)])
+    return joined(extruded([plate, Prism(outline, up - _HELD, height, "above", LOCAL)]))
+
+
+@lru_cache(maxsize=64)
+def _bar_solid(height: float) -> Surface:
+    outline = rectangle((-0.5 * _BAR, -0.4 * _BAR), (0.5 * _BAR, 0.4 * _BAR))
+    return prism(outline, 0.04 - _HELD, height, "above", LOCAL)
 
 
 def _rail_solids(
     railings: Railings, left: float, bottom: float, top: float, low: float, high: float, place: Alignment
 ) -> list[Surface]:
+    """Build the rails, and what fills the railing between them, on the side of the posts towards the axis."""
     rail = railings.rail_diameter
     section = circle(rail / np.cos(np.pi / 12), 12) if railings.round_rails else _square(rail)
-    solids = [prism(np.add(section, (left, top - 0.5 * rail)), low, high, "station", place)]
-    face = left - float(np.sign(left)) * (0.5 * (rail + _POST_WIDER) - _INTO_POST)  # of what hangs on the posts
+    rails = [Prism(np.add(section, (left, top - 0.5 * rail)), low, high, "station", place)]
     inward = -float(np.sign(left))
-    if railings.infill == "bars":
-        middle = face + inward * 0.5 * _BAR
-        stations = np.arange(low + 0.04, high - 0.03, _BAR_PITCH)
-        lean = np.tan(place.skew) * (middle - left)  # along the road, by which skewed stations run away from the posts
-        apart = np.abs(stations[:, None] + lean - post_stations(railings, low, high)).min(axis=1)
-        stations = stations[apart > 0.5 * _POST + _BAR]  # none in front of a post
-        return [*solids, *_bar_solids(middle, bottom + 0.10, top - 0.6 * rail, (low, high), stations, place)]
-    size = 0.6 * rail
-    middle = face + inward * 0.5 * size
-    for number in range(railings.rails):
-        level = bottom + (top - rail - bottom) * (number + 1.0) / (railings.rails + 1.0)
-        solids.append(prism(np.add(_square(size), (middle, level)), low, high, "station", place))
-    return solids
-
-
-def _bar_solids(
-    middle: float, sill: float, head: float, reach: tuple[float, float], stations: F64, place: Alignment
-) -> list[Surface]:
-    """Make upright bars between two flat rails."""
-    solids = []
+    face = left + inward * (0.5 * (rail + _POST_WIDER) - _INTO_POST)  # of what hangs on the posts
+    if railings.infill != "bars":
+        size = 0.6 * rail
+        for number in range(railings.rails):
+            level = bottom + (top - rail - bottom) * (number + 1.0) / (railings.rails + 1.0)
+            rails.append(Prism(np.add(_square(size), (face + inward * 0.5 * size, level)), low, high, "station", place))
+        return extruded(rails)
+    middle, sill, head = face + inward * 0.5 * _BAR, bottom + 0.10, top - 0.6 * rail
     for level in (sill, head - 0.04):
         outline = rectangle((middle - 0.5 * _BAR, level), (middle + 0.5 * _BAR, level + 0.04))
-        solids.append(prism(outline, *reach, "station", place))
-    outline = rectangle((-0.5 * _BAR, -0.4 * _BAR), (0.5 * _BAR, 0.4 * _BAR))
-    bar = prism(outline, 0.04 - _HELD, head - 0.04 + _HELD - sill, "above", LOCAL)
-    return [*solids, copied_together(bar, frames_along(place, stations, middle, sill, upright=True))]
+        rails.append(Prism(outline, low, high, "station", place))
+    stations = np.arange(low + 0.04, high - 0.03, _BAR_PITCH)
+    lean = np.tan(place.skew) * (middle - left)  # along the road, by which skewed stations run away from the posts
+    apart = np.abs(stations[:, None] + lean - post_stations(railings, low, high)).min(axis=1)
+    stations = stations[apart > 0.5 * _POST + _BAR]  # none in front of a post
+    bars = frames_along(place, stations, middle, sill, upright=True)
+    return [*extruded(rails), copied_together(_bar_solid(head - 0.04 + _HELD - sill), bars)]
 
 
 def _square(side: float) -> F64:

@@ -7,11 +7,12 @@ from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism, extruded
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.sections import cut_corners, rectangle
-from authoring.sweep import Surface, joined, prism
+from authoring.sweep import joined
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
@@ -164,7 +165,7 @@ def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Pa
     parts = []
     half, depth = roadway.kerb_face + EMBEDDED, roadway.surfacing + EMBEDDED
     for number, (low, high) in enumerate(asphalt_ranges(roadway, spans)):
-        surface = prism(_asphalt_outline(roadway, half, depth, place), low, high, "station", place)
+        surface = Prism(_asphalt_outline(roadway, half, depth, place), low, high, "station", place)
         size: dict[str, object] = {"length": high - low, "width": 2.0 * half, "thickness": roadway.surfacing}
         name = f"Surfacing_{number:03d}"
         parts.append(Part(name, "surfacing", "Role_DeckAsphalt", SUPERSTRUCTURE, surface, size))
@@ -172,7 +173,7 @@ def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Pa
     for support, middle in spans.joints:
         low, high = middle - 0.5 * roadway.joint_width, middle + 0.5 * roadway.joint_width
         outline = rectangle((-half + 0.002, -depth - _SHORTER), (half - 0.002, 0.008))
-        surface = prism(outline, low, high, "station", place)
+        surface = Prism(outline, low, high, "station", place)
         size = {"width": roadway.joint_width, "length": 2.0 * half}
         name = f"Joint_{support:03d}"
         parts.append(Part(name, "expansion_joint", "Role_BearingRubber", SUPERSTRUCTURE, surface, size))
@@ -201,7 +202,7 @@ def _marking_parts(roadway: Roadway, number: int, low: float, high: float, place
         runs = np.array([[low, high]]) if edge else _dashes(roadway, low, high)
         if len(runs) == 0:
             continue
-        surface = joined([_stripe(roadway, float(left), float(a), float(b), place) for a, b in runs])
+        surface = joined(extruded([_stripe(roadway, float(left), float(a), float(b), place) for a, b in runs]))
         facts: dict[str, object] = {"width": roadway.marking_width, "dashed": not edge}
         name = f"Marking_{number:03d}_{line:02d}"
         parts.append(Part(name, "road_marking", "Role_RoadMarking", SUPERSTRUCTURE, surface, facts))
@@ -226,9 +227,9 @@ def _dashes(roadway: Roadway, low: float, high: float) -> F64:
     return runs[runs[:, 1] - runs[:, 0] >= _SHORTEST_DASH]
 
 
-def _stripe(roadway: Roadway, left: float, low: float, high: float, place: Alignment) -> Surface:
+def _stripe(roadway: Roadway, left: float, low: float, high: float, place: Alignment) -> Prism:
     half = 0.5 * roadway.marking_width
-    return prism(rectangle((left - half, -EMBEDDED), (left + half, MARKING_HEIGHT)), low, high, "station", place)
+    return Prism(rectangle((left - half, -EMBEDDED), (left + half, MARKING_HEIGHT)), low, high, "station", place)
 
 
 def kerb_parts(roadway: Roadway, name: str, low: float, high: float, place: Alignment) -> list[Part]:
@@ -248,13 +249,13 @@ def kerb_parts(roadway: Roadway, name: str, low: float, high: float, place: Alig
         # Kerb and footway reach a little under what stands beside them: no face is shared, no light shines through.
         behind = back + (0.0 if roadway.footway_width else 2.0 * EMBEDDED)
         kerb = cut_corners(rectangle((face, bottom), (behind, roadway.kerb_height)), np.array([0.0, 0.0, 0.0, 0.02]))
-        surface = prism(_sided(kerb, sign), low, high, "station", place)
+        surface = Prism(_sided(kerb, sign), low, high, "station", place)
         size: dict[str, object] = {"width": roadway.kerb_width, "height": roadway.kerb_height, "length": high - low}
         parts.append(Part(f"Kerb_{name}_{side}", "kerb", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
         if roadway.footway_width:
             far = roadway.half_width + 2.0 * EMBEDDED
             path = rectangle((back - EMBEDDED, bottom - 2.0 * _SHORTER), (far, roadway.kerb_height - 0.006))
-            surface = prism(_sided(path, sign), low + _SHORTER, high - _SHORTER, "station", place)
+            surface = Prism(_sided(path, sign), low + _SHORTER, high - _SHORTER, "station", place)
             size = {"width": roadway.footway_width, "length": high - low}
             parts.append(Part(f"Footway_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
     return parts

@@ -6,9 +6,10 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import prism
 from authoring.parts.wedges import seat_slope, wedge
 from authoring.sections import circle, cut_corners, mirrored, rectangle
-from authoring.sweep import Surface, prism, sweep, turned
+from authoring.sweep import Surface, sweep, turned
 
 EMBEDDED = 0.010  # [m] into cap and footing
 APART = 0.3  # [m] between neighbouring shafts at their bases

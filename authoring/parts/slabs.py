@@ -8,12 +8,12 @@ from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
 from authoring.sections import cut_corners, mirrored
-from authoring.sweep import prism
 from groundwork.settings import Settings
 
 LEAST_DEPTH = 0.25  # [m]
@@ -172,7 +172,7 @@ def slab_parts(slab: Slab, spans: Spans, levels: Levels, place: Alignment) -> li
     parts = []
     outline = slab_outline(slab, -levels.surfacing)
     for number, (low, high) in enumerate(spans.pieces):
-        surface = prism(outline, low, high, "station", place)
+        surface = Prism(outline, low, high, "station", place)
         size: dict[str, object] = {
             "length": high - low, "width": slab.width, "thickness": slab.depth, "section": slab.section,
             "spans": spans.count if spans.continuous else 1,

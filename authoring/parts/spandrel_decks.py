@@ -6,6 +6,7 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism
 from authoring.parts.bearings import Bearings
 from authoring.parts.deck_top import DeckTop
 from authoring.parts.decks import deck_parts
@@ -13,7 +14,6 @@ from authoring.parts.drawing import Draws
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
 from authoring.sections import cut_corners, mirrored, rectangle
-from authoring.sweep import prism
 
 _EMBEDDED = 0.010  # [m] beam into slab
 _SHORTER = 0.008  # [m] beam than slab
@@ -101,7 +101,7 @@ def spandrel_deck_parts(deck: SpandrelDeck, width: float, spans: Spans, levels: 
         return deck_parts(width, spans, levels, place)
     parts = []
     for number, (low, high) in enumerate(spans.pieces):
-        surface = prism(_box_outline(deck, width, levels), low, high, "station", place)
+        surface = Prism(_box_outline(deck, width, levels), low, high, "station", place)
         size: dict[str, object] = {
             "length": high - low, "width": width, "thickness": deck.slab, "depth": deck.slab + deck.girder,
         }  # fmt: skip
@@ -127,7 +127,7 @@ def deck_beam_parts(deck: SpandrelDeck, spans: Spans, levels: Levels, place: Ali
     for piece, (low, high) in enumerate(spans.pieces):
         for number, line in enumerate(deck.lines):
             shifted = outline + np.array([line, levels.girder_soffit])
-            surface = prism(shifted, low + _SHORTER, high - _SHORTER, "station", place)
+            surface = Prism(shifted, low + _SHORTER, high - _SHORTER, "station", place)
             size: dict[str, object] = {
                 "length": high - low, "width": deck.beam_width, "depth": deck.girder, "span": piece, "line": number,
             }  # fmt: skip

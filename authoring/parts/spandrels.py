@@ -7,12 +7,14 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import Prism, prism
+from authoring.faces import corner_normals
 from authoring.parts.arches import ground_under
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import level_at
 from authoring.sections import circle, cut_corners, rectangle
-from authoring.sweep import Surface, corner_normals, prism, turned
+from authoring.sweep import Surface, turned
 
 EMBEDDED = 0.010  # [m] column into cross-head, arch and footing
 _SIDES = 32  # of a round column
@@ -216,7 +218,7 @@ def bent_footing(
     top = min(0.5 * (low + high) + 0.3, ceiling)  # on a slope it is cut into the upper side
     bottom = min(low, top) - founding
     outline = cut_corners(rectangle((station - half[0], -half[1]), (station + half[0], half[1])), 0.025)
-    surface = prism(outline, bottom, top, "above", level, 0.025)
+    surface = Prism(outline, bottom, top, "above", level, 0.025)
     size: dict[str, object] = {"length": 2.0 * half[1], "width": 2.0 * half[0], "height": top - bottom}
     return Part(name, "pier_footing", "Role_PierConcrete", SUBSTRUCTURE, surface, size), top
 

@@ -44,7 +44,6 @@ def stiffener_parts(
     """
     if girders.box:
         return []
-    rows = sorted({station for _, _, station in spans.rows})
     surfaces: list[Surface] = []
     facts: list[tuple[str, dict[str, object]]] = []
     top = girders.steel_top(levels)
@@ -52,19 +51,21 @@ def stiffener_parts(
         low, high = spans.bearing_lines(span)
         joints = [station for station in frames if low + 0.01 < station < high - 0.01]
         between = _between(girders, spans, [low, *joints, high], cuts, pitch)
+        made: dict[tuple[tuple[float, float], ...], Surface] = {}  # lines with the same neighbours have the same plates
         for line, left in enumerate(girders.lines):
             sides = _inner_sides(girders, line)
-            wanted = [(station, side) for station in joints for side in sides]
             towards = [side for side in sides if side * left < 0.0] or sides  # the axis
-            wanted += [(station, side) for station in between for side in towards]
+            wanted = tuple((station, side) for stations, own in ((joints, sides), (between, towards))
+                           for station in stations for side in own)  # fmt: skip
             if wanted:
-                surfaces.append(shifted(_across(girders, spans, wanted, thickness), np.array([0.0, left, top])))
+                if wanted not in made:
+                    made[wanted] = _across(girders, spans, wanted, thickness)
+                surfaces.append(shifted(made[wanted], np.array([0.0, left, top])))
                 facts.append((f"Stiffeners_{span:03d}_{line:02d}", {"count": len(wanted), "span": span, "line": line}))
-    for number, station in enumerate(rows):
+    for number, station in enumerate(sorted({station for _, _, station in spans.rows})):
+        plates_there = _across(girders, spans, ((station, -1.0), (station, 1.0)), _BEARING_THICKER * thickness)
         for line, left in enumerate(girders.lines):
-            wanted = [(station, side) for side in (-1.0, 1.0)]
-            plate = _across(girders, spans, wanted, _BEARING_THICKER * thickness)
-            surfaces.append(shifted(plate, np.array([0.0, left, top])))
+            surfaces.append(shifted(plates_there, np.array([0.0, left, top])))
             facts.append((f"BearingStiffener_{number:03d}_{line:02d}", {"count": 2, "row": number, "line": line}))
     return [
         Part(name, "stiffener", "Role_GirderSteel", SUPERSTRUCTURE, surface, {"thickness": thickness, **fact})
@@ -88,7 +89,7 @@ def _between(
     return [station for station in found if all(abs(station - cut) > HALF_LENGTH + 0.06 for cut in cuts)]
 
 
-def _across(girders: PlateGirders, spans: Spans, wanted: list[tuple[float, float]], thickness: float) -> Surface:
+def _across(girders: PlateGirders, spans: Spans, wanted: tuple[tuple[float, float], ...], thickness: float) -> Surface:
     """Build plates round a line, at stations and on sides of the web; heights count from the top of the steel."""
     station, side = np.array(wanted).T
     depth = girders.depths(spans, station)

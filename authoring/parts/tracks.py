@@ -14,11 +14,12 @@ from pydantic import Field
 from authoring.alignment import Alignment
 from authoring.component import F64
 from authoring.copies import LOCAL, copied, frames_along
+from authoring.extrusion import Prism, prism
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.sections import cut_corners, rectangle
-from authoring.sweep import Surface, joined, prism, sweep
+from authoring.sweep import Surface, joined, sweep
 from authoring.track_section import APPROACH_TRACK, CLEARANCE, GAUGE, TrackSection
 from groundwork.settings import Settings
 
@@ -156,7 +157,7 @@ def track_parts(tracks: Tracks, spans: Spans, place: Alignment) -> list[Part]:
     for stretch, (begin, end) in enumerate(stretches):
         parts += _sleeper_parts(tracks.section, template, stretch, tracks.section.sleepers(begin, end), place)
     for number, left in enumerate(tracks.section.rails):
-        surface = prism(tracks.section.rail_outline(left), low, high, "station", place)
+        surface = Prism(tracks.section.rail_outline(left), low, high, "station", place)
         size: dict[str, object] = {"length": high - low, "height": tracks.section.rail_height, "track": number // 2}
         parts.append(
             Part(f"Rail_{number // 2:02d}_{number % 2}", "rail", "Role_RailSteel", SUPERSTRUCTURE, surface, size)
@@ -184,7 +185,7 @@ def _bed_parts(tracks: Tracks, spans: Spans, place: Alignment) -> list[Part]:
     section, bottom = tracks.section, tracks.section.formation - EMBEDDED
     low, high = track_range(spans)
     if section.bed == "ballast":
-        surface = prism(ballast_outline(tracks), low, high, "station", place)
+        surface = Prism(ballast_outline(tracks), low, high, "station", place)
         size: dict[str, object] = {"length": high - low, "width": 2.0 * tracks.kerb_face, "depth": section.bed_depth}
         return [Part("Ballast_000", "ballast", "Role_Ballast", SUPERSTRUCTURE, surface, size)]
     parts = []
@@ -194,7 +195,7 @@ def _bed_parts(tracks: Tracks, spans: Spans, place: Alignment) -> list[Part]:
         for track, line in enumerate(section.lines):
             outline = rectangle((line - half, bottom), (line + half, section.bed_top))
             outline = outline if section.plain else cut_corners(outline, np.array([0.0, 0.0, 0.02, 0.02]))
-            surface = prism(outline, begin, end, "station", place)
+            surface = Prism(outline, begin, end, "station", place)
             size = {"length": end - begin, "width": 2.0 * half, "thickness": section.bed_depth, "track": track}
             name = f"TrackSlab_{number:03d}_{track:02d}"
             parts.append(Part(name, "track_slab", "Role_DeckConcrete", SUPERSTRUCTURE, surface, size))
@@ -208,7 +209,7 @@ def _joint_parts(tracks: Tracks, spans: Spans, place: Alignment) -> list[Part]:
     for support, station in spans.joints:
         half = tracks.kerb_face + EMBEDDED - 0.001
         outline = rectangle((-half, formation - EMBEDDED - _SHORTER), (half, formation + 0.012))
-        surface = prism(outline, station - 0.5 * width, station + 0.5 * width, "station", place)
+        surface = Prism(outline, station - 0.5 * width, station + 0.5 * width, "station", place)
         size: dict[str, object] = {"width": width, "length": 2.0 * half}
         name = f"Joint_{support:03d}"
         parts.append(Part(name, "expansion_joint", "Role_BearingRubber", SUPERSTRUCTURE, surface, size))
@@ -316,7 +317,7 @@ def side_parts(tracks: Tracks, edge: float, name: str, low: float, high: float, 
     for side, sign in (("L", 1.0), ("R", -1.0)):
         if tracks.upstand:
             outline = cut_corners(rectangle((face, bottom), (back, top)), np.array([0.0, 0.0, 0.0, 0.02]))
-            surface = prism(_sided(outline, sign), low, high, "station", place)
+            surface = Prism(_sided(outline, sign), low, high, "station", place)
             size: dict[str, object] = {"width": back - face, "height": top - bottom - EMBEDDED, "length": high - low}
             parts.append(Part(f"Upstand_{name}_{side}", "kerb", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
         if not tracks.upstand:
@@ -324,14 +325,14 @@ def side_parts(tracks: Tracks, edge: float, name: str, low: float, high: float, 
         outline = cut_corners(
             rectangle((back - EMBEDDED, bottom - _SHORTER), (edge, tracks.walk_level)), np.array([0.0, 0.02, 0.02, 0.0])
         )
-        surface = prism(_sided(outline, sign), low + _SHORTER, high - _SHORTER, "station", place)
+        surface = Prism(_sided(outline, sign), low + _SHORTER, high - _SHORTER, "station", place)
         size = {"width": edge - back, "length": high - low}
         parts.append(Part(f"Walkway_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
         if room > 0.34:  # a trough for cables, closed by covers of one metre
             outline = rectangle(
                 (back + 0.05, tracks.walk_level - EMBEDDED), (back + 0.05 + 0.28, tracks.walk_level + 0.04)
             )
-            surface = prism(_sided(outline, sign), low + 0.02, high - 0.02, "station", place, 0.006, covers)
+            surface = Prism(_sided(outline, sign), low + 0.02, high - 0.02, "station", place, 0.006, covers)
             size = {"width": 0.28, "length": high - low}
             parts.append(Part(f"Trough_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
     return parts

@@ -32,6 +32,11 @@ class Wedge(Alignment):
     high_slope: Slope = FLAT
     twist: float = 0.0
 
+    @property
+    def affine(self) -> bool:
+        """Whether parallel lines stay parallel: never, unless both planes are one."""
+        return False
+
     def point(self, station: F64, left: F64, above: F64) -> F64:
         """Find world positions from coordinates in the frame.
 

@@ -192,8 +192,9 @@ def test_windows_lie_in_walls() -> None:
     """Every window of every style lies within a wall of a tier, bays apart, between floor and roof, facing outwards."""
     towers = [tower for tower in town_of("river").towers if tower.away < NEAR]
     assert len({tower.style.name for tower in towers}) >= 3
+    around = np.array([[-1e4, -1e4], [1e4, -1e4], [1e4, 1e4], [-1e4, 1e4]])
     for tower in towers:
-        found = openings(tower)
+        found = openings(tower, around)
         c, s = np.cos(tower.heading), np.sin(tower.heading)
         local = (found.places[:, :2] - tower.spot[:2]) @ np.array([[c, -s], [s, c]])
         high = found.places[:, 2] - tower.spot[2]
@@ -207,6 +208,10 @@ def test_windows_lie_in_walls() -> None:
                 inside &= np.abs(np.angle(np.exp(1j * (found.yaw - tower.heading - turn)))) < 1e-9
                 hit += inside
         assert (hit == 1).all()
+        turned = np.array([[c, s], [-s, c]])
+        before = openings(tower, tower.spot[:2] + np.array([[0.0, -200.0], [1.0, -200.0]]) @ turned)
+        assert 0 < len(before.yaw) < len(found.yaw)  # whoever stands before the front sees no window of the back
+        assert np.abs(np.cos(before.yaw - tower.heading) + 1.0).min() > 0.5
 
 
 def test_facades_have_depth() -> None:

@@ -9,11 +9,13 @@ import OpenEXR
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdValidation
 
-from authoring.lighting import LightSettings, author_lighting, bake_light, encode_exr
+from authoring.lighting import LightSettings, author_lighting, bake_light, clear_view, encode_exr
 from authoring.lighting_panorama import part_sun, read_panorama, reduce_panorama, turned
 from authoring.lighting_sky import clear_sky, sky_directions, solid_angles
 from authoring.lighting_sun import air_mass, direction, sun_illuminance, sun_position
 from groundwork.errors import InputError
+from usd_schemas import tokens
+from usd_schemas.apis import ENVIRONMENT_API, read_visibility
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
@@ -261,3 +263,22 @@ def test_reduced_and_turned_panoramas_keep_their_light() -> None:
     np.testing.assert_allclose(reduce_panorama(picture, 16).mean(axis=(0, 1)), picture.mean(axis=(0, 1)), rtol=1e-5)
     assert np.array_equal(turned(picture, 90.0), np.roll(picture, -32, axis=1))
     assert np.array_equal(turned(turned(picture, 45.0), -45.0), picture)
+
+
+@pytest.mark.parametrize("said", [None, 900.0])
+def test_visibility_stands_on_the_environment(tmp_path: Path, said: float | None) -> None:
+    """What the scenario says, or what the turbidity makes of it; a foreign stage says nothing."""
+    settings = LightSettings(sky_height=64, turbidity=6.0, visibility=said)
+    stage = Usd.Stage.CreateInMemory()
+    author_lighting(stage, bake_light(settings, tmp_path, np.random.default_rng(1)))
+    prim = stage.GetPrimAtPath(tokens.ENVIRONMENT)
+    assert ENVIRONMENT_API in prim.GetAppliedSchemas()
+    assert read_visibility(prim) == (said or clear_view(6.0))
+    assert read_visibility(stage.GetPseudoRoot()) is None
+
+
+def test_turbid_air_is_less_clear() -> None:
+    """Pure air is seen through for 337 km (Koschmieder over Rayleigh), air of turbidity 3 for some 23 km."""
+    assert clear_view(1.0) == pytest.approx(337_000.0, rel=0.01)
+    assert clear_view(3.0) == pytest.approx(23_000.0, rel=0.03)
+    assert all(clear_view(t) > clear_view(t + 1.0) for t in range(1, 10))

@@ -88,7 +88,8 @@ def _look_up(image: F32, metres: float) -> F32:
     return np.asarray(cv2.remap(small, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.float32)
 
 
-def _ortho(folder: Path, recipe: MaterialRecipe) -> F32:
+def orthophoto(folder: Path, recipe: MaterialRecipe) -> F32:
+    """Sheet and detail of a surface, 30 x 30 m of it."""
     coded = cv2.imread(str(folder / recipe.albedo_file), cv2.IMREAD_GRAYSCALE)
     grey = cv2.imread(str(folder / recipe.detail_file), cv2.IMREAD_GRAYSCALE)
     assert coded is not None
@@ -99,7 +100,7 @@ def _ortho(folder: Path, recipe: MaterialRecipe) -> F32:
     return shown
 
 
-def _peak(shown: F32) -> float:
+def peak(shown: F32) -> float:
     """Highest autocorrelation beyond 1 m, of what is smaller than 8 m: slow changes of tone are no repetition."""
     level = shown / cv2.GaussianBlur(shown, (0, 0), 4.0 / _PIXEL)
     level = level - level.mean()
@@ -123,11 +124,11 @@ def test_nothing_repeats_over_thirty_metres(
     peaks = {}
     for look, years in (("weathered", 1.0), ("aged", 1.6)):
         surface = fill_roles(look, np.random.default_rng(0))[0][role]
-        shown = _ortho(tmp_path, bake_surface(surface, tmp_path))
-        alone = _peak(shown)
+        shown = orthophoto(tmp_path, bake_surface(surface, tmp_path))
+        alone = peak(shown)
         macro = encode_raw(weather((wall,), 1024, years, np.random.default_rng(2)) / 2)
         factor = cv2.resize(2 * macro.mean(axis=-1).astype(np.float32) / 255, (len(shown), len(shown)))
-        peaks[look] = _peak(shown * factor)
+        peaks[look] = peak(shown * factor)
         assert peaks[look] <= 0.25, (surface, peaks[look])
         assert peaks[look] < alone
     record_proof(f"looks/nothing repeats over 30 m: {role}", 2, 2, {k: round(v, 3) for k, v in peaks.items()})

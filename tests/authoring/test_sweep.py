@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from authoring.alignment import Alignment
 from authoring.component import F64
+from authoring.extrusion import GROOVE_DEPTH, prism
 from authoring.sections import area, circle, cut_corners, inset, is_convex, mirrored, rectangle, triangulate
-from authoring.sweep import GROOVE_DEPTH, Axis, Surface, joined, prism, sweep, turned
+from authoring.sweep import Axis, Surface, joined, sweep, turned
 
 LEVEL = Alignment(7.0, 0.0, 0.4)
 GRADED = Alignment(7.0, 0.03, -0.7)

@@ -13,7 +13,7 @@ import pytest
 
 from groundwork.canonical import canonical_json
 from groundwork.child import run_child
-from groundwork.errors import ChildError, InputError, RejectedSceneError
+from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "tests.groundwork.child_work"
@@ -104,7 +104,7 @@ def test_errors_keep_their_kind_and_text() -> None:
     assert caught.value.reason == "too_few_cameras"
     with pytest.raises(ChildError, match="failed with exit code 1: ZeroDivisionError: the deck is infinitely thin"):
         run("fail")
-    with pytest.raises(ChildError, match="disk: full"):
+    with pytest.raises(OutOfSpaceError, match="disk: full"):
         run("space")
 
 

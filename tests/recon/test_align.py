@@ -10,15 +10,15 @@ from recon.align import (
     OK,
     ROTATION_OUTLIER,
     UNREGISTERED,
-    Similarity,
     Target,
     align,
-    angles,
     centre_limit,
     check_share,
-    fit_similarity,
+    stand_upright,
 )  # fmt: skip
 from recon.settings import AlignmentSettings
+from recon.similarity import Similarity, angles, camera_up, fit_similarity
+from usd_schemas.pinhole import look_at
 
 F64 = NDArray[np.float64]
 DEFAULT = AlignmentSettings(centre_limit=0.25)
@@ -167,3 +167,60 @@ def test_small_angles_stay_sharp() -> None:
     turn = np.radians(1e-6)
     rotation = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
     np.testing.assert_allclose(angles(np.stack([rotation, np.diag([-1.0, -1.0, 1.0])]), np.eye(3)), [1e-6, 180.0])
+
+
+def level_flight(rng: np.random.Generator, centres: F64) -> tuple[F64, F64, Similarity]:
+    """Make true poses that look about, pitched but level to half a degree, in world and model units."""
+    _, _, known = flight(rng, centres)
+    tilt = random_rotations(rng, len(centres), 0.5)
+    looks = np.column_stack(
+        [rng.normal(0, 0.4, len(centres)), np.ones(len(centres)), rng.uniform(-1, 0.3, len(centres))]
+    )
+    true = np.stack([look_at(eye, eye + look) for eye, look in zip(centres, looks, strict=True)])
+    true[:, :3, :3] = tilt @ true[:, :3, :3]
+    model = true.copy()
+    model[:, :3, :3] = known.rotation.T @ true[:, :3, :3]
+    model[:, :3, 3] = (centres - known.translation) @ known.rotation / known.scale
+    return true, model, known
+
+
+def test_straight_flight_with_gps_stands_upright() -> None:
+    """GPS along a line fixes heading, scale and place; up is what level photographs say, not what its noise says."""
+    rng = np.random.default_rng(12)
+    line = np.column_stack([np.linspace(0, 30, 40), np.zeros(40), np.full(40, 3.0)])
+    _, model, known = level_flight(rng, line)
+    gps = line + rng.normal(0, 0.5, (40, 3))
+    aside = np.array([[15.0, 6.0, 3.0], [15.0, -6.0, 3.0]])
+    local = (aside - known.translation) @ known.rotation / known.scale
+    found = align(model, np.arange(40), Target("gps", gps, None, 3.0, 0.5), DEFAULT, np.random.default_rng(1))
+    assert found.method == "centres+up"
+    assert np.linalg.norm(found.similarity.move(local) - aside, axis=1).max() < 0.6
+    scale, rotation, translation = fit_similarity(model[:, :3, 3], gps)
+    assert np.linalg.norm(scale * local @ rotation.T + translation - aside, axis=1).max() > 2.0
+    climb = np.roll(line, 2, axis=1)
+    _, upward, _ = level_flight(rng, climb)
+    with pytest.raises(RejectedSceneError) as rejected:
+        align(upward, np.arange(40), Target("gps", climb, None, 3.0, 0.5), DEFAULT, np.random.default_rng(1))
+    assert rejected.value.reason == "straight_path"
+
+
+def test_without_positions_a_model_stands_upright() -> None:
+    """Nothing known but the photographs: its own scale, up within a degree, cameras round the origin, none at fault."""
+    rng = np.random.default_rng(13)
+    _, model, known = level_flight(rng, rng.normal(0, 8, (30, 3)))
+    found = stand_upright(model, np.arange(30), 32)
+    assert found.similarity.scale == 1.0
+    up = found.similarity.rotation @ known.rotation.T @ np.array([0.0, 0.0, 1.0])
+    assert np.degrees(np.arccos(up[2])) < 1.0
+    np.testing.assert_allclose(found.similarity.move_poses(model)[:, :3, 3].mean(axis=0), 0.0, atol=1e-9)
+    assert found.status == (OK,) * 30 + (UNREGISTERED,) * 2
+
+
+def test_cameras_that_look_down_know_up() -> None:
+    """Nadir photographs turned every way: their rows are horizontal, and what is behind them is up."""
+    yaw = np.linspace(0, 5, 12)
+    down = np.stack([
+        [[np.cos(a), np.sin(a), 0.0], [np.sin(a), -np.cos(a), 0.0], [0.0, 0.0, -1.0]] for a in yaw
+    ])  # fmt: skip
+    assert np.allclose(np.linalg.det(down), 1.0)
+    np.testing.assert_allclose(camera_up(down), [0.0, 0.0, 1.0], atol=0.05)

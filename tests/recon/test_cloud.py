@@ -14,7 +14,8 @@ import pytest
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError, MissingError
 from recon.cloud import COLUMNS, OBSERVATION_COLUMNS, Cloud, read_cloud, segment_with_noise, write_cloud
-from recon.export import LAZ_SCALE, write_laz, write_ply
+from recon.formats.laz import LAZ_SCALE, write_laz
+from recon.formats.ply import write_ply
 from usd_schemas.components import class_rows
 
 
@@ -148,7 +149,7 @@ def test_ply_holds_the_points(cloud: Cloud, tmp_path: Path) -> None:
     head, body = data.split(b"end_header\n", 1)
     lines = head.decode().splitlines()
     assert lines[:3] == ["ply", "format binary_little_endian 1.0", "element vertex 500"]
-    codes = {"double": "d", "float": "f", "uchar": "B", "ushort": "H", "uint": "I"}
+    codes = {"double": "d", "float": "f", "uchar": "B", "int": "i", "uint": "I"}
     names = [line.split()[2] for line in lines[3:]]
     layout = struct.Struct("<" + "".join(codes[line.split()[1]] for line in lines[3:]))
     rows = np.array(list(layout.iter_unpack(body)))

@@ -165,7 +165,7 @@ def test_hopeless_captures_have_reasons(
                                                        (False, 41, "sequential")])  # fmt: skip
 def test_pairing_is_chosen_by_what_is_known(gps: bool, count: int, pairing: str) -> None:
     """GPS for every image: spatial; else exhaustive up to 40 images, sequential above."""
-    from recon.sparse_child import choose_pairing
+    from recon.matching import choose_pairing
 
     images = tuple(
         CaptureImage(name=str(i), file=f"{i}.jpg", gps=(0.0, 0.0, 0.0) if gps else None) for i in range(count)

@@ -13,7 +13,7 @@ from authoring.lighting_sun import LUMINANCE
 from groundwork.progress import SILENT
 from render.context import Gl
 from render.daylight import irradiance_coefficients, read_daylight, sphere
-from render.illumination import BRIGHTEST
+from render.illumination import BRIGHTEST, CLEAR_DAY, haze_distance
 from render.light_volume import cast_light_volume
 from render.prepare import prepare
 from render.settings import RenderSettings
@@ -234,3 +234,15 @@ def test_grey_card_under_our_own_day(gl: Gl, ideal: RenderSettings, tmp_path: Pa
     scene = replace(scene, dome=dome, sun=Sun(lighting.sun_direction, lighting.sun_irradiance))
     light, _ = radiance(gl, scene, ideal.model_copy(update={"quality": "fast"}))
     assert light[60, 80] @ LUMINANCE == pytest.approx(0.18, rel=0.03)
+
+
+def test_haze_follows_the_visibility_of_the_stage(gl: Gl, ideal: RenderSettings) -> None:
+    """At the visibility 2 % of the contrast is left, at half of it the root; what the settings say goes before."""
+    settings = ideal.model_copy(update={"quality": "fast", "haze_distance": None})
+    scene = replace(plate(Material("black", base_color=(0.0, 0.0, 0.0)), 4.0).build(DOWN[None]), dome=WHITE_DOME)
+    for visibility, share in ((8.0, 0.02), (16.0, 0.02**0.5)):
+        light, depth = radiance(gl, replace(scene, visibility=visibility), settings)
+        assert depth[60, 80] == pytest.approx(8.0, rel=1e-3)
+        np.testing.assert_allclose(light[60, 80], 1.0 - share, rtol=3e-3)
+    assert haze_distance(scene, settings) == CLEAR_DAY
+    assert haze_distance(replace(scene, visibility=100.0), ideal) == ideal.haze_distance

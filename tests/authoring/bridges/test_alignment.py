@@ -10,13 +10,14 @@ from scipy.special import fresnel
 
 from authoring.alignment import FAR, NEAR, Alignment, Crest
 from authoring.component import F64
+from authoring.extrusion import prism
 from authoring.families.alignments import LARGEST_TURN
 from authoring.layout import BridgeSettings, draw_layout
 from authoring.parts.spans import level_at
 from authoring.plan_curve import Element, PlanCurve, sine_elements
 from authoring.sections import rectangle
 from authoring.streams import stream
-from authoring.sweep import prism, sweep
+from authoring.sweep import sweep
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.conftest import Count

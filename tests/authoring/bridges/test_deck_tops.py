@@ -10,6 +10,7 @@ import pytest
 from authoring.alignment import Alignment
 from authoring.component import F64, Component
 from authoring.copies import LOCAL, copied_together, frames_along
+from authoring.extrusion import prism
 from authoring.layout import BridgeSettings, draw_layout
 from authoring.parts.deck_top import DeckTop, DeckTopSettings, Runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws
@@ -20,7 +21,7 @@ from authoring.parts.tracks import ballast_outline, sleeper_solid, track_range
 from authoring.sections import area, rectangle
 from authoring.site import SiteSettings, draw_site
 from authoring.streams import stream
-from authoring.sweep import Surface, prism
+from authoring.sweep import Surface
 from authoring.track_section import CLEARANCE, GAUGE
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings

@@ -1,0 +1,92 @@
+"""The dense step as seen from outside: one child process, and the points that it leaves in a folder."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from groundwork.canonical import folder_digest
+from groundwork.child import run_child
+from groundwork.errors import ChildError, OutOfSpaceError
+from groundwork.progress import Progress
+from recon.dense_points import FOLDER, DensePoints, read_points
+from recon.settings import DOWNSCALE, ReconSettings
+from recon.sparse import Sparse
+from recon.steps import take_step
+from render.capture import Capture
+
+_VERSION = 1  # of what the step writes
+_CHILD = "recon.dense_child"
+_SLACK = 120.0  # [s] beside the time per image
+_BYTES_PER_PIXEL = 12  # on the disk: working image, depth, and the points' share
+
+
+def run_dense(
+    capture: Capture, sparse: Sparse, work: Path, settings: ReconSettings, progress: Progress
+) -> tuple[DensePoints, dict[str, Any]]:
+    """Measure a depth for nearly every pixel and fuse the depth maps; never looks at the truth.
+
+    Args:
+        capture: Photographs.
+        sparse: The model, as structure from motion left it.
+        work: Existing work folder; a finished step there is taken over, and depth maps of an interrupted one, too.
+        settings: What to do.
+        progress: Listener.
+
+    Returns:
+        The points, in the model's own units, and JSON figures of the step.
+
+    Raises:
+        RejectedSceneError: `bad_lens` or `no_depth`.
+        OutOfSpaceError: The disk is full; finished depth maps stay.
+    """
+    dense = settings.dense
+    limits = {"threads", "seconds_per_image", "memory_limit"}
+    recipe = [_VERSION, sparse.recipe, settings.quality, settings.filter, dense.model_dump(exclude=limits)]
+
+    def make(folder: Path) -> Any:
+        width, height = (side // DOWNSCALE[settings.quality] for side in capture.size)
+        _check_space(folder, len(capture.images) * width * height * _BYTES_PER_PIXEL)
+        request = {
+            "capture": str(capture.folder), "model": str(sparse.folder), "out": str(folder), "settings": settings,
+        }  # fmt: skip
+        with _plain_errors(folder):
+            return run_child(
+                _CHILD,
+                request,
+                time_limit=_SLACK + dense.seconds_per_image * len(capture.images),
+                memory_limit=dense.memory_limit,
+                progress=progress,
+                environment={"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            )
+
+    step = take_step(work, "dense", recipe, make)
+    return read_points(step.folder), {**step.result, "points_sha256": folder_digest(step.folder / FOLDER)}
+
+
+@contextmanager
+def _plain_errors(folder: Path) -> Iterator[None]:
+    """Say in one line how to mend what stopped the child."""
+    try:
+        yield
+    except ChildError as error:
+        text = str(error)
+        if "no space left" in text:
+            raise OutOfSpaceError(
+                f"{folder.parent}: no space left on the disk. Free some, then run the same command again"
+            ) from None
+        if "of memory" in text:
+            raise ChildError(f"{text}: [recon.dense] memory_limit, or a lower quality") from None
+        if "ran longer" in text:
+            raise ChildError(f"{text}: [recon.dense] seconds_per_image; finished depth maps stay") from None
+        raise
+
+
+def _check_space(folder: Path, needed: int) -> None:
+    free = shutil.disk_usage(folder).free
+    if free < needed:
+        raise OutOfSpaceError(
+            f"{folder}: {free / 1e9:.1f} GB are free, the dense step needs {needed / 1e9:.1f} GB. "
+            "Free some, then run the same command again"
+        )

@@ -1,0 +1,205 @@
+"""The dense step in a child process, in the model's own units and without truth: `python -m recon.dense_child`."""
+
+import shutil
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.child import answer_parent
+from groundwork.errors import RejectedSceneError
+from groundwork.progress import Progress
+from recon.colmap_model import SparseModel, read_model
+from recon.dense_points import DensePoints, join, save_array, write_points
+from recon.depth_sgm import PosedImage, measure_depth
+from recon.fuse import DepthView, fuse_view, smooth
+from recon.neighbours import View, choose_views
+from recon.photos import open_photographs
+from recon.settings import AGREEMENT, DOWNSCALE, ReconSettings
+from recon.undistort import WorkingCamera, covered, undistort, working_camera
+from render.capture import Capture, load_image
+
+Mask = NDArray[np.bool_]
+
+_CACHE = 400e6  # [bytes] of depth maps that the fusion keeps at hand
+
+
+def serve(request: dict[str, Any], progress: Progress) -> object:
+    """Measure depth maps and fuse them.
+
+    Args:
+        request: `capture`, `model` and `out` (folders), `settings`.
+        progress: Listener.
+
+    Returns:
+        JSON figures.
+
+    Raises:
+        RejectedSceneError: `bad_lens`, or `no_depth`: no pixel's depth is seen alike by enough images.
+    """
+    cv2.setNumThreads(1)  # the views are measured side by side
+    settings = ReconSettings.model_validate(request["settings"])
+    capture, model = open_photographs(Path(request["capture"])), read_model(Path(request["model"]))
+    out = Path(request["out"])
+    camera = working_camera(model, capture.size, DOWNSCALE[settings.quality])
+    views = choose_views(model, settings.dense)
+    maps = DepthMaps(out, model, camera)
+    _undistort_all(capture, model, maps, settings, progress)
+    known = _measure_all(views, maps, settings, progress)
+    points = _fuse_all(views, maps, settings, progress)
+    if not len(points.points):
+        raise RejectedSceneError("no_depth", _why_nothing(views, known, settings))
+    write_points(out, points)
+    maps.clear()
+    return {
+        "method": "sgm", "quality": settings.quality, "filter": settings.filter,
+        "depth_size": [camera.pinhole.width, camera.pinhole.height], "points": len(points.points),
+        "depth_maps": sum(len(view.sources) > 0 for view in views), "known_share": float(np.mean(known)),
+    }  # fmt: skip
+
+
+class DepthMaps:
+    """Working images and depth maps on disk; those in use lately stay in memory."""
+
+    def __init__(self, folder: Path, model: SparseModel, camera: WorkingCamera) -> None:
+        """Make the folders.
+
+        Args:
+            folder: Where to keep them.
+            model: Names the images, knows their poses.
+            camera: Their camera.
+        """
+        self.camera, self._model = camera, model
+        self._images, self._depths = folder / "images", folder / "depth"
+        for path in (self._images, self._depths):
+            path.mkdir(parents=True, exist_ok=True)
+        shape = (camera.pinhole.height, camera.pinhole.width)
+        self._used = np.zeros((len(model.names), *shape), bool)
+        self._views: OrderedDict[int, DepthView] = OrderedDict()
+        self._room = max(1, int(_CACHE // (shape[0] * shape[1] * 19)))
+
+    def clear(self) -> None:
+        """Take all of them from the disk."""
+        for path in (self._images, self._depths):
+            shutil.rmtree(path)
+
+    def has(self, row: int) -> bool:
+        """Tell whether a depth map is there, perhaps from a run that was interrupted."""
+        return (self._depths / f"{row:06d}.npy").is_file()
+
+    def pose(self, row: int) -> NDArray[np.float64]:
+        """Return camera_to_world of an image, shape (4, 4), float64."""
+        return self._model.poses[row]
+
+    def put_image(self, row: int, image: NDArray[np.uint8]) -> None:
+        """Keep a working image, shape (H, W, 3), uint8."""
+        save_array(self._images / f"{row:06d}.npy", image)
+
+    def image(self, row: int) -> NDArray[np.uint8]:
+        """Read a working image, shape (H, W, 3), uint8."""
+        return np.load(self._images / f"{row:06d}.npy")
+
+    def put_depth(self, row: int, depth: NDArray[np.float32]) -> None:
+        """Keep a depth map, shape (H, W), float32."""
+        save_array(self._depths / f"{row:06d}.npy", depth)
+
+    def depth(self, row: int) -> NDArray[np.float32]:
+        """Read a depth map, 0 where unknown, shape (H, W), float32."""
+        return np.load(self._depths / f"{row:06d}.npy")
+
+    def depth_view(self, row: int) -> DepthView:
+        """Read a depth map with its normals; what was used longest ago makes room."""
+        if row in self._views:
+            self._views.move_to_end(row)
+            return self._views[row]
+        depth, normal = smooth(self.depth(row), intrinsics(self.camera))
+        view = DepthView(row, depth, normal, self.image(row), self._used[row], self.pose(row))
+        self._views[row] = view
+        while len(self._views) > self._room:
+            self._views.popitem(last=False)
+        return view
+
+
+def intrinsics(camera: WorkingCamera) -> NDArray[np.float64]:
+    """List fx, fy, cx, cy of the working camera [px], shape (4,), float64."""
+    pinhole = camera.pinhole
+    return np.array([pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy])
+
+
+def _undistort_all(
+    capture: Capture, model: SparseModel, maps: DepthMaps, settings: ReconSettings, progress: Progress
+) -> None:
+    row_of = {image.file: row for row, image in enumerate(capture.images)}
+
+    def one(row: int) -> None:
+        maps.put_image(row, undistort(load_image(capture, row_of[model.names[row]]), maps.camera))
+
+    _for_each(one, len(model.names), "undistort", settings.dense.threads, progress)
+
+
+def _measure_all(views: tuple[View, ...], maps: DepthMaps, settings: ReconSettings, progress: Progress) -> list[float]:
+    """Measure all depth maps; returns the share of each that is known."""
+    _, tolerance = AGREEMENT[settings.filter]
+
+    mask = covered(maps.camera)
+
+    def posed(row: int) -> PosedImage:
+        gray = cv2.cvtColor(maps.image(row), cv2.COLOR_RGB2GRAY).astype(np.uint8, copy=False)
+        return PosedImage(gray, maps.pose(row))
+
+    def one(row: int) -> float:
+        if maps.has(row):
+            return float((maps.depth(row) > 0).mean())
+        view = views[row]
+        others = [posed(int(source)) for source in view.sources[: settings.dense.sources]]
+        depth = measure_depth(posed(row), others, maps.camera.pinhole, mask, (view.near, view.far), tolerance)
+        maps.put_depth(row, depth)
+        return float((depth > 0).mean())
+
+    return _for_each(one, len(views), "depth", settings.dense.threads, progress)
+
+
+def _fuse_all(views: tuple[View, ...], maps: DepthMaps, settings: ReconSettings, progress: Progress) -> DensePoints:
+    min_views, tolerance = AGREEMENT[settings.filter]
+    camera, dense = intrinsics(maps.camera), settings.dense
+    parts = []
+    progress.stage("fuse", len(views))
+    for view in views:
+        if len(view.sources):
+            others = [maps.depth_view(int(row)) for row in view.sources]
+            found = fuse_view(
+                maps.depth_view(view.row), others, camera, min_views, tolerance, dense.min_point_angle
+            )  # fmt: skip
+            uv = maps.camera.to_photograph(found.uv.astype(np.float64)).astype(np.float32)
+            parts.append(replace(found, uv=uv))
+        progress.advance(view.row + 1)
+    return join(parts)
+
+
+def _for_each(work: Callable[[int], Any], count: int, name: str, threads: int, progress: Progress) -> list[Any]:
+    """Work on every image, several at once; results and progress in the images' order."""
+    progress.stage(name, count)
+    results = []
+    with ThreadPoolExecutor(threads) as pool:
+        for done, result in enumerate(pool.map(work, range(count))):
+            results.append(result)
+            progress.advance(done + 1)
+    return results
+
+
+def _why_nothing(views: tuple[View, ...], known: list[float], settings: ReconSettings) -> str:
+    if not any(len(view.sources) for view in views):
+        return "no two images share enough sparse points under a useful angle"
+    least, _ = AGREEMENT[settings.filter]
+    share = float(np.mean(known))
+    return f"depth is known for {share:.1%} of the pixels, and {least} views agree on none of it"
+
+
+if __name__ == "__main__":
+    answer_parent(serve)

@@ -1,0 +1,96 @@
+"""A cloud as LAS 1.4 or LAZ: point format 7 with extra dimensions, and the class table in the header."""
+
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from groundwork.files import space_errors
+from recon.cloud import Cloud
+from usd_schemas.components import UNLABELLED
+
+LAZ_SCALE = 0.0001  # [m] coordinates are rounded to this, unless the cloud is too large for it
+FIRST_USER_CLASS = 64  # LAS leaves the codes from here on to users
+_UNCLASSIFIED = 1
+_CREATED = date(2000, 1, 1)
+_COUNTS = 2**31 - 1  # steps of the scale that fit beside the offset
+_CHUNK = 1_000_000  # points in memory a second time
+EXTRA = {
+    "segment": "class id",
+    "instance": "component id",
+    "component": "component kind",
+    "uncertainty": "median depth error [m]",
+    "confidence": "share of agreeing views",
+    "n_views": "views of the point",
+}
+
+
+def write_laz(path: Path, cloud: Cloud, compress: bool = True) -> None:
+    """Write LAS 1.4, point format 7, compressed or not.
+
+    The field `classification` holds 64 + class id, in the range that LAS leaves to users, and 1 for no class. Intensity
+    and the number of the station, from 1, fill the fields that LAS has for them.
+
+    Args:
+        path: File to write, in a folder that the caller makes whole.
+        cloud: What to write.
+        compress: LAZ instead of LAS.
+    """
+    import laspy
+
+    header = _header(cloud)
+    backend = laspy.LazBackend.Lazrs if compress else None
+    with (
+        space_errors(path),
+        laspy.open(
+            path, mode="w", header=header, do_compress=compress, laz_backend=backend
+        ) as writer,  # inside an atomic folder
+    ):
+        for first in range(0, len(cloud), _CHUNK):
+            writer.write_points(_records(cloud, slice(first, first + _CHUNK), writer.header))
+
+
+def _header(cloud: Cloud) -> Any:
+    import laspy
+    from laspy.vlrs.known import ClassificationLookupVlr
+
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    header.creation_date = _CREATED
+    header.system_identifier = header.generating_software = "Falsework"
+    header.global_encoding.wkt = True  # the standard wants it of this point format, even without a reference system
+    coord = cloud.columns["coord"]
+    low, high = (coord.min(axis=0), coord.max(axis=0)) if len(cloud) else (np.zeros(3), np.zeros(3))
+    coarsest = float((high - low).max() + 1.0) / _COUNTS
+    header.scales = np.full(3, max(LAZ_SCALE, 10.0 ** np.ceil(np.log10(coarsest))))
+    header.offsets = np.floor(low)
+    header.add_extra_dims([
+        laspy.ExtraBytesParams(name, cloud.columns[name].dtype, description) for name, description in EXTRA.items()
+    ])  # fmt: skip
+    table = ClassificationLookupVlr()
+    for row in cloud.classes:
+        if row.id != UNLABELLED:
+            table[FIRST_USER_CLASS + row.id] = row.name[:15]
+    header.vlrs.append(table)
+    return header
+
+
+def _records(cloud: Cloud, part: slice, header: Any) -> Any:
+    """The points of one part of the cloud, as LAS lays them out."""
+    import laspy
+
+    columns = {name: values[part] for name, values in cloud.columns.items()}
+    record = laspy.ScaleAwarePointRecord.zeros(len(columns["coord"]), header=header)
+    record["x"], record["y"], record["z"] = columns["coord"].T
+    for name, values in zip(("red", "green", "blue"), columns["color"].T, strict=True):
+        record[name] = values.astype(np.uint16) * 257
+    segment = columns["segment"]
+    record["classification"] = np.where(segment == UNLABELLED, _UNCLASSIFIED, FIRST_USER_CLASS + segment % 128)
+    record["return_number"] = record["number_of_returns"] = np.ones(len(segment), np.uint8)
+    if "intensity" in columns:
+        record["intensity"] = np.rint(np.clip(columns["intensity"], 0.0, 1.0) * 65535).astype(np.uint16)
+    if "station" in columns:
+        record["point_source_id"] = columns["station"] + 1
+    for name in EXTRA:
+        record[name] = columns[name]
+    return record

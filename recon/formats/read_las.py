@@ -1,0 +1,223 @@
+"""LAS and LAZ from elsewhere: the header is read and checked here, field by field; only LAZ is unpacked by a library.
+
+Source: ASPRS, LAS Specification 1.4 R15.
+"""
+
+import struct
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.child import run_child
+from groundwork.errors import ChildError, InputError
+from groundwork.progress import SILENT, Progress
+from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count
+
+F64 = NDArray[np.float64]
+
+MAGIC = b"LASF"
+_SIZES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}  # [bytes] of a point
+_COLOURS = {2: 20, 3: 28, 5: 28, 7: 30, 8: 30, 10: 30}  # where red begins
+_HEADERS = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}  # [bytes] by minor version
+_NEW_FORMATS = 6  # from here on the class has a byte of its own
+_VLR_HEAD = struct.Struct("<H16sHH32s")
+_EXTRA_TYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8: "<i8", 9: "<f4", 10: "<f8"}
+_EXTRA_SIZE = 192  # [bytes] describing one extra dimension
+_LABELS, _INSTANCES = ("segment", "label", "class_id", "semantic"), ("instance", "instance_id")
+_BEYOND = (1.0, 0.01)  # [m] and share of the box that points may lie outside the bounds that the header states
+_BLOCK = 2_000_000  # points that are decoded at once
+_TIME_LIMIT, _TIME_PER_MILLION = 30.0, 10.0  # [s]
+_MEMORY_LIMIT = 1.0  # [GB]
+
+
+@dataclass(frozen=True)
+class LasHeader:
+    """What is needed of a header.
+
+    Attributes:
+        offset: First byte of the points.
+        format: Point format, 0 to 10.
+        size: Bytes of a point.
+        count: Number of points.
+        compressed: Whether it is LAZ.
+        scale: Steps of the integers [m], shape (3,), float64.
+        shift: Added to them [m], shape (3,), float64.
+        bounds: Lower and upper corner as stated [m], shape (2, 3), float64.
+        extra: Name, place and numpy type of each extra dimension that is a single number.
+        class_names: Class lookup table.
+        laszip: Record of the compressor.
+    """
+
+    offset: int
+    format: int
+    size: int
+    count: int
+    compressed: bool
+    scale: F64
+    shift: F64
+    bounds: F64
+    extra: dict[str, tuple[int, str]]
+    class_names: dict[int, str]
+    laszip: bytes
+
+
+def read_las(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
+    """Read LAS or LAZ.
+
+    Args:
+        path: The file.
+        most_points: Points above which it is refused.
+        progress: Listener.
+
+    Raises:
+        InputError: Damaged, cut off, lying about its contents, or too large.
+    """
+    header = read_header(path)
+    check_count(path, header.count, most_points)
+    if not header.compressed:
+        room = (path.stat().st_size - header.offset) // header.size
+        if room < header.count:
+            raise InputError(f"cut off: there is room for {room} points", where=path, value=header.count,
+                             mend="Copy it again")  # fmt: skip
+        return _decode(path, path, header.offset, header)
+    with tempfile.TemporaryDirectory() as folder:
+        raw = Path(folder) / "points"
+        request = {"path": str(path), "out": str(raw), "offset": header.offset, "size": header.size,
+                   "count": header.count, "laszip": header.laszip.hex()}  # fmt: skip
+        try:
+            run_child("recon.formats.unpack_laz", request, memory_limit=_MEMORY_LIMIT, progress=progress,
+                      time_limit=_TIME_LIMIT + _TIME_PER_MILLION * header.count / 1e6)  # fmt: skip
+        except ChildError as error:
+            reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
+            raise InputError(f"not decodable as LAZ: {reason}", where=path, mend="Copy it again") from None
+        return _decode(path, raw, 0, header)
+
+
+def read_header(path: Path) -> LasHeader:
+    """Read and check the header and the records between it and the points.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: Something in it cannot be.
+    """
+    length = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(_HEADERS[4])
+        if len(head) < _HEADERS[0] or head[:4] != MAGIC:
+            raise InputError("not a LAS file, or cut off in its header", where=path)
+        major, minor, size, offset, records, kind, width, legacy = struct.unpack_from("<BB68xHIIBHI", head, 24)
+        if major != 1 or minor not in _HEADERS:
+            raise InputError("an unknown version", where=path, field="version", value=f"{major}.{minor}",
+                             allowed="1.0 to 1.4")  # fmt: skip
+        if not _HEADERS[minor] <= size <= offset <= length or len(head) < _HEADERS[minor]:
+            raise InputError("header and points overlap, or lie beyond the end", where=path, value=(size, offset))
+        number, compressed = kind & 0x3F, bool(kind & 0x80)
+        if number not in _SIZES or width < _SIZES[number]:
+            raise InputError("an impossible point format", where=path, field="point format", value=(number, width),
+                             allowed="0 to 10, and records as long as these need")  # fmt: skip
+        count = struct.unpack_from("<Q", head, 247)[0] if minor == 4 else legacy
+        numbers = np.frombuffer(head, "<f8", 12, 131)
+        scale, shift = numbers[:3], numbers[3:6]
+        if not (np.isfinite(numbers).all() and (np.abs(scale) >= 1e-9).all() and (np.abs(scale) <= 1e4).all()):
+            raise InputError("a scale, an offset or a bound that cannot be", where=path, value=numbers.tolist())
+        file.seek(size)
+        found = _records(path, file.read(offset - size) if offset - size <= _most_records(records) else b"", records)
+    extra = _extra_dimensions(path, found.get(("LASF_Spec", 4), b""), _SIZES[number], width)
+    laszip = found.get(("laszip encoded", 22204), b"")
+    if compressed and not laszip:
+        raise InputError("compressed, but does not say how", where=path, field="laszip record")
+    names = found.get(("LASF_Spec", 0), b"")
+    table = {names[at]: names[at + 1 : at + 16].split(b"\0")[0].decode("ascii", "replace")
+             for at in range(0, len(names) - 15, 16)}  # fmt: skip
+    bounds = numbers[6:].reshape(3, 2).T[::-1]
+    return LasHeader(offset, number, width, count, compressed, scale, shift, bounds, extra, table, laszip)
+
+
+def _most_records(count: int) -> int:
+    """Bytes that so many records can take; what follows them is left alone."""
+    return min(count, 10_000) * (_VLR_HEAD.size + 0xFFFF) + (1 << 20)
+
+
+def _records(path: Path, data: bytes, count: int) -> dict[tuple[str, int], bytes]:
+    """Variable-length records by user and number."""
+    found, at = {}, 0
+    for row in range(count):
+        if at + _VLR_HEAD.size > len(data):
+            raise InputError(f"record {row} of {count} lies beyond the points", where=path, field="records")
+        _, user, number, length, _ = _VLR_HEAD.unpack_from(data, at)
+        at += _VLR_HEAD.size
+        if at + length > len(data):
+            raise InputError(f"record {row} is longer than there is room", where=path, field="records", value=length)
+        found.setdefault((user.split(b"\0")[0].decode("ascii", "replace"), number), data[at : at + length])
+        at += length
+    return found
+
+
+def _extra_dimensions(path: Path, data: bytes, base: int, width: int) -> dict[str, tuple[int, str]]:
+    """Places of the extra dimensions; they follow each other behind the fields of the point format."""
+    found, at = {}, base
+    for start in range(0, len(data) - _EXTRA_SIZE + 1, _EXTRA_SIZE):
+        kind, options = data[start + 2], data[start + 3]
+        name = data[start + 4 : start + 36].split(b"\0")[0].decode("ascii", "replace")
+        if kind in _EXTRA_TYPES:
+            found.setdefault(name, (at, _EXTRA_TYPES[kind]))
+            at += np.dtype(_EXTRA_TYPES[kind]).itemsize
+        elif kind == 0:
+            at += options  # bytes that nobody describes
+        elif kind <= 30:
+            at += np.dtype(_EXTRA_TYPES[(kind - 1) % 10 + 1]).itemsize * ((kind - 1) // 10 + 1)
+        else:
+            raise InputError("an extra dimension of an unknown type", where=path, field=name, value=kind)
+        if at > width:
+            raise InputError(
+                "extra dimensions longer than a point", where=path, field=name, value=at, allowed=str(width)
+            )
+    return found
+
+
+def _decode(path: Path, raw: Path, offset: int, header: LasHeader) -> Scan:
+    """Turn the bytes of the points, which are all there, into columns, some at a time."""
+    rows = np.memmap(raw, np.uint8, "r", offset, (header.count, header.size))
+
+    def column(at: int, kind: str) -> NDArray[Any]:
+        width = np.dtype(kind).itemsize
+        parts = [np.ascontiguousarray(rows[first : first + _BLOCK, at : at + width]).view(kind)[:, 0]
+                 for first in range(0, header.count, _BLOCK)]  # fmt: skip
+        return np.concatenate(parts)
+
+    coord = np.empty((header.count, 3))
+    for axis in range(3):
+        coord[:, axis] = column(4 * axis, "<i4") * header.scale[axis] + header.shift[axis]
+    check_coordinates(path, coord)
+    _check_bounds(path, coord, header.bounds)
+    color = None
+    if header.format in _COLOURS:
+        bands = np.column_stack([column(_COLOURS[header.format] + 2 * band, "<u2") for band in range(3)])
+        color = (bands >> 8 if bands.max() > 255 else bands).astype(np.uint8)  # some programs write 8 bits into 16
+    codes = column(16, "u1") if header.format >= _NEW_FORMATS else np.bitwise_and(column(15, "u1"), 0x1F)
+    labels: dict[str, NDArray[Any]] = {}
+    for field, names, kind in (("segment", _LABELS, np.uint8), ("instance", _INSTANCES, np.uint32)):
+        known = next((name for name in names if name in header.extra), None)
+        if known is not None:
+            labels[field] = as_ids(path, known, column(*header.extra[known]), kind)
+    return Scan(
+        coord, color, intensity=column(12, "<u2").astype(np.float32), classification=codes,
+        class_names=header.class_names, **labels,
+    )  # fmt: skip
+
+
+def _check_bounds(path: Path, coord: F64, bounds: F64) -> None:
+    """Compare with what the header states: LAZ has no checksum, and damage shows as points far outside."""
+    if not bounds.any():  # some programs leave them empty
+        return
+    slack = _BEYOND[0] + _BEYOND[1] * np.abs(bounds[1] - bounds[0])
+    if (coord.min(axis=0) < bounds[0] - slack).any() or (coord.max(axis=0) > bounds[1] + slack).any():
+        raise InputError("points lie outside the bounds that its header states", where=path,
+                         value=[coord.min(axis=0).tolist(), coord.max(axis=0).tolist()], allowed=str(bounds.tolist()),
+                         mend="It is damaged: copy it again, or write its header anew")  # fmt: skip

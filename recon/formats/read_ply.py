@@ -1,0 +1,208 @@
+"""PLY from elsewhere: text or binary, points in one element or spread over several of the same length.
+
+Source: G. Turk, The PLY Polygon File Format (1994).
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count
+
+MAGIC = b"ply"
+_HEADER = 1 << 16  # [bytes] the longest header that is read
+_MOST_PROPERTIES = 1000
+_MOST_TEXT = 500_000_000  # [bytes] of a text file
+_BLOCK = 1 << 25  # [bytes] of text that are read at once
+_TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
+    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
+    "double": "f8", "float64": "f8",
+}  # fmt: skip
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_COLOURS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+_LABELS = ("segment", "label", "class", "scalar_label", "scalar_segment", "scalar_Classification")
+_INSTANCES = ("instance", "instance_id", "scalar_instance")
+_INTENSITIES = ("intensity", "scalar_intensity", "scalar_Intensity", "reflectance")
+
+
+@dataclass(frozen=True)
+class Element:
+    """One element of a PLY file.
+
+    Attributes:
+        name: Its name.
+        count: Number of rows.
+        properties: Name and numpy type of each property; None for the type of a list.
+    """
+
+    name: str
+    count: int
+    properties: tuple[tuple[str, str | None], ...]
+
+
+def read_ply(path: Path, most_points: int) -> Scan:
+    """Read the points of a PLY file.
+
+    Args:
+        path: The file.
+        most_points: Points above which it is refused.
+
+    Raises:
+        InputError: Damaged, cut off, lying about its contents, without points, or too large.
+    """
+    order, elements, start = _read_header(path)
+    vertex = next((element for element in elements if element.name == "vertex"), elements[0] if elements else None)
+    if vertex is None:
+        raise InputError("has no element vertex", where=path)
+    check_count(path, vertex.count, most_points)
+    wanted: list[Element] = []
+    for (
+        element
+    ) in elements:  # what follows a list, or is not about the points, lies at an unknown place or is not needed
+        if any(kind is None for _, kind in element.properties):
+            break
+        wanted.append(element)
+    if vertex not in wanted:
+        raise InputError("its points have lists, or follow an element with lists", where=path, field=vertex.name)
+    while wanted[-1].count != vertex.count:
+        wanted.pop()
+    tables = (_read_text if order == "" else _read_binary)(path, order, wanted, start)
+    columns: dict[str, NDArray[Any]] = {}
+    for element, table in zip(wanted, tables, strict=True):
+        if element.count == vertex.count:
+            columns = {**table, **columns}
+    return _scan(path, columns)
+
+
+def _read_header(path: Path) -> tuple[str, list[Element], int]:
+    """Byte order, elements, and the first byte behind the header."""
+    with path.open("rb") as file:
+        head = file.read(_HEADER)
+    end = head.find(b"end_header")
+    stop = head.find(b"\n", end)
+    if not head.startswith(MAGIC) or end < 0 or stop < 0:
+        raise InputError("not a PLY file, or cut off in its header", where=path)
+    order, elements = None, []
+    for line in head[:end].decode("ascii", "replace").splitlines()[1:]:
+        words = line.split()
+        if not words or words[0] in ("comment", "obj_info"):
+            continue
+        if words[0] == "format" and len(words) == 3 and words[1] in _ORDERS:
+            order = _ORDERS[words[1]]
+        elif words[0] == "element" and len(words) == 3 and words[2].isascii() and words[2].isdigit():
+            elements.append(Element(words[1], int(words[2][:19]), ()))
+        elif words[0] == "property" and elements and len(words) in (3, 5):
+            kind = None if words[1] == "list" else _TYPES.get(words[1])
+            if words[1] != "list" and (kind is None or len(words) != 3):
+                raise InputError("an unknown type", where=path, field=words[-1], value=words[1])
+            last = elements.pop()
+            elements.append(Element(last.name, last.count, (*last.properties, (words[-1], kind))))
+        else:
+            raise InputError("a line of the header that means nothing", where=path, value=line[:80])
+        if (elements and len(elements[-1].properties) > _MOST_PROPERTIES) or len(elements) > _MOST_PROPERTIES:
+            raise InputError("more columns than anybody writes", where=path, allowed=f"at most {_MOST_PROPERTIES}")
+    if order is None:
+        raise InputError("does not say its format", where=path, allowed=", ".join(_ORDERS))
+    for element in elements:
+        names = [name for name, _ in element.properties]
+        if len(set(names)) < len(names):
+            raise InputError("a property twice", where=path, field=element.name)
+    return order, elements, stop + 1
+
+
+def _read_binary(path: Path, order: str, elements: list[Element], start: int) -> list[dict[str, NDArray[Any]]]:
+    tables, length = [], path.stat().st_size
+    for element in elements:
+        row = np.dtype([(name, f"{order}{kind}") for name, kind in element.properties])
+        if start + element.count * row.itemsize > length:
+            room = (length - start) // max(row.itemsize, 1)
+            raise InputError(f"cut off: there is room for {room} rows", where=path, field=element.name,
+                             value=element.count, mend="Copy it again")  # fmt: skip
+        if row.itemsize and element.count:
+            rows = np.memmap(path, row, "r", start, (element.count,))
+            tables.append({name: np.array(rows[name]) for name, _ in element.properties})
+        else:
+            tables.append({})
+        start += element.count * row.itemsize
+    return tables
+
+
+def _read_text(path: Path, _: str, elements: list[Element], start: int) -> list[dict[str, NDArray[Any]]]:
+    """Numbers one after the other; a number and the blank behind it take two bytes at least."""
+    need = sum(element.count * len(element.properties) for element in elements)
+    length = path.stat().st_size - start
+    if 2 * need > length + 1:
+        raise InputError("cut off, or lying about its number of points", where=path, value=need,
+                         allowed=f"at most {length // 2} numbers in a text of this length")  # fmt: skip
+    if length > _MOST_TEXT:
+        raise InputError("too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes",
+                         mend="Write it as binary PLY")  # fmt: skip
+    parts: list[NDArray[np.float64]] = []
+    got, rest = 0, b""
+    with path.open("rb") as file:
+        file.seek(start)
+        while got < need and (block := file.read(_BLOCK)):
+            words = (rest + block).split()
+            rest = words.pop() if not block[-1:].isspace() and words else b""
+            parts.append(_numbers(path, words[: need - got]))
+            got += len(parts[-1])
+    if got < need and rest:
+        parts.append(_numbers(path, [rest]))
+    numbers = np.concatenate([*parts, np.zeros(0)])
+    if len(numbers) < need:
+        raise InputError(f"cut off: it holds {len(numbers)} numbers", where=path, value=need, mend="Copy it again")
+    tables, at = [], 0
+    for element in elements:
+        width = len(element.properties)
+        table = numbers[at : at + element.count * width].reshape(element.count, width)
+        tables.append({name: table[:, i] for i, (name, _) in enumerate(element.properties)})
+        at += element.count * width
+    return tables
+
+
+def _numbers(path: Path, words: list[bytes]) -> NDArray[np.float64]:
+    try:
+        return np.array(words, np.bytes_).astype(np.float64) if words else np.zeros(0)
+    except ValueError as error:
+        raise InputError(f"not a number: {str(error)[-60:]}", where=path) from None
+
+
+def _scan(path: Path, columns: dict[str, NDArray[Any]]) -> Scan:
+    missing = [name for name in "xyz" if name not in columns]
+    if missing:
+        raise InputError("a point without a position", where=path, field=missing[0], allowed="x, y and z")
+    coord = np.column_stack([columns[name] for name in "xyz"]).astype(np.float64)
+    check_coordinates(path, coord)
+    normal = None
+    if all(name in columns for name in ("nx", "ny", "nz")):
+        normal = np.column_stack([columns[name] for name in ("nx", "ny", "nz")]).astype(np.float32)
+    trio = next((names for names in _COLOURS if all(name in columns for name in names)), None)
+    color = _color(path, np.column_stack([columns[name] for name in trio])) if trio else None
+    found: dict[str, Any] = {}
+    for field, names, kind in (("segment", _LABELS, np.uint8), ("instance", _INSTANCES, np.uint32)):
+        known = next((name for name in names if name in columns), None)
+        if known is not None:
+            found[field] = as_ids(path, known, columns[known], kind)
+    known = next((name for name in _INTENSITIES if name in columns), None)
+    if known is not None:
+        found["intensity"] = columns[known].astype(np.float32)
+    return Scan(coord, color, normal, **found)
+
+
+def _color(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
+    """Colours are 8 or 16 bits, or shares of one."""
+    if not np.isfinite(values).all() or values.min() < 0:
+        raise InputError("not a colour", where=path, field="red, green, blue")
+    top = values.max()
+    if np.issubdtype(values.dtype, np.floating) and top <= 1.0:
+        return np.rint(values * 255).astype(np.uint8)
+    if top <= 255:
+        return values.astype(np.uint8)
+    if top <= 65535:
+        return (values / 257).astype(np.uint8)
+    raise InputError("not a colour", where=path, field="red, green, blue", value=float(top), allowed="0 to 65535")

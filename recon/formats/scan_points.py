@@ -1,0 +1,104 @@
+"""A scan from elsewhere: points, and whatever else its file says about them, checked before anybody uses it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+
+F64 = NDArray[np.float64]
+
+MOST_POINTS = 100_000_000  # about 4 GB with colours and labels
+FARTHEST = 1e8  # [m] from the origin; map coordinates stay below a tenth of this
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Points of a file from elsewhere; a column is None where the file has none.
+
+    Attributes:
+        coord: Positions, as a rule [m], shape (N, 3), float64.
+        color: sRGB colours, shape (N, 3), uint8.
+        normal: Normals, shape (N, 3), float32.
+        segment: Class ids, shape (N,), uint8.
+        instance: Instance ids, shape (N,), uint32.
+        intensity: Strength of the echo, in the unit of the file, shape (N,), float32.
+        classification: What LAS calls so, unchanged, shape (N,), uint8.
+        class_names: Names that the file gives to numbers of `classification`.
+    """
+
+    coord: F64
+    color: NDArray[np.uint8] | None = None
+    normal: NDArray[np.float32] | None = None
+    segment: NDArray[np.uint8] | None = None
+    instance: NDArray[np.uint32] | None = None
+    intensity: NDArray[np.float32] | None = None
+    classification: NDArray[np.uint8] | None = None
+    class_names: dict[int, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return len(self.coord)
+
+
+def check_count(path: Path, count: int, most: int) -> None:
+    """Refuse a file that says it holds nothing, or more than fits, before anything is allocated.
+
+    Args:
+        path: File, for the error.
+        count: Points that it claims.
+        most: Points that are allowed.
+
+    Raises:
+        InputError: No points, or too many.
+    """
+    if count < 1:
+        raise InputError("holds no points", where=path)
+    if count > most:
+        raise InputError("claims too many points", where=path, value=count, allowed=f"at most {most}",
+                         mend="Cut it into tiles, or thin it out")  # fmt: skip
+
+
+def check_coordinates(path: Path, coord: F64) -> None:
+    """Refuse positions that cannot be.
+
+    Args:
+        path: File, for the error.
+        coord: Positions [m], shape (N, 3), float64.
+
+    Raises:
+        InputError: One is not finite, or farther away than anything on a map.
+    """
+    bad = ~(np.abs(coord).max(axis=1) <= FARTHEST)  # NaN compares false
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise InputError(
+            f"the position of point {row} is not finite or farther than {FARTHEST:.0e} m", where=path,
+            value=tuple(float(value) for value in coord[row]), mend="Write the file anew without such points",
+        )  # fmt: skip
+
+
+def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | np.uint32]) -> NDArray[Any]:
+    """Take a column of labels, whatever number type the file keeps them in.
+
+    Args:
+        path: File, for the error.
+        name: Column, for the error.
+        values: The column, shape (N,), any dtype.
+        dtype: Unsigned integer type to turn it into.
+
+    Returns:
+        Ids, shape (N,).
+
+    Raises:
+        InputError: A label is not a whole number of that type.
+    """
+    top = np.iinfo(dtype).max
+    good = (values >= 0) & (values <= top) & (values == np.floor(values))
+    if not good.all():
+        raise InputError("not a label", where=path, field=name, value=values[np.argmin(good)].item(),
+                         allowed=f"whole numbers from 0 to {top}")  # fmt: skip
+    return values.astype(dtype)

@@ -1,0 +1,160 @@
+"""Camera poses and points from verified matches, by COLMAP's incremental or global mapper; runs in a child."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycolmap
+
+from groundwork.errors import InputError, OutOfSpaceError
+from groundwork.progress import Progress
+from recon.colmap_model import read_model
+from recon.extraction import DATABASE
+from recon.photos import FOCAL_GUESSED
+from recon.settings import SparseSettings
+from render.capture import Capture
+
+MODEL = "model"
+_MODELS = "models"
+
+
+def map_images(
+    capture: Capture, matches: Path, folder: Path, settings: SparseSettings, seed: int, progress: Progress
+) -> dict[str, Any]:
+    """Run the mapper and keep its largest model.
+
+    Args:
+        capture: Photographs.
+        matches: Folder of the database of matches.
+        folder: Receives the model; what an interrupted run left is cleared away.
+        settings: Mapper.
+        seed: Seed of every draw.
+        progress: Listener.
+
+    Returns:
+        `mapper`; `models`: number of images and points of each, largest first; `elsewhere`: files of the images that
+        are in another model than the largest.
+    """
+    models, final = folder / _MODELS, folder / MODEL
+    for path in (models, final):
+        shutil.rmtree(path, ignore_errors=True)
+        path.mkdir()
+    kind = choose_mapper(capture, settings)
+    run = _map_globally if kind == "global" else _map_incrementally
+    found = run(capture, matches / DATABASE, models, settings, seed, progress)
+    ranked = sorted(found.items(), key=lambda row: (-row[1].num_reg_images(), -row[1].num_points3D(), row[0]))
+    in_largest: set[str] = set()
+    in_any = {image.name for _, model in ranked for image in model.images.values() if image.has_pose}
+    if ranked:
+        largest = ranked[0][1]
+        largest.write_binary(final)
+        _check_whole(final)
+        in_largest = {image.name for image in largest.images.values() if image.has_pose}
+    shutil.rmtree(models)
+    return {
+        "mapper": kind,
+        "models": [{"images": model.num_reg_images(), "points": model.num_points3D()} for _, model in ranked],
+        "elsewhere": sorted(in_any - in_largest),
+    }
+
+
+def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
+    """Settle what `auto` means for a capture: the global mapper bears no focal length that is far off.
+
+    Args:
+        capture: Photographs.
+        settings: Mapper.
+
+    Returns:
+        `incremental` or `global`.
+    """
+    if settings.mapper != "auto":
+        return settings.mapper
+    many = len(capture.images) >= settings.global_from
+    return "global" if many and capture.facts.get("focal") != FOCAL_GUESSED else "incremental"
+
+
+def transform(model: Path, out: Path, similarity: dict[str, Any]) -> int:
+    """Write a model in world units.
+
+    Args:
+        model: Folder that holds the model.
+        out: Folder to write it to.
+        similarity: `scale`, `rotation` 3x3 row-major, `translation` [m].
+
+    Returns:
+        Number of points.
+    """
+    moved = pycolmap.Reconstruction(model)
+    rotation = pycolmap.Rotation3d(np.array(similarity["rotation"]))
+    moved.transform(pycolmap.Sim3d(similarity["scale"], rotation, np.array(similarity["translation"])))
+    out.mkdir()
+    moved.write_binary(out)
+    _check_whole(out)
+    return moved.num_points3D()
+
+
+def _map_incrementally(
+    capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
+) -> dict[int, pycolmap.Reconstruction]:
+    options = pycolmap.IncrementalPipelineOptions(random_seed=seed, min_model_size=3)
+    options.num_threads = options.mapper.num_threads = _threads(settings)
+    options.mapper.random_seed = options.triangulation.random_seed = seed
+    options.triangulation.ignore_two_view_tracks = not settings.two_view_tracks
+    options.triangulation.min_angle = options.mapper.filter_min_tri_angle = settings.min_triangulation_angle
+    options.use_prior_position = settings.use_gps_in_mapping
+    total, done = len(capture.images), 2
+    progress.stage("mapping", total)
+
+    def count_one() -> None:
+        nonlocal done
+        done += 1
+        progress.advance(min(done, total))
+
+    return pycolmap.incremental_mapping(
+        database, capture.folder, models, options, next_image_callback=count_one
+    )  # fmt: skip
+
+
+def _map_globally(
+    capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
+) -> dict[int, pycolmap.Reconstruction]:
+    options = pycolmap.GlobalPipelineOptions(random_seed=seed, min_model_size=3)
+    mapper = options.mapper
+    options.num_threads = mapper.num_threads = _threads(settings)
+    mapper.bundle_adjustment.ceres.solver_options.num_threads = _threads(settings)
+    mapper.random_seed = mapper.rotation_averaging.random_seed = seed
+    mapper.global_positioning.random_seed = mapper.retriangulation.random_seed = seed
+    mapper.global_positioning.use_gpu = mapper.bundle_adjustment.ceres.use_gpu = False
+    mapper.retriangulation.ignore_two_view_tracks = not settings.two_view_tracks
+    mapper.retriangulation.min_angle = mapper.min_tri_angle_deg = settings.min_triangulation_angle
+    options.image_path = str(capture.folder)  # where it takes the points' colours from
+    progress.stage("mapping, all images at once", 0)
+    done = 0
+
+    def count_one() -> None:
+        nonlocal done
+        done += 1
+        progress.advance(done)
+
+    manager = pycolmap.ReconstructionManager()
+    with pycolmap.Database.open(database) as opened:
+        pipeline = pycolmap.GlobalPipeline(options, opened, manager)
+        pipeline.add_callback(pycolmap.GlobalPipelineCallback.MODEL_UPDATE_CALLBACK, count_one)
+        pipeline.run()
+    return {number: manager.get(number) for number in range(manager.size())}
+
+
+def _check_whole(model: Path) -> None:
+    """Read a model back: COLMAP writes it through streams that say nothing when the disk is full."""
+    try:
+        read_model(model)
+    except InputError:
+        raise OutOfSpaceError(
+            f"{model.parent}: no space left on the disk. Free some, then run the same command again"
+        ) from None
+
+
+def _threads(settings: SparseSettings) -> int:
+    return 1 if settings.deterministic else settings.threads

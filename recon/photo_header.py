@@ -1,0 +1,180 @@
+"""What the header of a photograph says: size, lens and place, read from JPEG and PNG without decoding a pixel.
+
+Source: CIPA DC-008 (Exif 2.32); TIFF 6.0; ITU-T T.81 annex B; PNG, third edition, 11.2 and 11.3.4.
+"""
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundwork.errors import InputError, MissingError
+
+_FORMATS = {1: "B", 2: "c", 3: "H", 4: "I", 5: "II", 6: "b", 7: "c", 8: "h", 9: "i", 10: "ii"}
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that carry the size
+_BARE = frozenset(range(0xD0, 0xD9)) | {0x01}  # JPEG markers without a length
+_MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of the focal plane's resolution: inch, cm, mm, µm
+_FILM = 43.266615  # [mm] diagonal of 36 x 24
+_PNG = b"\x89PNG\r\n\x1a\n"
+
+Values = tuple[float, ...] | str
+
+
+@dataclass(frozen=True)
+class PhotoHeader:
+    """What a photograph says about itself.
+
+    Attributes:
+        size: Width and height of the stored pixels [px].
+        focal_px: Focal length [px], or None where the file does not tell.
+        place: Latitude [deg], longitude [deg], height [m], or None.
+        place_sigma: Its error along the ground as the receiver saw it [m], or None.
+    """
+
+    size: tuple[int, int]
+    focal_px: float | None = None
+    place: tuple[float, float, float] | None = None
+    place_sigma: float | None = None
+
+
+def read_header(path: Path) -> PhotoHeader:
+    """Read the header of a JPEG or PNG file; EXIF that is damaged or odd counts as none.
+
+    Args:
+        path: Photograph.
+
+    Raises:
+        InputError: Neither JPEG nor PNG, or cut off before its size.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError:
+        raise MissingError("no such image", where=path, mend="Put it back") from None
+    try:
+        size, exif = _read_png(data) if data.startswith(_PNG) else _read_jpeg(data)
+    except (struct.error, IndexError, ValueError):
+        raise InputError(
+            "the image is cut off or damaged, or neither JPEG nor PNG", where=path,
+            mend="Copy it again, or leave it out",
+        ) from None  # fmt: skip
+    try:
+        root, lens, gps = _read_tiff(exif)
+    except (struct.error, IndexError, ValueError, ZeroDivisionError):
+        root, lens, gps = {}, {}, {}
+    del root
+    return PhotoHeader(size, _focal(lens, size), _place(gps), _number(gps, 0x001F))
+
+
+def _read_jpeg(data: bytes) -> tuple[tuple[int, int], bytes]:
+    if data[:2] != b"\xff\xd8":
+        raise ValueError("not a JPEG file")
+    at, exif = 2, b""
+    while True:
+        if data[at] != 0xFF:
+            raise ValueError("no marker where one must be")
+        marker = data[at + 1]
+        at += 2
+        if marker == 0xFF:  # a fill byte before the marker
+            at -= 1
+            continue
+        if marker in _BARE:
+            continue
+        (length,) = struct.unpack_from(">H", data, at)
+        if marker == 0xE1 and data[at + 2 : at + 8] == b"Exif\x00\x00" and not exif:
+            exif = data[at + 8 : at + length]
+        if marker in _FRAMES:
+            height, width = struct.unpack_from(">HH", data, at + 3)
+            return (width, height), exif
+        at += max(length, 2)
+
+
+def _read_png(data: bytes) -> tuple[tuple[int, int], bytes]:
+    width, height = struct.unpack_from(">II", data, 16)
+    at = len(_PNG)
+    while at + 8 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, at)
+        if kind == b"eXIf":
+            return (width, height), data[at + 8 : at + 8 + length]
+        at += 12 + length
+    return (width, height), b""
+
+
+def _read_tiff(data: bytes) -> tuple[dict[int, Values], dict[int, Values], dict[int, Values]]:
+    """Read the root directory, that of the exposure, and that of the place."""
+    if not data:
+        return {}, {}, {}
+    order = {b"II": "<", b"MM": ">"}.get(data[:2])
+    if order is None:
+        raise ValueError("neither byte order")
+    (start,) = struct.unpack_from(order + "I", data, 4)
+    root = _read_directory(data, order, start)
+    lens, place = (_number(root, tag) for tag in (0x8769, 0x8825))
+    return (
+        root,
+        _read_directory(data, order, int(lens)) if lens else {},
+        _read_directory(data, order, int(place)) if place else {},
+    )
+
+
+def _read_directory(data: bytes, order: str, start: int) -> dict[int, Values]:
+    (count,) = struct.unpack_from(order + "H", data, start)
+    found: dict[int, Values] = {}
+    for row in range(count):
+        at = start + 2 + 12 * row
+        tag, kind, length = struct.unpack_from(order + "HHI", data, at)
+        if kind not in _FORMATS or length > len(data):
+            continue
+        size = struct.calcsize(order + _FORMATS[kind]) * length
+        if size > 4:
+            (at,) = struct.unpack_from(order + "I", data, at + 8)
+        else:
+            at += 8
+        if at + size > len(data):
+            continue
+        if kind in (2, 7):
+            found[tag] = data[at : at + size].split(b"\x00")[0].decode("ascii", "replace")
+            continue
+        numbers = struct.unpack_from(order + _FORMATS[kind] * length, data, at)
+        if kind in (5, 10):
+            pairs = zip(numbers[::2], numbers[1::2], strict=True)
+            found[tag] = tuple(top / bottom if bottom else 0.0 for top, bottom in pairs)
+        else:
+            found[tag] = tuple(float(number) for number in numbers)
+    return found
+
+
+def _number(directory: Mapping[int, Values], tag: int) -> float | None:
+    """Take the first number of an entry; None where it is absent, text, or not above 0."""
+    values = directory.get(tag, ())
+    return values[0] if isinstance(values, tuple) and values and values[0] > 0 else None
+
+
+def _focal(lens: Mapping[int, Values], size: tuple[int, int]) -> float | None:
+    """Find the focal length [px]: from the pitch of the pixels where it is stated, else from the 35 mm equivalent.
+
+    The equivalent compares diagonals. Source: CIPA DCG-001, 3.1.
+    """
+    length, pitch, unit = (_number(lens, tag) for tag in (0x920A, 0xA20E, 0xA210))
+    taken = _number(lens, 0xA002) or float(size[0])  # the pitch belongs to the photograph before it was shrunk
+    if length and pitch:
+        return length * pitch / _MM_PER_UNIT.get(int(unit or 2), 25.4) * size[0] / taken
+    equivalent = _number(lens, 0xA405)
+    return equivalent / _FILM * (size[0] ** 2 + size[1] ** 2) ** 0.5 if equivalent else None
+
+
+def _place(gps: Mapping[int, Values]) -> tuple[float, float, float] | None:
+    angles = [_degrees(gps.get(tag, ()), gps.get(tag - 1, "")) for tag in (0x0002, 0x0004)]
+    if angles[0] is None or angles[1] is None or (angles[0] == 0.0 and angles[1] == 0.0):
+        return None  # no fix yet: receivers write zeros
+    if abs(angles[0]) > 90.0 or abs(angles[1]) > 180.0:
+        return None
+    below = gps.get(0x0005, (0.0,))
+    height = _number(gps, 0x0006) or 0.0
+    return angles[0], angles[1], -height if below == (1.0,) else height
+
+
+def _degrees(parts: Values, side: Values) -> float | None:
+    if not isinstance(parts, tuple) or len(parts) != 3:
+        return None
+    value = parts[0] + parts[1] / 60.0 + parts[2] / 3600.0
+    return -value if isinstance(side, str) and side[:1] in ("S", "W") else value

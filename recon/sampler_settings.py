@@ -1,0 +1,116 @@
+"""What a user may choose about the clouds that are sampled from a stage without any image."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from groundwork.settings import Settings
+
+Point = tuple[float, float, float]
+
+
+class ScopeSettings(Settings):
+    """Which part of a stage ends up in a sampled cloud."""
+
+    scope: Literal["bridge", "near"] = "near"
+    """The bridge alone, or everything within `reach` of it: what a reconstruction of an inspection flight shows."""
+    reach: float = Field(default=10.0, gt=0.0, le=500.0)
+    """Distance by which the bridge's bounding box is widened on every side (scope near) [m]."""
+    seed: int = Field(default=0, ge=0, lt=2**31)
+    """Seed of every random draw."""
+
+
+class MeshSettings(ScopeSettings):
+    """Points spread over the surface, uniformly by area: the paper's baseline."""
+
+    points: int | None = Field(default=None, ge=1, le=20_000_000)
+    """Number of points; left out: by `density`."""
+    density: float = Field(default=100.0, gt=0.0, le=1e6)
+    """Points on each square meter where `points` is left out [1/m²]."""
+    min_views: int = Field(default=0, ge=0, le=1000)
+    """Cameras of the stage's surveys that must see a point; 0 keeps what no camera sees, as the paper did."""
+    survey: str = ""
+    """The survey that `min_views` counts in; empty for all of the stage."""
+    normal_noise: float = Field(default=0.0, ge=0.0, le=10.0)
+    """Standard deviation of a displacement along the surface's normal [m]."""
+    noise: float = Field(default=0.0, ge=0.0, le=10.0)
+    """Standard deviation of a displacement along each of x, y and z [m]."""
+
+
+class ScannerSettings(ScopeSettings):
+    """What all laser scanners share: ranges, noise, and which echoes are lost."""
+
+    min_range: float = Field(default=0.6, ge=0.0, le=50.0)
+    """Nearer surfaces give no point [m]."""
+    max_range: float = Field(default=120.0, gt=0.0, le=2000.0)
+    """Farther surfaces give no point, whatever they reflect [m]."""
+    range_at_10_percent: float = Field(default=80.0, gt=0.0, le=5000.0)
+    """Distance at which a surface that reflects 10 % and is hit squarely is just measured; the echo falls with the
+    reflectance, the cosine of the incidence, and the square of the distance [m]."""
+    max_incidence: float = Field(default=87.0, gt=0.0, le=90.0)
+    """Angle between ray and normal beyond which there is no point [deg]."""
+    range_noise: float = Field(default=0.002, ge=0.0, le=1.0)
+    """Standard deviation of the range [m]."""
+    range_noise_ppm: float = Field(default=20.0, ge=0.0, le=10_000.0)
+    """What is added to that standard deviation for each kilometer of range [mm]."""
+    drop_out: float = Field(default=0.01, ge=0.0, lt=1.0)
+    """Share of the echoes that are lost for no reason [1]."""
+    water_echo: float = Field(default=0.02, ge=0.0, le=1.0)
+    """Share of the rays on water that come back: most are mirrored away or absorbed [1]."""
+    beam_divergence: float = Field(default=0.0004, ge=0.0, le=0.02)
+    """Full angle of the beam's cone; 0 for no mixed pixels [rad]."""
+    mixing_gap: float = Field(default=0.5, ge=0.0, le=20.0)
+    """Where a beam lies across an edge and the two surfaces are closer than this in range, their echoes melt into one
+    range between them; farther apart, that of the beam's middle alone is measured [m]."""
+
+
+class TerrestrialSettings(ScannerSettings):
+    """A scanner on a tripod, at stations on the ground and on the deck."""
+
+    kind: Literal["terrestrial"] = "terrestrial"
+    """Scanner on a tripod."""
+    stations: int = Field(default=6, ge=1, le=100)
+    """At most so many stations, placed where each sees most of what the others do not; fewer where that suffices."""
+    positions: tuple[Point, ...] = ()
+    """Where the scanner's mirror stands [m]; empty: placed automatically."""
+    height: float = Field(default=1.8, gt=0.0, le=20.0)
+    """Height of the mirror above the ground of an automatic station [m]."""
+    angular_step: float = Field(default=0.25, ge=0.005, le=10.0)
+    """Angle between neighbouring rays [deg]."""
+    lowest: float = Field(default=-60.0, ge=-90.0, le=90.0)
+    """Lowest elevation of the rays; below is the tripod [deg]."""
+    highest: float = Field(default=90.0, ge=-90.0, le=90.0)
+    """Highest elevation of the rays [deg]."""
+
+
+class MobileSettings(ScannerSettings):
+    """A rotating scanner with many beams, carried along the deck or along the path of a survey."""
+
+    kind: Literal["mobile"] = "mobile"
+    """Scanner on a vehicle or a drone."""
+    path: str = "deck"
+    """`deck` for a drive over the bridge, or the id of a survey whose cameras give the path."""
+    height: float = Field(default=2.2, gt=0.0, le=20.0)
+    """Height of the scanner above the deck [m]."""
+    speed: float = Field(default=5.0, gt=0.0, le=60.0)
+    """Speed along the path [m/s]."""
+    rate: float = Field(default=10.0, gt=0.0, le=200.0)
+    """Turns of the scanner in a second [1/s]."""
+    beams: int = Field(default=32, ge=1, le=1024)
+    """Beams, evenly spaced from `lowest` to `highest`."""
+    angular_step: float = Field(default=0.2, ge=0.005, le=10.0)
+    """Angle between the shots of one beam [deg]."""
+    lowest: float = Field(default=-30.0, ge=-90.0, le=90.0)
+    """Elevation of the lowest beam above the plane of rotation [deg]."""
+    highest: float = Field(default=30.0, ge=-90.0, le=90.0)
+    """Elevation of the highest beam [deg]."""
+    tilt: float = Field(default=30.0, ge=-90.0, le=90.0)
+    """Angle by which the axis of rotation leans back from the vertical, against the direction of travel [deg]."""
+    path_noise: float = Field(default=0.02, ge=0.0, le=5.0)
+    """Standard deviation of the error of the measured path, along each axis [m]."""
+    path_noise_length: float = Field(default=20.0, gt=0.0, le=10_000.0)
+    """Way along the path over which that error changes [m]."""
+    range_noise: float = Field(default=0.01, ge=0.0, le=1.0)
+    """Standard deviation of the range [m]."""
+    beam_divergence: float = Field(default=0.002, ge=0.0, le=0.02)
+    """Full angle of the beam's cone; 0 for no mixed pixels [rad]."""

@@ -1,0 +1,148 @@
+"""Similarities between point sets, and the rotations that cameras and gravity tell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+_BEHIND = 0.05  # weight of what is behind a camera as up, beside its top
+_LEVELNESS = 0.001  # how little the rows of level photographs may rise for their tops to say where up is
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """world = scale * rotation @ local + translation.
+
+    Attributes:
+        scale: World metres per unit [m].
+        rotation: Rotation [1], shape (3, 3), float64.
+        translation: Translation [m], shape (3,), float64.
+    """
+
+    scale: float
+    rotation: F64
+    translation: F64
+
+    def move(self, points: F64) -> F64:
+        """Carry points into the world.
+
+        Args:
+            points: Local positions, shape (N, 3), float64.
+
+        Returns:
+            World positions [m], shape (N, 3), float64.
+        """
+        return self.scale * points @ self.rotation.T + self.translation
+
+    def move_poses(self, poses: F64) -> F64:
+        """Carry camera poses into the world; their rotations stay rotations.
+
+        Args:
+            poses: Local camera_to_world, shape (N, 4, 4), float64.
+
+        Returns:
+            World camera_to_world [m], shape (N, 4, 4), float64.
+        """
+        moved = poses.copy()
+        moved[:, :3, :3] = self.rotation @ poses[:, :3, :3]
+        moved[:, :3, 3] = self.move(poses[:, :3, 3])
+        return moved
+
+
+def fit_similarity(source: F64, goal: F64) -> tuple[F64, F64, F64]:
+    """Fit similarities to matching points in the least-squares sense, many sets at once.
+
+    Source: Umeyama, Least-squares estimation of transformation parameters between two point patterns (1991).
+
+    Args:
+        source: Points, shape (..., N, 3), float64.
+        goal: Matching points, shape (..., N, 3), float64.
+
+    Returns:
+        Scales, shape (...,); rotations, shape (..., 3, 3); translations, shape (..., 3); all float64.
+    """
+    source_mean, goal_mean = source.mean(axis=-2), goal.mean(axis=-2)
+    source_free, goal_free = source - source_mean[..., None, :], goal - goal_mean[..., None, :]
+    left, values, right = np.linalg.svd(np.swapaxes(goal_free, -1, -2) @ source_free)
+    sign = np.ones_like(values)
+    sign[..., 2] = np.where(np.linalg.det(left) * np.linalg.det(right) < 0, -1.0, 1.0)
+    rotation = (left * sign[..., None, :]) @ right
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = (values * sign).sum(axis=-1) / (source_free**2).sum(axis=(-1, -2))
+        translation = goal_mean - scale[..., None] * np.einsum("...ij,...j->...i", rotation, source_mean)
+    return scale, rotation, translation
+
+
+def angles(rotations: F64, reference: F64) -> F64:
+    """Measure the angles between rotations and a reference.
+
+    Args:
+        rotations: Rotations [1], shape (N, 3, 3), float64.
+        reference: Rotation [1], shape (3, 3), float64.
+
+    Returns:
+        Angles [deg], shape (N,), float64.
+    """
+    chord = np.linalg.norm(rotations - reference, axis=(1, 2))  # 2 sqrt 2 sin(angle / 2), sharp at small angles
+    return np.degrees(2 * np.arcsin(np.clip(chord / np.sqrt(8.0), 0.0, 1.0)))
+
+
+def camera_up(rotations: F64) -> F64:
+    """Tell where up is from photographs that were held level: their rows are horizontal, their tops point up.
+
+    Of the directions that all rows are square to, it is the one nearest to the mean of the tops. Cameras that
+    look straight down have their tops anywhere; what is behind them counts, too, and decides where the tops cancel.
+
+    Args:
+        rotations: Camera-to-world rotations in any frame [1], shape (N, 3, 3), float64.
+
+    Returns:
+        Unit vector in that frame, shape (3,), float64.
+    """
+    rows = rotations[:, :, 0]
+    tops = (-rotations[:, :, 1] - _BEHIND * rotations[:, :, 2]).mean(axis=0)
+    up = np.linalg.solve(rows.T @ rows / len(rows) + _LEVELNESS * np.eye(3), tops)
+    return up / np.linalg.norm(up)
+
+
+def heading_rotation(rotations: F64, source: F64, goal: F64) -> F64:
+    """Find the rotation that keeps level photographs upright and turns one ground plan onto another.
+
+    Args:
+        rotations: Camera-to-world rotations in the frame of `source` [1], shape (M, 3, 3), float64.
+        source: Points, shape (N, 3), float64.
+        goal: Matching points of a world with +z up, shape (N, 3), float64.
+
+    Returns:
+        Rotation, shape (3, 3), float64.
+    """
+    upright = level_rotation(rotations)
+    plan = ((source - source.mean(axis=0)) @ upright.T)[:, :2]
+    wanted = (goal - goal.mean(axis=0))[:, :2]
+    cosine = np.sum(plan * wanted)
+    sine = np.sum(plan[:, 0] * wanted[:, 1] - plan[:, 1] * wanted[:, 0])
+    cosine, sine = np.array([cosine, sine]) / np.hypot(cosine, sine)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ upright
+
+
+def level_rotation(rotations: F64) -> F64:
+    """Find a turn that makes level photographs stand upright; the direction of +x is any.
+
+    Args:
+        rotations: Camera-to-world rotations in any frame [1], shape (N, 3, 3), float64.
+
+    Returns:
+        Rotation from that frame into one with +z up, shape (3, 3), float64.
+    """
+    up = camera_up(rotations)
+    return _frame(np.cross(np.eye(3)[np.argmin(np.abs(up))], up).astype(np.float64), up).T
+
+
+def _frame(along: F64, up: F64) -> F64:
+    """Build axes along, sideways, and up as far as it is square to the first; columns of a rotation, shape (3, 3)."""
+    sideways = np.cross(up, along)
+    sideways /= np.linalg.norm(sideways)
+    ahead = along / np.linalg.norm(along)
+    return np.column_stack([ahead, sideways, np.cross(ahead, sideways)])

@@ -1,0 +1,87 @@
+"""The first scenes of the paper's two data sets, none left out: what is registered, labelled and complete."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from falsework.pipeline import run_scenario
+from falsework.scenario import load_scenario
+from groundwork.progress import SILENT
+from recon.cloud import Cloud, read_cloud
+from recon.completeness import measure_completeness, visible_surface
+from render.capture import Truth, read_capture, read_truth
+from tests.conftest import RecordProof
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+LOCAL, GLOBAL = range(5), range(2)
+FAR, VIEWS, REACH = 15.0, 3, 0.05  # [m], cameras, [m]
+
+
+@pytest.mark.proof_only
+@pytest.mark.parametrize("index", LOCAL)
+def test_local_scene_becomes_a_dense_cloud(index: int, tmp_path: Path, record_proof: RecordProof) -> None:
+    """Registered, labelled, complete and exact, with the poses of structure from motion."""
+    cloud, truth = _reconstruct("paper-local", index, tmp_path / "run")
+    figures = _figures(cloud, truth)
+    samples, _ = visible_surface(truth, FAR, VIEWS)
+    distance = cloud.columns["surface_distance"]
+    found = measure_completeness(cloud.columns["coord"], distance, _nearest_depth(cloud, truth), samples, REACH, FAR)
+    figures |= {"completeness_5cm": found.share, "median_surface_distance_m": found.median}
+    record_proof(f"paper-local: scene {index}", len(cloud), 399, figures)
+    _hold(figures)
+    assert found.share >= 0.75, figures
+    assert found.median < 0.02, figures
+
+
+@pytest.mark.proof_only
+@pytest.mark.parametrize("index", GLOBAL)
+def test_global_scene_becomes_a_sparse_cloud(index: int, tmp_path: Path, record_proof: RecordProof) -> None:
+    """Registered and labelled."""
+    cloud, truth = _reconstruct("paper-global", index, tmp_path / "run")
+    figures = _figures(cloud, truth)
+    record_proof(f"paper-global: scene {index}", len(cloud), 220, figures)
+    _hold(figures)
+
+
+def _reconstruct(name: str, index: int, out: Path) -> tuple[Cloud, Truth]:
+    outcome = run_scenario(load_scenario(SCENARIOS / f"{name}.toml"), out, SILENT, [index])
+    assert not outcome.rejected, outcome.rejected
+    assert not outcome.failed, outcome.failed
+    (folder,) = outcome.clouds
+    (capture,) = (out / "scenes" / f"{index:04d}" / "capture").iterdir()
+    truth = read_truth(read_capture(capture))
+    assert truth is not None
+    return read_cloud(folder), truth
+
+
+def _figures(cloud: Cloud, truth: Truth) -> dict[str, float]:
+    statistics = cloud.statistics
+    extent = float(np.linalg.norm(np.ptp(truth.poses[:, :3, 3], axis=0)))
+    near = cloud.columns["surface_distance"] < 0.1
+    clear = near & (cloud.columns["label_margin_px"] >= 3.0)
+    wrong = cloud.columns["segment"] != cloud.columns["surface_class"]
+    return {
+        "images": len(truth.names), "registered_share": statistics["registered_share"],
+        "centre_error_median_m": statistics["center_error_median"], "path_extent_m": extent,
+        "label_error": float(wrong[near].mean()), "label_error_margin_3px": float(wrong[clear].mean()),
+        "kept_margin_3px": float(clear.sum() / near.sum()), "noisy_share": statistics["noisy_share_0.1m"],
+    }  # fmt: skip
+
+
+def _hold(figures: dict[str, float]) -> None:
+    assert figures["registered_share"] >= 0.95, figures
+    assert figures["centre_error_median_m"] < max(0.02, 0.0002 * figures["path_extent_m"]), figures
+    assert figures["label_error"] <= 0.015, figures
+    assert figures["label_error_margin_3px"] <= 0.004, figures
+    assert figures["kept_margin_3px"] >= 0.94, figures
+
+
+def _nearest_depth(cloud: Cloud, truth: Truth) -> np.ndarray:
+    """Smallest depth of each point in its views [m], shape (N,), float64."""
+    start, image = cloud.observations["start"], cloud.observations["image"]
+    order = {row["name"]: number for number, row in enumerate(cloud.cameras)}
+    assert [order[name] for name in truth.names] == list(range(len(truth.names)))
+    points = np.repeat(cloud.columns["coord"], np.diff(start), axis=0)
+    depth = np.einsum("ij,ij->i", points - truth.poses[image, :3, 3], truth.poses[image, :3, 2])
+    return np.minimum.reduceat(depth, start[:-1])

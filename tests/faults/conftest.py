@@ -1,0 +1,45 @@
+"""What the faults of a reconstruction are tried on: five photographs of the planes, enough for a model in seconds."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.recon.conftest import poses_on_arc, write_capture
+
+ROOT = Path(__file__).resolve().parents[2]
+MAX_FEATURES = 700
+SETTINGS = f"[recon.sparse]\nmax_features = {MAX_FEATURES}\n"
+
+Start = Callable[..., subprocess.Popen[str]]
+
+
+@pytest.fixture(scope="session")
+def few_planes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a capture of the planes from five cameras; read only."""
+    return write_capture(tmp_path_factory.mktemp("few") / "capture", poses_on_arc(14)[4:9])
+
+
+@pytest.fixture(scope="session")
+def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory) -> Start:
+    """Give `start(out, capture=few_planes, settings=SETTINGS, before=())`: begin `falsework reconstruct`.
+
+    It runs in a session of its own; `before` are words to put before the command.
+    """
+    files = tmp_path_factory.mktemp("settings")
+
+    def start(
+        out: Path, capture: Path = few_planes, settings: str = SETTINGS, before: tuple[str, ...] = ()
+    ) -> subprocess.Popen[str]:
+        file = files / f"{len(list(files.iterdir()))}.toml"
+        file.write_text(settings)
+        command = [sys.executable, "-m", "falsework", "reconstruct", str(capture), "-o", str(out)]
+        return subprocess.Popen(
+            [*before, *command, "--settings", str(file)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+            start_new_session=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )  # fmt: skip
+
+    return start

@@ -1,0 +1,186 @@
+"""Killed in any of its steps, a reconstruction goes on where it was, and ends with the bytes of one left in peace."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import time
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from falsework.stages import STAGES
+from falsework.store import Store, Task
+from groundwork.canonical import file_digest
+from groundwork.files import MANIFEST, MARK
+from groundwork.progress import Silent
+from recon.settings import ReconSettings, SparseSettings
+from tests.conftest import Count, RecordProof
+from tests.faults.conftest import MAX_FEATURES, Start
+
+PATIENCE = 240.0  # [s] on a box that many tests share
+LOOK = 0.004  # [s]
+MARKS = (MARK, MANIFEST)
+SMALL = ReconSettings(sparse=SparseSettings(max_features=MAX_FEATURES))
+
+
+@pytest.fixture(scope="module")
+def calm(start_reconstruct: Start, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the cloud of a run that nobody disturbed; read only."""
+    out = tmp_path_factory.mktemp("calm") / "out"
+    finish(start_reconstruct(out))
+    return out
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Hash every file of a cloud but the marks of the folder that it lies in."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): file_digest(path) for path in files if path.name not in MARKS}
+
+
+def finish(process: subprocess.Popen[str]) -> str:
+    """Wait for a run to end well, and return what it said."""
+    _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, said
+    return said
+
+
+def kill_when(process: subprocess.Popen[str], seen: "Seen", work: Path) -> None:
+    """Kill a run and its children without warning as soon as something is seen in its folder."""
+    deadline = time.monotonic() + PATIENCE
+    while not seen(work):
+        assert process.poll() is None, "it ended before it could be killed"
+        assert time.monotonic() < deadline
+        time.sleep(LOOK)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
+class Seen:
+    """Tells whether files of a pattern are there; of databases, whether a table has so many rows."""
+
+    def __init__(self, pattern: str, table: str = "", rows: int = 0) -> None:
+        """Look for `pattern` below the folder in the making."""
+        self.pattern, self.table, self.rows = pattern, table, rows
+
+    def __call__(self, folder: Path) -> bool:
+        """Look once."""
+        found = next(iter(folder.glob(self.pattern)), None)
+        if found is None or not self.table:
+            return found is not None
+        try:
+            with closing(sqlite3.connect(f"file:{found}?mode=ro", uri=True)) as connection:
+                count = connection.execute(f"SELECT COUNT(*) FROM {self.table}").fetchone()[0]
+        except sqlite3.Error:
+            return False
+        return int(count) >= self.rows
+
+
+MOMENTS = (
+    Seen("work/features-*.partial"),
+    Seen("work/features-*.partial/database.db", "keypoints", 2),
+    Seen("work/matches-*.partial/database.db", "two_view_geometries", 3),
+    Seen("work/model-*.partial/models"),
+    Seen("coord.npy"),
+)
+
+
+@pytest.mark.faults
+def test_killed_in_every_step(calm: Path, start_reconstruct: Start, tmp_path: Path, proof_count: Count) -> None:
+    """Kill one run in each of its steps, in turn: the end equals the undisturbed cloud, and no step was done twice."""
+    out, folder = tmp_path / "out", tmp_path / ".out.partial"
+    moments = MOMENTS[-proof_count(3, len(MOMENTS)) :]
+    databases: list[tuple[int, int]] = []
+    for moment in moments:
+        kill_when(start_reconstruct(out), moment, folder)
+        assert not out.exists()
+        finished = [path.stat() for path in folder.glob("work/features-*[!l]/database.db")]
+        databases += [(status.st_ino, status.st_mtime_ns) for status in finished]
+    said = finish(start_reconstruct(out))
+    assert contents(out) == contents(calm)
+    assert len(databases) == 3  # killed while matching, mapping, annotating
+    assert len(set(databases)) == 1  # and never extracted again
+    assert "features" not in said
+    assert "matching" not in said
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.faults
+@pytest.mark.proof_only
+def test_killed_at_random(
+    calm: Path, start_reconstruct: Start, tmp_path: Path, proof_count: Count, record_proof: RecordProof
+) -> None:  # fmt: skip
+    """Kill runs at random moments, several times each, and compare every byte of what they end with."""
+    draw, kills = np.random.default_rng(8), 0
+    begin = time.monotonic()
+    finish(start_reconstruct(tmp_path / "timed"))
+    span = time.monotonic() - begin
+    for number in range(proof_count(1, 5)):
+        out = tmp_path / f"out{number}"
+        for _ in range(4):
+            process = start_reconstruct(out)
+            time.sleep(draw.uniform(0.1, 0.9) * span)
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                kills += 1
+            process.communicate()
+        finish(start_reconstruct(out))
+        assert contents(out) == contents(calm)
+    record_proof("reconstruction: killed at random, ends with the same bytes", kills, 8, {"kills": kills})
+
+
+class Interrupted(Silent):
+    """Raises what Ctrl-C raises when a stage begins, and writes down which stages it heard of."""
+
+    def __init__(self, at: str) -> None:
+        """Wait for the stage of this name."""
+        self.at, self.heard = at, list[str]()
+
+    def stage(self, name: str, total: int) -> None:
+        """Hear a stage begin."""
+        self.heard.append(name)
+        if name == self.at:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.faults
+@pytest.mark.proof_only
+def test_interrupted_run_goes_on_in_the_store(few_planes: Path, calm: Path, tmp_path: Path) -> None:
+    """In a run's store, too, an interrupted cloud keeps its finished steps and ends with the same bytes."""
+    stage = STAGES["cloud"]
+    task = Task("cloud", stage.version, {"recon": SMALL.model_dump(mode="json")}, {"capture": "0"})
+    inputs = {"capture": few_planes}
+
+    def run(root: Path, listener: Silent) -> Path:
+        store = Store(root)
+        store.produce(task, lambda folder: stage.run(task.settings, inputs, folder, listener), resume=stage.resumes)
+        return store.folder(task)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "out", Interrupted("annotate"))
+    listener = Interrupted("nothing")
+    assert contents(run(tmp_path / "out", listener)) == contents(calm)
+    assert "features" not in listener.heard
+    assert "mapping" not in listener.heard
+
+
+@pytest.mark.faults
+def test_interrupt_leaves_no_child(start_reconstruct: Start, tmp_path: Path) -> None:
+    """Ctrl-C while a child works: exit code 130, one line, and the child is gone."""
+    out = tmp_path / "out"
+    process = start_reconstruct(out)
+    working = Seen("work/features-*.partial/database.db", "keypoints", 1)
+    deadline = time.monotonic() + PATIENCE
+    while not working(tmp_path / ".out.partial"):
+        assert time.monotonic() < deadline
+        time.sleep(LOOK)
+    (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    os.kill(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130
+    assert said.strip().splitlines()[-1].startswith("falsework: interrupted; the same command goes on")
+    assert "Traceback" not in said
+    assert not Path(f"/proc/{child}/statm").exists()
+    assert not out.exists()

@@ -1,0 +1,77 @@
+"""A reconstruction that runs out of disk, time or memory says so in one line, with the mend, and can go on."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import recon.sparse
+from groundwork.errors import ChildError, OutOfSpaceError
+from groundwork.progress import SILENT
+from recon.settings import ReconSettings, SparseSettings
+from recon.sparse import run_sparse
+from render.capture import read_capture
+from tests.conftest import Count
+from tests.faults.conftest import MAX_FEATURES, Start
+
+PATIENCE = 240.0  # [s] on a box that many tests share
+# A disk of its own for one command, which ends with the namespace: the folder, its size, the command.
+FULL_DISK = ("unshare", "-rm", "bash", "-c", 'mount -t tmpfs -o size="$1" none "$0" && shift && exec "$@"')
+
+
+def one_line(process: subprocess.Popen[str], said: str, code: int) -> str:
+    """Check that a run has failed with a code and without a traceback, and return its last line."""
+    assert process.returncode == code, said
+    assert "Traceback" not in said
+    return said.strip().splitlines()[-1]
+
+
+@pytest.mark.faults
+@pytest.mark.skipif(shutil.which("unshare") is None, reason="there is no unshare to mount a small disk with")
+def test_full_disk(start_reconstruct: Start, tmp_path: Path, proof_count: Count) -> None:
+    """On disks that fill up in one step or another: exit code 4, and one line that says what to do."""
+    for full, size in enumerate(("2m", "1m", "1500k", "2300k", "2600k", "2900k")[: proof_count(1, 6)]):
+        disk = tmp_path / size
+        disk.mkdir()
+        process = start_reconstruct(disk / "out", before=(*FULL_DISK, str(disk), size))
+        _, said = process.communicate(timeout=PATIENCE)
+        if process.returncode == 0 and full:
+            break  # large enough; how large that is depends on the platform
+        line = one_line(process, said, 4)
+        assert line.startswith("falsework: ")
+        assert "Free some, then run the same command again" in line
+
+
+@pytest.mark.faults
+def test_a_file_that_may_not_grow(start_reconstruct: Start, tmp_path: Path) -> None:
+    """COLMAP aborts when its database cannot grow; that, too, is out of space and not a crash."""
+    process = start_reconstruct(tmp_path / "out", before=("bash", "-c", 'ulimit -f 200; exec "$0" "$@"'))
+    _, said = process.communicate(timeout=PATIENCE)
+    line = one_line(process, said, 4)
+    assert line.endswith("no space left on the disk. Free some, then run the same command again")
+
+
+@pytest.mark.faults
+def test_too_little_space_is_seen_before(few_planes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that cannot hold the databases is refused before the first keypoint is sought."""
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage._replace(free=1_000_000))
+    settings = ReconSettings(sparse=SparseSettings(max_features=MAX_FEATURES))
+    with pytest.raises(OutOfSpaceError, match=r"0\.0 GB are free, structure from motion of these images may need 0\.0"):
+        run_sparse(read_capture(few_planes), tmp_path, settings, SILENT)
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize(("limit", "words"), [("time", "seconds_per_image"), ("memory", "memory_limit")])
+def test_limits_name_their_setting(
+    limit: str, words: str, few_planes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A step that takes too long or too much is stopped, and the line names the setting that allows more."""
+    sparse = SparseSettings(max_features=MAX_FEATURES, seconds_per_image=1.0)
+    if limit == "time":
+        monkeypatch.setattr(recon.sparse, "_SLACK", -4.5)
+    else:
+        sparse = sparse.model_copy(update={"memory_limit": 0.03})
+    with pytest.raises(ChildError, match=rf"stopped because it .*\[recon\.sparse\] {words}"):
+        run_sparse(read_capture(few_planes), tmp_path, ReconSettings(sparse=sparse), SILENT)

@@ -1,0 +1,161 @@
+"""Fusion against its plain twin, and what becomes of planes, floating points and narrow angles."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from recon.fuse import DepthView, fuse_view, smooth
+from tests.recon.wavy_plane import WavyPlane
+from usd_schemas.pinhole import Pinhole, look_at, project, unproject
+
+F64 = NDArray[np.float64]
+CAMERA = Pinhole(48, 36, 60.0, 62.0, 24.5, 17.5)
+LENS = np.array([60.0, 62.0, 24.5, 17.5])
+PLANE = WavyPlane(np.array([0.4, -np.sqrt(0.84), 0.0]), -4.0)
+POSES = [look_at(np.array([x, 0.0, z]), np.array([0.3 * x, 5.0, 0.0]))
+         for x, z in ((0.0, 0.0), (0.7, 0.1), (-0.6, 0.0), (0.1, 0.6))]  # fmt: skip
+
+
+def view_of(image: int, depth: F64) -> DepthView:
+    """Make a view with the plane's normal and a colour of its own."""
+    depth = np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
+    normal = np.broadcast_to(POSES[image][:3, :3].T @ PLANE.normal, (*depth.shape, 3)).astype(np.float32)
+    color = np.full((*depth.shape, 3), 10 * image, np.uint8)
+    return DepthView(image, depth, normal, color, np.zeros(depth.shape, bool), POSES[image])
+
+
+def planes(noise: float = 0.0, seed: int = 0) -> list[DepthView]:
+    """See the plane from four places, its depths disturbed by a share."""
+    rng = np.random.default_rng(seed)
+    return [view_of(i, PLANE.depth(CAMERA, pose) * (1 + noise * rng.normal(size=(36, 48))))
+            for i, pose in enumerate(POSES)]  # fmt: skip
+
+
+def twin(views: list[DepthView], min_views: int, tolerance: float, min_angle: float) -> list[dict[str, object]]:
+    """Fuse the first view with the others, one pixel at a time, in world coordinates."""
+    reference, others = views[0], views[1:]
+    found = []
+    for i, j in np.ndindex(reference.depth.shape):
+        z = float(reference.depth[i, j])
+        if z <= 0.0 or reference.used[i, j]:
+            continue
+        point = unproject(np.array([[j + 0.5, i + 0.5]]), np.array([z]), CAMERA, reference.pose)[0]
+        parts, weights, agreeing, through = [point], [1 / z**2], [reference], 0
+        for other in others:
+            pixel, depth = project(point[None], CAMERA, other.pose)
+            (s, t), expected = pixel[0], float(depth[0])
+            if expected <= 0.0 or not (0 <= s < CAMERA.width and 0 <= t < CAMERA.height):
+                continue
+            there = depth_between(other.depth, s, t)
+            if there > 0.0 and abs(there - expected) <= tolerance * expected:
+                parts.append(unproject(pixel, np.array([there]), CAMERA, other.pose)[0])
+                weights.append(1 / there**2)
+                agreeing.append(other)
+            elif there > 1.02 * expected:
+                through += 1
+        if len(agreeing) < min_views or 2 * through >= len(agreeing):
+            continue
+        mean = np.average(parts, axis=0, weights=weights)
+        rays = [(mean - view.pose[:3, 3]) / np.linalg.norm(mean - view.pose[:3, 3]) for view in agreeing]
+        if max(np.degrees(np.arccos(np.clip(a @ b, -1, 1))) for a in rays for b in rays) < min_angle:
+            continue
+        images = sorted(view.image for view in agreeing if is_inside(mean, view.pose))
+        if len(images) >= min_views:
+            found.append({"point": mean, "images": images})
+    return found
+
+
+def is_inside(point: F64, pose: F64) -> bool:
+    """Tell whether a camera sees a point, by its frame alone."""
+    (pixel,), _ = project(point[None], CAMERA, pose)
+    return bool(0 <= pixel[0] < CAMERA.width and 0 <= pixel[1] < CAMERA.height)
+
+
+def depth_between(depth: NDArray[np.float32], s: float, t: float) -> float:
+    """Read a depth between pixel centres by its inverse, or the nearest one where surfaces change."""
+    x, y = int(np.floor(s - 0.5)), int(np.floor(t - 0.5))
+    if 0 <= x and x + 1 < depth.shape[1] and 0 <= y and y + 1 < depth.shape[0]:
+        around = depth[y : y + 2, x : x + 2].astype(float)
+        if around.min() > 0 and around.max() - around.min() <= 0.05 * around.min():
+            a, b = s - 0.5 - x, t - 0.5 - y
+            return float(1 / (np.array([1 - b, b]) @ (1 / around) @ np.array([1 - a, a])))
+    return float(depth[int(t), int(s)])
+
+
+@pytest.mark.parametrize("min_views", [2, 3])
+def test_fusion_has_a_plain_twin(min_views: int) -> None:
+    """The compiled loops give the points, and the views of each, that a slow loop in world coordinates gives."""
+    views = planes(noise=0.008, seed=min_views)
+    rng = np.random.default_rng(7)
+    for view in views:
+        view.depth[rng.random(view.depth.shape) < 0.1] = 0.0
+        view.depth[rng.random(view.depth.shape) < 0.1] *= 0.8
+        view.used[:] = rng.random(view.used.shape) < 0.1
+    expected = twin(views, min_views, 0.01, 3.0)
+    fused = fuse_view(views[0], views[1:], LENS, min_views, 0.01, 3.0)
+    assert len(fused.points) == len(expected) > 100
+    np.testing.assert_allclose(fused.points, [row["point"] for row in expected], atol=1e-9)
+    split = np.split(fused.image, np.cumsum(fused.counts)[:-1])
+    assert [part.tolist() for part in split] == [row["images"] for row in expected]
+
+
+def test_a_plane_comes_back() -> None:
+    """Points on the plane, its normal, observations where the cameras see them, each pixel used once."""
+    views = planes()
+    fused = fuse_view(views[0], views[1:], LENS, 3, 0.01, 1.0)
+    assert len(fused.points) > 0.5 * views[0].depth.size
+    away = np.abs(fused.points @ PLANE.normal - PLANE.offset)
+    assert (away < 2e-5).mean() > 0.9
+    assert away.max() < 0.02  # at an image's rim the nearest pixel must do
+    np.testing.assert_allclose(fused.normals @ PLANE.normal, 1.0, atol=1e-5)
+    point = np.repeat(np.arange(len(fused.counts)), fused.counts)
+    for image, pose in enumerate(POSES):
+        mine = fused.image == image
+        pixels, _ = project(fused.points[point[mine]], CAMERA, pose)
+        np.testing.assert_allclose(fused.uv[mine], pixels, atol=1e-4)
+    assert (np.diff(fused.image.astype(int))[np.diff(point) == 0] > 0).all()
+    means = np.array([part.mean() * 10 for part in np.split(fused.image, np.cumsum(fused.counts)[:-1])])
+    np.testing.assert_allclose(fused.colors[:, 0], means, atol=0.51)
+    before = views[1].used.copy()
+    assert before.mean() > 0.3
+    again = fuse_view(views[1], [views[0], *views[2:]], LENS, 3, 0.01, 1.0)
+    own = again.uv[again.image == 1]
+    assert not before[own[:, 1].astype(int), own[:, 0].astype(int)].any()
+
+
+def test_what_others_see_through_goes() -> None:
+    """A patch that floats before the plane in two maps goes when as many views see the plane behind it."""
+    views = planes()
+    for view in views[:2]:
+        patch = WavyPlane(PLANE.normal, PLANE.offset + 0.8, reach=np.inf).depth(CAMERA, view.pose)
+        view.depth[12:20, 18:28] = patch[12:20, 18:28]
+    fused = fuse_view(views[0], views[1:], LENS, 2, 0.01, 1.0)
+    assert len(fused.points) > 100
+    assert np.abs(fused.points @ PLANE.normal - PLANE.offset).max() < 0.1
+
+
+def test_a_narrow_angle_makes_no_point() -> None:
+    """Rays that are nearly parallel fix no depth."""
+    views = planes()
+    widest = fuse_view(views[0], views[1:2], LENS, 2, 0.01, 1.0)
+    assert len(widest.points) > 100
+    assert not len(fuse_view(planes()[0], planes()[1:2], LENS, 2, 0.01, 12.0).points)
+
+
+def test_smoothing_keeps_planes_and_cuts_edges() -> None:
+    """A plane keeps its depth and gets its normal; noise shrinks; the rim of a step is dropped on its near side."""
+    true = PLANE.depth(CAMERA, POSES[0])
+    depth, normal = smooth(true.astype(np.float32), LENS)
+    np.testing.assert_allclose(depth, true, rtol=2e-6)
+    np.testing.assert_allclose(normal @ (POSES[0][:3, :3].T @ PLANE.normal), 1.0, atol=1e-4)
+    rng = np.random.default_rng(2)
+    noisy = true * (1 + 0.004 * rng.normal(size=true.shape))
+    steady, _ = smooth(noisy.astype(np.float32), LENS)
+    inner = (slice(3, -3), slice(3, -3))
+    assert np.std((steady / true)[inner] - 1) < 0.4 * np.std((noisy / true)[inner] - 1)
+    step = np.full((36, 48), 5.0, np.float32)
+    step[:, 16:] = 8.0
+    cut, _ = smooth(step, LENS)
+    assert (cut[:, 14:16] == 0).all()
+    np.testing.assert_allclose(cut[:, :14], 5.0, rtol=1e-6)
+    np.testing.assert_allclose(cut[:, 16:], 8.0, rtol=1e-6)

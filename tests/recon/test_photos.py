@@ -1,0 +1,219 @@
+"""Plain photographs become a capture: what their EXIF says, what is guessed, and what does not go together."""
+
+import contextlib
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from groundwork.errors import InputError, MissingError
+from groundwork.progress import SILENT
+from recon.cloud import read_cloud
+from recon.photo_header import read_header
+from recon.photos import local_position, open_photographs
+from recon.reconstruct import reconstruct
+from recon.settings import ReconSettings, SparseSettings
+from render.exif import Shot, geodetic, insert_exif
+
+ORIGIN = (46.2, -7.5, 420.0)
+LARGER = 20.0  # photographs do not tell the size of what they show: GPS says that the planes are 200 m long
+Place = tuple[float, float, float]
+
+
+def jpeg(width: int = 64, height: int = 48) -> bytes:
+    """Encode a grey JPEG without EXIF."""
+    return cv2.imencode(".jpg", np.full((height, width, 3), 90, np.uint8))[1].tobytes()
+
+
+def tagged(gps: Place | None, focal: float = 0.024, data: bytes | None = None) -> bytes:
+    """Put our own EXIF into a JPEG of 64 x 48."""
+    shot = Shot(focal, 0.036, 0.001, 0.0, gps, ORIGIN)
+    return insert_exif(jpeg() if data is None else data, shot, 64, 48)
+
+
+def tiff(lens: dict[int, tuple[int, bytes, int]], order: str = ">") -> bytes:
+    """Write a TIFF structure of one exposure directory: tag to (type, value bytes, count)."""
+    offset = 8 + 2 + 12 + 4
+    head = struct.pack(order + "H", 1) + struct.pack(order + "HHII", 0x8769, 4, 1, offset) + struct.pack(order + "I", 0)
+    rows, tail, at = b"", b"", offset + 2 + 12 * len(lens) + 4
+    for tag, (kind, value, count) in sorted(lens.items()):
+        rows += struct.pack(order + "HHI", tag, kind, count)
+        if len(value) <= 4:
+            rows += value.ljust(4, b"\x00")
+        else:
+            rows += struct.pack(order + "I", at + len(tail))
+            tail += value
+    mark = b"MM\x00*" if order == ">" else b"II*\x00"
+    body = struct.pack(order + "H", len(lens)) + rows + struct.pack(order + "I", 0) + tail
+    return mark + struct.pack(order + "I", 8) + head + body
+
+
+def with_exif(data: bytes, exif: bytes) -> bytes:
+    """Put a TIFF structure into a JPEG behind its first segment, as many cameras do."""
+    end = 4 + struct.unpack(">H", data[4:6])[0]
+    segment = b"Exif\x00\x00" + exif
+    return data[:end] + b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment + data[end:]
+
+
+def test_our_own_exif_comes_back(tmp_path: Path) -> None:
+    """Size, focal length from the equivalent of 35 mm, and a place that is right to a millimetre."""
+    (tmp_path / "a.JPG").write_bytes(tagged((30.0, -20.0, 5.0)))
+    header = read_header(tmp_path / "a.JPG")
+    assert header.size == (64, 48)
+    assert header.focal_px == pytest.approx(24.0 * 80.0 / 43.266615)
+    assert header.place is not None
+    np.testing.assert_allclose(header.place, geodetic((30.0, -20.0, 5.0), ORIGIN), atol=1e-8)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_focal_length_from_the_sensor(tmp_path: Path, order: str) -> None:
+    """The pitch of the pixels is exact and goes before the rounded equivalent; a shrunk photograph keeps it."""
+    lens = {
+        0x920A: (5, struct.pack(order + "II", 88, 10), 1),  # 8.8 mm
+        0xA20E: (5, struct.pack(order + "II", 128, 1), 1),  # 128 pixels a centimetre
+        0xA210: (3, struct.pack(order + "H", 3), 1),
+        0xA002: (4, struct.pack(order + "I", 128), 1),  # taken at twice the size
+        0xA405: (3, struct.pack(order + "H", 99), 1),
+    }
+    (tmp_path / "a.jpg").write_bytes(with_exif(jpeg(), tiff(lens, order)))
+    assert read_header(tmp_path / "a.jpg").focal_px == pytest.approx(8.8 * 12.8 / 2)
+
+
+@pytest.mark.parametrize("exif", [b"", b"II*\x00", b"XX*\x00" + bytes(20), b"II*\x00\xff\xff\xff\x7f",
+                                  tiff({0x920A: (5, struct.pack(">II", 8, 0), 1)})])  # fmt: skip
+def test_damaged_exif_counts_as_none(tmp_path: Path, exif: bytes) -> None:
+    """A photograph whose EXIF is cut, foreign or senseless still has a size."""
+    (tmp_path / "a.jpg").write_bytes(with_exif(jpeg(), exif))
+    header = read_header(tmp_path / "a.jpg")
+    assert (header.size, header.focal_px, header.place) == ((64, 48), None, None)
+
+
+def test_a_cut_header_is_an_error_or_a_header(tmp_path: Path) -> None:
+    """Wherever a file is cut, reading its header gives its size or says so; nothing else is raised."""
+    data = tagged((1.0, 2.0, 3.0))
+    for end in range(0, len(data), 7):
+        (tmp_path / "cut.jpg").write_bytes(data[:end])
+        size = (64, 48)
+        with contextlib.suppress(InputError):
+            size = read_header(tmp_path / "cut.jpg").size
+        assert size == (64, 48)
+
+
+def test_png_with_exif(tmp_path: Path) -> None:
+    """PNG keeps its EXIF in a chunk of its own."""
+    data = cv2.imencode(".png", np.zeros((48, 64, 3), np.uint8))[1].tobytes()
+    exif = tiff({0xA405: (3, struct.pack(">H", 36), 1)})
+    chunk = struct.pack(">I", len(exif)) + b"eXIf" + exif + struct.pack(">I", zlib.crc32(b"eXIf" + exif))
+    (tmp_path / "a.png").write_bytes(data[:33] + chunk + data[33:])
+    header = read_header(tmp_path / "a.png")
+    assert header.size == (64, 48)
+    assert header.focal_px == pytest.approx(36.0 * 80.0 / 43.266615)
+
+
+def test_places_become_metres(tmp_path: Path) -> None:
+    """East, north, up of the first that has a place, to a centimetre over hundreds of metres; the origin is kept."""
+    places: list[Place] = [(0.0, 0.0, 0.0), (300.0, -150.0, 40.0), (-80.0, 220.0, -12.0)]
+    for number, place in enumerate(places):
+        (tmp_path / f"{number}.jpg").write_bytes(tagged(place))
+    (tmp_path / "3.jpg").write_bytes(tagged(None))
+    capture = open_photographs(tmp_path)
+    found = np.array([image.gps for image in capture.images[:3]])
+    np.testing.assert_allclose(found, places, atol=0.02)  # the curve of the earth makes 1 cm of it
+    assert capture.images[3].gps is None
+    assert capture.facts["origin"] == pytest.approx(
+        {"latitude": ORIGIN[0], "longitude": ORIGIN[1], "height": ORIGIN[2]}
+    )
+    assert local_position(ORIGIN, ORIGIN) == (0.0, 0.0, 0.0)
+    degree = local_position((ORIGIN[0] + 1e-3, ORIGIN[1], ORIGIN[2]), ORIGIN)
+    assert degree[1] == pytest.approx(111.15, abs=0.03)  # a thousandth of a degree of latitude at 46 north
+    assert degree[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_without_exif_the_focal_length_is_a_guess(tmp_path: Path) -> None:
+    """1.2 times the longer side, said to be a guess; photographs may lie in `images`, other files do not count."""
+    (tmp_path / "images").mkdir()
+    for name in ("b.jpg", "a.JPEG", ".hidden.jpg", "notes.txt"):
+        (tmp_path / "images" / name).write_bytes(jpeg(48, 64))
+    capture = open_photographs(tmp_path)
+    assert [image.file for image in capture.images] == ["images/a.JPEG", "images/b.jpg"]
+    assert (capture.prior.focal_px, capture.prior.cx, capture.prior.cy) == (1.2 * 64, 24.0, 32.0)
+    assert capture.facts["focal"] == "guessed"
+
+
+def test_what_does_not_go_together(tmp_path: Path) -> None:
+    """No photographs, two sizes, two lenses, one name twice, an empty file: one line that names the odd one."""
+    with pytest.raises(MissingError, match="neither a capture nor photographs"):
+        open_photographs(tmp_path)
+    for name in ("a.jpg", "b.jpg"):
+        (tmp_path / name).write_bytes(tagged(None))
+    (tmp_path / "c.jpg").write_bytes(jpeg(32, 48))
+    with pytest.raises(InputError, match=r"c\.jpg: 1 of 3 photographs are not 64 x 48 pixels"):
+        open_photographs(tmp_path)
+    (tmp_path / "c.jpg").write_bytes(tagged(None, 0.05))
+    with pytest.raises(InputError, match=r"c\.jpg: photographs of different focal lengths"):
+        open_photographs(tmp_path)
+    (tmp_path / "c.jpg").write_bytes(b"")
+    with pytest.raises(InputError, match=r"c\.jpg: the image is cut off"):
+        open_photographs(tmp_path)
+    (tmp_path / "c.jpg").unlink()
+    (tmp_path / "a.png").write_bytes(b"")
+    with pytest.raises(InputError, match="two photographs of one name"):
+        open_photographs(tmp_path)
+
+
+def test_bare_photographs_become_a_cloud(
+    make_capture: Callable[..., Path], arc: Callable[[int], np.ndarray], tmp_path: Path
+) -> None:
+    """Nothing but pixels: every camera registered, units said to be unknown, upright, no label; a cut file is named."""
+    capture = make_capture(tmp_path / "capture", arc(14)[4:9])
+    bare, folder = capture / "images", tmp_path / "cloud"
+    folder.mkdir()
+    cut = (bare / "000002.jpg").read_bytes()
+    (bare / "000002.jpg").write_bytes(cut[:20_000])
+    with pytest.raises(InputError, match=r"000002\.jpg: the image is cut off or damaged"):
+        reconstruct(bare, folder, ReconSettings(), SILENT)
+    (bare / "000002.jpg").write_bytes(cut)
+    reconstruct(bare, folder, ReconSettings(sparse=SparseSettings(max_features=700)), SILENT)
+    cloud = read_cloud(folder)
+    assert [row["status"] for row in cloud.cameras] == ["ok"] * 5
+    assert (cloud.alignment["target"], cloud.alignment["unit"]) == ("none", "unknown")
+    assert "own units" in cloud.alignment["note"]
+    assert set(cloud.columns["segment"]) == {255}
+    assert cloud.statistics["center_error_median"] is None
+    found = cloud.statistics["camera_params"][0]
+    assert found == pytest.approx(420.0, rel=0.03)  # the guess was 576
+    heights = cloud.columns["coord"][:, 2]
+    wall = cloud.columns["coord"][heights > np.median(heights)]
+    flat = np.linalg.svd(wall - wall.mean(axis=0), full_matrices=False)[2][2]
+    assert abs(flat[2]) < 0.2  # what stands in the world stands in the cloud
+
+
+@pytest.mark.proof_only
+def test_photographs_with_gps_become_a_cloud_in_metres(
+    make_capture: Callable[..., Path], arc: Callable[[int], np.ndarray], tmp_path: Path
+) -> None:
+    """EXIF with places: scale, heading and place come from GPS, up from level photographs; no camera is judged out."""
+    capture = make_capture(tmp_path / "capture", arc(10))
+    rng = np.random.default_rng(3)
+    poses = arc(10)
+    bare, folder = tmp_path / "bare", tmp_path / "cloud"
+    bare.mkdir()
+    folder.mkdir()
+    for row, pose in enumerate(poses):
+        east, north, up = LARGER * pose[:3, 3] + rng.normal(0, 0.3, 3)
+        shot = Shot(420.0 / 480 * 0.036, 0.036, 0.001, 0.0, (east, north, up), ORIGIN)
+        data = (capture / "images" / f"{row:06d}.jpg").read_bytes()
+        (bare / f"{row:06d}.jpg").write_bytes(insert_exif(data, shot, 480, 360))
+    reconstruct(bare, folder, ReconSettings(sparse=SparseSettings(max_features=1500)), SILENT)
+    cloud = read_cloud(folder)
+    assert cloud.alignment["target"] == "gps"
+    assert cloud.alignment["unit"] == "m"
+    assert cloud.alignment["origin"]["latitude"] == pytest.approx(ORIGIN[0], abs=1e-3)
+    assert {row["status"] for row in cloud.cameras} == {"ok"}
+    assert cloud.statistics["center_error_median"] < 0.6
+    place = cloud.columns["coord"] / LARGER + poses[0, :3, 3]  # the origin is the first photograph's place
+    assert np.mean((np.abs(place[:, 1] - 5.0) < 0.15) | (np.abs(place[:, 2]) < 0.15)) > 0.7

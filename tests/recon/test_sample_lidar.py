@@ -1,0 +1,351 @@
+"""Laser scans against closed forms: ranges, noise, losses, mixed pixels at edges and nowhere else, and stations."""
+
+import dataclasses
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+from scipy import stats
+
+from groundwork.canonical import folder_digest
+from groundwork.errors import InputError
+from groundwork.progress import SILENT
+from recon.cloud import Cloud, read_cloud
+from recon.sample_lidar import meets_box, sample_lidar
+from recon.sampler_settings import MobileSettings, TerrestrialSettings
+from recon.scan_pattern import Rays, mobile_rays, tripod_rays
+from recon.scan_places import deck_way, place_stations
+from recon.scene_surface import lay_out
+from tests.conftest import Count, RecordProof
+from tests.render.scenes import SceneBuilder, placed
+from usd_schemas.flat_scene import FlatScene, InstanceRow, Material, Texture
+from usd_schemas.pinhole import look_at
+from usd_schemas.raycast import RayScene
+
+F64 = NDArray[np.float64]
+POSE = look_at(np.array([0.0, 0.0, 10.0]), np.zeros(3))[None]
+EXACT = {"range_noise": 0.0, "range_noise_ppm": 0.0, "drop_out": 0.0, "beam_divergence": 0.0, "reach": 500.0}
+SQUARE = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]], float)
+
+
+def scanned(scene: FlatScene, folder: Path, **settings: object) -> Cloud:
+    """Scan a scene into a new folder."""
+    folder.mkdir()
+    model = MobileSettings if settings.get("kind") == "mobile" else TerrestrialSettings
+    return sample_lidar(scene, folder, model.model_validate(settings), SILENT)
+
+
+def ground(size: float = 400.0) -> FlatScene:
+    """Build a level square at z = 0 that reflects one half."""
+    builder = SceneBuilder()
+    builder.add_mesh(SQUARE, placed((0.0, 0.0, 0.0), (size, size, 1.0)), 1)
+    return builder.build(POSE)
+
+
+def named(scene: FlatScene, **parts: tuple[int, str]) -> FlatScene:
+    """Give instances a component: `component=(id, class)`."""
+    rows = {number: InstanceRow(number, f"/P{number}", kind, name, {}, name) for kind, (number, name) in parts.items()}
+    return dataclasses.replace(scene, instances=tuple(rows[number] for number in sorted(rows)))
+
+
+def test_ranges_to_a_plane(tmp_path: Path) -> None:
+    """Height over the sine of the depression, to a millionth of a millimetre, for every ray that must come back."""
+    cloud = scanned(ground(), tmp_path / "c", positions=[[3.0, -4.0, 2.5]], angular_step=2.0, lowest=-89.5,
+                    max_range=60.0, range_at_10_percent=1000.0, max_incidence=88.0, **EXACT)  # fmt: skip
+    columns = cloud.columns
+    assert cloud.source == "lidar-terrestrial"
+    heights = np.deg2rad(np.arange(-89.5, 90.0, 2.0))
+    expected = [-2.5 / np.sin(angle) for angle in heights if angle < 0 and -2.5 / np.sin(angle) <= 60.0
+                and np.pi / 2 + angle <= np.deg2rad(88.0)]  # fmt: skip
+    assert len(cloud) == 180 * len(expected)
+    ways = columns["coord"] - [3.0, -4.0, 2.5]
+    found = np.linalg.norm(ways, axis=1)
+    np.testing.assert_allclose(np.sort(found), np.sort(np.tile(expected, 180)), atol=1e-9)
+    assert np.abs(columns["coord"][:, 2]).max() < 1e-9
+    np.testing.assert_allclose(columns["range"], found, rtol=1e-6)
+    np.testing.assert_allclose(columns["intensity"], 0.5 * 2.5 / found, rtol=1e-5)
+    assert (columns["normal"] == [0.0, 0.0, 1.0]).all()
+    assert not columns["uncertainty"].any()
+    assert (columns["station"] == 0).all()
+    assert read_cloud(tmp_path / "c").statistics["stations"] == [[3.0, -4.0, 2.5]]
+
+
+def test_ranges_to_a_sphere(tmp_path: Path) -> None:
+    """From outside, the nearer cut of ray and sphere; from within, the radius; off by the facets' height at most."""
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=5.0)
+    edges = np.linalg.norm(np.diff(ball.vertices[ball.edges_unique], axis=1), axis=2).max()
+    sagitta = 5.0 - np.sqrt(25.0 - edges**2 / 3.0)
+    builder = SceneBuilder()
+    builder.add_mesh(np.asarray(ball.triangles), placed((1e5, 2e5, 7.0)), 1)
+    scene, middle = builder.build(POSE), np.array([1e5, 2e5, 7.0])
+    settings = {**EXACT, "angular_step": 3.0, "lowest": -90.0, "max_incidence": 60.0, "range_at_10_percent": 1000.0}
+    inner = scanned(scene, tmp_path / "in", positions=[middle.tolist()], **settings).columns
+    np.testing.assert_allclose(inner["range"], 5.0, atol=1.5 * sagitta)
+    eye = middle + np.array([-20.0, 3.0, 1.0])
+    outer = scanned(scene, tmp_path / "out", positions=[eye.tolist()], **settings).columns
+    ray = outer["coord"] - eye
+    length = np.linalg.norm(ray, axis=1)
+    along = ray / length[:, None] @ (middle - eye)
+    near = along - np.sqrt(along**2 - ((middle - eye) ** 2).sum() + 25.0)
+    np.testing.assert_allclose(length, near, atol=4 * sagitta)
+    facing = np.einsum("ni,ni->n", outer["coord"] - middle, outer["normal"]) / 5.0
+    assert (facing > 0.99).all()
+    assert len(length) > 30
+
+
+def test_noise_grows_with_the_range(tmp_path: Path, proof_count: Count, record_proof: RecordProof) -> None:
+    """Errors over their standard deviation at that range are normal; uncertainty is their size."""
+    step = 0.8 / proof_count(1, 4)
+    spread = {**EXACT, "range_noise": 0.004, "range_noise_ppm": 300.0, "max_range": 110.0}
+    place = {"positions": [[0.0, 0.0, 20.0]], "angular_step": step, "lowest": -89.0}
+    columns = scanned(ground(), tmp_path / "c", **place, **spread).columns
+    sine = -(columns["coord"][:, 2] - 20.0) / np.linalg.norm(columns["coord"] - [0, 0, 20.0], axis=1)
+    true_range = 20.0 / sine
+    error = np.linalg.norm(columns["coord"] - [0, 0, 20.0], axis=1) - true_range
+    sigma = 0.004 + 300e-6 * true_range
+    p_value = float(stats.kstest(error / sigma, "norm").pvalue)
+    assert p_value > 1e-3
+    assert sigma.max() > 2.5 * sigma.min()
+    np.testing.assert_allclose(columns["uncertainty"], np.abs(error), atol=1e-6)
+    np.testing.assert_allclose(columns["uncertainty_relative"], np.abs(error) / true_range, rtol=1e-3, atol=1e-8)
+    np.testing.assert_allclose(columns["surface_distance"], np.abs(columns["coord"][:, 2]), atol=2e-4)
+    record_proof("recon: lidar range noise is normal with the stated spread (Kolmogorov-Smirnov)", len(error), 0,
+                 {"p_value": p_value, "sigma_ratio": float((error / sigma).std())})  # fmt: skip
+
+
+def test_losses(tmp_path: Path) -> None:
+    """Random loss, grazing incidence, weak echoes, water and too near a surface, each by its own rule."""
+    place: dict[str, object] = {
+        **EXACT, "positions": [[0.0, 0.0, 3.0]], "angular_step": 1.0, "lowest": -85.0, "range_at_10_percent": 1000.0,
+        "max_incidence": 80.0,
+    }  # fmt: skip
+    every = len(scanned(ground(), tmp_path / "all", **place))
+    some = len(scanned(ground(), tmp_path / "some", **{**place, "drop_out": 0.3}))
+    assert stats.binomtest(some, every, 0.7).pvalue > 1e-3
+    lake = named(ground(), water=(1, "background"))
+    wet = len(scanned(lake, tmp_path / "wet", **{**place, "water_echo": 0.05}))
+    assert stats.binomtest(wet, every, 0.05).pvalue > 1e-3
+    reach = scanned(ground(), tmp_path / "far", **{**place, "max_incidence": 89.0, "range_at_10_percent": 12.0}).columns
+    # 0.5 (3 / r) / r² >= 0.1 / 12²: the echo of a plane falls with the third power of the range
+    limit = (0.5 * 3.0 * 144.0 / 0.1) ** (1 / 3)
+    assert limit * 0.93 < reach["range"].max() <= limit
+    angles = np.rad2deg(np.arccos(3.0 / scanned(ground(), tmp_path / "grazing", **place).columns["range"]))
+    assert 78.9 < angles.max() <= 80.0
+    near = scanned(ground(), tmp_path / "near", **{**place, "min_range": 5.0}).columns["range"]
+    assert near.min() >= 5.0
+    assert 0 < len(near) < every
+
+
+def plate_before_wall() -> FlatScene:
+    """Build an upright plate of 2 m (instance 2) at y = 10, a wall (instance 1) 0.3 m behind it."""
+    builder = SceneBuilder()
+    upright = placed((0.0, 10.3, 0.0))
+    upright[:3, :3] = np.array([[3.0, 0, 0], [0, 0, -1], [0, 3.0, 0]])
+    builder.add_mesh(SQUARE, upright, 1, 1)
+    plate = placed((0.0, 10.0, 0.0))
+    plate[:3, :3] = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1.0, 0]])
+    builder.add_mesh(SQUARE, plate, 2, 11)
+    return builder.build(POSE)
+
+
+def test_mixed_pixels_lie_at_edges_only(tmp_path: Path) -> None:
+    """What lies between plate and wall is on a beam that the plate's edge cuts; its label is that of the middle."""
+    settings = {
+        **EXACT, "positions": [[0.0, 0.0, 0.0]], "angular_step": 0.08, "lowest": -12.0, "highest": 12.0, "reach": 1.0,
+        "range_at_10_percent": 1000.0,
+    }  # fmt: skip
+    clean = scanned(plate_before_wall(), tmp_path / "clean", **settings)
+    assert clean.statistics["mixed_share"] == 0.0
+    assert np.allclose(clean.columns["coord"][:, 1], np.where(clean.columns["instance"] == 2, 10.0, 10.3))
+    wide = 0.004
+    cloud = scanned(plate_before_wall(), tmp_path / "mixed", **{**settings, "beam_divergence": wide})
+    columns = cloud.columns
+    mixed = columns["uncertainty"] > 1e-6
+    assert cloud.statistics["mixed_share"] == pytest.approx(mixed.mean(), abs=1e-4)
+    between = (columns["coord"][:, 1] > 10.0 - 0.004) & (columns["coord"][:, 1] < 10.3 + 0.01)
+    assert between[mixed].all()
+    ray = columns["coord"] / columns["coord"][:, 1:2]  # where the beam's middle cuts the plane y = 1
+    edge = np.abs(np.maximum(np.abs(ray[:, 0]), np.abs(ray[:, 2])) - 0.1)  # the plate spans ±0.1 there
+    corner_or_edge = edge < 0.5 * wide * 1.05
+    assert corner_or_edge[mixed].all()
+    share = mixed[corner_or_edge].mean()
+    assert 0.15 < share < 0.6  # a half would be mixed if every beam were cut through its middle
+    inside = np.maximum(np.abs(ray[:, 0]), np.abs(ray[:, 2])) < 0.1
+    np.testing.assert_array_equal(columns["instance"] == 2, inside)
+    far = scanned(plate_before_wall(), tmp_path / "gap", **{**settings, "beam_divergence": wide, "mixing_gap": 0.2})
+    assert far.statistics["mixed_share"] == 0.0
+    slope = scanned(ground(), tmp_path / "slope", **{**settings, "positions": [[0.0, 0.0, 1.0]],
+                    "beam_divergence": wide, "max_incidence": 89.5, "angular_step": 0.5, "reach": 100.0})  # fmt: skip
+    assert slope.statistics["mixed_share"] == 0.0  # a long footprint on one plane is no edge
+
+
+def test_rays_pass_through_cut_out_leaves(tmp_path: Path) -> None:
+    """A ray through the transparent half of a texture meets what is behind it."""
+    texels = np.zeros((2, 2, 4), np.uint8)
+    texels[:, 0] = 255  # solid where s < 0.5
+    cv2.imwrite(str(tmp_path / "leaf.png"), texels)
+    builder = SceneBuilder(materials=[
+        Material("fallback"), Material("leaf", base_texture=Texture(str(tmp_path / "leaf.png"), True),
+                                       opacity_threshold=0.5),
+    ])  # fmt: skip
+    builder.add_mesh(SQUARE, placed((0.0, 0.0, 0.0), (50.0, 50.0, 1.0)), 1)
+    builder.add_mesh(SQUARE, placed((0.0, 0.0, 1.0)), 2, material=1, st=(SQUARE[..., :2] + 1) / 2)
+    cloud = scanned(builder.build(POSE), tmp_path / "c", positions=[[0.0, 0.0, 2.0]], angular_step=1.0, lowest=-89.9,
+                    **{**EXACT, "beam_divergence": 0.001})  # fmt: skip
+    x, y, z = cloud.columns["coord"].T
+    over = (np.abs(z - 1.0) < 0.2) & (cloud.columns["instance"] == 2)
+    assert over.sum() > 1000
+    assert (x[over] < 1e-3).all()
+    below = cloud.columns["instance"] == 1
+    shadow = below & (np.abs(x) < 1.9) & (np.abs(y) < 1.9)  # the leaf's shadow on the ground is twice as wide
+    assert (x[shadow] > -1e-3).all()
+    assert shadow.sum() > 1000
+
+
+def test_a_tripod_looks_into_every_direction() -> None:
+    """Columns times elevations; every elevation as often as every other; chunks do not change a ray."""
+    settings = TerrestrialSettings(angular_step=1.0, lowest=-30.0, highest=60.0)
+    (rays,) = tripod_rays(np.array([[1.0, 2.0, 3.0]]), settings, np.random.default_rng(4))
+    np.testing.assert_allclose(np.linalg.norm(rays.directions, axis=1), 1.0)
+    assert len(rays.directions) == 360 * 91
+    elevations = np.rad2deg(np.arcsin(rays.directions[:, 2]))
+    values, counts = np.unique(np.round(elevations, 6), return_counts=True)
+    np.testing.assert_allclose(values, np.arange(-30.0, 61.0), atol=1e-6)
+    assert (counts == 360).all()
+    fine = list(tripod_rays(np.zeros((2, 3)), TerrestrialSettings(angular_step=0.4), np.random.default_rng(4)))
+    assert len(fine) == 4
+    assert max(len(part.directions) for part in fine) <= 250_000
+    assert len(np.unique(np.concatenate([part.directions for part in fine]).round(9), axis=0)) > 670_000
+
+
+def test_a_moving_scanner_turns_as_it_goes() -> None:
+    """Place and angle of each shot follow from its number; the error of the path has the spread that was asked for."""
+    settings = MobileSettings(beams=3, lowest=-10.0, highest=10.0, angular_step=1.0, rate=4.0, speed=2.0, tilt=30.0,
+                              path_noise=0.05, path_noise_length=0.01)  # fmt: skip
+    path = np.array([[0.0, 0.0, 1.0], [30.0, 0.0, 1.0], [30.0, 30.0, 4.0]])
+    parts = list(mobile_rays(path, settings, np.random.default_rng(1)))
+    origins, directions, errors = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("origins", "directions", "errors")
+    )
+    length = 30.0 + np.hypot(30.0, 3.0)
+    assert len(origins) == (int(length / 2.0 * 4.0 * 360) + 1) * 3
+    shot = 360 * 10 + 90  # after ten turns and a quarter: 5.125 m on, looking left
+    np.testing.assert_allclose(origins[3 * shot], [10.25 / 2, 0.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(directions[3 * shot + 1], [0.0, 1.0, 0.0], atol=1e-9)
+    ahead = directions[3 * 360 * 10 + 1]  # the plane of rotation rises ahead by the tilt
+    np.testing.assert_allclose(ahead, [np.cos(np.pi / 6), 0.0, np.sin(np.pi / 6)], atol=1e-9)
+    axis = np.array([-np.sin(np.pi / 6), 0.0, np.cos(np.pi / 6)])
+    first = origins[:, 0] < 29.9
+    lifts = np.rad2deg(np.arcsin(directions[first] @ axis)).reshape(-1, 3)
+    np.testing.assert_allclose(lifts, np.broadcast_to([-10.0, 0.0, 10.0], lifts.shape), atol=1e-9)
+    np.testing.assert_allclose(errors.std(axis=0), 0.05, rtol=0.05)
+    np.testing.assert_allclose(origins[-1], path[-1], atol=0.01)
+
+
+def deck_on_walls() -> FlatScene:
+    """Build a deck of 20 x 8 m at 6 m on two walls over level ground, with a parapet along one side."""
+    builder = SceneBuilder()
+    builder.add_mesh(SQUARE, placed((0.0, 0.0, 0.0), (60.0, 60.0, 1.0)), 1, 0)
+    builder.add_box(placed((10.0, 0.0, 6.5), (20.0, 8.0, 1.0)), 2, 9)
+    builder.add_box(placed((1.0, 0.0, 3.0), (2.0, 8.0, 6.0)), 3, 1)
+    builder.add_box(placed((19.0, 0.0, 3.0), (2.0, 8.0, 6.0)), 4, 1)
+    builder.add_box(placed((10.0, 3.9, 7.5), (20.0, 0.2, 1.0)), 5, 11)
+    scene = builder.build(POSE)
+    parts = {"ground": (1, "background"), "deck_slab": (2, "deck"), "abutment_wall": (3, "abutment"),
+             "wing_wall": (4, "abutment"), "parapet": (5, "parapet")}  # fmt: skip
+    return named(scene, **parts)
+
+
+def test_stations_stand_where_a_surveyor_would(tmp_path: Path) -> None:
+    """On the ground or on the deck, never inside a wall, with space around; together they see nearly all there is."""
+    scene = deck_on_walls()
+    surface = lay_out(scene)
+    rays = RayScene(surface.corners, surface.instances)
+    bridge = surface.instances > 1
+    settings = TerrestrialSettings(stations=8)
+    stations = place_stations(scene, surface, bridge, rays, settings, np.random.default_rng(0))
+    assert 3 <= len(stations) <= 8
+    on_deck, on_ground = np.isclose(stations[:, 2], 8.8), np.isclose(stations[:, 2], 1.8)
+    assert (on_deck | on_ground).all()
+    assert on_deck.any()
+    assert on_ground.sum() >= 2
+    inside = (
+        (np.abs(stations[:, 1]) < 4)
+        & on_ground
+        & ((np.abs(stations[:, 0] - 1) < 1) | (np.abs(stations[:, 0] - 19) < 1))
+    )
+    assert not inside.any()
+    assert rays.distance(stations)[0].min() >= 0.6
+    seen = scanned(scene, tmp_path / "c", angular_step=0.5, scope="bridge").columns
+    assert set(seen["instance"].tolist()) == {2, 3, 4, 5}
+    soffit = (seen["instance"] == 2) & (seen["normal"][:, 2] < -0.9)
+    assert soffit.sum() > 500
+    water = named(ground(20.0), water=(1, "background"))
+    with pytest.raises(InputError, match="no firm place"):
+        scanned(water, tmp_path / "lake")
+
+
+def test_a_vehicle_drives_along_the_deck(tmp_path: Path) -> None:
+    """In the middle of the deck, at the scanner's height; it sees the deck's top and nothing of its underside."""
+    scene = deck_on_walls()
+    way = deck_way(scene, lay_out(scene), 2.2)
+    assert np.abs(way[:, 1]).max() < 0.1
+    np.testing.assert_allclose(way[:, 2], 9.2, atol=1e-6)
+    assert way[0, 0] < 1.0
+    assert way[-1, 0] > 19.0
+    cloud = scanned(scene, tmp_path / "c", kind="mobile", angular_step=2.0, beams=8)
+    assert cloud.source == "lidar-mobile"
+    assert "station" not in cloud.columns
+    deck = cloud.columns["instance"] == 2
+    assert (cloud.columns["normal"][deck, 2] > 0.9).mean() > 0.95
+    flown = scanned(dataclasses.replace(scene, cameras=(dataclasses.replace(
+        scene.cameras[0], poses=np.stack([look_at(np.array([x, -12.0, 3.0]), np.array([10.0, 0, 3])) for x in (0, 20)])
+    ),)), tmp_path / "d", kind="mobile", path="test", angular_step=2.0, beams=8)  # fmt: skip
+    assert (flown.columns["instance"] >= 3).any()
+    with pytest.raises(InputError, match="stands still"):
+        scanned(scene, tmp_path / "e", kind="mobile", path="test")
+    with pytest.raises(InputError, match="no such survey"):
+        scanned(scene, tmp_path / "f", kind="mobile", path="other")
+    with pytest.raises(InputError, match="no deck"):
+        scanned(ground(), tmp_path / "g", kind="mobile")
+
+
+def test_rays_that_miss_the_box_are_known() -> None:
+    """Against points along each ray, also for rays that run along an axis and that start within."""
+    rng = np.random.default_rng(2)
+    origins, directions = rng.uniform(-3, 3, (3000, 3)), rng.normal(size=(3000, 3))
+    directions[:300, 0] = 0.0
+    directions[200:500, 2] = 0.0
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    box = np.array([[-1.0, -0.5, -0.7], [1.0, 1.5, 0.9]])
+    rays = Rays(origins, directions, np.zeros((3000, 3)), np.zeros(3000, np.uint16))
+    along = np.linspace(0.0, 10.0, 2001)[:, None, None]
+    inside = (
+        ((origins + along * directions >= box[0]) & (origins + along * directions <= box[1])).all(axis=2).any(axis=0)
+    )
+    found = meets_box(rays, box)
+    assert found[inside].all()
+    assert (found & ~inside).mean() < 0.01  # a corner cut between two of the points
+    assert 0.05 < inside.mean() < 0.9
+
+
+def test_the_seed_is_all_that_moves_a_point(tmp_path: Path) -> None:
+    """Same seed, same bytes; another seed, other points."""
+    digests = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        scanned(deck_on_walls(), tmp_path / name, angular_step=2.0, stations=2, seed=seed)
+        digests.append(folder_digest(tmp_path / name))
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_too_much_is_refused(tmp_path: Path) -> None:
+    """A scan of more rays than anyone waits for, and one that meets nothing, are one line."""
+    with pytest.raises(InputError, match="rays"):
+        scanned(ground(), tmp_path / "a", positions=[[0.0, 0.0, 2.0]] * 100, angular_step=0.005)
+    with pytest.raises(InputError, match="measures nothing"):
+        scanned(ground(), tmp_path / "b", positions=[[0.0, 0.0, 2.0]], lowest=10.0)
+    with pytest.raises(InputError, match="below the lowest"):
+        scanned(ground(), tmp_path / "c", positions=[[0.0, 0.0, 2.0]], lowest=10.0, highest=5.0)

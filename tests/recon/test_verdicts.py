@@ -1,0 +1,186 @@
+"""Degenerate flights get the right verdict, and every camera a reason code."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pycolmap
+import pytest
+from numpy.typing import NDArray
+
+from groundwork.errors import RejectedSceneError
+from groundwork.progress import SILENT
+from recon.align import CENTRE_OUTLIER, OK, UNREGISTERED
+from recon.colmap_model import read_model
+from recon.extraction import DATABASE
+from recon.mapping import MODEL, choose_mapper, map_images
+from recon.place import alignment_facts, place
+from recon.settings import AlignmentSettings, ReconSettings, SparseSettings
+from recon.sparse import NO_OVERLAP, NO_TEXTURE, NOT_IN_LARGEST, absent_reasons, run_sparse
+from render.capture import CalibrationPrior, Capture, CaptureImage, Truth, read_capture
+from usd_schemas.pinhole import Pinhole, look_at
+
+F64 = NDArray[np.float64]
+MADE = ("incremental", "global")
+
+
+def capture_of(names: list[str], folder: Path = Path(), gps: F64 | None = None) -> Capture:
+    """Describe photographs that need not be there."""
+    places = [None] * len(names) if gps is None else [(float(x), float(y), float(z)) for x, y, z in gps]
+    images = tuple(CaptureImage(name=n, file=n, gps=place) for n, place in zip(names, places, strict=True))
+    prior = CalibrationPrior(focal_px=1280.0, cx=512.0, cy=384.0)
+    return Capture(folder, "s", (1024, 768), prior, (1.0, 1.0, 1.0), {"kind": "local"}, images)
+
+
+def truth_of(poses: F64) -> Truth:
+    """Describe a truth of which only the poses are looked at."""
+    camera = Pinhole(1024, 768, 1280.0, 1280.0, 512.0, 384.0)
+    return Truth(Path(), camera, tuple(f"{row}.jpg" for row in range(len(poses))), poses, (), ())
+
+
+def two_worlds(folder: Path) -> Capture:
+    """Write a database of two synthetic scenes of seven and four images that share nothing."""
+    parts = []
+    for name, frames, seed in (("one", 7, 1), ("two", 4, 2)):
+        pycolmap.set_random_seed(seed)
+        options = pycolmap.SyntheticDatasetOptions(num_rigs=1, num_frames_per_rig=frames, num_points3D=150)
+        part = pycolmap.Database.open(folder / f"{name}.db")
+        pycolmap.synthesize_dataset(options, part)
+        for image in part.read_all_images():
+            image.name = f"{name}_{image.name}"
+            part.update_image(image)
+        parts.append(part)
+    with pycolmap.Database.open(folder / DATABASE) as whole:
+        pycolmap.Database.merge(*parts, whole)
+        names = sorted(image.name for image in whole.read_all_images())
+    for part in parts:
+        part.close()
+    return capture_of(names, folder)
+
+
+@pytest.mark.parametrize("mapper", MADE)
+def test_of_two_models_the_largest_is_kept(mapper: str, tmp_path: Path) -> None:
+    """Two worlds in one capture: the larger becomes the model, and the cameras of the other say so."""
+    capture = two_worlds(tmp_path)
+    settings = SparseSettings.model_validate({"mapper": mapper})
+    found = map_images(capture, tmp_path, tmp_path, settings, 0, SILENT)
+    assert found["mapper"] == mapper
+    assert found["models"] == [{"images": 7, "points": 150}, {"images": 4, "points": 150}]
+    model = read_model(tmp_path / MODEL)
+    assert len(model.names) == 7
+    assert all(name.startswith("one") for name in model.names)
+    assert model.camera_params == pytest.approx((1280.0, 512.0, 384.0, 0.05), rel=1e-3)
+    reasons = absent_reasons(capture, [100] * 11, [True] * 11, found["elsewhere"])
+    assert reasons == {image.file: NOT_IN_LARGEST for image in capture.images if image.file.startswith("two")}
+    rows = np.arange(7)
+    truth = truth_of(np.concatenate([model.poses, model.poses[:4]]))
+    alignment, _ = place(model.poses, rows, reasons, capture, truth, AlignmentSettings(), np.random.default_rng(0))
+    assert alignment.status == (OK,) * 7 + (NOT_IN_LARGEST,) * 4  # 36 % are invalid: the scene passes
+
+
+def test_the_mapper_is_chosen() -> None:
+    """By the number of images, unless it is named, or the focal length is a guess that the global one cannot bear."""
+    named = SparseSettings(mapper="global")
+    edge = SparseSettings(global_from=100)
+    assert [choose_mapper(capture_of(["a"] * n), edge) for n in (99, 100)] == ["incremental", "global"]
+    assert choose_mapper(capture_of(["a"]), named) == "global"
+    capture = capture_of(["a"] * 100)
+    guessed = Capture(**{**vars(capture), "facts": {"focal": "guessed"}})
+    assert choose_mapper(guessed, edge) == "incremental"
+
+
+def test_every_absent_camera_has_a_reason() -> None:
+    """In another model, without keypoints, without a partner, or refused by the mapper: each says which."""
+    capture = capture_of(["0.jpg", "1.jpg", "2.jpg", "3.jpg", "4.jpg", "5.jpg", "6.jpg", "7.jpg"])
+    reasons = absent_reasons(
+        capture, [900, 900, 900, 900, 3, 900, 900, 0], [True] * 4 + [True, False, True, False], ["3.jpg"]
+    )
+    assert reasons == {"3.jpg": NOT_IN_LARGEST, "4.jpg": NO_TEXTURE, "5.jpg": NO_OVERLAP, "7.jpg": NO_TEXTURE}
+    poses = np.stack([look_at(np.array(eye), np.array([0.0, 9.0, 1.0])) for eye in np.eye(3) * 4])
+    alignment, target = place(
+        poses, np.arange(3), reasons, capture, None, AlignmentSettings(), np.random.default_rng(0)
+    )  # fmt: skip
+    assert target.kind == "none"
+    assert alignment.status == (OK, OK, OK, NOT_IN_LARGEST, NO_TEXTURE, NO_OVERLAP, UNREGISTERED, NO_TEXTURE)
+
+
+def flown(rng: np.random.Generator, centres: F64) -> tuple[F64, F64]:
+    """Make true poses at given centres, and the same poses in model units with a millimetre of error."""
+    true = np.stack([look_at(eye, eye + rng.normal([0.0, 4.0, 0.0], [1.0, 0.0, 1.0])) for eye in centres])
+    turn = look_at(np.array([3.0, 1.0, -2.0]), np.zeros(3))[:3, :3]
+    model = true.copy()
+    model[:, :3, :3] = turn @ true[:, :3, :3]
+    model[:, :3, 3] = (true[:, :3, 3] + rng.normal(0, 1e-3, (len(true), 3))) @ turn.T / 2.5
+    return true, model
+
+
+@pytest.mark.parametrize(("wrong", "verdict"), [(0, ""), (4, ""), (5, "too_few_cameras"), (10, "alignment_failed")])
+def test_the_paper_rule_over_all_images(wrong: int, verdict: str) -> None:
+    """Of ten images 40 % may be wrong, half may not, and with all of them astray there is nothing to align."""
+    rng = np.random.default_rng(wrong)
+    true, model = flown(rng, rng.normal(0, 6, (10, 3)))
+    model[:wrong, :3, 3] += rng.normal(0, 3, (wrong, 3))
+    capture = capture_of([f"{row}.jpg" for row in range(10)])
+
+    def judge() -> tuple[str, ...]:
+        draw = np.random.default_rng(0)
+        return place(model, np.arange(10), {}, capture, truth_of(true), AlignmentSettings(), draw)[0].status
+
+    if not verdict:
+        assert judge() == (CENTRE_OUTLIER,) * wrong + (OK,) * (10 - wrong)
+        return
+    with pytest.raises(RejectedSceneError) as rejected:
+        judge()
+    assert rejected.value.reason == verdict
+
+
+def test_a_straight_flight_is_placed_by_its_rotations() -> None:
+    """On a line, points beside it come out right to centimetres by rotations; the paper's way is refused."""
+    rng = np.random.default_rng(4)
+    true, model = flown(rng, np.linspace([0.0, 0.0, 3.0], [30.0, 0.0, 3.0], 40))
+    capture = capture_of([f"{row}.jpg" for row in range(40)])
+    draw = np.random.default_rng(0)
+    alignment, target = place(model, np.arange(40), {}, capture, truth_of(true), AlignmentSettings(), draw)
+    back = alignment.similarity
+    aside = np.array([[15.0, 8.0, 0.0]])
+    local = (aside @ (model[0, :3, :3] @ true[0, :3, :3].T).T) / 2.5
+    assert np.linalg.norm(back.move(local) - aside) < 0.02
+    values = alignment_facts(alignment, target, capture)["singular_values"]
+    assert values[0] == pytest.approx(np.linalg.norm(np.linspace(-15, 15, 40)))
+    assert values[1] < 1e-9
+    with pytest.raises(RejectedSceneError) as rejected:
+        place(model, np.arange(40), {}, capture, truth_of(true), AlignmentSettings(method="paper"), draw)
+    assert rejected.value.reason == "straight_path"
+
+
+def test_positions_that_do_not_fit_leave_photographs_in_their_own_units() -> None:
+    """GPS from another flight, or all in one place: no rejection of photographs, but no metres either."""
+    rng = np.random.default_rng(6)
+    _, model = flown(rng, rng.normal(0, 6, (10, 3)))
+    for gps in (rng.normal(0, 900, (10, 3)), np.zeros((10, 3))):
+        capture = capture_of([f"{row}.jpg" for row in range(10)], gps=gps)
+        found, target = place(
+            model, np.arange(10), {}, capture, None, AlignmentSettings(), np.random.default_rng(0)
+        )  # fmt: skip
+        assert target.kind == "none"
+        assert alignment_facts(found, target, capture)["unit"] == "unknown"
+
+
+@pytest.mark.parametrize("kind", ["turning", "sky"])
+def test_flights_that_show_nothing_or_never_move(kind: str, make_capture: Callable[..., Path], tmp_path: Path) -> None:
+    """A camera that only turns gives no model; one that only sees noise in the sky has no texture."""
+    eye = np.array([0.0, -4.0, 2.0])
+    goals = [np.array([x, 4.5, 1.5]) for x in (-1.2, -0.4, 0.4, 1.2)]
+    folder = make_capture(tmp_path / "capture", np.stack([look_at(eye, goal) for goal in goals]))
+    if kind == "sky":
+        rng = np.random.default_rng(1)
+        for path in sorted((folder / "images").iterdir()):
+            shade = np.linspace(200, 235, 360)[:, None] + rng.normal(0, 1.5, (360, 480))
+            cv2.imwrite(str(path), cv2.merge([shade.astype(np.uint8)] * 3))
+    work = tmp_path / "work"
+    work.mkdir()
+    settings = ReconSettings(sparse=SparseSettings(max_features=600))
+    with pytest.raises(RejectedSceneError) as rejected:
+        run_sparse(read_capture(folder), work, settings, SILENT)
+    assert rejected.value.reason == {"turning": "no_model", "sky": "no_texture"}[kind]
