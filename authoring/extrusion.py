@@ -37,7 +37,7 @@ class Prism:
     grooves: tuple[float, ...] = ()
 
     def rings(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Find where its outlines lie along the axis, and how far each is inset [m]."""
+        """Find where its outlines lie along the axis, rising, and how far each is inset [m]."""
         c, g = self.chamfer, GROOVE_DEPTH
         first, last = ((self.low, self.low + c), (self.high - c, self.high)) if c else ((self.low,), (self.high,))
         ends = (c, 0.0) if c else (0.0,)
@@ -59,7 +59,16 @@ def prism(
     chamfer: float = 0.0,
     grooves: tuple[float, ...] = (),
 ) -> Surface:
-    """Build one prism at once, for what goes on working with its surface; arguments as `Prism` has them.
+    """Build one prism at once, for what goes on working with its surface.
+
+    Args:
+        outline: Section, counter-clockwise [m], shape (P, 2), float64; its plane as in `sweep`.
+        low: Where the solid begins along the axis [m].
+        high: Where it ends [m].
+        axis: Which way the member runs.
+        place: Takes bridge coordinates to the world.
+        chamfer: Leg of the chamfers [m]; 0 for none.
+        grooves: Where along the axis a groove lies [m].
 
     Returns:
         Closed surface, normals outward.

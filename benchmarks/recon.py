@@ -66,9 +66,11 @@ def main() -> None:
     ways = WAYS | ({"openmvg-rs, SIFT": _peer(asked.openmvg)} if asked.openmvg else {})
     with tempfile.TemporaryDirectory() as scratch:
         source = asked.capture or _rendered(Path(scratch), max(asked.images))
-        rows = [row for count in asked.images for row in _compare(ways, source, count, Path(scratch))]
-    PAGE.parent.mkdir(parents=True, exist_ok=True)
-    write_text(PAGE, _page(rows))
+        rows: list[Row] = []
+        for count in asked.images:
+            for row in _compare(ways, source, count, Path(scratch)):
+                rows.append(row)
+                write_text(PAGE, _page(rows))  # hours may lie between two rows
 
 
 def _compare(ways: dict[str, Run], source: Path, count: int, scratch: Path) -> Iterator[Row]:

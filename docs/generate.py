@@ -1,4 +1,4 @@
-"""Write the pages that are generated from the code: every key of the scenario, and the tables of classes.
+"""Write the pages that are generated from the code: every key of the scenario and the samplers, the tables of classes.
 
 Usage: python -m docs.generate [--check]
 """
@@ -13,6 +13,7 @@ from pydantic_core import PydanticUndefined
 from falsework.scenario import Scenario
 from groundwork.files import write_text
 from groundwork.settings import Settings
+from recon.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
 from usd_schemas.components import ClassRow, component_classes
 from usd_schemas.taxonomies import TAXONOMIES, Taxonomy, taxonomy
 
@@ -31,20 +32,17 @@ def scenario_page() -> str:
     """Spell every key of the scenario as Markdown tables, one for each section."""
     lines = ["# Keys of the scenario", "", "Generated from the settings models by `python -m docs.generate`.", ""]
     for name, model in _sections(Scenario, ""):
-        lines += [
-            f"## `[{name}]`" if name else "## Top level",
-            "",
-            "| key | type | default | meaning |",
-            "|---|---|---|---|",
-        ]
-        for key, field in model.model_fields.items():
-            if not _models_in(field.annotation):
-                default = field.get_default(call_default_factory=True, validated_data={})
-                nothing = "–" if "left out" in (field.description or "") else "drawn"
-                shown = "required" if default is PydanticUndefined else nothing if default is None else f"`{default!r}`"
-                meaning = (field.description or "").replace("\n", " ").replace("|", "\\|")
-                lines.append(f"| `{key}` | {_type_name(field.annotation)} | {shown} | {meaning} |")
-        lines.append("")
+        lines += [f"## `[{name}]`" if name else "## Top level", "", *_table(model), ""]
+    return "\n".join(lines)
+
+
+def samplers_page() -> str:
+    """Spell every setting of `falsework sample` as Markdown tables, one for each sampler."""
+    lines = ["# Settings of the samplers", "", "Generated from the settings models by `python -m docs.generate`.",
+             "Each can be given as `--set key=value`; [sampling.md](sampling.md) explains them.", ""]  # fmt: skip
+    for verb, model in (("mesh", MeshSettings), ("lidar --kind terrestrial", TerrestrialSettings),
+                        ("lidar --kind mobile", MobileSettings)):  # fmt: skip
+        lines += [f"## `falsework sample {verb}`", "", *_table(model), ""]
     return "\n".join(lines)
 
 
@@ -63,7 +61,7 @@ def classes_page() -> str:
     return "\n".join(lines)
 
 
-PAGES = {"scenario.md": scenario_page, "classes.md": classes_page}
+PAGES = {"scenario.md": scenario_page, "classes.md": classes_page, "samplers.md": samplers_page}
 
 
 def main(arguments: list[str]) -> int:
@@ -84,6 +82,19 @@ def main(arguments: list[str]) -> int:
         sys.stderr.write(f"docs/{name} is not what the code says: run python -m docs.generate\n")
     sys.stdout.write(f"{len(PAGES) - len(stale)} passed, {len(stale)} failed\n")
     return int(bool(stale))
+
+
+def _table(model: type[Settings]) -> list[str]:
+    """One row for each key that holds a value, not further settings."""
+    lines = ["| key | type | default | meaning |", "|---|---|---|---|"]
+    for key, field in model.model_fields.items():
+        if not _models_in(field.annotation):
+            default = field.get_default(call_default_factory=True, validated_data={})
+            nothing = "–" if "left out" in (field.description or "") else "drawn"
+            shown = "required" if default is PydanticUndefined else nothing if default is None else f"`{default!r}`"
+            meaning = (field.description or "").replace("\n", " ").replace("|", "\\|")
+            lines.append(f"| `{key}` | {_type_name(field.annotation)} | {shown} | {meaning} |")
+    return lines
 
 
 def _kinds(table: Taxonomy, row: ClassRow) -> str:

@@ -27,7 +27,7 @@ U8 = NDArray[np.uint8]
 PICTURE = Path(__file__).resolve().parent / "images" / "sampling.png"
 PANEL = (520, 300)  # [px]
 GAP = 6  # [px]
-EYES = (np.array([-0.42, -0.75, 0.42]), np.array([0.15, -0.5, -0.02]))  # from the middle, in lengths of the bridge
+EYES = (np.array([-0.5, -0.88, 0.5]), np.array([0.17, -0.6, -0.02]))  # from the middle, in lengths of the bridge
 
 
 def main(run: Path) -> None:

@@ -219,7 +219,7 @@ def verify(output: File) -> int:
 
 
 def gallery(
-    subject: tyro.conf.Positional[Literal["families", "worlds"]],
+    subject: tyro.conf.Positional[Literal["families", "worlds", "looks"]],
     output: Output,
     *,
     count: int = 6,
@@ -227,10 +227,10 @@ def gallery(
     family: tuple[str, ...] = (),
     world: tuple[str, ...] = (),
 ) -> int:
-    """Show random bridges on contact sheets, one sheet for each family or for each world.
+    """Show random bridges on contact sheets, one sheet for each family, for each world, or for all looks.
 
     Families: photograph, classes, close-up. Worlds: from eye height, under the deck, beside a pier and the air, look
-    and light in turn, with a table of what was measured.
+    and light in turn, with a table of what was measured. Looks: one girder bridge in every look.
 
     Args:
         subject: What to show.
@@ -247,6 +247,10 @@ def gallery(
             from falsework.gallery.worlds import write_worlds
 
             write_worlds(folder, count, seed, world, progress)
+        elif subject == "looks":
+            from falsework.gallery.looks import write_looks
+
+            write_looks(folder, seed, 2048, progress)
         else:
             from falsework.gallery.families import write_gallery
 

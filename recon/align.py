@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import RejectedSceneError
 from recon.settings import AlignmentSettings
-from recon.similarity import Similarity, angles, fit_similarity, heading_rotation, level_rotation
+from recon.similarity import Similarity, angles, fit_similarity, heading_rotation, level_rotation, turn_upright
 
 F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -30,6 +30,7 @@ class Target:
         rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
         centre_limit: Distance above which a centre is an outlier [m].
         centre_sigma: Standard deviation of a centre along the ground [m].
+        quarter_turns: Turns by 90 degrees clockwise that make each picture upright, shape (N,), int64; None for none.
     """
 
     kind: str
@@ -37,6 +38,20 @@ class Target:
     rotations: F64 | None
     centre_limit: float
     centre_sigma: float = 0.0
+    quarter_turns: NDArray[np.int64] | None = None
+
+    def level(self, poses: F64, rows: NDArray[np.int64]) -> F64:
+        """Take the rotations of cameras as if each had been held as its picture is looked at.
+
+        Args:
+            poses: camera_to_world in model units, shape (I, 4, 4), float64.
+            rows: Their rows in the capture, shape (I,), int64.
+
+        Returns:
+            Rotations, shape (I, 3, 3), float64.
+        """
+        turns = np.zeros(len(rows), np.int64) if self.quarter_turns is None else self.quarter_turns[rows]
+        return turn_upright(poses[:, :3, :3], turns)
 
 
 @dataclass(frozen=True)
@@ -124,7 +139,7 @@ def align(
     spread = np.linalg.svd(goal[inliers] - goal[inliers].mean(axis=0), compute_uv=False).astype(np.float64)
     method = "centres+rotations" if by_rotations else "centres"
     if not by_rotations and _leaves_roll_open(spread, int(inliers.sum()), target.centre_sigma):
-        similarity, method = _with_up(poses, goal, inliers, target), "centres+up"
+        similarity, method = _with_up(source, target.level(poses, rows), goal, inliers, target), "centres+up"
         far, twist = _misfit(similarity, source, goal, turned)
     straying = ~known | (far > target.centre_limit)
     twisted = by_rotations & (twist > settings.rotation_limit)
@@ -136,18 +151,18 @@ def align(
     return Alignment(similarity, method, tuple(status), centre_errors, rotation_errors, spread)
 
 
-def stand_upright(poses: F64, rows: NDArray[np.int64], count: int) -> Alignment:
+def stand_upright(poses: F64, rows: NDArray[np.int64], target: Target) -> Alignment:
     """Leave a model in its own units, and only stand it upright, its cameras round the origin.
 
     Args:
         poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
         rows: Their rows in the capture, shape (I,), int64.
-        count: Number of images of the capture.
+        target: For the number of images, and how each was held.
 
     Returns:
         An alignment of scale 1 that finds no fault with any registered camera.
     """
-    rotation, centres = level_rotation(poses[:, :3, :3]), poses[:, :3, 3]
+    rotation, centres, count = level_rotation(target.level(poses, rows)), poses[:, :3, 3], len(target.centres)
     status, unknown = np.full(count, UNREGISTERED, dtype=object), np.full(count, np.nan)
     status[rows] = OK
     spread = np.linalg.svd(centres - centres.mean(axis=0), compute_uv=False).astype(np.float64)
@@ -224,14 +239,13 @@ def _leaves_roll_open(spread: F64, count: int, sigma: float) -> bool:
     return spread[1] < max(_STRAIGHT * spread[0], _SWAY * sigma * np.sqrt(count))
 
 
-def _with_up(poses: F64, goal: F64, inliers: Mask, target: Target) -> Similarity:
+def _with_up(source: F64, level: F64, goal: F64, inliers: Mask, target: Target) -> Similarity:
     """Fit a similarity that stands as upright as level photographs say."""
-    chosen, goal = poses[inliers], goal[inliers]
+    source, goal = source[inliers], goal[inliers]
     plan = np.linalg.norm(goal[:, :2] - goal[:, :2].mean(axis=0))
     if target.rotations is not None or plan < max(_STRAIGHT, target.centre_sigma) * np.sqrt(len(goal)):
         raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
-    source = chosen[:, :3, 3]
-    return _with_rotation(heading_rotation(chosen[:, :3, :3], source, goal), source, goal)
+    return _with_rotation(heading_rotation(level[inliers], source, goal), source, goal)
 
 
 def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarity:

@@ -17,11 +17,13 @@ from groundwork.errors import RejectedSceneError
 from groundwork.progress import Progress
 from recon.colmap_model import SparseModel, read_model
 from recon.dense_points import DensePoints, join, save_array, write_points
+from recon.depth_colmap import has_cuda, measure_with_colmap
+from recon.depth_patchmatch import measure_slanted
 from recon.depth_sgm import PosedImage, measure_depth
 from recon.fuse import DepthView, fuse_view, smooth
 from recon.neighbours import View, choose_views
 from recon.photos import open_photographs
-from recon.settings import AGREEMENT, DOWNSCALE, ReconSettings
+from recon.settings import AGREEMENT, DOWNSCALE, DenseSettings, ReconSettings
 from recon.undistort import WorkingCamera, covered, undistort, working_camera
 from render.capture import Capture, load_image
 
@@ -51,17 +53,36 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     views = choose_views(model, settings.dense)
     maps = DepthMaps(out, model, camera)
     _undistort_all(capture, model, maps, settings, progress)
-    known = _measure_all(views, maps, settings, progress)
+    method = choose_method(settings.dense)
+    if method == "colmap":
+        depths = measure_with_colmap(capture.folder, Path(request["model"]), out / "colmap", model.names, camera)
+        for row, depth in enumerate(depths):
+            maps.put_depth(row, depth)
+    known = _measure_all(views, maps, method, settings, progress)
     points = _fuse_all(views, maps, settings, progress)
     if not len(points.points):
         raise RejectedSceneError("no_depth", _why_nothing(views, known, settings))
     write_points(out, points)
     maps.clear()
     return {
-        "method": "sgm", "quality": settings.quality, "filter": settings.filter,
+        "method": method, "reproducible": method != "colmap", "quality": settings.quality, "filter": settings.filter,
         "depth_size": [camera.pinhole.width, camera.pinhole.height], "points": len(points.points),
         "depth_maps": sum(len(view.sources) > 0 for view in views), "known_share": float(np.mean(known)),
     }  # fmt: skip
+
+
+def choose_method(settings: DenseSettings) -> str:
+    """Settle what `auto` means on this machine.
+
+    Args:
+        settings: Names the method.
+
+    Returns:
+        `sgm`, `patchmatch` or `colmap`.
+    """
+    if settings.method != "auto":
+        return settings.method
+    return "colmap" if has_cuda() else "sgm"
 
 
 class DepthMaps:
@@ -143,10 +164,12 @@ def _undistort_all(
     _for_each(one, len(model.names), "undistort", settings.dense.threads, progress)
 
 
-def _measure_all(views: tuple[View, ...], maps: DepthMaps, settings: ReconSettings, progress: Progress) -> list[float]:
-    """Measure all depth maps; returns the share of each that is known."""
+def _measure_all(
+    views: tuple[View, ...], maps: DepthMaps, method: str, settings: ReconSettings, progress: Progress
+) -> list[float]:
+    """Measure all depth maps that are not there yet; returns the share of each that is known."""
     _, tolerance = AGREEMENT[settings.filter]
-
+    measure = measure_slanted if method == "patchmatch" else measure_depth
     mask = covered(maps.camera)
 
     def posed(row: int) -> PosedImage:
@@ -158,7 +181,7 @@ def _measure_all(views: tuple[View, ...], maps: DepthMaps, settings: ReconSettin
             return float((maps.depth(row) > 0).mean())
         view = views[row]
         others = [posed(int(source)) for source in view.sources[: settings.dense.sources]]
-        depth = measure_depth(posed(row), others, maps.camera.pinhole, mask, (view.near, view.far), tolerance)
+        depth = measure(posed(row), others, maps.camera.pinhole, mask, (view.near, view.far), tolerance)
         maps.put_depth(row, depth)
         return float((depth > 0).mean())
 

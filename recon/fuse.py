@@ -25,6 +25,7 @@ _FREE_SPACE = 0.02  # [1] a map that sees this much farther than a point sees th
 
 _STEP = 0.04  # [1] share of the depth by which the ground behind an edge is farther
 _BLENDED = 0.05  # [1] share of the depth by which neighbours of one surface may differ, steep ones too
+_RIM_OFF = 0.01  # [px] so that no pixel beyond the image comes of rounding
 _RIM = 2  # [px] that matching lets a surface grow over what is behind it
 
 
@@ -224,7 +225,7 @@ def _agreeing(
                     used[k - 1, place[n, 0], place[n, 1]] = True
                 else:
                     taken[i, j] = True
-                if pz > 0.0 and 0.0 <= s < width and 0.0 <= t < height:
+                if pz > 0.0 and 0.0 <= s < width - _RIM_OFF and 0.0 <= t < height - _RIM_OFF:
                     seen[filled], uv[filled, 0], uv[filled, 1] = k, s, t
                     filled += 1
             if filled - first < min_views:

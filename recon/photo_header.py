@@ -14,6 +14,7 @@ _FORMATS = {1: "B", 2: "c", 3: "H", 4: "I", 5: "II", 6: "b", 7: "c", 8: "h", 9: 
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that carry the size
 _BARE = frozenset(range(0xD0, 0xD9)) | {0x01}  # JPEG markers without a length
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of the focal plane's resolution: inch, cm, mm, µm
+_QUARTER_TURNS = {3: 2, 6: 1, 8: 3}  # by Exif's orientation; mirrored ones come from no camera
 _FILM = 43.266615  # [mm] diagonal of 36 x 24
 _PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -29,12 +30,14 @@ class PhotoHeader:
         focal_px: Focal length [px], or None where the file does not tell.
         place: Latitude [deg], longitude [deg], height [m], or None.
         place_sigma: Its error along the ground as the receiver saw it [m], or None.
+        quarter_turns: Turns by 90 degrees clockwise that make the stored picture upright, 0 to 3.
     """
 
     size: tuple[int, int]
     focal_px: float | None = None
     place: tuple[float, float, float] | None = None
     place_sigma: float | None = None
+    quarter_turns: int = 0
 
 
 def read_header(path: Path) -> PhotoHeader:
@@ -61,8 +64,8 @@ def read_header(path: Path) -> PhotoHeader:
         root, lens, gps = _read_tiff(exif)
     except (struct.error, IndexError, ValueError, ZeroDivisionError):
         root, lens, gps = {}, {}, {}
-    del root
-    return PhotoHeader(size, _focal(lens, size), _place(gps), _number(gps, 0x001F))
+    turns = _QUARTER_TURNS.get(int(_number(root, 0x0112) or 1), 0)
+    return PhotoHeader(size, _focal(lens, size), _place(gps), _number(gps, 0x001F), turns)
 
 
 def _read_jpeg(data: bytes) -> tuple[tuple[int, int], bytes]:

@@ -46,6 +46,8 @@ def open_photographs(folder: Path) -> Capture:
     prior, source = _prior(folder, paths, headers, size)
     facts: dict[str, object] = {"kind": PHOTOGRAPHS, "focal": source}
     places, origin = _local_places(headers)
+    if any(header.quarter_turns for header in headers):
+        facts["quarter_turns"] = {path.stem: header.quarter_turns for path, header in zip(paths, headers, strict=True)}
     if origin is not None:
         facts["origin"] = {"latitude": origin[0], "longitude": origin[1], "height": origin[2]}
     images = tuple(

@@ -56,7 +56,7 @@ def place(
         found = None
     if found is None:
         target = replace(target, kind="none")
-        found = stand_upright(poses, rows, len(capture.images))
+        found = stand_upright(poses, rows, target)
     status = tuple(
         reasons.get(image.file, code) if code == UNREGISTERED else code
         for image, code in zip(capture.images, found.status, strict=True)
@@ -125,7 +125,16 @@ def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) 
         centres = truth.poses[:, :3, 3]
         return Target("truth", centres, truth.poses[:, :3, :3], centre_limit(centres, kind, settings))
     centres = np.array([image.gps or (np.nan,) * 3 for image in capture.images])
+    turns = _quarter_turns(capture)
     if np.isfinite(centres).all(axis=1).sum() < _FEW_POSITIONS:
-        return Target("none", centres, None, 0.0)
+        return Target("none", centres, None, 0.0, quarter_turns=turns)
     limit = centre_limit(centres, kind, settings) + _GPS_SIGMAS * float(np.linalg.norm(capture.gps_sigma))
-    return Target("gps", centres, None, limit, float(np.mean(capture.gps_sigma[:2])))
+    return Target("gps", centres, None, limit, float(np.mean(capture.gps_sigma[:2])), turns)
+
+
+def _quarter_turns(capture: Capture) -> NDArray[np.int64] | None:
+    """Tell how the photographs were held, where their EXIF says so."""
+    turns = capture.facts.get("quarter_turns")
+    if not isinstance(turns, dict):
+        return None
+    return np.array([turns[image.name] for image in capture.images], np.int64)

@@ -57,8 +57,8 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     figures: dict[str, Any] = {"sparse": sparse.facts}
     if settings.mode == "dense":
         dense, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
-        min_views, _ = AGREEMENT[settings.filter]
-        placed = place_dense(dense, rows, valid, alignment.similarity, min_views)
+        placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
+        del dense  # as large as what follows
     else:
         placed = place_sparse(
             model, rows, valid, alignment.similarity, settings.max_reprojection_error, settings.min_views

@@ -98,7 +98,10 @@ def _pattern(
             raise InputError("the highest ray lies below the lowest", field="highest", value=settings.highest)
         total = len(stations) * max(1, round(360.0 / settings.angular_step)) * heights
         return tripod_rays(stations, settings, rng), total, {"stations": np.round(stations, 4).tolist()}
-    way = deck_way(scene, surface, settings.height) if settings.path == "deck" else _survey_way(scene, settings.path)
+    if settings.path == "deck":
+        way = deck_way(scene, surface, settings.height, settings.run_up)
+    else:
+        way = _survey_way(scene, settings.path)
     length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     turns = length / settings.speed * settings.rate
     total = (int(turns * max(1, round(360.0 / settings.angular_step))) + 1) * settings.beams

@@ -92,6 +92,8 @@ class MobileSettings(ScannerSettings):
     """`deck` for a drive over the bridge, or the id of a survey whose cameras give the path."""
     height: float = Field(default=2.2, gt=0.0, le=20.0)
     """Height of the scanner above the deck [m]."""
+    run_up: float = Field(default=10.0, ge=0.0, le=500.0)
+    """Way before and behind the deck that is driven too, straight on [m]."""
     speed: float = Field(default=5.0, gt=0.0, le=60.0)
     """Speed along the path [m/s]."""
     rate: float = Field(default=10.0, gt=0.0, le=200.0)

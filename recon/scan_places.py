@@ -22,7 +22,7 @@ _SPOTS = 400  # places that are looked at on one level
 _LEVELS = 6  # surfaces above each other
 _SLOPE = 0.85  # upward part of the normal of a place to stand
 _FREE = 0.6  # [m] round the mirror
-_TARGETS = 2500  # points on the bridge
+_TARGETS = 1500  # points on the bridge
 _GRAZING = 75.0  # [deg] a target that is met at a greater angle does not count
 _WORTH = 0.005  # share of the bridge that one more station must add
 _LOOKS = 26  # directions that tell whether a place lies inside a body
@@ -72,7 +72,7 @@ def place_stations(
     return spots[chosen]
 
 
-def deck_way(scene: FlatScene, surface: SceneSurface, height: float) -> F64:
+def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: float) -> F64:
     """Find the way of a vehicle along the middle of the deck.
 
     The tops of deck and track are cut into slices across the longest direction of them.
@@ -81,6 +81,7 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float) -> F64:
         scene: The stage.
         surface: Its surface.
         height: Height of the scanner above the deck [m].
+        run_up: How far the way goes on straight at both ends [m].
 
     Returns:
         Corners of the way [m], shape (P, 3), float64.
@@ -102,17 +103,23 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float) -> F64:
     slices = max(1, round((along.max() - along.min()) / _SLICE))
     width = (along.max() - along.min()) / slices
     number = np.minimum(((along - along.min()) / width).astype(np.int64), slices - 1)
-    way = []
+    found = []
     for row in range(slices):
         own = number == row
         if own.sum() >= _FULL * len(points) / slices:  # the corner of a skew end says little about the middle
             side = 0.5 * (across[own].min() + across[own].max())
-            way.append([along.min() + (row + 0.5) * width, side, np.percentile(points[own, 2], 75)])
-    if len(way) < 2:
+            found.append([along.min() + (row + 0.5) * width, side, np.percentile(points[own, 2], 75)])
+    if len(found) < 2:
         raise InputError("its deck is too short to drive on", field="path", mend="Name a survey of the stage")
-    smooth = _smoothed(np.array(way))
+    smooth = _smoothed(np.array(found))
     plan = middle + smooth[:, :2] @ axes
-    return np.column_stack([plan, smooth[:, 2] + height])
+    way = np.column_stack([plan, smooth[:, 2] + height])
+    if not run_up:
+        return way
+    behind = min(_ROUND, len(way) - 1)
+    starts = [way[0] - way[behind], way[-1] - way[-1 - behind]]
+    before, after = (step / np.linalg.norm(step) * run_up for step in starts)
+    return np.concatenate([way[:1] + before, way, way[-1:] + after])
 
 
 def _smoothed(way: F64) -> F64:

@@ -109,8 +109,8 @@ class ReconSettings(Settings):
     alignment: AlignmentSettings = AlignmentSettings()
     """Alignment to the world."""
     max_reprojection_error: float = Field(default=2.0, gt=0.0, le=20.0)
-    """Mean reprojection error above which a point is dropped [px]."""
+    """Mean reprojection error above which a sparse point is dropped [px]."""
     min_views: int = Field(default=2, ge=2, le=20)
-    """Valid cameras that must have seen a point."""
+    """Valid cameras that must have seen a sparse point; for dense ones, see `filter`."""
     seed: int = Field(default=0, ge=0, lt=2**31)
     """Seed of every random draw in here."""

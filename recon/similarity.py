@@ -107,6 +107,23 @@ def camera_up(rotations: F64) -> F64:
     return up / np.linalg.norm(up)
 
 
+def turn_upright(rotations: F64, quarter_turns: NDArray[np.int64]) -> F64:
+    """Turn camera axes about the line of sight, as a photograph is turned to stand upright.
+
+    Args:
+        rotations: Camera-to-world rotations of the stored pictures [1], shape (N, 3, 3), float64.
+        quarter_turns: Turns by 90 degrees clockwise that each picture needs, shape (N,), int64.
+
+    Returns:
+        Rotations whose columns are right, down and forward of the upright pictures, shape (N, 3, 3), float64.
+    """
+    right, down, forward = (rotations[:, :, column] for column in range(3))
+    rights = np.stack([right, -down, -right, down])  # a picture turned clockwise has its former left side on top
+    downs = np.stack([down, right, -down, -right])
+    each = np.arange(len(rotations))
+    return np.stack([rights[quarter_turns, each], downs[quarter_turns, each], forward], axis=2)
+
+
 def heading_rotation(rotations: F64, source: F64, goal: F64) -> F64:
     """Find the rotation that keeps level photographs upright and turns one ground plan onto another.
 

@@ -84,7 +84,7 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
     if matches.result["verified"] == 0:
         raise RejectedSceneError(NO_OVERLAP, f"none of {pairs} image pairs shows the same thing")
     mapped = _map(capture, matches, work, settings, progress)
-    if not mapped.result["models"]:
+    if not any(model["points"] for model in mapped.result["models"]):
         raise RejectedSceneError("no_model", "the mapper found no pair of images to start from: nothing moves sideways")
     figures = {"keypoints": sum(keypoints), "pairing": matches.result["pairing"], "pairs": pairs,
                "verified": matches.result["verified"], "mapper": mapped.result["mapper"],

@@ -63,7 +63,7 @@ def thin_out(field: HeightField, middle: Middle, demands: Demands, wanted: tuple
         field: The terrain on all its lines.
         middle: The site in it.
         demands: What to keep to.
-        wanted: Numbers of the station lines and of the left lines that never end.
+        wanted: Numbers of the station lines and of the left lines that never end, each of shape (K,), int64.
 
     Returns:
         Whether each node is kept, shape (S, L), bool; a line that ends never comes back.

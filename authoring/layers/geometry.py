@@ -16,6 +16,7 @@ from usd_schemas.apis import COMPONENT_API, ComponentFacts, apply_component, com
 
 _TYPES = Sdf.ValueTypeNames
 _BINDING_API = "MaterialBindingAPI"
+_MOVED = Vt.TokenArray(["xformOp:translate"])
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ def _author_component(layer: Sdf.Layer, asset: Asset, component: Component, arra
     apply_schemas(prim, (_BINDING_API, COMPONENT_API))
     _author_mesh(prim, component.mesh, arrays, component.double_sided)
     attribute(prim, "xformOp:translate", _TYPES.Double3, Gf.Vec3d(*arrays.origin.tolist()))
-    attribute(prim, "xformOpOrder", _TYPES.TokenArray, Vt.TokenArray(["xformOp:translate"]), uniform=True)
+    attribute(prim, "xformOpOrder", _TYPES.TokenArray, _MOVED, uniform=True)
     _bind(prim, asset.material(sheet_material(component.role, sheet)))
     _set_id(prim, component.name)
     author(prim, component_opinions(

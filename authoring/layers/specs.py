@@ -1,6 +1,7 @@
 """Prims and attributes written straight into a layer: for thousands of prims, where a stage would compose each step."""
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 from pxr import Sdf
 
@@ -28,9 +29,14 @@ def apply_schemas(prim: Sdf.PrimSpec, names: Iterable[str]) -> None:
         prim: Prim in a layer.
         names: Schemas, each with its instance name if it has one.
     """
+    prim.SetInfo("apiSchemas", _applied(tuple(names)))
+
+
+@lru_cache(maxsize=64)
+def _applied(names: tuple[str, ...]) -> Sdf.TokenListOp:
     applied = Sdf.TokenListOp()
     applied.prependedItems = list(names)
-    prim.SetInfo("apiSchemas", applied)
+    return applied
 
 
 def attribute(

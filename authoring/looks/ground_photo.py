@@ -17,6 +17,7 @@ from authoring.site_photo import PhotoSquare
 F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
 
+LEAST, MOST = 0.2, 1.99  # factors; two is what a texel can hold [1]
 COARSE = 4  # texels of the picture to one of what is computed exactly
 _BARE = ("verge", "shoulder", "shore", "bank", "worn")  # covers of gravel and soil; the others are green
 _FADE = 5.0  # [m] at the outer borders, on which the picture fades into the ground beyond
@@ -62,7 +63,7 @@ def ground_photo(
     fine = _mottle(square, pixels, (1.5, 0.0), (seed, 2), bank)
     speck = _mottle(square, pixels, (0.22, 0.0), (seed, 3), bank)
     ragged = np.float32(0.16) * mid + np.float32(0.10) * fine
-    factors = (1 + 0.06 * mid + 0.17 * np.clip(fine, -2.6, 2.6) + 0.09 * speck)[..., None] * np.ones(3, np.float32)
+    factors = (1 + 0.06 * mid + 0.21 * np.clip(fine, -2.6, 2.6) + 0.09 * speck)[..., None] * np.ones(3, np.float32)
     leaves = ramp(speck, 1.3, 2.0) * ramp(mid + 0.4 * fine, 0.3, 1.5)
     factors = _tint(factors, leaves, lie.green, (1.75, 1.20, 0.80), (0.78, 0.62, 0.45))
     under = ramp(lie.deck + ragged, 0.2, -0.9)
@@ -79,7 +80,8 @@ def ground_photo(
     factors = _tint(factors, wet, lie.green, (0.62, 0.64, 0.66), (0.50, 0.50, 0.51))
     dry = (lie.fade * (lie.above > 0.0))[..., None]
     mean = np.float32(np.sum(factors.mean(axis=-1, keepdims=True) * dry, dtype=np.float64) / max(float(dry.sum()), 1.0))
-    return (lie.patches * (1 + lie.fade[..., None] * (factors / mean - 1))).astype(np.float32)
+    shown = lie.patches * (1 + lie.fade[..., None] * (factors / mean - 1))
+    return np.clip(shown, LEAST, MOST).astype(np.float32)
 
 
 def _tint(factors: Floats, share: Floats, green: Floats, grass: tuple[float, ...], bare: tuple[float, ...]) -> Floats:
@@ -97,7 +99,7 @@ def _mottle(square: PhotoSquare, pixels: int, waves: tuple[float, float], seed: 
     shared = np.roll(shared, -round(square.corner[0] / square.side * pixels), axis=1)
     station = square.corner[0] + (np.arange(pixels) + 0.5) * square.side / pixels
     inside = np.minimum(station - square.stations[0], square.stations[1] - station).astype(np.float32)
-    share = ramp(inside, np.float32(0.3), np.float32(_SEAM))[None, :]
+    share = ramp(inside, 0.3, _SEAM)[None, :]
     return (np.sqrt(1 - share * share) * shared + share * own).astype(np.float32)
 
 

@@ -30,9 +30,9 @@ def meadow(tile: Tile) -> Sheet:
     Args:
         tile: Where it repeats.
     """
-    turf = grass(tile, 0.45)
-    albedo = cover(turf.albedo, spots(tile, 0.10, 0.016, 0.10), (0.55, 0.52, 0.45))
-    albedo = cover(albedo, spots(tile, 0.13, 0.016, 0.10), (0.48, 0.36, 0.05))
+    turf = grass(tile, 0.38)
+    albedo = cover(turf.albedo, spots(tile, 0.10, 0.014, 0.06), (0.44, 0.42, 0.36))
+    albedo = cover(albedo, spots(tile, 0.13, 0.014, 0.06), (0.40, 0.31, 0.06))
     return Sheet(albedo, turf.roughness, turf.height)
 
 
@@ -43,11 +43,11 @@ def soil(tile: Tile) -> Sheet:
         tile: Where it repeats.
     """
     clods, grain, damp = fractal(tile, 0.35, 0.02), fractal(tile, 0.05, slope=0.3), fractal(tile, 2.2, 0.15)
-    albedo = paint((0.150, 0.117, 0.083), 1 + 0.13 * clods + 0.13 * grain + 0.12 * damp)
+    albedo = paint((0.150, 0.117, 0.083), 1 + 0.10 * clods + 0.13 * grain + 0.06 * damp)
     pebble = spots(tile, 0.07, 0.020, 0.30)
-    albedo = cover(albedo, 0.85 * pebble, paint((0.27, 0.245, 0.21), 0.9 + 0.2 * clods))
+    albedo = cover(albedo, 0.7 * pebble, paint((0.27, 0.245, 0.21), 0.9 + 0.2 * clods))
     litter = ramp(_filaments(tile, 0.12) + 0.6 * damp, 1.9, 2.6)
-    albedo = cover(albedo, 0.6 * litter, (0.235, 0.190, 0.110))
+    albedo = cover(albedo, 0.45 * litter, (0.235, 0.190, 0.110))
     return Sheet(albedo, 0.95 + 0.01 * grain, 0.012 * clods + 0.012 * pebble)
 
 

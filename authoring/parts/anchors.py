@@ -7,7 +7,7 @@ import numpy as np
 from authoring.alignment import Alignment
 from authoring.component import F64
 from authoring.extrusion import prism
-from authoring.parts.cables import STAY_SIDES, Plane, tube
+from authoring.parts.cables import STAY_SIDES, Plane, tubes
 from authoring.sections import cut_corners
 from authoring.sweep import Surface, joined
 
@@ -31,23 +31,26 @@ class Sleeve:
     held: F64
 
 
-def sleeve(foot: F64, face: F64, towards: F64, radius: float, length: float) -> Sleeve:
-    """Build a collar and a tapered sleeve that stand on a flat face, slanted as the cable is.
+def sleeves(feet: F64, faces: F64, towards: F64, radius: float, lengths: F64) -> list[Sleeve]:
+    """Build collars and tapered sleeves that stand on flat faces, slanted as the cables are.
 
     Args:
-        foot: Where the cable's axis meets the face [m], shape (3,), float64.
-        face: Unit normal of the face, outward [1], shape (3,), float64.
-        towards: Unit vector along the cable, away from the face [1], shape (3,), float64.
-        radius: Of the collar [m].
-        length: Of the sleeve beyond where its whole girth has left the face [m].
+        feet: Where each cable's axis meets its face [m], shape (N, 3), float64.
+        faces: Unit normals of the faces, outward [1], shape (N, 3), float64.
+        towards: Unit vectors along the cables, away from the faces [1], shape (N, 3), float64.
+        radius: Of the collars [m].
+        lengths: Of the sleeves beyond where their whole girth has left the face [m], shape (N,), float64.
     """
-    cosine = float(towards @ face)
-    clear = radius * np.sqrt(max(1.0 - cosine**2, 0.0)) / cosine  # the collar's far side leaves the face here
-    reach = np.array([0.0, clear + 0.25 * length, clear + 0.25 * length, clear + length])
+    cosines = np.sum(towards * faces, axis=1)
+    clear = radius * np.sqrt(np.maximum(1.0 - cosines**2, 0.0)) / cosines  # the collar's far side leaves the face here
+    reach = clear[:, None] + lengths[:, None] * np.array([0.0, 0.25, 0.25, 1.0])
+    reach[:, 0] = 0.0
     radii = radius * np.array([1.0, 1.0, 0.70, 0.62])
-    surface = tube(foot + reach[:, None] * towards, radii, STAY_SIDES, Plane(foot - SUNK * face, face))
-    end = float(reach[-1])
-    return Sleeve(surface, foot + end * towards, foot + (end - min(HELD, 0.5 * length)) * towards)
+    cut = Plane(feet - SUNK * faces, faces)
+    surfaces = tubes(feet[:, None] + reach[..., None] * towards[:, None], radii, STAY_SIDES, cut)
+    mouths = feet + reach[:, -1:] * towards
+    held = mouths - np.minimum(HELD, 0.5 * lengths)[:, None] * towards
+    return [Sleeve(*each) for each in zip(surfaces, mouths, held, strict=True)]
 
 
 def sleeve_reach(radius: float, cosine: float) -> float:
@@ -60,35 +63,36 @@ def sleeve_reach(radius: float, cosine: float) -> float:
     return radius / cosine
 
 
-def clamp(centre: F64, along: F64, radius: float, length: float, lug: float, hanger: float) -> Surface:
-    """Build a clamp: a ring round the main cable, and a lug under it that takes the hanger.
+def clamps(centres: F64, along: F64, radius: float, length: float, lug: float, hanger: float) -> list[Surface]:
+    """Build clamps: each a ring round the main cable, and a lug under it that takes the hanger.
 
     Args:
-        centre: Point on the cable's axis [m], shape (3,), float64.
-        along: Unit vector along the cable [1], shape (3,), float64.
+        centres: Points on the cable's axis [m], shape (N, 3), float64.
+        along: Unit vectors along the cable [1], shape (N, 3), float64.
         radius: Of the cable [m].
         length: Of the ring along the cable [m].
         lug: Of the lug below the cable [m].
         hanger: Radius of the hanger that ends in the lug [m].
     """
-    wall = 0.02 + 0.35 * radius
-    ring = _pipe(centre - 0.5 * length * along, centre + 0.5 * length * along, radius - _BORE, radius + wall, 16)
-    top = centre + np.array([0.0, 0.0, -radius - 0.75 * wall])
-    bottom = centre + np.array([0.0, 0.0, -radius - wall - lug])
-    return joined([ring, tube(np.stack([top, bottom]), max(0.04, 0.4 * radius, hanger + 0.01), 8)])
+    wall, up = 0.02 + 0.35 * radius, np.array([0.0, 0.0, 1.0])
+    half = 0.5 * length * along
+    rings = _pipes(centres - half, centres + half, radius - _BORE, radius + wall, 16)
+    ends = np.stack([centres - (radius + 0.75 * wall) * up, centres - (radius + wall + lug) * up], axis=1)
+    lugs = tubes(ends, max(0.04, 0.4 * radius, hanger + 0.01), 8)
+    return [joined([ring, below]) for ring, below in zip(rings, lugs, strict=True)]
 
 
-def hanger_socket(foot: F64, radius: float, length: float) -> Surface:
-    """Build the upright socket of a hanger: a plate, and the socket on it.
+def hanger_sockets(feet: F64, radius: float, length: float) -> list[Surface]:
+    """Build the upright sockets of hangers: each a plate, and the socket on it.
 
     Args:
-        foot: Middle of the face that it stands on [m], shape (3,), float64.
-        radius: Of the hanger [m].
-        length: Of the socket above the face [m].
+        feet: Middles of the faces that they stand on [m], shape (N, 3), float64.
+        radius: Of the hangers [m].
+        length: Of a socket above the face [m].
     """
     rise = np.array([-SUNK, 0.03, 0.03, 0.6 * length, length])
     radii = radius * np.array([3.2, 3.2, 2.2, 2.2, 1.9])
-    return tube(foot + rise[:, None] * np.array([0.0, 0.0, 1.0]), radii, 8)
+    return tubes(feet[:, None] + rise[:, None] * np.array([0.0, 0.0, 1.0]), radii, 8)
 
 
 def saddle_outline(station: float, top: float, length: float, depth: float) -> F64:
@@ -152,28 +156,31 @@ def anchor_block(
     return prism(outline, *lefts, "left", place, 0.03)
 
 
-def _pipe(begin: F64, end: F64, inner: float, outer: float, sides: int) -> Surface:
-    """Build a pipe: two tubes, the inner one turned inside out, and the rings that join their ends."""
-    shell = tube(np.stack([begin, begin, end, end]), np.array([inner, outer, outer, inner]), sides)
+def _pipes(begin: F64, end: F64, inner: float, outer: float, sides: int) -> list[Surface]:
+    """Build pipes: each two tubes, the inner one turned inside out, and the rings that join their ends."""
+    shells = tubes(np.stack([begin, begin, end, end], axis=1), np.array([inner, outer, outer, inner]), sides)
     quads = 3 * sides
     # The two end faces give way to the bore.
     j = np.arange(sides)
     k = (j + 1) % sides
-    last = 3 * sides
-    bore = np.stack([j, last + j, last + k, k], axis=1)
-    first_ring, along = shell.points[:sides], end - begin
-    radial = first_ring - begin
-    radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+    bore = np.stack([j, quads + j, quads + k, k], axis=1)
     chord = 2.0 * inner * np.sin(np.pi / sides)
-    length = float(np.linalg.norm(along))
-    along_st = length * np.tile(np.array([0.0, 1.0, 1.0, 0.0]), (sides, 1))
-    st: F64 = np.stack([along_st, np.stack([j, j, j + 1, j + 1], axis=1) * chord], axis=2, dtype=np.float64)
-    corners = 4 * quads
-    return Surface(
-        points=shell.points,
-        face_counts=np.full(quads + sides, 4, np.int32),
-        corners=np.concatenate([shell.corners[:corners], bore.ravel()]).astype(np.int32),
-        normals=np.concatenate([shell.normals[:corners], -radial[np.stack([j, j, k, k], axis=1)].reshape(-1, 3)]),
-        st=np.concatenate([shell.st[:corners], st.reshape(-1, 2)]),
-        chart=np.concatenate([shell.chart[:quads], np.full(sides, 3)]).astype(np.int32),
-    )
+    radial = np.stack([shell.points[:sides] for shell in shells]) - begin[:, None]
+    radial /= np.linalg.norm(radial, axis=2, keepdims=True)
+    inward = -radial[:, np.stack([j, j, k, k], axis=1)].reshape(len(begin), -1, 3)
+    st = np.stack([np.tile([0.0, 1.0, 1.0, 0.0], (sides, 1)), np.stack([j, j, j + 1, j + 1], axis=1) * chord], axis=2)
+    lengths = np.linalg.norm(end - begin, axis=1)
+    counts = np.full(quads + sides, 4, np.int32)
+    corners = np.concatenate([shells[0].corners[: 4 * quads], bore.ravel()]).astype(np.int32)
+    chart = np.concatenate([shells[0].chart[:quads], np.full(sides, 3)]).astype(np.int32)
+    return [
+        Surface(
+            shell.points,
+            counts,
+            corners,
+            np.concatenate([shell.normals[: 4 * quads], inside]),
+            np.concatenate([shell.st[: 4 * quads], st.reshape(-1, 2) * (length, 1.0)]),
+            chart,
+        )
+        for shell, inside, length in zip(shells, inward, lengths.tolist(), strict=True)
+    ]

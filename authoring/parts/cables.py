@@ -15,11 +15,11 @@ CHORD_SAG = 0.010  # [m] that a cable's chords may leave its curve
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane that cuts the first end of a round member.
+    """A plane that cuts the first end of a round member, or one for each of several.
 
     Attributes:
-        point: Any point of it [m], shape (3,), float64.
-        normal: Its unit normal [1], shape (3,), float64.
+        point: Any point of it [m], shape (3,) or (M, 3), float64.
+        normal: Its unit normal [1], shape (3,) or (M, 3), float64.
     """
 
     point: F64
@@ -65,7 +65,9 @@ def tubes(points: F64, radius: float | F64, sides: int, cut: Plane | None = None
     rings = points[:, :, None] + radii[:, None, None] * radial
     off = np.zeros((len(points), sides))
     if cut is not None:
-        off = ((cut.point - rings[:, 0]) @ cut.normal) / (tangents[:, 0] @ cut.normal)[:, None]
+        point, normal = (np.broadcast_to(value, (len(points), 3)) for value in (cut.point, cut.normal))
+        slant_there = np.sum(tangents[:, 0] * normal, axis=1)
+        off = np.einsum("mpd,md->mp", point[:, None] - rings[:, 0], normal) / slant_there[:, None]
         rings[:, 0] += off[..., None] * tangents[:, :1]
     way = np.diff(points, axis=1)
     run, step = np.sqrt(np.sum(way * way, axis=2)), np.diff(radii)
@@ -86,18 +88,6 @@ def tubes(points: F64, radius: float | F64, sides: int, cut: Plane | None = None
         Surface(rings[row].reshape(-1, 3), net.counts, net.corners, normals[row], st[row], net.chart)
         for row in range(len(points))
     ]
-
-
-def bar(begin: F64, end: F64, radius: float, sides: int) -> Surface:
-    """Build a straight round member.
-
-    Args:
-        begin: World position of its first end [m], shape (3,), float64.
-        end: World position of its last end [m], shape (3,), float64.
-        radius: Of its section [m].
-        sides: Corners of its section.
-    """
-    return tube(np.stack([begin, end]), radius, sides)
 
 
 def chords(sag: float, share: float = 1.0) -> int:
@@ -165,7 +155,7 @@ def _ends(
     begin = -tangents[:, 0]
     if cut is not None:
         # The cut face is an ellipse: its texture is laid in its own plane.
-        begin = -cut.normal * np.sign(tangents[:, 0] @ cut.normal)[:, None]
+        begin = -cut.normal * np.sign(np.sum(tangents[:, 0] * cut.normal, axis=1))[:, None]
         beside = np.abs(np.einsum("md,md->m", begin, first[:, 0])) < 0.9
         across = cross(begin, np.where(beside[:, None], first[:, 0], second[:, 0]))
         across /= np.sqrt(np.sum(across * across, axis=1, keepdims=True))

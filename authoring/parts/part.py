@@ -17,6 +17,7 @@ _OFFSET_RANGE = 8.192  # [m]
 # The plastic number's powers: offsets of consecutive ids lie as far apart as they can (R2 sequence).
 _OFFSET_STEP = (0.7548776662466927, 0.5698402909980532)
 _FLIP_STEP = 0.41421356237309515
+_DIGITS = 6  # of parameters in metres
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def number_parts(parts: list[Part]) -> tuple[Component, ...]:
     atlas = pack_atlas(surfaces)
     ids = FIRST_BRIDGE_ID + np.arange(len(parts))
     return tuple(
-        Component(part.name, part.kind, part.role, part.group, mesh, number, part.parameters)
+        Component(part.name, part.kind, part.role, part.group, mesh, number, _rounded(part.parameters))
         for part, mesh, number in zip(parts, _meshes(surfaces, atlas, ids), ids.tolist(), strict=True)
     )
 
@@ -71,6 +72,11 @@ def surfaces_of(parts: list[Part]) -> list[Surface]:
     """
     built = iter(extruded([part.solid for part in parts if isinstance(part.solid, Prism)]))
     return [next(built) if isinstance(part.solid, Prism) else part.solid for part in parts]
+
+
+def _rounded(parameters: dict[str, object]) -> dict[str, object]:
+    """Drop the digits of dimensions that only rounding makes: they are not the same on every CPU."""
+    return {key: round(value, _DIGITS) if isinstance(value, float) else value for key, value in parameters.items()}
 
 
 def _meshes(surfaces: list[Surface], atlas: list[F64], ids: I64) -> list[Mesh]:

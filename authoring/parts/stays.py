@@ -9,8 +9,9 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
-from authoring.parts.anchors import sleeve
-from authoring.parts.cables import STAY_SIDES, bar
+from authoring.faces import cross
+from authoring.parts.anchors import sleeves
+from authoring.parts.cables import STAY_SIDES, tubes
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.pylons import Pylon, anchor_faces
 from authoring.parts.spans import level_at
@@ -119,55 +120,66 @@ def stay_parts(stays: Stays, pylon: Pylon, pylons: tuple[tuple[int, float, int],
     """
     parts = []
     side = stays.side_offsets(pylon)
-    sides = (("C", 0),) if stays.planes == 1 else (("L", 1), ("R", -1))
+    planes = (("C", 0),) if stays.planes == 1 else (("L", 1), ("R", -1))
     for support, station, main in pylons:
-        level = level_at(place, station)
+        names, rows = [], []
         for way, word in ((-1, "B"), (1, "F")):
             offsets = stays.offsets if way == main else side
             for number, (offset, height) in enumerate(zip(offsets, stays.heights, strict=True)):
-                for label, plane in sides:
-                    name = f"{support:03d}_{word}{label}_{number:02d}"
-                    ends = _stay_ends(stays, pylon, (station, way, plane), offset, height, (place, level))
-                    parts += _one_stay(stays, name, ends, (support, number))
+                for label, plane in planes:
+                    half, line = anchor_faces(pylon, height, plane, stays.collar + 0.05)
+                    names.append((f"{support:03d}_{word}{label}_{number:02d}", number))
+                    rows.append((way, station + way * offset, plane * stays.plane, station + way * half, line, height))
+        ends = _stay_ends(np.array(rows), station, stays.foot, place)
+        parts += _stays_between(stays, support, names, ends)
     return parts
 
 
-def _stay_ends(
-    stays: Stays, pylon: Pylon, where: tuple[float, int, int], offset: float, height: float,
-    frames: tuple[Alignment, Alignment],
-) -> tuple[F64, F64, F64, F64]:  # fmt: skip
-    """Find foot and head of a stay and the outward normals of the faces there."""
-    station, way, plane = where
-    place, level = frames
-    foot_at = (station + way * offset, plane * stays.plane, stays.foot)
-    foot = _point(place, *foot_at)
-    along = _point(place, foot_at[0] + 1.0, *foot_at[1:]) - foot
-    left = _point(place, foot_at[0], foot_at[1] + 1.0, foot_at[2]) - foot
-    up = np.cross(along, left)
-    half, line = anchor_faces(pylon, height, plane, stays.collar + 0.05)
-    head = _point(level, station + way * half, line, height)
-    ahead = way * (_point(level, station + 1.0, 0.0, 0.0) - _point(level, station, 0.0, 0.0))
-    return foot, up / np.linalg.norm(up), head, ahead / np.linalg.norm(ahead)
+def _stay_ends(rows: F64, station: float, foot: float, place: Alignment) -> tuple[F64, F64, F64, F64]:
+    """Find feet and heads of one pylon's stays [m], and the outward normals of the faces there [1], shapes (N, 3).
+
+    Args:
+        rows: For each stay its direction along the bridge, station and left of its foot, station, left and height of
+            its head [m], shape (N, 6), float64.
+        station: Of the pylon [m].
+        foot: Height of the feet [m].
+        place: Axis of the bridge.
+    """
+    level = level_at(place, station)
+    way, at, left = rows[:, 0], rows[:, 1], rows[:, 2]
+    above, none = np.full(len(rows), foot), np.zeros(2)
+    feet = place.point(at, left, above)
+    along, across = place.point(at + 1.0, left, above) - feet, place.point(at, left + 1.0, above) - feet
+    up = cross(along, across)
+    ahead = np.diff(level.point(np.array([station, station + 1.0]), none, none), axis=0)
+    heads = level.point(rows[:, 3], rows[:, 4], rows[:, 5])
+    return feet, up / _norms(up), heads, way[:, None] * (ahead / _norms(ahead))
 
 
-def _one_stay(stays: Stays, name: str, ends: tuple[F64, F64, F64, F64], numbers: tuple[int, int]) -> list[Part]:
-    foot, up, head, ahead = ends
-    along = head - foot
-    length = float(np.linalg.norm(along))
-    along /= length
-    scale = max(0.6, min(stays.diameter / 0.10, 2.0))
-    socket = sleeve(foot, up, along, stays.collar, min(_SOCKET * scale, 0.12 * length))
-    anchorage = sleeve(head, ahead, -along, stays.collar, min(_HEAD * scale, 0.08 * length))
-    stay = bar(socket.held, anchorage.held, 0.5 * stays.diameter, STAY_SIDES)
-    span = float(np.linalg.norm(anchorage.held - socket.held))
-    facts: dict[str, object] = {"support": numbers[0], "stay": numbers[1], "diameter": stays.diameter}
-    holds = {**facts, "embedded_in": "stay"}
-    return [
-        Part(f"Stay_{name}", "stay", "Role_CableSteel", SUPERSTRUCTURE, stay, {**facts, "length": span}),
-        Part(f"Socket_{name}", "cable_socket", "Role_CableSteel", SUPERSTRUCTURE, socket.surface, holds),
-        Part(f"Anchorage_{name}", "upper_anchorage", "Role_GirderSteel", SUPERSTRUCTURE, anchorage.surface, holds),
-    ]
+def _stays_between(
+    stays: Stays, support: int, names: list[tuple[str, int]], ends: tuple[F64, F64, F64, F64]
+) -> list[Part]:
+    feet, up, heads, ahead = ends
+    along = heads - feet
+    lengths = _norms(along)
+    along /= lengths
+    scale, collar = max(0.6, min(stays.diameter / 0.10, 2.0)), stays.collar
+    sockets = sleeves(feet, up, along, collar, np.minimum(_SOCKET * scale, 0.12 * lengths[:, 0]))
+    anchorages = sleeves(heads, ahead, -along, collar, np.minimum(_HEAD * scale, 0.08 * lengths[:, 0]))
+    lines = np.stack([[sleeve.held for sleeve in row] for row in (sockets, anchorages)], axis=1)
+    bars = tubes(lines, 0.5 * stays.diameter, STAY_SIDES)
+    spans = _norms(lines[:, 1] - lines[:, 0])[:, 0].tolist()
+    parts = []
+    for (name, number), socket, anchorage, stay, span in zip(names, sockets, anchorages, bars, spans, strict=True):
+        facts: dict[str, object] = {"support": support, "stay": number, "diameter": stays.diameter}
+        holds = {**facts, "embedded_in": "stay"}
+        parts += [
+            Part(f"Stay_{name}", "stay", "Role_CableSteel", SUPERSTRUCTURE, stay, {**facts, "length": span}),
+            Part(f"Socket_{name}", "cable_socket", "Role_CableSteel", SUPERSTRUCTURE, socket.surface, holds),
+            Part(f"Anchorage_{name}", "upper_anchorage", "Role_GirderSteel", SUPERSTRUCTURE, anchorage.surface, holds),
+        ]
+    return parts
 
 
-def _point(place: Alignment, station: float, left: float, above: float) -> F64:
-    return place.point(np.array([station]), np.array([left]), np.array([above]))[0]
+def _norms(vectors: F64) -> F64:
+    return np.sqrt(np.sum(vectors * vectors, axis=1, keepdims=True))

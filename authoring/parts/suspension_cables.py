@@ -7,8 +7,8 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64
-from authoring.parts.anchors import HELD, anchor_block, clamp, hanger_socket, saddle, sleeve
-from authoring.parts.cables import HANGER_SIDES, MAIN_SIDES, bar, chords, tube
+from authoring.parts.anchors import HELD, anchor_block, clamps, hanger_sockets, saddle, sleeves
+from authoring.parts.cables import HANGER_SIDES, MAIN_SIDES, chords, tube, tubes
 from authoring.parts.footings import Ground
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.pylons import Pylon
@@ -161,21 +161,24 @@ def _hanger_parts(cables: SuspensionCables, side: str, left: float, place: Align
     along = (ahead - back) / np.linalg.norm(ahead - back, axis=1, keepdims=True)
     wall, up = 0.02 + 0.175 * cables.diameter, np.array([0.0, 0.0, 1.0])
     socket, ring = 0.20 + 4.0 * radius, 0.16 + 1.2 * cables.diameter
-    for number, (top, foot, tangent) in enumerate(zip(tops, feet, along, strict=True)):
+    high = tops - (0.5 * cables.diameter + wall + 0.5 * _LUG) * up
+    low = feet + 0.6 * socket * up
+    made = zip(
+        tubes(np.stack([low, high], axis=1), radius, HANGER_SIDES),
+        clamps(tops, along, 0.5 * cables.diameter, ring, _LUG, radius),
+        hanger_sockets(feet, radius, socket),
+        (high - low)[:, 2].tolist(),
+        strict=True,
+    )
+    for number, (hanger, clamp, foot, length) in enumerate(made):
         name = f"{side}_{number:03d}"
         facts: dict[str, object] = {"hanger": number, "diameter": cables.hanger_diameter}
         holds = {**facts, "embedded_in": "hanger"}
-        high = top - (0.5 * cables.diameter + wall + 0.5 * _LUG) * up
-        low = foot + 0.6 * socket * up
-        length = float(high[2] - low[2])
-        hanger = bar(low, high, radius, HANGER_SIDES)
         parts += [
             Part(f"Hanger_{name}", "hanger", "Role_CableSteel", SUPERSTRUCTURE, hanger, {**facts, "length": length}),
-            Part(f"Clamp_{name}", "cable_clamp", "Role_GirderSteel", SUPERSTRUCTURE,
-                 clamp(top, tangent, 0.5 * cables.diameter, ring, _LUG, radius), holds),
-            Part(f"HangerSocket_{name}", "cable_socket", "Role_CableSteel", SUPERSTRUCTURE,
-                 hanger_socket(foot, radius, socket), holds),
-        ]  # fmt: skip
+            Part(f"Clamp_{name}", "cable_clamp", "Role_GirderSteel", SUPERSTRUCTURE, clamp, holds),
+            Part(f"HangerSocket_{name}", "cable_socket", "Role_CableSteel", SUPERSTRUCTURE, foot, holds),
+        ]
     return parts
 
 
@@ -204,7 +207,9 @@ def _anchorage_parts(
     along /= np.linalg.norm(along)
     front = level.point(np.array([station - away]), np.array([left]), np.zeros(1))[0]
     facing = front - level.point(np.array([station]), np.array([left]), np.zeros(1))[0]
-    casting = sleeve(points[0], facing / np.linalg.norm(facing), along, 0.9 * cables.diameter + 0.06, _CAST)
+    facing /= np.linalg.norm(facing)
+    radius = 0.9 * cables.diameter + 0.06
+    (casting,) = sleeves(points[:1], facing[None], along[None], radius, np.array([_CAST]))
     points[0] = casting.mouth - HELD * along
     points = points[np.concatenate([[True], (points[1:] - points[0]) @ along > 0.2])]
     return [

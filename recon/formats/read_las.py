@@ -3,6 +3,7 @@
 Source: ASPRS, LAS Specification 1.4 R15.
 """
 
+import shutil
 import struct
 import tempfile
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ _BEYOND = (1.0, 0.01)  # [m] and share of the box that points may lie outside th
 _BLOCK = 2_000_000  # points that are decoded at once
 _TIME_LIMIT, _TIME_PER_MILLION = 30.0, 10.0  # [s]
 _MEMORY_LIMIT = 1.0  # [GB]
+_MOST_BYTES = 20_000_000_000  # unpacked: a small file of equal points may grow beyond any disk
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,10 @@ def read_las(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
                              mend="Copy it again")  # fmt: skip
         return _decode(path, path, header.offset, header)
     with tempfile.TemporaryDirectory() as folder:
-        raw = Path(folder) / "points"
+        raw, need = Path(folder) / "points", header.count * header.size
+        if need > min(_MOST_BYTES, shutil.disk_usage(folder).free):
+            raise InputError(f"claims {need / 1e9:.1f} GB when unpacked, more than there is room for", where=path,
+                             value=header.count, mend="Cut it into tiles, or thin it out")  # fmt: skip
         request = {"path": str(path), "out": str(raw), "offset": header.offset, "size": header.size,
                    "count": header.count, "laszip": header.laszip.hex()}  # fmt: skip
         try:

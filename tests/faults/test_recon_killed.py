@@ -18,7 +18,7 @@ from groundwork.files import MANIFEST, MARK
 from groundwork.progress import Silent
 from recon.settings import ReconSettings, SparseSettings
 from tests.conftest import Count, RecordProof
-from tests.faults.conftest import MAX_FEATURES, Start
+from tests.faults.conftest import MAX_FEATURES, SETTINGS, Start
 
 PATIENCE = 240.0  # [s] on a box that many tests share
 LOOK = 0.004  # [s]
@@ -129,6 +129,20 @@ def test_killed_at_random(
         finish(start_reconstruct(out))
         assert contents(out) == contents(calm)
     record_proof("reconstruction: killed at random, ends with the same bytes", kills, 8, {"kills": kills})
+
+
+@pytest.mark.faults
+@pytest.mark.proof_only
+def test_killed_in_the_dense_step(start_reconstruct: Start, tmp_path: Path) -> None:
+    """Kill a dense run while depth is measured and while points are labelled: the same bytes, and one model only."""
+    settings = f'[recon]\nmode = "dense"\nquality = "medium"\n{SETTINGS}'
+    calm, out, folder = tmp_path / "calm", tmp_path / "out", tmp_path / ".out.partial"
+    finish(start_reconstruct(calm, settings=settings))
+    for moment in (Seen("work/dense-*.partial/*"), Seen("coord.npy")):
+        kill_when(start_reconstruct(out, settings=settings), moment, folder)
+    said = finish(start_reconstruct(out, settings=settings))
+    assert contents(out) == contents(calm)
+    assert "mapping" not in said
 
 
 class Interrupted(Silent):

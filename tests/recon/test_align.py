@@ -17,7 +17,7 @@ from recon.align import (
     stand_upright,
 )  # fmt: skip
 from recon.settings import AlignmentSettings
-from recon.similarity import Similarity, angles, camera_up, fit_similarity
+from recon.similarity import Similarity, angles, camera_up, fit_similarity, turn_upright
 from usd_schemas.pinhole import look_at
 
 F64 = NDArray[np.float64]
@@ -208,7 +208,9 @@ def test_without_positions_a_model_stands_upright() -> None:
     """Nothing known but the photographs: its own scale, up within a degree, cameras round the origin, none at fault."""
     rng = np.random.default_rng(13)
     _, model, known = level_flight(rng, rng.normal(0, 8, (30, 3)))
-    found = stand_upright(model, np.arange(30), 32)
+    turns = rng.integers(0, 4, 32)
+    model[:, :3, :3] = turn_upright(model[:, :3, :3], -turns[:30] % 4)  # as pictures of cameras held this way or that
+    found = stand_upright(model, np.arange(30), Target("none", np.full((32, 3), np.nan), None, 0.0, 0.0, turns))
     assert found.similarity.scale == 1.0
     up = found.similarity.rotation @ known.rotation.T @ np.array([0.0, 0.0, 1.0])
     assert np.degrees(np.arccos(up[2])) < 1.0

@@ -18,10 +18,10 @@ POSES = [look_at(np.array([x, 0.0, z]), np.array([0.3 * x, 5.0, 0.0]))
 
 def view_of(image: int, depth: F64) -> DepthView:
     """Make a view with the plane's normal and a colour of its own."""
-    depth = np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
-    normal = np.broadcast_to(POSES[image][:3, :3].T @ PLANE.normal, (*depth.shape, 3)).astype(np.float32)
+    near = np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
+    normal = np.tile((POSES[image][:3, :3].T @ PLANE.normal).astype(np.float32), (*depth.shape, 1))
     color = np.full((*depth.shape, 3), 10 * image, np.uint8)
-    return DepthView(image, depth, normal, color, np.zeros(depth.shape, bool), POSES[image])
+    return DepthView(image, near, normal, color, np.zeros(depth.shape, bool), POSES[image])
 
 
 def planes(noise: float = 0.0, seed: int = 0) -> list[DepthView]:
@@ -31,7 +31,7 @@ def planes(noise: float = 0.0, seed: int = 0) -> list[DepthView]:
             for i, pose in enumerate(POSES)]  # fmt: skip
 
 
-def twin(views: list[DepthView], min_views: int, tolerance: float, min_angle: float) -> list[dict[str, object]]:
+def twin(views: list[DepthView], min_views: int, tolerance: float, min_angle: float) -> list[tuple[F64, list[int]]]:
     """Fuse the first view with the others, one pixel at a time, in world coordinates."""
     reference, others = views[0], views[1:]
     found = []
@@ -61,7 +61,7 @@ def twin(views: list[DepthView], min_views: int, tolerance: float, min_angle: fl
             continue
         images = sorted(view.image for view in agreeing if is_inside(mean, view.pose))
         if len(images) >= min_views:
-            found.append({"point": mean, "images": images})
+            found.append((mean, images))
     return found
 
 
@@ -74,7 +74,7 @@ def is_inside(point: F64, pose: F64) -> bool:
 def depth_between(depth: NDArray[np.float32], s: float, t: float) -> float:
     """Read a depth between pixel centres by its inverse, or the nearest one where surfaces change."""
     x, y = int(np.floor(s - 0.5)), int(np.floor(t - 0.5))
-    if 0 <= x and x + 1 < depth.shape[1] and 0 <= y and y + 1 < depth.shape[0]:
+    if min(x, y) >= 0 and x + 1 < depth.shape[1] and y + 1 < depth.shape[0]:
         around = depth[y : y + 2, x : x + 2].astype(float)
         if around.min() > 0 and around.max() - around.min() <= 0.05 * around.min():
             a, b = s - 0.5 - x, t - 0.5 - y
@@ -94,9 +94,9 @@ def test_fusion_has_a_plain_twin(min_views: int) -> None:
     expected = twin(views, min_views, 0.01, 3.0)
     fused = fuse_view(views[0], views[1:], LENS, min_views, 0.01, 3.0)
     assert len(fused.points) == len(expected) > 100
-    np.testing.assert_allclose(fused.points, [row["point"] for row in expected], atol=1e-9)
+    np.testing.assert_allclose(fused.points, [point for point, _ in expected], atol=1e-9)
     split = np.split(fused.image, np.cumsum(fused.counts)[:-1])
-    assert [part.tolist() for part in split] == [row["images"] for row in expected]
+    assert [part.tolist() for part in split] == [images for _, images in expected]
 
 
 def test_a_plane_comes_back() -> None:

@@ -19,7 +19,8 @@ def model_of(eyes: list[tuple[float, float, float]], points: F64, seen: NDArray[
     obs_point, obs_image = np.nonzero(seen.T)
     return SparseModel(
         tuple(f"{row:03d}" for row in range(len(eyes))), poses, "SIMPLE_RADIAL", (100.0, 50.0, 50.0, 0.0), points,
-        np.zeros((len(points), 3), np.uint8), np.zeros(len(points)), obs_point, obs_image, np.zeros((len(obs_point), 2)),
+        np.zeros((len(points), 3), np.uint8), np.zeros(len(points)), obs_point, obs_image,
+        np.zeros((len(obs_point), 2)),
     )  # fmt: skip
 
 

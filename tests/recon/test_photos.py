@@ -10,13 +10,15 @@ import cv2
 import numpy as np
 import pytest
 
-from groundwork.errors import InputError, MissingError
+from falsework.verbs import reconstruct_folder
+from groundwork.errors import InputError, MissingError, RejectedSceneError
 from groundwork.progress import SILENT
 from recon.cloud import read_cloud
 from recon.photo_header import read_header
 from recon.photos import local_position, open_photographs
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
+from recon.similarity import turn_upright
 from render.exif import Shot, geodetic, insert_exif
 
 ORIGIN = (46.2, -7.5, 420.0)
@@ -142,6 +144,36 @@ def test_without_exif_the_focal_length_is_a_guess(tmp_path: Path) -> None:
     assert [image.file for image in capture.images] == ["images/a.JPEG", "images/b.jpg"]
     assert (capture.prior.focal_px, capture.prior.cx, capture.prior.cy) == (1.2 * 64, 24.0, 32.0)
     assert capture.facts["focal"] == "guessed"
+
+
+def test_how_a_photograph_was_held(tmp_path: Path) -> None:
+    """Orientation becomes quarter turns clockwise that make it upright; what a turned picture shows up, is up."""
+    for name, orientation in (("a", 1), ("b", 6), ("c", 3), ("d", 8)):
+        root = struct.pack("<H", 1) + struct.pack("<HHIHH", 0x0112, 3, 1, orientation, 0) + struct.pack("<I", 0)
+        (tmp_path / f"{name}.jpg").write_bytes(with_exif(jpeg(), b"II*\x00" + struct.pack("<I", 8) + root))
+    assert open_photographs(tmp_path).facts["quarter_turns"] == {"a": 0, "b": 1, "c": 2, "d": 3}
+    stored = cv2.imread(str(tmp_path / "b.jpg"), cv2.IMREAD_IGNORE_ORIENTATION | cv2.IMREAD_COLOR)
+    shown = cv2.imread(str(tmp_path / "b.jpg"))
+    assert stored is not None
+    assert shown is not None
+    assert (stored.shape, shown.shape) == ((48, 64, 3), (64, 48, 3))
+    # Turned clockwise by 90 degrees, the left side of the stored picture is on top: up is -x, and right is -y.
+    upright = turn_upright(np.eye(3)[None], np.array([1]))[0]
+    np.testing.assert_array_equal(upright[:, 0], [0.0, -1.0, 0.0])
+    np.testing.assert_array_equal(-upright[:, 1], [-1.0, 0.0, 0.0])
+    assert np.linalg.det(upright) == pytest.approx(1.0)
+
+
+def test_a_rejected_folder_leaves_nothing(tmp_path: Path) -> None:
+    """Two photographs are too few: the reason is raised, and no half of a cloud stays beside the output."""
+    photographs = tmp_path / "photographs"
+    photographs.mkdir()
+    for name in ("a.jpg", "b.jpg"):
+        (photographs / name).write_bytes(jpeg())
+    with pytest.raises(RejectedSceneError) as rejected:
+        reconstruct_folder(photographs, tmp_path / "cloud", None, SILENT)
+    assert rejected.value.reason == "too_few_images"
+    assert [path.name for path in tmp_path.iterdir()] == ["photographs"]
 
 
 def test_what_does_not_go_together(tmp_path: Path) -> None:

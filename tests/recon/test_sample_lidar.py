@@ -154,7 +154,7 @@ def plate_before_wall() -> FlatScene:
 def test_mixed_pixels_lie_at_edges_only(tmp_path: Path) -> None:
     """What lies between plate and wall is on a beam that the plate's edge cuts; its label is that of the middle."""
     settings = {
-        **EXACT, "positions": [[0.0, 0.0, 0.0]], "angular_step": 0.08, "lowest": -12.0, "highest": 12.0, "reach": 1.0,
+        **EXACT, "positions": [[0.0, 0.0, 0.0]], "angular_step": 0.1, "lowest": -12.0, "highest": 12.0, "reach": 1.0,
         "range_at_10_percent": 1000.0,
     }  # fmt: skip
     clean = scanned(plate_before_wall(), tmp_path / "clean", **settings)
@@ -218,7 +218,9 @@ def test_a_tripod_looks_into_every_direction() -> None:
     fine = list(tripod_rays(np.zeros((2, 3)), TerrestrialSettings(angular_step=0.4), np.random.default_rng(4)))
     assert len(fine) == 4
     assert max(len(part.directions) for part in fine) <= 250_000
-    assert len(np.unique(np.concatenate([part.directions for part in fine]).round(9), axis=0)) > 670_000
+    one, other = fine[0], fine[1]  # the second chunk goes on where the first one ends
+    row = len(one.directions) % 376
+    np.testing.assert_allclose(np.rad2deg(np.arcsin(other.directions[:2, 2])), [0.4 * row - 60, 0.4 * row - 59.6])
 
 
 def test_a_moving_scanner_turns_as_it_goes() -> None:
@@ -279,10 +281,10 @@ def test_stations_stand_where_a_surveyor_would(tmp_path: Path) -> None:
     )
     assert not inside.any()
     assert rays.distance(stations)[0].min() >= 0.6
-    seen = scanned(scene, tmp_path / "c", angular_step=0.5, scope="bridge").columns
+    seen = scanned(scene, tmp_path / "c", angular_step=1.0, scope="bridge").columns
     assert set(seen["instance"].tolist()) == {2, 3, 4, 5}
     soffit = (seen["instance"] == 2) & (seen["normal"][:, 2] < -0.9)
-    assert soffit.sum() > 500
+    assert soffit.sum() > 150
     water = named(ground(20.0), water=(1, "background"))
     with pytest.raises(InputError, match="no firm place"):
         scanned(water, tmp_path / "lake")
@@ -291,12 +293,16 @@ def test_stations_stand_where_a_surveyor_would(tmp_path: Path) -> None:
 def test_a_vehicle_drives_along_the_deck(tmp_path: Path) -> None:
     """In the middle of the deck, at the scanner's height; it sees the deck's top and nothing of its underside."""
     scene = deck_on_walls()
-    way = deck_way(scene, lay_out(scene), 2.2)
+    way = deck_way(scene, lay_out(scene), 2.2, 0.0)
     assert np.abs(way[:, 1]).max() < 0.1
     np.testing.assert_allclose(way[:, 2], 9.2, atol=1e-6)
     assert way[0, 0] < 1.0
     assert way[-1, 0] > 19.0
-    cloud = scanned(scene, tmp_path / "c", kind="mobile", angular_step=2.0, beams=8)
+    longer = deck_way(scene, lay_out(scene), 2.2, 7.0)
+    np.testing.assert_array_equal(longer[1:-1], way)
+    np.testing.assert_allclose([way[0, 0] - longer[0, 0], longer[-1, 0] - way[-1, 0]], 7.0, atol=0.01)
+    np.testing.assert_allclose(longer[:, 2], 9.2, atol=1e-6)
+    cloud = scanned(scene, tmp_path / "c", kind="mobile", angular_step=2.0, beams=8, run_up=0.0)
     assert cloud.source == "lidar-mobile"
     assert "station" not in cloud.columns
     deck = cloud.columns["instance"] == 2
@@ -316,12 +322,12 @@ def test_a_vehicle_drives_along_the_deck(tmp_path: Path) -> None:
 def test_rays_that_miss_the_box_are_known() -> None:
     """Against points along each ray, also for rays that run along an axis and that start within."""
     rng = np.random.default_rng(2)
-    origins, directions = rng.uniform(-3, 3, (3000, 3)), rng.normal(size=(3000, 3))
-    directions[:300, 0] = 0.0
-    directions[200:500, 2] = 0.0
+    origins, directions = rng.uniform(-3, 3, (900, 3)), rng.normal(size=(900, 3))
+    directions[:100, 0] = 0.0
+    directions[60:150, 2] = 0.0
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     box = np.array([[-1.0, -0.5, -0.7], [1.0, 1.5, 0.9]])
-    rays = Rays(origins, directions, np.zeros((3000, 3)), np.zeros(3000, np.uint16))
+    rays = Rays(origins, directions, np.zeros((900, 3)), np.zeros(900, np.uint16))
     along = np.linspace(0.0, 10.0, 2001)[:, None, None]
     inside = (
         ((origins + along * directions >= box[0]) & (origins + along * directions <= box[1])).all(axis=2).any(axis=0)

@@ -44,14 +44,14 @@ def test_the_picture_moves_with_the_points(k1: float) -> None:
 
     column, row = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
     gray = np.round(shade(np.stack([column, row], axis=-1))).astype(np.uint8)
-    straight = undistort(cv2.merge([gray, gray, gray]), camera)[..., 0].astype(float)
+    straight = undistort(np.repeat(gray[..., None], 3, axis=2), camera)[..., 0].astype(float)
     pinhole = camera.pinhole
     column, row = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
     inside = cv2.erode(covered(camera).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     assert inside.mean() > 0.7
     errors = []
     for shift in (0.0, 0.5):
-        expected = shade(camera.to_photograph(np.stack([column + shift, row], axis=-1)))
+        expected = shade(camera.to_photograph(np.stack([column + shift, row], axis=-1).astype(np.float64)))
         errors.append(float(np.abs(straight - expected)[inside].mean()))
     assert errors[0] < 0.8
     assert errors[1] > 3.0

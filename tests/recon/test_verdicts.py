@@ -1,6 +1,5 @@
 """Degenerate flights get the right verdict, and every camera a reason code."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -9,7 +8,9 @@ import pycolmap
 import pytest
 from numpy.typing import NDArray
 
+from groundwork.canonical import folder_digest
 from groundwork.errors import RejectedSceneError
+from groundwork.files import write_json
 from groundwork.progress import SILENT
 from recon.align import CENTRE_OUTLIER, OK, UNREGISTERED
 from recon.colmap_model import read_model
@@ -52,7 +53,7 @@ def two_worlds(folder: Path) -> Capture:
             part.update_image(image)
         parts.append(part)
     with pycolmap.Database.open(folder / DATABASE) as whole:
-        pycolmap.Database.merge(*parts, whole)
+        pycolmap.Database.merge(parts[0], parts[1], whole)
         names = sorted(image.name for image in whole.read_all_images())
     for part in parts:
         part.close()
@@ -61,12 +62,16 @@ def two_worlds(folder: Path) -> Capture:
 
 @pytest.mark.parametrize("mapper", MADE)
 def test_of_two_models_the_largest_is_kept(mapper: str, tmp_path: Path) -> None:
-    """Two worlds in one capture: the larger becomes the model, and the cameras of the other say so."""
+    """The larger of two worlds becomes the model, twice the same; the cameras of the other say so."""
     capture = two_worlds(tmp_path)
     settings = SparseSettings.model_validate({"mapper": mapper})
     found = map_images(capture, tmp_path, tmp_path, settings, 0, SILENT)
     assert found["mapper"] == mapper
     assert found["models"] == [{"images": 7, "points": 150}, {"images": 4, "points": 150}]
+    again = tmp_path / "again"
+    again.mkdir()
+    assert map_images(capture, tmp_path, again, settings, 0, SILENT) == found
+    assert folder_digest(again / MODEL) == folder_digest(tmp_path / MODEL)
     model = read_model(tmp_path / MODEL)
     assert len(model.names) == 7
     assert all(name.startswith("one") for name in model.names)
@@ -167,20 +172,56 @@ def test_positions_that_do_not_fit_leave_photographs_in_their_own_units() -> Non
         assert alignment_facts(found, target, capture)["unit"] == "unknown"
 
 
-@pytest.mark.parametrize("kind", ["turning", "sky"])
-def test_flights_that_show_nothing_or_never_move(kind: str, make_capture: Callable[..., Path], tmp_path: Path) -> None:
-    """A camera that only turns gives no model; one that only sees noise in the sky has no texture."""
-    eye = np.array([0.0, -4.0, 2.0])
-    goals = [np.array([x, 4.5, 1.5]) for x in (-1.2, -0.4, 0.4, 1.2)]
-    folder = make_capture(tmp_path / "capture", np.stack([look_at(eye, goal) for goal in goals]))
+FOCAL = 220.0  # [px]
+
+
+def noise(rng: np.random.Generator, height: int, width: int) -> NDArray[np.float32]:
+    """Mix grey noise with plenty of keypoints, shape (height, width), float32."""
+    fine = cv2.GaussianBlur(rng.normal(size=(height, width)).astype(np.float32), (0, 0), 1.5)
+    return np.clip(128 + 40 * fine / fine.std(), 0, 255).astype(np.float32)
+
+
+def shots(kind: str, rng: np.random.Generator) -> list[NDArray[np.float32]]:
+    """Take four small photographs of one kind of hopeless flight."""
+    specks = rng.normal(0, 1.5, (4, 180, 240)).astype(np.float32)
+    if kind == "turning":
+        lens, scene = np.array([[FOCAL, 0, 120], [0, FOCAL, 90], [0, 0, 1]]), noise(rng, 400, 700)
+        views = []
+        for angle in (-0.3, -0.1, 0.1, 0.3):
+            turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+            shift = np.array([[1.0, 0, 230], [0, 1, 110], [0, 0, 1]])
+            onto = shift @ lens @ turn @ np.linalg.inv(lens)
+            view = cv2.warpPerspective(scene, onto, (240, 180), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+            views.append(view.astype(np.float32))
+        return views
     if kind == "sky":
-        rng = np.random.default_rng(1)
-        for path in sorted((folder / "images").iterdir()):
-            shade = np.linspace(200, 235, 360)[:, None] + rng.normal(0, 1.5, (360, 480))
-            cv2.imwrite(str(path), cv2.merge([shade.astype(np.uint8)] * 3))
-    work = tmp_path / "work"
+        return [np.linspace(200, 235, 180, dtype=np.float32)[:, None] + sensor for sensor in specks]
+    if kind == "bare walls":
+        return [np.full((180, 240), 128, np.float32)] * 4
+    if kind == "different worlds":
+        return [noise(rng, 180, 240) for _ in range(4)]
+    return [noise(rng, 180, 240)] * 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [
+        ("turning", "no_model"), ("sky", "no_texture"), ("bare walls", "no_texture"),
+        ("different worlds", "no_overlap"), ("two photographs", "too_few_images"),
+    ],
+)  # fmt: skip
+def test_hopeless_flights_have_reasons(kind: str, reason: str, tmp_path: Path) -> None:
+    """A camera that only turns, noise in the sky, bare walls, nothing in common, too few: a reason, and no crash."""
+    folder, work = tmp_path / "photographs", tmp_path / "work"
+    folder.mkdir()
     work.mkdir()
+    for row, grey in enumerate(shots(kind, np.random.default_rng(1))):
+        cv2.imwrite(str(folder / f"{row}.png"), cv2.merge([np.clip(grey, 0, 255).astype(np.uint8)] * 3))
+    images = [{"name": path.stem, "file": path.name} for path in sorted(folder.iterdir())]
+    prior = {"focal_px": FOCAL, "cx": 120.0, "cy": 90.0}
+    head = {"format": "falsework.capture", "format_version": 1, "survey": "s", "size": [240, 180]}
+    write_json(folder / "cameras.json", {**head, "prior": prior, "images": images})
     settings = ReconSettings(sparse=SparseSettings(max_features=600))
     with pytest.raises(RejectedSceneError) as rejected:
         run_sparse(read_capture(folder), work, settings, SILENT)
-    assert rejected.value.reason == {"turning": "no_model", "sky": "no_texture"}[kind]
+    assert rejected.value.reason == reason

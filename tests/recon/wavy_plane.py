@@ -33,7 +33,7 @@ class WavyPlane:
     def depth(self, camera: Pinhole, pose: F64) -> F64:
         """Find the planar depth of each pixel, +inf for sky [m], shape (H, W)."""
         column, row = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-        pixels = np.column_stack([column.ravel(), row.ravel()])
+        pixels = np.column_stack([column.ravel(), row.ravel()]).astype(np.float64)
         rays = unproject(pixels, np.ones(len(pixels)), camera, pose) - pose[:3, 3]
         depth = (self.offset - self.normal @ pose[:3, 3]) / (rays @ self.normal)
         points = pose[:3, 3] + rays * depth[:, None]
@@ -61,7 +61,7 @@ class WavyPlane:
         depth = self.depth(camera, pose)
         there = np.isfinite(depth)
         column, row = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-        pixels = np.column_stack([column[there], row[there]])
+        pixels = np.column_stack([column[there], row[there]]).astype(np.float64)
         points = unproject(pixels, depth[there], camera, pose)
         gray = np.full(depth.shape, SKY)
         gray[there] = 110 + 90 * np.sin(points @ waves.T + phase).sum(axis=1) / np.sqrt(WAVES)

@@ -11,8 +11,8 @@ from authoring.families.cable_stayed import CableStayedSettings, DrawnCableStaye
 from authoring.families.stayed_elevation import FLATTEST, GAUGE
 from authoring.families.suspension import DrawnSuspension
 from authoring.layout import BridgeSettings, draw_layout
-from authoring.parts.anchors import clamp, hanger_socket, sleeve
-from authoring.parts.cables import CHORD_SAG, Plane, bar, chords, tube
+from authoring.parts.anchors import clamps, hanger_sockets, sleeves
+from authoring.parts.cables import CHORD_SAG, Plane, chords, tube
 from authoring.parts.drawing import drawn_range
 from authoring.parts.stays import head_heights
 from authoring.streams import stream
@@ -76,9 +76,9 @@ def named(bridge: Bridge, start: str) -> list[Component]:
 
 
 def test_tubes_have_the_volume_of_their_polygon() -> None:
-    """A bar is a prism over a regular polygon; a bent tube over its axis; an oblique cut takes nothing from it."""
+    """A straight tube is a prism over a polygon; a bent one follows its axis; an oblique cut takes nothing from it."""
     polygon = 0.5 * 12 * 0.3**2 * np.sin(2.0 * np.pi / 12)
-    straight = bar(np.zeros(3), np.array([3.0, 4.0, 12.0]), 0.3, 12)
+    straight = tube(np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 12.0]]), 0.3, 12)
     assert volume(straight) == pytest.approx(13.0 * polygon, rel=1e-12)
     x = np.linspace(0.0, 100.0, 101)
     points = np.stack([x, 0.0 * x, (x - 50.0) ** 2 / 200.0], axis=1)
@@ -104,9 +104,12 @@ def test_rings_stand_square_to_the_cable_and_do_not_twist() -> None:
 @pytest.mark.parametrize(
     "surface",
     [
-        clamp(np.zeros(3), np.array([0.8, 0.0, 0.6]), 0.1, 0.4, 0.2, 0.02),
-        hanger_socket(np.zeros(3), 0.03, 0.4),
-        sleeve(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([0.8, 0.0, 0.6]), 0.12, 0.9).surface,
+        clamps(np.zeros((2, 3)), np.array([[0.0, 1.0, 0.0], [0.8, 0.0, 0.6]]), 0.1, 0.4, 0.2, 0.02)[1],
+        hanger_sockets(np.zeros((2, 3)), 0.03, 0.4)[1],
+        sleeves(
+            np.zeros((2, 3)), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+            np.array([[0.0, 1.0, 0.0], [0.8, 0.0, 0.6]]), 0.12, np.array([0.5, 0.9]),
+        )[1].surface,
     ],
     ids=["clamp", "socket", "sleeve"],
 )

@@ -1,0 +1,96 @@
+"""The databases of features and matches hold the same rows, whatever the number of threads and of interruptions."""
+
+import hashlib
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pycolmap
+
+from groundwork.progress import SILENT
+from recon.extraction import DATABASE, extract
+from recon.matching import choose_pairing, match
+from recon.photos import open_photographs
+from recon.settings import SparseSettings
+from render.capture import CalibrationPrior, Capture, CaptureImage
+
+TABLES = ("cameras", "images", "keypoints", "descriptors", "pose_priors", "matches", "two_view_geometries")
+
+
+def crops(folder: Path, count: int, contrast: float = 40.0) -> Capture:
+    """Photograph a flat picture of noise from places side by side, with GPS, in images small enough for a test."""
+    noise = cv2.GaussianBlur(np.random.default_rng(2).normal(size=(160, 400)).astype(np.float32), (0, 0), 1.5)
+    picture = np.clip(128 + contrast * noise / noise.std(), 0, 255).astype(np.uint8)
+    folder.mkdir()
+    for row in range(count):
+        cv2.imwrite(str(folder / f"{row}.png"), cv2.merge([picture[:, 25 * row : 25 * row + 220]] * 3))
+    capture = open_photographs(folder)
+    images = tuple(image.model_copy(update={"gps": (float(row), 0.0, 0.0)}) for row, image in enumerate(capture.images))
+    return replace(capture, images=images)
+
+
+def rows_of(database: Path) -> dict[str, str]:
+    """Hash every row of every table, in the order of its key."""
+    found = {}
+    with closing(sqlite3.connect(database)) as connection:
+        for table in TABLES:
+            lines = sorted(repr(row) for row in connection.execute(f"SELECT * FROM {table}"))
+            found[table] = hashlib.sha256("\n".join(lines).encode()).hexdigest() + f" {len(lines)}"
+    return found
+
+
+def made(capture: Capture, folder: Path, threads: int, interrupted: bool = False) -> dict[str, str]:
+    """Extract and match with some threads; interrupted: from a database that has lost half of its keypoints."""
+    settings = SparseSettings(max_features=500, threads=threads)
+    features, matches = folder / "features", folder / "matches"
+    for part in (features, matches):
+        part.mkdir(parents=True)
+    extract(capture, features, settings, SILENT)
+    if interrupted:
+        with closing(sqlite3.connect(features / DATABASE)) as connection:
+            for table in ("keypoints", "descriptors", "pose_priors"):
+                key = "image_id" if table != "pose_priors" else "corr_data_id"
+                connection.execute(f"DELETE FROM {table} WHERE {key} > 2")
+            connection.commit()
+        extract(capture, features, settings, SILENT)
+        (matches / DATABASE).write_bytes(b"what a killed run left")
+    match(capture, features, matches, settings, 0, SILENT)
+    return rows_of(matches / DATABASE)
+
+
+def test_threads_and_interruptions_change_no_row(tmp_path: Path) -> None:
+    """One thread, two, and two that were cut off in the middle: the same rows in every table."""
+    capture = crops(tmp_path / "photographs", 4)
+    pycolmap.logging.minloglevel = 3
+    one = made(capture, tmp_path / "one", 1)
+    assert one["keypoints"].endswith(" 4")
+    assert one["two_view_geometries"].endswith(" 6")
+    assert made(capture, tmp_path / "two", 2) == one
+    assert made(capture, tmp_path / "cut", 2, interrupted=True) == one
+
+
+def test_sequential_pairs_come_back(tmp_path: Path) -> None:
+    """Without GPS, an image meets its followers one by one, and others 2, 4, 8 further on."""
+    capture = crops(tmp_path / "photographs", 7, contrast=0.0)
+    settings = SparseSettings(max_features=256, pairing="sequential", overlap=3)
+    for part in ("features", "matches"):
+        (tmp_path / part).mkdir()
+    extract(capture, tmp_path / "features", settings, SILENT)
+    found = match(capture, tmp_path / "features", tmp_path / "matches", settings, 0, SILENT)
+    assert found["pairing"] == "sequential"
+    assert found["pairs"] == 6 + 5 + 4 + 3  # gaps of 1, 2, 3, and 4
+    assert found["verified"] == 0
+    assert found["overlapping"] == [False] * 7
+
+
+def test_pairing_without_all_positions_is_not_spatial() -> None:
+    """One photograph without GPS is enough to pair by order."""
+    images = tuple(
+        CaptureImage(name=str(row), file=f"{row}.jpg", gps=(0.0, 0.0, 0.0) if row else None) for row in range(50)
+    )
+    prior = CalibrationPrior(focal_px=4.0, cx=2.0, cy=1.5)
+    capture = Capture(Path(), "s", (4, 3), prior, (1.0, 1.0, 1.0), {}, images)
+    assert choose_pairing(capture, SparseSettings()) == "sequential"

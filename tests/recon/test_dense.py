@@ -1,0 +1,174 @@
+"""The dense step on the three planes, whose depths are known: accuracy, truth kept apart, sameness, and resuming."""
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from groundwork.canonical import folder_digest
+from groundwork.errors import RejectedSceneError
+from groundwork.progress import SILENT, Silent
+from recon import dense_child
+from recon.cloud import Cloud, read_cloud
+from recon.colmap_model import read_model
+from recon.completeness import count_cameras, measure_completeness, visible_surface
+from recon.dense import run_dense
+from recon.dense_points import read_points
+from recon.reconstruct import reconstruct
+from recon.settings import DenseSettings, ReconSettings
+from recon.sparse import Sparse
+from render.capture import Truth, read_capture, read_truth
+
+SETTINGS = ReconSettings(mode="dense", quality="high")
+
+
+@pytest.fixture(scope="module")
+def sparse(plane_cloud: Path) -> Sparse:
+    """Give structure from motion's model of the planes, which the sparse tests made anyway."""
+    return Sparse(read_model(plane_cloud / "sparse"), plane_cloud / "sparse", "planes", {}, {"made": "before"})
+
+
+@pytest.fixture(scope="module")
+def bare(plane_capture: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the capture without its truth."""
+    folder = tmp_path_factory.mktemp("bare") / "capture"
+    shutil.copytree(plane_capture, folder, ignore=shutil.ignore_patterns("truth"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def truth(plane_capture: Path) -> Truth:
+    """Open the truth of the planes."""
+    found = read_truth(read_capture(plane_capture))
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def dense_cloud(plane_capture: Path, sparse: Sparse, tmp_path_factory: pytest.TempPathFactory) -> Cloud:
+    """Reconstruct the planes densely, from the model that is there."""
+    folder = tmp_path_factory.mktemp("dense")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("recon.reconstruct.run_sparse", lambda *_: sparse)
+        reconstruct(plane_capture, folder, SETTINGS, SILENT)
+    return read_cloud(folder)
+
+
+def test_the_planes_are_covered(dense_cloud: Cloud, truth: Truth) -> None:
+    """Points on nearly all that three cameras see, millimetres off, with the right labels and hardly any in the sky."""
+    samples, _ = visible_surface(truth, 15.0, 3)
+    columns, figures = dense_cloud.columns, dense_cloud.statistics
+    seen, poses = dense_cloud.observations, read_poses(dense_cloud, truth)
+    point = np.repeat(np.arange(len(dense_cloud)), np.diff(seen["start"]))
+    away = columns["coord"][point] - poses[seen["image"], :3, 3]
+    depth = np.einsum("mi,mi->m", away, poses[seen["image"], :3, 2])
+    nearest = np.minimum.reduceat(depth, seen["start"][:-1])
+    found = measure_completeness(columns["coord"], columns["surface_distance"], nearest, samples, 0.05, 15.0)
+    assert len(samples) > 3000
+    assert found.share > 0.75
+    assert found.median < 0.01
+    assert figures["right_class_share"] > 0.975
+    assert figures["right_class_share_margin_3px"] > 0.985
+    assert figures["within_0.1m_share"] > 0.95
+    assert np.isinf(columns["uncertainty"]).mean() < 0.01
+    assert figures["noise"]["by_distance"][1]["points"] > 1000
+    assert figures["dense"]["points"] == len(dense_cloud)
+    wall = columns["surface_class"] == 1
+    facing = columns["normal"][wall & (columns["surface_distance"] < 0.02)] @ [0.0, -1.0, 0.0]
+    assert np.median(facing) > 0.99
+
+
+def read_poses(cloud: Cloud, truth: Truth) -> np.ndarray:
+    """Give the poses of the cloud's cameras; the true ones are near enough to measure depths with."""
+    assert len(cloud.cameras) == len(truth.poses)
+    return truth.poses
+
+
+def test_without_truth_the_points_are_the_same(bare: Path, sparse: Sparse, dense_cloud: Cloud, tmp_path: Path) -> None:
+    """Deleting truth/ leaves every dense point as it was, byte for byte, with another number of threads, too."""
+    settings = SETTINGS.model_copy(update={"dense": DenseSettings(threads=3)})
+    points, facts = run_dense(read_capture(bare), sparse, tmp_path, settings, SILENT)
+    assert facts == dense_cloud.statistics["dense"]
+    assert len(points.points) == len(dense_cloud)
+
+
+@dataclass
+class Stop(Silent):
+    """A listener that breaks off while depths are measured."""
+
+    name: str = ""
+
+    def stage(self, name: str, total: int) -> None:
+        """Remember the stage."""
+        self.name = name
+
+    def advance(self, done: int) -> None:
+        """Break off."""
+        if self.name == "depth" and done == 4:
+            raise KeyboardInterrupt
+
+
+def test_an_interrupted_step_goes_on(
+    bare: Path, sparse: Sparse, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Depth maps that are there are not measured again, and the points are those of a run in one go."""
+    settings = SETTINGS.model_copy(update={"quality": "low"})
+    calls = done = 0
+    measure = dense_child.measure_depth
+
+    def count(*arguments: object) -> object:
+        nonlocal calls
+        calls += 1
+        return measure(*arguments)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(dense_child, "measure_depth", count)
+    results = []
+    for name in ("undisturbed", "interrupted"):
+        calls = 0
+        folder = tmp_path / name
+        folder.mkdir()
+        request = {
+            "capture": str(bare), "model": str(sparse.folder), "out": str(folder), "settings": settings.model_dump()
+        }  # fmt: skip
+        if name == "interrupted":
+            with pytest.raises(KeyboardInterrupt):
+                dense_child.serve(request, Stop())
+            done, calls = calls, 0
+            assert 4 <= done < 10
+        dense_child.serve(request, SILENT)
+        assert calls == (10 if name == "undisturbed" else 10 - done)
+        results.append(folder_digest(folder / "points"))
+    assert results[0] == results[1]
+    assert len(read_points(tmp_path / "interrupted").points) > 100
+
+
+def test_bare_walls_have_a_reason(bare: Path, sparse: Sparse, tmp_path: Path) -> None:
+    """A model whose photographs show nothing gives no cloud, and says why."""
+    capture = tmp_path / "capture"
+    shutil.copytree(bare, capture)
+    for path in sorted((capture / "images").iterdir()):
+        cv2.imwrite(str(path), np.full((360, 480, 3), 128, np.uint8))
+    work = tmp_path / "work"
+    work.mkdir()
+    settings = SETTINGS.model_copy(update={"quality": "low"})
+    with pytest.raises(RejectedSceneError, match="known for 0") as rejected:
+        run_dense(read_capture(capture), sparse, work, settings, SILENT)
+    assert rejected.value.reason == "no_depth"
+
+
+def test_samples_of_the_visible_surface(truth: Truth) -> None:
+    """Samples lie on the planes, one a cell; what fewer cameras see, or only from afar, does not count."""
+    samples, classes = visible_surface(truth, 15.0, 3)
+    on_wall = classes == 1
+    np.testing.assert_allclose(samples[on_wall, 1], 5.0, atol=1e-4)
+    cells = np.floor(samples / 0.1).astype(int)
+    assert len(np.unique(cells, axis=0)) == len(cells)
+    assert (count_cameras(samples, truth, 15.0) >= 3).all()
+    assert len(visible_surface(truth, 15.0, 9)[0]) < len(samples)
+    assert len(visible_surface(truth, 6.0, 3)[0]) < len(samples)
+    half = samples[samples[:, 0] < 0.0]
+    found = measure_completeness(half, np.zeros(len(half), np.float32), np.ones(len(half)), samples, 0.05, 15.0)
+    assert found.share == pytest.approx(len(half) / len(samples), abs=0.01)
