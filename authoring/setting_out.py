@@ -6,6 +6,7 @@ import numpy as np
 
 from authoring.alignment import Alignment
 from authoring.component import F64, I32
+from authoring.faces import cross
 from authoring.sweep import Axis, Surface
 
 _AXES: dict[Axis, tuple[int, int, int]] = {"station": (1, 2, 0), "left": (0, 2, 1), "above": (0, 1, 2)}
@@ -132,15 +133,13 @@ def set_out(surfaces: list[Surface], place: Alignment) -> list[Surface]:
         return []
     points = place.point(*np.concatenate([surface.points for surface in surfaces]).T)
     firsts = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
-    placed = []
-    for k, surface in enumerate(surfaces):
-        own = points[firsts[k] : firsts[k + 1]]
-        a, b, c = own[surface.corners.reshape(-1, 3)].transpose(1, 0, 2)
-        one, other = b - a, c - a
-        normal = np.stack([one[:, i] * other[:, j] - one[:, j] * other[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], 1)
-        normal /= np.sqrt(np.sum(normal * normal, axis=1, keepdims=True))
-        placed.append(replace(surface, points=own, normals=np.repeat(normal, 3, axis=0)))
-    return placed
+    faces = [surface.corners.reshape(-1, 3) + first for surface, first in zip(surfaces, firsts[:-1], strict=True)]
+    a, b, c = points[np.concatenate(faces).T]
+    normals = cross(b - a, c - a)
+    normals /= np.sqrt(np.sum(normals * normals, axis=1, keepdims=True))
+    ends = np.cumsum([len(surface.corners) for surface in surfaces])[:-1]
+    placed = zip(surfaces, np.split(points, firsts[1:-1]), np.split(np.repeat(normals, 3, axis=0), ends), strict=True)
+    return [replace(surface, points=own, normals=normals) for surface, own, normals in placed]
 
 
 def _triangles(points: F64, corners: I32, st: F64, chart: I32) -> Surface:

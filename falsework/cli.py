@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -144,10 +145,12 @@ def render(
 
 
 def reconstruct(capture: File, output: Output, *, settings: Path | None = None) -> int:
-    """Reconstruct a capture into a cloud, annotated where the capture carries its truth.
+    """Reconstruct a capture, or a folder of photographs, into a cloud, annotated where the capture carries its truth.
+
+    Killed at any moment, the same command goes on where it stopped.
 
     Args:
-        capture: Capture folder.
+        capture: Capture folder, or a folder of JPEG or PNG files.
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
     """
@@ -264,22 +267,22 @@ def gallery(
 
 def scene() -> int:
     """Look into a scene, choose its look, background and light, compare, copy, package: falsework scene --help."""
-    return _scene(["--help"])  # with further words, `main` asks for the group's own verbs
+    return _group("scene", ["--help"])  # with further words, `main` asks for the group's own verbs
 
 
 def background() -> int:
     """Turn a city model into surroundings for scenes: falsework background --help."""
-    return _background(["--help"])
+    return _group("background", ["--help"])
 
 
 def survey() -> int:
     """Plan flights, and judge them before they are rendered: falsework survey --help."""
-    return _survey(["--help"])
+    return _group("survey", ["--help"])
 
 
 def sample() -> int:
     """Make a cloud from a stage without any image: falsework sample --help."""
-    return _sample(["--help"])
+    return _group("sample", ["--help"])
 
 
 VERBS = {
@@ -300,6 +303,9 @@ VERBS = {
 }
 
 
+GROUPS = ("scene", "background", "survey", "sample")  # verbs that have verbs of their own
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its code.
 
@@ -309,14 +315,8 @@ def main(arguments: list[str] | None = None) -> None:
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(TERMINATED))
     try:
         words = sys.argv[1:] if arguments is None else arguments
-        if words[:1] == ["scene"]:
-            code = _scene(words[1:])
-        elif words[:1] == ["background"]:
-            code = _background(words[1:])
-        elif words[:1] == ["survey"]:
-            code = _survey(words[1:])
-        elif words[:1] == ["sample"]:
-            code = _sample(words[1:])
+        if words[:1] and words[0] in GROUPS:
+            code = _group(words[0], words[1:])
         else:
             code = tyro.extras.subcommand_cli_from_dict(
                 VERBS, prog="falsework", description=ABOUT, args=words, config=(tyro.conf.FlagCreatePairsOff,)
@@ -333,37 +333,11 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(code)
 
 
-def _scene(words: list[str]) -> int:
-    from falsework import scene_verbs
-
-    return tyro.extras.subcommand_cli_from_dict(
-        scene_verbs.SCENE_VERBS, prog="falsework scene", description=scene_verbs.__doc__, args=words
-    )
-
-
-def _background(words: list[str]) -> int:
-    from falsework import background_verbs
-
-    return tyro.extras.subcommand_cli_from_dict(
-        background_verbs.BACKGROUND_VERBS, prog="falsework background", description=background_verbs.__doc__, args=words
-    )
-
-
-def _survey(words: list[str]) -> int:
-    from falsework import survey_verbs
-
-    return tyro.extras.subcommand_cli_from_dict(
-        survey_verbs.SURVEY_VERBS, prog="falsework survey", description=survey_verbs.__doc__, args=words
-    )
-
-
-def _sample(words: list[str]) -> int:
-    from falsework import sample_verbs
-
-    return tyro.extras.subcommand_cli_from_dict(
-        sample_verbs.SAMPLE_VERBS, prog="falsework sample", description=sample_verbs.__doc__, args=words,
-        config=(tyro.conf.FlagCreatePairsOff,),
-    )  # fmt: skip
+def _group(name: str, words: list[str]) -> int:
+    """Hand the words on to a group of verbs, whose module is loaded only then."""
+    module = import_module(f"falsework.{name}_verbs")
+    verbs = getattr(module, f"{name.upper()}_VERBS")
+    return tyro.extras.subcommand_cli_from_dict(verbs, prog=f"falsework {name}", description=module.__doc__, args=words)
 
 
 def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:

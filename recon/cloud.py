@@ -199,7 +199,8 @@ def without_observations(count: int) -> dict[str, Column]:
         count: Number of points.
 
     Returns:
-        One empty array per name of `OBSERVATION_COLUMNS`; `start` counts through nothing.
+        One empty array per name of `OBSERVATION_COLUMNS`, shape (0,) or (0, width); `start` counts through nothing,
+        shape (N + 1,).
     """
     empty = {
         name: np.zeros((0,) if kind.width == 1 else (0, kind.width), kind.dtype)

@@ -20,10 +20,11 @@ from recon.dense_points import DensePoints, join, save_array, write_points
 from recon.depth_colmap import has_cuda, measure_with_colmap
 from recon.depth_patchmatch import measure_slanted
 from recon.depth_sgm import PosedImage, measure_depth
-from recon.fuse import DepthView, fuse_view, smooth
+from recon.fuse import DepthView, fuse_view
 from recon.neighbours import View, choose_views
 from recon.photos import open_photographs
 from recon.settings import AGREEMENT, DOWNSCALE, DenseSettings, ReconSettings
+from recon.smooth import smooth
 from recon.undistort import WorkingCamera, covered, undistort, working_camera
 from render.capture import Capture, load_image
 
@@ -127,11 +128,11 @@ class DepthMaps:
         return np.load(self._images / f"{row:06d}.npy")
 
     def put_depth(self, row: int, depth: NDArray[np.float32]) -> None:
-        """Keep a depth map, shape (H, W), float32."""
+        """Keep a depth map [model units], shape (H, W), float32."""
         save_array(self._depths / f"{row:06d}.npy", depth)
 
     def depth(self, row: int) -> NDArray[np.float32]:
-        """Read a depth map, 0 where unknown, shape (H, W), float32."""
+        """Read a depth map, 0 where unknown [model units], shape (H, W), float32."""
         return np.load(self._depths / f"{row:06d}.npy")
 
     def depth_view(self, row: int) -> DepthView:

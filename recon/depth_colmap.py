@@ -68,7 +68,7 @@ def read_depth_map(path: Path) -> F32:
         path: File to read.
 
     Returns:
-        Planar depth, shape (H, W), float32.
+        Planar depth [model units], shape (H, W), float32.
 
     Raises:
         InputError: Missing, or shorter than its sizes say.
@@ -84,12 +84,12 @@ def onto(depth: F32, camera: Pinhole, target: Pinhole) -> F32:
     """Bring a depth map to another camera of the same pose: planar depths stay, pixels move.
 
     Args:
-        depth: Planar depth, shape (h, w), float32.
+        depth: Planar depth [model units], shape (h, w), float32.
         camera: Its camera.
         target: The other.
 
     Returns:
-        Planar depth of the nearest pixel, 0 outside, shape (H, W), float32.
+        Planar depth of the nearest pixel, 0 outside [model units], shape (H, W), float32.
     """
     column, row = np.meshgrid(np.arange(target.width) + 0.5, np.arange(target.height) + 0.5)
     across = (column - target.cx) / target.fx * camera.fx + camera.cx - 0.5

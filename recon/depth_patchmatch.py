@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from recon.depth_sgm import PosedImage, measure_depth, textured
-from recon.fuse import smooth
+from recon.smooth import smooth
 from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
@@ -49,7 +49,7 @@ def measure_slanted(
         tolerance: Difference of depths that still agree, as a share of the depth [1].
 
     Returns:
-        Planar depth, 0 where nothing is known, shape (H, W), float32.
+        Planar depth, 0 where nothing is known [model units], shape (H, W), float32.
     """
     if not others:
         return np.zeros(reference.gray.shape, np.float32)
@@ -77,7 +77,7 @@ def refine(
         wanted: Pixels to work on, shape (H, W), bool.
         least: Smallest inverse depth.
         most: Largest inverse depth.
-        depth: Planar depth to start from, 0 where unknown; receives the result, shape (H, W), float32.
+        depth: Planar depth to start from, 0 where unknown [model units]; receives the result, shape (H, W), float32.
         normal: Unit normals in camera axes; receives the result, shape (H, W, 3), float32.
 
     Returns:
@@ -94,11 +94,7 @@ def refine(
                     continue
                 count = _gather(gray, i, j, weights, window)
                 if turn < 0:
-                    known = depth[i, j] > 0.0
-                    inverse = 1.0 / depth[i, j] if known else least + (most - least) * _draw(i, j, 0, 0)
-                    _set(plane, inverse, normal[i, j, 0], normal[i, j, 1], normal[i, j, 2])
-                    if not known:
-                        _tilt(plane, plane, 1.0, i, j, 0)
+                    _begin(plane, depth, normal, i, j, least, most)
                     _face(plane, i, j, lens)
                     best = _cost(sources, to_other, lens, i, j, plane, weights, window, count, costs)
                 else:
@@ -125,6 +121,16 @@ def refine(
                 depth[i, j], cost[i, j] = 1.0 / plane[0], best
                 normal[i, j, 0], normal[i, j, 1], normal[i, j, 2] = plane[1], plane[2], plane[3]
     return cost
+
+
+@njit(cache=True, nogil=True)
+def _begin(plane: F64, depth: F32, normal: F32, i: int, j: int, least: float, most: float) -> None:
+    """Write the plane that a pixel starts with: what is known of it, or a draw."""
+    known = depth[i, j] > 0.0
+    inverse = 1.0 / depth[i, j] if known else least + (most - least) * _draw(i, j, 0, 0)
+    _set(plane, inverse, normal[i, j, 0], normal[i, j, 1], normal[i, j, 2])
+    if not known:
+        _tilt(plane, plane, 1.0, i, j, 0)
 
 
 @njit(cache=True, nogil=True)

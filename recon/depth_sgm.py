@@ -59,7 +59,7 @@ def measure_depth(
         tolerance: Difference of depths that still agree, as a share of the depth [1].
 
     Returns:
-        Planar depth, 0 where nothing is known, shape (H, W), float32.
+        Planar depth, 0 where nothing is known [model units], shape (H, W), float32.
     """
     found, weights = [], []
     covered = covered & textured(reference.gray)
@@ -87,7 +87,7 @@ def textured(gray: U8) -> Mask:
         gray: Grey values, shape (H, W), uint8.
 
     Returns:
-        Shape (H, W), bool.
+        Their mask, shape (H, W), bool.
     """
     level = gray.astype(np.float32)
     mean, square = (cv2.boxFilter(values, -1, (_BLOCK, _BLOCK)) for values in (level, level * level))
@@ -147,7 +147,7 @@ def carry_depth(disparity: NDArray[np.int16], turn: F64, plane: F64, to_other: F
         covered: Pixels of view and source that hold a picture, shape (H, W), bool.
 
     Returns:
-        Planar depth, 0 where unknown or outside the source, shape (H, W), float32.
+        Planar depth, 0 where unknown or outside the source [model units], shape (H, W), float32.
     """
     rows, columns = disparity.shape
     height, width = covered.shape
@@ -202,13 +202,13 @@ def agree(depths: F32, weights: F64, tolerance: float, least: int) -> F32:
     What sources disagree on goes.
 
     Args:
-        depths: Depths by each source, 0 where unknown, shape (S, H, W), float32.
+        depths: Depths by each source, 0 where unknown [model units], shape (S, H, W), float32.
         weights: How exact each source is, shape (S,), float64.
         tolerance: Largest difference, as a share of the depth [1].
         least: Sources that must agree.
 
     Returns:
-        Depth, 0 where too few agree, shape (H, W), float32.
+        Depth, 0 where too few agree [model units], shape (H, W), float32.
     """
     count, height, width = depths.shape
     result = np.zeros((height, width), np.float32)

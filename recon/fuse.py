@@ -17,36 +17,9 @@ I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-_SMOOTH_RADIUS = 2  # [px] of the window to which a plane is fitted
-_SAME_SURFACE = 0.03  # [1] neighbours whose inverse depth differs more belong to another surface
-_MIN_FIT = 8  # pixels that a plane needs
 _FREE_SPACE = 0.02  # [1] a map that sees this much farther than a point sees through it
-
-
-_STEP = 0.04  # [1] share of the depth by which the ground behind an edge is farther
 _BLENDED = 0.05  # [1] share of the depth by which neighbours of one surface may differ, steep ones too
 _RIM_OFF = 0.01  # [px] so that no pixel beyond the image comes of rounding
-_RIM = 2  # [px] that matching lets a surface grow over what is behind it
-
-
-@njit(cache=True, nogil=True)
-def _at_edge(depth: F32, i: int, j: int) -> bool:
-    """Tell whether a farther surface begins beside a pixel: matching lets the nearer one grow over it.
-
-    Farther than the pixel's own surface, that is, whose inverse depth goes on as it came from the other side.
-    """
-    height, width = depth.shape
-    here = 1.0 / depth[i, j]
-    for step in range(1, _RIM + 1):
-        for di, dj in ((-step, 0), (step, 0), (0, -step), (0, step)):
-            if not (0 <= i + di < height and 0 <= j + dj < width) or depth[i + di, j + dj] <= 0.0:
-                continue
-            behind = here
-            if 0 <= i - di < height and 0 <= j - dj < width and depth[i - di, j - dj] > 0.0:
-                behind = 1.0 / depth[i - di, j - dj]
-            if 1.0 / depth[i + di, j + dj] < 2.0 * here - behind - _STEP * here:
-                return True
-    return False
 
 
 @dataclass(frozen=True)
@@ -55,7 +28,7 @@ class DepthView:
 
     Attributes:
         image: Row in the model.
-        depth: Planar depth, 0 where unknown, shape (H, W), float32.
+        depth: Planar depth, 0 where unknown [model units], shape (H, W), float32.
         normal: Unit normals in camera axes, towards the camera, shape (H, W, 3), float32.
         color: Working image, shape (H, W, 3), uint8.
         used: Pixels that are part of a point already, shape (H, W), bool; fusion sets them.
@@ -68,61 +41,6 @@ class DepthView:
     color: U8
     used: Mask
     pose: F64
-
-
-@njit(cache=True, nogil=True)
-def smooth(depth: F32, camera: F64) -> tuple[F32, F32]:
-    """Fit a plane to the inverse depth around each pixel: a steadier depth, and the surface's normal.
-
-    Inverse depth is linear in the pixel on any plane, whatever its slope.
-
-    Args:
-        depth: Planar depth, 0 where unknown, shape (H, W), float32.
-        camera: fx, fy, cx, cy [px], shape (4,), float64.
-
-    Returns:
-        Depth, 0 where it was or where no plane fits, shape (H, W), float32; unit normals in camera axes, towards the
-        camera, shape (H, W, 3), float32.
-    """
-    height, width = depth.shape
-    steady, normal = np.zeros((height, width), np.float32), np.zeros((height, width, 3), np.float32)
-    for i in range(height):
-        for j in range(width):
-            z = depth[i, j]
-            if z <= 0.0:
-                continue
-            if _at_edge(depth, i, j):
-                continue
-            n = sx = sy = sxx = sxy = syy = sr = sxr = syr = 0.0
-            for y in range(max(0, i - _SMOOTH_RADIUS), min(height, i + _SMOOTH_RADIUS + 1)):
-                for x in range(max(0, j - _SMOOTH_RADIUS), min(width, j + _SMOOTH_RADIUS + 1)):
-                    if depth[y, x] <= 0.0:
-                        continue
-                    r = z / depth[y, x] - 1.0
-                    if abs(r) > _SAME_SURFACE:
-                        continue
-                    dx, dy = x - j, y - i
-                    n += 1.0
-                    sx, sy, sr = sx + dx, sy + dy, sr + r
-                    sxx, sxy, syy = sxx + dx * dx, sxy + dx * dy, syy + dy * dy
-                    sxr, syr = sxr + dx * r, syr + dy * r
-            if n < _MIN_FIT:
-                continue
-            xx, xy, yy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
-            xr, yr = sxr - sx * sr / n, syr - sy * sr / n
-            area = xx * yy - xy * xy
-            if area < 1.0:
-                continue
-            a, b = (yy * xr - xy * yr) / area, (xx * yr - xy * xr) / area
-            c = (sr - a * sx - b * sy) / n
-            if c <= -0.5:
-                continue
-            steady[i, j] = z / (1.0 + c)
-            nx, ny = a * camera[0], b * camera[1]
-            nz = 1.0 + c - a * (j + 0.5 - camera[2]) - b * (i + 0.5 - camera[3])
-            length = np.sqrt(nx * nx + ny * ny + nz * nz)
-            normal[i, j, 0], normal[i, j, 1], normal[i, j, 2] = -nx / length, -ny / length, -nz / length
-    return steady, normal
 
 
 def fuse_view(
@@ -179,41 +97,18 @@ def _agreeing(
     # For the worst case: what is never written takes no memory.
     seen, uv = np.empty(room * (count + 1), np.uint8), np.empty((room * (count + 1), 2), np.float32)
     made = filled = 0
-    views, place = np.empty(count + 1, np.int64), np.empty((count + 1, 2), np.int64)
+    views, place, mean = np.empty(count + 1, np.int64), np.empty((count + 1, 2), np.int64), np.empty(3)
     for i in range(height):
         for j in range(width):
             z = np.float64(depth[i, j])
             if z <= 0.0 or taken[i, j]:
                 continue
             x, y = (j + 0.5 - camera[2]) / camera[0] * z, (i + 0.5 - camera[3]) / camera[1] * z
-            weight = 1.0 / (z * z)
-            total, mx, my, mz = weight, weight * x, weight * y, weight * z
             views[0], place[0, 0], place[0, 1] = 0, i, j
-            agreeing, through = 1, 0
-            for k in range(count):
-                s, t, pz = _seen(to_other[k], x, y, z, camera)
-                if pz <= 0.0 or not (0.0 <= s < width and 0.0 <= t < height):
-                    continue
-                there = _depth_at(depths[k], s, t)
-                if there <= 0.0:
-                    continue
-                if abs(there - pz) <= tolerance * pz:
-                    bx = (s - camera[2]) / camera[0] * there - to_other[k, 0, 3]
-                    by = (t - camera[3]) / camera[1] * there - to_other[k, 1, 3]
-                    bz = there - to_other[k, 2, 3]
-                    turn = to_other[k]
-                    weight = 1.0 / (there * there)
-                    total += weight
-                    mx += weight * (turn[0, 0] * bx + turn[1, 0] * by + turn[2, 0] * bz)
-                    my += weight * (turn[0, 1] * bx + turn[1, 1] * by + turn[2, 1] * bz)
-                    mz += weight * (turn[0, 2] * bx + turn[1, 2] * by + turn[2, 2] * bz)
-                    views[agreeing], place[agreeing, 0], place[agreeing, 1] = k + 1, int(t), int(s)
-                    agreeing += 1
-                elif there > pz * (1.0 + _FREE_SPACE):
-                    through += 1
+            agreeing, through = _ask(x, y, z, to_other, depths, camera, tolerance, views, place, mean)
             if agreeing < min_views or 2 * through >= agreeing:
                 continue
-            x, y, z = mx / total, my / total, mz / total
+            x, y, z = mean[0], mean[1], mean[2]
             if _narrowest(to_other, views, agreeing, x, y, z) > max_cosine:
                 continue
             first = filled
@@ -235,6 +130,43 @@ def _agreeing(
             points[made, 0], points[made, 1], points[made, 2] = x, y, z
             made += 1
     return points[:made], counts[:made], seen[:filled], uv[:filled]
+
+
+@njit(cache=True, nogil=True)
+def _ask(
+    x: float, y: float, z: float, to_other: F64, depths: F32, camera: F64, tolerance: float, views: I64, place: I64,
+    mean: F64,
+) -> tuple[int, int]:  # fmt: skip
+    """Ask every view about a point: how many agree, itself among them, and how many see through it.
+
+    Fills in which views agree, at which row and column, and the mean of what they say, each weighted as it measures.
+    """
+    _, height, width = depths.shape
+    total = 1.0 / (z * z)
+    mean[0], mean[1], mean[2] = total * x, total * y, total * z
+    agreeing, through = 1, 0
+    for k in range(len(to_other)):
+        turn = to_other[k]
+        s, t, pz = _seen(turn, x, y, z, camera)
+        if pz <= 0.0 or not (0.0 <= s < width and 0.0 <= t < height):
+            continue
+        there = _depth_at(depths[k], s, t)
+        if there > pz * (1.0 + _FREE_SPACE):
+            through += 1
+        if there <= 0.0 or abs(there - pz) > tolerance * pz:
+            continue
+        bx = (s - camera[2]) / camera[0] * there - turn[0, 3]
+        by = (t - camera[3]) / camera[1] * there - turn[1, 3]
+        bz = there - turn[2, 3]
+        weight = 1.0 / (there * there)
+        total += weight
+        for axis in range(3):
+            mean[axis] += weight * (turn[0, axis] * bx + turn[1, axis] * by + turn[2, axis] * bz)
+        views[agreeing], place[agreeing, 0], place[agreeing, 1] = k + 1, int(t), int(s)
+        agreeing += 1
+    for axis in range(3):
+        mean[axis] /= total
+    return agreeing, through
 
 
 @njit(cache=True, nogil=True)

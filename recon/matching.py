@@ -35,7 +35,7 @@ def match(
     path = folder / DATABASE
     for left in folder.glob(f"{DATABASE}*"):
         left.unlink()
-    shutil.copyfile(features / DATABASE, path)
+    shutil.copyfile(features / DATABASE, path)  # not atomic: the step is not finished; half a copy is cleared away
     # One thread, whatever the machine: with two, about one run in eight loses half the matches of a pair or two
     # (seen in COLMAP 4.2.1). Matching and verification still overlap, so that two cores are nearly busy.
     matching = pycolmap.FeatureMatchingOptions(num_threads=1)

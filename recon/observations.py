@@ -40,7 +40,7 @@ class Observations:
 
     @cached_property
     def by_image(self) -> list[tuple[int, I64]]:
-        """Images in ascending order, each with the rows of its observations, ascending, int64."""
+        """Images in ascending order, each with the rows of its observations, ascending, shape (n,), int64."""
         short = self.image.astype(np.uint16 if self.image.max(initial=0) < 2**16 else np.int64)  # sorted by radix
         order = np.argsort(short, kind="stable")
         groups = np.split(order, np.flatnonzero(np.diff(short[order])) + 1)

@@ -70,6 +70,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     cloud = Cloud(
         columns, observed, components, truth.classes if truth else class_rows(),
         alignment_facts(alignment, target, photographs), camera_rows(photographs, alignment), {},
+        f"sfm-{settings.mode}",
     )  # fmt: skip
     figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, placed.seen.start[:-1]))
     statistics = {**describe(columns, alignment, model, cloud.classes), **figures}

@@ -100,7 +100,7 @@ def covered(camera: WorkingCamera) -> Mask:
         camera: Working camera.
 
     Returns:
-        Shape (h, w), bool.
+        Their mask, shape (h, w), bool.
     """
     where, photograph = _source_pixels(camera), camera.photograph
     inside = np.asarray(((where >= 0.0) & (where <= [photograph.width, photograph.height])).all(axis=-1), np.float32)

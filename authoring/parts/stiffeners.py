@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from authoring.alignment import Alignment
+from authoring.component import F64
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
@@ -59,13 +60,20 @@ def stiffener_parts(
                            for station in stations for side in own)  # fmt: skip
             if wanted:
                 if wanted not in made:
-                    made[wanted] = _across(girders, spans, wanted, thickness)
+                    depth = girders.depths(spans, np.array([station for station, _ in wanted]))
+                    made[wanted] = _across(girders, depth, wanted, thickness)
                 surfaces.append(shifted(made[wanted], np.array([0.0, left, top])))
                 facts.append((f"Stiffeners_{span:03d}_{line:02d}", {"count": len(wanted), "span": span, "line": line}))
-    for number, station in enumerate(sorted({station for _, _, station in spans.rows})):
-        plates_there = _across(girders, spans, ((station, -1.0), (station, 1.0)), _BEARING_THICKER * thickness)
+    rows = np.array(sorted({station for _, _, station in spans.rows}))
+    pairs: dict[float, Surface] = {}  # rows under the same depth have the same plates
+    for number, (station, depth) in enumerate(
+        zip(rows, np.round(girders.depths(spans, rows), 9).tolist(), strict=True)
+    ):
+        if depth not in pairs:
+            both = ((0.0, -1.0), (0.0, 1.0))
+            pairs[depth] = _across(girders, np.full(2, depth), both, _BEARING_THICKER * thickness)
         for line, left in enumerate(girders.lines):
-            surfaces.append(shifted(plates_there, np.array([0.0, left, top])))
+            surfaces.append(shifted(pairs[depth], np.array([station, left, top])))
             facts.append((f"BearingStiffener_{number:03d}_{line:02d}", {"count": 2, "row": number, "line": line}))
     return [
         Part(name, "stiffener", "Role_GirderSteel", SUPERSTRUCTURE, surface, {"thickness": thickness, **fact})
@@ -89,10 +97,9 @@ def _between(
     return [station for station in found if all(abs(station - cut) > HALF_LENGTH + 0.06 for cut in cuts)]
 
 
-def _across(girders: PlateGirders, spans: Spans, wanted: tuple[tuple[float, float], ...], thickness: float) -> Surface:
+def _across(girders: PlateGirders, depth: F64, wanted: tuple[tuple[float, float], ...], thickness: float) -> Surface:
     """Build plates round a line, at stations and on sides of the web; heights count from the top of the steel."""
     station, side = np.array(wanted).T
-    depth = girders.depths(spans, station)
     near, far = 0.5 * girders.web - INTO, 0.5 * girders.web + stiffener_width(girders)
     ends = np.sort(side[:, None] * (near, far), axis=1)
     high_edge = np.full(len(station), INTO - girders.flange)

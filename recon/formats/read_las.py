@@ -126,7 +126,7 @@ def read_header(path: Path) -> LasHeader:
         if number not in _SIZES or width < _SIZES[number]:
             raise InputError("an impossible point format", where=path, field="point format", value=(number, width),
                              allowed="0 to 10, and records as long as these need")  # fmt: skip
-        count = struct.unpack_from("<Q", head, 247)[0] if minor == 4 else legacy
+        count = (struct.unpack_from("<Q", head, 247)[0] if minor == 4 else 0) or legacy
         numbers = np.frombuffer(head, "<f8", 12, 131)
         scale, shift = numbers[:3], numbers[3:6]
         if not (np.isfinite(numbers).all() and (np.abs(scale) >= 1e-9).all() and (np.abs(scale) <= 1e4).all()):

@@ -8,6 +8,9 @@ import pytest
 
 from falsework.cli import main
 from falsework.gallery.contact_sheet import contact_sheet
+from falsework.gallery.looks import close_to_concrete
+from tests.render.scenes import SceneBuilder, placed
+from usd_schemas.pinhole import look_at
 
 
 def test_a_sheet_has_a_row_for_each_bridge() -> None:
@@ -20,6 +23,18 @@ def test_a_sheet_has_a_row_for_each_bridge() -> None:
     assert image.shape == (120, 300, 3)
     for number, color in enumerate(colors):
         np.testing.assert_allclose(image[50, 50 + 100 * number, ::-1], color, atol=12)
+
+
+def test_a_look_is_seen_from_half_a_metre() -> None:
+    """The last camera of a row goes straight up to the surface before it and looks at it."""
+    square = np.array([[[0, -5, -5], [0, 5, -5], [0, 5, 5]], [[0, -5, -5], [0, 5, 5], [0, -5, 5]]], np.float64)
+    builder = SceneBuilder()
+    builder.add_mesh(square, placed((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), 1)
+    pose = look_at(np.array([6.0, 1.0, 0.5]), np.array([0.0, 0.0, 0.0]))
+    close = close_to_concrete(builder.build(pose[None]), pose)
+    ahead = close[:3, 2]
+    assert -close[0, 3] / ahead[0] == pytest.approx(0.5, abs=1e-5)
+    assert np.linalg.norm(np.cross(close[:3, 3] - pose[:3, 3], ahead)) < 1e-5
 
 
 @pytest.mark.slow

@@ -117,7 +117,7 @@ def test_killed_at_random(
     begin = time.monotonic()
     finish(start_reconstruct(tmp_path / "timed"))
     span = time.monotonic() - begin
-    for number in range(proof_count(1, 5)):
+    for number in range(proof_count(1, 3)):
         out = tmp_path / f"out{number}"
         for _ in range(4):
             process = start_reconstruct(out)

@@ -11,7 +11,8 @@ ARRAY = re.compile(r"\b(ndarray|NDArray|ArrayLike|\w*Array|[FIU](8|16|32|64))\b"
 # [m], [px], [m/s], [m²], [1/m], [0.1 stage units], [1]: a bracket that begins with a unit, after a number or not.
 UNIT = re.compile(
     r"\[(?:[\d.]+ )?(?:(?:1/)?"
-    r"(?:mm|cm|km|m|px|rad|deg|ms|min|s|h|kg|N|lx|lm|W|EV|K|B|bytes|[kMG]i?B)(?![A-Za-z])[^\]]*|1|%|stage units?)\]"
+    r"(?:mm|cm|km|m|px|rad|deg|ms|min|s|h|kg|N|lx|lm|W|EV|K|B|bytes|[kMG]i?B)(?![A-Za-z])[^\]]*"
+    r"|1|%|(?:stage|model) units?)\]"
 )
 # The last word of a name that is a length, an angle or a time wherever it stands.
 PHYSICAL = frozenset(

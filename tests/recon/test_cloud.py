@@ -13,7 +13,16 @@ import pytest
 
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError, MissingError
-from recon.cloud import COLUMNS, OBSERVATION_COLUMNS, Cloud, read_cloud, segment_with_noise, write_cloud
+from recon.cloud import (
+    COLUMNS,
+    OBSERVATION_COLUMNS,
+    RECONSTRUCTED,
+    Cloud,
+    read_cloud,
+    segment_with_noise,
+    without_observations,
+    write_cloud,
+)
 from recon.formats.laz import LAZ_SCALE, write_laz
 from recon.formats.ply import write_ply
 from usd_schemas.components import class_rows
@@ -114,6 +123,38 @@ def test_other_folders_are_not_clouds(tmp_path: Path) -> None:
     (tmp_path / "cloud.json").write_text('{"format": "falsework.cloud", "format_version": 99}')
     with pytest.raises(InputError, match="99"):
         read_cloud(tmp_path)
+
+
+def test_only_samplers_make_points_that_nobody_observed(cloud: Cloud, tmp_path: Path) -> None:
+    """Optional columns and a source come back; a reconstructed point without an observation is refused."""
+    unseen = dataclasses.replace(cloud, observations=without_observations(500), source="lidar-terrestrial")
+    columns = {**cloud.columns, "intensity": np.linspace(0, 1, 500, dtype=np.float32)}
+    columns["station"] = np.arange(500, dtype=np.uint16)
+    (tmp_path / "a").mkdir()
+    write_cloud(tmp_path / "a", dataclasses.replace(unseen, columns=columns))
+    back = read_cloud(tmp_path / "a")
+    assert back.source == "lidar-terrestrial"
+    assert set(back.columns) == {*COLUMNS, "intensity", "station"}
+    np.testing.assert_array_equal(back.columns["intensity"], columns["intensity"], strict=True)
+    assert not len(back.observations["image"])
+    assert set(json.loads((tmp_path / "a" / "cloud.json").read_text())["columns"]) == set(back.columns)
+    for source in RECONSTRUCTED:
+        with pytest.raises(InputError, match="start"):
+            write_cloud(tmp_path, dataclasses.replace(unseen, source=source))
+    with pytest.raises(InputError, match=r"source.*satellite.*sfm-dense"):
+        write_cloud(tmp_path, dataclasses.replace(unseen, source="satellite"))
+    (tmp_path / "a" / "station.npy").unlink()
+    with pytest.raises(InputError, match="station"):
+        read_cloud(tmp_path / "a")
+
+
+def test_clouds_of_the_first_version_are_read(cloud: Cloud, tmp_path: Path) -> None:
+    """They say no source: all of them were sparse reconstructions."""
+    write_cloud(tmp_path, dataclasses.replace(cloud, source="sfm-dense"))
+    stored = json.loads((tmp_path / "cloud.json").read_text())
+    assert (stored.pop("source"), stored["format_version"]) == ("sfm-dense", 2)
+    (tmp_path / "cloud.json").write_text(json.dumps({**stored, "format_version": 1}))
+    assert read_cloud(tmp_path).source == "sfm-sparse"
 
 
 def test_noise_is_made_on_read(cloud: Cloud) -> None:

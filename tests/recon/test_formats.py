@@ -209,6 +209,22 @@ def test_colmap(reconstructed: Path) -> None:
         export(reconstructed, "colmap", reconstructed.parent / "capture")
 
 
+def test_a_dense_cloud_goes_with_its_cameras(reconstructed: Path) -> None:
+    """Beside the model of a dense cloud lies `fused.ply`, the name by which COLMAP's own tools know it."""
+    assert not (export(reconstructed, "colmap") / "fused.ply").exists()
+    (reconstructed.parent / "out-colmap").rename(reconstructed.parent / "former")
+    cloud = sampled_cloud((0.0, 0.0, 0.0))
+    once = {name: np.zeros((COUNT, *values.shape[1:]), values.dtype) for name, values in cloud.observations.items()}
+    once["start"] = np.arange(COUNT + 1)
+    dense = dataclasses.replace(cloud, observations=once, cameras=({"name": "a"},), source="sfm-dense")
+    (reconstructed / "observations").rename(reconstructed / "former")
+    write_cloud(reconstructed, dense)
+    points = trimesh.load(export(reconstructed, "colmap") / "fused.ply", process=False)
+    assert isinstance(points, trimesh.PointCloud)
+    np.testing.assert_allclose(points.vertices, cloud.columns["coord"], atol=1e-5)
+    np.testing.assert_array_equal(np.asarray(points.colors)[:, :3], cloud.columns["color"])
+
+
 def test_nerfstudio(reconstructed: Path) -> None:
     """Points cast through transforms.json as nerfstudio defines it land on the pixels that COLMAP computes."""
     out = export(reconstructed, "nerfstudio")

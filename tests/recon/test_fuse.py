@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.fuse import DepthView, fuse_view, smooth
+from recon.fuse import DepthView, fuse_view
+from recon.smooth import smooth
 from tests.recon.wavy_plane import WavyPlane
 from usd_schemas.pinhole import Pinhole, look_at, project, unproject
 
@@ -159,3 +160,15 @@ def test_smoothing_keeps_planes_and_cuts_edges() -> None:
     assert (cut[:, 14:16] == 0).all()
     np.testing.assert_allclose(cut[:, :14], 5.0, rtol=1e-6)
     np.testing.assert_allclose(cut[:, 16:], 8.0, rtol=1e-6)
+
+
+def test_thin_members_stay() -> None:
+    """Of a bar two pixels wide before a wall both stay, of one three wide the middle does."""
+    for wide, kept in ((2, [20, 21]), (3, [21])):
+        for upright in (True, False):
+            wall = np.full((36, 48), 8.0, np.float32)
+            bar = wall if upright else wall.T
+            bar[:, 20 : 20 + wide] = 5.0
+            steady, _ = smooth(wall, LENS)
+            seen = (steady if upright else steady.T) == 5.0
+            assert np.flatnonzero(seen[10]).tolist() == kept
