@@ -118,8 +118,8 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(4, author),
-    "capture": Stage(3, capture, resumes=True),
-    "cloud": Stage(2, cloud, resumes=True),
+    "stage": Stage(5, author),
+    "capture": Stage(4, capture, resumes=True),
+    "cloud": Stage(3, cloud, resumes=True),
     "report": Stage(1, report),
 }

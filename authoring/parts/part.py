@@ -17,7 +17,7 @@ _OFFSET_RANGE = 8.192  # [m]
 # The plastic number's powers: offsets of consecutive ids lie as far apart as they can (R2 sequence).
 _OFFSET_STEP = (0.7548776662466927, 0.5698402909980532)
 _FLIP_STEP = 0.41421356237309515
-_DIGITS = 6  # of parameters in metres
+_DIGITS = 9  # of parameters in metres
 
 
 @dataclass(frozen=True)
