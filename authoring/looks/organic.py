@@ -30,9 +30,9 @@ def meadow(tile: Tile) -> Sheet:
     Args:
         tile: Where it repeats.
     """
-    turf = grass(tile, 0.38)
-    albedo = cover(turf.albedo, spots(tile, 0.10, 0.014, 0.06), (0.44, 0.42, 0.36))
-    albedo = cover(albedo, spots(tile, 0.13, 0.014, 0.06), (0.40, 0.31, 0.06))
+    turf = grass(tile, 0.27)
+    albedo = cover(turf.albedo, spots(tile, 0.10, 0.014, 0.045), (0.44, 0.42, 0.36))
+    albedo = cover(albedo, spots(tile, 0.13, 0.014, 0.045), (0.40, 0.31, 0.06))
     return Sheet(albedo, turf.roughness, turf.height)
 
 
