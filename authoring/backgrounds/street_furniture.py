@@ -58,7 +58,8 @@ def _along_railway(terrain: Terrain) -> list[Spots]:
         for side in (-1.0, 1.0):
             station = crossing.centre(lefts) + side * (crossing.half_width + 4.6) * crossing.stretch(lefts)
             level = terrain.height(station, lefts)
-            found.append(_panels(to_world(axis, np.column_stack([station, lefts, level]))))
+            panels = _panels(to_world(axis, np.column_stack([station, lefts, level])))
+            found.append(panels.only(terrain.clear(station, lefts)[:-1] > PANEL + 0.3))
     return found
 
 

@@ -47,7 +47,7 @@ def plant_fences(terrain: Terrain, rng: np.random.Generator, first_id: int) -> t
         line = np.column_stack([along, np.full(len(along), side), np.full(len(along), 2.0), np.zeros(len(along))])
         rows.append(line[crossing.distance(line[:, 0], line[:, 1]) > away + PANEL])
     places = np.concatenate(rows)
-    kept = (terrain.clear(places[:, 0], places[:, 1]) > 2.0) & (rng.random(len(places)) > 1.0 / _GATE)
+    kept = (terrain.clear(places[:, 0], places[:, 1]) > 5.0) & (rng.random(len(places)) > 1.0 / _GATE)
     places = places[kept]
     height = terrain.height(places[:, 0], places[:, 1])
     positions = to_world(axis, np.column_stack([places[:, :2], height]))
