@@ -31,8 +31,8 @@ def surveys_of(stage: Path, allow_roots: tuple[Path, ...] = (), progress: Progre
 
 
 def read_safely(
-    module: str, request: dict[str, Any], stage: Path, progress: Progress, time_limit: float = TIME_LIMIT,
-    memory_limit: float = MEMORY_LIMIT,
+    module: str, request: dict[str, Any], stage: Path, progress: Progress, time_limit: float | None = None,
+    memory_limit: float | None = None,
 ) -> Any:  # fmt: skip
     """Run a child that reads a stage from elsewhere; whatever kills it is the fault of that stage.
 
@@ -41,8 +41,8 @@ def read_safely(
         request: JSON for it.
         stage: The stage, for the error.
         progress: Listener.
-        time_limit: Wall time after which it is killed [s].
-        memory_limit: Resident memory above which it is killed [GB].
+        time_limit: Wall time after which it is killed [s]; `TIME_LIMIT` when None.
+        memory_limit: Resident memory above which it is killed [GB]; `MEMORY_LIMIT` when None.
 
     Returns:
         The child's answer.
@@ -50,6 +50,8 @@ def read_safely(
     Raises:
         InputError: The child found bad input, crashed, or went over a limit.
     """
+    time_limit = TIME_LIMIT if time_limit is None else time_limit
+    memory_limit = MEMORY_LIMIT if memory_limit is None else memory_limit
     try:
         return run_child(module, request, time_limit=time_limit, memory_limit=memory_limit, progress=progress)
     except ChildError as error:

@@ -107,8 +107,11 @@ def test_rings_stand_square_to_the_cable_and_do_not_twist() -> None:
         clamps(np.zeros((2, 3)), np.array([[0.0, 1.0, 0.0], [0.8, 0.0, 0.6]]), 0.1, 0.4, 0.2, 0.02)[1],
         hanger_sockets(np.zeros((2, 3)), 0.03, 0.4)[1],
         sleeves(
-            np.zeros((2, 3)), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
-            np.array([[0.0, 1.0, 0.0], [0.8, 0.0, 0.6]]), 0.12, np.array([0.5, 0.9]),
+            np.zeros((2, 3)),
+            np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+            np.array([[0.0, 1.0, 0.0], [0.8, 0.0, 0.6]]),
+            0.12,
+            np.array([0.5, 0.9]),
         )[1].surface,
     ],
     ids=["clamp", "socket", "sleeve"],
