@@ -35,7 +35,9 @@ def furniture(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> lis
         for start, sign in ((low - START, -1.0), (high + START, 1.0)):
             for bank in (-1.0, 1.0):
                 lamps.append(_facing(quay_line(terrain, start + sign * np.arange(6.0, 330.0, 30.0), bank, 1.6)))
-                rails.append(_panels(quay_line(terrain, start + sign * np.arange(0.0, 330.0, PANEL), bank, 0.25)))
+                line = quay_line(terrain, start + sign * np.arange(0.0, 330.0, PANEL), bank, 0.25)
+                free = terrain.clear(*terrain.land.layout.alignment.locate(line)) > 0.3
+                rails.append(_panels(line).only(free[:-1] & free[1:]))
     elif terrain.land.crossing.kind == "rail":
         rails += _along_railway(terrain)
     lights = kerbside(plan, 0.6, 1e4, 1.2, 260.0)
