@@ -1,6 +1,7 @@
 """What the faults of a reconstruction are tried on: five photographs of the planes, enough for a model in seconds."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -40,6 +41,12 @@ def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory
         return subprocess.Popen(
             [*before, *command, "--settings", str(file)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
             start_new_session=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
+            preexec_fn=_hear_interrupts,
         )  # fmt: skip
 
     return start
+
+
+def _hear_interrupts() -> None:
+    """Undo what a shell that started the tests in the background handed down: an ignored Ctrl-C stays ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
