@@ -24,6 +24,7 @@ from usd_schemas.read_materials import read_material
 F32 = NDArray[np.float32]
 
 ATLAS = "st1"
+MACRO = "falsework:detail:macroTexture"
 SUFFIX = "_Baked"
 MOST_SHARED = 0.02  # of the texels may be claimed by two meshes, since charts meet along their edges
 _BRIGHTEST = np.float32(0.95)  # albedo, as in our renderer
@@ -31,10 +32,10 @@ _BRIGHTEST = np.float32(0.95)  # albedo, as in our renderer
 
 @dataclass
 class _Group:
-    """Materials that share an atlas: those of the bridge, the site or a background.
+    """Materials that share an atlas: those of the bridge, of a square of ground, or of the land of site or background.
 
     Attributes:
-        name: Name of the scope that holds them.
+        name: Name of the scope that holds them, and of the macro texture that shows their atlas.
         meshes: Meshes with charts on the atlas, by the path of their material.
     """
 
@@ -78,7 +79,7 @@ def bake_down(scene: Path, folder: Path, texels: int, warn: Warn) -> Path:
 
 
 def _groups(stage: Usd.Stage) -> list[_Group]:
-    groups: dict[Sdf.Path, _Group] = {}
+    groups: dict[tuple[Sdf.Path, str], _Group] = {}
     for prim in stage.Traverse():
         primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(ATLAS) if prim.IsA(UsdGeom.Mesh) else None
         if not primvar or not primvar.HasValue():
@@ -86,8 +87,11 @@ def _groups(stage: Usd.Stage) -> list[_Group]:
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
         if material and material.GetPrim().HasAPI(DETAIL):
             scope = material.GetPath().GetParentPath()
-            groups.setdefault(scope, _Group(scope.name)).meshes[material.GetPath()].append(prim)
-    return [groups[scope] for scope in sorted(groups)]
+            macro = material.GetPrim().GetAttribute(MACRO).Get()
+            file = Path(macro.path).stem if macro else ""
+            group = groups.setdefault((scope, file), _Group("_".join(filter(None, (scope.name, file)))))
+            group.meshes[material.GetPath()].append(prim)
+    return [groups[key] for key in sorted(groups)]
 
 
 def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn: Warn) -> list[Sdf.Path]:
