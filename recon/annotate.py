@@ -54,7 +54,7 @@ class Annotation:
     margin: F32
 
 
-def gather(truth: Truth, observations: Observations) -> ObservedTruth:
+def gather(truth: Truth, observations: Observations, threads: int = 1) -> ObservedTruth:
     """Look up the truth at each keypoint's pixel, one image at a time.
 
     The pixel is that of the keypoint as it was found, not of the reprojected point: the images and their truth share
@@ -63,6 +63,7 @@ def gather(truth: Truth, observations: Observations) -> ObservedTruth:
     Args:
         truth: True label and depth images.
         observations: Keypoints.
+        threads: How many images are read at a time.
 
     Returns:
         What is there.
@@ -75,7 +76,8 @@ def gather(truth: Truth, observations: Observations) -> ObservedTruth:
         np.zeros(count, np.uint8), np.zeros(count, np.uint32), np.zeros(count, np.float32), np.zeros(count, np.float32)
     )
     height, width = truth.camera.height, truth.camera.width
-    for image, rows in observations.by_image:
+
+    def read(image: int, rows: I64) -> None:
         pixel = np.floor(observations.uv[rows]).astype(np.int64)
         column, row = np.clip(pixel, 0, [width - 1, height - 1]).T  # a keypoint may lie on the image's very edge
         labels, instances, depth = truth.semantic(image), truth.instance(image), truth.depth(image)
@@ -87,6 +89,8 @@ def gather(truth: Truth, observations: Observations) -> ObservedTruth:
         found.label[rows] = labels[row, column]
         found.instance[rows], found.depth[rows] = instances[row, column], depth[row, column]
         found.margin[rows] = edge_distance(labels)[row, column]
+
+    observations.for_each_image(read, threads)
     return found
 
 

@@ -1,17 +1,14 @@
 """The dense step as seen from outside: one child process, and the points that it leaves in a folder."""
 
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from groundwork.canonical import folder_digest
 from groundwork.child import run_child
-from groundwork.errors import ChildError, OutOfSpaceError
 from groundwork.progress import Progress
 from recon.dense_points import FOLDER, DensePoints, read_points
 from recon.settings import DOWNSCALE, ReconSettings
+from recon.shortage import check_space, plain_shortage
 from recon.sparse import Sparse
 from recon.steps import take_step
 from render.capture import Capture
@@ -47,11 +44,11 @@ def run_dense(
 
     def make(folder: Path) -> Any:
         width, height = (side // DOWNSCALE[settings.quality] for side in capture.size)
-        _check_space(folder, len(capture.images) * width * height * _BYTES_PER_PIXEL)
+        check_space(folder, len(capture.images) * width * height * _BYTES_PER_PIXEL, "the dense step")
         request = {
             "capture": str(capture.folder), "model": str(sparse.folder), "out": str(folder), "settings": settings,
         }  # fmt: skip
-        with _plain_errors(folder):
+        with plain_shortage(folder, "recon.dense", ", or a lower quality"):
             return run_child(
                 _CHILD,
                 request,
@@ -63,30 +60,3 @@ def run_dense(
 
     step = take_step(work, "dense", recipe, make)
     return read_points(step.folder), {**step.result, "points_sha256": folder_digest(step.folder / FOLDER)}
-
-
-@contextmanager
-def _plain_errors(folder: Path) -> Iterator[None]:
-    """Say in one line how to mend what stopped the child."""
-    try:
-        yield
-    except ChildError as error:
-        text = str(error)
-        if "no space left" in text:
-            raise OutOfSpaceError(
-                f"{folder.parent}: no space left on the disk. Free some, then run the same command again"
-            ) from None
-        if "of memory" in text:
-            raise ChildError(f"{text}: [recon.dense] memory_limit, or a lower quality") from None
-        if "ran longer" in text:
-            raise ChildError(f"{text}: [recon.dense] seconds_per_image; finished depth maps stay") from None
-        raise
-
-
-def _check_space(folder: Path, needed: int) -> None:
-    free = shutil.disk_usage(folder).free
-    if free < needed:
-        raise OutOfSpaceError(
-            f"{folder}: {free / 1e9:.1f} GB are free, the dense step needs {needed / 1e9:.1f} GB. "
-            "Free some, then run the same command again"
-        )

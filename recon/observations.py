@@ -1,5 +1,7 @@
 """Which image saw which point where: observations in CSR order, and reductions of their values to points."""
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,6 +47,20 @@ class Observations:
         order = np.argsort(short, kind="stable")
         groups = np.split(order, np.flatnonzero(np.diff(short[order])) + 1)
         return [(int(self.image[rows[0]]), rows) for rows in groups if len(rows)]
+
+    def for_each_image(self, work: Callable[[int, I64], None], threads: int) -> None:
+        """Do something with the observations of each image, several images at a time.
+
+        Args:
+            work: Takes an image and the rows of its observations, and changes values of these rows alone.
+            threads: How many at a time.
+
+        Raises:
+            Exception: What `work` raised for the first image in order.
+        """
+        with ThreadPoolExecutor(threads) as pool:
+            for done in [pool.submit(work, image, rows) for image, rows in self.by_image]:
+                done.result()
 
     @property
     def pixel(self) -> I64:

@@ -66,7 +66,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     progress.stage("annotate", 0)
     columns = _own_columns(placed)
     depth = depths(placed.coord, poses, placed.seen)
-    observed, components = _label(columns, placed.coord, depth, placed.seen, truth)
+    observed, components = _label(columns, placed.coord, depth, placed.seen, truth, settings.dense.threads)
     cloud = Cloud(
         columns, observed, components, truth.classes if truth else class_rows(),
         alignment_facts(alignment, target, photographs), camera_rows(photographs, alignment), {},
@@ -100,7 +100,7 @@ def _own_columns(placed: PlacedPoints) -> dict[str, NDArray[Any]]:
 
 def _label(
     columns: dict[str, NDArray[Any]], points: NDArray[np.float64], depth: NDArray[np.float64], seen: Observations,
-    truth: Truth | None,
+    truth: Truth | None, threads: int,
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:  # fmt: skip
     """Fill the columns that need the truth; without it, with what says that nothing is known."""
     count, total = len(points), len(seen.image)
@@ -114,8 +114,8 @@ def _label(
         measured = Uncertainty(nothing, nothing, nothing, nothing, nothing)
         distance, nearest, component = nothing, unknown, np.zeros(count, np.uint16)
     else:
-        observed = gather(truth, seen)
-        error, measured = measure(points, depth, observed.depth.astype(float), truth, seen)
+        observed = gather(truth, seen, threads)
+        error, measured = measure(points, depth, observed.depth.astype(float), truth, seen, threads)
         verdict = annotate(observed, error, seen)
         distance, nearest = nearest_surface(points, truth)
         component = _components(verdict.instance, truth, components)

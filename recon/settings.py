@@ -69,7 +69,7 @@ class DenseSettings(Settings):
     min_point_angle: float = Field(default=1.5, ge=0.0, le=30.0)
     """Largest angle between the rays of a fused point below which it is dropped [deg]."""
     threads: int = Field(default=2, ge=1, le=256)
-    """Depth maps measured at once; any number gives the same bytes."""
+    """Depth maps measured, and truth images compared, at once; any number gives the same bytes."""
     seconds_per_image: float = Field(default=60.0, ge=1.0, le=7200.0)
     """Wall time that the dense step may take per image, on top of two minutes [s]."""
     memory_limit: float = Field(default=2.0, ge=0.5, le=1024.0)

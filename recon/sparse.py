@@ -1,6 +1,5 @@
 """Structure from motion as seen from outside: three steps in child processes, their progress, the verdict on each."""
 
-import shutil
 import sqlite3
 import threading
 from collections.abc import Iterator, Mapping
@@ -12,15 +11,17 @@ from typing import Any
 
 from groundwork.canonical import file_digest, folder_digest
 from groundwork.child import run_child
-from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import RejectedSceneError
 from groundwork.progress import Progress
 from recon.colmap_model import SparseModel, read_model
 from recon.settings import ReconSettings
+from recon.shortage import check_space, plain_shortage
 from recon.steps import Step, take_step
 from render.capture import Capture
 
 NO_TEXTURE, NO_OVERLAP, NOT_IN_LARGEST = "no_texture", "no_overlap", "not_in_largest_model"
 _CHILD = "recon.sparse_child"
+_SECTION = "recon.sparse"
 _DATABASE, _MODEL = "database.db", "model"  # as the child names them; importing it would load COLMAP here
 _VERSION = 1  # raised whenever the same settings would give another model
 _SLACK = 120.0  # [s] beside the time per image
@@ -28,8 +29,6 @@ _LOOK = 0.5  # [s] how often the database is asked how far it is
 _FEW_KEYPOINTS = 50
 _MIN_IMAGES = 3
 _BYTES_PER_KEYPOINT = 2 * 200  # in the database of features and again in that of matches: descriptor, place, matches
-_NOTHING_LEFT = 8e6  # [bytes] COLMAP has many words for a full disk, and this is one for all of them
-_DISK_SIGNS = ("disk I/O error", "database or disk is full", "No space left", "File too large")
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,7 @@ def write_world_model(
         progress: Listener.
     """
     request = {"stage": "transform", "before": str(model), "folder": str(out), "seed": 0, "similarity": similarity}
-    with _plain_errors(out):
+    with plain_shortage(out, _SECTION):
         run_child(_CHILD, request, time_limit=_SLACK, memory_limit=settings.sparse.memory_limit, progress=progress)
 
 
@@ -147,7 +146,8 @@ def _extract(capture: Capture, work: Path, settings: ReconSettings, progress: Pr
     ]  # fmt: skip
 
     def make(folder: Path) -> Any:
-        _check_space(work, len(capture.images) * sparse.max_features * _BYTES_PER_KEYPOINT)
+        needed = len(capture.images) * sparse.max_features * _BYTES_PER_KEYPOINT
+        check_space(work, needed, "structure from motion of these images")
         with _row_count(folder / _DATABASE, "keypoints", progress):
             return _run("extract", capture, folder, folder, settings, progress)
 
@@ -187,7 +187,7 @@ def _run(
         "stage": stage, "capture": str(capture.folder), "before": str(before), "folder": str(folder),
         "settings": sparse, "seed": settings.seed,
     }  # fmt: skip
-    with _plain_errors(folder):
+    with plain_shortage(folder, _SECTION):
         return run_child(
             _CHILD,
             request,
@@ -195,34 +195,6 @@ def _run(
             memory_limit=sparse.memory_limit,
             progress=progress,
             environment={"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads},
-        )
-
-
-@contextmanager
-def _plain_errors(folder: Path) -> Iterator[None]:
-    """Say in one line how to mend what stopped a child: COLMAP's own last words are a place in its source."""
-    try:
-        yield
-    except ChildError as error:
-        text = str(error)
-        full = shutil.disk_usage(folder.parent).free < _NOTHING_LEFT
-        if full or any(sign in text for sign in _DISK_SIGNS):
-            raise OutOfSpaceError(
-                f"{folder.parent}: no space left on the disk. Free some, then run the same command again"
-            ) from None
-        if "of memory" in text:
-            raise ChildError(f"{text}: [recon.sparse] memory_limit") from None
-        if "ran longer" in text:
-            raise ChildError(f"{text}: [recon.sparse] seconds_per_image; what is finished stays") from None
-        raise
-
-
-def _check_space(folder: Path, needed: int) -> None:
-    free = shutil.disk_usage(folder).free
-    if free < needed:
-        raise OutOfSpaceError(
-            f"{folder}: {free / 1e9:.1f} GB are free, structure from motion of these images may need "
-            f"{needed / 1e9:.1f} GB. Free some, then run the same command again"
         )
 
 

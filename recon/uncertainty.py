@@ -59,7 +59,7 @@ def _depths(points: F64, start: I64, image: I64, centres: F64, forward: F64) -> 
 
 
 def measure(
-    points: F64, depth: F64, true_depth: F64, truth: Truth, observations: Observations
+    points: F64, depth: F64, true_depth: F64, truth: Truth, observations: Observations, threads: int = 1
 ) -> tuple[F64, Uncertainty]:
     """Compare each observation with the truth.
 
@@ -72,6 +72,7 @@ def measure(
         true_depth: True depth at its keypoint's pixel [m], shape (M,), float64, +inf for sky.
         truth: True cameras, with whatever their lenses bend and their shutters move.
         observations: Who saw what.
+        threads: How many images are compared at a time.
 
     Returns:
         Depth error of each observation [m], shape (M,), float64, and what it says about each point.
@@ -80,10 +81,13 @@ def measure(
     sky = ~np.isfinite(true_depth)
     away = np.full(len(error), np.inf)
     point = observations.point
-    for image, rows in observations.by_image:
+
+    def compare(image: int, rows: I64) -> None:
         seen = rows[~sky[rows]]
         surface = truth.surface_points(image, observations.uv[seen], true_depth[seen])
         away[seen] = np.linalg.norm(points[point[seen]] - surface, axis=1)
+
+    observations.for_each_image(compare, threads)
     first = observations.start[:-1]
     none = np.zeros(0)
     return error, Uncertainty(

@@ -1,0 +1,61 @@
+"""What a step's child runs short of (disk, memory, time), in one line that says how to mend it."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from groundwork.errors import ChildError, OutOfSpaceError
+
+_NOTHING_LEFT = 8e6  # [bytes] COLMAP has many words for a full disk, and this is one for all of them
+_DISK_SIGNS = (
+    "no space left", "No space left", "disk I/O error", "database or disk is full", "File too large",
+)  # fmt: skip
+
+
+@contextmanager
+def plain_shortage(folder: Path, section: str, more: str = "") -> Iterator[None]:
+    """Say in one line how to mend what stopped a child: a library's own last words are a place in its source.
+
+    Args:
+        folder: Where the child writes; its parent exists.
+        section: Part of the settings that holds `memory_limit` and `seconds_per_image`.
+        more: What else would spare memory.
+
+    Raises:
+        OutOfSpaceError: The disk is full.
+        ChildError: Whatever else stopped it.
+    """
+    try:
+        yield
+    except ChildError as error:
+        text = str(error)
+        full = shutil.disk_usage(folder.parent).free < _NOTHING_LEFT
+        if full or any(sign in text for sign in _DISK_SIGNS):
+            raise OutOfSpaceError(
+                f"{folder.parent}: no space left on the disk. Free some, then run the same command again"
+            ) from None
+        if "of memory" in text:
+            raise ChildError(f"{text}: [{section}] memory_limit{more}") from None
+        if "ran longer" in text:
+            raise ChildError(f"{text}: [{section}] seconds_per_image; what is finished stays") from None
+        raise
+
+
+def check_space(folder: Path, needed: int, what: str) -> None:
+    """Refuse to begin what the disk cannot hold.
+
+    Args:
+        folder: Existing folder on that disk.
+        needed: Most that it may take [bytes].
+        what: The step, for the message.
+
+    Raises:
+        OutOfSpaceError: Less is free.
+    """
+    free = shutil.disk_usage(folder).free
+    if free < needed:
+        raise OutOfSpaceError(
+            f"{folder}: {free / 1e9:.1f} GB are free, {what} may need {needed / 1e9:.1f} GB. "
+            "Free some, then run the same command again"
+        )
