@@ -1,7 +1,8 @@
 """The axis of a bridge: where a station lies in space, and which way left and up are there."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -96,7 +97,10 @@ class Alignment:
         """
         x, y = self._plan_position(station, left)
         height = self.height(station) + above
-        return np.stack([x, y, height + left * self.crossfall(station) if self.falls else height], axis=-1)
+        height = height + left * self.crossfall(station) if self.falls else height
+        points = np.empty((*np.broadcast_shapes(np.shape(x), np.shape(height)), 3))
+        points[..., 0], points[..., 1], points[..., 2] = x, y, height
+        return points
 
     def locate(self, points: F64) -> tuple[F64, F64]:
         """Find the station and the distance to the left of world positions.
@@ -190,16 +194,15 @@ class Alignment:
             turn: Turn of the frame against the axis there, counter-clockwise [rad]; `-skew` follows the supports.
             tilted: Keep the grade and the crossfall of the place; else the frame is level.
         """
-        at = np.array([station])
-        grade, fall = float(self.grade_at(at)[0]), float(self.crossfall(at)[0])
-        level = float(self.height(at)[0]) + (0.0 if tilted else left * fall)
+        height, grade, fall, ahead = self._standing(station)
+        level = height + (0.0 if tilted else left * fall)
         frame = Alignment(level - (grade * station if tilted else 0.0), grade if tilted else 0.0, self.heading)
         if tilted and fall:
             frame = replace(frame, falls=((station, fall),))
         if self.square and turn == 0.0:
             return replace(frame, origin=self.origin)
-        x, y = (float(value[0]) for value in self._plan_position(at, np.array([left])))
-        heading = float(self.heading_at(at)[0]) + turn
+        x, y = (float(value[0]) for value in self._plan_position(np.array([station]), np.array([left])))
+        heading = ahead + turn
         cosine, sine = float(np.cos(heading)), float(np.sin(heading))
         origin = (x - station * cosine + left * sine, y - station * sine - left * cosine)
         return replace(frame, heading=heading, origin=origin)
@@ -213,8 +216,20 @@ class Alignment:
             station: Station of the support [m].
         """
         frame = self.frame_at(station)
-        fall = float(self.crossfall(np.array([station]))[0])
+        fall = self._standing(station)[2]
         return replace(frame, skew=self.skew, falls=((station, fall),) if fall else ())
+
+    @cached_property
+    def _standing(self) -> Callable[[float], tuple[float, float, float, float]]:
+        """Height, grade, crossfall and heading on the axis at a station; remembers those of the last supports."""
+        return lru_cache(maxsize=64)(self._upright_at)
+
+    def _upright_at(self, station: float) -> tuple[float, float, float, float]:
+        at = np.array([station])
+        height, grade, fall, heading = (
+            float(measure(at)[0]) for measure in (self.height, self.grade_at, self.crossfall, self.heading_at)
+        )
+        return height, grade, fall, heading
 
     @cached_property
     def _rings(self) -> F64:
@@ -243,12 +258,11 @@ class Alignment:
             x, y = along * cosine - left * sine, along * sine + left * cosine
             return (x + x0, y + y0) if x0 or y0 else (x, y)
         station = np.asarray(station, np.float64)
-        axis, heading = self.curve.frames(station.ravel())
-        axis, heading = axis.reshape(*station.shape, 2), heading.reshape(station.shape)
+        axis, ahead = (rows.reshape(*station.shape, 2) for rows in self.curve.frames(station.ravel()))
         near = _near_part(left)
-        ahead, aside = near * np.tan(self.skew), near
-        x = axis[..., 0] + ahead * np.cos(heading) - aside * np.sin(heading) - (left - near) * sine
-        y = axis[..., 1] + ahead * np.sin(heading) + aside * np.cos(heading) + (left - near) * cosine
+        by_skew = near * np.tan(self.skew)
+        x = axis[..., 0] + by_skew * ahead[..., 0] - near * ahead[..., 1] - (left - near) * sine
+        y = axis[..., 1] + by_skew * ahead[..., 1] + near * ahead[..., 0] + (left - near) * cosine
         return x + x0, y + y0
 
     def _located(self, points: F64, station: F64, left: F64) -> tuple[F64, F64]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from authoring.component import F64, I32, I64
+from authoring.component import F64, I64
 from authoring.sweep import Surface
 
 MARGIN = 1.0 / 1024.0  # free border round each chart, as a share of the atlas: two texels of 2048
@@ -20,33 +20,33 @@ def pack_atlas(surfaces: list[Surface]) -> list[F64]:
         For each surface its atlas coordinates [1], shape (C, 2), float64, all within 0 to 1.
     """
     st = np.concatenate([surface.st for surface in surfaces])
-    chart = _chart_of_faces(surfaces)
-    counts = np.concatenate([surface.face_counts for surface in surfaces])
-    low, high = _boxes(st, counts, chart)
+    chart = np.repeat(_chart_of_faces(surfaces), np.concatenate([surface.face_counts for surface in surfaces]))
+    low, high = _boxes(st, chart)
     size = np.round(high - low, _DIGITS)
-    chart = np.repeat(chart, counts)
     lying = size[:, 0] < size[:, 1]
     size = np.where(lying[:, None], size[:, ::-1], size)  # long side along s
     corner, side, margin = _best_square(size)
-    local = st - low[chart]
+    local = st - low.take(chart, axis=0)
     # A chart is turned by a quarter, never mirrored, so that baked normals keep their hand.
-    rows = np.flatnonzero(lying[chart])
-    local[rows] = np.stack([local[rows, 1], size[chart[rows], 1] - local[rows, 0]], axis=1)
-    atlas = ((corner + margin)[chart] + local) / side
+    rows = np.flatnonzero(lying.take(chart))
+    turned = local.take(rows, axis=0)
+    local[rows] = np.stack([turned[:, 1], size[:, 1].take(chart.take(rows)) - turned[:, 0]], axis=1)
+    atlas = ((corner + margin).take(chart, axis=0) + local) / side
     return np.split(atlas, np.cumsum([len(surface.st) for surface in surfaces])[:-1])
 
 
-def _boxes(st: F64, counts: I32, chart: I64) -> tuple[F64, F64]:
-    """Find the least and largest coordinates of each chart, from those of its faces; 0 for a number that none has."""
-    faces = np.bincount(chart)
-    used = faces > 0
-    first = (np.cumsum(faces) - faces)[used]
-    order, rows = np.argsort(chart, kind="stable"), np.ascontiguousarray(st.T)
+def _boxes(st: F64, chart: I64) -> tuple[F64, F64]:
+    """Find the least and largest coordinates of each chart, from those of its corners; 0 for a number that none has."""
+    if np.any(chart[1:] < chart[:-1]):
+        order = np.argsort(chart, kind="stable")
+        st, chart = st.take(order, axis=0), chart.take(order)
+    corners, rows = np.bincount(chart), np.ascontiguousarray(st.T)
+    used = corners > 0
+    first = (np.cumsum(corners) - corners)[used]
     bounds = []
     for least in (np.minimum, np.maximum):
-        by_chart = least.reduceat(rows, np.cumsum(counts) - counts, axis=1)[:, order]
-        bounds.append(np.zeros((len(faces), 2)))
-        bounds[-1][used] = least.reduceat(by_chart, first, axis=1).T
+        bounds.append(np.zeros((len(corners), 2)))
+        bounds[-1][used] = least.reduceat(rows, first, axis=1).T
     return bounds[0], bounds[1]
 
 

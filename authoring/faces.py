@@ -53,13 +53,14 @@ def normals_at(points: F64, corners: Corners) -> F64:
     Returns:
         Unit normals, shape (..., C, 3), float64.
     """
-    at = points[..., corners.vertex, :]
-    centred = at - at[..., corners.starts, :][..., corners.face, :]
-    newell = np.add.reduceat(cross(centred, centred[..., corners.following, :]), corners.starts, axis=-2)
+    # `take` picks rows in half the time that an index with an ellipsis does.
+    at = points.take(corners.vertex, axis=-2)
+    centred = at - at.take(corners.starts, axis=-2).take(corners.face, axis=-2)
+    newell = np.add.reduceat(cross(centred, centred.take(corners.following, axis=-2)), corners.starts, axis=-2)
     normal = _unit(newell)
     none = np.zeros((*normal.shape[:-2], 1, 3))
-    around = np.concatenate([normal, none], axis=-2)[..., corners.around, :]
-    near = np.einsum("...ckd,...cd->...ck", around, normal[..., corners.face, :]) > _SMOOTH_COSINE
+    around = np.concatenate([normal, none], axis=-2).take(corners.around, axis=-2)
+    near = np.einsum("...ckd,...cd->...ck", around, normal.take(corners.face, axis=-2)) > _SMOOTH_COSINE
     return _unit(np.einsum("...ckd,...ck->...cd", around, near.astype(np.float64)))
 
 

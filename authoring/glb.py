@@ -89,6 +89,8 @@ def _mesh(scene: FlatScene, part: int, material: Material, pictures: "dict[Textu
         if texture not in pictures:
             pictures[texture] = _Picture(texture)
         settings["baseColorTexture"] = pictures[texture]
+        if not texture.is_plain:  # GLB multiplies, and adds nothing
+            settings["baseColorFactor"] = [*(round(min(value, 1.0) * 255) for value in texture.gain), 255]
         uv = _placed((geometry.st1 if texture.uv_set else geometry.st)[vertices], texture)
     visual = TextureVisuals(uv=uv, material=PBRMaterial(**settings))
     return trimesh.Trimesh(

@@ -77,7 +77,8 @@ def twisted_quads(rings: F64) -> list[bytes]:
     Returns:
         For each solid one flag a quad; empty for none.
     """
-    a, b, c, d = np.moveaxis(rings.reshape(len(rings), -1, 3)[:, _quads(*rings.shape[1:3])], 2, 0)
+    points, quads = rings.reshape(len(rings), -1, 3), _quads(*rings.shape[1:3])
+    a, b, c, d = (points.take(corner, axis=1) for corner in quads.T)
     across = cross(c - a, d - b)
     off = np.einsum("...d,...d->...", b - a, across)
     twisted = off * off > _FLAT * _FLAT * np.einsum("...d,...d->...", across, across)

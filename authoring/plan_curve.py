@@ -1,7 +1,8 @@
 """The axis of a bridge in plan: lines, arcs and clothoids one after the other, straight on beyond both ends."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 # Gauss-Legendre nodes: exact to the last digit or two while the heading turns by less than a radian in an element.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
+_FEW = 512  # stations
 
 
 @dataclass(frozen=True)
@@ -96,20 +98,36 @@ class PlanCurve:
     def frames(self, station: F64) -> tuple[F64, F64]:
         """Find positions on the axis and its direction there.
 
+        Rings of many members share their stations: what was asked for before is known, and in a long list each
+        different station is integrated once.
+
         Args:
             station: Distance along the axis [m], shape (N,), float64.
 
         Returns:
-            Positions in plan [m], shape (N, 2), and headings, counter-clockwise from +x [rad], shape (N,), float64.
+            Positions in plan [m], shape (N, 2), and unit vectors ahead [1], shape (N, 2), float64, both read-only.
         """
+        if len(station) <= _FEW:
+            return self._known(station.tobytes())
+        different, row = np.unique(station, return_inverse=True)
+        positions, ahead = self._integrated(different)
+        return positions.take(row, axis=0), ahead.take(row, axis=0)
+
+    @cached_property
+    def _known(self) -> Callable[[bytes], tuple[F64, F64]]:
+        """`frames` of few stations, float64, that remembers the last answers."""
+        return lru_cache(maxsize=256)(lambda stations: self._integrated(np.frombuffer(stations)))
+
+    def _integrated(self, station: F64) -> tuple[F64, F64]:
         number, local, beyond = self._split(station)
-        begin, change = self._curvatures[number].T
+        begin, change = self._curvatures.take(number, axis=0).T
         heading = self.first_heading + (self._turns[number] + local * (begin + 0.5 * change * local))
+        ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         inner = self._places[number] + self._run(number, local)
         turned = inner @ self._turn
         if beyond.any():
-            turned += beyond[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        return turned, heading
+            turned += beyond[:, None] * ahead
+        return turned, ahead
 
     def _split(self, station: F64) -> tuple[NDArray[np.int64], F64, F64]:
         """Find each station's element, the distance from its beginning, and the signed distance beyond the ends."""

@@ -90,7 +90,7 @@ def closed(
     for make in {id(make): make for make in makes}.values():
         rows = [row for row, other in enumerate(makes) if other is make]
         points = rings[rows].reshape(len(rows), -1, 3)
-        normals, texture = normals_at(points, make.corners), st[rows][:, make.source] * make.hand
+        normals, texture = normals_at(points, make.corners), st[rows].take(make.source, axis=1) * make.hand
         for row, *own in zip(rows, points, normals, texture, strict=True):
             surfaces[row] = Surface(own[0], make.counts, make.corners.vertex, own[1], own[2], make.chart)
     return [surfaces[row] for row in range(len(sections))]
@@ -181,7 +181,7 @@ def _side_st(sections: F64, lengths: F64, girth_of: I32 | None) -> F64:
     solids, count, size = sections.shape[:3]
     guide = sections if girth_of is None else sections[:, girth_of]
     there = np.arange(1, size + 1) % size
-    edge = guide[:, :, there] - guide
+    edge = guide.take(there, axis=2) - guide
     length = np.sqrt(np.einsum("nspk,nspk->nsp", edge, edge))
     end = np.cumsum(length, axis=2)
     start = end - length

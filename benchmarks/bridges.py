@@ -4,12 +4,13 @@ import os
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
+from authoring.alignment import Layout
 from authoring.component import F64, Component, Scatter
 from authoring.families.registry import build_bridge
 from authoring.layers.geometry import BRIDGE, geometry_layer
@@ -92,7 +93,7 @@ def measure(family: str, axis: str, least_parts: int = LEAST_PARTS) -> Row:
             layout, drawn = draw_layout(settings, stream(seed, "bridge"))
         except InputError:
             continue  # this curve does not fit what was drawn
-        build, pieces = _best(lambda layout=layout, drawn=drawn: build_bridge(layout, drawn, _level))
+        build, pieces = _best(lambda layout=layout, drawn=drawn: build_bridge(_forgetful(layout), drawn, _level))
         write = _write(pieces)
         bridges, parts = bridges + 1, parts + len(pieces)
         triangles += sum(int((piece.mesh.face_counts - 2).sum()) for piece in pieces if isinstance(piece, Component))
@@ -107,6 +108,11 @@ def _write(pieces: tuple[Component | Scatter, ...]) -> tuple[float, float]:
         paths = [Path(scratch) / f"{name}.usdc" for name in ("geometry", "semantics")]
         write, _ = _best(lambda: [export(layer, path) for layer, path in zip(layers, paths, strict=True)])
     return author, write
+
+
+def _forgetful(layout: Layout) -> Layout:
+    """Copy a layout without what its axis remembers of the stations that it was asked for."""
+    return replace(layout, alignment=replace(layout.alignment))
 
 
 def _level(xy: F64) -> F64:

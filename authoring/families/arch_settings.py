@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 ARRANGEMENTS = {"deck": 0.60, "through": 0.08, "half_through": 0.07, "tied": 0.10, "masonry": 0.15}
@@ -84,6 +85,14 @@ class ArchSettings(Settings):
     masonry: MasonrySettings = MasonrySettings()
 
 
+_ABOVE = ("through", "half_through", "tied")
+_DIMENSIONS = {  # that only some arrangements have
+    "deck": ("span", "span_to_rise"),
+    "above": tuple(f"above.{key}" for key in AboveSettings.model_fields),
+    "masonry": tuple(f"masonry.{key}" for key in MasonrySettings.model_fields),
+}
+
+
 @dataclass(frozen=True)
 class ArchChoice:
     """What every arrangement needs.
@@ -128,11 +137,12 @@ def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
         settings: What the user fixed.
         draws: Random stream and profile.
     """
+    _refuse_idle(settings)
     paper = draws.profile == "paper"
     drawn_arrangement, drawn_shape, share = draws.choose(ARRANGEMENTS), draws.choose(SHAPES), draws.random()
     drawn_deck, drawn_bracing = draws.choose(DECKS), draws.choose(BRACINGS)
     arrangement = settings.arrangement or _told(drawn_arrangement, "deck", paper)
-    above = arrangement in ("through", "half_through", "tied")
+    above = arrangement in _ABOVE
     shape = settings.shape or _told(drawn_shape, "parabola", paper)
     form = settings.form or _told(_pick(THROUGH_FORMS if above else DECK_FORMS, share), "ring", paper)
     deck = settings.deck or _told(drawn_deck, "box", paper)
@@ -160,6 +170,22 @@ def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
         hanger_pitch=draw(settings, "hanger_pitch", draws),
         below_deck=draw(settings.above, "below_deck", draws),
     )
+
+
+def _refuse_idle(settings: ArchSettings) -> None:
+    """Refuse dimensions of another arrangement than the one that was fixed: they would be without effect."""
+    own = "above" if settings.arrangement in _ABOVE else settings.arrangement
+    if own is None:
+        return
+    for key in (key for kind, keys in _DIMENSIONS.items() if kind != own for key in keys):
+        section, _, name = key.rpartition(".")
+        value = getattr(getattr(settings, section) if section else settings, name)
+        if value is not None:
+            raise InputError(
+                f"has no effect on an arch of arrangement {settings.arrangement!r}", field=f"bridge.arch.{key}",
+                value=value, allowed=", ".join(f"bridge.arch.{right}" for right in _DIMENSIONS[own]),
+                mend="Give the dimensions of this arrangement, or leave them out",
+            )  # fmt: skip
 
 
 def _told(drawn_name: str, paper_name: str, paper: bool) -> str:

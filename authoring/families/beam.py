@@ -17,7 +17,14 @@ from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_de
 from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
 from authoring.parts.drawing import Draws, draw, draw_whole, drawn
 from authoring.parts.fittings import fitting_parts
-from authoring.parts.girders import Girders, GirderSettings, diaphragm_parts, draw_girders, girder_parts
+from authoring.parts.girders import (
+    SPAN_TO_DEPTH,
+    Girders,
+    GirderSettings,
+    diaphragm_parts,
+    draw_girders,
+    girder_parts,
+)
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
 from authoring.parts.spans import Levels, Spans
@@ -124,6 +131,9 @@ def _draw_spans(settings: BeamSettings, bearings: Bearings, draws: Draws) -> Spa
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
     low, high = _DRAWN_SPANS
     inner = round(float(low * (high / low) ** draws.random()), 1)  # log-uniform
+    if settings.girder.depth:
+        shortest, longest = (settings.girder.depth * ratio for ratio in SPAN_TO_DEPTH)
+        inner = round(max(SHORTEST_SPAN, min(max(inner, shortest), longest)), 3)
     share, through = draw(settings, "end_share", draws), draws.random() < 0.35
     paper = draws.profile == "paper"
     lengths = settings.spans or _regular(count, _PAPER_SPAN if paper else inner, 1.0 if paper else share)

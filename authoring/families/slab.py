@@ -15,11 +15,13 @@ from authoring.families.shared import SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
-from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from authoring.parts.drawing import Draws, check_depth, draw, draw_whole, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
 from authoring.parts.slabs import (
+    LEAST_DEPTH,
+    SLENDERNESS,
     Slab,
     SlabSectionSettings,
     draw_section,
@@ -105,10 +107,13 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
     section = draw_section(settings, draws)
     if settings.section is None and section == "solid" and max(settings.spans, default=0.0) > _LONGEST_SOLID:
         section = "voided"
-    spans = _draw_spans(settings, section, bearings, draws)
+    spans = _draw_spans(settings, section, top.service, bearings, draws)
     longest = float(np.max(np.diff(spans.supports)))
     ratio = usual_slenderness(top.service, continuous=spans.continuous)
     slab = draw_slab_section(settings, section, top.width, longest, ratio, bearings, draws)
+    if settings.depth and draws.profile != "paper":
+        most = min(ratio * SLENDERNESS[1], longest / LEAST_DEPTH)
+        check_depth("bridge.slab.depth", slab.depth, longest, (ratio * SLENDERNESS[0], most))
     _check(settings, slab, longest)
     piers = draw_piers(shared.pier, top.width, slab.lines[-1], bearings, spans, draws)
     drawn_slab = DrawnSlab(spans, top, slab, bearings, piers, abutments)
@@ -116,7 +121,7 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
     return draw_layout_of(shared, top, spans.supports, levels.girder_soffit, levels.seat, draws), drawn_slab
 
 
-def _draw_spans(settings: SlabSettings, section: str, bearings: Bearings, draws: Draws) -> Spans:
+def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Bearings, draws: Draws) -> Spans:
     count = draw_whole(settings, "span_count", draws)
     through = draws.random() < _CONTINUOUS_SHARE
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
@@ -125,6 +130,10 @@ def _draw_spans(settings: SlabSettings, section: str, bearings: Bearings, draws:
     inner = _PAPER_SPAN if draws.profile == "paper" else round(low + (high - low) * length_share, 1)
     count = len(settings.spans) or count
     continuous = count > 1 and (through if settings.system is None else settings.system == "continuous")
+    if settings.depth and draws.profile != "paper":
+        usual = settings.depth * usual_slenderness(service, continuous=continuous)
+        inner = round(float(np.clip(inner, SLENDERNESS[0] * usual, SLENDERNESS[1] * usual)), 3)
+        inner = min(max(inner, SHORTEST_SPAN), _LONGEST_SOLID if section == "solid" else LONGEST_SPAN)
     side = inner
     if continuous and count > 2 and draws.profile != "paper":
         side = round(max(inner * (_SIDE_SPANS[0] + (_SIDE_SPANS[1] - _SIDE_SPANS[0]) * side_share), SHORTEST_SPAN), 1)

@@ -12,6 +12,8 @@ from groundwork.settings import Settings
 
 _TOTAL = {"compact": (80.0, 250.0), "realistic": (420.0, 640.0)}  # [m] whole bridge
 _PITCHES = {"compact": (3.0, 6.0), "realistic": (8.0, 18.0)}
+_OVER_DECK = (1.6, 8.0)  # [m] of the cables' lowest point, that a user may ask for
+_SAG_RATIOS = (0.05, 0.25)  # of the sag over the main span, that a user may ask for [1]
 _PAPER_TOWER = (30.0, 40.0)  # [m] towers of the paper's generator
 _PAPER_PITCH = 2.0  # [m]
 
@@ -39,11 +41,16 @@ class SuspensionSettings(Settings):
     suspended_ratio: float | None = drawn(
         0.32, 0.50, "Side span over main span, suspended [1]", ge=0.25, le=0.50, paper=(0.5, 0.5)
     )
-    sag_ratio: float | None = drawn(1.0 / 12.0, 1.0 / 8.0, "Sag of the cables over the main span [1]", ge=0.05, le=0.25)
-    over_deck: float | None = drawn(2.0, 4.0, "Lowest point of the cables above the deck [m]", ge=1.6, le=8.0)
+    sag_ratio: float | None = drawn(
+        1.0 / 12.0, 1.0 / 8.0, "Sag of the cables over the main span [1]", ge=_SAG_RATIOS[0], le=_SAG_RATIOS[1]
+    )
+    over_deck: float | None = drawn(
+        2.0, 4.0, "Lowest point of the cables above the deck [m]", ge=_OVER_DECK[0], le=_OVER_DECK[1]
+    )
     tower_height: float | None = Field(
         default=None, ge=7.0, le=140.0,
-        description="Saddles above the deck [m]; drawn: sag and `over_deck` together; fixed: `over_deck` follows",
+        description="Saddles above the deck [m]; drawn: sag and `over_deck` together; fixed: `over_deck` follows, and "
+        "an open sag as far as cables 1.6 to 8 m over the deck want it",
     )  # fmt: skip
     pitch: float | None = Field(
         default=None, ge=1.5, le=25.0,
@@ -125,6 +132,8 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
     sag, over = draw(settings, "sag_ratio", draws) * main, draw(settings, "over_deck", draws)
     if paper and settings.sag_ratio is None and settings.tower_height is None:
         sag = 0.65 * tower - over  # from nine tenths of the tower down to the deck at a quarter of it
+    if settings.tower_height and settings.sag_ratio is None:
+        sag = float(np.clip(sag, settings.tower_height - _OVER_DECK[1], settings.tower_height - _OVER_DECK[0]))
     low, high = _PITCHES[size]
     drawn_pitch = round(low + draws.random() * (high - low), 2)
     crown = settings.tower_height or round(sag + over, 2)
@@ -140,22 +149,37 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
 
 
 def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
-    """Refuse cables that hang through the deck.
+    """Refuse cables that hang through the deck or high above it, and towers that no sag between them and it suits.
 
     Args:
         settings: What the user fixed.
         choice: Kind of the bridge.
     """
-    if choice.low < 1.6 - 1e-9:
-        highest = (choice.crown - 1.6) / choice.main
+    low, sag = choice.low, choice.crown - choice.low
+    ratio = sag / choice.main
+    if settings.sag_ratio is None and not _SAG_RATIOS[0] - 1e-9 <= ratio <= _SAG_RATIOS[1] + 1e-9:
+        lowest = round(_SAG_RATIOS[0] * choice.main + _OVER_DECK[0], 2)
+        highest = round(_SAG_RATIOS[1] * choice.main + _OVER_DECK[1], 2)
         raise InputError(
-            f"a sag of {choice.crown - choice.low:.2f} m reaches under saddles {choice.crown:g} m above the deck",
-            field="bridge.suspension.sag_ratio" if settings.sag_ratio else "bridge.suspension.tower_height",
-            value=settings.sag_ratio or settings.tower_height,
-            allowed=f"a sag ratio of at most {highest:.4f}, or a tower height of at least "
-            f"{choice.crown - choice.low + 1.6:.2f} m here",
-            mend="Raise the tower or reduce the sag",
+            f"does not go with a main span of {choice.main:g} m", field="bridge.suspension.tower_height",
+            value=choice.crown, allowed=f"{lowest:g} to {highest:g} m here",
+            mend=f"The nearest is {lowest if choice.crown < lowest else highest:g} m",
         )  # fmt: skip
+    if _OVER_DECK[0] - 1e-9 <= low <= _OVER_DECK[1] + 1e-9:
+        return
+    through = low < _OVER_DECK[0]
+    side, bound = ("most", _OVER_DECK[0]) if through else ("least", _OVER_DECK[1])
+    other = "least" if through else "most"
+    fitting = (choice.crown - bound) / choice.main
+    ratio_told = f"a sag ratio of at {side} {fitting:.4f}, or " if fitting <= _SAG_RATIOS[1] else ""
+    raise InputError(
+        f"a sag of {sag:.2f} m {'reaches under' if through else f'ends {low:.2f} m over the deck below'} saddles "
+        f"{choice.crown:g} m above the deck",
+        field="bridge.suspension.sag_ratio" if settings.sag_ratio else "bridge.suspension.tower_height",
+        value=settings.sag_ratio or settings.tower_height,
+        allowed=f"{ratio_told}a tower height of at {other} {sag + bound:.2f} m here",
+        mend="Raise the tower or reduce the sag" if through else "Lower the tower or let the cables sag more",
+    )  # fmt: skip
 
 
 def hanger_stations(low: float, high: float, pitch: float) -> tuple[float, ...]:

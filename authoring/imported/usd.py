@@ -62,6 +62,9 @@ def read_usd(file: Path, warn: Warn, scale: float = 1.0) -> CityModel:
     scene = read_stage(file)
     for line in scene.warnings:
         warn(line)
+    for material in scene.materials:
+        if material.base_texture and not material.base_texture.is_plain:
+            warn(f"{material.name}: scale and bias of the texture are left out")
     counts = scene.geometry.part_count[scene.draws.part].astype(np.int64)
     check_count(int(counts.sum()), file)
     cache: dict[str, Skin] = {}

@@ -95,14 +95,14 @@ def _indexed(sets: list[F32]) -> list[IndexedUV]:
     keys = pairs.view(np.uint64).ravel()  # a pair of values as one number
     ends = np.append(starts[1:], len(keys))
     order = np.concatenate([keys[low:high].argsort() + low for low, high in zip(starts, ends, strict=True)])
-    ranked = keys[order]
+    ranked = keys.take(order)
     new = np.concatenate([[True], ranked[1:] != ranked[:-1]])
     new[starts] = True
     rank = np.cumsum(new) - 1
     firsts = rank[starts]
     indices = np.empty(len(keys), np.int32)
     indices[order] = rank - np.repeat(firsts, ends - starts)
-    values = _split(pairs[order[new]], firsts)
+    values = _split(pairs.take(order[new], axis=0), firsts)
     return [IndexedUV(*both) for both in zip(values, _split(indices, starts), strict=True)]
 
 

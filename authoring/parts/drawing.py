@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 
@@ -120,3 +121,25 @@ def drawn_range(model: type[Settings], key: str, profile: str = "default") -> tu
     assert isinstance(extra, dict)
     low, high = extra["paper" if profile == "paper" else "drawn"]  # pyright: ignore
     return float(low), float(high)  # pyright: ignore[reportArgumentType]
+
+
+def check_depth(field: str, depth: float, span: float, ratios: tuple[float, float]) -> None:
+    """Refuse a fixed depth that does not go with the span.
+
+    Args:
+        field: Key of the depth.
+        depth: Depth that was fixed [m].
+        span: Longest span [m].
+        ratios: Least and largest span over depth [1].
+
+    Raises:
+        InputError: The span is too long or too short for this depth.
+    """
+    least = float(np.ceil(100.0 * span / ratios[1] - 1e-6)) / 100.0
+    most = float(np.floor(100.0 * span / ratios[0] + 1e-6)) / 100.0
+    if not least <= depth <= most:
+        raise InputError(
+            f"does not go with a span of {span:g} m", field=field, value=depth,
+            allowed=f"{least:g} to {most:g} m here, span over depth {ratios[0]:g} to {ratios[1]:g}",
+            mend=f"The nearest is {min(max(depth, least), most):g} m",
+        )  # fmt: skip

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from authoring.alignment import Alignment
 from authoring.extrusion import Prism, prism
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, check_depth, draw, drawn
 from authoring.parts.girder_sections import EMBEDDED as EMBEDDED
 from authoring.parts.girder_sections import Girders as Girders
 from authoring.parts.girder_sections import diaphragm_heights, diaphragm_outline, girder_outline, u_top_width
@@ -21,6 +21,7 @@ from groundwork.settings import Settings
 
 Shape = Literal["i", "bulb_t", "t", "u", "box", "rectangle"]
 
+SPAN_TO_DEPTH = (10.0, 30.0)  # [1] of girders that a user may ask for
 _SHORTER = 0.012  # [m] than the slab at either end, so that their end faces do not lie in one plane
 _WIDE_SHAPES = ("u", "box")
 _CLOSE = (1.8, 3.0, 0.6, 1.2)  # [m] least and largest spacing, least and largest overhang
@@ -43,7 +44,9 @@ class GirderSettings(Settings):
         "24 m, u and box for decks from 7.5 m on; in profile paper i 50, rectangle 50. A box has no void: nothing sees "
         "it",
     )
-    slenderness: float | None = drawn(16.0, 22.0, "Longest span over girder depth [1]", ge=10.0, le=30.0)
+    slenderness: float | None = drawn(
+        16.0, 22.0, "Longest span over girder depth [1]", ge=SPAN_TO_DEPTH[0], le=SPAN_TO_DEPTH[1]
+    )
     count: int | None = Field(
         default=None,
         ge=2,
@@ -94,13 +97,15 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
         Section and lines.
 
     Raises:
-        InputError: The fixed number of lines cannot carry this width.
+        InputError: The fixed number of lines cannot carry this width, or the fixed depth does not go with the span.
     """
     paper = draws.profile == "paper"
     usual = draws.choose(shape_weights(longest_span, width, paper=paper))
     shape = settings.shape or usual
     depth = round(longest_span / draw(settings, "slenderness", draws), 2)
     depth = settings.depth or (0.6 if paper else depth)
+    if settings.depth and not paper:
+        check_depth("bridge.beam.girder.depth", depth, longest_span, SPAN_TO_DEPTH)
     wide = shape in _WIDE_SHAPES
     top, bottom, bulb = (draw(settings, key, draws) for key in ("top_width", "bottom_width", "bulb_width"))
     web, stem, soffit = (draw(settings, key, draws) for key in ("web", "stem", "wide_bottom"))

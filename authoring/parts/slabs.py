@@ -19,6 +19,7 @@ from groundwork.settings import Settings
 LEAST_DEPTH = 0.25  # [m]
 SIMPLE, CONTINUOUS = 22.0, 25.0  # span over depth [1] of road slabs
 RAIL_SIMPLE, RAIL_CONTINUOUS = 15.0, 17.0  # of railway slabs, which carry several times the load
+SLENDERNESS = (0.6, 1.4)  # of the usual span over depth, that a user may ask for [1]
 _PAPER_DEPTH = 1.0  # [m]
 _WEIGHTS = {"solid": 0.40, "voided": 0.25, "pk": 0.35}
 _PAPER_WEIGHTS = {"hexagon": 1.0, "pk": 1.0, "voided": 1.0}
@@ -43,7 +44,7 @@ class SlabSectionSettings(Settings):
     slenderness: float | None = drawn(
         0.85, 1.15,
         "Longest span over depth, as a share of 22 for simple and 25 for continuous spans, under rails 15 and 17 [1]",
-        ge=0.6, le=1.4,
+        ge=SLENDERNESS[0], le=SLENDERNESS[1],
     )  # fmt: skip
     depth: float | None = Field(default=None, ge=LEAST_DEPTH, le=1.5, description="Depth [m]; drawn by slenderness")
     cantilever: float | None = drawn(

@@ -312,6 +312,9 @@ def test_paper_profile_is_the_known_arch() -> None:
         ({"span": 300.0}, "arch.span"),
         ({"masonry": {"span": 60.0}}, "arch.masonry.span"),
         ({"sag": 3.0}, "arch.sag"),
+        ({"arrangement": "tied", "span": 100.0}, "bridge.arch.span"),
+        ({"arrangement": "deck", "above": {"span": 100.0}}, "bridge.arch.above.span"),
+        ({"arrangement": "through", "masonry": {"span": 10.0}}, "bridge.arch.masonry.span"),
     ],
 )
 def test_bad_input_names_the_key_and_the_nearest_value(own: dict[str, Any], field: str) -> None:

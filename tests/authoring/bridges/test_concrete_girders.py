@@ -197,6 +197,8 @@ def test_omitted_girders_leave_the_slab_on_its_bearings() -> None:
         ({"girder": {"shape": "u", "count": 7}}, "bridge.beam.girder.count", "lines"),
         ({"girder": {"shape": "i", "count": 2}}, "bridge.beam.girder.count", "here 5 to 7"),
         ({"spans": [12.0, 300.0]}, "bridge.beam.spans", "6 to 60 m"),
+        ({"spans": [40.0], "girder": {"depth": 0.6}}, "bridge.beam.girder.depth", "nearest is 1.34 m"),
+        ({"spans": [14.0], "girder": {"depth": 2.0}}, "bridge.beam.girder.depth", "nearest is 1.4 m"),
         ({"girder": {"shape": "z"}}, "beam.girder.shape", "bulb_t"),
         ({"girder": {"haunch": 0.4}}, "beam.girder.haunch", "0.15"),
     ],

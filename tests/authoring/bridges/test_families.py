@@ -14,10 +14,14 @@ from tests.authoring.bridges import invariants, structure
 from tests.authoring.bridges.built import STRAIGHT, build_on, make_bridge, settings_of
 from tests.authoring.bridges.conftest import BUILDS, FIXED, INVARIANTS, Judgement, profile_of
 from tests.conftest import Count, RecordProof
-from usd_schemas.components import class_of
+from usd_schemas.components import class_of, class_rows
 
 Judged = Callable[[str], dict[int, Judgement]]
 _MESSAGES = 12
+_EVERYWHERE = {"deck", "parapet", "abutment", "bearing", "column", "pier_cap", "slab", "sleeper", "track"}
+_HUNG = {"girder", "beam", "cable", "cable_base", "cable_top"}
+_OWN = {"slab": set(), "beam": {"girder"}, "girder": {"beam"}, "arch": {"arch"}, "suspension": _HUNG,
+        "cable_stayed": _HUNG}  # fmt: skip
 
 
 @pytest.mark.parametrize("invariant", [BUILDS, *(invariant.__name__ for invariant in INVARIANTS)])
@@ -36,23 +40,42 @@ def test_holds_for_every_bridge(family: str, invariant: str, judged: Judged, rec
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_same_seed_is_the_same_bytes(family: str) -> None:
-    """A seed gives one bridge to the byte, another seed another."""
-    one, two, other = make_bridge(family, FIXED), make_bridge(family, FIXED), make_bridge(family, FIXED + 1)
-    assert len(one.members) == len(two.members)
-    for first, second in zip(one.members, two.members, strict=True):
-        assert (first.name, first.kind, first.role, first.instance_id, first.parameters) == (
-            second.name, second.kind, second.role, second.instance_id, second.parameters,
-        )  # fmt: skip
-        for key in ("points", "face_counts", "corners", "normals", "st", "st1"):
-            assert getattr(first.mesh, key).tobytes() == getattr(second.mesh, key).tobytes(), (first.name, key)
-    assert one.drawn != other.drawn
+def test_same_seed_is_the_same_bytes(family: str, proof_count: Count, record_proof: RecordProof) -> None:
+    """A seed gives one bridge to the byte, the next seed another."""
+    count = proof_count(1, 200)
+    before = None
+    for seed in range(FIXED, FIXED + count):
+        one, two = make_bridge(family, seed), make_bridge(family, seed)
+        assert len(one.members) == len(two.members)
+        for first, second in zip(one.members, two.members, strict=True):
+            assert (first.name, first.kind, first.role, first.instance_id, first.parameters) == (
+                second.name, second.kind, second.role, second.instance_id, second.parameters,
+            )  # fmt: skip
+            for key in ("points", "face_counts", "corners", "normals", "st", "st1"):
+                assert getattr(first.mesh, key).tobytes() == getattr(second.mesh, key).tobytes(), (first.name, key)
+        assert one.drawn != (before or make_bridge(family, seed + 1).drawn)
+        before = one.drawn
+    record_proof(f"bridges/{family}/same_seed_same_bytes", count, FIXED, {"bridges_with_faults": 0})
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_railway_bridges_show_every_class_of_their_family(family: str) -> None:
+    """The matrix of classes and families, on track slabs; all families together have the paper's sixteen."""
+    wanted, seen = _EVERYWHERE | _OWN[family], set[str]()
+    for seed in range(FIXED, FIXED + 12):
+        bridge = make_bridge(family, seed, service="rail_double", track={"bed": "slab"})
+        seen |= {class_of(member.kind) for member in bridge.members}
+        if wanted <= seen:
+            break
+    assert wanted <= seen, wanted - seen
+    paper = {row.name for row in class_rows()} - {"background", "noisy_point", "unlabelled"}
+    assert _EVERYWHERE.union(*_OWN.values()) == paper
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_left_and_right_are_alike(family: str, proof_count: Count, record_proof: RecordProof) -> None:
     """A straight, square, unbanked bridge without fittings is the mirror image of itself."""
-    count = proof_count(1, 50)
+    count = proof_count(1, 200)
     for seed in range(FIXED, FIXED + count):
         bridge = make_bridge(family, seed, **STRAIGHT)
         wrong = structure.mirrored_about_the_axis(bridge)
@@ -63,7 +86,7 @@ def test_left_and_right_are_alike(family: str, proof_count: Count, record_proof:
 @pytest.mark.parametrize("family", FAMILIES)
 def test_stands_on_its_site(family: str, proof_count: Count, record_proof: RecordProof) -> None:
     """On the ground drawn for it nothing floats, and no ground reaches deck or girders between the abutments."""
-    count = proof_count(1, 20)
+    count = proof_count(1, 60)
     for seed in range(FIXED, FIXED + count):
         layout, drawn = draw_layout(settings_of(family), stream(seed, "bridge"))
         site = draw_site(AuthoringSettings().site, layout, stream(seed, "site"))
@@ -77,6 +100,26 @@ def test_stands_on_its_site(family: str, proof_count: Count, record_proof: Recor
                     wrong.append(f"{member.name} is {height.min():.2f} m over the ground")
         assert not wrong, f"{family} {seed}: " + "; ".join(wrong[:_MESSAGES])
     record_proof(f"bridges/{family}/stands_on_its_site", count, FIXED, {"bridges_with_faults": 0})
+
+
+@pytest.mark.parametrize(("kind", "axis"), [("deck", 0), ("parapet", 0), ("pier_cap", 1), ("column", 2)])
+def test_u_runs_along_a_member(kind: str, axis: int) -> None:
+    """So that joints and board marks, which cross u, lie square to a member: decks ahead, caps across, columns up."""
+    bridge = make_bridge("girder", FIXED, **STRAIGHT)
+    along = whole = 0.0
+    for member, points in zip(bridge.members, bridge.bridge_coordinates, strict=True):
+        if class_of(member.kind) != kind:
+            continue
+        first = np.concatenate([[0], np.cumsum(member.mesh.face_counts)[:-1]])[:, None] + np.arange(3)
+        corners, uv = points[member.mesh.corners[first]], member.mesh.st[first]
+        one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+        turned = (one * b[:, 1:] - two * a[:, 1:]) * np.sign(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])[:, None]
+        length = np.linalg.norm(turned, axis=1)
+        area = np.linalg.norm(np.cross(one, two), axis=1)
+        whole += float(area[length > 0].sum())
+        along += float(area[(length > 0) & (np.abs(turned[:, axis]) > 0.97 * length)].sum())
+    assert along > 0.9 * whole > 0.0, along / whole
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -92,6 +92,25 @@ def test_steel_boxes_are_drawn_for_long_spans_alone() -> None:
     assert draw_layout(asked, stream(FIXED, "bridge"))[1].record.steel.arrangement == "box"
 
 
+@pytest.mark.parametrize(("family", "own"), [("slab", {"depth": 0.6}), ("beam", {"girder": {"depth": 0.9}})])
+def test_drawn_spans_follow_a_fixed_depth(family: str, own: dict[str, object]) -> None:
+    """A depth alone never makes a bridge that its own rule would refuse: the open spans give way."""
+    for seed in range(60):
+        layout, _ = draw_layout(settings_of(family, service="road", **{family: own}), stream(seed, "bridge"))
+        longest = float(np.diff(layout.supports).max())
+        low, high = (0.6 * 0.6 * 22.0, 0.6 * 1.4 * 25.0) if family == "slab" else (9.0, 27.0)
+        assert low - 0.01 <= longest <= high + 0.01
+
+
+def test_an_open_sag_follows_a_fixed_tower() -> None:
+    """Towers of 30 m on a span of 200 m: whatever sag was drawn, the cables end 1.6 to 8 m over the deck."""
+    settings = settings_of("suspension", suspension={"main": 200.0, "tower_height": 30.0})
+    for seed in range(30):
+        choice = draw_layout(settings, stream(seed, "bridge"))[1].record.choice
+        assert choice.crown == 30.0
+        assert 1.6 <= choice.low <= 8.0
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_ground_above_any_deck_is_refused(family: str) -> None:
     """A hill through the road is one line that names the key and how much higher it has to be."""

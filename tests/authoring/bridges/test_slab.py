@@ -141,14 +141,14 @@ def test_the_paper_puts_a_pier_every_ten_metres_under_a_slab_one_metre_deep() ->
             "",
         ),
         ({"slab": {"spans": [10.0] * 9}}, "slab.spans", ""),
+        ({"slab": {"spans": [18.0], "depth": 0.3}, "service": "road"}, "bridge.slab.depth", "nearest is 0.59 m"),
+        ({"slab": {"spans": [6.0], "depth": 1.5}, "service": "road"}, "bridge.slab.depth", "nearest is 0.45 m"),
         ({"slab": {"depht": 0.5}}, "slab.depht", "depth"),
     ],
 )
 def test_bad_input_names_field_and_nearest_value(settings: dict[str, Any], field: str, nearest: str) -> None:
     """One line that names the key and what would be taken."""
     with pytest.raises(InputError, match=re.escape(field)) as caught:
-        make_bridge("slab", 1, service="road", **settings) if "roadway" in settings else make_bridge(
-            "slab", 1, **settings
-        )
+        make_bridge("slab", 1, **({"service": "road"} if "roadway" in settings else {}), **settings)
     assert "\n" not in str(caught.value)
     assert nearest in str(caught.value)
