@@ -70,13 +70,14 @@ def main() -> None:
         layout = author_bench(work / "stage")
         scene = read_stage(work / "stage" / "scene.usda")
         ours = {quality: measure_ours(work, quality) for quality in LIMITS}
+        memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 / 1e9
         peers = [*measure_blender(work), *measure_pyrender(work, scene)]
         pairs = view_pairs(layout)
         values, pictures = judge_views(work, scene, pairs)
         write_bytes(
             PICTURE, cv2.imencode(".jpg", np.hstack(pictures)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
         )
-        write_text(PAGE, _page(scene, ours, peers, values))
+        write_text(PAGE, _page(scene, ours, memory, peers, values))
 
 
 def measure_ours(work: Path, quality: str) -> Cost:
@@ -189,7 +190,9 @@ def _children() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def _page(scene: FlatScene, ours: dict[str, Cost], peers: list[Cost], values: dict[str, SfmValue]) -> str:
+def _page(
+    scene: FlatScene, ours: dict[str, Cost], memory: float, peers: list[Cost], values: dict[str, SfmValue]
+) -> str:
     triangles = int(scene.geometry.part_count[scene.draws.part].sum())
     standard = ours["standard"]
     lines = [
@@ -203,7 +206,8 @@ def _page(scene: FlatScene, ours: dict[str, Cost], peers: list[Cost], values: di
         "",
         "Ours: photograph with sensor noise, depth, labels and instances, encoded and written; what each of "
         f"{IMAGES[LONG] - IMAGES[SHORT]}",
-        "further images of a survey costs. The others: one image after a first one, scene and textures loaded.",
+        f"further images of a survey costs; a process takes {memory:.1f} GB at most, while it prepares. The others:",
+        "one image after a first one, scene and textures loaded.",
         "",
         "| renderer | processor [s an image] | at most | images a second | at least | times `standard` |",
         "|---|---|---|---|---|---|",

@@ -1,5 +1,6 @@
 """What a capture or a cloud depends on besides its settings: package versions, the processor, the GL renderer."""
 
+import zlib
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -21,7 +22,7 @@ def render_platform(device: str = "auto") -> dict[str, str]:
         device: Which device draws, as in `render.settings`.
 
     Returns:
-        Package name to version, `cpu`, and `gl_renderer` and `gl_version`.
+        Package name to version, `zlib`, `cpu`, and `gl_renderer` and `gl_version`.
 
     Raises:
         InputError: No GL driver works here; the text holds the mend.
@@ -29,7 +30,8 @@ def render_platform(device: str = "auto") -> dict[str, str]:
     request = {"device": device}
     driver = run_child("render.probe", request, time_limit=PROBE_TIME_LIMIT, memory_limit=PROBE_MEMORY_LIMIT)
     strings = {f"gl_{key}": str(driver[key]) for key in ("renderer", "version")}
-    return {**{name: version(name) for name in RENDER_PACKAGES}, "cpu": processor(), **strings}
+    packages = {name: version(name) for name in RENDER_PACKAGES}
+    return {**packages, "zlib": zlib.ZLIB_RUNTIME_VERSION, "cpu": processor(), **strings}
 
 
 @cache

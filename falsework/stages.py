@@ -119,7 +119,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 STAGES: dict[str, Stage] = {
     "stage": Stage(5, author),
-    "capture": Stage(4, capture, resumes=True),
+    "capture": Stage(5, capture, resumes=True),
     "cloud": Stage(3, cloud, resumes=True),
     "report": Stage(1, report),
 }

@@ -74,6 +74,8 @@ class SurfaceLook:
             placed = _place(material.base_texture, st1 if material.base_texture.uv_set else st)
             found = _nearest(texels, placed)
             color = _linear(found[:, :3]) if material.base_texture.srgb else found[:, :3].astype(np.float32) / 255
+            gain, bias = np.array([material.base_texture.gain, material.base_texture.bias], np.float32)
+            color = np.clip(color * gain + bias, 0.0, 1.0)
             if found.shape[1] == 4 and material.opacity_threshold > 0:
                 solid = found[:, 3] >= 255 * material.opacity_threshold
         elif material.use_display_color:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from groundwork.files import space_errors, write_bytes, write_json
 from render import image_files
 from render.capture import CAMERAS, FORMAT, FORMAT_VERSION, TRUTH, CamerasFile, Capture, Readout
+from render.depth_tiff import encode_depth_tiff
 from usd_schemas.distortion import NO_DISTORTION, Distortion
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole
@@ -78,7 +79,7 @@ def encode_frame_truth(name: str, frame: FrameTruth, *, wide_ids: bool) -> dict[
     else:
         ids = {f"{TRUTH}/instance/{name}.png": image_files.encode_png(frame.instance.astype(np.uint16))}
     files = {
-        f"{TRUTH}/depth/{name}.tiff": image_files.encode_depth(frame.depth),
+        f"{TRUTH}/depth/{name}.tiff": encode_depth_tiff(frame.depth),
         f"{TRUTH}/semantic/{name}.png": image_files.encode_png(frame.semantic),
         **ids,
     }

@@ -4,7 +4,7 @@ Radiance out of a Lambert surface is albedo * (E_sun * cos / pi * visibility + E
 times intensity is E_sun; a DomeLight's texel times intensity is the radiance of that direction.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ class Daylight:
         dome_from_world: Turns world directions into the dome's, shape (3, 3), float64.
         open_sky: Irradiance coefficients of the unobstructed dome [1], shape (4, 3), float64: E(n) = c0 + c1..3 . n.
         haze: Radiance at the horizon [1], shape (3,), float64.
+        sun_angle: Angular diameter of the sun [rad].
     """
 
     sun_direction: F64
@@ -43,6 +44,7 @@ class Daylight:
     dome_from_world: F64
     open_sky: F64
     haze: F64
+    sun_angle: float
 
     def radiance(self, directions: F64) -> F64:
         """Look the sky up.
@@ -71,7 +73,7 @@ def read_daylight(scene: FlatScene) -> tuple[Daylight, list[str]]:
     """
     warnings: list[str] = []
     sun, dome = scene.sun, scene.dome
-    if sun is None and dome is None:
+    if sun is None and dome is None and not scene.sphere_lights:
         warnings.append("the stage has no light: drawn under a default sun and sky")
         sun = _DEFAULT_SUN
         panorama, rotation = _default_sky(), _POLE_UP
@@ -82,15 +84,14 @@ def read_daylight(scene: FlatScene) -> tuple[Daylight, list[str]]:
     direction = np.array(sun.direction if sun else (0.0, 0.0, 1.0))
     irradiance = np.array(sun.radiance if sun else (0.0, 0.0, 0.0))
     directions = sphere(4096)
+    angle = float(np.radians(sun.angle)) if sun else 0.0
     bare = Daylight(
-        direction / np.linalg.norm(direction), irradiance, panorama, rotation.T, np.zeros((4, 3)), np.zeros(3)
+        direction / np.linalg.norm(direction), irradiance, panorama, rotation.T, np.zeros((4, 3)), np.zeros(3), angle
     )
     radiance = bare.radiance(directions)
     ring = (directions[:, 2] > _HORIZON_RING[0]) & (directions[:, 2] < _HORIZON_RING[1])
     coefficients = irradiance_coefficients(directions, radiance[None])[0]
-    return Daylight(
-        bare.sun_direction, irradiance, panorama, rotation.T, coefficients, radiance[ring].mean(axis=0)
-    ), warnings
+    return replace(bare, open_sky=coefficients, haze=radiance[ring].mean(axis=0)), warnings
 
 
 def sphere(count: int) -> F64:

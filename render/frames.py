@@ -33,12 +33,12 @@ from render.settings import RenderSettings
 from render.shutter import read_out
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole, pinhole_from_lens
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.scene_cache import load_scene
 
 _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-_RECIPE = 1  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_RECIPE = 2  # raised whenever frames that an interrupted run left would no longer fit to new ones
 Share = tuple[int, int]
 ALL: Share = (0, 1)
 Shot = Callable[[], View]
@@ -95,7 +95,7 @@ def render_stage(
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
     """
-    return render_scene(read_stage(scene, survey=survey or None), folder, settings, seed, progress, share)
+    return render_scene(load_scene(scene, survey=survey or None), folder, settings, seed, progress, share)
 
 
 def render_scene(
@@ -207,9 +207,13 @@ def _meter_survey(prepared: Prepared, track: CameraTrack, camera: Pinhole) -> fl
 def _photograph(
     assignment: Assignment, prepared: Prepared, sensor: Sensor, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
-    """Draw on this thread, develop and encode on others; no more frames are in flight than there are threads."""
+    """Draw on this thread, develop and encode on others; no more frames are in flight than there are threads.
+
+    What sees the same ground comes together, so that its shadows are drawn once.
+    """
     encoders, total = assignment.settings.encoders, len(assignment.track.poses)
-    shoot = _camera_body(assignment, prepared)
+    widest, shoot = _camera_body(assignment, prepared)
+    squares = prepared.shadow_squares(assignment.track.poses, widest)
     waiting: deque[Future[None]] = deque()
     done = total - len(rows)
 
@@ -221,7 +225,8 @@ def _photograph(
 
     progress.stage("render", total)
     with ThreadPoolExecutor(encoders) as pool:
-        for row in rows:
+        for row in squares.together(rows):
+            prepared.sharpen_shadows(squares, row)
             waiting.append(pool.submit(_finish_frame, assignment, sensor, journal, row, shoot(row)))
             while len(waiting) > encoders or (waiting and waiting[0].done()):
                 collect()
@@ -229,8 +234,11 @@ def _photograph(
             collect()
 
 
-def _camera_body(assignment: Assignment, prepared: Prepared) -> Callable[[int], Shot]:
-    """Make what draws the frame of a row now, and returns how to get its view, which another thread may do."""
+def _camera_body(assignment: Assignment, prepared: Prepared) -> tuple[Pinhole, Callable[[int], Shot]]:
+    """Make what draws the frame of a row now, and returns how to get its view, which another thread may do.
+
+    With it come the intrinsics of all that it draws.
+    """
     track, camera, readout = assignment.track, assignment.camera, assignment.readout
     bands = readout.bands if readout is not None else ((0, camera.height),)
     poses = readout.poses if readout is not None else track.poses[:, None]
@@ -241,7 +249,7 @@ def _camera_body(assignment: Assignment, prepared: Prepared) -> Callable[[int], 
             view = painter.draw_bands(poses[row], bands, track.near)
             return lambda: view
 
-        return shoot
+        return camera, shoot
     lens, wide = prepared.lens(camera, track.distortion)
     windows = [lens.window(band) for band in bands]
 
@@ -249,7 +257,7 @@ def _camera_body(assignment: Assignment, prepared: Prepared) -> Callable[[int], 
         views = [wide.draw_window(pose, window, track.near) for pose, window in zip(poses[row], windows, strict=True)]
         return lambda: lens.look(views, poses[row], bands, track.near)
 
-    return shoot_wide
+    return lens.wide, shoot_wide
 
 
 def _finish_frame(assignment: Assignment, sensor: Sensor, journal: Journal, row: int, shot: Shot) -> None:
@@ -259,7 +267,7 @@ def _finish_frame(assignment: Assignment, sensor: Sensor, journal: Journal, row:
     labels = np.concatenate([np.zeros(1, np.uint8), scene.draws.label])
     frame = FrameTruth(view.depth, labels[view.draw], ids[view.draw], view.normal)
     files = encode_frame_truth(name, frame, wide_ids=int(ids.max()) >= image_files.WIDE_ID)
-    exposure = sensor.expose(row, view.code)
+    exposure = sensor.expose(row, view.code, view.draw > 0)
     pixels = sensor.develop(view.code, exposure)
     settings = assignment.settings.sensor
     files[f"images/{name}.{settings.image_format}"] = _encode_photograph(assignment, pixels, exposure, row)

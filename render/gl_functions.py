@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _COLOR, _DEPTH = 0x1800, 0x1801
-_TEXTURE_2D = 0x0DE1
+_TEXTURE_2D, _TEXTURE_2D_ARRAY = 0x0DE1, 0x8C1A
+_BYTES = {1: 0x8229, 4: 0x8058}  # internal formats R8 and RGBA8
 _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x1902, 0x8CAC, 0x1406
 
 
@@ -24,6 +25,8 @@ class GlFunctions:
         self._bind_texture = _function(load, "glBindTexture", ctypes.c_uint, ctypes.c_uint)
         sizes = (ctypes.c_uint, *[ctypes.c_int] * 5, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
         self._texture_image = _function(load, "glTexImage2D", *sizes)
+        self._texture_storage = _function(load, "glTexStorage3D", ctypes.c_uint, ctypes.c_int, ctypes.c_uint,
+                                          *[ctypes.c_int] * 3)  # fmt: skip
 
     def clip_depth_zero_to_one(self) -> None:
         """Let clip-space depth run from 0 to w, so that reversed depth keeps all digits of its float."""
@@ -53,6 +56,18 @@ class GlFunctions:
             value: What every pixel becomes [1].
         """
         self._clear_float(_DEPTH, 0, (ctypes.c_float * 1)(value))
+
+    def make_array(self, texture: int, side: int, layers: int, channels: int) -> None:
+        """Give a texture array storage for all of its levels; else mipmaps are built in a copy, twice as large.
+
+        Args:
+            texture: OpenGL name of the texture.
+            side: Side of the layers [px], a power of two.
+            layers: Number of layers.
+            channels: 1 or 4 bytes a texel.
+        """
+        self._bind_texture(_TEXTURE_2D_ARRAY, texture)
+        self._texture_storage(_TEXTURE_2D_ARRAY, side.bit_length(), _BYTES[channels], side, side, layers)
 
     def make_depth_float(self, texture: int, width: int, height: int) -> None:
         """Give a depth texture 32-bit float storage; moderngl's own has 24-bit integers.

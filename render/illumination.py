@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from render.daylight import Daylight
 from render.light_volume import LightVolume
+from render.local_lights import LocalLights
 from render.programs import set_uniform
 from render.settings import ShadingSettings
-from render.shadows import ShadowMap
+from render.shadows import Shadows
 from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
@@ -30,16 +31,19 @@ class Illumination:
         shadow: The sun's shadow maps, or None without a sun.
         volume: The light volume, or None.
         haze_distance: Distance at which haze takes 63 % of the contrast [m].
+        local: Lights that stand in the scene.
     """
 
     daylight: Daylight
-    shadow: ShadowMap | None
+    shadow: Shadows | None
     volume: LightVolume | None
     haze_distance: float
+    local: LocalLights
 
     def features(self) -> tuple[str, ...]:
         """Name what the surface shader must be compiled with."""
-        return (*(("SUN",) if self.shadow is not None else ()), *(("VOLUME",) if self.volume is not None else ()))
+        sun, volume = self.shadow is not None, self.volume is not None
+        return (*(("SUN",) if sun else ()), *(("VOLUME",) if volume else ()), *self.local.features())
 
 
 def haze_distance(scene: FlatScene, settings: ShadingSettings) -> float:
@@ -72,7 +76,7 @@ class Lamps:
         self._panorama = context.texture(panorama.shape[1::-1], 3, panorama.astype(np.float16).tobytes(), dtype="f2")
         self._panorama.build_mipmaps()
         self._panorama.repeat_y = False
-        self._shadow = light.shadow.texture if light.shadow is not None else None
+        self._shadow = light.shadow
         self._volume = _volume_textures(context, light.volume) if light.volume is not None else []
         self._values = _uniforms(light, anchor)
 
@@ -84,19 +88,31 @@ class Lamps:
         """
         self._panorama.use(_PANORAMA_UNIT)
         if self._shadow is not None:
-            self._shadow.use(_SHADOW_UNIT)
+            self._shadow.texture.use(_SHADOW_UNIT)
         for unit, texture in enumerate(self._volume, _VOLUME_UNIT):
             texture.use(unit)
         for name, value in self._values.items():
             set_uniform(program, name, value)
 
+    def aim(self, program: moderngl.Program, eye: F64) -> None:
+        """Tell a program where the camera stands and which square has sharp shadows now.
+
+        Args:
+            program: Compiled program.
+            eye: Camera centre, counted from the anchor [m], shape (3,), float64.
+        """
+        set_uniform(program, "eye", tuple(eye.tolist()))
+        if self._shadow is not None:
+            for name, value in self._shadow.seen_from(eye).items():
+                set_uniform(program, name, value)
+
 
 def _volume_textures(context: moderngl.Context, volume: LightVolume) -> list[moderngl.Texture3D]:
     """One texture a colour channel; its four channels are the coefficients."""
-    coefficients = volume.coefficients.astype(np.float16)
+    coefficients = volume.coefficients.astype(np.float32)  # halves would take a processor longer to read
     textures = []
     for channel in range(3):
-        texture = context.texture3d(coefficients.shape[2::-1], 4, coefficients[..., channel].tobytes(), dtype="f2")
+        texture = context.texture3d(coefficients.shape[2::-1], 4, coefficients[..., channel].tobytes(), dtype="f4")
         texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
         texture.repeat_x = texture.repeat_y = texture.repeat_z = False
         textures.append(texture)
@@ -116,13 +132,7 @@ def _uniforms(light: Illumination, anchor: F64) -> dict[str, object]:
         "dome_from_world": daylight.dome_from_world.T.astype(np.float32).tobytes(),
     }
     if light.shadow is not None:
-        values |= {
-            "shadow_map": _SHADOW_UNIT,
-            "sun_axes": light.shadow.axes.astype(np.float32).tobytes(),
-            "near_map": tuple(light.shadow.maps[0].tolist()),
-            "far_map": tuple(light.shadow.maps[1].tolist()),
-            "shadow_lift": light.shadow.lifts,
-        }
+        values |= {"shadow_map": _SHADOW_UNIT, **light.shadow.uniforms()}
     if light.volume is not None:
         cell, counts = light.volume.cell, np.array(light.volume.coefficients.shape[2::-1])
         values |= {
@@ -131,4 +141,4 @@ def _uniforms(light: Illumination, anchor: F64) -> dict[str, object]:
             "volume_scale": tuple((1.0 / (cell * counts)).tolist()),
             "volume_cell": cell,
         }  # fmt: skip
-    return values
+    return values | light.local.uniforms(anchor)

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from groundwork.errors import InputError, MissingError
 
 _DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
-_FLOAT_PREDICTOR = 3
 _JPEG_END = b"\xff\xd9"
+_PNG = b"\x89PNG\r\n\x1a\n"
+_HEADER = 1 << 16  # bytes in which the size of an image stands
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that begin a frame: its size follows
 _RUN_LENGTH = 3  # PNG strategy: half the time of the default at the same size
 WIDE_ID = 0x10000
 
@@ -44,19 +46,6 @@ def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     """
     ordered = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels
     return _encode(".png", ordered, [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, _RUN_LENGTH])
-
-
-def encode_depth(depth: NDArray[np.float32]) -> bytes:
-    """Encode a depth image as TIFF without loss.
-
-    Args:
-        depth: Planar depth [m], +inf where there is nothing, shape (H, W), float32.
-
-    Returns:
-        The file's bytes.
-    """
-    options = [cv2.IMWRITE_TIFF_COMPRESSION, _DEFLATE, cv2.IMWRITE_TIFF_PREDICTOR, _FLOAT_PREDICTOR]
-    return _encode(".tiff", depth, options)
 
 
 def encode_wide_ids(ids: NDArray[np.uint32]) -> bytes:
@@ -110,6 +99,30 @@ def decode(path: Path) -> NDArray[Any]:
     if pixels.ndim == 2:
         return pixels
     return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB)
+
+
+def size(path: Path) -> tuple[int, int] | None:
+    """Read the size of an image from its first bytes.
+
+    Args:
+        path: JPEG or PNG.
+
+    Returns:
+        Width and height [px], as stored; None where only decoding can tell.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(_HEADER)
+    except OSError:
+        return None
+    if data[:8] == _PNG and len(data) >= 24:
+        return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
+    place = 2
+    while data[:2] == b"\xff\xd8" and place + 9 <= len(data) and data[place] == 0xFF:
+        if data[place + 1] in _FRAMES:
+            return int.from_bytes(data[place + 7 : place + 9]), int.from_bytes(data[place + 5 : place + 7])
+        place += 2 + int.from_bytes(data[place + 2 : place + 4])
+    return None
 
 
 def _decode(data: bytes, *, jpeg: bool) -> NDArray[Any] | None:

@@ -25,8 +25,8 @@ U16 = NDArray[np.uint16]
 U32 = NDArray[np.uint32]
 
 _MARGIN = 3  # [px] around the wider view
-FINER = 2  # the exact images of the wider view have this many pixels to one: grass and cables are thinner than that
-_AROUND = 5  # [finer px] side of the square whose triangles a ray is cut with: a blade is seen along its length
+_FINEST = (4, 3, 2)  # finer pixels to one, along rows and columns: railings and grass are thinner than a pixel
+_MOST_FINE = 24_000_000  # finer pixels of one view; each takes 16 bytes
 _SMALL = 4.0  # [px^2] the ray may have missed a smaller triangle and still have met its neighbour
 Window = tuple[int, int]
 
@@ -101,6 +101,7 @@ class Lens:
         high = np.ceil(place.max(axis=(0, 1))).astype(int) + _MARGIN
         width, height = (high - low).tolist()
         self.wide = Pinhole(width, height, camera.fx, camera.fy, float(-low[0]), float(-low[1]))
+        self.finer = next((n for n in _FINEST if n * n * width * height <= _MOST_FINE), _FINEST[-1])
         self._rays, self._place = rays, place - low
 
     def window(self, band: Window) -> Window:
@@ -132,7 +133,7 @@ class Lens:
             code[rows] = _resample(view.code, place)
             assert view.triangle is not None
             met = normal[rows] if self._normals else normal
-            images = (view.draw, view.triangle, FINER * place, self._rays[rows], near)
+            images = (view.draw, view.triangle, self.finer * place, self._rays[rows], near, 2 * self.finer + 1)
             _meet(*images, *self._from_camera(pose), draw[rows], depth[rows], met, self._normals)  # pyright: ignore
         return View(code, draw, depth, normal if self._normals else None)
 
@@ -142,7 +143,7 @@ class Lens:
         linear = pose[:3, :3].T @ geometry.transform[:, :3, :3]
         shift = (geometry.transform[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
         seen = np.concatenate([linear, shift[:, :, None]], axis=2)
-        focal = self.wide.fx * self.wide.fy * FINER**2
+        focal = self.wide.fx * self.wide.fy * self.finer**2
         return (
             geometry.positions, geometry.normals, geometry.triangles, geometry.first, np.ascontiguousarray(seen),
             geometry.cofactor, geometry.mirrored, geometry.cut_out, geometry.neighbours, focal,
@@ -159,19 +160,20 @@ def _resample(code: U16, place: F64) -> U16:
 
 @njit(nogil=True)
 def _meet(
-    draws: U32, parts: U32, place: F64, rays: F64, near: float, positions: F32, normals: F32, triangles: U32,
-    first: NDArray[np.int64], seen: F64, cofactor: F64, mirrored: NDArray[np.bool_], cut_out: NDArray[np.bool_],
-    neighbours: NDArray[np.int32], focal: float, draw_out: U32, depth_out: F32, normal_out: F32, wants_normals: bool,
+    draws: U32, parts: U32, place: F64, rays: F64, near: float, around: int, positions: F32, normals: F32,
+    triangles: U32, first: NDArray[np.int64], seen: F64, cofactor: F64, mirrored: NDArray[np.bool_],
+    cut_out: NDArray[np.bool_], neighbours: NDArray[np.int32], focal: float, draw_out: U32, depth_out: F32,
+    normal_out: F32, wants_normals: bool,
 ) -> None:  # fmt: skip
-    """Cut the ray of each pixel with the triangles around its place."""
+    """Cut the ray of each pixel with the triangles in the square of `around` finer pixels about its place."""
     height, width = draws.shape
-    corners, known, chosen = np.empty((3, 3)), np.empty((4 * _AROUND * _AROUND, 2), np.int64), np.empty(3)
+    corners, known, chosen = np.empty((3, 3)), np.empty((4 * around * around, 2), np.int64), np.empty(3)
     for row in range(place.shape[0]):
         for column in range(place.shape[1]):
             x, y = rays[row, column, 0], rays[row, column, 1]
             left = min(max(int(place[row, column, 0]), 0), width - 1)
             top = min(max(int(place[row, column, 1]), 0), height - 1)
-            count, sky = _candidates(known, draws, parts, left, top, first, cut_out, neighbours)
+            count, sky = _candidates(known, draws, parts, left, top, around, first, cut_out, neighbours)
             best, best_draw, best_part = np.inf, 0, 0
             for number in range(count):
                 draw, part = known[number]
@@ -196,16 +198,16 @@ def _meet(
 
 @njit(nogil=True)
 def _candidates(
-    known: NDArray[np.int64], draws: U32, parts: U32, left: int, top: int, first: NDArray[np.int64],
+    known: NDArray[np.int64], draws: U32, parts: U32, left: int, top: int, around: int, first: NDArray[np.int64],
     cut_out: NDArray[np.bool_], neighbours: NDArray[np.int32],
 ) -> tuple[int, bool]:  # fmt: skip
     """List the triangles that the pixels around show, the middle one's first, then those that share their edges."""
     height, width = draws.shape
     count, sky = 0, False
-    for step in range(_AROUND * _AROUND):
-        shift = (_AROUND * _AROUND // 2 + step) % (_AROUND * _AROUND)
-        down = min(max(top + shift // _AROUND - _AROUND // 2, 0), height - 1)
-        across = min(max(left + shift % _AROUND - _AROUND // 2, 0), width - 1)
+    for step in range(around * around):
+        shift = (around * around // 2 + step) % (around * around)
+        down = min(max(top + shift // around - around // 2, 0), height - 1)
+        across = min(max(left + shift % around - around // 2, 0), width - 1)
         draw = np.int64(draws[down, across])
         sky = sky or draw == 0
         if draw == 0 or (step > 0 and cut_out[draw - 1]):

@@ -1,20 +1,20 @@
 """Materials as the shader reads them, and which shader each of them needs."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from render.textures import TextureKey, TextureSlot
-from usd_schemas.flat_scene import Material, Texture
+from usd_schemas.flat_scene import MOST_OCTAVES, Material, Texture
 
 F32 = NDArray[np.float32]
 
-OCTAVES = 3  # the shader sums the first three; more would cost a look-up a pixel each
 _MIRROR_ROUGHNESS = 0.35  # rougher surfaces show no image of the sky
 
-# One row of the shader's material buffer; the order of `struct Material` in surface.frag.
+# One row of the shader's material buffer; the order of `struct Material` in rows.glsl.
 ROW = np.dtype(
     [
         ("base", "4f4"),  # colour, roughness
@@ -22,12 +22,18 @@ ROW = np.dtype(
         ("albedo", "(2,4)f4"),  # rows of the affine map of (s, t, 1) and (layer, uv set)
         ("roughness", "(2,4)f4"),
         ("normal", "(2,4)f4"),
+        ("metallic", "(2,4)f4"),
         ("frequencies", "4f4"),  # detail: tiles per metre of each octave, layer
         ("amplitudes", "4f4"),  # detail: contrast of each octave, macro layer
         ("options", "4f4"),  # opacity threshold, takes the vertex colour
     ]
 )
-SLOTS = ("albedo", "roughness", "normal", "detail", "macro")
+_AVERAGED = {"fast": ("roughness", "metallic"), "standard": ("roughness",), "fine": ()}
+_KINDS: dict[str, Literal["color", "vector", "number"]] = {
+    "albedo": "color", "roughness": "number", "normal": "vector", "metallic": "number",
+}  # fmt: skip
+_UNREAD = {"fast": ("normal",), "standard": (), "fine": ()}
+SLOTS = ("albedo", "roughness", "normal", "detail", "macro", "metallic")
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,7 @@ class Variant:
 
     Attributes:
         features: Names that the shader is compiled with.
-        arrays: Texture array of each of `SLOTS`, shape (side, side, layers), RGBA uint8, or None.
+        arrays: Texture array of each of `SLOTS`, shape (side, side, layers), uint8, or None.
     """
 
     features: tuple[str, ...]
@@ -58,13 +64,21 @@ class MaterialTable:
     means: NDArray[np.float64]
 
 
-def texture_keys(materials: tuple[Material, ...]) -> list[TextureKey]:
+def texture_keys(materials: tuple[Material, ...], quality: str) -> tuple[list[TextureKey], list[TextureKey]]:
     """List the textures that materials name.
 
     Args:
         materials: Materials.
+        quality: As for `tabulate_materials`.
+
+    Returns:
+        Those that are looked up at pixels, and those of which only the mean counts.
     """
-    return [key for material in materials for key in _keys(material).values()]
+    named = [item for material in materials for item in _keys(material).items() if item[0] not in _UNREAD[quality]]
+    return (
+        [key for name, key in named if name not in _AVERAGED[quality]],
+        [key for name, key in named if name in _AVERAGED[quality]],
+    )
 
 
 def tabulate_materials(
@@ -75,25 +89,25 @@ def tabulate_materials(
     Args:
         materials: Materials.
         slots: Textures that could be loaded; a missing one leaves the constant.
-        quality: `fast` leaves out normal maps and images of the sky; only `fine` looks the roughness up at each pixel,
-            else its mean serves: concrete, soil and grass shine too little to show the difference.
+        quality: `fast` leaves out normal maps and images of the sky, and takes the mean of metallic textures; only
+            `fine` looks the roughness up at each pixel, else its mean serves: concrete, soil and grass shine too little
+            to show the difference.
     """
     rows = np.zeros(len(materials), ROW)
     variants = []
     means = np.zeros((len(materials), 3))
     for number, material in enumerate(materials):
         found = {name: slots[key] for name, key in _keys(material).items() if key in slots}
-        if quality == "fast":
-            found.pop("normal", None)
         roughness = found["roughness"].mean[0] if "roughness" in found else material.roughness
         _fill(rows[number], material, found)
-        rows[number]["base"][3] = roughness
-        if quality != "fine":
-            found.pop("roughness", None)
+        metallic = found["metallic"].mean[0] if "metallic" in found else material.metallic
+        rows[number]["base"][3], rows[number]["emissive"][3] = roughness, metallic
+        for name in _AVERAGED[quality]:
+            found.pop(name, None)
         features = [f"HAS_{name.upper()}" for name in SLOTS if name in found]
         if "albedo" in found and material.opacity_threshold > 0 and found["albedo"].cut_out:
             features.append("CUT_OUT")
-        if quality != "fast" and (roughness < _MIRROR_ROUGHNESS or material.metallic > 0.5):
+        if quality != "fast" and (roughness < _MIRROR_ROUGHNESS or metallic > 0.5 or "metallic" in found):
             features.append("MIRROR")
         arrays = tuple(found[name].array if name in found else None for name in SLOTS)
         variants.append(Variant(tuple(features), arrays))
@@ -101,33 +115,35 @@ def tabulate_materials(
     return MaterialTable(rows, tuple(variants), means)
 
 
+def _maps(material: Material) -> dict[str, Texture | None]:
+    return {
+        "albedo": material.base_texture,
+        "roughness": material.roughness_texture,
+        "normal": material.normal_texture,
+        "metallic": material.metallic_texture,
+    }
+
+
 def _keys(material: Material) -> dict[str, TextureKey]:
     keys: dict[str, TextureKey] = {}
-    for name, texture in (
-        ("albedo", material.base_texture),
-        ("roughness", material.roughness_texture),
-        ("normal", material.normal_texture),
-    ):
+    for name, texture in _maps(material).items():
         if texture is not None and texture.file:
-            keys[name] = TextureKey(texture.file, texture.srgb)
+            channel = texture.channel if _KINDS[name] == "number" else 0
+            keys[name] = TextureKey(texture.file, texture.srgb, _KINDS[name], channel, texture.gain, texture.bias)
     if material.detail.file and material.detail.periods:
-        keys["detail"] = TextureKey(material.detail.file, False)
+        keys["detail"] = TextureKey(material.detail.file, False, "number")
     if material.detail.macro_file:
-        keys["macro"] = TextureKey(material.detail.macro_file, False)
+        keys["macro"] = TextureKey(material.detail.macro_file, False, "vector")
     return keys
 
 
 def _fill(row: NDArray[np.void], material: Material, found: dict[str, TextureSlot]) -> None:
     row["base"] = (*material.base_color, material.roughness)
     row["emissive"] = (*material.emissive, material.metallic)
-    for name, texture in (
-        ("albedo", material.base_texture),
-        ("roughness", material.roughness_texture),
-        ("normal", material.normal_texture),
-    ):
+    for name, texture in _maps(material).items():
         if texture is not None and name in found:
             row[name] = _placement(texture, found[name].layer)
-    octaves = min(OCTAVES, len(material.detail.periods), len(material.detail.amplitudes))
+    octaves = min(MOST_OCTAVES, len(material.detail.periods), len(material.detail.amplitudes))
     for octave in range(octaves):
         row["frequencies"][octave] = 1.0 / material.detail.periods[octave]
         row["amplitudes"][octave] = material.detail.amplitudes[octave]

@@ -196,7 +196,7 @@ class Painter:
                     set_uniform(program, f"{name}_array", unit)
             set_uniform(program, "clip_from_relative", clip)
             eye = pose[:3, 3] - self._gpu.anchor
-            set_uniform(program, "eye", tuple(eye.tolist()))
+            self._lamps.aim(program, eye)
             self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(members), first=first)
             first += len(members)
 

@@ -5,19 +5,23 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundwork.progress import Progress
 from render.context import Gl
 from render.daylight import read_daylight
 from render.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
 from render.illumination import Illumination, haze_distance
+from render.light_level import dimmed, halvings
 from render.light_volume import LightVolume, cast_light_volume
+from render.local_lights import choose_local_lights
 from render.materials import tabulate_materials, texture_keys
 from render.passes import Painter
 from render.programs import Programs
 from render.region import region_of_interest
 from render.settings import RenderSettings
-from render.shadows import draw_shadows
+from render.shadow_squares import ShadowSquares
+from render.shadows import Shadows
 from render.textures import load_textures
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene
@@ -63,6 +67,27 @@ class Prepared:
             quality, extra = "standard" if quality == "fine" else quality, ""
         return Painter(self.gl, self.programs, self.gpu, self.light, camera, quality, extra)
 
+    def shadow_squares(self, poses: NDArray[np.float64], camera: Pinhole) -> ShadowSquares:
+        """Choose which squares the cameras of a survey need sharp shadows in.
+
+        Args:
+            poses: camera_to_world, shape (N, 4, 4), float64.
+            camera: Intrinsics of every view.
+        """
+        if self.light.shadow is None:
+            return ShadowSquares(np.zeros((1, 2)), np.zeros(len(poses), np.int64))
+        return self.light.shadow.squares(poses, camera)
+
+    def sharpen_shadows(self, squares: ShadowSquares, row: int) -> None:
+        """Draw the sharp shadow map that a camera needs, unless it is there.
+
+        Args:
+            squares: The squares of the survey.
+            row: Which camera.
+        """
+        if self.light.shadow is not None:
+            self.light.shadow.sharpen(squares.centers[squares.of_pose[row]])
+
     def lens(self, camera: Pinhole, distortion: Distortion) -> "tuple[Lens, Painter]":
         """Make what draws views through a lens that distorts.
 
@@ -73,12 +98,12 @@ class Prepared:
         Returns:
             The lens, and what draws the wider views that it looks at.
         """
-        from render.lens import FINER, Lens, ray_geometry
+        from render.lens import Lens, ray_geometry
 
         cut_out = np.array(["CUT_OUT" in variant.features for variant in self.gpu.variants])[self.gpu.variant_rows]
         lens = Lens(camera, distortion, ray_geometry(self.scene, cut_out), normals=self.settings.normals)
         light, quality = self.light, self.settings.quality
-        return lens, Painter(self.gl, self.programs, self.gpu, light, lens.wide, quality, "TRIANGLES", FINER)
+        return lens, Painter(self.gl, self.programs, self.gpu, light, lens.wide, quality, "TRIANGLES", lens.finer)
 
 
 def prepare(
@@ -97,19 +122,25 @@ def prepare(
         InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
     """
     check_scene(scene)
-    slots, warnings = load_textures(
-        gl.context, texture_keys(scene.materials), settings.texture_side, gl.driver.anisotropy()
-    )
-    table = tabulate_materials(scene.materials, slots, settings.quality)
     lower, upper = draw_boxes(scene)
     box = region_of_interest(scene, lower, upper)
+    daylight, dark = read_daylight(scene)
+    times = halvings(scene, daylight, box)
+    if times:
+        dark = [*dark, f"the light of the stage is drawn at 2^{-times} of its strength: it has no unit, and is metered"]
+        scene = dimmed(scene, times)
+        daylight, _ = read_daylight(scene)
+    slots, warnings = load_textures(
+        gl, *texture_keys(scene.materials, settings.quality), settings.texture_side, gl.driver.anisotropy()
+    )
+    table = tabulate_materials(scene.materials, slots, settings.quality)
     gpu = upload_scene(gl.context, scene, table, (box[0] + box[1]) / 2)
     programs = Programs(gl.context)
-    daylight, dark = read_daylight(scene)
     sunny = bool(daylight.sun_irradiance.any())
-    shadow = draw_shadows(gl.context, programs, gpu, daylight, box, settings.shadow_size) if sunny else None
+    shadow = Shadows(gl.context, programs, gpu, daylight, box, settings.shadow_size) if sunny else None
     volume = None
     if settings.quality != "fast":
         volume = cast(scene, daylight, table.means, box, settings.volume_probes, settings.volume_rays, progress)
-    light = Illumination(daylight, shadow, volume, haze_distance(scene, settings))
-    return Prepared(gl, scene, programs, gpu, light, settings, (*scene.warnings, *warnings, *dark))
+    local, unlit = choose_local_lights(scene, box)
+    light = Illumination(daylight, shadow, volume, haze_distance(scene, settings), local)
+    return Prepared(gl, scene, programs, gpu, light, settings, (*scene.warnings, *warnings, *dark, *unlit))

@@ -20,7 +20,7 @@ _STEPS = 4096  # entries of the tone table
 _WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
 _EXPOSED_GREY, _LATITUDE = 0.20, 1.7  # where the middle tone and the brightest 2 % of a survey come to lie
 _METER_STEP = 8  # [px]
-_MOST_FOLLOWED = 1.0  # [EV]
+_MOST_FOLLOWED = 2.0  # [EV] under a deck a camera opens that far
 
 
 @dataclass(frozen=True)
@@ -66,17 +66,21 @@ class Sensor:
             self._tile = rng.standard_normal((shape[0] + _TILE, shape[1] + _TILE, 3), np.float32)
         self._vignette = _vignette(shape, settings.vignetting)
 
-    def expose(self, frame: int, code: U16) -> Exposure:
+    def expose(self, frame: int, code: U16, surfaces: NDArray[np.bool_] | None = None) -> Exposure:
         """Meter one frame and draw the sensor's flaws; frames do not depend on each other.
 
         Args:
             frame: Number of the frame.
             code: Square root of radiance over the brightest one [65535], shape (H, W, 3), uint16.
+            surfaces: What the light is metered on, as a pilot does who points at the bridge and not at the sky, shape
+                (H, W), bool; None for the whole frame.
         """
         settings = self._settings
         if not settings.noise:
             return Exposure(self._gain, 1.0, 1.0, 0, 0)
-        green = float(np.median(code[::_METER_STEP, ::_METER_STEP, 1])) ** 2 * self._scale * self._gain
+        metered = code[::_METER_STEP, ::_METER_STEP, 1]
+        chosen = metered[surfaces[::_METER_STEP, ::_METER_STEP]] if surfaces is not None else metered
+        green = float(np.median(chosen if chosen.size else metered)) ** 2 * self._scale * self._gain
         follow = settings.auto_exposure * float(np.log2(_EXPOSED_GREY / max(green, 1e-3)))
         follow = min(max(follow, -_MOST_FOLLOWED), _MOST_FOLLOWED)
         rng = np.random.default_rng(np.random.SeedSequence([self._seed, 1, frame]))
@@ -84,7 +88,8 @@ class Sensor:
             settings.exposure_sigma, settings.white_balance_sigma, settings.white_balance_sigma
         )  # fmt: skip
         row, column = rng.integers(0, _TILE, 2)
-        return Exposure(self._gain * float(2.0**stops), 1.0 + float(red), 1.0 + float(blue), int(row), int(column))
+        gain = self._gain * float(2.0 ** (stops + follow))
+        return Exposure(gain, 1.0 + float(red), 1.0 + float(blue), int(row), int(column))
 
     def develop(self, code: U16, exposure: Exposure) -> U8:
         """Turn a rendered frame into a photograph.
@@ -99,13 +104,14 @@ class Sensor:
         gains = np.array([exposure.red, 1.0, exposure.blue], np.float32) * np.float32(exposure.gain * self._scale)
         light = code.astype(np.float32)
         light *= light
-        light *= gains
+        rows = light.reshape(len(light), -1)
+        rows *= np.tile(gains, light.shape[1])  # a third of the time that a broadcast over three numbers takes
         if self._tile is not None:
             light = self._disturb(light, exposure, self._tile)
         np.clip(light, 0.0, _WHITEST, out=light)
         steps = cv2.sqrt(light)
         steps *= np.float32((_STEPS - 1) / np.sqrt(_WHITEST))
-        return self._curve[np.rint(steps, out=steps).astype(np.uint16)]
+        return np.take(self._curve, np.rint(steps, out=steps).astype(np.uint16), mode="clip")
 
     def _disturb(self, light: F32, exposure: Exposure, tile: F32) -> F32:
         settings = self._settings
@@ -142,12 +148,12 @@ def meter(luminance: F32) -> float:
 
 
 def _vignette(shape: tuple[int, int], loss: float) -> F32:
-    """Share of the light that reaches each pixel, falling with the squared distance from the middle, (H, W, 1)."""
+    """Share of the light that reaches each pixel, falling with the squared distance from the middle, (H, W, 3)."""
     height, width = shape
     down = (np.arange(height) + 0.5) / height * 2 - 1
     across = (np.arange(width) + 0.5) / width * 2 - 1
     square = ((down * height)[:, None] ** 2 + (across * width)[None] ** 2) / (height**2 + width**2)
-    return (1.0 - loss * square)[..., None].astype(np.float32)
+    return np.repeat((1.0 - loss * square)[..., None].astype(np.float32), 3, axis=2)
 
 
 def _tone_table() -> U8:

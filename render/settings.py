@@ -16,7 +16,8 @@ class SensorSettings(Settings):
         default=0.5,
         ge=0,
         le=1,
-        description="Share of a frame's difference from the survey that its exposure follows [1].",
+        description="Share of a frame's difference from the survey that its exposure follows: metered on all but sky, "
+        "2 EV at most [1].",
     )
     white_balance_sigma: float = Field(
         default=0.008, ge=0, le=0.2, description="Frame-to-frame spread of the red and blue gains [1]."
@@ -59,7 +60,12 @@ class ShadingSettings(Settings):
     )
     device: str = Field(default="auto", description="auto, gpu, software, osmesa, or the number of an EGL device.")
     normals: bool = Field(default=False, description="Write surface normals to truth/normal.")
-    shadow_size: int = Field(default=4096, ge=256, le=8192, description="Side of each of the two sun shadow maps [px].")
+    shadow_size: int = Field(
+        default=4096,
+        ge=256,
+        le=5120,
+        description="Side of each of the three sun shadow maps [px]; the sharp one has 2 cm a texel.",
+    )
     volume_probes: int = Field(default=60000, ge=1000, le=1_000_000, description="Most probes in the light volume [1].")
     volume_rays: int = Field(default=64, ge=16, le=1024, description="Rays per probe [1].")
     texture_side: int = Field(

@@ -1,6 +1,7 @@
-"""The sun's shadows: two maps drawn once per scene, a fine one around the bridge and a coarse one for the rest."""
+"""The sun's shadows: a map of the bridge and a coarse one of what surrounds it, drawn once; a sharp one of a square.
 
-from dataclasses import dataclass
+The sharp map is drawn anew when the camera leaves its square, never for a picture.
+"""
 
 import moderngl
 import numpy as np
@@ -9,77 +10,127 @@ from numpy.typing import NDArray
 from render.daylight import Daylight
 from render.gpu_scene import GpuScene
 from render.programs import Programs, set_uniform
+from render.shadow_squares import SHARP_TEXEL, ShadowSquares, share_squares
+from usd_schemas.pinhole import Pinhole
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
-_NEAR_MARGIN = 6.0  # [m] the fine map reaches beyond the region of interest
+_NEAR_MARGIN = 6.0  # [m] the map of the bridge reaches beyond the region of interest
 _FAR_REACH = 300.0  # [m] no shadow is drawn farther from it
-_LIFT_TEXELS = 1.6  # how far a look-up is moved off the surface, in texels
+_FILTER = 4  # [px] a map is not used that close to its rim: the filter would look beyond it
+_CUT_OUT_UNIT = 5  # the light's own textures stay bound from picture to picture, in the units before
+_NOWHERE = np.array([1.0, 0.0, 0.0, -1.0])
+SHARP, NEAR, FAR = range(3)
 
 
-@dataclass(frozen=True)
-class ShadowMap:
-    """Depth as seen from the sun; the left half of the texture is the fine map, the right half the coarse one.
+class Shadows:
+    """Depth as seen from the sun, three square maps side by side: sharp, near and far.
 
     Attributes:
-        texture: Depth texture, compared on look-up.
+        texture: Depth texture, three times as wide as high.
         axes: Scene position, counted from the anchor, to right and up of the sun's view [m] and to the map's depth [1],
             shape (3, 4), float64.
-        maps: For the fine and the coarse map 1 / half width, centre along right and up in half widths, and how far from
-            the centre it may be used [1], shape (2, 4), float64.
-        lifts: How far a look-up moves along the normal in each map [m].
+        maps: For each map 1 / half width [1/m], centre along right and up in half widths, and how far from the centre
+            it may be used [1], shape (3, 4), float64.
+        angle: Angular diameter of the sun [rad].
     """
 
-    texture: moderngl.Texture
-    axes: F64
-    maps: F64
-    lifts: tuple[float, float]
+    def __init__(
+        self, context: moderngl.Context, programs: Programs, gpu: GpuScene, light: Daylight, box: tuple[F64, F64],
+        size: int,
+    ) -> None:  # fmt: skip
+        """Draw the two maps of the scene; the sharp one stays empty.
+
+        Args:
+            context: Open context.
+            programs: Shader programs.
+            gpu: Uploaded scene.
+            light: Its light, with a sun.
+            box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
+            size: Side of each map [px].
+        """
+        self._context, self._programs, self._gpu, self._size = context, programs, gpu, size
+        self.texture = context.depth_texture((3 * size, size))
+        self.texture.compare_func = ""
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self.texture.repeat_x = self.texture.repeat_y = False
+        self._framebuffer = context.framebuffer(depth_attachment=self.texture)
+        low, high = gpu.lower.min(axis=0), gpu.upper.max(axis=0)
+        self.axes = _sun_axes(light.sun_direction, _corners(low, high) - gpu.anchor)
+        self.angle = light.sun_angle
+        self.maps = np.tile(_NOWHERE, (3, 1))
+        self._center: tuple[float, float] | None = None
+        self._low, self._high = _flat_boxes(self.axes[:2], gpu)
+        bounds = {
+            NEAR: (box[0] - _NEAR_MARGIN, box[1] + _NEAR_MARGIN),
+            FAR: (np.maximum(low, box[0] - _FAR_REACH), np.minimum(high, box[1] + _FAR_REACH)),
+        }
+        for number, corners in bounds.items():
+            flat = (_corners(*corners) - gpu.anchor) @ self.axes[:2, :3].T
+            half = float(np.max(np.ptp(flat, axis=0))) / 2 + 0.1
+            self._draw(number, (flat.min(axis=0) + flat.max(axis=0)) / 2, half)
+
+    def squares(self, poses: F64, camera: Pinhole) -> ShadowSquares:
+        """Choose the squares that the cameras of a survey need sharp.
+
+        Args:
+            poses: camera_to_world, shape (N, 4, 4), float64.
+            camera: Intrinsics of every view.
+        """
+        across = self.axes[:2].copy()
+        across[:, 3] -= across[:, :3] @ self._gpu.anchor
+        return share_squares(poses, camera, across, self._size)
+
+    def sharpen(self, center: F64) -> None:
+        """Draw the sharp map of a square, unless it is there.
+
+        Args:
+            center: Its middle along right and up of the sun's view [m], shape (2,), float64.
+        """
+        wanted = (float(center[0]), float(center[1]))
+        if wanted != self._center:
+            self._center = wanted
+            self._draw(SHARP, center, SHARP_TEXEL * self._size / 2)
+
+    def uniforms(self) -> dict[str, object]:
+        """Tell the surface shader how to look a shadow up."""
+        length = 1.0 / float(np.linalg.norm(self.axes[2, :3]))
+        return {
+            "sun_axes": self.axes[:, :3].astype(np.float32).tobytes(),
+            "sun_depth": length,
+            "sun_blur": 2.0 * float(np.tan(self.angle / 2)),
+        }
+
+    def seen_from(self, eye: F64) -> dict[str, object]:
+        """Tell the surface shader what changes with the camera.
+
+        Args:
+            eye: Camera centre, counted from the anchor [m], shape (3,), float64.
+        """
+        place = self.axes[:, :3] @ eye + self.axes[:, 3]
+        return {"sun_eye": tuple(place.tolist()), "shadow_maps": self.maps.astype(np.float32).tobytes()}
+
+    def _draw(self, number: int, center: F64, half: float) -> None:
+        """Draw one map of the square around a place of the sun's view [m]."""
+        size, context, gpu = self._size, self._context, self._gpu
+        self.maps[number] = [1 / half, *(-center / half), 1.0 - 2.0 * _FILTER / size]
+        clip = np.vstack([self.axes, [0.0, 0.0, 0.0, 1.0]])
+        clip[:2] /= half
+        clip[:2, 3] += self.maps[number, 1:3]
+        reached = np.all((self._low <= center + half) & (self._high >= center - half), axis=1)
+        gpu.place(gpu.anchor)
+        gpu.bind()
+        framebuffer = self._framebuffer
+        framebuffer.viewport = framebuffer.scissor = (number * size, 0, size, size)
+        framebuffer.use()
+        framebuffer.clear(depth=1.0, viewport=framebuffer.viewport)
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = "<"
+        _draw_depth(context, self._programs, gpu, clip, np.flatnonzero(reached))
 
 
-def draw_shadows(
-    context: moderngl.Context, programs: Programs, gpu: GpuScene, light: Daylight, box: tuple[F64, F64], size: int
-) -> ShadowMap:
-    """Draw both maps.
-
-    Args:
-        context: Open context.
-        programs: Shader programs.
-        gpu: Uploaded scene.
-        light: Its light, with a sun.
-        box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
-        size: Side of each map [px].
-    """
-    texture = context.depth_texture((2 * size, size))
-    framebuffer = context.framebuffer(depth_attachment=texture)
-    framebuffer.clear(depth=1.0)
-    framebuffer.use()
-    low, high = gpu.lower.min(axis=0), gpu.upper.max(axis=0)
-    near = (box[0] - _NEAR_MARGIN, box[1] + _NEAR_MARGIN)
-    far = (np.maximum(low, box[0] - _FAR_REACH), np.minimum(high, box[1] + _FAR_REACH))
-    axes = _sun_axes(light.sun_direction, _corners(low, high) - gpu.anchor)
-    maps = np.array([_fit(axes, _corners(*bounds) - gpu.anchor, size) for bounds in (near, far)])
-    gpu.place(gpu.anchor)
-    gpu.bind()
-    context.enable_only(moderngl.DEPTH_TEST)
-    context.depth_func = "<"
-    context.polygon_offset = (1.5, 2.0)
-    for half in range(2):
-        framebuffer.viewport = (half * size, 0, size, size)
-        framebuffer.scissor = framebuffer.viewport
-        clip = np.vstack([axes, [0.0, 0.0, 0.0, 1.0]])
-        clip[:2] *= maps[half, 0]
-        clip[:2, 3] += maps[half, 1:3]
-        _draw_depth(context, programs, gpu, clip)
-    context.polygon_offset = (0.0, 0.0)
-    texture.compare_func = "<="
-    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-    texture.repeat_x = texture.repeat_y = False
-    framebuffer.release()
-    fine, coarse = (_LIFT_TEXELS * 2 / (size * maps[:, 0])).tolist()
-    return ShadowMap(texture, axes, maps, (fine, coarse))
-
-
-def depth_groups(gpu: GpuScene) -> list[tuple[tuple[str, ...], moderngl.TextureArray | None, NDArray[np.int64]]]:
+def depth_groups(gpu: GpuScene) -> list[tuple[tuple[str, ...], moderngl.TextureArray | None, I64]]:
     """Split all draws by what their silhouette needs: nothing, or a cut-out texture.
 
     Args:
@@ -99,13 +150,16 @@ def depth_groups(gpu: GpuScene) -> list[tuple[tuple[str, ...], moderngl.TextureA
     return groups
 
 
-def _draw_depth(context: moderngl.Context, programs: Programs, gpu: GpuScene, clip: F64) -> None:
-    for features, array, rows in depth_groups(gpu):
+def _draw_depth(context: moderngl.Context, programs: Programs, gpu: GpuScene, clip: F64, reached: I64) -> None:
+    for features, array, members in depth_groups(gpu):
+        rows = reached[np.isin(reached, members)]
+        if not len(rows):
+            continue
         program = programs.get("surface.vert", "shadow.frag", features)
         set_uniform(program, "clip_from_relative", np.asarray(clip.T, np.float32).tobytes())
         if array is not None:
-            array.use(0)
-            set_uniform(program, "albedo_array", 0)
+            array.use(_CUT_OUT_UNIT)
+            set_uniform(program, "albedo_array", _CUT_OUT_UNIT)
         commands = context.buffer(gpu.commands[rows].tobytes())
         vertices = gpu.vertex_array(context, program)
         vertices.render_indirect(commands, moderngl.TRIANGLES, len(rows))
@@ -126,12 +180,11 @@ def _sun_axes(to_sun: F64, casters: F64) -> F64:
     return axes
 
 
-def _fit(axes: F64, corners: F64, size: int) -> F64:
-    """Fit a square map to a box: one row of `ShadowMap.maps`."""
-    flat = corners @ axes[:2, :3].T
-    center = (flat.min(axis=0) + flat.max(axis=0)) / 2
-    half = float(np.max(flat.max(axis=0) - flat.min(axis=0))) / 2 + 0.1
-    return np.array([1 / half, -center[0] / half, -center[1] / half, 1.0 - 6.0 / size])
+def _flat_boxes(across: F64, gpu: GpuScene) -> tuple[F64, F64]:
+    """Bound each draw in the sun's view: lower and upper corners [m], each shape (D, 2)."""
+    middle = ((gpu.lower + gpu.upper) / 2 - gpu.anchor) @ across[:, :3].T
+    reach = (gpu.upper - gpu.lower) / 2 @ np.abs(across[:, :3]).T
+    return middle - reach, middle + reach
 
 
 def _corners(low: F64, high: F64) -> F64:

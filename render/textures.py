@@ -4,9 +4,9 @@ Colours are kept as square roots of linear values: the shader squares what it ha
 decoding at a fraction of its cost on a CPU.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import moderngl
@@ -15,23 +15,34 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from render import image_files
+from render.context import Gl
 
 U8 = NDArray[np.uint8]
 
 _SMALLEST = 16
+_ONE, _NONE = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class TextureKey:
-    """One file read in one way; the same file as a colour and as raw numbers is two textures.
+    """One file read in one way; the same file as a colour and as a number is two textures.
 
     Attributes:
         file: Path.
-        srgb: Whether its values are sRGB-coded colours.
+        srgb: Whether its values are sRGB-coded.
+        kind: `color` is kept as the square root of its linear value, with its opacity; `vector` as it is; of a `number`
+            one channel is kept.
+        channel: Channel of a `number`: 0 red, 1 green, 2 blue, 3 alpha.
+        gain: Multiplier of linear red, green, blue [1].
+        bias: Added after `gain` [1].
     """
 
     file: str
     srgb: bool
+    kind: Literal["color", "vector", "number"] = "color"
+    channel: int = 0
+    gain: tuple[float, float, float] = _ONE
+    bias: tuple[float, float, float] = _NONE
 
 
 @dataclass(frozen=True)
@@ -39,14 +50,15 @@ class TextureSlot:
     """Where a texture went.
 
     Attributes:
-        array: The texture array, shape (side, side, layers), RGBA uint8.
+        array: The texture array, shape (side, side, layers), uint8: RGBA, or one channel of numbers; None where only
+            the mean was asked for.
         side: Side of the array's layers [px].
         layer: Its layer.
-        mean: Mean linear value of red, green, blue [1].
+        mean: Mean linear value of red, green, blue [1]; of a number, three times the same.
         cut_out: Whether any texel is transparent.
     """
 
-    array: moderngl.TextureArray
+    array: moderngl.TextureArray | None
     side: int
     layer: int
     mean: tuple[float, float, float]
@@ -54,61 +66,88 @@ class TextureSlot:
 
 
 def load_textures(
-    context: moderngl.Context, keys: list[TextureKey], largest: int, anisotropy: float
+    gl: Gl, keys: list[TextureKey], averaged: list[TextureKey], largest: int, anisotropy: float
 ) -> tuple[dict[TextureKey, TextureSlot], list[str]]:
-    """Read texture files into texture arrays with mipmaps.
+    """Read texture files into texture arrays with mipmaps, one file in memory at a time.
 
     Args:
-        context: Open context.
+        gl: Open context.
         keys: What to load.
+        averaged: Of what only the mean is needed.
         largest: Larger textures are reduced to this side [px].
         anisotropy: Anisotropic filtering [1]; 1 for none.
 
     Returns:
         Slot of each texture that could be read, and one line for each that could not.
     """
-    images: dict[int, list[tuple[TextureKey, U8]]] = {}
     warnings: list[str] = []
-    for key in sorted(set(keys), key=lambda key: (key.file, key.srgb)):
+    groups: dict[tuple[int, int], list[TextureKey]] = {}
+    slots: dict[TextureKey, TextureSlot] = {}
+
+    def load(key: TextureKey, side: int, array: moderngl.TextureArray | None, layer: int) -> None:
         try:
-            image = _read(key, largest)
+            image = _read(key, side)
+        except InputError as error:
+            warnings.append(f"{error}; drawn without it")
+            return
+        if array is not None:
+            array.write(image, viewport=(0, 0, layer, side, side, 1))
+        cut_out = image.shape[2] == 4 and bool(image[..., 3].min() < 255)
+        slots[key] = TextureSlot(array, side, layer, _mean(image, key.kind == "color"), cut_out)
+
+    for key in sorted({*keys, *averaged}, key=astuple):
+        try:
+            side = _side(key, largest)
         except InputError as error:
             warnings.append(f"{error}; drawn without it")
             continue
-        images.setdefault(image.shape[0], []).append((key, image))
-    slots: dict[TextureKey, TextureSlot] = {}
-    for side, members in sorted(images.items()):
-        array = context.texture_array((side, side, len(members)), 4)
-        for layer, (key, image) in enumerate(members):
-            array.write(image.tobytes(), viewport=(0, 0, layer, side, side, 1))
-            slots[key] = TextureSlot(array, side, layer, _mean(image, key.srgb), bool(image[..., 3].min() < 255))
+        if key in keys:
+            groups.setdefault((side, 1 if key.kind == "number" else 4), []).append(key)
+        else:
+            load(key, side, None, 0)
+    for (side, channels), members in sorted(groups.items()):
+        array = gl.context.texture_array((1, 1, 1), channels)
+        gl.functions.make_array(array.glo, side, len(members), channels)
+        for layer, key in enumerate(members):
+            load(key, side, array, layer)
         array.build_mipmaps()
         array.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)  # half the cost of blending two levels
         array.anisotropy = anisotropy
-        members.clear()
     return slots, warnings
 
 
-def _read(key: TextureKey, largest: int) -> U8:
-    """Return (side, side, 4) texels, first row at the bottom, colours as square roots of linear values."""
+def _side(key: TextureKey, largest: int) -> int:
+    """Choose the side of a texture: the power of two that is nearest to its longer one [px]."""
+    size = image_files.size(Path(key.file)) or _decode(Path(key.file)).shape[:2]
+    side = max(_SMALLEST, 1 << round(np.log2(min(max(size), largest))))
+    return side if side <= largest else side // 2
+
+
+def _read(key: TextureKey, side: int) -> U8:
+    """Return (side, side, 4) texels, or (side, side, 1) of a number, first row at the bottom."""
     pixels = _decode(Path(key.file))
     if pixels.dtype == np.uint16:
         pixels = (pixels >> 8).astype(np.uint8)
     if pixels.dtype != np.uint8:
         raise InputError("not an 8- or 16-bit texture", where=key.file)
-    if pixels.ndim == 2:
-        pixels = cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB)
-    alpha = pixels[..., 3] if pixels.shape[2] == 4 else np.full(pixels.shape[:2], 255, np.uint8)
-    texels = np.dstack([pixels[..., :3], alpha])
-    longest = min(max(texels.shape[:2]), largest)
-    side = max(_SMALLEST, 1 << round(np.log2(longest)))
-    side = side if side <= largest else side // 2
+    if key.kind == "number":
+        texels = _channel(pixels, key.channel)
+    else:
+        pixels = cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB) if pixels.ndim == 2 else pixels
+        texels = cv2.cvtColor(pixels, cv2.COLOR_RGB2RGBA) if pixels.shape[2] == 3 else pixels
     if texels.shape[:2] != (side, side):
         shrink = max(texels.shape[:2]) > side
         texels = cv2.resize(texels, (side, side), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_LINEAR)
-    if key.srgb:
-        texels[..., :3] = cv2.LUT(texels[..., :3], _root_table())
-    return np.ascontiguousarray(texels[::-1]).astype(np.uint8, copy=False)
+    if key.srgb or key.kind == "color" or (key.gain, key.bias) != (_ONE, _NONE):
+        texels = cv2.LUT(texels, _table(key, 1 if texels.ndim == 2 else 4))
+    return np.ascontiguousarray(texels[::-1]).astype(np.uint8, copy=False).reshape(side, side, -1)
+
+
+def _channel(pixels: U8, channel: int) -> U8:
+    """Take one channel, shape (H, W); of a grey picture that is itself, and opacity is whole where there is none."""
+    if channel == 3 and (pixels.ndim == 2 or pixels.shape[2] == 3):
+        return np.full(pixels.shape[:2], 255, np.uint8)
+    return np.ascontiguousarray(pixels if pixels.ndim == 2 else pixels[..., channel])
 
 
 def _decode(path: Path) -> NDArray[Any]:
@@ -117,13 +156,19 @@ def _decode(path: Path) -> NDArray[Any]:
     return image_files.decode(path)
 
 
-def _root_table() -> U8:
-    coded = np.arange(256) / 255.0
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    return np.rint(np.sqrt(linear) * 255).astype(np.uint8)
+def _table(key: TextureKey, channels: int) -> U8:
+    """What becomes of each of the 256 values of a file, shape (1, 256, channels); opacity stays."""
+    coded = np.arange(256)[None, :, None] / 255.0
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4) if key.srgb else coded
+    told = np.clip(linear * np.array(key.gain) + np.array(key.bias), 0.0, 1.0)
+    table = np.empty((1, 256, 4), np.uint8)
+    table[..., :3] = np.rint((np.sqrt(told) if key.kind == "color" else told) * 255)
+    table[..., 3] = np.arange(256)
+    return np.ascontiguousarray(table[..., :channels])
 
 
 def _mean(texels: U8, rooted: bool) -> tuple[float, float, float]:
-    coarse = cv2.resize(texels[..., :3], (16, 16), interpolation=cv2.INTER_AREA).astype(np.float64) / 255
-    red, green, blue = np.mean(coarse**2 if rooted else coarse, axis=(0, 1))
+    coarse = cv2.resize(texels, (16, 16), interpolation=cv2.INTER_AREA).reshape(16, 16, -1)[..., :3] / 255.0
+    red, *others = np.mean(coarse**2 if rooted else coarse, axis=(0, 1)).tolist()
+    green, blue = others or (red, red)
     return float(red), float(green), float(blue)

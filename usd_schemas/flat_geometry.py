@@ -81,18 +81,15 @@ def flatten(placements: list[Placement], stage_to_world: F64, table: Taxonomy, w
         transforms, rows = _usable(placement, stage_to_world @ placement.transforms, warn)
         if mesh is None or not len(rows):
             continue
-        mirrored = np.linalg.det(transforms[:, :3, :3]) < 0.0
         numbers = placement.numbers[rows] if placement.numbers is not None else None
         for group, names in enumerate(splits[key].groups):
             label = _group_label(placement, names)
             own_numbers = numbers if label.instance_id == placement.label.instance_id else None
             ids = register.instance_ids(label, placement.owner.GetPath(), own_numbers, len(rows))
             material, class_id = materials.row(number, group, mesh.colored), register.class_id(label)
-            for flipped in (False, True):
-                which = mirrored == flipped
-                part = parts.row(key, group, splits[key].face, flipped) if which.any() else None
-                if part is not None:
-                    pile.add_draws(part, transforms[which], material, ids[which], class_id)
+            part = parts.row(key, group, splits[key].face)
+            if part is not None:
+                pile.add_draws(part, transforms, material, ids, class_id)
     instances = tuple(register.rows[number] for number in sorted(register.rows))
     return Flattened(pile.geometry(), pile.draws(), tuple(materials.flat), instances)
 
@@ -218,7 +215,7 @@ class _Parts:
         self._pile = pile
         self._warn = warn
         self._meshes: dict[object, tuple[FlatMesh, int] | None] = {}
-        self._rows: dict[tuple[object, int, bool], int] = {}
+        self._rows: dict[tuple[object, int], int] = {}
 
     def mesh(self, key: object, prim: Usd.Prim, uv_names: tuple[str, str]) -> FlatMesh | None:
         """Read a mesh, unless that was done; None where it cannot be drawn."""
@@ -237,9 +234,9 @@ class _Parts:
             self._warn(f"{prim.GetPath()}: {note}")
         return (mesh, self._pile.add_mesh(mesh)) if len(mesh.triangles) else None
 
-    def row(self, key: object, group: int, face: I64 | None, mirrored: bool) -> int | None:
-        """Find the part of a group of faces; mirrored instances have one of their own, wound the other way round."""
-        if (key, group, mirrored) not in self._rows:
+    def row(self, key: object, group: int, face: I64 | None) -> int | None:
+        """Find the part of a group of faces."""
+        if (key, group) not in self._rows:
             known = self._meshes[key]
             mesh, first = known if known else (None, 0)
             if mesh is None:
@@ -248,6 +245,5 @@ class _Parts:
             triangles = mesh.triangles[chosen] + first
             if not len(triangles):
                 return None
-            part = self._pile.add_part(triangles[:, ::-1] if mirrored else triangles, mesh.double_sided)
-            self._rows[key, group, mirrored] = part
-        return self._rows[key, group, mirrored]
+            self._rows[key, group] = self._pile.add_part(triangles, mesh.double_sided)
+        return self._rows[key, group]

@@ -15,6 +15,8 @@ I32 = NDArray[np.int32]
 U32 = NDArray[np.uint32]
 U8 = NDArray[np.uint8]
 
+MOST_OCTAVES = 3  # of fine detail; more would cost the renderer a look-up a pixel each
+
 
 @dataclass(frozen=True)
 class Geometry:
@@ -26,7 +28,8 @@ class Geometry:
         st: First UV set [m], or [1] on foreign stages, shape (V, 2), float32, v upwards as in USD.
         st1: Second UV set, a 0 to 1 atlas [1], shape (V, 2), float32; zeros when absent.
         colors: Linear displayColor [1], shape (V, 3), float32; white when absent.
-        triangles: Vertex numbers, counter-clockwise from outside, shape (T, 3), uint32.
+        triangles: Vertex numbers, shape (T, 3), uint32: counter-clockwise from outside in the mesh's own space, so that
+            they run clockwise in the world where a draw's transform mirrors.
         part_first: First triangle of each part, shape (P,), int32.
         part_count: Number of triangles of each part, shape (P,), int32.
         part_double_sided: 1 where back faces are visible, shape (P,), uint8.
@@ -73,6 +76,9 @@ class Texture:
         rotation: Counter-clockwise rotation of (s, t) [deg].
         translation: Added to (s, t) last [1].
         uv_set: 0 for `st`, 1 for `st1`.
+        channel: Where one number is wanted, the channel that holds it: 0 red, 1 green, 2 blue, 3 alpha.
+        gain: Multiplier of linear red, green, blue [1]; where one number is wanted, the first counts.
+        bias: Added after `gain` [1].
     """
 
     file: str
@@ -81,6 +87,14 @@ class Texture:
     rotation: float = 0.0
     translation: tuple[float, float] = (0.0, 0.0)
     uv_set: int = 0
+    channel: int = 0
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether its values count as they are, without gain and bias."""
+        return (self.gain, self.bias) == ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -89,7 +103,7 @@ class Detail:
 
     Attributes:
         file: Tileable grey texture, mean 0.5; empty for none.
-        periods: Size of one tile of it for each octave [m].
+        periods: Size of one tile of it for each octave [m], `MOST_OCTAVES` at most.
         amplitudes: Contrast of each octave [1]: the factor is 1 + amplitude * (2 g - 1).
         macro_file: RGB texture on `st1`, mean 0.5, multiplied as 2 g; empty for none.
     """
@@ -110,8 +124,9 @@ class Material:
         use_display_color: Take the vertex colour instead of `base_color`.
         base_texture: Diffuse colour texture.
         roughness: Roughness, used without `roughness_texture` [1].
-        roughness_texture: Roughness texture (red channel).
-        metallic: Metallic, used without a texture [1].
+        roughness_texture: Roughness texture.
+        metallic: Metallic, used without `metallic_texture` [1].
+        metallic_texture: Metallic texture.
         normal_texture: Tangent-space normal map.
         emissive: Linear emitted colour [1].
         opacity_threshold: Fragments whose texture alpha is below are cut out; 0 for none [1].
@@ -125,6 +140,7 @@ class Material:
     roughness: float = 0.7
     roughness_texture: Texture | None = None
     metallic: float = 0.0
+    metallic_texture: Texture | None = None
     normal_texture: Texture | None = None
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
     opacity_threshold: float = 0.0
@@ -137,7 +153,7 @@ class Sun:
 
     Attributes:
         direction: Unit vector from the scene towards the light [1], world axes.
-        radiance: Linear colour times intensity [1].
+        radiance: Linear irradiance of a surface that faces it [1].
         angle: Angular diameter [deg].
     """
 
@@ -159,6 +175,22 @@ class Dome:
     radiance: tuple[float, float, float]
     file: str = ""
     rotation: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class SphereLight:
+    """A SphereLight.
+
+    Attributes:
+        position: Centre in the world [m].
+        radius: Radius [m]; 0 for a point.
+        intensity: Linear radiant intensity [m2]: radiance of its surface times pi times radius squared. At distance d
+            from the centre a facing surface receives intensity / d^2, in the same unit as `Sun.radiance`.
+    """
+
+    position: tuple[float, float, float]
+    radius: float
+    intensity: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -259,6 +291,7 @@ class FlatScene:
         warnings: One line for each thing that could not be read as authored.
         origin: Hash of the composed stage content that was read.
         visibility: Distance at which haze leaves 2 % of the contrast [m]; None where the stage does not say.
+        sphere_lights: SphereLights, in the order of the stage.
     """
 
     geometry: Geometry
@@ -273,10 +306,11 @@ class FlatScene:
     warnings: tuple[str, ...]
     origin: str
     visibility: float | None = None
+    sphere_lights: tuple[SphereLight, ...] = ()
 
 
 def world_triangles(scene: FlatScene) -> tuple[F64, U32, U32]:
-    """Expand every draw into world space.
+    """Expand every draw into world space; corners keep their order, which mirrored draws show from behind.
 
     Args:
         scene: Scene to expand.

@@ -1,12 +1,14 @@
 """Cameras with their poses, and the products that shall be rendered from them."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdRender
 
 from groundwork.errors import InputError
+from usd_schemas import tokens
 from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
@@ -19,6 +21,8 @@ CAMERA_MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV")  # of COLMAP, that the c
 DEFAULT_WIDTH = 1280  # [px], where a stage names no resolution
 FRAMING_HEIGHT = 960  # [px]
 FRAMING_LENS = UsdLens(0.24, 0.36, 0.27)  # 24 mm on 36 x 27 mm
+_WHOLE_WINDOW = (0.0, 0.0, 1.0, 1.0)
+_SAME_ASPECT = 1e-3  # difference of aspects that is none [1]
 FRAMING_MARGIN = 0.9  # share of the picture that the scene may fill [1]
 DEFAULT_NEAR = 0.1  # [m]
 
@@ -201,8 +205,34 @@ def read_products(stage: Usd.Stage, cameras: tuple[CameraTrack, ...], warn: Warn
         if min(width, height) <= 0:
             warn(f"{prim.GetPath()}: a RenderProduct of {width} x {height} pixels")
             continue
+        _note_unread(prim, settings, cameras[row].lens, width / height, warn)
         products.append(Product(_free_name(cameras[row].name, prim.GetName(), products), row, width, height))
     return tuple(products) or tuple(_default_product(cameras, row) for row in range(len(cameras)))
+
+
+def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, aspect: float, warn: Warn) -> None:
+    """Name what a product asks for beyond camera, resolution and our outputs."""
+
+    def told(name: str) -> Any:
+        holders = [prim, settings.GetPrim()] if settings else [prim]
+        attributes = [holder.GetAttribute(name) for holder in holders]
+        found = next((one for one in attributes if one and one.HasAuthoredValue()), None)
+        return found.Get(EARLIEST) if found else None
+
+    policy, window, stretch = told("aspectRatioConformPolicy"), told("dataWindowNDC"), told("pixelAspectRatio")
+    differs = abs(lens.horizontal_aperture / lens.vertical_aperture / aspect - 1.0) > _SAME_ASPECT
+    if differs and policy not in (None, UsdRender.Tokens.expandAperture):
+        warn(f"{prim.GetPath()}: aspectRatioConformPolicy {policy} is read as expandAperture")
+    if window is not None and tuple(float(side) for side in window) != _WHOLE_WINDOW:
+        warn(f"{prim.GetPath()}: dataWindowNDC is left out: the whole image is rendered")
+    if stretch is not None and stretch != 1.0:
+        warn(f"{prim.GetPath()}: pixelAspectRatio {stretch:g} is left out: pixels are square")
+    targets = UsdRender.Product(prim).GetOrderedVarsRel().GetForwardedTargets()
+    variables = [UsdRender.Var(prim.GetStage().GetPrimAtPath(target)) for target in targets]
+    named = [str(variable.GetSourceNameAttr().Get(EARLIEST)) for variable in variables if variable]
+    unknown = ", ".join(name for name in named if name not in tokens.RENDER_VAR_NAMES)
+    if unknown:
+        warn(f"{prim.GetPath()}: RenderVars {unknown} are not among {', '.join(tokens.RENDER_VAR_NAMES)}: not written")
 
 
 def _free_name(wanted: str, other: str, products: list[Product]) -> str:

@@ -10,7 +10,7 @@ from pxr import UsdShade
 
 from usd_schemas.flat_scene import Material, Texture
 from usd_schemas.read_labels import Warn
-from usd_schemas.shader_inputs import Source, asset_file, find_source, number_of, pair_of, triple_of
+from usd_schemas.shader_inputs import Source, asset_file, channel_of, find_source, number_of, pair_of, triple_of
 
 Flat = tuple[Material, tuple[str, str]]
 Triple = tuple[float, float, float]
@@ -19,7 +19,10 @@ _WHITE: Triple = (1.0, 1.0, 1.0)
 _BLACK: Triple = (0.0, 0.0, 0.0)
 _STANDARD = "ND_standard_surface_surfaceshader"
 _IMAGES = ("ND_image_", "ND_tiledimage_")
-_PASSED = ("ND_normalmap", "ND_convert_", "ND_extract_")  # nodes that hand their one texture on
+_PASSED = ("ND_normalmap", "ND_convert_", "ND_extract_", "ND_separate")  # nodes that hand their one texture on
+_STANDARD_MAPS = ("base_color", "specular_roughness", "metalness", "normal")
+_ORM_ROUGHNESS, _ORM_METALLIC = 1, 2  # channels of a picture of occlusion, roughness and metallic
+_ALPHA = 3
 _LINEAR_SPACES = ("raw", "lin_rec709", "lin_rec709_scene", "linear", "none", "data")
 
 
@@ -60,7 +63,10 @@ def _mdl_name(shader: UsdShade.Shader) -> str:
 
 def _read_omni(path: str, shader: UsdShade.Shader, note: Callable[[str], None]) -> Material:
     def source(name: str) -> Source:
-        return find_source(shader, name)
+        found = find_source(shader, name)
+        if found.shader:
+            note(f"{name} of OmniPBR is fed by {found.shader.GetShaderId() or 'an unknown node'}, which is not read")
+        return found
 
     def texture(name: str, srgb: bool) -> Texture | None:
         value = source(name).value
@@ -72,24 +78,31 @@ def _read_omni(path: str, shader: UsdShade.Shader, note: Callable[[str], None]) 
         scale, turn = pair_of(source("texture_scale"), (1.0, 1.0)), number_of(source("texture_rotate"), 0.0)
         return Texture(file, srgb, scale, turn, pair_of(source("texture_translate"), (0.0, 0.0)))
 
+    packed = bool(source("enable_ORM_texture").value)  # one picture of occlusion, roughness and metallic
+
+    def number(constant: float, influence: str, own: str, channel: int) -> Texture | None:
+        share = min(max(number_of(source(influence), 0.0), 0.0), 1.0)
+        found = texture("ORM_texture" if packed else own, False) if share > 0.0 else None
+        told = {"channel": channel if packed else 0, "gain": (share,) * 3, "bias": (constant * (1.0 - share),) * 3}
+        return found and replace(found, **told)
+
     base, tint = texture("diffuse_texture", True), triple_of(source("diffuse_tint"), _WHITE)
-    if base and tint != _WHITE:
-        note("diffuse_tint of a textured OmniPBR is left out")
-    for name in ("project_uvw", "enable_ORM_texture", "enable_opacity"):
+    for name in ("project_uvw", "enable_opacity"):
         if source(name).value:
             note(f"{name} of OmniPBR is left out")
-    influence = number_of(source("reflection_roughness_texture_influence"), 0.0)
-    if texture("metallic_texture", False):
-        note("a texture of metallic is left out")
+    rough, metal = number_of(source("reflection_roughness_constant"), 0.5), number_of(source("metallic_constant"), 0.0)
     color = triple_of(source("diffuse_color_constant"), (0.2, 0.2, 0.2))
     glow = number_of(source("emissive_intensity"), 40.0) if source("enable_emission").value else 0.0
     return Material(
         name=path,
         base_color=_times(color, tint),
-        base_texture=base,
-        roughness=number_of(source("reflection_roughness_constant"), 0.5),
-        roughness_texture=texture("reflectionroughness_texture", False) if influence > 0.5 else None,
-        metallic=number_of(source("metallic_constant"), 0.0),
+        base_texture=base and replace(base, gain=tint),
+        roughness=rough,
+        roughness_texture=number(
+            rough, "reflection_roughness_texture_influence", "reflectionroughness_texture", _ORM_ROUGHNESS
+        ),
+        metallic=metal,
+        metallic_texture=number(metal, "metallic_texture_influence", "metallic_texture", _ORM_METALLIC),
         normal_texture=texture("normalmap_texture", False),
         emissive=_times(triple_of(source("emissive_color"), (1.0, 0.1, 0.1)), (glow, glow, glow)),
     )
@@ -99,40 +112,36 @@ def _read_standard(path: str, shader: UsdShade.Shader, note: Callable[[str], Non
     def source(name: str) -> Source:
         return find_source(shader, name)
 
-    names: list[str] = []
+    names: dict[str, str] = {}
 
     def texture(name: str, is_color: bool) -> Texture | None:
         found = _image(source(name), is_color, name, note)
         if found is None:
             return None
-        names.append(found[1])
+        names[name] = found[1]
         return found[0]
 
     weight = number_of(source("base"), 1.0)
-    base = texture("base_color", True)
-    if base and weight < 1.0:
-        note("base below 1 beside a texture of base_color is left out")
-    rough, normal = texture("specular_roughness", False), texture("normal", False)
-    for name in ("metalness", "emission_color", "opacity", "transmission"):
+    maps = {name: texture(name, name == "base_color") for name in _STANDARD_MAPS}
+    for name in ("emission_color", "opacity", "transmission"):
         if source(name).shader:
             note(f"a texture of {name} is left out")
     if number_of(source("transmission"), 0.0) > 0.0 or min(triple_of(source("opacity"), _WHITE)) < 1.0:
         note("is transparent: drawn opaque")
     glow = number_of(source("emission"), 0.0)
-    used = [name for name in dict.fromkeys(names) if name]
+    used = [name for name in dict.fromkeys(names.values()) if name]
     second = used[1] if len(used) > 1 else ""
-    textures = [one and replace(one, uv_set=int(name == second != "")) for one, name in zip(
-        [one for one in (base, rough, normal) if one], names, strict=True
-    )]  # fmt: skip
-    numbered = iter(textures)
-    base, rough, normal = (next(numbered) if one else None for one in (base, rough, normal))
+    base, rough, metal, normal = (
+        one and replace(one, uv_set=int(names[name] == second != "")) for name, one in maps.items()
+    )
     return Material(
         name=path,
         base_color=_times(triple_of(source("base_color"), (0.8, 0.8, 0.8)), (weight, weight, weight)),
-        base_texture=base,
+        base_texture=base and replace(base, gain=(weight, weight, weight)),
         roughness=number_of(source("specular_roughness"), 0.2),
         roughness_texture=rough,
         metallic=number_of(source("metalness"), 0.0),
+        metallic_texture=metal,
         normal_texture=normal,
         emissive=_times(triple_of(source("emission_color"), _WHITE), (glow, glow, glow)),
     ), (used[0] if used else "", second)
@@ -140,13 +149,16 @@ def _read_standard(path: str, shader: UsdShade.Shader, note: Callable[[str], Non
 
 def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None]) -> tuple[Texture, str] | None:
     """Find the one texture that feeds an input, and the primvar that places it."""
-    shader = source.shader
+    shader, channel = source.shader, channel_of(source.output) or 0
     while shader is not None and (shader.GetShaderId() or "").startswith(_PASSED):
-        shader = find_source(shader, "in").shader
+        if (shader.GetShaderId() or "").startswith("ND_extract_"):
+            channel = int(number_of(find_source(shader, "index"), 0.0))
+        inner = find_source(shader, "in")
+        shader, channel = inner.shader, channel or channel_of(inner.output) or 0
     if shader is None:
         return None
     kind = shader.GetShaderId() or "an unknown node"
-    if not kind.startswith(_IMAGES):
+    if not kind.startswith(_IMAGES) or not 0 <= channel <= _ALPHA:
         note(f"{name} is fed by {kind}, which is not read")
         return None
     told = find_source(shader, "file")
@@ -159,7 +171,8 @@ def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None
     offset = pair_of(find_source(shader, "uvoffset"), (0.0, 0.0))
     placed = find_source(shader, "texcoord").shader
     varname = str(find_source(placed, "geomprop").value or "") if placed else ""
-    return Texture(file, is_color and space not in _LINEAR_SPACES, tiling, 0.0, offset), varname
+    srgb = is_color and space not in _LINEAR_SPACES
+    return Texture(file, srgb, tiling, 0.0, offset, channel=0 if is_color else channel), varname
 
 
 def _times(one: Triple, other: Triple) -> Triple:

@@ -1,4 +1,8 @@
-"""The sun and the sky of a stage.
+"""The sun, the sky and the lamps of a stage, in the units of UsdLux.
+
+Intensity times 2^exposure times colour is the radiance of a light's surface; with `normalize` it is divided by the area
+of that surface in stage units, or for a DistantLight by pi sin^2(angle / 2), so that it becomes the irradiance of a
+surface that faces it.
 
 A DistantLight shines along its local -z. A DomeLight shows a latitude-longitude picture as the OpenEXR specification
 and UsdLux define it: the pole is +y of the dome's space, the middle column of the picture lies towards +z, a quarter of
@@ -8,23 +12,41 @@ stage's up axis included. A plain DomeLight keeps its pole along the stage's y, 
 by 90 degrees about x (`UsdLux.DomeLight.OrientToStageUpAxis`); DomeLight_1 turns by itself.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdLux
 
-from usd_schemas.flat_scene import Dome, Sun
+from usd_schemas.flat_scene import Dome, SphereLight, Sun
 from usd_schemas.read_labels import Warn
 from usd_schemas.shader_inputs import asset_file
 from usd_schemas.traversal import EARLIEST, composed_prims
 
 F64 = NDArray[np.float64]
 
-_UNLIT = ("SphereLight", "RectLight", "DiskLight", "CylinderLight", "GeometryLight", "PortalLight", "DomeLight_1")
+_UNLIT = ("RectLight", "DiskLight", "CylinderLight", "GeometryLight", "PortalLight", "PluginLight")
+_ROUND = 0.01  # difference of scales beyond which a sphere is stretched [1]
 _POLE_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # dome's +y to the stage's +z
 
 
-def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Sun | None, Dome | None]:
-    """Read the first visible DistantLight and the first visible DomeLight.
+@dataclass(frozen=True)
+class Lights:
+    """What lights a stage.
+
+    Attributes:
+        sun: The first visible DistantLight, or None.
+        dome: The first visible DomeLight, or None.
+        spheres: Every visible SphereLight.
+    """
+
+    sun: Sun | None
+    dome: Dome | None
+    spheres: tuple[SphereLight, ...]
+
+
+def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
+    """Read the first visible DistantLight and DomeLight, and every visible SphereLight.
 
     Args:
         stage: Composed stage.
@@ -33,11 +55,12 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Sun 
     """
     suns: list[Sun] = []
     domes: list[Dome] = []
+    spheres: list[SphereLight] = []
     left_out: dict[str, list[str]] = {}
     turn = stage_to_world[:3, :3] / np.linalg.norm(stage_to_world[:3, 0])
     for prim in composed_prims(stage):
         kind = str(prim.GetTypeName())
-        if kind not in ("DistantLight", "DomeLight", *_UNLIT):
+        if kind not in ("DistantLight", "DomeLight", "DomeLight_1", "SphereLight", *_UNLIT):
             continue
         if UsdGeom.Imageable(prim).ComputeVisibility(EARLIEST) == UsdGeom.Tokens.invisible:
             continue
@@ -45,11 +68,14 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Sun 
             suns.append(_read_sun(prim, turn))
         elif kind in ("DomeLight", "DomeLight_1") and not domes:
             domes.append(_read_dome(prim, turn, warn))
+        elif kind == "SphereLight":
+            sphere = _read_sphere(prim, stage_to_world, warn)
+            spheres += [sphere] if sphere is not None else []
         else:
             left_out.setdefault(kind, []).append(str(prim.GetPath()))
     for kind, paths in sorted(left_out.items()):
         warn(f"{paths[0]}: {kind} is left out" + (f" (and {len(paths) - 1} more)" if len(paths) > 1 else ""))
-    return (suns[0] if suns else None), (domes[0] if domes else None)
+    return Lights(suns[0] if suns else None, domes[0] if domes else None, tuple(spheres))
 
 
 def _radiance(prim: Usd.Prim) -> tuple[float, float, float]:
@@ -71,7 +97,37 @@ def _rotation(prim: Usd.Prim) -> F64:
 
 def _read_sun(prim: Usd.Prim, turn: F64) -> Sun:
     x, y, z = (turn @ _rotation(prim)[:, 2]).tolist()
-    return Sun((x, y, z), _radiance(prim), float(UsdLux.DistantLight(prim).GetAngleAttr().Get(EARLIEST)))
+    angle = float(UsdLux.DistantLight(prim).GetAngleAttr().Get(EARLIEST))
+    disc = np.pi * np.sin(np.deg2rad(min(max(angle, 0.0), 180.0)) / 2) ** 2
+    red, green, blue = _radiance(prim)
+    given = 1.0 if _is_normalized(prim) or disc == 0.0 else float(disc)
+    return Sun((x, y, z), (red * given, green * given, blue * given), angle)
+
+
+def _is_normalized(prim: Usd.Prim) -> bool:
+    return bool(UsdLux.LightAPI(prim).GetNormalizeAttr().Get(EARLIEST))
+
+
+def _read_sphere(prim: Usd.Prim, stage_to_world: F64, warn: Warn) -> SphereLight | None:
+    """Read a SphereLight; None where it gives no light."""
+    matrix = stage_to_world @ np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(EARLIEST)).T
+    scales = np.linalg.norm(matrix[:3, :3], axis=0)
+    unit = float(np.linalg.norm(stage_to_world[:3, 0]))
+    radius = float(UsdLux.SphereLight(prim).GetRadiusAttr().Get(EARLIEST)) * float(np.cbrt(np.prod(scales)))
+    color = np.array(_radiance(prim))
+    # Normalized: color / (4 pi (radius / unit)^2) is the radiance, which leaves a finite intensity to a point too.
+    intensity = color * (unit**2 / 4 if _is_normalized(prim) else np.pi * radius**2)
+    path = prim.GetPath()
+    if not (np.isfinite(matrix).all() and np.isfinite(intensity).all() and intensity.max() > 0.0):
+        warn(f"{path}: a SphereLight that gives no light: left out")
+        return None
+    if np.ptp(scales) > _ROUND * scales.max():
+        warn(f"{path}: a stretched SphereLight is read as a ball of the same volume")
+    if prim.HasAPI(UsdLux.ShapingAPI):
+        warn(f"{path}: the shaping of a SphereLight is left out: it shines all around")
+    x, y, z = matrix[:3, 3].tolist()
+    red, green, blue = intensity.tolist()
+    return SphereLight((x, y, z), radius, (red, green, blue))
 
 
 def _read_dome(prim: Usd.Prim, turn: F64, warn: Warn) -> Dome:

@@ -4,16 +4,21 @@ from dataclasses import dataclass, replace
 
 from pxr import Sdf, Usd, UsdShade
 
-from usd_schemas.flat_scene import Detail, Material, Texture
+from usd_schemas.flat_scene import MOST_OCTAVES, Detail, Material, Texture
 from usd_schemas.read_foreign_materials import read_foreign_material
 from usd_schemas.read_labels import Warn
 from usd_schemas.read_meshes import ATLAS_ST
-from usd_schemas.shader_inputs import Source, asset_file, find_source, number_of, pair_of, triple_of
+from usd_schemas.shader_inputs import Source, asset_file, channel_of, find_source, number_of, pair_of, triple_of
 
 GREY = (0.5, 0.5, 0.5)
 _DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)
 _DEFAULT_ROUGHNESS = 0.5
+_WRAPS = ("mirror", "clamp", "black")  # how a texture goes on beyond its edge, other than by repeating
+_CODED_NORMAL = ((2.0, 2.0, 2.0), (-1.0, -1.0, -1.0))  # from a picture's 0 to 1 to a vector's -1 to 1
 _CONTEXTS = ("mtlx", "mdl", "ri", "glslfx", "arnold", "cycles")
+
+
+_Four = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -65,16 +70,11 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
         warn(f"{path}: {text}")
 
     base, color, by_vertex = _read_color(find_source(surface, "diffuseColor"), note)
-    rough = _read_texture(find_source(surface, "roughness"), False, "roughness", note)
-    if rough and rough.output != "r":
-        note(f"roughness from channel {rough.output} of a texture is left out")
-        rough = None
-    normal = _read_texture(find_source(surface, "normal"), False, "normal", note)
-    for name in ("metallic", "emissiveColor"):
-        if find_source(surface, name).shader:
-            note(f"a texture of {name} is left out")
+    rough, metal = (_read_number(surface, name, note) for name in ("roughness", "metallic"))
+    normal = _read_normal(find_source(surface, "normal"), note)
+    _note_unread(surface, note)
     detail = _read_detail(material.GetPrim(), note)
-    names = _uv_names([sampled.varname for sampled in (base, rough, normal) if sampled])
+    names = _uv_names([sampled.varname for sampled in (base, rough, metal, normal) if sampled])
 
     def numbered(sampled: _Sampled | None) -> Texture | None:
         return replace(sampled.texture, uv_set=int(sampled.varname == names[1] != "")) if sampled else None
@@ -88,6 +88,7 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
             roughness=number_of(find_source(surface, "roughness"), _DEFAULT_ROUGHNESS),
             roughness_texture=numbered(rough),
             metallic=number_of(find_source(surface, "metallic"), 0.0),
+            metallic_texture=numbered(metal),
             normal_texture=numbered(normal),
             emissive=triple_of(find_source(surface, "emissiveColor"), (0.0, 0.0, 0.0)),
             opacity_threshold=_read_opacity(surface, base, note),
@@ -114,7 +115,45 @@ def _read_color(source: Source, note: Warn) -> tuple[_Sampled | None, tuple[floa
         note("diffuseColor reads a primvar other than displayColor: drawn grey")
         return None, GREY, False
     sampled = _read_texture(source, True, "diffuseColor", note)
-    return sampled, GREY, False
+    if sampled and sampled.output in ("rgb", ""):
+        return sampled, GREY, False
+    if sampled:
+        note(f"diffuseColor from output {sampled.output} of a texture is left out: drawn plain grey")
+    return None, GREY, False
+
+
+def _read_number(surface: UsdShade.Shader, name: str, note: Warn) -> _Sampled | None:
+    sampled = _read_texture(find_source(surface, name), False, name, note)
+    if sampled is None:
+        return None
+    channel = channel_of(sampled.output)
+    if channel is None:
+        note(f"{name} from output {sampled.output} of a texture is left out")
+        return None
+    gain, bias = (values[channel] for values in _gain_and_bias(find_source(surface, name).shader))
+    texture = replace(sampled.texture, channel=channel, gain=(gain,) * 3, bias=(bias,) * 3)
+    return replace(sampled, texture=texture)
+
+
+def _read_normal(source: Source, note: Warn) -> _Sampled | None:
+    sampled = _read_texture(source, False, "normal", note)
+    if sampled:
+        told = tuple(values[:3] for values in _gain_and_bias(source.shader))
+        if told not in (_CODED_NORMAL, ((1.0,) * 3, (0.0,) * 3)):
+            note("scale and bias of the normal texture are read as 2 and -1")
+    return sampled and replace(sampled, texture=replace(sampled.texture, gain=(1.0,) * 3, bias=(0.0,) * 3))
+
+
+def _note_unread(surface: UsdShade.Shader, note: Warn) -> None:
+    """Name the inputs of a preview surface that change its look and have no place in a flat material."""
+    if find_source(surface, "emissiveColor").shader:
+        note("a texture of emissiveColor is left out")
+    if number_of(find_source(surface, "useSpecularWorkflow"), 0.0):
+        note("useSpecularWorkflow is left out: drawn by its metallic")
+    for name in ("clearcoat", "displacement"):
+        source = find_source(surface, name)
+        if source.shader or number_of(source, 0.0) != 0.0:
+            note(f"{name} is left out")
 
 
 def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sampled | None:
@@ -129,8 +168,10 @@ def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sam
     if not file:
         note(f"no texture {value.path if isinstance(value, Sdf.AssetPath) else '(none)'} for {name}: drawn plain grey")
         return None
-    if is_color and _tinted(shader):
-        note(f"scale and bias of the {name} texture are left out")
+    gain, bias = _gain_and_bias(shader)
+    wraps = {str(find_source(shader, edge).value or "") for edge in ("wrapS", "wrapT")}
+    for wrap in sorted(wraps & set(_WRAPS)):
+        note(f"the {name} texture repeats beyond its edge, not {wrap}")
     space = str(find_source(shader, "sourceColorSpace").value or "auto")
     placed = find_source(shader, "st")
     scale, rotation, translation = (1.0, 1.0), 0.0, (0.0, 0.0)
@@ -144,12 +185,18 @@ def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sam
         varname = str(find_source(placed.shader, "varname").value or "")
     # `auto` asks the file; files of colours are sRGB and files of data are not, whatever their header says.
     srgb = space == "sRGB" or (space == "auto" and is_color)
-    return _Sampled(Texture(file, srgb, scale, rotation, translation), varname, source.output)
+    placed_texture = Texture(file, srgb, scale, rotation, translation, gain=gain[:3], bias=bias[:3])
+    return _Sampled(placed_texture, varname, source.output)
 
 
-def _tinted(texture: UsdShade.Shader) -> bool:
-    scale, bias = find_source(texture, "scale").value, find_source(texture, "bias").value
-    return (scale is not None and tuple(scale)[:3] != (1.0, 1.0, 1.0)) or (bias is not None and any(tuple(bias)[:3]))
+def _gain_and_bias(texture: UsdShade.Shader | None) -> tuple[_Four, _Four]:
+    """`scale` and `bias` of a UsdUVTexture, red to alpha."""
+    found: list[_Four] = []
+    for name, default in (("scale", 1.0), ("bias", 0.0)):
+        value = find_source(texture, name).value if texture else None
+        red, green, blue, alpha = (default,) * 4 if value is None else (float(number) for number in value)
+        found.append((red, green, blue, alpha))
+    return found[0], found[1]
 
 
 def _read_opacity(surface: UsdShade.Shader, base: _Sampled | None, note: Warn) -> float:
@@ -182,6 +229,10 @@ def _read_detail(prim: Usd.Prim, note: Warn) -> Detail:
         tuple(float(value) for value in (attribute.Get() if attribute else None) or ())
         for attribute in map(prim.GetAttribute, ("falsework:detail:periods", "falsework:detail:amplitudes"))
     )
+    if len(periods) != len(amplitudes):
+        note("detail:periods and detail:amplitudes differ in number: fine detail is left out")
     if not files[0] or len(periods) != len(amplitudes):
         return Detail(macro_file=files[1])
-    return Detail(files[0], periods, amplitudes, files[1])
+    if len(periods) > MOST_OCTAVES:
+        note(f"detail beyond {MOST_OCTAVES} octaves is left out")
+    return Detail(files[0], periods[:MOST_OCTAVES], amplitudes[:MOST_OCTAVES], files[1])

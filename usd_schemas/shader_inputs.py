@@ -6,6 +6,7 @@ from typing import Any
 
 from pxr import Sdf, UsdShade
 
+from usd_schemas.packages import unpacked
 from usd_schemas.traversal import EARLIEST
 
 
@@ -50,9 +51,11 @@ def asset_file(value: Any) -> str:
         value: Value of an asset attribute.
 
     Returns:
-        Absolute path of an existing file, or empty: also for a file inside a usdz package.
+        Absolute path of an existing file, or empty; of a file inside a usdz package that of a copy.
     """
     resolved = str(value.resolvedPath) if isinstance(value, Sdf.AssetPath) else ""
+    if resolved.endswith("]"):
+        return unpacked(resolved)
     return str(Path(resolved).resolve()) if resolved and Path(resolved).is_file() else ""
 
 
@@ -64,6 +67,19 @@ def number_of(source: Source, default: float) -> float:
         default: Taken where it feeds no number.
     """
     return float(source.value) if isinstance(source.value, int | float) else default
+
+
+def channel_of(output: str) -> int | None:
+    """Tell which channel of a texture an output hands on.
+
+    Args:
+        output: Name of an output of one number, e.g. `r` of UsdUVTexture or `outg` of MaterialX's separate nodes.
+
+    Returns:
+        0 red, 1 green, 2 blue, 3 alpha; None for another output.
+    """
+    name = output.removeprefix("out")
+    return "rgba".index(name) if name in ("r", "g", "b", "a") else None
 
 
 def pair_of(source: Source, default: tuple[float, float]) -> tuple[float, float]:

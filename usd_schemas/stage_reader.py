@@ -1,11 +1,11 @@
 """Read any composed stage into a `FlatScene`: metres, z up, triangles, plain numbers."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Tf, Usd, UsdGeom, UsdUtils
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError, MissingError
@@ -24,6 +24,21 @@ F64 = NDArray[np.float64]
 register_schemas()
 
 
+@dataclass(frozen=True)
+class ComposedStage:
+    """What one composition of a stage came to.
+
+    Attributes:
+        scene: The stage, its `origin` still empty.
+        layers: Hash of the content of each layer that took part, sorted.
+        files: Resolved path of each layer file, or package of layers, that took part.
+    """
+
+    scene: FlatScene
+    layers: tuple[str, ...]
+    files: tuple[Path, ...]
+
+
 def read_stage(path: Path, *, survey: str | None = None) -> FlatScene:
     """Read a stage: everything that is drawn, its looks, lights, cameras and labels.
 
@@ -37,6 +52,21 @@ def read_stage(path: Path, *, survey: str | None = None) -> FlatScene:
     Raises:
         MissingError: There is no such file.
         InputError: It is not a USD file, shows nothing, or has no such product.
+    """
+    composed = compose_stage(path)
+    scene = choose_survey(composed.scene, survey, path)
+    return with_origin(scene, composed.layers)
+
+
+def compose_stage(path: Path) -> ComposedStage:
+    """Compose a stage and read it.
+
+    Args:
+        path: A USD file (usda, usdc, usd or usdz).
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: It is not a USD file, or shows nothing.
     """
     warnings: dict[str, None] = {}
     folder = f"{path.resolve().parent}/"
@@ -54,11 +84,56 @@ def read_stage(path: Path, *, survey: str | None = None) -> FlatScene:
         if scene is None:
             hint = next(iter(warnings), "Check visibility, purpose, payloads and variant selections")
             raise InputError("the stage shows no geometry", where=path, mend=hint)
-        if survey is not None:
-            scene = _only(scene, survey, path)
-        return replace(scene, warnings=tuple(warnings), origin=_origin(stage, scene))
+        layers = [layer for layer in stage.GetUsedLayers() if layer != stage.GetSessionLayer()]
+        files = tuple(Path(layer.realPath.partition("[")[0]).resolve() for layer in layers if layer.realPath)
+        return ComposedStage(
+            replace(scene, warnings=tuple(warnings)), tuple(sorted(_layer_digest(layer) for layer in layers)), files
+        )
     finally:
         del quiet
+
+
+def choose_survey(scene: FlatScene, survey: str | None, path: Path) -> FlatScene:
+    """Keep one product of a scene, with its camera.
+
+    Args:
+        scene: A scene.
+        survey: Name of the product; all stay when None.
+        path: File of the stage, for the error.
+
+    Raises:
+        InputError: There is no such product.
+    """
+    if survey is None:
+        return scene
+    for product in scene.products:
+        if product.name == survey:
+            camera: CameraTrack = scene.cameras[product.camera]
+            kept: Product = replace(product, camera=0)
+            return replace(scene, cameras=(camera,), products=(kept,))
+    names = ", ".join(product.name for product in scene.products)
+    raise InputError("no such survey on the stage", where=path, field="survey", value=survey, allowed=names)
+
+
+def with_origin(scene: FlatScene, layers: tuple[str, ...]) -> FlatScene:
+    """Name a scene by the content of every layer and texture that it was read from, wherever they lie.
+
+    Args:
+        scene: A scene.
+        layers: Hash of each of its layers, sorted.
+    """
+    textures = {file: file_digest(Path(file)) for file in texture_files(scene)}
+    return replace(scene, origin=digest({"layers": list(layers), "textures": sorted(textures.values())}))
+
+
+def texture_files(scene: FlatScene) -> set[str]:
+    """List the pictures that a scene names.
+
+    Args:
+        scene: A scene.
+    """
+    dome: tuple[Dome, ...] = (scene.dome,) if scene.dome else ()
+    return {file for material in scene.materials for file in _files(material)} | {d.file for d in dome if d.file}
 
 
 def stage_to_world(stage: Usd.Stage) -> F64:
@@ -104,42 +179,20 @@ def _flatten_stage(stage: Usd.Stage, warn: Warn) -> FlatScene | None:
     if not cameras:
         track, product = framing_camera(*world_bounds(flat))
         cameras, products = (track,), (product,)
-    sun, dome = read_lights(stage, transform, warn)
+    lights = read_lights(stage, transform, warn)
     visibility = read_visibility(stage.GetPrimAtPath(tokens.ENVIRONMENT))
     return FlatScene(
-        flat.geometry, flat.draws, flat.materials, sun, dome, cameras, products, flat.instances, table.rows, (), "",
-        visibility,
+        flat.geometry, flat.draws, flat.materials, lights.sun, lights.dome, cameras, products, flat.instances,
+        table.rows, (), "", visibility, lights.spheres,
     )  # fmt: skip
 
 
-def _only(scene: FlatScene, survey: str, path: Path) -> FlatScene:
-    for product in scene.products:
-        if product.name == survey:
-            camera: CameraTrack = scene.cameras[product.camera]
-            kept: Product = replace(product, camera=0)
-            return replace(scene, cameras=(camera,), products=(kept,))
-    names = ", ".join(product.name for product in scene.products)
-    raise InputError("no such survey on the stage", where=path, field="survey", value=survey, allowed=names)
-
-
-def _origin(stage: Usd.Stage, scene: FlatScene) -> str:
-    """Hash the content of every layer and texture that the scene was read from, wherever they lie."""
-    layers = []
-    session = stage.GetSessionLayer()
-    for layer in stage.GetUsedLayers():
-        if layer != session:
-            file = Path(layer.realPath) if layer.realPath else None
-            layers.append(file_digest(file) if file and file.is_file() else digest(layer.ExportToString()))
-    textures = {file: file_digest(Path(file)) for file in _texture_files(scene)}
-    return digest({"layers": sorted(layers), "textures": sorted(textures.values())})
-
-
-def _texture_files(scene: FlatScene) -> set[str]:
-    dome: tuple[Dome, ...] = (scene.dome,) if scene.dome else ()
-    return {file for material in scene.materials for file in _files(material)} | {d.file for d in dome if d.file}
+def _layer_digest(layer: Sdf.Layer) -> str:
+    file = Path(layer.realPath) if layer.realPath else None
+    return file_digest(file) if file and file.is_file() else digest(layer.ExportToString())
 
 
 def _files(material: Material) -> list[str]:
-    textures = (material.base_texture, material.roughness_texture, material.normal_texture)
-    files = [texture.file for texture in textures if texture] + [material.detail.file, material.detail.macro_file]
+    maps = (material.base_texture, material.roughness_texture, material.metallic_texture, material.normal_texture)
+    files = [texture.file for texture in maps if texture] + [material.detail.file, material.detail.macro_file]
     return [file for file in files if file]

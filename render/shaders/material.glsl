@@ -9,6 +9,9 @@ uniform sampler2DArray roughness_array;
 #ifdef HAS_NORMAL
 uniform sampler2DArray normal_array;
 #endif
+#ifdef HAS_METALLIC
+uniform sampler2DArray metallic_array;
+#endif
 #ifdef HAS_DETAIL
 uniform sampler2DArray detail_array;
 #endif
@@ -23,11 +26,13 @@ in vec2 st1;
 in vec2 albedo_place;
 in vec2 roughness_place;
 in vec2 normal_place;
+in vec2 metallic_place;
 flat in vec3 detail_frequencies;
 in vec3 vertex_color;
 flat in uint draw;
 
-const float SHARPER = -0.5;  // mip bias: without anisotropy the default blurs every slanted surface
+// Without anisotropy the default mip level blurs every slanted surface; what comes out too sharp, the lens blurs.
+const float SHARPER = -1.0;
 
 #ifdef HAS_ALBEDO
 vec4 look_up_albedo(Material material) {

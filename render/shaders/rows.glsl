@@ -11,6 +11,7 @@ struct Material {
     vec4 albedo[2];  // rows of the affine map of (s, t, 1); then layer, uv set
     vec4 roughness[2];
     vec4 normal[2];
+    vec4 metallic[2];
     vec4 frequencies;  // detail: tiles per metre of each octave, layer
     vec4 amplitudes;   // detail: contrast of each octave, macro layer
     vec4 options;      // opacity threshold, takes the vertex colour

@@ -1,4 +1,4 @@
-// Shades a surface. Features (HAS_…, CUT_OUT, MIRROR, VOLUME, SUN, NORMALS) are put in front when it is compiled.
+// Shades a surface. Features (HAS_…, CUT_OUT, MIRROR, VOLUME, SUN, LOCAL_LIGHTS n, NORMALS) are put in front when it is compiled.
 // #include rows.glsl
 // #include material.glsl
 
@@ -10,18 +10,17 @@ uniform vec3 haze;
 uniform float haze_density;     // [1/m]
 uniform float code_scale;       // 1 / brightest radiance that the target can hold
 
-uniform sampler2DShadow shadow_map;
-uniform vec4 sun_axes[3];       // scene to right and up of the sun's view [m], and to the map's depth [1]
-uniform vec4 near_map;          // 1 / half width, centre, usable half width of the left, fine half of the map
-uniform vec4 far_map;           // the same of the right, coarse half
-uniform vec2 shadow_lift;       // normal offset of each half [m]
-
 uniform sampler3D volume_red;
 uniform sampler3D volume_green;
 uniform sampler3D volume_blue;
 uniform vec3 volume_lower;
 uniform vec3 volume_scale;      // 1 / size of the texture [1/m]
 uniform float volume_cell;      // [m]
+
+#ifdef LOCAL_LIGHTS
+uniform vec4 local_places[LOCAL_LIGHTS];      // centre, counted from the scene's anchor; radius [m]
+uniform vec3 local_intensities[LOCAL_LIGHTS]; // radiant intensity [m2]
+#endif
 
 uniform sampler2D panorama;
 uniform mat3 dome_from_world;
@@ -41,38 +40,7 @@ layout(location = 3) out uint out_triangle;
 
 const float PI = 3.14159265;
 
-#ifdef SUN
-// Percentage-closer filter: the mean of a 3x3 texel square at any place, from four gathers of 2x2 comparisons.
-float sun_visibility(vec3 scene, vec3 n) {
-    vec3 ray = vec3(dot(sun_axes[0], vec4(scene, 1.0)), dot(sun_axes[1], vec4(scene, 1.0)),
-                    dot(sun_axes[2], vec4(scene, 1.0)));
-    vec3 turned = vec3(dot(sun_axes[0].xyz, n), dot(sun_axes[1].xyz, n), dot(sun_axes[2].xyz, n));
-    vec2 near = abs(ray.xy * near_map.x + near_map.yz);
-    bool inside = max(near.x, near.y) < near_map.w;
-    vec4 map = inside ? near_map : far_map;
-    ray += turned * (inside ? shadow_lift.x : shadow_lift.y);
-    vec2 place = ray.xy * map.x + map.yz;
-    if (max(abs(place.x), abs(place.y)) > map.w) return 1.0;
-    place = vec2(place.x * 0.25 + (inside ? 0.25 : 0.75), place.y * 0.5 + 0.5);
-    float depth = ray.z;
-#ifdef SOFT
-    vec2 texels = place * vec2(textureSize(shadow_map, 0)) - 0.5;
-    vec2 part = fract(texels);
-    vec2 texel = 1.0 / vec2(textureSize(shadow_map, 0));
-    vec2 corner = (floor(texels) + 0.0) * texel;
-    vec4 a = textureGather(shadow_map, corner, depth);
-    vec4 b = textureGather(shadow_map, corner + vec2(2.0, 0.0) * texel, depth);
-    vec4 c = textureGather(shadow_map, corner + vec2(0.0, 2.0) * texel, depth);
-    vec4 d = textureGather(shadow_map, corner + vec2(2.0, 2.0) * texel, depth);
-    // A gather returns (left upper, right upper, right lower, left lower); rows grow upwards.
-    vec4 rows = vec4((1.0 - part.x) * a.w + a.z + b.w + part.x * b.z, (1.0 - part.x) * a.x + a.y + b.x + part.x * b.y,
-                     (1.0 - part.x) * c.w + c.z + d.w + part.x * d.z, (1.0 - part.x) * c.x + c.y + d.x + part.x * d.y);
-    return dot(rows, vec4(1.0 - part.y, 1.0, 1.0, part.y)) / 9.0;
-#else
-    return texture(shadow_map, vec3(place, depth));
-#endif
-}
-#endif
+// #include sun_shadow.glsl
 
 vec3 sky_irradiance(vec3 scene, vec3 n) {
     vec3 open = open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3];
@@ -128,6 +96,19 @@ float fifth(float x) {
     return square * square * x;
 }
 
+#ifdef LOCAL_LIGHTS
+// Cosine law of a ball of light, exact where the horizon of the surface cuts it too; `size` is (radius / distance)^2.
+// Source: Lagarde and de Rousiers, Moving Frostbite to physically based rendering, SIGGRAPH 2014 course, section 4.7.
+float ball_cosine(float cosine, float size) {
+    if (cosine * cosine > size) return max(cosine, 0.0);
+    float sine = sqrt(1.0 - cosine * cosine);
+    float x = sqrt(1.0 / size - 1.0);
+    float y = clamp(-x * cosine / sine, -1.0, 1.0);
+    float root = sine * sqrt(1.0 - y * y);
+    return max((cosine * acos(y) - x * root) * size + atan(root / x), 0.0) / (PI * size);
+}
+#endif
+
 vec3 shade(Material material, vec3 albedo, vec3 face) {
     vec3 scene = relative + eye;
     float away = length(relative);
@@ -136,10 +117,14 @@ vec3 shade(Material material, vec3 albedo, vec3 face) {
     float ndl = dot(n, to_sun);
     float lit = 0.0;
 #ifdef SUN
-    if (dot(face, to_sun) > 0.0 && ndl > 0.0) lit = ndl * sun_visibility(scene, face);
+    float seen = sun_visibility();  // not in the branch: it needs the neighbouring pixels
+    if (dot(face, to_sun) > 0.0 && ndl > 0.0) lit = ndl * seen;
 #endif
     vec3 sky = sky_irradiance(scene, n);
     float metallic = material.emissive.a;
+#ifdef HAS_METALLIC
+    metallic = texture(metallic_array, vec3(metallic_place, material.metallic[0].w), SHARPER).r;
+#endif
     vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
 #ifdef SOFT
     float roughness = material.base.a;
@@ -161,6 +146,26 @@ vec3 shade(Material material, vec3 albedo, vec3 face) {
 #else
     light += (f0 + (1.0 - f0) * rim) * sky / PI;
 #endif
+#endif
+#ifdef LOCAL_LIGHTS
+    for (int number = 0; number < LOCAL_LIGHTS; number++) {
+        vec3 reach = local_places[number].xyz - scene;
+        float square = max(dot(reach, reach), 1e-6);
+        vec3 towards = reach * inversesqrt(square);
+        float size = min(local_places[number].w * local_places[number].w / square, 0.999);
+        float cosine = clamp(dot(n, towards), -0.9999, 0.9999);
+        if (dot(face, towards) < -sqrt(size)) continue;
+        vec3 received = local_intensities[number] / square * ball_cosine(cosine, size);
+        light += albedo * (1.0 - metallic) / PI * received;
+#ifdef SOFT
+        // Karis (as above): a ball widens the highlight, which keeps its energy.
+        float wide = min(roughness * roughness + 0.5 * sqrt(size), 1.0);
+        vec3 between = normalize(view + towards);
+        light += received * (f0 + (1.0 - f0) * fifth(1.0 - max(dot(between, view), 0.0)))
+                 * highlight(max(cosine, 0.0), ndv, max(dot(n, between), 0.0), sqrt(wide))
+                 * pow(roughness * roughness / wide, 2.0);
+#endif
+    }
 #endif
     light += material.emissive.rgb;
     return mix(haze, light, exp2(-away * haze_density));

@@ -19,6 +19,7 @@ out vec2 st1;
 out vec2 albedo_place;
 out vec2 roughness_place;
 out vec2 normal_place;
+out vec2 metallic_place;
 flat out vec3 detail_frequencies;
 out vec3 vertex_color;
 flat out uint draw;
@@ -40,6 +41,7 @@ void main() {
     albedo_place = place(material.albedo);
     roughness_place = place(material.roughness);
     normal_place = place(material.normal);
+    metallic_place = place(material.metallic);
     detail_frequencies = material.frequencies.xyz;
     vertex_color = in_color.rgb;
     draw = in_draw;

@@ -50,7 +50,9 @@ def write_box_scene(folder: Path) -> Path:
     export(edits_layer(), folder / "edits/user.usda")
     stage = new_stage("World")
     UsdGeom.Scope.Define(stage, tokens.ENVIRONMENT)
-    UsdLux.DistantLight.Define(stage, f"{tokens.ENVIRONMENT}/Sun").CreateIntensityAttr(4.0)
+    sun = UsdLux.DistantLight.Define(stage, f"{tokens.ENVIRONMENT}/Sun")
+    sun.CreateIntensityAttr(4.0)
+    sun.CreateNormalizeAttr(True)
     export(stage.GetRootLayer(), folder / "lighting.usda")
     backgrounds = {"none": "", "house": "./background/house/house.usda"}
     export(root_layer("weathered", "house", backgrounds, len(path.poses)), folder / "scene.usda")

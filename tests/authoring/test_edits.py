@@ -94,12 +94,12 @@ def test_a_turned_sun_comes_home(scene: Path, other: Usd.Stage) -> None:
     sun = UsdLux.DistantLight(other.GetPrimAtPath("/World/Environment/Sun"))
     sun.AddRotateXYZOp().Set(Gf.Vec3f(30.0, -20.0, 15.0))
     sun.GetIntensityAttr().Set(2.5)
-    expected = read_lights(other, np.eye(4), print)[0]
+    expected = read_lights(other, np.eye(4), print).sun
     UsdLux.DistantLight.Define(other, "/Another")
     other.GetRootLayer().pseudoRoot.nameChildrenOrder = ["Another", "World"]
     found, _ = bring_home(scene, other)
     assert (found.moved, found.lights) == (["Sun"], ["Another"])
-    home = read_lights(Usd.Stage.Open(str(scene)), np.eye(4), lambda line: None)[0]
+    home = read_lights(Usd.Stage.Open(str(scene)), np.eye(4), lambda line: None).sun
     assert home is not None
     assert expected is not None
     np.testing.assert_allclose(home.direction, expected.direction, atol=1e-6)

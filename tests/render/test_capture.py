@@ -12,6 +12,7 @@ from groundwork.files import write_bytes
 from render import image_files
 from render.capture import CalibrationPrior, Capture, CaptureImage, Readout, load_image, read_capture, read_truth
 from render.capture_writer import FrameTruth, make_folders, write_cameras, write_frame_truth, write_truth
+from render.depth_tiff import encode_depth_tiff
 from tests.render.scenes import CAMERA, random_scene
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene, world_triangles
@@ -74,6 +75,27 @@ def test_round_trip(tmp_path: Path) -> None:
     np.testing.assert_allclose(corners, expected_corners, atol=1e-12)
     np.testing.assert_array_equal(ids, expected_ids)
     np.testing.assert_array_equal(labels, scene.draws.label[rows])
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (7, 5), (33, 120), (480, 641)])
+def test_depth_comes_back_bit_for_bit(tmp_path: Path, shape: tuple[int, int]) -> None:
+    """Smooth, wild, tiny and infinite values, through OpenCV's reader; a damaged file is refused."""
+    rng = np.random.default_rng(3)
+    for number, depth in enumerate((
+        np.linspace(0.1, 5000, shape[0] * shape[1]).reshape(shape),
+        np.where(rng.random(shape) < 0.3, np.inf, 10.0 ** rng.uniform(-40, 38, shape)),
+        rng.integers(0, 2**31 - 2**23, shape).astype(np.uint32).view(np.float32),
+    )):  # fmt: skip
+        path = tmp_path / f"{number}.tiff"
+        wanted = np.asarray(depth, np.float32)
+        data = encode_depth_tiff(wanted)
+        path.write_bytes(data)
+        read = image_files.decode(path)
+        assert read.dtype == np.float32
+        np.testing.assert_array_equal(read.view(np.uint32), wanted.view(np.uint32))
+        path.write_bytes(data[: len(data) - 60])
+        with pytest.raises(InputError):
+            image_files.decode(path)
 
 
 def test_ids_above_16_bit_are_kept_as_tiff(tmp_path: Path) -> None:

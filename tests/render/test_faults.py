@@ -112,8 +112,8 @@ def test_a_texture_of_a_hundred_megabytes(gl: Gl, tmp_path: Path, record_proof: 
     cv2.imwrite(str(path), np.tile(row, (side // 64, 1, 1)))
     (tmp_path / "nothing.png").write_bytes(b"")
     assert path.stat().st_size > 100e6
-    keys = [TextureKey(str(path), False), TextureKey(str(tmp_path / "nothing.png"), True)]
-    slots, warnings = load_textures(gl.context, keys, 1024, 1.0)
+    keys = [TextureKey(str(path), False, "vector"), TextureKey(str(tmp_path / "nothing.png"), True)]
+    slots, warnings = load_textures(gl, keys, [], 1024, 1.0)
     assert slots[keys[0]].side == 1024
     assert slots[keys[0]].mean == pytest.approx((row.mean() / 255,) * 3, abs=0.01)
     assert len(warnings) == 1

@@ -175,6 +175,45 @@ def test_colours_detail_and_macro_are_the_documented_factors(gl: Gl, ideal: Rend
     np.testing.assert_allclose(light[60, 80], 0.5 * 1.2 * 1.1 * 128 / 255, rtol=0.02)
 
 
+def test_raw_colours_channels_and_gains_of_textures(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+    """A linear picture is not decoded; a gain and a bias act on linear values."""
+    cv2.imwrite(str(tmp_path / "tint.png"), np.full((16, 16, 3), (51, 102, 204), np.uint8)[..., ::-1])
+    told = np.array([51, 102, 204]) / 255
+    decoded = ((told + 0.055) / 1.055) ** 2.4
+    for texture, expected in (
+        (Texture(str(tmp_path / "tint.png"), False), told),
+        (Texture(str(tmp_path / "tint.png"), True), decoded),
+        (Texture(str(tmp_path / "tint.png"), True, gain=(1.0, 0.5, 0.25), bias=(0.1, 0.0, 0.2)),
+         decoded * [1.0, 0.5, 0.25] + [0.1, 0.0, 0.2]),
+    ):  # fmt: skip
+        scene = plate(Material("card", base_texture=texture)).build(DOWN[None])
+        light, _ = radiance(gl, replace(scene, dome=WHITE_DOME), ideal.model_copy(update={"quality": "fast"}))
+        np.testing.assert_allclose(light[60, 80], expected, rtol=0.02)
+
+
+@pytest.mark.parametrize("quality", ["fast", "standard", "fine"])
+def test_metallic_is_looked_up_where_the_texture_says(
+    gl: Gl, ideal: RenderSettings, tmp_path: Path, quality: str
+) -> None:
+    """Under a white dome a metal mirrors its own colour and has no gloss beside it; a dielectric has 4 % more.
+
+    Left half metal, right half paint, in the blue channel of a picture whose red and green say the opposite. `fast`
+    takes the mean, in which half of the diffuse light is lost.
+    """
+    pixels = np.full((64, 64, 3), 255, np.uint8)
+    pixels[:, :32, :2], pixels[:, 32:, 2] = 0, 0
+    cv2.imwrite(str(tmp_path / "orm.png"), pixels[..., ::-1])
+    metal = Texture(str(tmp_path / "orm.png"), False, channel=2)
+    card = Material("card", base_color=(0.2, 0.4, 0.6), roughness=1.0, metallic_texture=metal)
+    light, _ = radiance(
+        gl, replace(plate(card).build(DOWN[None]), dome=WHITE_DOME), ideal.model_copy(update={"quality": quality})
+    )
+    color = np.array([0.2, 0.4, 0.6])
+    left, right = (color / 2, color / 2) if quality == "fast" else (color, color + 0.04)
+    np.testing.assert_allclose(light[60, 60], left, rtol=0.04)
+    np.testing.assert_allclose(light[60, 100], right, rtol=0.04)
+
+
 def test_edges_of_triangles_are_as_sharp_as_their_middle(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
     """A plate of 800 triangles looks like one of two: no pixel beside an edge takes a coarser level of a texture."""
     cv2.imwrite(str(tmp_path / "halves.png"), np.repeat(np.array([[30] * 128 + [220] * 128], np.uint8), 256, axis=0))

@@ -98,6 +98,20 @@ def test_metering_brings_the_middle_tone_to_grey_and_keeps_highlights() -> None:
     assert meter(np.zeros(0, np.float32)) == 1.0
 
 
+@pytest.mark.parametrize(("level", "share"), [(0.1, 1.0), (0.1, 0.5), (0.4, 0.5), (0.2, 1.0), (0.001, 1.0), (0.1, 0.0)])
+def test_a_frame_follows_its_own_light_as_far_as_it_is_told(level: float, share: float) -> None:
+    """The gain moves by the stated share of the stops between the frame's middle tone and grey, two at most."""
+    settings = STEADY.model_copy(update={"auto_exposure": share})
+    sensor = Sensor(settings, 1.5, BRIGHTEST, SHAPE, 5)
+    asked = share * np.log2(GREY / (1.5 * level))
+    expected = 1.5 * 2.0 ** np.clip(asked, -2.0, 2.0)
+    assert sensor.expose(0, coded(level)).gain == pytest.approx(expected, rel=1e-3)
+    under_the_sky, surfaces = coded(level), np.zeros(SHAPE, bool)
+    under_the_sky[:200], surfaces[200:] = coded(3.0)[:200], True
+    assert sensor.expose(0, under_the_sky, surfaces).gain == pytest.approx(expected, rel=1e-3)
+    assert sensor.expose(0, coded(level), np.zeros(SHAPE, bool)).gain == pytest.approx(expected, rel=1e-3)
+
+
 def read_tags(tiff: bytes, offset: int) -> dict[int, object]:
     """Read one EXIF directory of a little-endian TIFF structure."""
     tags: dict[int, object] = {}

@@ -47,9 +47,10 @@ def read_body(folder: Path, body: str, header: str = Z_UP) -> FlatScene:
 
 
 def area_vectors(scene: FlatScene) -> F64:
-    """Find the area vector of every drawn triangle in world space [m2], shape (T, 3), float64."""
-    corners, _, _ = world_triangles(scene)
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    """Find the outward area vector of every drawn triangle in world space [m2], shape (T, 3), float64."""
+    corners, _, rows = world_triangles(scene)
+    outward = np.sign(np.linalg.det(scene.draws.transform[:, :3, :3]))[rows]
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2 * outward[:, None]
 
 
 def area(scene: FlatScene) -> float:
@@ -60,7 +61,7 @@ def area(scene: FlatScene) -> float:
 def volume(scene: FlatScene) -> float:
     """Find the volume that the drawn triangles enclose [m3], over 0 where they are wound outwards."""
     corners, _, _ = world_triangles(scene)
-    return float(np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6)
+    return float(np.einsum("ti,ti->t", corners[:, 0], area_vectors(scene)).sum() / 3)
 
 
 def bounds(scene: FlatScene) -> F64:

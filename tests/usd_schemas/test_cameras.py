@@ -202,6 +202,42 @@ def test_products(tmp_path: Path) -> None:
     assert any(line.startswith("/Render/Lost") for line in scene.warnings)
 
 
+def test_what_a_product_asks_for_beyond_is_named(tmp_path: Path) -> None:
+    """Policies, windows, stretched pixels and foreign variables: one line each, from the product or the settings."""
+    body = """def Scope "Render" {
+        def RenderSettings "Settings" {
+            rel products = [</Render/Odd>, </Render/Plain>]
+            uniform token aspectRatioConformPolicy = "cropAperture"
+        }
+        def RenderProduct "Odd" {
+            rel camera = </A>
+            uniform int2 resolution = (640, 200)
+            uniform float4 dataWindowNDC = (0, 0, 0.5, 1)
+            uniform float pixelAspectRatio = 2
+            rel orderedVars = [</Render/rgb>, </Render/Ci>]
+        }
+        def RenderProduct "Plain" {
+            rel camera = </B>
+            uniform int2 resolution = (640, 480)
+            rel orderedVars = </Render/rgb>
+        }
+        def RenderVar "rgb" {
+            uniform string sourceName = "rgb"
+        }
+        def RenderVar "Ci" {
+            uniform string sourceName = "Ci"
+        }
+    }"""
+    header = Z_UP + '\n renderSettingsPrimPath = "/Render/Settings"'
+    scene = read_body(tmp_path, GROUND + camera("A") + camera("B") + body, header)
+    assert [line for line in scene.warnings if line.startswith("/Render")] == [
+        "/Render/Odd: aspectRatioConformPolicy cropAperture is read as expandAperture",
+        "/Render/Odd: dataWindowNDC is left out: the whole image is rendered",
+        "/Render/Odd: pixelAspectRatio 2 is left out: pixels are square",
+        "/Render/Odd: RenderVars Ci are not among rgb, depth, semantic, instance, normal: not written",
+    ]
+
+
 def test_choosing_a_survey(tmp_path: Path) -> None:
     """One product with its camera; an unknown one is bad input that lists the others."""
     path = write_stage(tmp_path, GROUND + camera("A") + camera("B"))

@@ -76,12 +76,40 @@ def test_omnipbr_textures(tmp_path: Path) -> None:
         float inputs:texture_rotate = 45
         float2 inputs:texture_translate = (0.5, 0)
         asset inputs:metallic_texture = @./gone.png@
+        float inputs:metallic_texture_influence = 1
     """))  # fmt: skip
     assert material.base_texture == Texture(str(tmp_path / "a.png"), True, (2.0, 3.0), 45.0, (0.5, 0.0))
     assert material.normal_texture == Texture(str(tmp_path / "b.png"), False, (2.0, 3.0), 45.0, (0.5, 0.0))
     assert material.roughness_texture is not None
+    assert material.metallic_texture is None
     assert len(scene.warnings) == 1
     assert "gone.png" in scene.warnings[0]
+
+
+def test_omnipbr_weights_and_packed_channels(tmp_path: Path) -> None:
+    """An influence mixes constant and texture, a tint multiplies the texture, ORM has its own channels."""
+    scene, material = read_one(tmp_path, omni("""
+        asset inputs:diffuse_texture = @./a.png@
+        color3f inputs:diffuse_tint = (0.5, 1, 0.25)
+        bool inputs:enable_ORM_texture = 1
+        asset inputs:ORM_texture = @./b.png@
+        float inputs:reflection_roughness_constant = 0.5
+        float inputs:reflection_roughness_texture_influence = 0.25
+        float inputs:metallic_texture_influence = 1
+    """))  # fmt: skip
+    rough = Texture(str(tmp_path / "b.png"), False, channel=1, gain=(0.25, 0.25, 0.25), bias=(0.375, 0.375, 0.375))
+    assert material.base_texture == Texture(str(tmp_path / "a.png"), True, gain=(0.5, 1.0, 0.25))
+    assert material.roughness_texture == rough
+    assert material.metallic_texture == Texture(str(tmp_path / "b.png"), False, channel=2)
+    assert scene.warnings == ()
+
+
+def test_omnipbr_fed_by_a_node_is_named(tmp_path: Path) -> None:
+    """An input that another MDL node computes falls back to its default, with one line."""
+    scene, material = read_one(tmp_path, omni("color3f inputs:diffuse_color_constant.connect = </Mat/S.outputs:out>"))
+    assert material.base_color == pytest.approx((0.2, 0.2, 0.2))
+    assert len(scene.warnings) == 1
+    assert "diffuse_color_constant of OmniPBR is fed by" in scene.warnings[0]
 
 
 def test_standard_surface_constants(tmp_path: Path) -> None:
@@ -147,6 +175,43 @@ def test_standard_surface_textures(tmp_path: Path) -> None:
     _, material = read_one(tmp_path, standard(inputs, raw))
     assert material.base_texture is not None
     assert not material.base_texture.srgb
+
+
+@pytest.mark.parametrize(
+    ("node", "output"),
+    [
+        ('"ND_extract_color3"\nint inputs:index = 2', "out"),
+        ('"ND_separate3_color3"', "outb"),
+    ],
+)
+def test_standard_surface_metalness_of_a_channel(node: str, output: str, tmp_path: Path) -> None:
+    """Metalness from the blue of a packed picture, by either node; `base` multiplies the texture of base_color."""
+    inputs = f"""
+        float inputs:base = 0.5
+        color3f inputs:base_color.connect = </Mat/A.outputs:out>
+        float inputs:metalness.connect = </Mat/Pick.outputs:{output}>
+    """
+    nodes = f"""
+        def Shader "A" {{
+            uniform token info:id = "ND_image_color3"
+            asset inputs:file = @./a.png@
+            color3f outputs:out
+        }}
+        def Shader "Pick" {{
+            uniform token info:id = {node}
+            color3f inputs:in.connect = </Mat/B.outputs:out>
+            float outputs:{output}
+        }}
+        def Shader "B" {{
+            uniform token info:id = "ND_image_color3"
+            asset inputs:file = @./b.png@
+            color3f outputs:out
+        }}
+    """
+    scene, material = read_one(tmp_path, standard(inputs, nodes))
+    assert material.metallic_texture == Texture(str(tmp_path / "b.png"), False, channel=2)
+    assert material.base_texture == Texture(str(tmp_path / "a.png"), True, gain=(0.5, 0.5, 0.5))
+    assert scene.warnings == ()
 
 
 def test_a_network_that_is_more_than_one_texture_is_named(tmp_path: Path) -> None:

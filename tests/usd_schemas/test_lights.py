@@ -1,4 +1,4 @@
-"""Sun and sky: directions, strengths, and the orientation of the dome's picture."""
+"""Sun, sky and lamps: directions, strengths, and the orientation of the dome's picture."""
 
 from pathlib import Path
 
@@ -25,6 +25,7 @@ Y_UP = 'upAxis = "Y"\n metersPerUnit = 0.01'
 def test_sun_direction(header: str, turn: str, direction: tuple[float, ...], tmp_path: Path) -> None:
     """Light travels along local -z, so that the sun stands where local +z points."""
     text = 'def DistantLight "Sun" {\nfloat inputs:intensity = 2\nfloat inputs:exposure = 1\nfloat inputs:angle = 1\n'
+    text += "bool inputs:normalize = 1\n"
     text += f"color3f inputs:color = (1, 0.5, 0.25)\n{TURN.format(turn)}}}\n"
     sun = read_body(tmp_path, GROUND + text, header).sun
     assert sun is not None
@@ -33,15 +34,77 @@ def test_sun_direction(header: str, turn: str, direction: tuple[float, ...], tmp
     assert sun.angle == 1.0
 
 
+@pytest.mark.parametrize(("angle", "given"), [(0.0, 1.0), (0.53, 6.7204e-5), (60.0, np.pi / 4), (180.0, np.pi)])
+def test_a_sun_that_is_not_normalized_gives_by_its_disc(angle: float, given: float, tmp_path: Path) -> None:
+    """Intensity is then radiance: irradiance is pi sin^2 of half the angle times it, and intensity itself at none."""
+    text = f'def DistantLight "Sun" {{\nfloat inputs:intensity = 2\nfloat inputs:angle = {angle}\n}}\n'
+    sun = read_body(tmp_path, GROUND + text).sun
+    assert sun is not None
+    assert sun.radiance == pytest.approx((2.0 * given,) * 3, rel=1e-4)
+    default = read_body(tmp_path, GROUND + 'def DistantLight "Sun" {}\n').sun
+    assert default is not None
+    assert default.radiance == pytest.approx((3.3602,) * 3, rel=1e-4)
+
+
+@pytest.mark.parametrize(("header", "unit"), [(Z_UP, 1.0), (Y_UP, 0.01)])
+def test_sphere_lights(header: str, unit: float, tmp_path: Path) -> None:
+    """Radiance times pi r^2 in metres; normalized, the power over 4 pi stage units squared gives that radiance."""
+    text = """def Xform "Pole" {
+        double3 xformOp:translate = (1, 2, 3)
+        float3 xformOp:scale = (2, 2, 2)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
+        def SphereLight "Plain" {
+            float inputs:radius = 0.25
+            float inputs:intensity = 8
+            float inputs:exposure = 1
+            color3f inputs:color = (1, 0.5, 0.25)
+        }
+        def SphereLight "Normalized" {
+            float inputs:radius = 0.25
+            float inputs:intensity = 8
+            bool inputs:normalize = 1
+        }
+        def SphereLight "Point" {
+            float inputs:radius = 0
+            float inputs:intensity = 8
+            bool inputs:normalize = 1
+        }
+        def SphereLight "Dark" {
+            float inputs:radius = 0
+        }
+        def SphereLight "Hidden" {
+            token visibility = "invisible"
+        }
+        def SphereLight "Spot" (prepend apiSchemas = ["ShapingAPI"]) {}
+    }
+    """
+    scene = read_body(tmp_path, GROUND + text, header)
+    plain, normalized, point, spot = scene.sphere_lights
+    expected = np.array([1.0, 2.0, 3.0] if header == Z_UP else [1.0, -3.0, 2.0]) * unit
+    np.testing.assert_allclose(plain.position, expected, atol=1e-12)
+    assert plain.radius == pytest.approx(0.5 * unit)
+    assert plain.intensity == pytest.approx(tuple(np.array([16.0, 8.0, 4.0]) * np.pi * (0.5 * unit) ** 2))
+    radiance = 8.0 / (4 * np.pi * 0.5**2)  # the radius in stage units
+    assert normalized.intensity == pytest.approx((radiance * np.pi * (0.5 * unit) ** 2,) * 3)
+    assert point.intensity == pytest.approx(normalized.intensity)
+    assert point.radius == 0.0
+    assert spot.radius == pytest.approx(unit)
+    assert {line for line in scene.warnings if "SphereLight" in line} == {
+        "/Pole/Dark: a SphereLight that gives no light: left out",
+        "/Pole/Spot: the shaping of a SphereLight is left out: it shines all around",
+    }
+
+
 def test_the_first_visible_light_counts(tmp_path: Path) -> None:
     """Hidden lights do not shine; further ones and other kinds are named."""
     lights = 'def DistantLight "Hidden" {\ntoken visibility = "invisible"\n}\ndef DistantLight "A" {\n'
-    lights += 'float inputs:intensity = 3\n}\ndef DistantLight "B" {}\ndef SphereLight "Bulb" {}\n'
+    lights += "float inputs:intensity = 3\nbool inputs:normalize = 1\n}\n"
+    lights += 'def DistantLight "B" {}\ndef RectLight "Panel" {}\n'
     scene = read_body(tmp_path, GROUND + lights)
     assert scene.sun is not None
     assert scene.sun.radiance == (3.0, 3.0, 3.0)
     assert "/B: DistantLight is left out" in scene.warnings
-    assert "/Bulb: SphereLight is left out" in scene.warnings
+    assert "/Panel: RectLight is left out" in scene.warnings
     assert read_body(tmp_path, GROUND).sun is None
 
 

@@ -45,6 +45,7 @@ def texture(name: str, file: str, more: str = "", varname: str = "st") -> str:
             float3 outputs:rgb
             float outputs:r
             float outputs:g
+            float outputs:b
             float outputs:a
         }}
         def Shader "{name}Place" {{
@@ -141,6 +142,49 @@ def test_interface_inputs_are_followed(tmp_path: Path) -> None:
     np.testing.assert_allclose(scene.geometry.st.max(axis=0), (3.0, 3.0))
 
 
+def test_packed_channels_with_scale_and_bias(tmp_path: Path) -> None:
+    """Roughness from green and metallic from blue of one picture, each with its own scale and bias; a tinted colour."""
+    scene, material = read_one(tmp_path, network(
+        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+        "float inputs:roughness.connect = </Mat/B.outputs:g>\n"
+        "float inputs:metallic.connect = </Mat/B.outputs:b>",
+        texture("A", "./a.png", "float4 inputs:scale = (0.5, 1, 0.25, 1)")
+        + texture("B", "./b.png", "float4 inputs:scale = (9, 0.5, 0.75, 1)\nfloat4 inputs:bias = (9, 0.25, 0.125, 0)"),
+    ))  # fmt: skip
+    rough, metal = material.roughness_texture, material.metallic_texture
+    assert material.base_texture
+    assert material.base_texture.gain == (0.5, 1.0, 0.25)
+    assert rough
+    assert metal
+    assert (rough.channel, rough.gain, rough.bias) == (1, (0.5,) * 3, (0.25,) * 3)
+    assert (metal.channel, metal.gain, metal.bias) == (2, (0.75,) * 3, (0.125,) * 3)
+    assert rough.file == metal.file == str(tmp_path.resolve() / "b.png")
+    assert not scene.warnings
+
+
+def test_what_a_flat_material_cannot_hold_is_named(tmp_path: Path) -> None:
+    """Inputs that change the look and are not read: one line each, and the rest is drawn."""
+    scene, material = read_one(tmp_path, network(
+        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+        "color3f inputs:emissiveColor.connect = </Mat/A.outputs:rgb>\n"
+        "int inputs:useSpecularWorkflow = 1\nfloat inputs:clearcoat = 0.5\nfloat inputs:displacement = 0.1\n"
+        "normal3f inputs:normal.connect = </Mat/C.outputs:rgb>",
+        texture("A", "./a.png", 'token inputs:wrapS = "mirror"\ntoken inputs:wrapT = "repeat"')
+        + texture("C", "./c.png", "float4 inputs:scale = (2, -2, 2, 1)\nfloat4 inputs:bias = (-1, 1, -1, 0)"),
+    ))  # fmt: skip
+    assert material.base_texture
+    assert material.normal_texture
+    assert material.normal_texture.is_plain
+    assert sorted(scene.warnings) == [
+        "/Mat: a texture of emissiveColor is left out",
+        "/Mat: clearcoat is left out",
+        "/Mat: displacement is left out",
+        "/Mat: scale and bias of the normal texture are read as 2 and -1",
+        "/Mat: the diffuseColor texture repeats beyond its edge, not mirror",
+        "/Mat: useSpecularWorkflow is left out: drawn by its metallic",
+    ]
+
+
 def test_missing_texture_is_grey(tmp_path: Path) -> None:
     """A texture that is not there costs one warning, which names no folder of this machine."""
     body = network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./gone.png"))
@@ -205,6 +249,13 @@ def test_detail(tmp_path: Path) -> None:
     assert material.detail.file == str(tmp_path.resolve() / "a.png")
     assert material.detail.macro_file == str(tmp_path.resolve() / "b.png")
     assert (material.detail.periods, material.detail.amplitudes) == ((0.5, 0.125), (0.25, 0.5))
+    more = outside.replace("0.125]", "0.125, 0.1, 0.05]").replace("0.5]", "0.5, 0.5, 0.5]")
+    scene, material = read_one(tmp_path, network("", "", more))
+    assert material.detail.periods == pytest.approx((0.5, 0.125, 0.1))
+    assert scene.warnings == ("/Mat: detail beyond 3 octaves is left out",)
+    scene, material = read_one(tmp_path, network("", "", outside.replace("[0.25, 0.5]", "[0.25]")))
+    assert material.detail.file == ""
+    assert scene.warnings == ("/Mat: detail:periods and detail:amplitudes differ in number: fine detail is left out",)
 
 
 def test_collection_binding(tmp_path: Path) -> None:

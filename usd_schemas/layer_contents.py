@@ -1,0 +1,77 @@
+"""What a stage is read from, told without composing it: the content of every layer that any of its arcs can lead to."""
+
+from pathlib import Path
+
+from pxr import Ar, Sdf, Tf, UsdUtils
+
+from groundwork.canonical import file_digest
+
+_VARIABLE = "${"  # what an asset path with a variable in it means depends on other layers
+_THERE, _MISSING = "there", "missing"
+
+
+def layer_contents(path: Path) -> dict[str, str] | None:
+    """Hash every layer that a stage can read, those of unselected variants too.
+
+    Args:
+        path: A USD file.
+
+    Returns:
+        Name of each layer, counted from the folder of the root layer where it lies below that, to its hash; and of each
+        other file that a layer names to whether it is there. None where only a composition can tell.
+    """
+    root = path.resolve()
+    if not root.is_file():
+        return None
+    quiet = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        with Ar.ResolverContextBinder(Ar.GetResolver().CreateDefaultContextForAsset(str(root))):
+            return _walk(root)
+    except Tf.ErrorException:  # a layer that cannot be read: whoever composes it says so
+        return None
+    finally:
+        del quiet
+
+
+def name_from(home: Path, file: Path) -> str:
+    """Name a file from a folder where it lies below it, else by its whole path.
+
+    Args:
+        home: Resolved folder.
+        file: Resolved path.
+    """
+    return f"./{file.relative_to(home).as_posix()}" if file.is_relative_to(home) else file.as_posix()
+
+
+def _walk(root: Path) -> dict[str, str] | None:
+    found: dict[str, str] = {}
+    pending = [root]
+    while pending:
+        file = pending.pop()
+        name = name_from(root.parent, file)
+        if name in found:
+            continue
+        found[name] = file_digest(file)
+        if file.suffix == ".usdz":  # a package holds all that it reads
+            continue
+        layer = Sdf.Layer.FindOrOpen(str(file))
+        named = {asset for group in UsdUtils.ExtractExternalReferences(str(file)) for asset in group}
+        if layer is None or any(
+            _VARIABLE in asset or Sdf.VariableExpression.IsExpression(asset)
+            for asset in named.union(layer.GetCompositionAssetDependencies())
+        ):
+            return None
+        for asset in sorted(named):
+            target = _resolve(layer, asset)
+            if target is None:
+                found[f"{name}: {asset}"] = _MISSING
+            elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):
+                pending.append(target)
+            else:
+                found[name_from(root.parent, target)] = _THERE
+    return found
+
+
+def _resolve(layer: Sdf.Layer, asset: str) -> Path | None:
+    resolved = str(Ar.GetResolver().Resolve(layer.ComputeAbsolutePath(asset.partition("[")[0])))
+    return Path(resolved).resolve() if resolved and Path(resolved).is_file() else None

@@ -1,0 +1,46 @@
+"""Files inside usdz packages, brought out so that whoever reads a picture finds a file."""
+
+import hashlib
+from pathlib import Path
+from zipfile import ZIP_STORED, BadZipFile, ZipFile
+
+from groundwork.canonical import file_digest
+from groundwork.errors import FalseworkError
+from groundwork.files import write_bytes
+from usd_schemas.user_cache import cache_folder
+
+_LARGEST = 1_000_000_000  # bytes of one file
+
+
+def unpacked_folder() -> Path:
+    """Tell where unpacked files are kept, each under the hash of its content."""
+    return cache_folder("packages")
+
+
+def unpacked(resolved: str) -> str:
+    """Bring a file out of a package.
+
+    Args:
+        resolved: Resolved path as USD spells it: `package.usdz[folder/file]`.
+
+    Returns:
+        Absolute path of a file with its content; empty where there is none, or none can be written.
+    """
+    package, _, inner = resolved.partition("[")
+    try:
+        with ZipFile(package) as archive:
+            facts = archive.getinfo(inner.removesuffix("]"))
+            if facts.compress_type != ZIP_STORED or facts.file_size > _LARGEST:  # a usdz compresses nothing
+                return ""
+            data = archive.read(facts)
+    except (OSError, KeyError, BadZipFile):
+        return ""
+    content = hashlib.sha256(data).hexdigest()
+    place = unpacked_folder().resolve() / f"{content}{Path(facts.filename).suffix.lower()}"
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if not place.is_file() or file_digest(place) != content:
+            write_bytes(place, data, durable=False)
+    except (OSError, FalseworkError):
+        return ""
+    return str(place)
