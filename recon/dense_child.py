@@ -2,7 +2,7 @@
 
 import shutil
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from groundwork.child import answer_parent
 from groundwork.errors import RejectedSceneError
 from groundwork.progress import Progress
 from recon.colmap_model import SparseModel, read_model
-from recon.dense_points import DensePoints, join, save_array, write_points
+from recon.dense_points import DensePoints, save_array, write_points
 from recon.depth_colmap import has_cuda, measure_with_colmap
 from recon.depth_patchmatch import measure_slanted
 from recon.depth_sgm import PosedImage, measure_depth
@@ -60,14 +60,13 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
         for row, depth in enumerate(depths):
             maps.put_depth(row, depth)
     known = _measure_all(views, maps, method, settings, progress)
-    points = _fuse_all(views, maps, settings, progress)
-    if not len(points.points):
+    count = write_points(out, _fuse_all(views, maps, settings, progress))
+    if not count:
         raise RejectedSceneError("no_depth", _why_nothing(views, known, settings))
-    write_points(out, points)
     maps.clear()
     return {
         "method": method, "reproducible": method != "colmap", "quality": settings.quality, "filter": settings.filter,
-        "depth_size": [camera.pinhole.width, camera.pinhole.height], "points": len(points.points),
+        "depth_size": [camera.pinhole.width, camera.pinhole.height], "points": count,
         "depth_maps": sum(len(view.sources) > 0 for view in views), "known_share": float(np.mean(known)),
     }  # fmt: skip
 
@@ -189,10 +188,12 @@ def _measure_all(
     return _for_each(one, len(views), "depth", settings.dense.threads, progress)
 
 
-def _fuse_all(views: tuple[View, ...], maps: DepthMaps, settings: ReconSettings, progress: Progress) -> DensePoints:
+def _fuse_all(
+    views: tuple[View, ...], maps: DepthMaps, settings: ReconSettings, progress: Progress
+) -> Iterator[DensePoints]:
+    """Give the points of one view after the other."""
     min_views, tolerance = AGREEMENT[settings.filter]
     camera, dense = intrinsics(maps.camera), settings.dense
-    parts = []
     progress.stage("fuse", len(views))
     for view in views:
         if len(view.sources):
@@ -201,9 +202,8 @@ def _fuse_all(views: tuple[View, ...], maps: DepthMaps, settings: ReconSettings,
                 maps.depth_view(view.row), others, camera, min_views, tolerance, dense.min_point_angle
             )  # fmt: skip
             uv = maps.camera.to_photograph(found.uv.astype(np.float64)).astype(np.float32)
-            parts.append(replace(found, uv=uv))
+            yield replace(found, uv=uv)
         progress.advance(view.row + 1)
-    return join(parts)
 
 
 def _for_each(work: Callable[[int], Any], count: int, name: str, threads: int, progress: Progress) -> list[Any]:

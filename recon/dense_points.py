@@ -1,6 +1,8 @@
 """Fused points and the views that they are made of, in memory and as the dense step's child hands them over."""
 
-from collections.abc import Sequence
+import shutil
+from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from io import BytesIO
 from pathlib import Path
@@ -9,9 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.files import write_bytes
+from groundwork.files import space_errors, write_bytes
 
 FOLDER = "points"
+KINDS = {
+    "points": np.dtype(np.float64), "normals": np.dtype(np.float32), "colors": np.dtype(np.uint8),
+    "counts": np.dtype(np.int64), "image": np.dtype(np.uint32), "uv": np.dtype(np.float32),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -35,30 +41,44 @@ class DensePoints:
     uv: NDArray[np.float32]
 
 
-def join(parts: Sequence[DensePoints]) -> DensePoints:
-    """Put sets of points after each other.
-
-    Args:
-        parts: Any number of sets.
-    """
-    empty = DensePoints(
-        np.zeros((0, 3)), np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8), np.zeros(0, np.int64),
-        np.zeros(0, np.uint32), np.zeros((0, 2), np.float32),
-    )  # fmt: skip
-    names = [field.name for field in fields(DensePoints)]
-    return DensePoints(**{name: np.concatenate([getattr(part, name) for part in (empty, *parts)]) for name in names})
-
-
-def write_points(folder: Path, points: DensePoints) -> None:
-    """Keep points in a folder.
+def write_points(folder: Path, parts: Iterable[DensePoints]) -> int:
+    """Keep points in a folder, part after part: no more than one part is ever in memory.
 
     Args:
         folder: Existing folder; gains a folder `points`.
-        points: What to keep.
+        parts: What to keep, in order; at least one.
+
+    Returns:
+        Number of points.
+
+    Raises:
+        OutOfSpaceError: The disk is full.
     """
     (folder / FOLDER).mkdir(exist_ok=True)
-    for field in fields(DensePoints):
-        save_array(folder / FOLDER / f"{field.name}.npy", getattr(points, field.name))
+    count, shapes = 0, dict[str, tuple[int, ...]]()
+    with ExitStack() as open_files, space_errors(folder):
+        files = {
+            field.name: open_files.enter_context((folder / FOLDER / f"{field.name}.raw").open("wb"))
+            for field in fields(DensePoints)
+        }
+        for part in parts:
+            count += len(part.points)
+            for name, file in files.items():
+                array = np.asarray(getattr(part, name), KINDS[name])
+                file.write(np.ascontiguousarray(array).data)
+                shapes[name] = (shapes.get(name, (0,))[0] + len(array), *array.shape[1:])
+    for name, shape in shapes.items():
+        _finish(folder / FOLDER / f"{name}.raw", KINDS[name], shape)
+    return count
+
+
+def _finish(raw: Path, kind: np.dtype[Any], shape: tuple[int, ...]) -> None:
+    """Put a header before an array's bytes."""
+    header = {"descr": np.lib.format.dtype_to_descr(kind), "fortran_order": False, "shape": shape}
+    with space_errors(raw), raw.open("rb") as body, raw.with_suffix(".npy").open("wb") as file:
+        np.lib.format.write_array_header_1_0(file, header)
+        shutil.copyfileobj(body, file)
+    raw.unlink()
 
 
 def read_points(folder: Path) -> DensePoints:
