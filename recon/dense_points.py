@@ -1,8 +1,6 @@
 """Fused points and the views that they are made of, in memory and as the dense step's child hands them over."""
 
-import shutil
 from collections.abc import Iterable
-from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from io import BytesIO
 from pathlib import Path
@@ -11,13 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.files import space_errors, write_bytes
+from groundwork.files import write_bytes
 
 FOLDER = "points"
-KINDS = {
-    "points": np.dtype(np.float64), "normals": np.dtype(np.float32), "colors": np.dtype(np.uint8),
-    "counts": np.dtype(np.int64), "image": np.dtype(np.uint32), "uv": np.dtype(np.float32),
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -46,7 +40,7 @@ def write_points(folder: Path, parts: Iterable[DensePoints]) -> int:
 
     Args:
         folder: Existing folder; gains a folder `points`.
-        parts: What to keep, in order; at least one.
+        parts: What to keep, in order.
 
     Returns:
         Number of points.
@@ -55,40 +49,26 @@ def write_points(folder: Path, parts: Iterable[DensePoints]) -> int:
         OutOfSpaceError: The disk is full.
     """
     (folder / FOLDER).mkdir(exist_ok=True)
-    count, shapes = 0, dict[str, tuple[int, ...]]()
-    with ExitStack() as open_files, space_errors(folder):
-        files = {
-            field.name: open_files.enter_context((folder / FOLDER / f"{field.name}.raw").open("wb"))
-            for field in fields(DensePoints)
-        }
-        for part in parts:
-            count += len(part.points)
-            for name, file in files.items():
-                array = np.asarray(getattr(part, name), KINDS[name])
-                file.write(np.ascontiguousarray(array).data)
-                shapes[name] = (shapes.get(name, (0,))[0] + len(array), *array.shape[1:])
-    for name, shape in shapes.items():
-        _finish(folder / FOLDER / f"{name}.raw", KINDS[name], shape)
+    count = 0
+    for number, part in enumerate(parts):
+        place = folder / FOLDER / f"{number:06d}"
+        place.mkdir(exist_ok=True)
+        for field in fields(DensePoints):
+            save_array(place / f"{field.name}.npy", getattr(part, field.name))
+        count += len(part.points)
     return count
 
 
-def _finish(raw: Path, kind: np.dtype[Any], shape: tuple[int, ...]) -> None:
-    """Put a header before an array's bytes."""
-    header = {"descr": np.lib.format.dtype_to_descr(kind), "fortran_order": False, "shape": shape}
-    with space_errors(raw), raw.open("rb") as body, raw.with_suffix(".npy").open("wb") as file:
-        np.lib.format.write_array_header_1_0(file, header)
-        shutil.copyfileobj(body, file)
-    raw.unlink()
-
-
 def read_points(folder: Path) -> DensePoints:
-    """Read what `write_points` wrote.
+    """Read what `write_points` wrote, of one part at least.
 
     Args:
         folder: The same folder.
     """
+    places = sorted((folder / FOLDER).iterdir())
     return DensePoints(*(
-        np.load(folder / FOLDER / f"{field.name}.npy", allow_pickle=False) for field in fields(DensePoints)
+        np.concatenate([np.load(place / f"{field.name}.npy", allow_pickle=False) for place in places])
+        for field in fields(DensePoints)
     ))  # fmt: skip
 
 
