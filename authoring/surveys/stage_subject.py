@@ -21,7 +21,9 @@ def stage_subject(scene: FlatScene) -> Subject:
     Raises:
         InputError: Nothing in it is labelled as a part of a bridge.
     """
-    corners, owners, _ = world_triangles(scene)
+    corners, owners, draws = world_triangles(scene)
+    mirrored = np.linalg.det(scene.draws.transform[:, :3, :3]) < 0.0
+    corners = np.where(mirrored[draws][:, None, None], corners[:, ::-1], corners)  # outwards again
     ids = owners.astype(np.int32)
     rows = scene.instances
     bridge = [row.id for row in rows if row.path.startswith(f"{tokens.BRIDGE}/")]

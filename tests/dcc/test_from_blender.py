@@ -60,6 +60,7 @@ def test_normals_look_outwards(exported: tuple[FlatScene, dict[str, Any]]) -> No
         transform = scene.draws.transform[row]
         corners = scene.geometry.positions[triangles] @ transform[:3, :3].T
         facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        facing *= np.sign(np.linalg.det(transform[:3, :3]))  # a mirror turns the winding round
         normals = scene.geometry.normals[triangles][:, 0] @ np.linalg.inv(transform[:3, :3])
         assert np.einsum("ti,ti->t", facing, normals).min() > 0.0
 
