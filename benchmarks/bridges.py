@@ -31,7 +31,7 @@ AXES: dict[str, dict[str, Any]] = {
 }
 LEAST_PARTS = 1_000
 TARGET = 0.7  # [s] for 1,000 components on one core
-REPEATS = 3
+REPEATS = 9
 T = TypeVar("T")
 
 
