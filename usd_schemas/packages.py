@@ -7,7 +7,7 @@ from zipfile import ZIP_STORED, BadZipFile, ZipFile
 from groundwork.canonical import file_digest
 from groundwork.errors import FalseworkError
 from groundwork.files import write_bytes
-from usd_schemas.user_cache import cache_folder
+from groundwork.user_cache import cache_folder
 
 _LARGEST = 1_000_000_000  # bytes of one file
 

@@ -16,12 +16,12 @@ from pxr import Usd
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import FalseworkError
 from groundwork.files import folder_lock, write_bytes
+from groundwork.user_cache import cache_folder
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.layer_contents import layer_contents, name_from
 from usd_schemas.packages import unpacked_folder
 from usd_schemas.scene_file import pack_scene, unpack_scene
 from usd_schemas.stage_reader import choose_survey, compose_stage, read_stage, texture_files, with_origin
-from usd_schemas.user_cache import cache_folder
 
 MOST_BYTES = 2_000_000_000  # of the cache; what was not used for longest goes first
 _SUFFIX = ".scene"

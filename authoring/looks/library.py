@@ -16,13 +16,14 @@ from authoring.looks.encode import encode_normals, encode_raw, encode_srgb, halv
 from authoring.looks.noise import Bank, Tile
 from authoring.looks.recipe import FULL
 from authoring.looks.recipes import RECIPES
+from groundwork import user_cache
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError
 from groundwork.files import folder_lock, read_json, write_bytes, write_json
+from groundwork.user_cache import CACHE_VARIABLE
 
 SHEETS = 3  # independent sheets of each surface
 _FACTS = "sheet.json"
-_CACHE = "FALSEWORK_CACHE"
 _SOURCES = (
     "coated", "detail", "encode", "library", "mineral", "noise", "organic", "recipe", "scenery", "sheet", "structural",
     "urban", "walls",
@@ -75,10 +76,8 @@ class SheetFiles:
 
 def cache_folder() -> Path:
     """Tell where sheets are kept for all scenes of a user: `$FALSEWORK_CACHE`, else the user's cache folder."""
-    own = os.environ.get(_CACHE)
-    if own:
-        return Path(own)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "falsework/sheets"
+    own = os.environ.get(CACHE_VARIABLE)
+    return Path(own) if own else user_cache.cache_folder("sheets")
 
 
 def bake_sheets(names: Iterable[SheetName], folder: Path | None = None) -> dict[SheetName, Path]:
@@ -176,7 +175,7 @@ def _ensure(root: Path, key: str, make: Callable[[], tuple[dict[str, bytes], dic
             raise PermissionError(root)
     except OSError as error:
         raise InputError(
-            "textures cannot be kept here", where=root, mend=f"Set {_CACHE} to a folder that can be written"
+            "textures cannot be kept here", where=root, mend=f"Set {CACHE_VARIABLE} to a folder that can be written"
         ) from error
     with folder_lock(root / f"{key}.lock"):  # who came first bakes; nobody removes what another one reads
         if not _whole(place):

@@ -15,12 +15,12 @@ from pxr import Sdf, UsdUtils
 
 import usd_schemas.scene_cache as scene_cache
 from groundwork.errors import InputError, MissingError
+from groundwork.user_cache import cache_folder
 from tests.usd_schemas.stages import SQUARE, write_stage
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.layer_contents import layer_contents
 from usd_schemas.scene_cache import load_scene
 from usd_schemas.stage_reader import read_stage
-from usd_schemas.user_cache import cache_folder
 
 CAMERA = """def Camera "{}" {{
     double3 xformOp:translate.timeSamples = {{ 1: (0, 0, 5), 2: (1, 0, 5) }}

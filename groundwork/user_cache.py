@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-_CACHE = "FALSEWORK_CACHE"
+CACHE_VARIABLE = "FALSEWORK_CACHE"
 
 
 def cache_folder(name: str) -> Path:
@@ -12,7 +12,7 @@ def cache_folder(name: str) -> Path:
     Args:
         name: What is kept there.
     """
-    own = os.environ.get(_CACHE)
+    own = os.environ.get(CACHE_VARIABLE)
     if own:
         return Path(own) / name
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "falsework" / name
