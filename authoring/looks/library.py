@@ -16,6 +16,7 @@ from authoring.looks.encode import encode_normals, encode_raw, encode_srgb, halv
 from authoring.looks.noise import Bank, Tile
 from authoring.looks.recipe import FULL
 from authoring.looks.recipes import RECIPES
+from authoring.looks.sheet import soften
 from groundwork import user_cache
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError
@@ -136,13 +137,14 @@ def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], di
     recipe = RECIPES[name.surface]
     rng = np.random.default_rng([int.from_bytes(name.surface.encode(), "little"), name.number])
     sheet = recipe.draw(Tile(name.pixels, recipe.metres, rng, bank))
+    albedo = soften(sheet.albedo, recipe.contrast)
     files = {
-        "albedo.jpg": jpeg(encode_srgb(sheet.albedo)),
+        "albedo.jpg": jpeg(encode_srgb(albedo)),
         "roughness.png": png(encode_raw(halved(sheet.roughness))),
     }
     if recipe.relief and sheet.height is not None:
         files["normal.png"] = png(encode_normals(sheet.height, recipe.metres))
-    color = [round(float(np.mean(sheet.albedo[..., k], dtype=np.float64)), 4) for k in range(3)]
+    color = [round(float(np.mean(albedo[..., k], dtype=np.float64)), 4) for k in range(3)]
     roughness = round(float(np.mean(sheet.roughness, dtype=np.float64)), 3)
     return files, {**asdict(name), "color": color, "mean_roughness": roughness}
 

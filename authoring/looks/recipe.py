@@ -29,6 +29,8 @@ class Recipe:
         patchy: On the site's ground: carries the patchy macro texture on `st1`.
         relief: Write a normal map.
         pixels: Texels along a side where the settings ask for `FULL` [px].
+        contrast: Exponent of the drawn albedo about its mean [1]: below 1 its darks and lights come closer, so that
+            sheet and fine detail together stay below an RMS contrast of 20 %.
     """
 
     draw: Callable[[Tile], Sheet]
@@ -37,3 +39,4 @@ class Recipe:
     patchy: bool = False
     relief: bool = False
     pixels: int = FULL // 2
+    contrast: float = 1.0

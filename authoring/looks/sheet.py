@@ -69,3 +69,20 @@ def palette(tone: Floats, colors: tuple[Color, ...]) -> Floats:
     part = (place - index)[:, None]
     table = stops[index] * (1 - part) + stops[index + 1] * part
     return np.take(table, (np.clip(tone, 0, 1) * np.float32(_STEPS - 1)).astype(np.int32), axis=0)
+
+
+def soften(albedo: Floats, contrast: float) -> Floats:
+    """Bring the darks and lights of a picture closer to its mean, which stays.
+
+    Args:
+        albedo: Linear colour [1], shape (H, W, 3), float32.
+        contrast: Exponent of each channel over its mean [1]; 1 changes nothing.
+
+    Returns:
+        Linear colour [1], shape (H, W, 3), float32.
+    """
+    if contrast == 1:
+        return albedo
+    mean = np.mean(albedo, axis=(0, 1), dtype=np.float64).astype(np.float32)
+    closer = np.power(np.maximum(albedo, 0) / mean, np.float32(contrast))
+    return closer * (mean / np.mean(closer, axis=(0, 1), dtype=np.float64).astype(np.float32))

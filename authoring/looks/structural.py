@@ -14,6 +14,7 @@ from authoring.looks.sheet import Color, Sheet
 CLEAN, AGED = "_clean", "_aged"
 
 _METAL = (0.44, 0.36, 0.46)  # detail of coated metal after decades: its sheets are the plainest
+_WORN = 0.8  # contrast of sheets that age, dirt or loose stones have made uneven as they are drawn
 _ROAD = 10.24  # [m]; a camera that crosses a road by 3 to 4 m from image to image must not meet the same asphalt
 
 
@@ -26,16 +27,21 @@ def _ages(
     years: tuple[float, float, float] = (0.1, 0.8, 1.2),
     metres: float = SIDE,
     relief: bool = False,
+    contrasts: tuple[float, float, float] = (1.0, 1.0, _WORN),
 ) -> dict[str, Recipe]:
-    suffixes = (CLEAN, "", AGED)
+    rows = zip((CLEAN, "", AGED), years, (new, None, old), details, contrasts, strict=True)
     return {
-        f"{name}{suffix}": Recipe(partial(draw, age=age, **(own or {})), metres, detail, relief=relief, pixels=FULL)
-        for suffix, age, own, detail in zip(suffixes, years, (new, None, old), details, strict=True)
+        f"{name}{suffix}": Recipe(
+            partial(draw, age=age, **(own or {})), metres, detail, relief=relief, pixels=FULL, contrast=contrast
+        )
+        for suffix, age, own, detail, contrast in rows
     }
 
 
 def _stones(color: Color, bed: Color) -> Recipe:
-    return Recipe(partial(mineral.stones, pitch=0.07, color=color, bed=bed), SIDE, ROUGH, relief=True, pixels=FULL)
+    return Recipe(
+        partial(mineral.stones, pitch=0.07, color=color, bed=bed), SIDE, ROUGH, relief=True, pixels=FULL, contrast=_WORN
+    )
 
 
 def _marking(tile: Tile, age: float, color: Color = (0.60, 0.595, 0.57)) -> Sheet:
@@ -80,7 +86,8 @@ STRUCTURAL: dict[str, Recipe] = {
     **_ages("deck_concrete", mineral.deck_concrete, {"color": (0.480, 0.485, 0.478)}, {"color": (0.29, 0.275, 0.245)}),
     **_ages("washed_concrete", walls.washed_concrete, relief=True),
     **_ages("coated_concrete", walls.coated_concrete, details=(FAINT, ROUGH, ROUGH)),
-    **_ages("asphalt", mineral.asphalt, _BITUMEN, _OLD_BITUMEN, (ROUGH, ROUGH, ROUGH), (0.1, 0.7, 1.2), _ROAD),
+    **_ages("asphalt", mineral.asphalt, _BITUMEN, _OLD_BITUMEN, (ROUGH, ROUGH, ROUGH), (0.1, 0.7, 1.2), _ROAD,
+            contrasts=(1.0, _WORN, 0.75)),
     **_ages("road_marking", _marking, {"color": (0.67, 0.67, 0.65)}, None, (FAINT, ROUGH, ROUGH), (0.1, 0.6, 1.0)),
     **_ages(
         "yellow_marking",

@@ -52,17 +52,15 @@ def test_old_surfaces_feed_sift(tmp_path: Path, proof_count: Count, record_proof
                     other = photograph(prepared, row, distance, slant, 0.1 * distance)
                     rows.append((contrast(one), keypoints(one), right_matches(one, other), name, distance, slant))
     assert min(rows)[0] >= 0.08, min(rows)
-    assert max(rows)[0] <= 0.25, max(rows)
+    assert max(rows)[0] <= 0.20, max(rows)
     fewest = min(rows, key=lambda found: found[1])
     assert fewest[1] >= 400, fewest
     worst = min(rows, key=lambda found: found[2])
     assert worst[2] >= 0.75, worst
     assert 10 * np.mean(poor) <= np.mean([found[1] for found in rows])
-    strong = [found for found in rows if found[0] > 0.20]
     record_proof(
         "looks/weathered and aged surfaces feed SIFT", len(rows), 0,
         {"least_contrast": round(min(rows)[0], 3), "most_contrast": round(max(rows)[0], 3),
-         "over_20_percent": len(strong), "over_20_percent_on": sorted({found[3] for found in strong}),
          "fewest_keypoints_per_megapixel": round(fewest[1]), "least_right_share": round(worst[2], 3),
          "clean_keypoints_per_megapixel": round(float(np.mean(poor))),
          "old_keypoints_per_megapixel": round(float(np.mean([found[1] for found in rows])))},
