@@ -118,8 +118,8 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(5, author),
+    "stage": Stage(6, author),
     "capture": Stage(5, capture, resumes=True),
-    "cloud": Stage(3, cloud, resumes=True),
+    "cloud": Stage(4, cloud, resumes=True),
     "report": Stage(1, report),
 }

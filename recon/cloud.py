@@ -48,10 +48,10 @@ COLUMNS: Mapping[str, ColumnKind] = {
     "normal": ColumnKind(
         "float32", 3, "1", "Unit normal of the surface; of a sparse point: towards the mean of its cameras."
     ),
-    "segment": ColumnKind("uint8", 1, "1", "Class id by vote of the views; 255 without truth."),
+    "segment": ColumnKind("uint8", 1, "1", "Class id by vote of the views that show its surface; 255 without truth."),
     "instance": ColumnKind("uint32", 1, "1", "Component id by vote within the class; 0 for none."),
     "component": ColumnKind("uint16", 1, "1", "Row in the list `components` of cloud.json."),
-    "confidence": ColumnKind("float32", 1, "1", "Share of the views that voted for the class."),
+    "confidence": ColumnKind("float32", 1, "1", "Share of the views that show the class."),
     "label_margin_px": ColumnKind("float32", 1, "px", "Largest distance of a keypoint to a label edge over the views."),
     "uncertainty": ColumnKind(
         "float32", 1, "m", "Median over the views of |true depth - reconstructed depth|, aligned reconstructed pose."

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.annotate import annotate, edge_distance, gather, vote
+from recon.annotate import ObservedTruth, annotate, edge_distance, gather, vote
 from recon.colmap_model import SparseModel
 from recon.observations import Observations, median_per_point, select_points
 from recon.uncertainty import depths, measure
@@ -29,13 +29,13 @@ def observations(points: list[int], images: list[int], uv: list[tuple[float, flo
 def three_views(tmp_path: Path) -> Truth:
     """Three cameras at x = 0, 1, 2 m that look along +y at a wall 10 m away; deck left of column 4, girder right of it.
 
-    The first row of pixels is sky, and view 2 stands 0.5 m too near: its true depth is 10.5 m.
+    The first row of pixels is sky, and view 2 stands 5 cm too near: its true depth is 10.05 m.
     """
     make_folders(tmp_path)
     poses = np.stack([look_at(np.array([x, 0.0, 0.0]), np.array([x, 10.0, 0.0])) for x in (0.0, 1.0, 2.0)])
     for view in range(3):
         semantic, instance = np.full((12, 16), GIRDER, np.uint8), np.full((12, 16), 70 + view, np.uint32)
-        depth = np.full((12, 16), 10.0 if view < 2 else 10.5, np.float32)
+        depth = np.full((12, 16), 10.0 if view < 2 else 10.05, np.float32)
         semantic[:, :4], instance[:, :4] = DECK, 50
         semantic[0], instance[0], depth[0] = 0, 0, np.inf
         write_frame_truth(tmp_path, f"{view:06d}", FrameTruth(depth, semantic, instance), wide_ids=False)
@@ -44,7 +44,7 @@ def three_views(tmp_path: Path) -> Truth:
 
 def test_three_view_track(three_views: Truth) -> None:
     """Three tracks by hand: majority, depth errors, their median, an even number of views, sky."""
-    points = np.array([[1.0, 10.2, 0.0], [0.0, 10.1, 0.0], [1.0, 9.0, 4.0]])
+    points = np.array([[1.0, 10.02, 0.0], [0.0, 10.01, 0.0], [1.0, 9.0, 4.0]])
     seen = observations(
         [0, 0, 0, 1, 1, 2, 2], [0, 1, 2, 0, 2, 0, 1],
         [(9.9, 6.0), (3.99, 6.0), (6.1, 6.0), (8.0, 6.0), (4.0, 6.0), (10.0, 0.5), (8.0, 0.9)],
@@ -52,13 +52,13 @@ def test_three_view_track(three_views: Truth) -> None:
     observed = gather(three_views, seen)
     assert observed.label.tolist() == [GIRDER, DECK, GIRDER, GIRDER, GIRDER, 0, 0]
     depth = depths(points, three_views.poses, seen)
-    np.testing.assert_allclose(depth, [10.2, 10.2, 10.2, 10.1, 10.1, 9.0, 9.0], atol=1e-12)
+    np.testing.assert_allclose(depth, [10.02, 10.02, 10.02, 10.01, 10.01, 9.0, 9.0], atol=1e-12)
     error, measured = measure(points, depth, observed.depth.astype(float), three_views, seen)
-    np.testing.assert_allclose(error, [0.2, 0.2, 0.3, 0.1, 0.4, np.inf, np.inf], atol=1e-6)
-    np.testing.assert_allclose(measured.median, [0.2, 0.25, np.inf], atol=1e-6)
-    np.testing.assert_allclose(measured.least, [0.2, 0.1, np.inf], atol=1e-6)
-    np.testing.assert_allclose(measured.greatest, [0.3, 0.4, np.inf], atol=1e-6)
-    np.testing.assert_allclose(measured.relative, [0.2 / 10.2, 0.25 / 10.1, np.inf], atol=1e-7)
+    np.testing.assert_allclose(error, [0.02, 0.02, 0.03, 0.01, 0.04, np.inf, np.inf], atol=1e-6)
+    np.testing.assert_allclose(measured.median, [0.02, 0.025, np.inf], atol=1e-6)
+    np.testing.assert_allclose(measured.least, [0.02, 0.01, np.inf], atol=1e-6)
+    np.testing.assert_allclose(measured.greatest, [0.03, 0.04, np.inf], atol=1e-6)
+    np.testing.assert_allclose(measured.relative, [0.02 / 10.02, 0.025 / 10.01, np.inf], atol=1e-7)
     assert np.isinf(measured.displacement[2])
     verdict = annotate(observed, error, seen)
     assert verdict.label.tolist() == [GIRDER, GIRDER, 0]
@@ -104,9 +104,21 @@ def test_ties_go_to_the_nearest_surface() -> None:
     point = np.array([0, 0, 1, 1, 2, 2, 2, 2])
     label = np.array([9, 4, 9, 4, 7, 7, 3, 3])
     error = np.array([0.1, 0.2, 0.3, 0.3, 0.5, np.inf, 0.4, 0.6])
-    winner, votes = vote(point, label, error)
-    assert winner.tolist() == [9, 4, 3]
-    assert votes.tolist() == [1, 1, 2]
+    assert vote(point, label, error).tolist() == [9, 4, 3]
+
+
+def test_who_looks_past_a_point_does_not_vote() -> None:
+    """A point on a cable: three views show the sky, one a hill, two the cable; and one that nobody shows as near."""
+    nothing = np.zeros(8, np.float32)
+    observed = ObservedTruth(
+        np.array([0, 0, 0, 0, 5, 5, DECK, GIRDER], np.uint8), np.array([0, 0, 0, 7, 31, 30, 50, 70], np.uint32),
+        nothing, nothing,
+    )  # fmt: skip
+    error = np.array([np.inf, np.inf, np.inf, 0.11, 0.1, 0.02, 0.31, 0.3])
+    verdict = annotate(observed, error, observations([0] * 6 + [1] * 2, [0] * 8, [(1.0, 1.0)] * 8))
+    assert verdict.label.tolist() == [5, GIRDER]
+    assert verdict.instance.tolist() == [30, 70]
+    np.testing.assert_allclose(verdict.confidence, [2 / 6, 1 / 2], rtol=1e-6)
 
 
 def random_votes(seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
@@ -122,15 +134,14 @@ def random_votes(seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArr
 def test_vote_has_a_plain_twin(seed: int) -> None:
     """The sorted vote equals a loop over points."""
     point, label, error = random_votes(seed)
-    winner, votes = vote(point, label, error)
+    winner = vote(point, label, error)
     for number in range(300):
         mine = point == number
         ranking = [
             (-int((label[mine] == name).sum()), float(error[mine][label[mine] == name].min()), int(name))
             for name in set(label[mine].tolist())
         ]
-        best = min(ranking)
-        assert (winner[number], votes[number]) == (best[2], -best[0])
+        assert winner[number] == min(ranking)[2]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -148,14 +159,12 @@ def test_median_has_a_plain_twin(seed: int) -> None:
 
 def test_instance_belongs_to_the_class_that_won() -> None:
     """Three views of three shrubs outvote two views of one parapet, though no shrub has two votes."""
-    from recon.annotate import ObservedTruth
-
     seen = observations([0] * 5, [0] * 5, [(1.0, 1.0)] * 5)
     margin = np.array([1, 2, 9, 1, 1], np.float32)
     observed = ObservedTruth(
         np.array([0, 0, 0, 11, 11], np.uint8), np.array([201, 202, 203, 30, 30], np.uint32), margin, margin
     )
-    verdict = annotate(observed, np.array([0.3, 0.1, 0.2, 0.0, 0.0]), seen)
+    verdict = annotate(observed, np.array([0.03, 0.01, 0.02, 0.0, 0.0]), seen)
     assert (verdict.label[0], verdict.instance[0]) == (0, 202)
     assert verdict.confidence[0] == pytest.approx(0.6)
     assert verdict.margin[0] == 9
