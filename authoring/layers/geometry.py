@@ -17,6 +17,7 @@ from usd_schemas.apis import COMPONENT_API, ComponentFacts, apply_component, com
 _TYPES = Sdf.ValueTypeNames
 _BINDING_API = "MaterialBindingAPI"
 _MOVED = Vt.TokenArray(["xformOp:translate"])
+_LAND = ("Ground", "Ways")  # their pieces meet at shared vertices: of one origin, no renderer rounds them apart
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,8 @@ def geometry_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sdf
     components = [piece for piece in pieces if isinstance(piece, Component)]
     with Sdf.ChangeBlock():
         _author_groups(layer, asset, pieces, sheets)
-        arrays = mesh_arrays([component.mesh for component in components], centred=True)
+        meshes = [component.mesh for component in components]
+        arrays = mesh_arrays(meshes, [component.group not in _LAND for component in components])
         for component, own in zip(components, arrays, strict=True):
             _author_component(layer, asset, component, own, sheets.get(component.instance_id, 0))
     if len(components) < len(pieces):
@@ -155,7 +157,7 @@ def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
         name = f"{scatter.name}_Prototype_{number:02d}"
         body = UsdGeom.Xform.Define(stage, f"{path}/{scatter.name}_Prototypes/{name}")
         targets.append(body.GetPath())
-        arrays = mesh_arrays([mesh for _, mesh in prototype], centred=False)
+        arrays = mesh_arrays([mesh for _, mesh in prototype], [False] * len(prototype))
         for row, (role, mesh) in enumerate(prototype):
             part = prim_spec(stage.GetRootLayer(), f"{body.GetPath()}/{name}_Part_{row:02d}", "Mesh")
             apply_schemas(part, (_BINDING_API,))

@@ -10,6 +10,7 @@ from authoring.alignment import Alignment, Layout
 from authoring.backgrounds.registry import BACKGROUNDS, BackgroundSettings, build_background
 from authoring.backgrounds.terrain import grow_terrain, rolling_hills
 from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh, Scatter, triangle_corners, triangles
+from authoring.layers.geometry import BACKGROUND, SITE, geometry_layer
 from authoring.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from groundwork.errors import InputError
@@ -231,3 +232,24 @@ def test_a_seed_is_a_countryside(world: World) -> None:
     assert {"city", "countryside", "none"} <= set(BACKGROUNDS)
     with pytest.raises(InputError, match="countryside"):
         build_background("moon", BackgroundSettings(), site, stream(7, "background"))
+
+
+@pytest.mark.parametrize("group", ["Ground", "Ways"])
+def test_land_is_watertight_in_a_renderer(world: World, group: str) -> None:
+    """Where pieces of land meet, of the site or of its surroundings, the numbers are the same: no hairline cracks."""
+    numbers: dict[bytes, set[bytes]] = {}
+    owners: dict[bytes, set[str]] = {}
+    for asset, members in ((SITE, world[0].pieces), (BACKGROUND, world[1])):
+        layer = geometry_layer(asset, members)
+        for piece in solids(members):
+            if piece.group != group:
+                continue
+            stored = layer.GetPrimAtPath(asset.prim(piece)).attributes
+            rows = np.array(stored["points"].default)
+            origin = np.array(stored["xformOp:translate"].default).tobytes()
+            for place, row in zip(np.rint(1e4 * piece.mesh.points).astype(np.int64), rows, strict=True):
+                numbers.setdefault(place.tobytes(), set()).add(row.tobytes() + origin)
+                owners.setdefault(place.tobytes(), set()).add(piece.name)
+    shared = [place for place, names in owners.items() if len(names) > 1]
+    assert len(shared) > 20
+    assert [place for place in shared if len(numbers[place]) > 1] == []
