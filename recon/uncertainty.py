@@ -85,7 +85,8 @@ def measure(
     def compare(image: int, rows: I64) -> None:
         seen = rows[~sky[rows]]
         surface = truth.surface_points(image, observations.uv[seen], true_depth[seen])
-        away[seen] = np.linalg.norm(points[point[seen]] - surface, axis=1)
+        surface -= points[point[seen]]
+        away[seen] = np.sqrt(np.einsum("nk,nk->n", surface, surface))
 
     observations.for_each_image(compare, threads)
     first = observations.start[:-1]

