@@ -1,5 +1,6 @@
 """The first scenes of the paper's two data sets, none left out: what is registered, labelled and complete."""
 
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +23,9 @@ FAR, VIEWS, REACH = 15.0, 3, 0.05  # [m], cameras, [m]
 @pytest.mark.parametrize("index", LOCAL)
 def test_local_scene_becomes_a_dense_cloud(index: int, tmp_path: Path, record_proof: RecordProof) -> None:
     """Registered, labelled, complete and exact, with the poses of structure from motion."""
+    before = _processor_time()
     cloud, truth = _reconstruct("paper-local", index, tmp_path / "run")
-    figures = _figures(cloud, truth)
+    figures = {**_figures(cloud, truth), "cpu_s": _processor_time() - before}
     samples, _ = visible_surface(truth, FAR, VIEWS)
     distance = cloud.columns["surface_distance"]
     found = measure_completeness(cloud.columns["coord"], distance, _nearest_depth(cloud, truth), samples, REACH, FAR)
@@ -38,8 +40,9 @@ def test_local_scene_becomes_a_dense_cloud(index: int, tmp_path: Path, record_pr
 @pytest.mark.parametrize("index", GLOBAL)
 def test_global_scene_becomes_a_sparse_cloud(index: int, tmp_path: Path, record_proof: RecordProof) -> None:
     """Registered and labelled."""
+    before = _processor_time()
     cloud, truth = _reconstruct("paper-global", index, tmp_path / "run")
-    figures = _figures(cloud, truth)
+    figures = {**_figures(cloud, truth), "cpu_s": _processor_time() - before}
     record_proof(f"paper-global: scene {index}", len(cloud), 220, figures)
     _hold(figures)
 
@@ -53,6 +56,12 @@ def _reconstruct(name: str, index: int, out: Path) -> tuple[Cloud, Truth]:
     truth = read_truth(read_capture(capture))
     assert truth is not None
     return read_cloud(folder), truth
+
+
+def _processor_time() -> float:
+    """Of this process and of the children that have ended, all threads [s]."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in used)
 
 
 def _figures(cloud: Cloud, truth: Truth) -> dict[str, float]:
