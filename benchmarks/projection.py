@@ -1,7 +1,8 @@
 """What the paper's two data sets cost on few and on many cores: `python -m benchmarks.projection`.
 
-The processor time of a scene, from its seed to its annotated cloud, is that of the rows `paper-local` and `paper-global`
-of docs/proof.json, which `make proof` measures. Scenes need nothing of each other, so that cores share them evenly.
+The processor time of a scene, from its seed to its annotated cloud, is that of the rows `paper-local` and
+`paper-global` of docs/proof.json, which `make proof` measures. Scenes need nothing of each other: cores share
+them evenly.
 """
 
 from pathlib import Path
@@ -25,8 +26,8 @@ def main() -> None:
     rows = read_json(PROOF)["rows"]
     lines = [
         "# The paper's data sets, projected", "",
-        "Written by `python -m benchmarks.projection` from the rows of [proof.json](../proof.json): processor time from "
-        f"seed to annotated cloud, measured on {processor()}. Scenes are independent: cores share them evenly.", "",
+        "Written by `python -m benchmarks.projection` from the rows of [proof.json](../proof.json): processor time "
+        f"from seed to annotated cloud, measured on {processor()}. Scenes are independent.", "",
         "| data set | scenes | scenes measured | images a scene | CPU-min a scene | least | most | "
         + " | ".join(f"{cores} cores [days]" for cores in CORES) + " |",
         "|---|" + "---|" * (6 + len(CORES)),
