@@ -27,8 +27,8 @@ RECIPE: dict[str, object] = {
         "family": "girder", "service": "road", "alignment": {"kind": "straight", "skew": 0},
         "girder": {"spans": [30.0] * 8},
     },
-    "site": {"crossing": "river"},
-    "background": {"name": "lakeside"},
+    "site": {"crossing": "river", "fine_spacing": 0.35, "scatter": {"tufts": 4000, "shrubs": 600}},
+    "background": {"name": "lakeside", "lakeside": {"villas": 72, "town_houses": 26, "trees": 11500, "boats": 40}},
     "look": {"name": "weathered"},
     "survey": [
         {"kind": "global", "id": name, "images": images, "spacing": 50.0, "width": 1280, "height": 960}

@@ -64,7 +64,7 @@ def read_safely(
 
 def _answer(request: dict[str, Any], progress: Progress) -> list[str]:
     from usd_schemas.guard import check_stage, limit_memory
-    from usd_schemas.stage_reader import read_stage
+    from usd_schemas.scene_cache import load_scene
 
     limit_memory(ADDRESS_LIMIT)
     stage = Path(request["stage"])
@@ -72,7 +72,7 @@ def _answer(request: dict[str, Any], progress: Progress) -> list[str]:
     check_stage(stage, tuple(Path(root) for root in request["allow_roots"]), said.setdefault)
     for line in said:
         progress.note(line)
-    return [product.name for product in read_stage(stage).products]  # what the reader leaves out, the renderer notes
+    return [product.name for product in load_scene(stage).products]  # what the reader leaves out, the renderer notes
 
 
 if __name__ == "__main__":

@@ -25,13 +25,13 @@ def sample(request: dict[str, Any], progress: Progress) -> int:
     from recon.sample_mesh import sample_mesh
     from recon.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
     from usd_schemas.guard import check_stage, limit_memory
-    from usd_schemas.stage_reader import read_stage
+    from usd_schemas.scene_cache import load_scene
 
     limit_memory(ADDRESS_LIMIT)
     stage, folder, settings = Path(request["stage"]), Path(request["folder"]), request["settings"]
     said: dict[str, None] = {}
     check_stage(stage, tuple(Path(root) for root in request["allow_roots"]), said.setdefault)
-    scene = read_stage(stage)
+    scene = load_scene(stage)
     for line in {**said, **dict.fromkeys(scene.warnings)}:
         progress.note(line)
     try:

@@ -30,9 +30,9 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     from authoring.surveys.score import score_flight
     from authoring.surveys.stage_subject import stage_subject
     from usd_schemas.pinhole import pinhole_from_lens
-    from usd_schemas.stage_reader import read_stage
+    from usd_schemas.scene_cache import load_scene
 
-    scene = read_stage(Path(request["scene"]), survey=request["survey"] or None)
+    scene = load_scene(Path(request["scene"]), survey=request["survey"] or None)
     subject = stage_subject(scene)
     bridge = subject.bridge, subject.bridge_ids.astype(np.int64)
     classes = {row.id: row.class_name for row in scene.instances}

@@ -135,16 +135,17 @@ def load_image(capture: Capture, index: int) -> U8:
         sRGB colours [0 to 255], shape (H, W, 3), uint8, order red, green, blue.
 
     Raises:
-        InputError: Cut off, damaged, or of another size than `cameras.json` says; names the file.
+        InputError: Cut off, damaged, of 16 bits, or of another size than `cameras.json` says; names the file.
     """
     path = capture.folder / capture.images[index].file
     pixels = image_files.decode(path)
     size = (pixels.shape[1], pixels.shape[0])
-    if pixels.ndim != 3 or pixels.dtype != np.uint8:
-        raise InputError("not an 8-bit colour image", where=path)
+    if pixels.dtype != np.uint8:
+        raise InputError("not an image of 8 bits a colour", where=path, mend="Save it with 8 bits, or leave it out")
+    pixels = np.dstack([pixels] * 3) if pixels.ndim == 2 else pixels[:, :, :3]  # grey; or with an opacity
     if size != capture.size:
         raise InputError("not the size that cameras.json states", where=path, value=size, allowed=str(capture.size))
-    return pixels.astype(np.uint8, copy=False)
+    return np.ascontiguousarray(pixels, np.uint8)
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,14 @@ def encode_depth_tiff(depth: NDArray[np.float32]) -> bytes:
         The file's bytes.
     """
     height, width = depth.shape
-    bytes_of = np.ascontiguousarray(depth.astype(">f4")).view(np.uint8).reshape(height, width, 4)
-    rows = np.ascontiguousarray(bytes_of.transpose(0, 2, 1)).reshape(height, 4 * width)
-    steps = rows.copy()
-    steps[:, 1:] -= rows[:, :-1]
+    bits = np.ascontiguousarray(depth, np.float32).view(np.uint32)
+    planes = np.empty((height, 4, width), np.uint8)
+    for plane in range(4):
+        np.right_shift(bits, 24 - 8 * plane, out=planes[:, plane], casting="unsafe")
+    rows = planes.reshape(height, 4 * width)
+    steps = np.empty_like(rows)
+    steps[:, 0] = rows[:, 0]
+    np.subtract(rows[:, 1:], rows[:, :-1], out=steps[:, 1:])
     packer = zlib.compressobj(_LEVEL, zlib.DEFLATED, zlib.MAX_WBITS, _MEMORY)
     data = packer.compress(steps.data) + packer.flush()
     table_at = 8 + len(data) + len(data) % 2  # an even place

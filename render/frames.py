@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from groundwork.canonical import digest
@@ -18,27 +19,29 @@ from groundwork.files import folder_lock
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 from render import image_files
+from render.apart import cast_volume_apart, load_scene_apart
 from render.capture import CalibrationPrior, Readout
 from render.capture_writer import FrameTruth, encode_frame_truth, make_folders, write_cameras, write_truth
 from render.context import Driver, Gl, open_context
 from render.exif import insert_exif
 from render.illumination import BRIGHTEST
 from render.journal import Journal
-from render.light_volume import LightVolume, cast_light_volume
+from render.light_volume import LightVolume
 from render.passes import View
 from render.prepare import Prepared, prepare
 from render.records import capture_record, draw_prior, note_shot, write_render_record
 from render.sensor import Exposure, Sensor, meter
 from render.settings import RenderSettings
 from render.shutter import read_out
+from render.texel_need import survey_sight
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole, pinhole_from_lens
-from usd_schemas.scene_cache import load_scene
 
 _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-_RECIPE = 2  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_LOOKED_UP = 64  # rows at once
+_RECIPE = 3  # raised whenever frames that an interrupted run left would no longer fit to new ones
 Share = tuple[int, int]
 ALL: Share = (0, 1)
 Shot = Callable[[], View]
@@ -95,7 +98,8 @@ def render_stage(
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
     """
-    return render_scene(load_scene(scene, survey=survey or None), folder, settings, seed, progress, share)
+    flat = load_scene_apart(scene, survey or None, progress)
+    return render_scene(flat, folder, settings, seed, progress, share)
 
 
 def render_scene(
@@ -159,11 +163,12 @@ def _draw_missing(
 
     def cast(*arguments: Any) -> LightVolume:
         with folder_lock(journal.light_lock):  # one worker casts it, the others wait and take it over
-            volume = journal.light_volume() or cast_light_volume(*arguments)
+            volume = journal.light_volume() or cast_volume_apart(*arguments)
             journal.keep_light_volume(volume)
         return volume
 
-    prepared = prepare(gl, assignment.scene, assignment.settings, progress, cast)
+    sight = survey_sight(assignment.track, assignment.camera)
+    prepared = prepare(gl, assignment.scene, assignment.settings, progress, cast, sight)
     for warning in prepared.warnings:
         progress.note(warning)
     gain = journal.gain()
@@ -265,7 +270,13 @@ def _finish_frame(assignment: Assignment, sensor: Sensor, journal: Journal, row:
     name, view = track.image_names[row], shot()
     ids = np.concatenate([np.zeros(1, np.uint32), scene.draws.instance])
     labels = np.concatenate([np.zeros(1, np.uint8), scene.draws.label])
-    frame = FrameTruth(view.depth, labels[view.draw], ids[view.draw], view.normal)
+    frame = FrameTruth(
+        view.depth, np.empty(view.draw.shape, np.uint8), np.empty(view.draw.shape, np.uint32), view.normal
+    )
+    for first in range(0, len(view.draw), _LOOKED_UP):
+        rows = slice(first, first + _LOOKED_UP)
+        draw = view.draw[rows].astype(np.intp)  # as both tables are looked up: four times as large as the labels
+        frame.semantic[rows], frame.instance[rows] = labels[draw], ids[draw]
     files = encode_frame_truth(name, frame, wide_ids=int(ids.max()) >= image_files.WIDE_ID)
     exposure = sensor.expose(row, view.code, view.draw > 0)
     pixels = sensor.develop(view.code, exposure)
@@ -284,6 +295,7 @@ def _encode_photograph(assignment: Assignment, pixels: "np.ndarray[Any, Any]", e
 
 
 def _serve(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
+    cv2.setNumThreads(1)  # frames are developed side by side already; OpenCV's own threads would wait busily
     settings = parse_settings(RenderSettings, request["settings"], "render settings")
     number, count = request.get("share", ALL)
     return render_stage(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from render.materials import MaterialTable, Variant
+from render.row_texture import DRAW_UNIT, MATERIAL_UNIT, row_texture
 from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
@@ -16,12 +17,12 @@ I64 = NDArray[np.int64]
 VERTEX_NAMES = ("in_position", "in_normal", "in_st", "in_st1", "in_color")
 _ATTRIBUTES = dict(zip(VERTEX_NAMES, (("3f", 12), ("3f", 12), ("2f", 8), ("2f", 8), ("4f2", 8)), strict=True))
 _VERTEX = np.dtype([("p", "3f4"), ("n", "3f4"), ("st", "2f4"), ("st1", "2f4"), ("color", "4f2")])
-# One row of the shader's draw buffer: rows of the linear map, rows of its cofactors, and (material, mirrored).
-_DRAW = np.dtype([("linear", "(3,4)f4"), ("cofactor", "(3,4)f4"), ("material", "4u4")])
+# One row of the shader's draws: rows of the linear map, then of its cofactors; beside the first two the number of the
+# material, which a float holds exactly up to 16 million, and whether the map mirrors.
+_DRAW = np.dtype([("linear", "(3,4)f4"), ("cofactor", "(3,4)f4")])
 # DrawElementsIndirectCommand
 COMMAND = np.dtype([("count", "u4"), ("instances", "u4"), ("first", "u4"), ("vertex", "u4"), ("draw", "u4")])
 _BANDS = 4
-DRAW_BINDING, MATERIAL_BINDING, OFFSET_BINDING = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,9 @@ class GpuScene:
         vertices: Vertex buffer.
         indices: Triangle buffer.
         draw_numbers: Instanced attribute 0, 1, 2 …; a command's base instance picks its draw.
-        draws: Draw rows.
-        materials: Material rows.
-        offsets: Camera-relative origin of each draw, written anew for each view.
+        draws: Draw rows, as `row_texture` lays them.
+        materials: Material rows, likewise.
+        offsets: Instanced attribute: camera-relative origin of each draw [m], written anew for each view.
         origins: Origin of each draw's mesh in the world [m], shape (D, 3), float64.
         lower: Lower corner of each draw's box [m], shape (D, 3), float64.
         upper: Upper corner of each draw's box [m], shape (D, 3), float64.
@@ -47,8 +48,8 @@ class GpuScene:
     vertices: moderngl.Buffer
     indices: moderngl.Buffer
     draw_numbers: moderngl.Buffer
-    draws: moderngl.Buffer
-    materials: moderngl.Buffer
+    draws: moderngl.Texture
+    materials: moderngl.Texture
     offsets: moderngl.Buffer
     origins: F64
     lower: F64
@@ -64,15 +65,12 @@ class GpuScene:
         Args:
             eye: The point [m], shape (3,), float64.
         """
-        relative = np.zeros((len(self.origins), 4), np.float32)
-        relative[:, :3] = self.origins - eye
-        self.offsets.write(relative.tobytes())
+        self.offsets.write((self.origins - eye).astype(np.float32).tobytes())
 
     def bind(self) -> None:
-        """Bind the buffers that the shaders read."""
-        self.draws.bind_to_storage_buffer(DRAW_BINDING)
-        self.materials.bind_to_storage_buffer(MATERIAL_BINDING)
-        self.offsets.bind_to_storage_buffer(OFFSET_BINDING)
+        """Bind the rows that the shaders read."""
+        self.draws.use(DRAW_UNIT)
+        self.materials.use(MATERIAL_UNIT)
 
     def grouped(self, rows: I64) -> list[tuple[Variant, I64]]:
         """Split ordered draws by variant, in a few bands of distance, so that near things still hide far ones.
@@ -102,7 +100,8 @@ class GpuScene:
         """
         used = [name for name in VERTEX_NAMES if name in program]
         formats = [code if name in used else f"{size}x" for name, (code, size) in _ATTRIBUTES.items()]
-        content = [(self.vertices, " ".join(formats), *used), (self.draw_numbers, "1u4/i", "in_draw")]
+        content = [(self.vertices, " ".join(formats), *used), (self.draw_numbers, "1u4/i", "in_draw"),
+                   (self.offsets, "3f4/i", "in_offset")]  # fmt: skip
         return context.vertex_array(program, content, self.indices)
 
 
@@ -130,8 +129,7 @@ def upload_scene(context: moderngl.Context, scene: FlatScene, table: MaterialTab
     rows["linear"][..., :3] = linear
     mirrored = np.linalg.det(linear) < 0
     rows["cofactor"][..., :3] = _cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
-    rows["material"][:, 0] = draws.material
-    rows["material"][:, 1] = mirrored
+    rows["linear"][:, 0, 3], rows["linear"][:, 1, 3] = draws.material, mirrored
     commands = np.zeros(count, COMMAND)
     commands["count"], commands["first"] = geometry.part_count[draws.part] * 3, geometry.part_first[draws.part] * 3
     commands["instances"], commands["draw"] = 1, np.arange(count)
@@ -143,9 +141,9 @@ def upload_scene(context: moderngl.Context, scene: FlatScene, table: MaterialTab
         vertices=context.buffer(vertices.tobytes()),
         indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
         draw_numbers=context.buffer(np.arange(count, dtype=np.uint32).tobytes()),
-        draws=context.buffer(rows.tobytes()),
-        materials=context.buffer(table.rows.tobytes()),
-        offsets=context.buffer(reserve=count * 16, dynamic=True),
+        draws=row_texture(context, _numbers(rows)),
+        materials=row_texture(context, _numbers(table.rows)),
+        offsets=context.buffer(reserve=count * 12, dynamic=True),
         origins=draws.transform[:, :3, 3].copy(), lower=lower, upper=upper, commands=commands,
         variants=variants, variant_rows=of_material[draws.material], anchor=anchor,
     )  # fmt: skip
@@ -200,6 +198,11 @@ def draw_boxes(scene: FlatScene) -> tuple[F64, F64]:
     middle = np.einsum("dij,dj->di", linear, center) + draws.transform[:, :3, 3]
     reach = np.einsum("dij,dj->di", np.abs(linear), half)
     return middle - reach, middle + reach
+
+
+def _numbers(rows: NDArray[np.void]) -> NDArray[np.float32]:
+    """Flatten rows whose fields are all float32; shape (N, numbers)."""
+    return rows.view(np.float32).reshape(len(rows), -1)
 
 
 def _cofactors(linear: F64) -> F64:

@@ -1,5 +1,6 @@
 """Image files of a capture: lossless labels and depth, photographs, and decoding that refuses a damaged file."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from groundwork.errors import InputError, MissingError
 
 _DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
 _JPEG_END = b"\xff\xd9"
+_JPEG_SCAN = 0xDA
+_JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # what ends a scan: neither a stuffed byte nor a restart
 _PNG = b"\x89PNG\r\n\x1a\n"
 _HEADER = 1 << 16  # bytes in which the size of an image stands
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that begin a frame: its size follows
@@ -44,8 +47,12 @@ def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     Returns:
         The file's bytes.
     """
-    ordered = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels
-    return _encode(".png", ordered, [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, _RUN_LENGTH])
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, _RUN_LENGTH]
+    if pixels.ndim == 3:
+        return _encode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)
+    # Ids run in areas: to try every filter on each row would take three times as long as to write them.
+    kind = cv2.IMWRITE_PNG_FILTER_NONE if pixels.dtype == np.uint8 else cv2.IMWRITE_PNG_FILTER_SUB
+    return _encode(".png", pixels, [*options, cv2.IMWRITE_PNG_FILTER, kind])
 
 
 def encode_wide_ids(ids: NDArray[np.uint32]) -> bytes:
@@ -92,7 +99,7 @@ def decode(path: Path) -> NDArray[Any]:
     except OSError:
         raise MissingError("no such image", where=path, mend="Put it back") from None
     jpeg = data[:2] == b"\xff\xd8"
-    whole = bool(data) and (not jpeg or data.rstrip(b"\x00")[-2:] == _JPEG_END)
+    whole = bool(data) and (not jpeg or data.rstrip(b"\x00")[-2:] == _JPEG_END or _reaches_its_end(data))
     pixels = _decode(data, jpeg=jpeg) if whole else None
     if pixels is None:
         raise InputError("the image is cut off or damaged", where=path, mend="Copy it again, or leave it out")
@@ -123,6 +130,22 @@ def size(path: Path) -> tuple[int, int] | None:
             return int.from_bytes(data[place + 7 : place + 9]), int.from_bytes(data[place + 5 : place + 7])
         place += 2 + int.from_bytes(data[place + 2 : place + 4])
     return None
+
+
+def _reaches_its_end(jpeg: bytes) -> bool:
+    """Walk to the end of the picture: behind it, telephones keep a film, and drones a preview."""
+    place = 2
+    while place + 4 <= len(jpeg) and jpeg[place] == 0xFF:
+        kind = jpeg[place + 1]
+        if kind == _JPEG_END[1]:
+            return True
+        place += 1 if kind == 0xFF else 2 + int.from_bytes(jpeg[place + 2 : place + 4])
+        if kind == _JPEG_SCAN:
+            found = _JPEG_MARKER.search(jpeg, place)
+            if found is None:
+                return False
+            place = found.start()
+    return False
 
 
 def _decode(data: bytes, *, jpeg: bool) -> NDArray[Any] | None:

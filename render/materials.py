@@ -1,5 +1,6 @@
 """Materials as the shader reads them, and which shader each of them needs."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,7 +15,7 @@ F32 = NDArray[np.float32]
 
 _MIRROR_ROUGHNESS = 0.35  # rougher surfaces show no image of the sky
 
-# One row of the shader's material buffer; the order of `struct Material` in rows.glsl.
+# One row of the shader's materials; the order of `struct Material` in rows.glsl.
 ROW = np.dtype(
     [
         ("base", "4f4"),  # colour, roughness
@@ -135,6 +136,26 @@ def _keys(material: Material) -> dict[str, TextureKey]:
     if material.detail.macro_file:
         keys["macro"] = TextureKey(material.detail.macro_file, False, "vector")
     return keys
+
+
+def placed_textures(material: Material) -> Iterator[tuple[TextureKey, float, int]]:
+    """List the textures of a material by how they lie on it.
+
+    Args:
+        material: A material.
+
+    Yields:
+        Key, least number of times that the texture repeats along a unit of its UV set, and the number of that set.
+    """
+    maps = _maps(material)
+    for name, key in _keys(material).items():
+        texture = maps.get(name)
+        if texture is not None:
+            yield key, min(abs(scale) for scale in texture.scale), texture.uv_set
+        elif name == "macro":
+            yield key, 1.0, 1
+        else:
+            yield key, 1.0 / max(material.detail.periods[:MOST_OCTAVES]), 0
 
 
 def _fill(row: NDArray[np.void], material: Material, found: dict[str, TextureSlot]) -> None:

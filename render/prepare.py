@@ -22,6 +22,7 @@ from render.region import region_of_interest
 from render.settings import RenderSettings
 from render.shadow_squares import ShadowSquares
 from render.shadows import Shadows
+from render.texel_need import Sight, sufficient_side, texel_needs
 from render.textures import load_textures
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene
@@ -107,8 +108,9 @@ class Prepared:
 
 
 def prepare(
-    gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress, cast: CastVolume = cast_light_volume
-) -> Prepared:
+    gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress, cast: CastVolume = cast_light_volume,
+    sight: Sight | None = None,
+) -> Prepared:  # fmt: skip
     """Upload a scene and light it.
 
     Args:
@@ -117,6 +119,7 @@ def prepare(
         settings: How to draw it.
         progress: Told about the light volume.
         cast: Casts the light volume, or finds the one that was cast before.
+        sight: What will be seen of the textures; None for every texel.
 
     Raises:
         InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
@@ -130,9 +133,11 @@ def prepare(
         dark = [*dark, f"the light of the stage is drawn at 2^{-times} of its strength: it has no unit, and is metered"]
         scene = dimmed(scene, times)
         daylight, _ = read_daylight(scene)
+    needs = texel_needs(scene, sight) if sight is not None else {}
     slots, warnings = load_textures(
-        gl, *texture_keys(scene.materials, settings.quality), settings.texture_side, gl.driver.anisotropy()
-    )
+        gl, *texture_keys(scene.materials, settings.quality), settings.texture_side, gl.driver.anisotropy(),
+        lambda key, side: sufficient_side(side, needs.get(key, 0.0)),
+    )  # fmt: skip
     table = tabulate_materials(scene.materials, slots, settings.quality)
     gpu = upload_scene(gl.context, scene, table, (box[0] + box[1]) / 2)
     programs = Programs(gl.context)

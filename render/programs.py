@@ -8,6 +8,8 @@ from importlib.resources import files
 
 import moderngl
 
+from render.row_texture import UNITS
+
 _INCLUDE = re.compile(r"^// #include (\S+)$", re.MULTILINE)
 
 
@@ -36,6 +38,8 @@ class Programs:
             self._compiled[key] = self._context.program(
                 vertex_shader=_source(vertex, features), fragment_shader=_source(fragment, features)
             )
+            for name, unit in UNITS.items():
+                set_uniform(self._compiled[key], name, unit)
         return self._compiled[key]
 
 

@@ -15,6 +15,7 @@ F32 = NDArray[np.float32]
 U8 = NDArray[np.uint8]
 U16 = NDArray[np.uint16]
 
+_BAND = 64  # rows developed at once
 _TILE = 512  # the noise tile is larger than a frame by this, so that every frame takes it from another place [px]
 _STEPS = 4096  # entries of the tone table
 _WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
@@ -102,32 +103,51 @@ class Sensor:
             sRGB colours [0 to 255], shape (H, W, 3), uint8.
         """
         gains = np.array([exposure.red, 1.0, exposure.blue], np.float32) * np.float32(exposure.gain * self._scale)
-        light = code.astype(np.float32)
+        gains = np.tile(gains, code.shape[1])  # a third of the time that a broadcast over three numbers takes
+        pixels = np.empty(code.shape, np.uint8)
+        for first in range(0, len(code), _BAND):
+            band = slice(first, min(first + _BAND, len(code)))
+            pixels[band] = self._develop_band(code, band, gains, exposure)
+        return pixels
+
+    def _develop_band(self, code: U16, band: slice, gains: F32, exposure: Exposure) -> U8:
+        """Develop some rows, so few that a processor's cache holds every step of them; shape (rows, W, 3)."""
+        halo = self._reach if self._tile is not None else 0
+        top, bottom = min(halo, band.start), min(halo, len(code) - band.stop)
+        wide = slice(band.start - top, band.stop + bottom)
+        light = code[wide].astype(np.float32)
         light *= light
         rows = light.reshape(len(light), -1)
-        rows *= np.tile(gains, light.shape[1])  # a third of the time that a broadcast over three numbers takes
+        rows *= gains
         if self._tile is not None:
-            light = self._disturb(light, exposure, self._tile)
+            light = self._disturb(light, wide, top, bottom, exposure, self._tile)
         np.clip(light, 0.0, _WHITEST, out=light)
         steps = cv2.sqrt(light)
         steps *= np.float32((_STEPS - 1) / np.sqrt(_WHITEST))
         return np.take(self._curve, np.rint(steps, out=steps).astype(np.uint16), mode="clip")
 
-    def _disturb(self, light: F32, exposure: Exposure, tile: F32) -> F32:
+    @property
+    def _reach(self) -> int:
+        """Rows beyond a pixel that its blur takes light from [px]."""
+        return int(np.ceil(3 * self._settings.blur_sigma))
+
+    def _disturb(self, light: F32, wide: slice, top: int, bottom: int, exposure: Exposure, tile: F32) -> F32:
+        """Vignette and blur rows, of which the `top` first and `bottom` last only lend light, then add noise."""
         settings = self._settings
-        height, width = light.shape[:2]
         if settings.vignetting > 0:
-            light *= self._vignette
+            light *= cv2.merge([self._vignette[wide]] * 3)
         if settings.blur_sigma > 0:
-            side = 2 * int(np.ceil(3 * settings.blur_sigma)) + 1
+            side = 2 * self._reach + 1
             light = cv2.GaussianBlur(light, (side, side), settings.blur_sigma, borderType=cv2.BORDER_REFLECT).astype(
                 np.float32, copy=False
             )
+        light = light[top : len(light) - bottom]
+        height, width = light.shape[:2]
         spread = light * np.float32(1.0 / settings.full_well)
         spread += np.float32((settings.read_noise / settings.full_well) ** 2)
         spread = cv2.sqrt(spread)
-        top, left = exposure.noise_row, exposure.noise_column
-        spread *= tile[top : top + height, left : left + width]
+        first, left = exposure.noise_row + wide.start + top, exposure.noise_column
+        spread *= tile[first : first + height, left : left + width]
         light += spread
         return light
 
@@ -148,12 +168,12 @@ def meter(luminance: F32) -> float:
 
 
 def _vignette(shape: tuple[int, int], loss: float) -> F32:
-    """Share of the light that reaches each pixel, falling with the squared distance from the middle, (H, W, 3)."""
+    """Share of the light that reaches each pixel, falling with the squared distance from the middle, (H, W)."""
     height, width = shape
     down = (np.arange(height) + 0.5) / height * 2 - 1
     across = (np.arange(width) + 0.5) / width * 2 - 1
     square = ((down * height)[:, None] ** 2 + (across * width)[None] ** 2) / (height**2 + width**2)
-    return np.repeat((1.0 - loss * square)[..., None].astype(np.float32), 3, axis=2)
+    return (1.0 - loss * square).astype(np.float32)
 
 
 def _tone_table() -> U8:

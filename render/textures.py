@@ -4,7 +4,8 @@ Colours are kept as square roots of linear values: the shader squares what it ha
 decoding at a fraction of its cost on a CPU.
 """
 
-from dataclasses import astuple, dataclass
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,6 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from render import image_files
 from render.context import Gl
@@ -66,9 +68,10 @@ class TextureSlot:
 
 
 def load_textures(
-    gl: Gl, keys: list[TextureKey], averaged: list[TextureKey], largest: int, anisotropy: float
-) -> tuple[dict[TextureKey, TextureSlot], list[str]]:
-    """Read texture files into texture arrays with mipmaps, one file in memory at a time.
+    gl: Gl, keys: list[TextureKey], averaged: list[TextureKey], largest: int, anisotropy: float,
+    enough: Callable[[TextureKey, int], int] | None = None,
+) -> tuple[dict[TextureKey, TextureSlot], list[str]]:  # fmt: skip
+    """Read texture files into texture arrays with mipmaps, one file in memory at a time, each content once.
 
     Args:
         gl: Open context.
@@ -76,6 +79,7 @@ def load_textures(
         averaged: Of what only the mean is needed.
         largest: Larger textures are reduced to this side [px].
         anisotropy: Anisotropic filtering [1]; 1 for none.
+        enough: Tells the side [px] of the finest level that anybody looks up, of a texture of a given side.
 
     Returns:
         Slot of each texture that could be read, and one line for each that could not.
@@ -83,37 +87,79 @@ def load_textures(
     warnings: list[str] = []
     groups: dict[tuple[int, int], list[TextureKey]] = {}
     slots: dict[TextureKey, TextureSlot] = {}
+    sides: dict[TextureKey, int] = {}
+    copies = _copies([*keys, *averaged])
 
-    def load(key: TextureKey, side: int, array: moderngl.TextureArray | None, layer: int) -> None:
+    def load(key: TextureKey, array: moderngl.TextureArray | None, layer: int) -> None:
         try:
-            image = _read(key, side)
+            image = _read(key, sides[key])
         except InputError as error:
             warnings.append(f"{error}; drawn without it")
             return
+        side = kept[key] if array is not None else sides[key]
+        mean, cut_out = _mean(image, key.kind == "color"), image.shape[2] == 4 and bool(image[..., 3].min() < 255)
         if array is not None:
-            array.write(image, viewport=(0, 0, layer, side, side, 1))
-        cut_out = image.shape[2] == 4 and bool(image[..., 3].min() < 255)
-        slots[key] = TextureSlot(array, side, layer, _mean(image, key.kind == "color"), cut_out)
+            array.write(_halved(image, side), viewport=(0, 0, layer, side, side, 1))
+        slots[key] = TextureSlot(array, side, layer, mean, cut_out)
 
-    for key in sorted({*keys, *averaged}, key=astuple):
+    for key in sorted(set(copies.values()), key=astuple):
         try:
-            side = _side(key, largest)
+            sides[key] = _side(key, largest)
         except InputError as error:
             warnings.append(f"{error}; drawn without it")
-            continue
-        if key in keys:
-            groups.setdefault((side, 1 if key.kind == "number" else 4), []).append(key)
+    looked_up = {copies[key] for key in keys}
+    kept = _kept_sides([key for key in keys if copies[key] in sides], copies, sides, enough)
+    for key in sides:
+        if key in looked_up:
+            groups.setdefault((kept[key], 1 if key.kind == "number" else 4), []).append(key)
         else:
-            load(key, side, None, 0)
+            load(key, None, 0)
     for (side, channels), members in sorted(groups.items()):
         array = gl.context.texture_array((1, 1, 1), channels)
         gl.functions.make_array(array.glo, side, len(members), channels)
         for layer, key in enumerate(members):
-            load(key, side, array, layer)
+            load(key, array, layer)
         array.build_mipmaps()
         array.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)  # half the cost of blending two levels
         array.anisotropy = anisotropy
-    return slots, warnings
+    return {key: slots[copy] for key, copy in copies.items() if copy in slots}, warnings
+
+
+def _copies(keys: list[TextureKey]) -> dict[TextureKey, TextureKey]:
+    """Name for each texture the first that has the same content and is read in the same way."""
+    sizes: dict[int, list[str]] = {}
+    for file in sorted({key.file for key in keys}):
+        path = Path(file)
+        sizes.setdefault(path.stat().st_size if path.is_file() else -1, []).append(file)
+    content = {file: file for files in sizes.values() for file in files}
+    for size, files in sizes.items():
+        if size >= 0 and len(files) > 1:
+            content |= {file: file_digest(Path(file)) for file in files}
+    first: dict[TextureKey, TextureKey] = {}
+    ordered = sorted(set(keys), key=astuple)
+    return {key: first.setdefault(replace(key, file=content[key.file]), key) for key in ordered}
+
+
+def _kept_sides(
+    keys: list[TextureKey], copies: dict[TextureKey, TextureKey], sides: dict[TextureKey, int],
+    enough: Callable[[TextureKey, int], int] | None,
+) -> dict[TextureKey, int]:  # fmt: skip
+    """Side of the finest level that any of the textures of one content needs [px]."""
+    kept: dict[TextureKey, int] = {}
+    for key in keys:
+        copy = copies[key]
+        side = sides[copy]
+        need = max(enough(key, side), min(side, _SMALLEST)) if enough is not None else side
+        kept[copy] = max(kept.get(copy, 0), need)
+    return kept
+
+
+def _halved(image: U8, side: int) -> U8:
+    """Take means of 2x2 texels until the side is right, as the driver makes the smaller levels."""
+    while (half := len(image) // 2) >= side:
+        smaller = cv2.resize(image, (half, half), interpolation=cv2.INTER_AREA)
+        image = smaller.astype(np.uint8, copy=False).reshape(half, half, -1)
+    return np.ascontiguousarray(image)
 
 
 def _side(key: TextureKey, largest: int) -> int:

@@ -1,5 +1,4 @@
 // Ids and depth alone, for the exact images beside a supersampled photograph.
-// #include rows.glsl
 // #include material.glsl
 
 in vec3 normal;
@@ -15,13 +14,12 @@ layout(location = 2) out uint out_triangle;
 
 void main() {
 #ifdef CUT_OUT
-    Material material = materials[draws[draw].material.x];
-    if (look_up_albedo(material).a < material.options.x) discard;
+    if (look_up_albedo().a < options.x) discard;
 #endif
     out_draw = draw + 1u;
     out_depth = 1.0 / gl_FragCoord.w;
 #ifdef NORMALS
-    bool mirrored = draws[draw].material.y == 1u;
+    bool mirrored = options.w > 0.5;
     out_normal = vec4(normalize(normal + vec3(0.0, 0.0, 1e-12)) * (gl_FrontFacing != mirrored ? 1.0 : -1.0), 1.0);
 #endif
 #ifdef TRIANGLES

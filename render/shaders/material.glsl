@@ -1,4 +1,4 @@
-// Look-ups and detail of materials. Included by the surface, id and shadow shaders, after rows.glsl.
+// Look-ups and detail of materials. Included by the surface, id and shadow shaders.
 
 #ifdef HAS_ALBEDO
 uniform sampler2DArray albedo_array;
@@ -19,42 +19,46 @@ uniform sampler2DArray detail_array;
 uniform sampler2DArray macro_array;
 #endif
 
-// Where a texture is looked up comes from the vertices. The pixels of a 2x2 block that lie outside the triangle read no
-// rows on a CPU's driver: a place computed from a row here would have wild derivatives along every edge.
+// What a triangle's material is comes from its vertices: read anew at each pixel, it would take a fifth of a frame.
 in vec2 st;
 in vec2 st1;
 in vec2 albedo_place;
 in vec2 roughness_place;
 in vec2 normal_place;
 in vec2 metallic_place;
-flat in vec3 detail_frequencies;
 in vec3 vertex_color;
 flat in uint draw;
+flat in vec4 base;      // linear colour, roughness
+flat in vec4 emissive;  // linear colour, metallic
+flat in vec3 detail_frequencies;
+flat in vec4 amplitudes;  // detail: contrast of each octave, macro layer
+flat in vec4 layers;      // albedo, roughness, normal, metallic
+flat in vec4 options;     // opacity threshold, takes the vertex colour, detail layer, mirrored
 
 // Without anisotropy the default mip level blurs every slanted surface; what comes out too sharp, the lens blurs.
 const float SHARPER = -1.0;
 
 #ifdef HAS_ALBEDO
-vec4 look_up_albedo(Material material) {
-    vec4 texel = texture(albedo_array, vec3(albedo_place, material.albedo[0].w), SHARPER);
+vec4 look_up_albedo() {
+    vec4 texel = texture(albedo_array, vec3(albedo_place, layers.x), SHARPER);
     return vec4(texel.rgb * texel.rgb, texel.a);
 }
 #endif
 
-float detail_factor(Material material) {
+float detail_factor() {
     float factor = 1.0;
 #ifdef HAS_DETAIL
     for (int octave = 0; octave < 3; octave++) {
-        float grey = texture(detail_array, vec3(st * detail_frequencies[octave], material.frequencies.w), SHARPER).r;
-        factor *= 1.0 + material.amplitudes[octave] * (2.0 * grey - 1.0);
+        float grey = texture(detail_array, vec3(st * detail_frequencies[octave], options.z), SHARPER).r;
+        factor *= 1.0 + amplitudes[octave] * (2.0 * grey - 1.0);
     }
 #endif
     return factor;
 }
 
-vec3 macro_factor(Material material) {
+vec3 macro_factor() {
 #ifdef HAS_MACRO
-    return 2.0 * texture(macro_array, vec3(st1, material.amplitudes.w)).rgb;
+    return 2.0 * texture(macro_array, vec3(st1, amplitudes.w)).rgb;
 #else
     return vec3(1.0);
 #endif

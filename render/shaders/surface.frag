@@ -1,5 +1,4 @@
 // Shades a surface. Features (HAS_…, CUT_OUT, MIRROR, VOLUME, SUN, LOCAL_LIGHTS n, NORMALS) are put in front when it is compiled.
-// #include rows.glsl
 // #include material.glsl
 
 uniform vec3 eye;               // camera centre, counted from the scene's anchor [m]
@@ -56,9 +55,9 @@ vec3 sky_irradiance(vec3 scene, vec3 n) {
 #endif
 }
 
-vec3 bumped(vec3 n, Material material) {
+vec3 bumped(vec3 n) {
 #ifdef HAS_NORMAL
-    vec3 bump = texture(normal_array, vec3(normal_place, material.normal[0].w), SHARPER).xyz * 2.0 - 1.0;
+    vec3 bump = texture(normal_array, vec3(normal_place, layers.z), SHARPER).xyz * 2.0 - 1.0;
     vec3 dx = dFdx(relative), dy = dFdy(relative);
     vec2 sx = dFdx(normal_place), sy = dFdy(normal_place);
     float turn = sx.x * sy.y - sy.x * sx.y;
@@ -109,11 +108,11 @@ float ball_cosine(float cosine, float size) {
 }
 #endif
 
-vec3 shade(Material material, vec3 albedo, vec3 face) {
+vec3 shade(vec3 albedo, vec3 face) {
     vec3 scene = relative + eye;
     float away = length(relative);
     vec3 view = -relative / away;
-    vec3 n = bumped(face, material);
+    vec3 n = bumped(face);
     float ndl = dot(n, to_sun);
     float lit = 0.0;
 #ifdef SUN
@@ -121,15 +120,15 @@ vec3 shade(Material material, vec3 albedo, vec3 face) {
     if (dot(face, to_sun) > 0.0 && ndl > 0.0) lit = ndl * seen;
 #endif
     vec3 sky = sky_irradiance(scene, n);
-    float metallic = material.emissive.a;
+    float metallic = emissive.a;
 #ifdef HAS_METALLIC
-    metallic = texture(metallic_array, vec3(metallic_place, material.metallic[0].w), SHARPER).r;
+    metallic = texture(metallic_array, vec3(metallic_place, layers.w), SHARPER).r;
 #endif
     vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
 #ifdef SOFT
-    float roughness = material.base.a;
+    float roughness = base.a;
 #ifdef HAS_ROUGHNESS
-    roughness = texture(roughness_array, vec3(roughness_place, material.roughness[0].w), SHARPER).r;
+    roughness = texture(roughness_array, vec3(roughness_place, layers.y), SHARPER).r;
 #endif
     roughness = clamp(roughness, 0.05, 1.0);
     vec3 f0 = mix(vec3(0.04), albedo, metallic);
@@ -167,27 +166,25 @@ vec3 shade(Material material, vec3 albedo, vec3 face) {
 #endif
     }
 #endif
-    light += material.emissive.rgb;
+    light += emissive.rgb;
     return mix(haze, light, exp2(-away * haze_density));
 }
 
 void main() {
-    Draw row = draws[draw];
-    Material material = materials[row.material.x];
-    vec3 albedo = material.base.rgb;
+    vec3 albedo = base.rgb;
 #ifdef HAS_ALBEDO
-    vec4 texel = look_up_albedo(material);
+    vec4 texel = look_up_albedo();
     albedo = texel.rgb;
 #ifdef CUT_OUT
-    if (texel.a < material.options.x) discard;
+    if (texel.a < options.x) discard;
 #endif
 #endif
-    if (material.options.y > 0.5) albedo = vertex_color;
-    albedo = min(albedo * detail_factor(material) * macro_factor(material), vec3(0.95));
+    if (options.y > 0.5) albedo = vertex_color;
+    albedo = min(albedo * detail_factor() * macro_factor(), vec3(0.95));
     vec3 face = normalize(normal + vec3(0.0, 0.0, 1e-12));  // a mesh without area has no normal
-    bool mirrored = row.material.y == 1u;
+    bool mirrored = options.w > 0.5;
     if (gl_FrontFacing == mirrored) face = -face;
-    out_color = vec4(sqrt(clamp(shade(material, albedo, face) * code_scale, 0.0, 1.0)), 1.0);
+    out_color = vec4(sqrt(clamp(shade(albedo, face) * code_scale, 0.0, 1.0)), 1.0);
     out_draw = draw + 1u;
     out_depth = 1.0 / gl_FragCoord.w;
 #ifdef NORMALS

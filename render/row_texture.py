@@ -1,0 +1,32 @@
+"""Rows of numbers that shaders read, kept in a texture: what a draw is placed by, what a material looks like.
+
+A driver on the CPU reads a storage buffer number by number and pixel by pixel, a texture four numbers at a time.
+"""
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+
+DRAW_UNIT, MATERIAL_UNIT = 11, 12  # behind those of light and materials
+UNITS = {"draw_rows": DRAW_UNIT, "material_rows": MATERIAL_UNIT}
+_ROWS_ACROSS = 1024  # of rows.glsl; a texture has at most 16384 texels a side
+
+
+def row_texture(context: moderngl.Context, rows: F32) -> moderngl.Texture:
+    """Put rows into a texture, `_ROWS_ACROSS` beside each other, four numbers a texel.
+
+    Args:
+        context: Open context.
+        rows: The rows, shape (N, 4 K), float32.
+
+    Returns:
+        A texture of shape (N / 1024 rounded up, 1024 K, 4), float32.
+    """
+    high = max(1, -(-len(rows) // _ROWS_ACROSS))
+    filled = np.zeros((high * _ROWS_ACROSS, rows.shape[1]), np.float32)
+    filled[: len(rows)] = rows
+    texture = context.texture((_ROWS_ACROSS * rows.shape[1] // 4, high), 4, filled.tobytes(), dtype="f4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture

@@ -1,0 +1,154 @@
+"""What a worker keeps in memory: textures no finer than anybody sees, each content once, and no library for an hour."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from groundwork.progress import SILENT
+from render.apart import cast_volume_apart, load_scene_apart
+from render.context import Gl
+from render.daylight import read_daylight
+from render.illumination import BRIGHTEST
+from render.light_volume import cast_light_volume
+from render.prepare import prepare
+from render.settings import RenderSettings
+from render.texel_need import Sight, sufficient_side, survey_sight, texel_needs
+from render.textures import TextureKey, load_textures
+from tests.conftest import RecordProof
+from tests.render.scenes import CAMERA, SceneBuilder, placed
+from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Texture
+from usd_schemas.pinhole import look_at
+from usd_schemas.scene_cache import load_scene
+
+SQUARE = np.array([[[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0]], [[-0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]])
+SIDE, BLOTCH, PLATE = 1024, 64, 20.0  # [px], [px], [m]
+
+
+def sheet(path: Path, seed: int = 0) -> str:
+    """Write a picture of blotches."""
+    rng = np.random.default_rng(seed)
+    coarse = rng.integers(40, 220, (SIDE // BLOTCH, SIDE // BLOTCH, 3), np.uint8)
+    cv2.imwrite(str(path), cv2.resize(coarse, (SIDE, SIDE), interpolation=cv2.INTER_CUBIC))
+    return str(path)
+
+
+def plate_from(height: float, material: Material, tiles: float = 1.0) -> FlatScene:
+    """A level plate whose UV runs from 0 to `tiles`, seen straight from above."""
+    builder = SceneBuilder(materials=[material])
+    builder.add_mesh(SQUARE, placed((0, 0, 0), (PLATE, PLATE, 1.0)), 1, st=(SQUARE[..., :2] + 0.5) * tiles)
+    pose = look_at(np.array([0.0, 0.0, height]), np.zeros(3), np.array([0.0, 1.0, 0.0]))
+    return replace(builder.build(pose[None]), dome=Dome((1.0, 1.0, 1.0)))
+
+
+@pytest.mark.parametrize("tiles", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("scale", [(1.0, 1.0), (2.0, 4.0)])
+@pytest.mark.parametrize("height", [5.0, 40.0])
+def test_need_is_that_of_the_nearest_pixel(tiles: float, scale: tuple[float, float], height: float) -> None:
+    """In closed form: a pixel covers height / focal metres, of which the UV map makes its share of the sheet."""
+    texture = Texture("sheet.png", True, scale=scale)
+    needs = texel_needs(plate_from(height, Material("m", base_texture=texture), tiles), _sight(height))
+    (need,) = needs.values()
+    expected = np.sqrt(2.0) * min(scale) * tiles / PLATE * height / CAMERA.fx  # the slant of the corners aside
+    assert 0.6 * expected < need <= expected
+
+
+def test_detail_and_macro_have_needs_of_their_own() -> None:
+    """The largest period counts, and the second set of coordinates."""
+    detail = Detail("fine.png", (0.5, 4.0), (0.1, 0.1), "macro.png")
+    needs = texel_needs(plate_from(10.0, Material("m", detail=detail)), _sight(10.0))
+    width = {Path(key.file).name: need for key, need in needs.items()}
+    assert width["fine.png"] == pytest.approx(np.sqrt(2) / 4.0 / PLATE * 10.0 / CAMERA.fx, rel=0.4)
+    assert np.isinf(width["macro.png"])  # the mesh has no second coordinates: one texel does
+
+
+def test_sides_are_halved_as_long_as_pixels_are_wider() -> None:
+    """Never where a camera is near, and never to nothing."""
+    assert sufficient_side(2048, 0.0) == 2048
+    assert sufficient_side(2048, 1.99 / 2048) == 2048
+    assert sufficient_side(2048, 2.01 / 2048) == 1024
+    assert sufficient_side(2048, 1.0) == 1
+    assert sufficient_side(1, np.inf) == 1
+
+
+@pytest.mark.parametrize("quality", ["standard", "fine"])
+def test_far_textures_take_less_and_look_the_same(
+    gl: Gl, ideal: RenderSettings, tmp_path: Path, quality: str, record_proof: RecordProof
+) -> None:
+    """From high above a sheet is kept at a fraction of its side; pictures hardly differ."""
+    material = Material("m", base_texture=Texture(sheet(tmp_path / "sheet.png"), True), roughness=1.0)
+    scene = plate_from(60.0, material, 2.0)
+    settings = ideal.model_copy(update={"quality": quality, "normals": False})
+    pictures, sides = [], []
+    for sight in (None, survey_sight(scene.cameras[0], CAMERA)):
+        prepared = prepare(gl, scene, settings, SILENT, sight=sight)
+        view = prepared.painter(CAMERA, sharp=True).draw(scene.cameras[0].poses[0], 0.1)
+        pictures.append(view.code.astype(float) / 257)
+        needs = texel_needs(scene, sight).values() if sight is not None else (0.0,)
+        sides += [sufficient_side(SIDE, need) for need in needs]
+    difference = np.abs(pictures[0] - pictures[1])
+    assert sides[0] == SIDE
+    assert sides[1] <= SIDE // 4
+    assert pictures[0].std() > 0.5  # there is something to see
+
+    assert difference.max() < 15.0
+    assert difference.mean() < 0.25
+    figures = {"side": sides[1], "largest": float(difference.max()), "mean": float(difference.mean())}
+    record_proof(f"render: textures as fine as seen, {quality}, of 255", 2, 0, figures)
+
+
+def test_near_textures_stay_whole(tmp_path: Path) -> None:
+    """One camera near by is enough, however many are far."""
+    material = Material("m", base_texture=Texture(sheet(tmp_path / "sheet.png"), True))
+    scene = plate_from(60.0, material)
+    near = Sight(np.array([[0.0, 0.0, 300.0], [3.0, 3.0, 1.5]]), 1 / CAMERA.fx, 0.1)
+    ((_, need),) = texel_needs(scene, near).items()
+    assert sufficient_side(SIDE, need) == SIDE
+
+
+def test_equal_content_is_loaded_once(gl: Gl, tmp_path: Path) -> None:
+    """Under however many names; read in another way, or with another content, it is another texture."""
+    first, other = sheet(tmp_path / "a.png"), sheet(tmp_path / "c.png", 1)
+    (tmp_path / "b.png").write_bytes(Path(first).read_bytes())
+    same = [TextureKey(first, True), TextureKey(str(tmp_path / "b.png"), True)]
+    keys = [*same, TextureKey(first, False, "vector"), TextureKey(other, True)]
+    needs = {same[0]: 256, same[1]: 512}
+    slots, warnings = load_textures(gl, keys, [], SIDE, 1.0, lambda key, _: needs.get(key, SIDE))
+    assert not warnings
+    assert slots[same[0]] == slots[same[1]]
+    assert slots[same[0]].side == 512  # the finer of two needs
+    assert len({(id(slot.array), slot.layer) for slot in slots.values()}) == 3
+
+
+def test_a_volume_cast_apart_is_the_same(tmp_path: Path) -> None:
+    """Bit by bit."""
+    scene = plate_from(10.0, Material("grey"))
+    light, _ = read_daylight(scene)
+    box = (np.array([-3.0, -3.0, 0.0]), np.array([3.0, 3.0, 2.0]))
+    work = (scene, light, np.full((1, 3), 0.5), box, 1000, 16)
+    here, apart = cast_light_volume(*work, SILENT), cast_volume_apart(*work, SILENT)
+    np.testing.assert_array_equal(apart.coefficients, here.coefficients)
+    np.testing.assert_array_equal(apart.lower, here.lower)
+    assert here.coefficients.max() < BRIGHTEST
+
+
+def test_a_worker_loads_neither_usd_nor_the_ray_caster(tmp_path: Path) -> None:
+    """Both take memory that drawing does not need; the scene that comes from apart is the one read here."""
+    stage = tmp_path / "scene.usda"
+    stage.write_text('#usda 1.0\n(\n    upAxis = "Z"\n    metersPerUnit = 1\n)\ndef Cube "Box" {}\n')
+    loaded = "print(sorted({'pxr', 'open3d', 'torch'} & set(sys.modules)))"
+    answer = subprocess.run(
+        [sys.executable, "-c", f"import sys, render.frames; {loaded}"], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.strip() == "[]"
+    apart, here = load_scene_apart(stage, None, SILENT), load_scene(stage)
+    assert apart.origin == here.origin
+    np.testing.assert_array_equal(apart.geometry.positions, here.geometry.positions)
+
+
+def _sight(height: float) -> Sight:
+    return survey_sight(plate_from(height, Material("m")).cameras[0], CAMERA)
