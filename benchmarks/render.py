@@ -45,7 +45,7 @@ PICTURE = DOCS / "images" / "bench_scene.jpg"
 SCRIPTS = Path(benchmarks.peers.__file__).resolve().parent
 MEMORY = 1.0  # [GB] a worker
 LIMITS = {"fast": (0.33, 5.0), "standard": (0.45, 3.5), "fine": (1.1, 0.0)}  # CPU-s an image, images a second
-ENGINES = (("Workbench", "BLENDER_WORKBENCH", 0), ("EEVEE, 4 samples", "BLENDER_EEVEE_NEXT", 4),
+ENGINES = (("Workbench", "BLENDER_WORKBENCH", 0), ("EEVEE, 4 samples", "BLENDER_EEVEE", 4),
            ("Cycles, 16 samples, denoised", "CYCLES", 16))  # fmt: skip
 FRAMES = (1, 5)  # peers render the first to warm up, and are timed on the other
 BAR = {"close": (5000, 0.80), "global": (5000, 0.80), "under deck": (3000, 0.79)}  # keypoints, right share
@@ -75,8 +75,8 @@ def main() -> None:
         (work / "stage").mkdir()
         layout = author_bench(work / "stage")
         scene = load_scene(work / "stage" / "scene.usda")
-        ours = {quality: in_own_process(measure_ours, work, quality) for quality in LIMITS}
         peers = [*measure_blender(work), *measure_pyrender(work, scene)]
+        ours = {quality: in_own_process(measure_ours, work, quality) for quality in LIMITS}
         pairs = view_pairs(layout)
         values, pictures = judge_views(work, scene, pairs)
         write_bytes(
@@ -200,7 +200,9 @@ def _ask(python: str, script: str, work: Path, request: dict[str, Any]) -> list[
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "PXR_"))}
     environment["PYOPENGL_PLATFORM"] = "egl"
     command = [python, str(SCRIPTS / script), json.dumps({**request, "answer": str(answer)})]
-    subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{script}: {done.stderr.strip().splitlines()[-1:]}")
     return json.loads(answer.read_text(encoding="utf-8"))
 
 

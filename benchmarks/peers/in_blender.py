@@ -27,7 +27,10 @@ def main(request: dict[str, Any]) -> None:
     open_scene(request["scene"], request["survey"])
     scene = bpy.context.scene
     engine, samples = request["engine"], request["samples"]
-    scene.render.engine = engine
+    try:
+        scene.render.engine = engine
+    except TypeError:  # Blender 4.2 to 4.5 call it so
+        scene.render.engine = f"{engine}_NEXT"
     scene.render.image_settings.file_format = "JPEG"
     scene.render.image_settings.quality = 95
     if engine == "CYCLES":
