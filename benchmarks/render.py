@@ -197,12 +197,13 @@ def judge_views(work: Path, scene: FlatScene, pairs: NDArray[np.float64]) -> tup
 
 def _ask(python: str, script: str, work: Path, request: dict[str, Any]) -> list[dict[str, float]]:
     answer = work / "answer.json"
+    answer.unlink(missing_ok=True)
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "PXR_"))}
     environment["PYOPENGL_PLATFORM"] = "egl"
     command = [python, str(SCRIPTS / script), json.dumps({**request, "answer": str(answer)})]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError(f"{script}: {done.stderr.strip().splitlines()[-1:]}")
+    if not answer.is_file():  # who has answered may well crash while it closes its context
+        raise RuntimeError(f"{script} ended with {done.returncode}: {done.stderr.strip().splitlines()[-1:]}")
     return json.loads(answer.read_text(encoding="utf-8"))
 
 
