@@ -1,5 +1,6 @@
 """What `pycolmap` makes of photographs when nobody tells it anything: `python -m benchmarks.colmap_defaults`."""
 
+import shutil
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -55,9 +56,10 @@ def run_defaults(capture: Capture, work: Path) -> Found:
 
     Args:
         capture: Photographs.
-        work: Folder; `defaults` is made in it.
+        work: Folder; `defaults` is made anew in it.
     """
     folder = work / "defaults"
+    shutil.rmtree(folder, ignore_errors=True)  # what an interrupted run left
     folder.mkdir()
     request = {"images": str(capture.folder), "work": str(folder), "names": [image.file for image in capture.images]}
     found = run_child(

@@ -1,220 +1,174 @@
 """Compare ways to structure from motion on the same photographs, and write `docs/benchmarks/recon.md`.
 
-Usage: python -m benchmarks.recon [CAPTURE] [--images 60 200] [--openmvg PYTHON]
+Usage: python -m benchmarks.recon [CAPTURE] [--images 60 200 400] [--without NAME …] [--openmvg PYTHON] [--work DIR]
 
-CAPTURE is a capture with truth; without it the demo is rendered with as many images as the largest count. Each way runs
-in children, whose processor time is taken, all threads together. PYTHON is an interpreter that has openmvg-rs.
+CAPTURE is a capture with truth; without it, the flight of the first scene of `scenarios/paper-global.toml` is rendered
+with as many images as the largest count. Each count takes the first images of the flight. Each way runs in children,
+whose processor time is taken, all threads together. `--without` leaves ways out at the largest count, where every pair
+takes hours. PYTHON is an interpreter that has openmvg-rs. Rows that are finished stay in DIR: the same command goes on
+after an interruption, and another count or way adds its rows to them.
 """
 
 import argparse
-import resource
+import shutil
 import subprocess
+import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.colmap_defaults import STEPS, Found, found_in, run_defaults
-from falsework.pipeline import run_scenario
+from benchmarks.colmap_defaults import Found
+from benchmarks.recon_page import LIMIT, Row, render_page
+from benchmarks.recon_ways import TITLES, WAYS, Run, nothing, with_openmvg
 from falsework.platform import processor
-from falsework.scenario import demo_scenario
-from groundwork.errors import RejectedSceneError
+from falsework.scenario import load_scenario, scene_seed
+from falsework.stages import STAGES
+from groundwork.canonical import digest, file_digest
+from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.files import read_json, write_json, write_text
-from groundwork.progress import SILENT, Silent
+from groundwork.progress import SILENT
 from recon.align import Target, align
-from recon.settings import AlignmentSettings, ReconSettings, SparseSettings
-from recon.sparse import run_sparse
-from render.capture import CAMERAS, Capture, read_capture, read_truth
+from recon.settings import AlignmentSettings
+from render.capture import CAMERAS, Capture, Truth, read_capture, read_truth
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "recon.md"
-LIMIT = 0.5  # [m] a camera farther off does not count as right
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of the table.
-
-    Attributes:
-        name: The way.
-        images: Number of photographs.
-        found: What it made of them, the time of steps that were taken over included.
-        registered: Share of the photographs in the largest model [1].
-        median: Median distance of right camera centres to the truth [m].
-        p95: Their 95 % quantile [m].
-    """
-
-    name: str
-    images: int
-    found: Found
-    registered: float
-    median: float
-    p95: float
-
-
-Run = Callable[[Capture, Path], Found]
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "benchmarks" / "recon.md"
+SCENARIO = ROOT / "scenarios" / "paper-global.toml"
+_FAILED = "failed"  # in the place of a number of pairs
+_VERSION = 1  # raised when rows of an earlier version of this benchmark no longer compare
 
 
 def main() -> None:
-    """Measure every way at every count, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    """Measure every way at every count, and write the page after each."""
+    asked = _arguments()
+    ways = WAYS | ({"openmvg": with_openmvg(asked.openmvg)} if asked.openmvg else {})
+    source = asked.capture or _rendered(asked.work / "rendered", max(asked.images))
+    capture = read_capture(source)
+    truth = read_truth(capture)
+    if truth is None:
+        sys.exit(f"{source}: the capture has no truth to compare with")
+    if len(capture.images) < max(asked.images):
+        sys.exit(f"{source}: {len(capture.images)} images, {max(asked.images)} wanted. Lower --images")
+    work = asked.work / digest([file_digest(source / CAMERAS), file_digest(source / "truth" / "poses.json")])[:12]
+    words = f"The first photographs, {capture.size[0]} x {capture.size[1]} px, of one flight."
+    rows = _Rows(work / "rows", asked.page, words)
+    for count in sorted(set(asked.images)):
+        left_out = asked.without if count == max(asked.images) else []
+        for name, run in ways.items():
+            if name not in left_out and not rows.has(name, count):
+                rows.add(_measured(name, run, _first(source, count, work / f"images{count}"), truth, work))
+        shutil.rmtree(work / f"steps{count}", ignore_errors=True)
+    rows.write_page()
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("capture", nargs="?", type=Path)
-    parser.add_argument("--images", nargs="+", type=int, default=[60])
-    parser.add_argument("--openmvg", type=Path)
-    asked = parser.parse_args()
-    ways = WAYS | ({"openmvg-rs, SIFT": _peer(asked.openmvg)} if asked.openmvg else {})
-    with tempfile.TemporaryDirectory() as scratch:
-        source = asked.capture or _rendered(Path(scratch), max(asked.images))
-        rows: list[Row] = []
-        for count in asked.images:
-            for row in _compare(ways, source, count, Path(scratch)):
-                rows.append(row)
-                write_text(PAGE, _page(rows))  # hours may lie between two rows
+    parser.add_argument("--images", nargs="+", type=int, default=[60], metavar="N")
+    parser.add_argument("--without", nargs="+", default=[], choices=list(TITLES), metavar="NAME",
+                        help=f"ways to leave out at the largest count: {', '.join(TITLES)}")  # fmt: skip
+    parser.add_argument("--openmvg", type=Path, metavar="PYTHON")
+    parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "falsework-bench-recon")
+    parser.add_argument("--page", type=Path, default=PAGE)
+    return parser.parse_args()
 
 
-def _compare(ways: dict[str, Run], source: Path, count: int, scratch: Path) -> Iterator[Row]:
-    """Go every way with the same photographs; our ways share their keypoints, and pay for them each."""
-    capture, work = _first(source, count, scratch / f"images{count}"), scratch / f"work{count}"
-    work.mkdir()
-    paid: dict[str, float] = {}
-    for name, run in ways.items():
-        found = run(capture, work)
-        if name in OURS:
-            paid |= found.seconds
-            found = replace(found, seconds=dict(paid))
-        yield _judged(name, capture, found, source)
+class _Rows:
+    """The finished rows: a file each, so that none is measured twice; and the page that they make."""
+
+    def __init__(self, folder: Path, page: Path, source: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder, self._page, self._source = folder, page, source
+        self._failed: list[Row] = []
+
+    def has(self, way: str, count: int) -> bool:
+        return self._path(way, count).is_file()
+
+    def add(self, row: Row) -> None:
+        """Keep a row and rewrite the page; one that failed is shown, and tried again by the next run."""
+        if row.pairs == _FAILED:
+            self._failed.append(row)
+        else:
+            write_json(self._path(row.way, row.images), asdict(row))
+        sys.stderr.write(f"{row.title}, {row.images} images: {row.total:.0f} s, {row.registered:.0%} registered\n")
+        self.write_page()
+
+    def write_page(self) -> None:
+        keys = {self._key(way) for way in TITLES}
+        found = [path for path in self._folder.iterdir() if path.stem.rpartition("-")[0] in keys]
+        rows = [Row(**read_json(path)) for path in found] + self._failed
+        rows.sort(key=lambda row: (row.images, list(TITLES).index(row.way)))
+        write_text(self._page, render_page(rows, self._source, processor()))
+
+    def _path(self, way: str, count: int) -> Path:
+        return self._folder / f"{self._key(way)}-{count}.json"
+
+    def _key(self, way: str) -> str:
+        return f"{way}-{digest([_VERSION, version('pycolmap'), processor()])[:8]}"
 
 
-def _with(**changes: object) -> Run:
-    """Reconstruct with our settings and some of them changed."""
-
-    def run(capture: Capture, work: Path) -> Found:
-        settings, meter = ReconSettings(sparse=SparseSettings.model_validate(changes)), Meter()
-        try:
-            found = run_sparse(capture, work, settings, meter)
-        except RejectedSceneError as error:
-            return Found((), np.zeros((0, 4, 4)), 0, error.reason, meter.finished())
-        return found_in(found.model, found.facts["pairs"], meter.finished())
-
-    return run
+def _measured(name: str, run: Run, capture: Capture, truth: Truth, work: Path) -> Row:
+    """Go one way; a way that dies has a row that says so, and the others go on."""
+    steps = work / f"steps{len(capture.images)}"
+    steps.mkdir(exist_ok=True)
+    title = TITLES[name]
+    try:
+        found = run(capture, steps)
+    except (ChildError, subprocess.TimeoutExpired) as error:
+        title, found = f"{title}: {error}", nothing(_FAILED, {})
+    return _judged(name, title, capture, found, truth)
 
 
-class Meter(Silent):
-    """Takes the processor time of each step: of the children that have ended when the next one says that it begins."""
-
-    def __init__(self) -> None:
-        """Start the clock."""
-        self._last, self._name, self._seconds = _children(), "", dict[str, float]()
-
-    def stage(self, name: str, total: int) -> None:
-        """Close the step before and open another."""
-        name = name.partition(",")[0]
-        if name in STEPS and name != self._name:
-            self._close()
-            self._name = name
-
-    def finished(self) -> dict[str, float]:
-        """Close the last step and return the processor time of each [s]."""
-        self._close()
-        return self._seconds
-
-    def _close(self) -> None:
-        now = _children()
-        if self._name:
-            self._seconds[self._name] = now - self._last
-            self._last = now
+def _judged(name: str, title: str, capture: Capture, found: Found, truth: Truth) -> Row:
+    count = len(capture.images)
+    row_of = {image.file: row for row, image in enumerate(capture.images)}
+    rows = np.array([row_of[file] for file in found.names], np.int64)
+    target = Target("truth", truth.poses[:count, :3, 3], truth.poses[:count, :3, :3], LIMIT)
+    try:
+        errors = align(found.poses, rows, target, AlignmentSettings(), np.random.default_rng(0)).centre_errors
+        good = errors[errors <= LIMIT]
+    except RejectedSceneError:  # nothing to align, or nothing that fits
+        good = np.zeros(0)
+    median, p95 = (float(np.quantile(good, share)) if len(good) else None for share in (0.5, 0.95))
+    return Row(
+        name, title, count, dict(found.seconds), found.pairs, found.points, len(rows) / count, len(good) / count,
+        median, p95,
+    )  # fmt: skip
 
 
-def _children() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
-OURS: dict[str, Run] = {
-    "ours: nearest 20 by GPS, incremental": _with(mapper="incremental"),
-    "ours: nearest 20 by GPS, global": _with(mapper="global"),
-    "no GPS: next 10 and leaps, incremental": _with(pairing="sequential", mapper="incremental"),
-    "every pair, incremental": _with(pairing="exhaustive", mapper="incremental"),
-}
-WAYS: dict[str, Run] = {**OURS, "pycolmap's defaults": run_defaults}
-
-
-def _peer(python: Path) -> Run:
-    """Reconstruct with openmvg-rs in an interpreter that has it."""
-
-    def run(capture: Capture, work: Path) -> Found:
-        answer = work / "openmvg.json"
-        script = Path(__file__).resolve().parent / "peers" / "in_openmvg.py"
-        subprocess.run([python, script, capture.folder / "images", answer], check=True)
-        found = read_json(answer)
-        poses = np.tile(np.eye(4), (len(found["views"]), 1, 1))
-        poses[:, :3, :3] = np.array([view["rotation"] for view in found["views"]]).transpose(0, 2, 1)
-        poses[:, :3, 3] = [view["center"] for view in found["views"]]
-        names = tuple(f"images/{view['name']}" for view in found["views"])
-        return Found(names, poses, found["points"], "its own", {"all": found["seconds"]})
-
-    return run
-
-
-def _rendered(scratch: Path, count: int) -> Path:
-    scenario = demo_scenario()
+def _rendered(folder: Path, count: int) -> Path:
+    """Render the flight of the paper's first global scene with a number of images; goes on where it was interrupted."""
+    scenario = load_scenario(SCENARIO)
     flight = scenario.survey[0].model_copy(update={"images": count})
-    outcome = run_scenario(scenario.model_copy(update={"survey": (flight,)}), scratch / "run", SILENT)
-    return outcome.clouds[0].parents[1] / "capture" / outcome.clouds[0].name
+    scenario = scenario.model_copy(update={"survey": (flight,)})
+    stage, shots, seed = folder / f"stage{count}", folder / f"capture{count}", scene_seed(scenario.seed, 0)
+    if not (stage / "scene.usda").is_file():
+        shutil.rmtree(stage, ignore_errors=True)
+        partial = stage.with_suffix(".partial")
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir(parents=True)
+        STAGES["stage"].run({"seed": seed, "authoring": scenario.authoring()}, {}, partial, SILENT)
+        partial.rename(stage)
+    if not (shots / "truth" / "render.json").is_file():  # written last
+        shots.mkdir(exist_ok=True)
+        request = {"seed": seed, "survey": flight.id, "render": scenario.rendering()}
+        STAGES["capture"].run(request, {"stage": stage}, shots, SILENT)
+    return shots
 
 
 def _first(source: Path, count: int, folder: Path) -> Capture:
     """Take the first images of a flight, without its truth."""
-    if not folder.is_dir():
-        (folder / "images").mkdir(parents=True)
-        stored = read_json(source / CAMERAS)
-        chosen = stored["images"][:count]
-        for image in chosen:
-            (folder / image["file"]).symlink_to((source / image["file"]).resolve())
-        write_json(folder / CAMERAS, {**stored, "images": chosen})
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    stored = read_json(source / CAMERAS)
+    chosen = stored["images"][:count]
+    for image in chosen:
+        (folder / image["file"]).unlink(missing_ok=True)
+        (folder / image["file"]).symlink_to((source / image["file"]).resolve())
+    write_json(folder / CAMERAS, {**stored, "images": chosen})
     return read_capture(folder)
-
-
-def _judged(name: str, capture: Capture, found: Found, source: Path) -> Row:
-    count = len(capture.images)
-    if not found.names:
-        return Row(name, count, found, 0.0, np.nan, np.nan)
-    truth = read_truth(read_capture(source))
-    if truth is None:
-        raise ValueError("a capture without truth")
-    row_of = {image.file: row for row, image in enumerate(capture.images)}
-    rows = np.array([row_of[file] for file in found.names], np.int64)
-    target = Target("truth", truth.poses[:count, :3, 3], truth.poses[:count, :3, :3], LIMIT)
-    errors = align(found.poses, rows, target, AlignmentSettings(), np.random.default_rng(0)).centre_errors
-    good = errors[errors <= LIMIT]
-    return Row(name, count, found, len(rows) / count, float(np.median(good)), float(np.quantile(good, 0.95)))
-
-
-def _page(rows: list[Row]) -> str:
-    lines = [
-        "# Structure from motion, several ways",
-        "",
-        f"Written by `python -m benchmarks.recon`. Processor time, all threads together, of {processor()}; the same "
-        "photographs for all, the same keypoints for all but the defaults. Centre errors after alignment to the truth, "
-        f"of cameras within {LIMIT} m.",
-        "",
-        "| way | images | pairs | features [s] | matching [s] | mapping [s] | all [s] | registered "
-        "| centre error, median [mm] | 95 % [mm] | points |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-        *(_line(row) for row in rows),
-        "",
-    ]
-    return "\n".join(lines)
-
-
-def _line(row: Row) -> str:
-    seconds = row.found.seconds
-    times = " | ".join(f"{seconds[step]:.0f}" if step in seconds else "" for step in STEPS)
-    return (
-        f"| {row.name} | {row.images} | {row.found.pairs} | {times} | {sum(seconds.values()):.0f} | "
-        f"{row.registered:.0%} | {1000 * row.median:.1f} | {1000 * row.p95:.1f} | {row.found.points:,} |"
-    )
 
 
 if __name__ == "__main__":

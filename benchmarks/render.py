@@ -150,10 +150,11 @@ def measure_pyrender(work: Path, scene: FlatScene) -> list[Cost]:
     python = os.environ.get("FALSEWORK_PYRENDER_PYTHON", "")
     if not python:
         return []
-    corners, ids, rows = world_triangles(scene)
-    order = np.argsort(ids, kind="stable")
-    start = np.concatenate([[0], np.flatnonzero(np.diff(ids[order])) + 1, [len(ids)]])
-    materials = scene.draws.material[rows[order[start[:-1]]]]
+    corners, _, rows = world_triangles(scene)
+    material = scene.draws.material[rows]
+    order = np.argsort(material, kind="stable")  # one mesh a material: a mesh for each of all stones takes 20 GB
+    used, start = np.unique(material[order], return_index=True)
+    start = np.append(start, len(order))
     track = next(camera for camera in scene.cameras if camera.name.startswith(LONG))
     assert scene.sun is not None
     down = -np.array(scene.sun.direction)
@@ -161,7 +162,7 @@ def measure_pyrender(work: Path, scene: FlatScene) -> list[Cost]:
     side /= np.linalg.norm(side)
     np.savez(
         work / "triangles.npz", corners=corners[order].astype(np.float32), start=start,
-        color=np.array([scene.materials[row].base_color for row in materials]), poses=track.poses,
+        color=np.array([scene.materials[row].base_color for row in used]), poses=track.poses,
         sun=np.column_stack([side, np.cross(-down, side), -down]),
         camera=[CAMERA.width, CAMERA.height, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy],
     )  # fmt: skip

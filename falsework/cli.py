@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import tyro
 
 from falsework.console import ConsoleProgress
-from groundwork.errors import FalseworkError
+from groundwork.errors import FalseworkError, RejectedSceneError
 
 INTERRUPTED = 130
 TERMINATED = 143
@@ -322,7 +322,8 @@ def main(arguments: list[str] | None = None) -> None:
                 VERBS, prog="falsework", description=ABOUT, args=words, config=(tyro.conf.FlagCreatePairsOff,)
             )
     except FalseworkError as error:
-        sys.stderr.write(f"falsework: {error}\n")
+        reason = f"{error.reason}: " if isinstance(error, RejectedSceneError) else ""
+        sys.stderr.write(f"falsework: {reason}{error}\n")
         code = error.exit_code
     except BrokenPipeError:  # `falsework scene info SCENE | head`: whoever read has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

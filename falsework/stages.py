@@ -120,6 +120,6 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 STAGES: dict[str, Stage] = {
     "stage": Stage(6, author),
     "capture": Stage(6, capture, resumes=True),
-    "cloud": Stage(4, cloud, resumes=True),
+    "cloud": Stage(5, cloud, resumes=True),
     "report": Stage(1, report),
 }

@@ -177,19 +177,35 @@ def read_cloud(folder: Path) -> Cloud:
         raise InputError("not a cloud of this version", where=path, field="format", value=found,
                          allowed=f"{FORMAT}, version {' or '.join(map(str, _READABLE))}")  # fmt: skip
     try:
+        kinds, components, classes = _kinds(stored["columns"]), stored["components"], stored["classes"]
+        count, observation_count, cameras = stored["count"], stored["observation_count"], stored["cameras"]
+        _want(type(count) is type(observation_count) is int, "count")
+        _want(all(isinstance(name, str) for name in components) and isinstance(components, list), "components")
+        _want(isinstance(cameras, list) and all(isinstance(row["name"], str) for row in cameras), "cameras")
+        _want(isinstance(stored["alignment"], dict) and isinstance(stored["statistics"], dict), "statistics")
         cloud = Cloud(
-            columns={name: _load(folder / f"{name}.npy") for name in _kinds(stored["columns"])},
+            columns={name: _load(folder / f"{name}.npy") for name in kinds},
             observations={name: _load(folder / OBSERVATIONS / f"{name}.npy") for name in OBSERVATION_COLUMNS},
-            components=tuple(stored["components"]),
-            classes=tuple(ClassRow(row["id"], row["name"], tuple(row["color"])) for row in stored["classes"]),
-            alignment=stored["alignment"], cameras=tuple(stored["cameras"]), statistics=stored["statistics"],
+            components=tuple(components), classes=tuple(_class_row(row) for row in classes),
+            alignment=stored["alignment"], cameras=tuple(cameras), statistics=stored["statistics"],
             source=stored.get("source", SFM_SPARSE),
         )  # fmt: skip
-        count, observation_count = stored["count"], stored["observation_count"]
     except (KeyError, TypeError) as error:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
     _check(folder, cloud, count, observation_count)
     return cloud
+
+
+def _want(right: bool, key: str) -> None:
+    if not right:
+        raise TypeError(key)
+
+
+def _class_row(row: dict[str, Any]) -> ClassRow:
+    numbers = (row["id"], *row["color"])
+    _want(all(type(number) is int and 0 <= number < 256 for number in numbers) and len(numbers) == 4, "classes")
+    _want(isinstance(row["name"], str), "classes")
+    return ClassRow(row["id"], row["name"], tuple(row["color"]))
 
 
 def without_observations(count: int) -> dict[str, Column]:
@@ -222,7 +238,10 @@ def _save(path: Path, column: Column) -> None:
 
 def _load(path: Path) -> Column:
     try:
-        return np.load(path, allow_pickle=False)
+        mapped = np.load(path, mmap_mode="r", allow_pickle=False)  # a header that promises too much allocates nothing
+        if not isinstance(mapped, np.ndarray):
+            raise ValueError("an archive, not an array")
+        return np.array(mapped)
     except FileNotFoundError:
         raise MissingError("a column is missing", where=path, mend="Reconstruct again") from None
     except (OSError, ValueError, EOFError) as error:

@@ -18,6 +18,7 @@ I64 = NDArray[np.int64]
 _NO_POINT = np.uint64(2**64 - 1)
 _POINT2D = np.dtype([("uv", "<f8", 2), ("point", "<u8")])
 _POINT3D = np.dtype([("id", "<u8"), ("xyz", "<f8", 3), ("rgb", "u1", 3), ("error", "<f8"), ("length", "<u8")])
+_LEAST_IMAGE = 73  # [bytes] id, pose, camera, an empty name, no keypoint
 _TRACK_ELEMENT = 8  # [bytes] image id and keypoint number
 _MODEL_NAMES = {0: "SIMPLE_PINHOLE", 1: "PINHOLE", 2: "SIMPLE_RADIAL", 3: "RADIAL", 4: "OPENCV"}
 _MODEL_PARAMS = {0: 3, 1: 4, 2: 4, 3: 5, 4: 8}
@@ -59,20 +60,21 @@ def read_model(folder: Path) -> SparseModel:
         folder: A binary COLMAP model with one camera.
 
     Raises:
-        InputError: Missing, cut off, or of an unknown camera model.
+        InputError: Missing, cut off, of an unknown camera model, or with numbers that cannot be.
     """
     try:
         camera_model, camera_params = _read_camera((folder / "cameras.bin").read_bytes())
         names, poses, keypoints = _read_images((folder / "images.bin").read_bytes())
         table = _read_points((folder / "points3D.bin").read_bytes())
-    except (OSError, struct.error, ValueError, IndexError, KeyError) as error:
+        order = np.argsort(table["id"])
+        ids = table["id"][order]
+        rank = sorted(range(len(names)), key=names.__getitem__)
+        seen = [keypoints[row][keypoints[row]["point"] != _NO_POINT] for row in rank]
+        image = np.repeat(np.arange(len(rank)), [len(block) for block in seen])
+        joined = np.concatenate([*seen, np.zeros(0, _POINT2D)])
+        _check_numbers(camera_params, np.array(poses), table, joined)
+    except (OSError, struct.error, ValueError, IndexError, KeyError, OverflowError) as error:
         raise InputError(f"not a whole COLMAP model: {error}", where=folder, mend="Reconstruct again") from None
-    order = np.argsort(table["id"])
-    ids = table["id"][order]
-    rank = sorted(range(len(names)), key=names.__getitem__)
-    seen = [keypoints[row][keypoints[row]["point"] != _NO_POINT] for row in rank]
-    image = np.repeat(np.arange(len(rank)), [len(block) for block in seen])
-    joined = np.concatenate([*seen, np.zeros(0, _POINT2D)])
     point = np.searchsorted(ids, joined["point"])
     by_point = np.argsort(point, kind="stable")
     return SparseModel(
@@ -82,6 +84,18 @@ def read_model(folder: Path) -> SparseModel:
         points=table["xyz"][order], colors=table["rgb"][order], errors=table["error"][order],
         obs_point=point[by_point].astype(np.int64), obs_image=image[by_point], obs_uv=joined["uv"][by_point],
     )  # fmt: skip
+
+
+def _check_numbers(
+    params: tuple[float, ...], poses: F64, points: NDArray[np.void], keypoints: NDArray[np.void]
+) -> None:  # fmt: skip
+    """Refuse numbers that are none, and keypoints of points that are not there."""
+    for name, values in (("camera", np.array(params)), ("pose", poses), ("point", points["xyz"]),
+                         ("keypoint", keypoints["uv"])):  # fmt: skip
+        if not np.isfinite(values).all():
+            raise ValueError(f"a {name} is not finite")
+    if not np.isin(keypoints["point"], points["id"]).all():
+        raise ValueError("a keypoint belongs to a point that is not there")
 
 
 def rotation_from_quaternion(quaternion: F64) -> F64:
@@ -109,7 +123,7 @@ def _read_camera(data: bytes) -> tuple[str, tuple[float, ...]]:
 def _read_images(data: bytes) -> tuple[list[str], list[F64], list[NDArray[np.void]]]:
     names, poses, keypoints = [], [], []
     (count,), at = struct.unpack_from("<Q", data), 8
-    for _ in range(count):
+    for _ in range(_no_more(count, data, _LEAST_IMAGE)):
         quaternion, shift = np.frombuffer(data, "<f8", 4, at + 4), np.frombuffer(data, "<f8", 3, at + 36)
         end = data.index(b"\0", at + 64)
         names.append(data[at + 64 : end].decode())
@@ -123,10 +137,17 @@ def _read_images(data: bytes) -> tuple[list[str], list[F64], list[NDArray[np.voi
     return names, poses, keypoints
 
 
+def _no_more(count: int, data: bytes, least: int) -> int:
+    """Believe a count only as far as the file is long enough for it."""
+    if count * least > len(data):
+        raise ValueError(f"{count} rows in {len(data)} bytes")
+    return count
+
+
 def _read_points(data: bytes) -> NDArray[np.void]:
     """Read the fixed part of every point; a track's length must be hopped over to find the next point."""
     (count,), at = struct.unpack_from("<Q", data), 8
-    starts = np.empty(count, np.int64)
+    starts = np.empty(_no_more(count, data, _POINT3D.itemsize), np.int64)
     length_at = _POINT3D.fields["length"][1] if _POINT3D.fields else 0
     for row in range(count):
         starts[row] = at

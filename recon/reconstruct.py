@@ -21,7 +21,7 @@ from recon.place import alignment_facts, camera_rows, place, similarity_facts
 from recon.placed_points import PlacedPoints, place_dense, place_sparse
 from recon.settings import AGREEMENT, ReconSettings
 from recon.sparse import run_sparse, write_world_model
-from recon.statistics import describe
+from recon.statistics import describe, verdict_in_words
 from recon.steps import enter_work, leave_work
 from recon.surface_distance import nearest_surface
 from recon.uncertainty import Uncertainty, depths, measure
@@ -83,6 +83,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     world = similarity_facts(alignment.similarity)
     write_world_model(sparse.folder, folder / "sparse", world, settings, progress)
     leave_work(work)
+    progress.note(verdict_in_words(alignment.status, len(placed.coord), cloud.alignment["note"]))
 
 
 def _rows_in_capture(model: SparseModel, capture: Capture) -> NDArray[np.int64]:

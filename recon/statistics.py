@@ -1,5 +1,6 @@
 """The figures of a cloud: how many cameras and points, how far off, how well labelled."""
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -57,6 +58,19 @@ def describe(
         "surface_distance_p95": _quantile(columns["surface_distance"], 0.95),
     }
     return figures | _label_figures(columns)
+
+
+def verdict_in_words(status: tuple[str, ...], points: int, note: str) -> str:
+    """Say in one line what became of the photographs.
+
+    Args:
+        status: Reason code of each.
+        points: Number of points.
+        note: What the model was aligned to.
+    """
+    others = ", ".join(f"{count} {code}" for code, count in sorted(Counter(status).items()) if code != OK)
+    where = f" ({others})" if others else ""
+    return f"{status.count(OK)} of {len(status)} photographs ok{where}, {points:,} points; {note}"
 
 
 def _label_figures(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ import json
 import shutil
 import struct
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 
 import laspy
@@ -87,6 +88,18 @@ def _to_nan(values: np.ndarray) -> np.ndarray:
     return values
 
 
+def _promise(folder: Path) -> None:
+    """Say that there are 218 TB of coordinates."""
+    head = BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (10**13, 3)})
+    (folder / "coord.npy").write_bytes(head.getvalue() + bytes(64))
+
+
+def _archive(folder: Path) -> None:
+    np.savez(folder / "a.npz", np.zeros(3))
+    (folder / "a.npz").rename(folder / "segment.npy")
+
+
 def _no_views(values: np.ndarray) -> np.ndarray:
     values[9] = values[8]
     return values
@@ -96,6 +109,8 @@ def _no_views(values: np.ndarray) -> np.ndarray:
     ("damage", "named"),
     [
         (_cut, "coord.npy"),
+        (_promise, "coord.npy"),
+        (_archive, "segment.npy"),
         (lambda folder: (folder / "normal.npy").unlink(), "normal.npy"),
         (lambda folder: (folder / "cloud.json").unlink(), "cloud.json"),
         (_replace("coord.npy", _to_nan), "coord.npy"),
@@ -114,6 +129,41 @@ def test_damage_is_named(cloud: Cloud, tmp_path: Path, damage: Callable[[Path], 
     with pytest.raises(InputError, match=named) as error:
         read_cloud(tmp_path)
     assert "\n" not in str(error.value)
+
+
+def places_in(value: object, above: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
+    """List the path of every value in JSON."""
+    rows = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [place for key, below in rows for place in [(*above, key), *places_in(below, (*above, key))]]
+
+
+def test_no_lie_in_the_description_does_harm(cloud: Cloud, tmp_path: Path) -> None:
+    """Whatever stands in the place of one value: a cloud whose parts are what they should be, or one line."""
+    write_cloud(tmp_path, cloud)
+    path = tmp_path / "cloud.json"
+    good = json.loads(path.read_text())
+    lean = {**good, "columns": dict.fromkeys(good["columns"], 0), "cameras": good["cameras"][:7]}
+    lean["classes"] = good["classes"][:2]
+    said, places = list[str](), places_in(lean)
+    for number, place in enumerate(places):
+        bad = json.loads(json.dumps(lean))
+        holder = bad
+        for key in place[:-1]:
+            holder = holder[key]
+        holder[place[-1]] = [None, -1, "x", [], {}, 1e300, True, [[]], {"id": 300}][number % 9]
+        path.write_text(json.dumps(bad))
+        try:
+            back = read_cloud(tmp_path)
+        except InputError as error:
+            said.append(str(error))
+            continue
+        assert all(isinstance(name, str) for name in back.components)
+        assert all(0 <= row.id < 256 and isinstance(row.name, str) for row in back.classes)
+        assert all(isinstance(row["name"], str) for row in back.cameras)
+        assert isinstance(back.statistics, dict)
+        assert isinstance(back.alignment, dict)
+    assert len(said) > 0.3 * len(places)
+    assert not [line for line in said if "\n" in line]
 
 
 def test_other_folders_are_not_clouds(tmp_path: Path) -> None:

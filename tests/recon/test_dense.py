@@ -1,5 +1,6 @@
 """The dense step on the three planes, whose depths are known: accuracy, truth kept apart, sameness, and resuming."""
 
+import resource
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from groundwork.canonical import folder_digest
-from groundwork.errors import RejectedSceneError
+from groundwork.errors import OutOfSpaceError, RejectedSceneError
 from groundwork.progress import SILENT, Silent
 from recon import dense_child
 from recon.cloud import Cloud, read_cloud
@@ -143,6 +144,18 @@ def test_an_interrupted_step_goes_on(
         results.append(folder_digest(folder / "points"))
     assert results[0] == results[1]
     assert len(read_points(tmp_path / "interrupted").points) > 100
+
+
+def test_a_disk_that_fills_up_is_out_of_space(bare: Path, sparse: Sparse, tmp_path: Path) -> None:
+    """Depth maps that may not grow are one line with the mend, and the step is not taken for finished."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))  # for the child; a depth map has 173 kB
+    try:
+        with pytest.raises(OutOfSpaceError, match="Free some, then run the same command again"):
+            run_dense(read_capture(bare), sparse, tmp_path, SETTINGS, SILENT)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [path.suffix for path in tmp_path.iterdir()] == [".partial"]
 
 
 def test_bare_walls_have_a_reason(bare: Path, sparse: Sparse, tmp_path: Path) -> None:

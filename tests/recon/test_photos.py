@@ -9,16 +9,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from falsework.verbs import reconstruct_folder
 from groundwork.errors import InputError, MissingError, RejectedSceneError
-from groundwork.progress import SILENT
+from groundwork.progress import SILENT, Silent
 from recon.cloud import read_cloud
 from recon.photo_header import read_header
 from recon.photos import local_position, open_photographs
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
 from recon.similarity import turn_upright
+from recon.statistics import verdict_in_words
+from render.capture import load_image
 from render.exif import Shot, geodetic, insert_exif
 
 ORIGIN = (46.2, -7.5, 420.0)
@@ -197,6 +200,61 @@ def test_what_does_not_go_together(tmp_path: Path) -> None:
         open_photographs(tmp_path)
 
 
+def textured() -> NDArray[np.uint8]:
+    """Make a picture that needs some bytes, shape (48, 64, 3), uint8."""
+    return np.random.default_rng(0).integers(0, 256, (48, 64, 3)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("options", [[], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1], [cv2.IMWRITE_JPEG_RST_INTERVAL, 2]])
+def test_what_lies_behind_a_photograph_is_no_damage(options: list[int], tmp_path: Path) -> None:
+    """A film, a preview or a maker's notes after the picture are left alone; wherever the picture is cut, it is cut."""
+    data = cv2.imencode(".jpg", textured(), options)[1].tobytes()
+    path = tmp_path / "a.jpg"
+    wanted = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
+    for behind in (b"", bytes(99), data, b"SEFT and a film " * 40):
+        path.write_bytes(data + behind)
+        np.testing.assert_array_equal(load_image(open_photographs(tmp_path), 0), wanted)
+    for end in range(len(data) - 1, 700, -41):
+        path.write_bytes(data[:end])
+        with pytest.raises(InputError, match="cut off"):
+            load_image(open_photographs(tmp_path), 0)
+
+
+def test_grey_and_transparent_pictures_are_photographs(tmp_path: Path) -> None:
+    """Grey is three equal colours, opacity is left out; 16 bits are one line."""
+    picture = textured()
+    clear = np.dstack([picture, picture[:, :, 0]])
+    for name, stored, wanted in (("grey", picture[:, :, 0], np.dstack([picture[:, :, 0]] * 3)),
+                                 ("clear", clear, picture[:, :, ::-1])):  # fmt: skip
+        (tmp_path / name).mkdir()
+        cv2.imwrite(str(tmp_path / name / "a.png"), stored)
+        np.testing.assert_array_equal(load_image(open_photographs(tmp_path / name), 0), wanted)
+    (tmp_path / "deep").mkdir()
+    cv2.imwrite(str(tmp_path / "deep" / "a.png"), picture.astype(np.uint16))
+    with pytest.raises(InputError, match=r"a\.png: not an image of 8 bits"):
+        load_image(open_photographs(tmp_path / "deep"), 0)
+
+
+class Notes(Silent):
+    """Writes down what people are told."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.notes = list[str]()
+
+    def note(self, message: str) -> None:
+        """Write a line down."""
+        self.notes.append(message)
+
+
+def test_the_last_line_counts_the_reasons() -> None:
+    """Whoever reads nothing but the last line knows how many photographs are missing, and why."""
+    status = ("ok", "no_overlap", "ok", "no_texture", "no_overlap")
+    assert verdict_in_words(status, 1234, "in metres") == (
+        "2 of 5 photographs ok (2 no_overlap, 1 no_texture), 1,234 points; in metres"
+    )
+
+
 def test_bare_photographs_become_a_cloud(
     make_capture: Callable[..., Path], arc: Callable[[int], np.ndarray], tmp_path: Path
 ) -> None:
@@ -209,8 +267,11 @@ def test_bare_photographs_become_a_cloud(
     with pytest.raises(InputError, match=r"000002\.jpg: the image is cut off or damaged"):
         reconstruct(bare, folder, ReconSettings(), SILENT)
     (bare / "000002.jpg").write_bytes(cut)
-    reconstruct(bare, folder, ReconSettings(sparse=SparseSettings(max_features=700)), SILENT)
+    listener = Notes()
+    reconstruct(bare, folder, ReconSettings(sparse=SparseSettings(max_features=700)), listener)
     cloud = read_cloud(folder)
+    (said,) = listener.notes
+    assert said.startswith(f"5 of 5 photographs ok, {len(cloud):,} points; no truth and no GPS")
     assert [row["status"] for row in cloud.cameras] == ["ok"] * 5
     assert (cloud.alignment["target"], cloud.alignment["unit"]) == ("none", "unknown")
     assert "own units" in cloud.alignment["note"]

@@ -1,6 +1,7 @@
 """Structure from motion for real on a small known world: accuracy, labels, truth kept apart, and hopeless input."""
 
 import shutil
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from recon.observations import Observations
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
 from render.capture import CalibrationPrior, Capture, CaptureImage, read_capture, read_truth
+from tests.conftest import Count, RecordProof
 from usd_schemas.pinhole import Pinhole, look_at, project
 
 
@@ -50,6 +52,7 @@ def test_uncertainty_follows_the_true_distance(cloud: Cloud) -> None:
     """Where a point is, measured three ways: consistent with each other and with the closed-form planes."""
     columns = cloud.columns
     wall = (columns["instance"] == 12) & (columns["surface_class"] == 1) & (np.abs(columns["coord"][:, 0]) < 4.5)
+    wall &= columns["coord"][:, 2] < 4.0  # above its top, the edge is nearer than the plane
     off_the_plane = np.abs(columns["coord"][wall, 1] - 5.0)
     np.testing.assert_allclose(columns["surface_distance"][wall], off_the_plane, atol=1e-4)
     finite = np.isfinite(columns["uncertainty"])
@@ -163,6 +166,56 @@ def test_a_cut_model_is_refused(plane_cloud: Path, tmp_path: Path) -> None:
         (folder / name).write_bytes((folder / name).read_bytes()[:-5])
         with pytest.raises(InputError, match="not a whole COLMAP model"):
             read_model(folder)
+
+
+def test_no_lie_in_a_model_does_harm(tmp_path: Path, proof_count: Count, record_proof: RecordProof) -> None:
+    """Files of a model with a few wrong bytes: a model of finite numbers or one line, and little memory."""
+    pycolmap.set_random_seed(3)
+    options = pycolmap.SyntheticDatasetOptions(num_points3D=20, num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=4)
+    pycolmap.synthesize_dataset(options).write_binary(tmp_path)
+    whole = {name: (tmp_path / name).read_bytes() for name in ("cameras.bin", "images.bin", "points3D.bin")}
+    said, count = list[str](), proof_count(300, 3000)
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        name = sorted(whole)[seed % 3]
+        bad = np.frombuffer(whole[name], np.uint8).copy()
+        at = rng.integers(0, len(bad) if seed % 2 else 16, rng.integers(1, 4))
+        bad[at] ^= rng.integers(1, 256, len(at)).astype(np.uint8)
+        (tmp_path / name).write_bytes(bad.tobytes())
+        try:
+            model = read_model(tmp_path)
+        except InputError as error:
+            said.append(str(error))
+        else:
+            assert np.isfinite(model.poses).all()
+            assert np.isfinite(model.points).all()
+            assert model.obs_point.max() < len(model.points)
+        (tmp_path / name).write_bytes(whole[name])
+    assert len(said) > 0.2 * count
+    assert not [line for line in said if "\n" in line]
+    record_proof("recon: COLMAP models with flipped bytes are read or refused", count, 0, {"refused": len(said)})
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "value", "reason"),
+    [
+        ("points3D.bin", 0, struct.pack("<Q", 2**50), "rows in"),
+        ("images.bin", 0, struct.pack("<Q", 2**60), "rows in"),
+        ("points3D.bin", 8 + 8, struct.pack("<d", np.nan), "a point is not finite"),
+        ("points3D.bin", 8, struct.pack("<Q", 10**6), "a point that is not there"),
+        ("images.bin", 8 + 4, struct.pack("<4d", 0, 0, 0, 0), "a pose is not finite"),
+    ],
+)  # fmt: skip
+def test_what_a_model_cannot_hold(
+    name: str, at: int, value: bytes, reason: str, plane_cloud: Path, tmp_path: Path
+) -> None:  # fmt: skip
+    """More rows than bytes, a point at nan, a keypoint of no point, a camera that looks nowhere: named and refused."""
+    folder = tmp_path / "model"
+    shutil.copytree(plane_cloud / "sparse", folder)
+    data = (folder / name).read_bytes()
+    (folder / name).write_bytes(data[:at] + value + data[at + len(value) :])
+    with np.errstate(invalid="ignore"), pytest.raises(InputError, match=reason):
+        read_model(folder)
 
 
 def test_reading_changes_nothing(plane_cloud: Path) -> None:
