@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from recon.noise_figures import THRESHOLD
 from recon.observations import Observations
 from render.capture import Truth
 
@@ -18,7 +19,6 @@ U8 = NDArray[np.uint8]
 U32 = NDArray[np.uint32]
 
 _HALF_PIXEL = 0.5
-_NEAR = 0.1  # [m], the paper's limit of noise
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def annotate(observed: ObservedTruth, depth_error: F64, observations: Observatio
     if not len(first):
         nothing = np.zeros(0, np.float32)
         return Annotation(np.zeros(0, np.uint8), np.zeros(0, np.uint32), nothing, nothing)
-    voting = depth_error <= np.maximum(_NEAR, np.minimum.reduceat(depth_error, first))[point]
+    voting = depth_error <= np.maximum(THRESHOLD, np.minimum.reduceat(depth_error, first))[point]
     label = vote(point[voting], observed.label[voting], depth_error[voting])
     agreeing = observed.label == label[point]
     voting &= agreeing

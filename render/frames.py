@@ -19,7 +19,6 @@ from groundwork.files import folder_lock
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 from render import image_files
-from render.apart import cast_volume_apart, load_scene_apart
 from render.capture import CalibrationPrior, Readout
 from render.capture_writer import FrameTruth, encode_frame_truth, make_folders, write_cameras, write_truth
 from render.context import Driver, Gl, open_context
@@ -28,6 +27,7 @@ from render.illumination import BRIGHTEST
 from render.journal import Journal
 from render.light_volume import LightVolume
 from render.passes import View
+from render.preparation_child import cast_volume_apart, load_scene_apart
 from render.prepare import Prepared, prepare
 from render.records import capture_record, draw_prior, note_shot, write_render_record
 from render.sensor import Exposure, Sensor, meter

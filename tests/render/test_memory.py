@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from groundwork.progress import SILENT
-from render.apart import cast_volume_apart, load_scene_apart
 from render.context import Gl
 from render.daylight import read_daylight
 from render.illumination import BRIGHTEST
 from render.light_volume import cast_light_volume
+from render.preparation_child import cast_volume_apart, load_scene_apart
 from render.prepare import prepare
 from render.settings import RenderSettings
 from render.texel_need import Sight, sufficient_side, survey_sight, texel_needs

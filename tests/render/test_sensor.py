@@ -68,6 +68,19 @@ def test_the_point_spread_is_the_gaussian_asked_for() -> None:
     assert np.sum(rows * offsets**2) / np.sum(rows) == pytest.approx(0.36, rel=0.1)
 
 
+def test_developing_in_bands_leaves_no_seam(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blur, vignette and noise across the bands' borders are those of a frame developed at once."""
+    settings = SensorSettings(vignetting=0.4, blur_sigma=1.3)
+    frame = np.random.default_rng(3).integers(0, 65536, (*SHAPE, 3), np.uint16)
+    pictures = []
+    for rows in (64, 37, 10_000):
+        monkeypatch.setattr("render.sensor._BAND", rows)
+        sensor = Sensor(settings, 1.0, BRIGHTEST, SHAPE, 5)
+        pictures.append(sensor.develop(frame, sensor.expose(0, frame)))
+    for banded in pictures[:2]:
+        np.testing.assert_array_equal(banded, pictures[2])
+
+
 def test_corners_lose_the_light_that_was_asked_for() -> None:
     """The very corner loses the stated share, half way to it a quarter of that, the middle nothing."""
     settings = STEADY.model_copy(update={"vignetting": 0.4, "blur_sigma": 0.0, "full_well": 1e6, "read_noise": 0.0})

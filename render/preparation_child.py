@@ -1,7 +1,7 @@
 """Work that needs much memory for a short time, done in a process of its own: what it takes is given back at once.
 
-`python -m render.apart` serves one request {task, work, answer} of a parent process; USD and the ray caster are loaded
-there alone.
+`python -m render.preparation_child` serves one request {task, work, answer} of a parent process; USD and the ray caster
+are loaded there alone.
 """
 
 import pickle
@@ -15,7 +15,9 @@ from groundwork.progress import Progress
 from render.light_volume import LightVolume, cast_light_volume
 from usd_schemas.flat_scene import FlatScene
 
-_TIME_LIMIT, _MEMORY_LIMIT = 8 * 3600.0, 64.0  # [s], [GB]; whoever watches the parent has tighter ones
+_CHILD = "render.preparation_child"
+_TIME_LIMIT = 8 * 3600.0  # [s]; who watches the parent has a tighter one, and this process dies with it
+_MEMORY_LIMIT = 16.0  # [GB] who watches the parent does not see what its children take
 
 
 def load_scene_apart(path: Path, survey: str | None, progress: Progress) -> FlatScene:
@@ -50,7 +52,7 @@ def _apart(task: str, arguments: tuple[Any, ...], progress: Progress) -> Any:
         work, answer = Path(scratch) / "work", Path(scratch) / "answer"
         write_bytes(work, pickle.dumps(arguments, pickle.HIGHEST_PROTOCOL), durable=False)
         request = {"task": task, "work": str(work), "answer": str(answer)}
-        run_child("render.apart", request, time_limit=_TIME_LIMIT, memory_limit=_MEMORY_LIMIT, progress=progress)
+        run_child(_CHILD, request, time_limit=_TIME_LIMIT, memory_limit=_MEMORY_LIMIT, progress=progress)
         return pickle.loads(answer.read_bytes())
 
 
