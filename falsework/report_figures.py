@@ -143,7 +143,10 @@ def uncertainty_figure(uncertainty: NDArray[np.float32], threshold: float) -> go
     figure = go.Figure(
         go.Bar(x=np.sqrt(edges[1:] * edges[:-1]), y=counts, width=np.diff(edges), marker_color="#4a7ab5")
     )
-    figure.add_vline(x=threshold, line={"color": "#c8322b", "dash": "dash"}, annotation_text=f"{threshold:g} m")
+    figure.add_vline(x=threshold, line={"color": "#c8322b", "dash": "dash"})
+    figure.add_annotation(  # on a logarithmic axis a text's place is an exponent, a line's is not
+        x=float(np.log10(threshold)), y=1.0, yref="paper", xanchor="left", showarrow=False, text=f"{threshold:g} m"
+    )
     _plain_layout(figure, 340)
     return figure.update_layout(xaxis={"type": "log", "title": "uncertainty [m]"}, yaxis={"title": "points"}, bargap=0)
 

@@ -121,5 +121,5 @@ STAGES: dict[str, Stage] = {
     "stage": Stage(6, author),
     "capture": Stage(6, capture, resumes=True),
     "cloud": Stage(5, cloud, resumes=True),
-    "report": Stage(1, report),
+    "report": Stage(2, report),
 }
