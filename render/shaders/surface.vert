@@ -11,6 +11,7 @@ in vec4 in_color;
 in uint in_draw;
 in vec3 in_offset;
 
+invariant gl_Position;  // depth alone and shading, which are two programs, must agree to the last bit
 out vec3 relative;
 out vec3 normal;
 out vec2 st;
