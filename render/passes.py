@@ -213,7 +213,9 @@ class Painter:
         groups = self._gpu.grouped(rows)
         self._write_commands([members for _, members in groups])
         first = 0
-        for variant, members in groups:
+        for material, members in groups:
+            variant = self._gpu.variants[self._gpu.variant_rows[members[0]]]
+            self._gpu.wear(material)
             program = self._programs.get("surface.vert", "surface.frag", features + variant.features)
             if program not in self._arrays:
                 self._lamps.shine_on(program)
@@ -228,15 +230,16 @@ class Painter:
             first += len(members)
 
     def _draw_ids(self, rows: NDArray[np.int64], clip: bytes) -> None:
-        groups = [
-            (features, array, rows[np.isin(rows, members)]) for features, array, members in depth_groups(self._gpu)
-        ]
-        self._write_commands([members for _, _, members in groups])
+        groups = depth_groups(self._gpu, rows)
+        self._write_commands([members for *_, members in groups])
         first = 0
-        for features, array, members in groups:
+        for features, material, members in groups:
             program = self._programs.get("surface.vert", "ids.frag", self._extra + features)
-            if array is not None:
-                array.use(FIRST_FREE_UNIT)
+            if features:
+                self._gpu.wear(material)
+                albedo = self._gpu.variants[self._gpu.variant_rows[members[0]]].arrays[0]
+                assert albedo is not None
+                albedo.use(FIRST_FREE_UNIT)
                 set_uniform(program, "albedo_array", FIRST_FREE_UNIT)
             set_uniform(program, "clip_from_relative", clip)
             self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(members), first=first)
