@@ -26,6 +26,7 @@ KINDS = frozenset((
 ))  # fmt: skip
 # How far a surface may move in the nearest image [px], tried in turn where there is too much in view.
 _ERRORS = (0.0, *(0.5 * 2 ** (step / 2) for step in range(7)))
+_WORTH = 1 / 300  # of the budget: whatever all draws of a mesh hold less than stays
 _SMALLEST = 8  # triangles; what has no more is drawn as it is, or not at all
 
 
@@ -72,6 +73,8 @@ def level_of_detail(scene: FlatScene, track: CameraTrack, camera: Pinhole, sight
     counts, parts = np.tile(crowd.as_authored, (len(_ERRORS), 1)), np.tile(scene.draws.part[rows], (len(_ERRORS), 1))
     for part in np.unique(scene.draws.part[rows]):
         members = np.flatnonzero(scene.draws.part[rows] == part)
+        if crowd.as_authored[members].sum() < _WORTH * budget:
+            continue
         levels = pile.levels(int(part), max(_ERRORS) / pixels[members].min())
         allowed = np.array(_ERRORS)[:, None] / pixels[members]
         choice = np.searchsorted([level.error for level in levels], allowed, side="right") - 1

@@ -18,7 +18,7 @@ _AT_ONCE = 0.2  # share of the triangles that one round takes away
 _STEP = 0.7  # triangles of a level over those of the one before
 _RIM = 4.0  # weight of what keeps an open edge where it is
 _HOLD = 1e-3  # how much a new place is drawn to the middle of its edge, which flat ground leaves open
-_CLOSEST = 12  # triangles that a distance is taken to
+_CLOSEST = 8  # triangles that a distance is taken to
 
 
 @dataclass(frozen=True)
