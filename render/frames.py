@@ -6,7 +6,7 @@
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from render.context import Driver, Gl, open_context
 from render.exif import insert_exif
 from render.illumination import BRIGHTEST
 from render.journal import Journal
+from render.level_of_detail import level_of_detail
 from render.light_volume import LightVolume
 from render.passes import View
 from render.preparation_child import cast_volume_apart, load_scene_apart
@@ -41,7 +42,7 @@ _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _LOOKED_UP = 64  # rows at once
-_RECIPE = 3  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_RECIPE = 4  # raised whenever frames that an interrupted run left would no longer fit to new ones
 Share = tuple[int, int]
 ALL: Share = (0, 1)
 Shot = Callable[[], View]
@@ -131,6 +132,9 @@ def render_scene(
         facts = {"frames": len(track.poses), "driver": asdict(gl.driver)}
         if not journal.is_complete():
             make_folders(folder, normals=settings.normals)
+            sight = survey_sight(track, camera)
+            simple = level_of_detail(scene, track, camera, sight, settings.triangle_budget)
+            assignment = replace(assignment, scene=simple)
             missing = [row for row, name in enumerate(track.image_names) if journal.facts(name) is None]
             mine = [row for row in missing if row % share[1] == share[0]]
             if mine:

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from render.materials import MaterialTable, Variant
-from render.row_texture import DRAW_UNIT, MATERIAL_UNIT, row_texture
+from render.materials import ROW, MaterialTable, Variant
+from render.row_texture import DRAW_UNIT, row_texture
 from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
@@ -17,12 +17,11 @@ I64 = NDArray[np.int64]
 VERTEX_NAMES = ("in_position", "in_normal", "in_st", "in_st1", "in_color")
 _ATTRIBUTES = dict(zip(VERTEX_NAMES, (("3f", 12), ("3f", 12), ("2f", 8), ("2f", 8), ("4f2", 8)), strict=True))
 _VERTEX = np.dtype([("p", "3f4"), ("n", "3f4"), ("st", "2f4"), ("st1", "2f4"), ("color", "4f2")])
-# One row of the shader's draws: rows of the linear map, then of its cofactors; beside the first two the number of the
-# material, which a float holds exactly up to 16 million, and whether the map mirrors.
+# One row of the shader's draws: rows of the linear map, then of its cofactors; beside the second, whether it mirrors.
 _DRAW = np.dtype([("linear", "(3,4)f4"), ("cofactor", "(3,4)f4")])
 # DrawElementsIndirectCommand
 COMMAND = np.dtype([("count", "u4"), ("instances", "u4"), ("first", "u4"), ("vertex", "u4"), ("draw", "u4")])
-_BANDS = 4
+_APART = 256  # [bytes] from one material to the next: where a driver lets a uniform block begin
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class GpuScene:
         indices: Triangle buffer.
         draw_numbers: Instanced attribute 0, 1, 2 …; a command's base instance picks its draw.
         draws: Draw rows, as `row_texture` lays them.
-        materials: Material rows, likewise.
+        materials: Material rows, `_APART` bytes from one to the next.
         offsets: Instanced attribute: camera-relative origin of each draw [m], written anew for each view.
         origins: Origin of each draw's mesh in the world [m], shape (D, 3), float64.
         lower: Lower corner of each draw's box [m], shape (D, 3), float64.
@@ -42,6 +41,7 @@ class GpuScene:
         commands: Draw command of each draw, shape (D,), dtype `COMMAND`.
         variants: Material variants in use.
         variant_rows: Row in `variants` of each draw, shape (D,), int64.
+        material_rows: Row of the material of each draw, shape (D,), int64.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
     """
 
@@ -49,7 +49,7 @@ class GpuScene:
     indices: moderngl.Buffer
     draw_numbers: moderngl.Buffer
     draws: moderngl.Texture
-    materials: moderngl.Texture
+    materials: moderngl.Buffer
     offsets: moderngl.Buffer
     origins: F64
     lower: F64
@@ -57,6 +57,7 @@ class GpuScene:
     commands: NDArray[np.void]
     variants: tuple[Variant, ...]
     variant_rows: I64
+    material_rows: I64
     anchor: F64
 
     def place(self, eye: F64) -> None:
@@ -68,25 +69,29 @@ class GpuScene:
         self.offsets.write((self.origins - eye).astype(np.float32).tobytes())
 
     def bind(self) -> None:
-        """Bind the rows that the shaders read."""
+        """Bind the rows of draws that the shaders read."""
         self.draws.use(DRAW_UNIT)
-        self.materials.use(MATERIAL_UNIT)
 
-    def grouped(self, rows: I64) -> list[tuple[Variant, I64]]:
-        """Split ordered draws by variant, in a few bands of distance, so that near things still hide far ones.
+    def wear(self, material: int) -> None:
+        """Let what is drawn next look like a material.
+
+        Args:
+            material: Its row.
+        """
+        self.materials.bind_to_uniform_block(0, offset=_APART * material, size=ROW.itemsize)
+
+    def grouped(self, rows: I64) -> list[tuple[int, I64]]:
+        """Split ordered draws by material, each in the order given.
 
         Args:
             rows: Draws in the order in which they should be drawn, shape (N,), int64.
 
         Returns:
-            Variant and rows of its draws, shape (M,), int64, of each group.
+            Material and rows of its draws, shape (M,), int64, of each group; the first draws' groups first.
         """
-        groups = []
-        for band in np.array_split(rows, _BANDS):
-            kinds = self.variant_rows[band]
-            present, first = np.unique(kinds, return_index=True)
-            groups += [(self.variants[kind], band[kinds == kind]) for kind in present[np.argsort(first)]]
-        return groups
+        kinds = self.material_rows[rows]
+        present, first = np.unique(kinds, return_index=True)
+        return [(int(kind), rows[kinds == kind]) for kind in present[np.argsort(first)]]
 
     def vertex_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
         """Connect a program to the buffers; attributes that it does not use are skipped.
@@ -129,11 +134,13 @@ def upload_scene(context: moderngl.Context, scene: FlatScene, table: MaterialTab
     rows["linear"][..., :3] = linear
     mirrored = np.linalg.det(linear) < 0
     rows["cofactor"][..., :3] = _cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
-    rows["linear"][:, 0, 3], rows["linear"][:, 1, 3] = draws.material, mirrored
+    rows["linear"][:, 1, 3] = mirrored
     commands = np.zeros(count, COMMAND)
     commands["count"], commands["first"] = geometry.part_count[draws.part] * 3, geometry.part_first[draws.part] * 3
     commands["instances"], commands["draw"] = 1, np.arange(count)
     lower, upper = draw_boxes(scene)
+    materials = np.zeros((len(table.rows), _APART // 4), np.float32)
+    materials[:, : ROW.itemsize // 4] = _numbers(table.rows)
     variants = tuple(dict.fromkeys(table.variants))
     number = {variant: row for row, variant in enumerate(variants)}
     of_material = np.array([number[variant] for variant in table.variants], np.int64)
@@ -142,10 +149,11 @@ def upload_scene(context: moderngl.Context, scene: FlatScene, table: MaterialTab
         indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
         draw_numbers=context.buffer(np.arange(count, dtype=np.uint32).tobytes()),
         draws=row_texture(context, _numbers(rows)),
-        materials=row_texture(context, _numbers(table.rows)),
+        materials=context.buffer(materials.tobytes()),
         offsets=context.buffer(reserve=count * 12, dynamic=True),
         origins=draws.transform[:, :3, 3].copy(), lower=lower, upper=upper, commands=commands,
-        variants=variants, variant_rows=of_material[draws.material], anchor=anchor,
+        variants=variants, variant_rows=of_material[draws.material],
+        material_rows=draws.material.astype(np.int64), anchor=anchor,
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ F32 = NDArray[np.float32]
 
 _MIRROR_ROUGHNESS = 0.35  # rougher surfaces show no image of the sky
 
-# One row of the shader's materials; the order of `struct Material` in rows.glsl.
+# One row of the shader's materials; the order of material_row.glsl.
 ROW = np.dtype(
     [
         ("base", "4f4"),  # colour, roughness

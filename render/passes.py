@@ -22,6 +22,8 @@ F64 = NDArray[np.float64]
 U16 = NDArray[np.uint16]
 U32 = NDArray[np.uint32]
 
+_LARGE = 100.0  # [px] a triangle; what is made of smaller ones costs more to draw twice than it hides
+
 
 @dataclass(frozen=True)
 class View:
@@ -83,6 +85,10 @@ class Painter:
             self._samples = context.texture(doubled, 4, dtype="nu2") if self._fine else self._color
             self._photo = self._framebuffer([self._samples])
             self._resolved = context.framebuffer([self._color])
+        shaded = self._photo if self._apart else self._exact
+        self._nearest = context.framebuffer(depth_attachment=shaded.depth_attachment)
+        cut_out = np.array(["CUT_OUT" in variant.features for variant in gpu.variants])
+        self._solid = ~cut_out[gpu.variant_rows]
         self._readers = {image: context.framebuffer([image]) for image in (self._color, *self._truth)}
         self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
@@ -135,12 +141,14 @@ class Painter:
         clip = clip_from_relative(camera, pose, near).T.tobytes()
         if self._apart:
             samples = 2 if self._fine else 1
+            self._draw_nearest((samples * first, samples * end), rows, clip, pose[:3, 3])
             self._open(self._photo, samples * first, samples * end)
             self._draw_surfaces(rows, clip, pose, self._features)
             self._draw_sky(pose, ())
             self._open(self._exact, self._finer * first, self._finer * end)
             self._draw_ids(rows, clip)
         else:
+            self._draw_nearest((first, end), rows, clip, pose[:3, 3])
             self._open(self._exact, first, end)
             self._draw_surfaces(rows, clip, pose, self._features + self._extra)
             self._draw_sky(pose, self._extra)
@@ -182,11 +190,32 @@ class Painter:
             else:
                 functions.clear_color(colors + 2, (0.0, 0.0, 0.0, 0.0))
 
+    def _draw_nearest(self, span: tuple[int, int], rows: NDArray[np.int64], clip: bytes, eye: F64) -> None:
+        """Find the depth of what is large before anything is shaded: what it hides then costs no shading.
+
+        Images do not change by it: a surface is drawn where nothing is nearer, in whatever order.
+        """
+        gpu, rows = self._gpu, rows[self._solid[rows]]
+        half = np.linalg.norm(gpu.upper[rows] - gpu.lower[rows], axis=1) / 2
+        away = np.linalg.norm((gpu.lower[rows] + gpu.upper[rows]) / 2 - eye, axis=1)
+        pixels = (self._camera.fx * half / np.maximum(away, half)) ** 2
+        rows = rows[pixels >= _LARGE * gpu.commands["count"][rows] / 3]
+        if not len(rows):
+            return
+        self._open(self._nearest, *span)
+        self._write_commands([rows])
+        program = self._programs.get("surface.vert", "shadow.frag")
+        set_uniform(program, "clip_from_relative", clip)
+        self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(rows))
+
     def _draw_surfaces(self, rows: NDArray[np.int64], clip: bytes, pose: F64, features: tuple[str, ...]) -> None:
+        self._gl.context.depth_func = ">="
         groups = self._gpu.grouped(rows)
         self._write_commands([members for _, members in groups])
         first = 0
-        for variant, members in groups:
+        for material, members in groups:
+            variant = self._gpu.variants[self._gpu.variant_rows[members[0]]]
+            self._gpu.wear(material)
             program = self._programs.get("surface.vert", "surface.frag", features + variant.features)
             if program not in self._arrays:
                 self._lamps.shine_on(program)
@@ -201,15 +230,16 @@ class Painter:
             first += len(members)
 
     def _draw_ids(self, rows: NDArray[np.int64], clip: bytes) -> None:
-        groups = [
-            (features, array, rows[np.isin(rows, members)]) for features, array, members in depth_groups(self._gpu)
-        ]
-        self._write_commands([members for _, _, members in groups])
+        groups = depth_groups(self._gpu, rows)
+        self._write_commands([members for *_, members in groups])
         first = 0
-        for features, array, members in groups:
+        for features, material, members in groups:
             program = self._programs.get("surface.vert", "ids.frag", self._extra + features)
-            if array is not None:
-                array.use(FIRST_FREE_UNIT)
+            if features:
+                self._gpu.wear(material)
+                albedo = self._gpu.variants[self._gpu.variant_rows[members[0]]].arrays[0]
+                assert albedo is not None
+                albedo.use(FIRST_FREE_UNIT)
                 set_uniform(program, "albedo_array", FIRST_FREE_UNIT)
             set_uniform(program, "clip_from_relative", clip)
             self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(members), first=first)

@@ -65,6 +65,7 @@ def set_uniform(program: moderngl.Program, name: str, value: object) -> None:
 def _source(name: str, features: tuple[str, ...]) -> str:
     folder = files("render").joinpath("shaders")
     text = folder.joinpath(name).read_text(encoding="utf-8")
-    text = _INCLUDE.sub(lambda match: folder.joinpath(match[1]).read_text(encoding="utf-8"), text)
+    while _INCLUDE.search(text):
+        text = _INCLUDE.sub(lambda match: folder.joinpath(match[1]).read_text(encoding="utf-8"), text)
     defines = "".join(f"#define {feature}\n" for feature in features)
     return f"#version 450 core\n{defines}{text}"

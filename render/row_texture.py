@@ -1,4 +1,4 @@
-"""Rows of numbers that shaders read, kept in a texture: what a draw is placed by, what a material looks like.
+"""Rows of numbers that shaders read, kept in a texture: what a draw is placed by.
 
 A driver on the CPU reads a storage buffer number by number and pixel by pixel, a texture four numbers at a time.
 """
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 F32 = NDArray[np.float32]
 
-DRAW_UNIT, MATERIAL_UNIT = 11, 12  # behind those of light and materials
-UNITS = {"draw_rows": DRAW_UNIT, "material_rows": MATERIAL_UNIT}
+DRAW_UNIT = 11  # behind those of light and materials
+UNITS = {"draw_rows": DRAW_UNIT}
 _ROWS_ACROSS = 1024  # of rows.glsl; a texture has at most 16384 texels a side
 
 

@@ -71,6 +71,12 @@ class ShadingSettings(Settings):
     texture_side: int = Field(
         default=2048, ge=64, le=8192, description="Larger textures are reduced to this side [px]."
     )
+    triangle_budget: int = Field(
+        default=450_000,
+        ge=0,
+        description="Triangles in view above which trees, cars and the like of the background are simplified, once per "
+        "survey; 0: never [1].",
+    )
     haze_distance: float | None = Field(
         default=None,
         gt=0,

@@ -130,35 +130,31 @@ class Shadows:
         _draw_depth(context, self._programs, gpu, clip, np.flatnonzero(reached))
 
 
-def depth_groups(gpu: GpuScene) -> list[tuple[tuple[str, ...], moderngl.TextureArray | None, I64]]:
-    """Split all draws by what their silhouette needs: nothing, or a cut-out texture.
+def depth_groups(gpu: GpuScene, rows: I64) -> list[tuple[tuple[str, ...], int, I64]]:
+    """Split draws by what their silhouette needs: nothing, or a cut-out texture.
 
     Args:
         gpu: Uploaded scene.
+        rows: Draws, shape (N,), int64.
 
     Returns:
-        Features, texture array, and rows of the draws, shape (M,), int64, of each group.
+        Features, material, and rows of the draws, shape (M,), int64, of each group; the material counts where there
+        are features.
     """
-    keys = [
-        (("HAS_ALBEDO", "CUT_OUT"), variant.arrays[0]) if "CUT_OUT" in variant.features else ((), None)
-        for variant in gpu.variants
-    ]
-    groups = []
-    for key in dict.fromkeys(keys):
-        members = [row for row, other in enumerate(keys) if other == key]
-        groups.append((*key, np.flatnonzero(np.isin(gpu.variant_rows, members))))
-    return groups
+    cut_out = np.array(["CUT_OUT" in variant.features for variant in gpu.variants])[gpu.variant_rows[rows]]
+    groups: list[tuple[tuple[str, ...], int, I64]] = [((), 0, rows[~cut_out])] if not cut_out.all() else []
+    return groups + [(("HAS_ALBEDO", "CUT_OUT"), *group) for group in gpu.grouped(rows[cut_out])]
 
 
 def _draw_depth(context: moderngl.Context, programs: Programs, gpu: GpuScene, clip: F64, reached: I64) -> None:
-    for features, array, members in depth_groups(gpu):
-        rows = reached[np.isin(reached, members)]
-        if not len(rows):
-            continue
+    for features, material, rows in depth_groups(gpu, reached):
         program = programs.get("surface.vert", "shadow.frag", features)
         set_uniform(program, "clip_from_relative", np.asarray(clip.T, np.float32).tobytes())
-        if array is not None:
-            array.use(_CUT_OUT_UNIT)
+        if features:
+            gpu.wear(material)
+            albedo = gpu.variants[gpu.variant_rows[rows[0]]].arrays[0]
+            assert albedo is not None
+            albedo.use(_CUT_OUT_UNIT)
             set_uniform(program, "albedo_array", _CUT_OUT_UNIT)
         commands = context.buffer(gpu.commands[rows].tobytes())
         vertices = gpu.vertex_array(context, program)

@@ -93,6 +93,24 @@ def sufficient_side(side: int, need: float) -> int:
     return side
 
 
+def least_distances(lower: F64, upper: F64, sight: Sight) -> F64:
+    """Find the distance of boxes from the nearest camera, never less than what is drawn.
+
+    Args:
+        lower: Lower corners [m], shape (N, 3), float64.
+        upper: Upper corners [m], shape (N, 3), float64.
+        sight: What the survey can see.
+
+    Returns:
+        Distances [m], shape (N,), float64.
+    """
+    away = np.full(len(lower), np.inf)
+    for eye in sight.eyes:
+        gap = np.maximum(np.maximum(lower - eye, eye - upper), 0.0)
+        np.minimum(away, np.einsum("ij,ij->i", gap, gap), out=away)
+    return np.maximum(np.sqrt(away) - _SLACK, sight.near)
+
+
 def _draw_needs(scene: FlatScene, sight: Sight) -> F64:
     """Least width of a pixel in units of each UV set, for each draw; shape (D, 2)."""
     geometry, draws = scene.geometry, scene.draws
@@ -104,7 +122,7 @@ def _draw_needs(scene: FlatScene, sight: Sight) -> F64:
     ]).reshape(-1, 2)  # fmt: skip
     stretch = np.linalg.norm(draws.transform[:, :3, :3], axis=(1, 2), ord=2)
     lower, upper = draw_boxes(scene)
-    away = _from_boxes(lower, upper, sight)
+    away = least_distances(lower, upper, sight)
     needs = least[draws.part] * (away * sight.pixel / np.maximum(stretch, 1e-30))[:, None]
     for row in np.flatnonzero(np.linalg.norm(upper - lower, axis=1) > _LARGE * away):
         part = slice(starts[draws.part[row]], stops[draws.part[row]])
@@ -136,15 +154,6 @@ def _densities(geometry: Geometry) -> F64:
     return density
 
 
-def _from_boxes(lower: F64, upper: F64, sight: Sight) -> F64:
-    """Distance of each box from the nearest camera [m], shape (N,), never less than what is drawn."""
-    away = np.full(len(lower), np.inf)
-    for eye in sight.eyes:
-        gap = np.maximum(np.maximum(lower - eye, eye - upper), 0.0)
-        np.minimum(away, np.einsum("ij,ij->i", gap, gap), out=away)
-    return np.maximum(np.sqrt(away) - _SLACK, sight.near)
-
-
 def _from_triangles(corners: F64, sight: Sight) -> F64:
     """Least distance of each triangle from a camera [m], shape (T,)."""
     middle = corners.mean(axis=1)
@@ -152,7 +161,7 @@ def _from_triangles(corners: F64, sight: Sight) -> F64:
     away = KDTree(sight.eyes).query(middle)[0] - radius - _SLACK
     coarse = np.flatnonzero(radius > _LARGE * away)
     away[coarse] = np.maximum(
-        away[coarse], _from_boxes(corners[coarse].min(axis=1), corners[coarse].max(axis=1), sight)
+        away[coarse], least_distances(corners[coarse].min(axis=1), corners[coarse].max(axis=1), sight)
     )
     return np.maximum(away, sight.near)
 

@@ -1,5 +1,7 @@
 // Look-ups and detail of materials. Included by the surface, id and shadow shaders.
 
+// #include material_row.glsl
+
 #ifdef HAS_ALBEDO
 uniform sampler2DArray albedo_array;
 #endif
@@ -19,7 +21,6 @@ uniform sampler2DArray detail_array;
 uniform sampler2DArray macro_array;
 #endif
 
-// What a triangle's material is comes from its vertices: read anew at each pixel, it would take a fifth of a frame.
 in vec2 st;
 in vec2 st1;
 in vec2 albedo_place;
@@ -28,19 +29,14 @@ in vec2 normal_place;
 in vec2 metallic_place;
 in vec3 vertex_color;
 flat in uint draw;
-flat in vec4 base;      // linear colour, roughness
-flat in vec4 emissive;  // linear colour, metallic
-flat in vec3 detail_frequencies;
-flat in vec4 amplitudes;  // detail: contrast of each octave, macro layer
-flat in vec4 layers;      // albedo, roughness, normal, metallic
-flat in vec4 options;     // opacity threshold, takes the vertex colour, detail layer, mirrored
+flat in uint mirrored;  // whether the draw mirrors
 
 // Without anisotropy the default mip level blurs every slanted surface; what comes out too sharp, the lens blurs.
 const float SHARPER = -1.0;
 
 #ifdef HAS_ALBEDO
 vec4 look_up_albedo() {
-    vec4 texel = texture(albedo_array, vec3(albedo_place, layers.x), SHARPER);
+    vec4 texel = texture(albedo_array, vec3(albedo_place, albedo_map[0].w), SHARPER);
     return vec4(texel.rgb * texel.rgb, texel.a);
 }
 #endif
@@ -49,7 +45,7 @@ float detail_factor() {
     float factor = 1.0;
 #ifdef HAS_DETAIL
     for (int octave = 0; octave < 3; octave++) {
-        float grey = texture(detail_array, vec3(st * detail_frequencies[octave], options.z), SHARPER).r;
+        float grey = texture(detail_array, vec3(st * frequencies[octave], frequencies.w), SHARPER).r;
         factor *= 1.0 + amplitudes[octave] * (2.0 * grey - 1.0);
     }
 #endif

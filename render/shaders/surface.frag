@@ -57,7 +57,7 @@ vec3 sky_irradiance(vec3 scene, vec3 n) {
 
 vec3 bumped(vec3 n) {
 #ifdef HAS_NORMAL
-    vec3 bump = texture(normal_array, vec3(normal_place, layers.z), SHARPER).xyz * 2.0 - 1.0;
+    vec3 bump = texture(normal_array, vec3(normal_place, normal_map[0].w), SHARPER).xyz * 2.0 - 1.0;
     vec3 dx = dFdx(relative), dy = dFdy(relative);
     vec2 sx = dFdx(normal_place), sy = dFdy(normal_place);
     float turn = sx.x * sy.y - sy.x * sx.y;
@@ -122,13 +122,13 @@ vec3 shade(vec3 albedo, vec3 face) {
     vec3 sky = sky_irradiance(scene, n);
     float metallic = emissive.a;
 #ifdef HAS_METALLIC
-    metallic = texture(metallic_array, vec3(metallic_place, layers.w), SHARPER).r;
+    metallic = texture(metallic_array, vec3(metallic_place, metallic_map[0].w), SHARPER).r;
 #endif
     vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
 #ifdef SOFT
     float roughness = base.a;
 #ifdef HAS_ROUGHNESS
-    roughness = texture(roughness_array, vec3(roughness_place, layers.y), SHARPER).r;
+    roughness = texture(roughness_array, vec3(roughness_place, roughness_map[0].w), SHARPER).r;
 #endif
     roughness = clamp(roughness, 0.05, 1.0);
     vec3 f0 = mix(vec3(0.04), albedo, metallic);
@@ -182,8 +182,7 @@ void main() {
     if (options.y > 0.5) albedo = vertex_color;
     albedo = min(albedo * detail_factor() * macro_factor(), vec3(0.95));
     vec3 face = normalize(normal + vec3(0.0, 0.0, 1e-12));  // a mesh without area has no normal
-    bool mirrored = options.w > 0.5;
-    if (gl_FrontFacing == mirrored) face = -face;
+    if (gl_FrontFacing == (mirrored != 0u)) face = -face;
     out_color = vec4(sqrt(clamp(shade(albedo, face) * code_scale, 0.0, 1.0)), 1.0);
     out_draw = draw + 1u;
     out_depth = 1.0 / gl_FragCoord.w;

@@ -1,5 +1,6 @@
 // Places a vertex relative to the camera: what is large was subtracted in float64 before it came here.
 // #include rows.glsl
+// #include material_row.glsl
 
 uniform mat4 clip_from_relative;
 
@@ -11,6 +12,7 @@ in vec4 in_color;
 in uint in_draw;
 in vec3 in_offset;
 
+invariant gl_Position;  // depth alone and shading, which are two programs, must agree to the last bit
 out vec3 relative;
 out vec3 normal;
 out vec2 st;
@@ -21,12 +23,7 @@ out vec2 normal_place;
 out vec2 metallic_place;
 out vec3 vertex_color;
 flat out uint draw;
-flat out vec4 base;
-flat out vec4 emissive;
-flat out vec3 detail_frequencies;
-flat out vec4 amplitudes;
-flat out vec4 layers;
-flat out vec4 options;
+flat out uint mirrored;
 
 vec2 place(vec4 map[2]) {
     vec3 source = vec3(map[1].w > 0.5 ? in_st1 : in_st, 1.0);
@@ -40,18 +37,12 @@ void main() {
     normal = vec3(dot(row.cofactor[0], in_normal), dot(row.cofactor[1], in_normal), dot(row.cofactor[2], in_normal));
     st = in_st;
     st1 = in_st1;
-    Material material = material_row(row.material);
-    albedo_place = place(material.albedo);
-    roughness_place = place(material.roughness);
-    normal_place = place(material.normal);
-    metallic_place = place(material.metallic);
+    albedo_place = place(albedo_map);
+    roughness_place = place(roughness_map);
+    normal_place = place(normal_map);
+    metallic_place = place(metallic_map);
     vertex_color = in_color.rgb;
     draw = in_draw;
-    base = material.base;
-    emissive = material.emissive;
-    detail_frequencies = material.frequencies.xyz;
-    amplitudes = material.amplitudes;
-    layers = vec4(material.albedo[0].w, material.roughness[0].w, material.normal[0].w, material.metallic[0].w);
-    options = vec4(material.options.xy, material.frequencies.w, float(row.mirrored));
+    mirrored = row.mirrored ? 1u : 0u;
     gl_Position = clip_from_relative * vec4(relative, 1.0);
 }

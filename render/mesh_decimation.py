@@ -1,0 +1,188 @@
+"""Coarser copies of a small mesh: edges collapse where that changes its shape least.
+
+Source: Garland and Heckbert, Surface simplification using quadric error metrics, SIGGRAPH 1997; edges that do not touch
+collapse together, a round at a time.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+_AT_ONCE = 0.2  # share of the triangles that one round takes away
+_STEP = 0.7  # triangles of a level over those of the one before
+_RIM = 4.0  # weight of what keeps an open edge where it is
+_HOLD = 1e-3  # how much a new place is drawn to the middle of its edge, which flat ground leaves open
+_CLOSEST = 8  # triangles that a distance is taken to
+
+
+@dataclass(frozen=True)
+class Soup:
+    """Triangles with what their corners carry.
+
+    Attributes:
+        corners: Positions [stage units], shape (T, 3, 3), float64.
+        normals: Unit normals [1], shape (T, 3, 3), float64.
+        carried: Texture coordinates and colours, shape (T, 3, K), float64; corners keep them wherever they go.
+    """
+
+    corners: F64
+    normals: F64
+    carried: F64
+
+    def __len__(self) -> int:
+        """Count the triangles."""
+        return len(self.corners)
+
+
+def coarser_levels(soup: Soup) -> Iterator[Soup]:
+    """Make ever coarser copies, each with about 0.7 of the triangles of the one before, down to two.
+
+    Args:
+        soup: Triangles; corners at one place count as connected.
+
+    Yields:
+        The next level; nothing is computed ahead.
+    """
+    places, rows = np.unique(soup.corners.reshape(-1, 3), axis=0, return_inverse=True)
+    mesh = _Mesh(places, rows.reshape(-1, 3).astype(np.int64), np.arange(len(soup)))
+    quadrics = _quadrics(mesh)
+    goal = int(_STEP * len(soup))
+    while goal >= 2:
+        found = _collapse(mesh, quadrics, max(1, min(int(_AT_ONCE * len(mesh.triangles)), len(mesh.triangles) - goal)))
+        if len(found.triangles) == len(mesh.triangles):
+            return
+        mesh = found
+        if len(mesh.triangles) <= goal:
+            if len(mesh.triangles) < 2:
+                return
+            yield _dressed(soup, mesh)
+            goal = int(_STEP * len(mesh.triangles))
+
+
+def deviation(one: Soup, other: Soup) -> float:
+    """Bound the distance of two surfaces, from either to the other, at corners, middles of edges and of triangles.
+
+    Args:
+        one: Triangles.
+        other: Triangles.
+
+    Returns:
+        Greatest distance [stage units]; nowhere less than the true one of these points.
+    """
+    return max(_farthest(one.corners, other.corners), _farthest(other.corners, one.corners))
+
+
+@dataclass(frozen=True)
+class _Mesh:
+    """Places, shape (P, 3); their rows by triangle, shape (T, 3); each triangle's row in the soup, shape (T,)."""
+
+    places: F64
+    triangles: I64
+    origin: I64
+
+
+def _quadrics(mesh: _Mesh) -> F64:
+    """Sum of squared distances from the planes around each place, as a form of (x, y, z, 1), shape (P, 4, 4)."""
+    corners = mesh.places[mesh.triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    unit = normal / np.maximum(area, 1e-30)[:, None]
+    result = np.zeros((len(mesh.places), 4, 4))
+    for corner in range(3):
+        np.add.at(result, mesh.triangles[:, corner], _planes(unit, corners[:, corner], area))
+    low_high = np.sort(np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
+    _, row, count = np.unique(low_high, axis=0, return_inverse=True, return_counts=True)
+    rim = np.flatnonzero(count[row.ravel()] == 1)
+    triangle = rim // 3
+    along = mesh.places[low_high[rim, 1]] - mesh.places[low_high[rim, 0]]
+    across = np.cross(along, unit[triangle])
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-30)[:, None]
+    wall = _planes(across, mesh.places[low_high[rim, 0]], _RIM * np.einsum("ij,ij->i", along, along))
+    for end in range(2):
+        np.add.at(result, low_high[rim, end], wall)
+    return result
+
+
+def _planes(unit: F64, point: F64, weight: F64) -> F64:
+    plane = np.concatenate([unit, -np.einsum("ij,ij->i", unit, point)[:, None]], axis=1)
+    return weight[:, None, None] * plane[:, :, None] * plane[:, None, :]
+
+
+def _collapse(mesh: _Mesh, quadrics: F64, fewer: int) -> _Mesh:
+    """Collapse the cheapest edges that do not touch, until about `fewer` triangles are gone; adds to `quadrics`."""
+    ends = np.sort(np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
+    edges, count = np.unique(ends, axis=0, return_counts=True)
+    place, cost = _targets(mesh.places, edges, quadrics)
+    places, joined = mesh.places.copy(), np.arange(len(mesh.places))
+    taken: set[int] = set()
+    for row in np.lexsort((np.arange(len(edges)), cost)).tolist():
+        keep, drop = edges[row].tolist()
+        if keep in taken or drop in taken:
+            continue
+        taken |= {keep, drop}
+        places[keep], joined[drop] = place[row], keep
+        quadrics[keep] += quadrics[drop]
+        fewer -= int(count[row])
+        if fewer <= 0:
+            break
+    triangles = joined[mesh.triangles]
+    whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    _, single = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)  # of a flap one side is enough
+    kept = np.intersect1d(np.flatnonzero(whole), single)
+    return _Mesh(places, triangles[kept], mesh.origin[kept])
+
+
+def _targets(places: F64, edges: I64, quadrics: F64) -> tuple[F64, F64]:
+    """Best place of each collapsed edge, shape (E, 3), and what it costs, shape (E,)."""
+    total = quadrics[edges[:, 0]] + quadrics[edges[:, 1]]
+    middle = (places[edges[:, 0]] + places[edges[:, 1]]) / 2
+    hold = _HOLD * np.trace(total[:, :3, :3], axis1=1, axis2=2) + 1e-30
+    form = total[:, :3, :3] + hold[:, None, None] * np.eye(3)
+    place = np.linalg.solve(form, (hold[:, None] * middle - total[:, :3, 3])[..., None])[..., 0]
+    point = np.concatenate([place, np.ones((len(place), 1))], axis=1)
+    cost = np.einsum("ei,eij,ej->e", point, total, point)
+    apart = np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1)
+    return place, np.maximum(cost, 0.0) + 1e-6 * hold * apart**2  # of those that cost nothing, short ones first
+
+
+def _dressed(soup: Soup, mesh: _Mesh) -> Soup:
+    """Give triangles their corners' old attributes; flat ones turn their normals with them."""
+    corners, old = mesh.places[mesh.triangles], soup.corners[mesh.origin]
+    normals = soup.normals[mesh.origin].copy()
+    before, after = (np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (old, corners))
+    flat = (np.abs(normals - normals[:, :1]).max(axis=(1, 2)) < 1e-3) & (np.linalg.norm(after, axis=1) > 0)
+    side = np.where(np.einsum("ij,ij->i", before, normals[:, 0]) < 0, -1.0, 1.0)
+    turned = (side / np.maximum(np.linalg.norm(after, axis=1), 1e-30))[:, None] * after
+    normals[flat] = turned[flat, None]
+    return replace(soup, corners=corners, normals=normals, carried=soup.carried[mesh.origin])
+
+
+def _farthest(source: F64, target: F64) -> float:
+    """Greatest distance of points of triangles from the nearest of other triangles."""
+    middles = (source + np.roll(source, -1, axis=1)) / 2
+    points = np.unique(np.concatenate([source.reshape(-1, 3), middles.reshape(-1, 3), source.mean(axis=1)]), axis=0)
+    count = min(_CLOSEST, len(target))
+    near = KDTree(target.mean(axis=1)).query(points, count)[1].reshape(len(points), count)
+    return float(_distances(points[:, None], target[near]).min(axis=1).max())
+
+
+def _distances(point: F64, corners: F64) -> F64:
+    """Distance of points, shape (N, 1, 3), from triangles, shape (N, K, 3, 3)."""
+    normal = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
+    length = np.linalg.norm(normal, axis=-1)
+    unit = normal / np.maximum(length, 1e-30)[..., None]
+    above = np.einsum("nki,nki->nk", point - corners[..., 0, :], unit)
+    inside, least = length > 0, np.full(above.shape, np.inf)
+    for corner in range(3):
+        start, along = corners[..., corner, :], corners[..., (corner + 1) % 3, :] - corners[..., corner, :]
+        away = point - start
+        inside &= np.einsum("nki,nki->nk", np.cross(along, away), unit) >= 0
+        share = np.einsum("nki,nki->nk", away, along) / np.maximum(np.einsum("nki,nki->nk", along, along), 1e-30)
+        least = np.minimum(least, np.linalg.norm(away - np.clip(share, 0, 1)[..., None] * along, axis=-1))
+    return np.where(inside, np.abs(above), least)
