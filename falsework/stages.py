@@ -119,7 +119,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 STAGES: dict[str, Stage] = {
     "stage": Stage(6, author),
-    "capture": Stage(6, capture, resumes=True),
+    "capture": Stage(7, capture, resumes=True),
     "cloud": Stage(5, cloud, resumes=True),
     "report": Stage(2, report),
 }
