@@ -18,7 +18,7 @@ F64 = NDArray[np.float64]
 
 SEED = 7
 SHORT, LONG = "few", "many"  # surveys; what one image costs is the difference of the two over that of their images
-IMAGES = {SHORT: 8, LONG: 40}
+IMAGES = {SHORT: 20, LONG: 80}
 CAMERA = Pinhole(1280, 960, 1280 * 24 / 36, 1280 * 24 / 36, 640.0, 480.0)
 VIEWS = ("close", "global", "under deck")
 SHIFT = 0.6  # [m] between the two pictures of a view
@@ -27,8 +27,8 @@ RECIPE: dict[str, object] = {
         "family": "girder", "service": "road", "alignment": {"kind": "straight", "skew": 0},
         "girder": {"spans": [30.0] * 8},
     },
-    "site": {"crossing": "river", "fine_spacing": 0.35, "scatter": {"tufts": 4000, "shrubs": 600}},
-    "background": {"name": "lakeside", "lakeside": {"villas": 72, "town_houses": 26, "trees": 11500, "boats": 40}},
+    "site": {"crossing": "river", "fine_spacing": 0.85, "scatter": {"tufts": 1800, "shrubs": 260}},
+    "background": {"name": "lakeside", "lakeside": {"villas": 100, "town_houses": 40, "trees": 20500, "boats": 40}},
     "look": {"name": "weathered"},
     "survey": [
         {"kind": "global", "id": name, "images": images, "spacing": 50.0, "width": 1280, "height": 960}

@@ -6,7 +6,7 @@
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,24 +25,23 @@ from render.context import Driver, Gl, open_context
 from render.exif import insert_exif
 from render.illumination import BRIGHTEST
 from render.journal import Journal
-from render.level_of_detail import level_of_detail
 from render.light_volume import LightVolume
 from render.passes import View
-from render.preparation_child import cast_volume_apart, load_scene_apart
+from render.preparation_child import cast_volume_apart, survey_scene_apart
 from render.prepare import Prepared, prepare
 from render.records import capture_record, draw_prior, note_shot, write_render_record
 from render.sensor import Exposure, Sensor, meter
 from render.settings import RenderSettings
 from render.shutter import read_out
-from render.texel_need import survey_sight
+from render.surveyed_scene import SurveyedScene, survey_scene
 from usd_schemas.flat_scene import CameraTrack, FlatScene
-from usd_schemas.pinhole import Pinhole, pinhole_from_lens
+from usd_schemas.pinhole import Pinhole
 
 _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _LOOKED_UP = 64  # rows at once
-_RECIPE = 4  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_RECIPE = 5  # raised whenever frames that an interrupted run left would no longer fit to new ones
 Share = tuple[int, int]
 ALL: Share = (0, 1)
 Shot = Callable[[], View]
@@ -53,9 +52,7 @@ class Assignment:
     """One survey to photograph.
 
     Attributes:
-        scene: The scene, with this survey's product first.
-        track: Camera and poses.
-        camera: Exact intrinsics.
+        surveyed: The scene as this survey sees it.
         readout: When the rows are read out; None for a global shutter.
         prior: Calibration prior.
         folder: Capture folder.
@@ -64,15 +61,28 @@ class Assignment:
         driver: What draws it.
     """
 
-    scene: FlatScene
-    track: CameraTrack
-    camera: Pinhole
+    surveyed: SurveyedScene
     readout: Readout | None
     prior: CalibrationPrior
     folder: Path
     settings: RenderSettings
     seed: int
     driver: Driver
+
+    @property
+    def scene(self) -> FlatScene:
+        """What is drawn."""
+        return self.surveyed.scene
+
+    @property
+    def track(self) -> CameraTrack:
+        """Camera and poses."""
+        return self.surveyed.track
+
+    @property
+    def camera(self) -> Pinhole:
+        """Exact intrinsics."""
+        return self.surveyed.camera
 
     def recipe(self) -> str:
         """Hash everything that the capture's bytes depend on."""
@@ -99,8 +109,8 @@ def render_stage(
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
     """
-    flat = load_scene_apart(scene, survey or None, progress)
-    return render_scene(flat, folder, settings, seed, progress, share)
+    surveyed = survey_scene_apart(scene, survey or None, settings.triangle_budget, progress)
+    return _render(surveyed, folder, settings, seed, progress, share)
 
 
 def render_scene(
@@ -119,22 +129,23 @@ def render_scene(
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
     """
-    product = scene.products[0]
-    track = scene.cameras[product.camera]
-    camera = product_camera(track, product.width, product.height)
+    return _render(survey_scene(scene, settings.triangle_budget), folder, settings, seed, progress, share)
+
+
+def _render(
+    surveyed: SurveyedScene, folder: Path, settings: RenderSettings, seed: int, progress: Progress, share: Share
+) -> dict[str, Any]:
+    track, camera = surveyed.track, surveyed.camera
     readout = read_out(track, camera.height, settings.sensor, seed)
     gl = open_context(settings.device)
-    warnings = scene.warnings
+    warnings = surveyed.scene.warnings
     try:
         prior = draw_prior(camera, settings, seed)
-        assignment = Assignment(scene, track, camera, readout, prior, folder, settings, seed, gl.driver)
+        assignment = Assignment(surveyed, readout, prior, folder, settings, seed, gl.driver)
         journal = Journal(folder, assignment.recipe())
         facts = {"frames": len(track.poses), "driver": asdict(gl.driver)}
         if not journal.is_complete():
             make_folders(folder, normals=settings.normals)
-            sight = survey_sight(track, camera)
-            simple = level_of_detail(scene, track, camera, sight, settings.triangle_budget)
-            assignment = replace(assignment, scene=simple)
             missing = [row for row, name in enumerate(track.image_names) if journal.facts(name) is None]
             mine = [row for row in missing if row % share[1] == share[0]]
             if mine:
@@ -144,20 +155,6 @@ def render_scene(
     finally:
         gl.close()
     return {**facts, "gain": journal.gain(), "warnings": list(warnings)}
-
-
-def product_camera(track: CameraTrack, width: int, height: int) -> Pinhole:
-    """Find the exact intrinsics of a product: the stated calibration at its own size, else the lens.
-
-    Args:
-        track: A camera.
-        width: Image width [px].
-        height: Image height [px].
-    """
-    exact = track.calibration
-    if exact is not None and (exact.width, exact.height) == (width, height):
-        return exact
-    return pinhole_from_lens(track.lens, width, height)
 
 
 def _draw_missing(
@@ -171,8 +168,7 @@ def _draw_missing(
             journal.keep_light_volume(volume)
         return volume
 
-    sight = survey_sight(assignment.track, assignment.camera)
-    prepared = prepare(gl, assignment.scene, assignment.settings, progress, cast, sight)
+    prepared = prepare(gl, assignment.scene, assignment.settings, progress, cast, assignment.surveyed.needs)
     for warning in prepared.warnings:
         progress.note(warning)
     gain = journal.gain()

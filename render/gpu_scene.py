@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from render.facets import Facets, find_facets
 from render.materials import ROW, MaterialTable, Variant
 from render.row_texture import DRAW_UNIT, row_texture
 from usd_schemas.flat_scene import FlatScene
@@ -43,6 +44,7 @@ class GpuScene:
         variant_rows: Row in `variants` of each draw, shape (D,), int64.
         material_rows: Row of the material of each draw, shape (D,), int64.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
+        facets: Triangles whose depth may have to be drawn anew.
     """
 
     vertices: moderngl.Buffer
@@ -59,6 +61,7 @@ class GpuScene:
     variant_rows: I64
     material_rows: I64
     anchor: F64
+    facets: Facets
 
     def place(self, eye: F64) -> None:
         """Count every draw's origin from a point, subtracted in float64.
@@ -153,7 +156,7 @@ def upload_scene(context: moderngl.Context, scene: FlatScene, table: MaterialTab
         offsets=context.buffer(reserve=count * 12, dynamic=True),
         origins=draws.transform[:, :3, 3].copy(), lower=lower, upper=upper, commands=commands,
         variants=variants, variant_rows=of_material[draws.material],
-        material_rows=draws.material.astype(np.int64), anchor=anchor,
+        material_rows=draws.material.astype(np.int64), anchor=anchor, facets=find_facets(scene, anchor),
     )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ U16 = NDArray[np.uint16]
 U32 = NDArray[np.uint32]
 
 _MARGIN = 3  # [px] around the wider view
-_FINEST = (4, 3, 2)  # finer pixels to one, along rows and columns: railings and grass are thinner than a pixel
+_FINEST = (5, 4, 3, 2)  # finer pixels to one, along rows and columns: railings and grass are thinner than a pixel
 _MOST_FINE = 24_000_000  # finer pixels of one view; each takes 16 bytes
 _SMALL = 4.0  # [px^2] the ray may have missed a smaller triangle and still have met its neighbour
 Window = tuple[int, int]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from render.camera import clip_from_camera, clip_from_relative, visible_boxes
 from render.context import Gl
+from render.facets import CORNER_FORMAT, CORNER_NAMES
 from render.gpu_scene import GpuScene
 from render.illumination import FIRST_FREE_UNIT, Illumination, Lamps
 from render.materials import SLOTS
@@ -85,12 +86,14 @@ class Painter:
             self._samples = context.texture(doubled, 4, dtype="nu2") if self._fine else self._color
             self._photo = self._framebuffer([self._samples])
             self._resolved = context.framebuffer([self._color])
+        self._depth = context.framebuffer([self._truth[1]], self._exact.depth_attachment)
         shaded = self._photo if self._apart else self._exact
         self._nearest = context.framebuffer(depth_attachment=shaded.depth_attachment)
         cut_out = np.array(["CUT_OUT" in variant.features for variant in gpu.variants])
         self._solid = ~cut_out[gpu.variant_rows]
         self._readers = {image: context.framebuffer([image]) for image in (self._color, *self._truth)}
         self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
+        self._corners = context.buffer(reserve=1 << 16, dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
         self._features = (*light.features(), *(("SOFT",) if quality != "fast" else ()))
         self._lamps = Lamps(context, light, gpu.anchor)
@@ -152,6 +155,8 @@ class Painter:
             self._open(self._exact, first, end)
             self._draw_surfaces(rows, clip, pose, self._features + self._extra)
             self._draw_sky(pose, self._extra)
+        if "TRIANGLES" not in self._extra:
+            self._draw_facets((first, end), rows, clip, pose, near)
 
     def _open(self, framebuffer: moderngl.Framebuffer, first: int, end: int) -> None:
         """Let some rows of a framebuffer be cleared and drawn on."""
@@ -244,6 +249,25 @@ class Painter:
             set_uniform(program, "clip_from_relative", clip)
             self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(members), first=first)
             first += len(members)
+
+    def _draw_facets(self, span: tuple[int, int], rows: NDArray[np.int64], clip: bytes, pose: F64, near: float) -> None:
+        """Draw the depth of long thin triangles anew, where they are what is seen."""
+        visible = np.zeros(len(self._solid), bool)
+        visible[rows] = True
+        corners = self._gpu.facets.seen(visible, self._camera, span, pose, near, self._gpu.origins)
+        if not len(corners):
+            return
+        self._open(self._depth, *span)
+        self._gl.context.depth_func = "=="
+        program = self._programs.get("surface.vert", "facet.frag", ("FACET",))
+        set_uniform(program, "clip_from_relative", clip)
+        if corners.nbytes > self._corners.size:
+            self._corners.orphan(2 * corners.nbytes)
+        self._corners.write(corners.tobytes())
+        if program not in self._arrays:
+            content = [(self._corners, CORNER_FORMAT, *CORNER_NAMES)]
+            self._arrays[program] = self._gl.context.vertex_array(program, content)
+        self._arrays[program].render(moderngl.TRIANGLES, len(corners))
 
     def _draw_sky(self, pose: F64, features: tuple[str, ...]) -> None:
         program = self._programs.get("sky.vert", "sky.frag", features)

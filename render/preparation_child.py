@@ -13,25 +13,23 @@ from groundwork.child import answer_parent, run_child
 from groundwork.files import write_bytes
 from groundwork.progress import Progress
 from render.light_volume import LightVolume, cast_light_volume
-from usd_schemas.flat_scene import FlatScene
+from render.surveyed_scene import SurveyedScene, survey_scene
 
 _CHILD = "render.preparation_child"
 _TIME_LIMIT = 8 * 3600.0  # [s]; who watches the parent has a tighter one, and this process dies with it
 _MEMORY_LIMIT = 16.0  # [GB] who watches the parent does not see what its children take
 
 
-def load_scene_apart(path: Path, survey: str | None, progress: Progress) -> FlatScene:
-    """Take a stage over as `load_scene` does, without USD in this process.
+def survey_scene_apart(path: Path, survey: str | None, triangle_budget: int, progress: Progress) -> SurveyedScene:
+    """Take a stage over as `load_scene` and `survey_scene` do, without USD in this process.
 
     Args:
         path: A USD file.
-        survey: Name of the one product to keep; all when None.
+        survey: Name of the one product to keep; the first when None.
+        triangle_budget: Most triangles in view; 0 leaves all of them.
         progress: Listener.
-
-    Returns:
-        The flat scene.
     """
-    return _apart("scene", (path, survey), progress)
+    return _apart("survey", (path, survey, triangle_budget), progress)
 
 
 def cast_volume_apart(*work: Any) -> LightVolume:
@@ -64,8 +62,8 @@ def _serve(request: dict[str, Any], progress: Progress) -> None:
     else:
         from usd_schemas.scene_cache import load_scene
 
-        path, survey = arguments
-        result = load_scene(path, survey=survey)
+        path, survey, triangle_budget = arguments
+        result = survey_scene(load_scene(path, survey=survey), triangle_budget)
     write_bytes(Path(request["answer"]), pickle.dumps(result, pickle.HIGHEST_PROTOCOL), durable=False)
 
 

@@ -1,6 +1,6 @@
 """From a flat scene to something that draws views: textures, materials, light and buffers, made once per survey."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,8 +22,7 @@ from render.region import region_of_interest
 from render.settings import RenderSettings
 from render.shadow_squares import ShadowSquares
 from render.shadows import Shadows
-from render.texel_need import Sight, sufficient_side, texel_needs
-from render.textures import load_textures
+from render.textures import TextureKey, load_textures, sufficient_side
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole
@@ -109,7 +108,7 @@ class Prepared:
 
 def prepare(
     gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress, cast: CastVolume = cast_light_volume,
-    sight: Sight | None = None,
+    needs: Mapping[TextureKey, float] | None = None,
 ) -> Prepared:  # fmt: skip
     """Upload a scene and light it.
 
@@ -119,7 +118,7 @@ def prepare(
         settings: How to draw it.
         progress: Told about the light volume.
         cast: Casts the light volume, or finds the one that was cast before.
-        sight: What will be seen of the textures; None for every texel.
+        needs: Least width of a pixel in widths of each texture; None for every texel.
 
     Raises:
         InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
@@ -133,10 +132,9 @@ def prepare(
         dark = [*dark, f"the light of the stage is drawn at 2^{-times} of its strength: it has no unit, and is metered"]
         scene = dimmed(scene, times)
         daylight, _ = read_daylight(scene)
-    needs = texel_needs(scene, sight) if sight is not None else {}
     slots, warnings = load_textures(
         gl, *texture_keys(scene.materials, settings.quality), settings.texture_side, gl.driver.anisotropy(),
-        lambda key, side: sufficient_side(side, needs.get(key, 0.0)),
+        lambda key, side: sufficient_side(side, needs.get(key, 0.0) if needs else 0.0),
     )  # fmt: skip
     table = tabulate_materials(scene.materials, slots, settings.quality)
     gpu = upload_scene(gl.context, scene, table, (box[0] + box[1]) / 2)

@@ -16,7 +16,7 @@ U8 = NDArray[np.uint8]
 U16 = NDArray[np.uint16]
 
 _BAND = 64  # rows developed at once
-_TILE = 512  # the noise tile is larger than a frame by this, so that every frame takes it from another place [px]
+_TILE = 128  # the noise tile is larger than a frame by this, so that every frame takes it from another place [px]
 _STEPS = 4096  # entries of the tone table
 _WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
 _EXPOSED_GREY, _LATITUDE = 0.20, 1.7  # where the middle tone and the brightest 2 % of a survey come to lie

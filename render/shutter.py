@@ -6,7 +6,6 @@ of the band was read. The pose of the image is that of its middle row.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from render.capture import Readout
 from render.settings import SensorSettings
@@ -32,6 +31,8 @@ def read_out(track: CameraTrack, height: int, settings: SensorSettings, seed: in
     """
     if not (settings.rolling_shutter and track.readout_time > 0):
         return None
+    from scipy.spatial.transform import Rotation  # takes memory that a global shutter does not need
+
     count = min(settings.shutter_bands, height)
     edges = np.linspace(0, height, count + 1).round().astype(int)
     bands = tuple(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))

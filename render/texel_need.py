@@ -20,10 +20,6 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-# A level is let go where every pixel covers at least this many of its texels, as the root of the sum of squares over
-# both directions: 1.4 texels of a square look-up. The next level then still has a texel for all but 1.4 pixels, which
-# is finer than the lens draws.
-_UNSEEN = 2.0
 _SLACK = 0.1  # [m] a rolling shutter's poses stray from the frame's
 _WIDER = 1.5  # a lens that distorts looks at a view that is at most so much wider
 _BLOCK = 200_000  # triangles at once
@@ -79,18 +75,6 @@ def texel_needs(scene: FlatScene, sight: Sight) -> dict[TextureKey, float]:
         for key, scale, uv_set in placed_textures(material):
             found[key] = min(found.get(key, np.inf), float(scale * least[number, uv_set]))
     return found
-
-
-def sufficient_side(side: int, need: float) -> int:
-    """Halve the side of a texture as long as its finest level shows nothing that the next one does not [px].
-
-    Args:
-        side: Side of the file [px].
-        need: Least width of a pixel in widths of the texture [1].
-    """
-    while side > 1 and side * need >= _UNSEEN:
-        side //= 2
-    return side
 
 
 def least_distances(lower: F64, upper: F64, sight: Sight) -> F64:

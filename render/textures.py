@@ -22,6 +22,10 @@ from render.context import Gl
 U8 = NDArray[np.uint8]
 
 _SMALLEST = 16
+# A level is let go where every pixel covers at least this many of its texels, as the root of the sum of squares over
+# both directions: 1.4 texels of a square look-up. The next level then still has a texel for all but 1.4 pixels, which
+# is finer than the lens draws.
+_UNSEEN = 2.0
 _ONE, _NONE = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 
@@ -123,6 +127,18 @@ def load_textures(
         array.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)  # half the cost of blending two levels
         array.anisotropy = anisotropy
     return {key: slots[copy] for key, copy in copies.items() if copy in slots}, warnings
+
+
+def sufficient_side(side: int, need: float) -> int:
+    """Halve the side of a texture as long as its finest level shows nothing that the next one does not [px].
+
+    Args:
+        side: Side of the file [px].
+        need: Least width of a pixel in widths of the texture [1].
+    """
+    while side > 1 and side * need >= _UNSEEN:
+        side //= 2
+    return side
 
 
 def _copies(keys: list[TextureKey]) -> dict[TextureKey, TextureKey]:

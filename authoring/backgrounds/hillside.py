@@ -54,7 +54,7 @@ class HillsideSettings(Settings):
     blocks: int = Field(default=70, ge=0, le=300, description="blocks wanted on the lower land [1]")
     sheds: int = Field(default=24, ge=0, le=80, description="sheds wanted in the harbour [1]")
     cranes: int = Field(default=7, ge=0, le=30, description="cranes wanted on the quay [1]")
-    trees: int = Field(default=2600, ge=0, le=12000, description="trees wanted [1]")
+    trees: int = Field(default=2600, ge=0, le=30000, description="trees wanted [1]")
 
 
 def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Generator) -> tuple[Component | Scatter, ...]:

@@ -43,7 +43,7 @@ class LakesideSettings(Settings):
     )
     villas: int = Field(default=190, ge=0, le=600, description="villas wanted on the slopes [1]")
     town_houses: int = Field(default=44, ge=0, le=120, description="town houses wanted behind the quay [1]")
-    trees: int = Field(default=4200, ge=0, le=12000, description="trees wanted [1]")
+    trees: int = Field(default=4200, ge=0, le=30000, description="trees wanted [1]")
     boats: int = Field(default=70, ge=0, le=300, description="boats wanted [1]")
 
 

@@ -11,6 +11,10 @@ in vec2 in_st1;
 in vec4 in_color;
 in uint in_draw;
 in vec3 in_offset;
+#ifdef FACET
+in vec3 in_plane;
+in vec2 in_place;
+#endif
 
 invariant gl_Position;  // depth alone and shading, which are two programs, must agree to the last bit
 out vec3 relative;
@@ -24,6 +28,10 @@ out vec2 metallic_place;
 out vec3 vertex_color;
 flat out uint draw;
 flat out uint mirrored;
+#ifdef FACET
+flat out vec3 plane;
+flat out vec2 place_of_plane;
+#endif
 
 vec2 place(vec4 map[2]) {
     vec3 source = vec3(map[1].w > 0.5 ? in_st1 : in_st, 1.0);
@@ -44,5 +52,9 @@ void main() {
     vertex_color = in_color.rgb;
     draw = in_draw;
     mirrored = row.mirrored ? 1u : 0u;
+#ifdef FACET
+    plane = in_plane;
+    place_of_plane = in_place;
+#endif
     gl_Position = clip_from_relative * vec4(relative, 1.0);
 }

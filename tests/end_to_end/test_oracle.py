@@ -60,7 +60,7 @@ def test_an_authored_bridge_equals_the_ray_caster(chain: Chain) -> None:
 def test_every_family_equals_the_ray_caster(family: str, tmp_path: Path, record_proof: RecordProof) -> None:
     """Both kinds of camera, on a bridge of every family in the countryside."""
     flights = [
-        {"kind": "global", "id": camera, "images": 12, "width": 960, "height": 720, "camera": camera}
+        {"kind": "global", "id": camera, "images": 12, "spacing": 50.0, "width": 960, "height": 720, "camera": camera}
         for camera in CAMERAS
     ]
     scenario = parse_settings(Scenario, {

@@ -9,16 +9,18 @@ import cv2
 import numpy as np
 import pytest
 
+from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from render.context import Gl
 from render.daylight import read_daylight
 from render.illumination import BRIGHTEST
 from render.light_volume import cast_light_volume
-from render.preparation_child import cast_volume_apart, load_scene_apart
+from render.preparation_child import cast_volume_apart, survey_scene_apart
 from render.prepare import prepare
 from render.settings import RenderSettings
-from render.texel_need import Sight, sufficient_side, survey_sight, texel_needs
-from render.textures import TextureKey, load_textures
+from render.surveyed_scene import survey_scene
+from render.texel_need import Sight, survey_sight, texel_needs
+from render.textures import TextureKey, load_textures, sufficient_side
 from tests.conftest import RecordProof
 from tests.render.scenes import CAMERA, SceneBuilder, placed
 from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Texture
@@ -27,6 +29,20 @@ from usd_schemas.scene_cache import load_scene
 
 SQUARE = np.array([[[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0]], [[-0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]])
 SIDE, BLOTCH, PLATE = 1024, 64, 20.0  # [px], [px], [m]
+STAGE = """#usda 1.0
+(
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+def Cube "Box"
+{
+}
+def Camera "Drone"
+{
+    double3 xformOp:translate = (0, 0, 9)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
 
 
 def sheet(path: Path, seed: int = 0) -> str:
@@ -85,11 +101,11 @@ def test_far_textures_take_less_and_look_the_same(
     settings = ideal.model_copy(update={"quality": quality, "normals": False})
     pictures, sides = [], []
     for sight in (None, survey_sight(scene.cameras[0], CAMERA)):
-        prepared = prepare(gl, scene, settings, SILENT, sight=sight)
+        needs = texel_needs(scene, sight) if sight is not None else {}
+        prepared = prepare(gl, scene, settings, SILENT, needs=needs)
         view = prepared.painter(CAMERA, sharp=True).draw(scene.cameras[0].poses[0], 0.1)
         pictures.append(view.code.astype(float) / 257)
-        needs = texel_needs(scene, sight).values() if sight is not None else (0.0,)
-        sides += [sufficient_side(SIDE, need) for need in needs]
+        sides += [sufficient_side(SIDE, need) for need in needs.values() or (0.0,)]
     difference = np.abs(pictures[0] - pictures[1])
     assert sides[0] == SIDE
     assert sides[1] <= SIDE // 4
@@ -136,18 +152,26 @@ def test_a_volume_cast_apart_is_the_same(tmp_path: Path) -> None:
     assert here.coefficients.max() < BRIGHTEST
 
 
-def test_a_worker_loads_neither_usd_nor_the_ray_caster(tmp_path: Path) -> None:
-    """Both take memory that drawing does not need; the scene that comes from apart is the one read here."""
+def test_a_worker_loads_nothing_that_drawing_does_not_need(tmp_path: Path) -> None:
+    """USD, the ray caster and scipy take memory; the scene that comes from apart is the one read here."""
     stage = tmp_path / "scene.usda"
-    stage.write_text('#usda 1.0\n(\n    upAxis = "Z"\n    metersPerUnit = 1\n)\ndef Cube "Box" {}\n')
-    loaded = "print(sorted({'pxr', 'open3d', 'torch'} & set(sys.modules)))"
+    stage.write_text(STAGE)
+    unwanted = "{'pxr', 'open3d', 'torch', 'scipy', 'numba'}"
     answer = subprocess.run(
-        [sys.executable, "-c", f"import sys, render.frames; {loaded}"], capture_output=True, text=True, check=True
-    )
+        [sys.executable, "-c", f"import sys, render.frames; print(sorted({unwanted} & set(sys.modules)))"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
     assert answer.stdout.strip() == "[]"
-    apart, here = load_scene_apart(stage, None, SILENT), load_scene(stage)
-    assert apart.origin == here.origin
-    np.testing.assert_array_equal(apart.geometry.positions, here.geometry.positions)
+    apart, here = survey_scene_apart(stage, "Drone", 0, SILENT), survey_scene(load_scene(stage), 0)
+    assert (apart.camera, apart.needs, apart.scene.origin) == (here.camera, here.needs, here.scene.origin)
+    np.testing.assert_array_equal(apart.scene.geometry.positions, here.scene.geometry.positions)
+    np.testing.assert_array_equal(apart.track.poses, here.track.poses)
+
+
+def test_a_stage_without_a_survey_is_refused() -> None:
+    """In one line."""
+    with pytest.raises(InputError, match="no RenderProduct"):
+        survey_scene(replace(plate_from(10.0, Material("m")), products=()), 0)
 
 
 def _sight(height: float) -> Sight:
