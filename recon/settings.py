@@ -50,7 +50,9 @@ class SparseSettings(Settings):
     seconds_per_image: float = Field(default=30.0, ge=1.0, le=3600.0)
     """Wall time that each stage may take per image, on top of two minutes [s]."""
     memory_limit: float = Field(default=3.0, ge=0.5, le=1024.0)
-    """Resident memory that a stage may use [GB]."""
+    """Resident memory that a stage may use, whatever the number of images [GB]."""
+    memory_per_image: float = Field(default=0.02, ge=0.0, le=1.0)
+    """Resident memory that a stage may use per image, on top of that [GB]."""
 
 
 class DenseSettings(Settings):

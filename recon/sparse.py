@@ -192,7 +192,7 @@ def _run(
             _CHILD,
             request,
             time_limit=_SLACK + sparse.seconds_per_image * len(capture.images),
-            memory_limit=sparse.memory_limit,
+            memory_limit=sparse.memory_limit + sparse.memory_per_image * len(capture.images),
             progress=progress,
             environment={"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads},
         )

@@ -72,6 +72,22 @@ def test_limits_name_their_setting(
     if limit == "time":
         monkeypatch.setattr(recon.sparse, "_SLACK", -4.5)
     else:
-        sparse = sparse.model_copy(update={"memory_limit": 0.03})
+        sparse = sparse.model_copy(update={"memory_limit": 0.03, "memory_per_image": 0.0})
     with pytest.raises(ChildError, match=rf"stopped because it .*\[recon\.sparse\] {words}"):
         run_sparse(read_capture(few_planes), tmp_path, ReconSettings(sparse=sparse), SILENT)
+
+
+@pytest.mark.faults
+def test_more_images_may_take_more(few_planes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mapping hundreds of images takes gigabytes that mapping twelve need not be allowed."""
+    allowed: list[float] = []
+
+    def stop(*_: object, memory_limit: float, **__: object) -> None:
+        allowed.append(memory_limit)
+        raise ChildError("stopped")
+
+    monkeypatch.setattr(recon.sparse, "run_child", stop)
+    capture, sparse = read_capture(few_planes), SparseSettings(memory_limit=2.0, memory_per_image=0.5)
+    with pytest.raises(ChildError, match="stopped"):
+        run_sparse(capture, tmp_path, ReconSettings(sparse=sparse), SILENT)
+    assert allowed == [2.0 + 0.5 * len(capture.images)]
