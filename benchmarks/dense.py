@@ -1,6 +1,6 @@
 """Compare ways to dense depth on the same photographs and poses, and write `docs/benchmarks/dense.md`.
 
-Usage: python -m benchmarks.dense CAPTURE CLOUD [--quality medium high] [--methods sgm patchmatch] [--filter moderate]
+Usage: python -m benchmarks.dense CAPTURE CLOUD [--ways sgm:medium patchmatch:medium sgm:high] [--filter moderate]
 
 CAPTURE is a capture with truth, CLOUD its reconstruction, whose COLMAP model in metres gives the poses. Each way runs
 in children, whose processor time is taken, all threads together, and the memory of the largest of them. Waiting times
@@ -29,7 +29,7 @@ from recon.completeness import Completeness, measure_completeness, visible_surfa
 from recon.dense import run_dense
 from recon.dense_points import DensePoints
 from recon.observations import Observations
-from recon.settings import DenseSettings, Quality, ReconSettings
+from recon.settings import DenseSettings, ReconSettings
 from recon.sparse import Sparse
 from recon.surface_distance import nearest_surface
 from recon.uncertainty import depths, measure
@@ -38,6 +38,7 @@ from render.capture import Capture, Truth, read_capture, read_truth
 F64 = NDArray[np.float64]
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "dense.md"
+WAYS = ["sgm:medium", "patchmatch:medium", "sgm:high"]
 FAR, VIEWS, REACH, ON, CLEAR = 15.0, 3, 0.05, 0.1, 3.0  # [m], cameras, [m], [m], [px]
 MOST_MINUTES, MOST_MEMORY, MOST_SECONDS = 6.0, 2.0, 3.0  # [min], [GB], [s]
 LOOPED = 20_000  # observations that the plain loop votes on
@@ -86,8 +87,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("capture", type=Path)
     parser.add_argument("cloud", type=Path)
-    parser.add_argument("--quality", nargs="+", default=["medium"])
-    parser.add_argument("--methods", nargs="+", default=["sgm", "patchmatch"])
+    parser.add_argument("--ways", nargs="+", default=WAYS, metavar="METHOD:QUALITY")
     parser.add_argument("--filter", default="moderate")
     asked = parser.parse_args()
     capture = read_capture(asked.capture)
@@ -96,14 +96,13 @@ def main() -> None:
         parser.error("the capture has no truth")
     samples, _ = visible_surface(truth, FAR, VIEWS)
     rows, speed = [], ""
-    for quality in asked.quality:
-        for method in asked.methods:
-            settings = _settings(method, quality, asked.filter)
-            with ProcessPoolExecutor(1, get_context("spawn")) as pool:  # whose children are those of this way alone
-                points, cost = pool.submit(dense_points, asked.capture, asked.cloud, settings).result()
-            rows.append(_judge(f"{method}, {quality}", cost, points, model, truth, samples))
-            speed = annotation_speed(points, model, truth)
-            write_text(PAGE, _page(rows, speed, len(samples), capture, asked.filter))
+    for method, _, quality in (way.partition(":") for way in asked.ways):
+        settings = _settings(method, quality, asked.filter)
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:  # whose children are those of this way alone
+            points, cost = pool.submit(dense_points, asked.capture, asked.cloud, settings).result()
+        rows.append(_judge(f"{method}, {quality}", cost, points, model, truth, samples))
+        speed = annotation_speed(points, model, truth)
+        write_text(PAGE, _page(rows, speed, len(samples), capture, asked.filter))
 
 
 def dense_points(folder: Path, cloud: Path, settings: ReconSettings) -> tuple[DensePoints, Cost]:
@@ -125,7 +124,7 @@ def dense_points(folder: Path, cloud: Path, settings: ReconSettings) -> tuple[De
     return points, Cost(cpu, wall, spent.ru_maxrss * 1024 / 1e9)
 
 
-def _settings(method: str, quality: Quality, chosen: str) -> ReconSettings:
+def _settings(method: str, quality: str, chosen: str) -> ReconSettings:
     return ReconSettings.model_validate(
         {
             "mode": "dense",
