@@ -135,14 +135,18 @@ def _settings(method: str, quality: str, chosen: str) -> ReconSettings:
     )
 
 
-def _seen(points: DensePoints, count: int) -> Observations:
-    start = np.concatenate([[0], np.cumsum(points.counts[:count])]).astype(np.int64)
-    return Observations(start, points.image[: start[-1]].astype(np.int64), points.uv[: start[-1]].astype(np.float64))
+def _seen(points: DensePoints, rows: NDArray[np.int64]) -> Observations:
+    """Take the observations of some points."""
+    counts = points.counts.astype(np.int64)
+    start = np.concatenate([[0], np.cumsum(counts[rows])])
+    first = np.cumsum(counts) - counts
+    taken = np.arange(start[-1]) + np.repeat(first[rows] - start[:-1], counts[rows])
+    return Observations(start, points.image[taken].astype(np.int64), points.uv[taken].astype(np.float64))
 
 
 def _judge(name: str, cost: Cost, points: DensePoints, model: SparseModel, truth: Truth, samples: F64) -> Row:
     """Measure one cloud; the model's images are the capture's, in its order."""
-    seen = _seen(points, len(points.counts))
+    seen = _seen(points, np.arange(len(points.counts)))
     depth = depths(points.points, model.poses, seen)
     observed = gather(truth, seen)
     verdict = annotate(observed, np.abs(observed.depth - depth), seen)
@@ -158,7 +162,7 @@ def _judge(name: str, cost: Cost, points: DensePoints, model: SparseModel, truth
 
 
 def annotation_speed(points: DensePoints, model: SparseModel, truth: Truth) -> str:
-    """Time labels and uncertainty of up to a million points, and the vote against a plain loop.
+    """Time labels and uncertainty of up to a million points of all images, and the vote against a plain loop.
 
     Args:
         points: Dense points.
@@ -168,14 +172,14 @@ def annotation_speed(points: DensePoints, model: SparseModel, truth: Truth) -> s
     Returns:
         A sentence for the page.
     """
-    count = min(1_000_000, len(points.counts))
-    seen, few = _seen(points, count), _seen(points, min(1000, count))
-    for part in (few, seen):  # the first call loads compiled code
+    count, cores = min(1_000_000, len(points.counts)), len(os.sched_getaffinity(0))
+    for rows in (np.arange(min(1000, count)), np.linspace(0, len(points.counts) - 1, count).astype(np.int64)):
+        seen, places = _seen(points, rows), points.points[rows]  # the first call loads compiled code
         begin, waited = time.process_time(), time.perf_counter()
-        observed = gather(truth, part)
-        depth = depths(points.points, model.poses, part)
-        error, _ = measure(points.points, depth, observed.depth.astype(np.float64), truth, part)
-        annotate(observed, error, part)
+        observed = gather(truth, seen, cores)
+        depth = depths(places, model.poses, seen)
+        error, _ = measure(places, depth, observed.depth.astype(np.float64), truth, seen, cores)
+        annotate(observed, error, seen)
         seconds, waited = time.process_time() - begin, time.perf_counter() - waited
     label, point = observed.label.astype(np.int64), seen.point
     begin = time.process_time()

@@ -118,7 +118,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(6, author),
+    "stage": Stage(7, author),
     "capture": Stage(7, capture, resumes=True),
     "cloud": Stage(5, cloud, resumes=True),
     "report": Stage(2, report),

@@ -79,7 +79,10 @@ def ground_photo(
     wet = ramp(lie.above + 0.7 * ragged, 0.48, 0.04)
     factors = _tint(factors, wet, lie.green, (0.62, 0.64, 0.66), (0.50, 0.50, 0.51))
     dry = (lie.fade * (lie.above > 0.0))[..., None]
-    mean = np.float32(np.sum(factors.mean(axis=-1, keepdims=True) * dry, dtype=np.float64) / max(float(dry.sum()), 1.0))
+    area = float(dry.sum())
+    mean = np.float32(
+        np.sum(factors.mean(axis=-1, keepdims=True) * dry, dtype=np.float64) / area if area > 1.0 else 1.0
+    )
     shown = lie.patches * (1 + lie.fade[..., None] * (factors / mean - 1))
     return np.clip(shown, LEAST, MOST).astype(np.float32)
 

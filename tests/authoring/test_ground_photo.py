@@ -129,6 +129,16 @@ def test_materials_of_a_site_carry_their_pictures(tmp_path: Path) -> None:
         assert recipe.albedo_file == recipes[surface].albedo_file
 
 
+def test_ground_that_is_all_under_water_is_as_dark_as_wet_ground() -> None:
+    """A square in the middle of a harbour has no dry ground to set its mean by."""
+    layout = Layout(Alignment(14.0), (0.0, 60.0, 260.0, 320.0), 11.5, 1.9)
+    site = draw_site(SiteSettings.model_validate({"crossing": "harbour"}), layout, stream(3, "site"))
+    with np.errstate(all="raise"):
+        square = site.squares[len(site.squares) // 2]
+        picture = ground_photo(site, square, len(site.squares), open_ground(128, 1), 128, 5, Bank())
+    assert 0.3 < float(picture.mean()) < 0.8
+
+
 def test_no_patch_of_ground_is_there_twice(tmp_path: Path, proof_count: Count, record_proof: RecordProof) -> None:
     """30 x 30 m of ground with sheet, detail and picture: no autocorrelation over 0.25 beyond 1 m."""
     full = proof_count(0, 1) == 1
