@@ -1,4 +1,7 @@
-"""Camera poses and points from verified matches, by COLMAP's incremental or global mapper; runs in a child."""
+"""Camera poses and points from verified matches, by COLMAP's incremental or global mapper; runs in a child.
+
+The mapper works with tie points; when its cameras stand, all other matches become points too.
+"""
 
 import shutil
 from pathlib import Path
@@ -13,12 +16,15 @@ from recon.colmap_model import read_model
 from recon.extraction import DATABASE
 from recon.photos import FOCAL_GUESSED
 from recon.settings import SparseSettings
+from recon.tie_points import write_tie_points
 from render.capture import Capture
 
 MODEL = "model"
 _MODELS = "models"
 _LOSS_SCALE = 0.5  # [px] error from which on a match counts less and less
 _ROUNDS = 10  # of the last adjustment, which begins where the mapper's ended
+_TIES = "ties.db"
+_POINT_ROUNDS = 5  # of the adjustment of points whose cameras stand: each is a problem of three unknowns
 
 
 def map_images(
@@ -35,16 +41,19 @@ def map_images(
         progress: Listener.
 
     Returns:
-        `mapper`; `models`: number of images and points of each, largest first; `elsewhere`: files of the images that
-        are in another model than the largest.
+        `mapper`; `tie_points`: whether the mapper worked with these instead of all matches; `models`: number of images
+        and points of each, largest first; `elsewhere`: files of the images that are in another model than the largest.
     """
-    models, final = folder / _MODELS, folder / MODEL
+    models, final, ties = folder / _MODELS, folder / MODEL, folder / _TIES
     for path in (models, final):
         shutil.rmtree(path, ignore_errors=True)
         path.mkdir()
+    ties.unlink(missing_ok=True)
     kind = choose_mapper(capture, settings)
     run = _map_globally if kind == "global" else _map_incrementally
-    found = run(capture, matches / DATABASE, models, settings, seed, progress)
+    progress.stage("tie points", 0)
+    thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed)
+    found = run(capture, ties if thinned else matches / DATABASE, models, settings, seed, progress)
     ranked = sorted(found.items(), key=lambda row: (-row[1].num_reg_images(), -row[1].num_points3D(), row[0]))
     in_largest: set[str] = set()
     in_any = {image.name for _, model in ranked for image in model.images.values() if image.has_pose}
@@ -52,12 +61,19 @@ def map_images(
         largest = ranked[0][1]
         progress.stage("last adjustment", 0)
         adjust_robustly(largest, _threads(settings))
+        if thinned:
+            progress.stage("points of all matches", 0)
+            largest = _triangulate_all(capture, largest, matches / DATABASE, models, settings, seed)
+            adjust_robustly(largest, _threads(settings))
+            ranked[0] = (ranked[0][0], largest)
         largest.write_binary(final)
         _check_whole(final)
         in_largest = {image.name for image in largest.images.values() if image.has_pose}
     shutil.rmtree(models)
+    ties.unlink(missing_ok=True)
     return {
         "mapper": kind,
+        "tie_points": thinned,
         "models": [{"images": model.num_reg_images(), "points": model.num_points3D()} for _, model in ranked],
         "elsewhere": sorted(in_any - in_largest),
     }
@@ -123,11 +139,7 @@ def transform(model: Path, out: Path, similarity: dict[str, Any]) -> int:
 def _map_incrementally(
     capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
 ) -> dict[int, pycolmap.Reconstruction]:
-    options = pycolmap.IncrementalPipelineOptions(random_seed=seed, min_model_size=3)
-    options.num_threads = options.mapper.num_threads = _threads(settings)
-    options.mapper.random_seed = options.triangulation.random_seed = seed
-    options.triangulation.ignore_two_view_tracks = not settings.two_view_tracks
-    options.triangulation.min_angle = options.mapper.filter_min_tri_angle = settings.min_triangulation_angle
+    options = _incremental_options(settings, seed)
     options.use_prior_position = settings.use_gps_in_mapping
     total, done = len(capture.images), 2
     progress.stage("mapping", total)
@@ -140,6 +152,30 @@ def _map_incrementally(
     return pycolmap.incremental_mapping(
         database, capture.folder, models, options, next_image_callback=count_one
     )  # fmt: skip
+
+
+def _triangulate_all(
+    capture: Capture,
+    model: pycolmap.Reconstruction,
+    database: Path,
+    scratch: Path,
+    settings: SparseSettings,
+    seed: int,
+) -> pycolmap.Reconstruction:
+    """Make points of all matches, with the cameras as they stand."""
+    options = _incremental_options(settings, seed)
+    options.ba_global_max_refinements = 1
+    options.ba_global_max_num_iterations = _POINT_ROUNDS
+    return pycolmap.triangulate_points(model, database, capture.folder, scratch, options=options)
+
+
+def _incremental_options(settings: SparseSettings, seed: int) -> pycolmap.IncrementalPipelineOptions:
+    options = pycolmap.IncrementalPipelineOptions(random_seed=seed, min_model_size=3)
+    options.num_threads = options.mapper.num_threads = _threads(settings)
+    options.mapper.random_seed = options.triangulation.random_seed = seed
+    options.triangulation.ignore_two_view_tracks = not settings.two_view_tracks
+    options.triangulation.min_angle = options.mapper.filter_min_tri_angle = settings.min_triangulation_angle
+    return options
 
 
 def _map_globally(

@@ -87,7 +87,8 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
         raise RejectedSceneError("no_model", "the mapper found no pair of images to start from: nothing moves sideways")
     figures = {"keypoints": sum(keypoints), "pairing": matches.result["pairing"], "pairs": pairs,
                "verified": matches.result["verified"], "mapper": mapped.result["mapper"],
-               "models": mapped.result["models"], "model_sha256": folder_digest(mapped.folder / _MODEL)}  # fmt: skip
+               "tie_points": mapped.result["tie_points"], "models": mapped.result["models"],
+               "model_sha256": folder_digest(mapped.folder / _MODEL)}  # fmt: skip
     reasons = absent_reasons(capture, keypoints, matches.result["overlapping"], mapped.result["elsewhere"])
     return Sparse(read_model(mapped.folder / _MODEL), mapped.folder / _MODEL, mapped.recipe, reasons, figures)
 
@@ -171,7 +172,7 @@ def _map(capture: Capture, matches: Step, work: Path, settings: ReconSettings, p
     sparse = settings.sparse
     recipe = [
         matches.recipe, sparse.mapper, sparse.global_from, sparse.two_view_tracks, sparse.min_triangulation_angle,
-        sparse.use_gps_in_mapping, sparse.deterministic or sparse.threads,
+        sparse.use_gps_in_mapping, sparse.tie_points, sparse.deterministic or sparse.threads,
     ]  # fmt: skip
     return take_step(
         work, "model", recipe, lambda folder: _run("map", capture, matches.folder, folder, settings, progress)

@@ -1,0 +1,164 @@
+"""The matches that a mapper works with: enough to hold every camera and every pair, a fraction of all there are.
+
+A mapper's time and memory go with its matches, the accuracy of its cameras hardly: beyond some thousand well spread
+tie points an image, more of them change nothing but the bill. Those left out become points afterwards.
+Source: tie point limits of photogrammetry packages; Cui et al., "Tracks selection for robust, efficient and scalable
+large-scale structure from motion" (2017).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+I64 = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+_CELLS = 8  # along each side of an image; every cell keeps its share of tie points
+_LONG = 3  # views from which on a track is as good as any longer one: the longest are of what is far away
+_SPREAD_SHARE = 0.5  # of an image's tie points go evenly over its cells [1]
+_PAIR_SHARE = 0.1  # of them, at least, are in common with each image that it was matched with [1]
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Verified matches of all image pairs; keypoints are numbered through all images.
+
+    Attributes:
+        image: Image of each keypoint, shape (K,), int64.
+        cell: Cell of each keypoint, numbered through all images, shape (K,), int64.
+        pair: Pair of each match, shape (M,), int64.
+        first: Keypoint of each match in the pair's first image, shape (M,), int64.
+        second: The same in its second image, shape (M,), int64.
+    """
+
+    image: I64
+    cell: I64
+    pair: I64
+    first: I64
+    second: I64
+
+
+def choose_tie_points(matches: Matches, limit: int, rng: np.random.Generator) -> Bools:
+    """Choose tracks that hold every cell of every image and every pair; a track's matches stay or go together.
+
+    Tracks of three views and more go before those of two; among equals the lot decides, so that what stays looks like
+    what was there. A track that joins two keypoints of one image is wrong somewhere and stays out.
+
+    Args:
+        matches: Verified matches.
+        limit: Tie points that an image keeps, about; one that is matched with many others keeps more.
+        rng: Draws lots.
+
+    Returns:
+        Whether each match stays, shape (M,), bool.
+    """
+    count = len(matches.image)
+    links = coo_matrix((np.ones(len(matches.first), bool), (matches.first, matches.second)), shape=(count, count))
+    tracks, track = connected_components(links, directed=False)
+    views = np.bincount(track, minlength=tracks)
+    images = int(matches.image.max(initial=0)) + 1
+    seen = np.unique(track.astype(np.int64) * images + matches.image)
+    sound = (np.bincount(seen // images, minlength=tracks) == views) & (views > 1)
+    place = np.empty(tracks, np.int64)
+    place[np.lexsort((rng.random(tracks), -np.minimum(views, _LONG)))] = np.arange(tracks)
+    stays = np.zeros(tracks, bool)
+    keypoint = np.flatnonzero(sound[track])
+    per_cell = max(round(limit * _SPREAD_SHARE / _CELLS**2), 1)
+    stays[track[keypoint[_best(matches.cell[keypoint], place[track[keypoint]], per_cell)]]] = True
+    match = np.flatnonzero(sound[track[matches.first]])
+    joined = track[matches.first[match]]
+    stays[joined[_best(matches.pair[match], place[joined], max(round(limit * _PAIR_SHARE), 1))]] = True
+    return stays[track[matches.first]]
+
+
+def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
+    """Write a database of tie points alone, without descriptors, where there are more than enough of them.
+
+    Args:
+        database: Database of verified matches.
+        out: Database to create.
+        limit: Tie points that an image keeps, about.
+        seed: Of the lots.
+
+    Returns:
+        Whether it was written; if not, the mapper may work with all matches.
+    """
+    with pycolmap.Database.open(database) as source:
+        images = sorted(source.read_all_images(), key=lambda image: image.image_id)
+        keypoints = {image.image_id: source.read_keypoints(image.image_id) for image in images}
+        numbers, geometries = source.read_two_view_geometries()
+        pairs = [pycolmap.pair_id_to_image_pair(number) for number in numbers]
+        if not pairs:
+            return False
+        matches = _gather(source, keypoints, pairs, geometries)
+        if len(np.unique(np.concatenate([matches.first, matches.second]))) <= limit * len(images):
+            return False
+        stays = choose_tie_points(matches, limit, np.random.default_rng(seed))
+        with pycolmap.Database.open(out) as thin:
+            _copy_images(source, thin, images, keypoints)
+            start = 0
+            for (first, second), geometry in zip(pairs, geometries, strict=True):
+                end = start + len(geometry.inlier_matches)
+                geometry.inlier_matches = geometry.inlier_matches.reshape(-1, 2)[stays[start:end]]
+                thin.write_two_view_geometry(first, second, geometry)
+                start = end
+    return True
+
+
+def _best(group: I64, place: I64, count: int) -> Bools:
+    """Tell which members are among the first `count` of their group, by place."""
+    order = np.lexsort((place, group))
+    ordered = group[order]
+    begins = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)])
+    lengths = np.diff(np.append(begins, len(ordered)))
+    rank = np.arange(len(ordered)) - np.repeat(begins, lengths)
+    found = np.empty(len(group), bool)
+    found[order] = rank < count
+    return found
+
+
+def _gather(
+    source: pycolmap.Database, keypoints: Mapping[int, Any], pairs: Sequence[Any], geometries: Sequence[Any]
+) -> Matches:  # fmt: skip
+    camera = {item.camera_id: item for item in source.read_all_cameras()}
+    owner = {image.image_id: camera[image.camera_id] for image in source.read_all_images()}
+    sizes = [len(points) for points in keypoints.values()]
+    begin = dict(zip(keypoints, np.concatenate([[0], np.cumsum(sizes)]).tolist(), strict=False))
+    cells = []
+    for number, points in keypoints.items():
+        size = np.array([owner[number].width, owner[number].height])
+        column, row = np.clip((points[:, :2] / size * _CELLS).astype(np.int64), 0, _CELLS - 1).T
+        cells.append(row * _CELLS + column)
+    image = np.repeat(np.arange(len(sizes)), sizes)
+    sides = [
+        np.concatenate([
+            geometry.inlier_matches.reshape(-1, 2)[:, side].astype(np.int64) + begin[pair[side]]
+            for pair, geometry in zip(pairs, geometries, strict=True)
+        ]) for side in (0, 1)
+    ]  # fmt: skip
+    per_pair = [len(geometry.inlier_matches) for geometry in geometries]
+    return Matches(image, np.concatenate(cells) + image * _CELLS**2, np.repeat(np.arange(len(pairs)), per_pair), *sides)
+
+
+def _copy_images(
+    source: pycolmap.Database, out: pycolmap.Database, images: Sequence[Any], keypoints: Mapping[int, Any]
+) -> None:  # fmt: skip
+    """Copy cameras, rigs, frames, images under the numbers they have, and their keypoints and positions."""
+    for camera in source.read_all_cameras():
+        out.write_camera(camera, use_camera_id=True)
+    for rig in source.read_all_rigs():
+        out.write_rig(rig, use_rig_id=True)
+    for frame in source.read_all_frames():  # before the images: these look for theirs
+        out.write_frame(frame, use_frame_id=True)
+    for image in images:
+        out.write_image(image, use_image_id=True)
+        out.write_keypoints(image.image_id, keypoints[image.image_id])
+    for prior in source.read_all_pose_priors():
+        out.write_pose_prior(prior, use_pose_prior_id=True)
