@@ -49,7 +49,8 @@ def choose_tie_points(matches: Matches, limit: int, rng: np.random.Generator) ->
     """Choose tracks that hold every cell of every image and every pair; a track's matches stay or go together.
 
     Tracks of three views and more go before those of two; among equals the lot decides, so that what stays looks like
-    what was there. A track that joins two keypoints of one image is wrong somewhere and stays out.
+    what was there. A track that joins two keypoints of one image is wrong somewhere and goes last: it helps where
+    nothing else does.
 
     Args:
         matches: Verified matches.
@@ -65,17 +66,16 @@ def choose_tie_points(matches: Matches, limit: int, rng: np.random.Generator) ->
     views = np.bincount(track, minlength=tracks)
     images = int(matches.image.max(initial=0)) + 1
     seen = np.unique(track.astype(np.int64) * images + matches.image)
-    sound = (np.bincount(seen // images, minlength=tracks) == views) & (views > 1)
+    sound = np.bincount(seen // images, minlength=tracks) == views
     place = np.empty(tracks, np.int64)
-    place[np.lexsort((rng.random(tracks), -np.minimum(views, _LONG)))] = np.arange(tracks)
+    place[np.lexsort((rng.random(tracks), -np.minimum(views, _LONG), ~sound))] = np.arange(tracks)
     stays = np.zeros(tracks, bool)
-    keypoint = np.flatnonzero(sound[track])
+    keypoint = np.flatnonzero(views[track] > 1)
     per_cell = max(round(limit * _SPREAD_SHARE / _CELLS**2), 1)
     stays[track[keypoint[_best(matches.cell[keypoint], place[track[keypoint]], per_cell)]]] = True
-    match = np.flatnonzero(sound[track[matches.first]])
-    joined = track[matches.first[match]]
-    stays[joined[_best(matches.pair[match], place[joined], max(round(limit * _PAIR_SHARE), 1))]] = True
-    return stays[track[matches.first]]
+    joined = track[matches.first]
+    stays[joined[_best(matches.pair, place[joined], max(round(limit * _PAIR_SHARE), 1))]] = True
+    return stays[joined]
 
 
 def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
