@@ -50,7 +50,7 @@ MEMORY = 1.0  # [GB] a worker
 LIMITS = {"fast": (0.33, 5.0), "standard": (0.45, 3.5), "fine": (1.1, 0.0)}  # CPU-s an image, images a second
 ENGINES = (("Workbench", "BLENDER_WORKBENCH", 0), ("EEVEE, 4 samples", "BLENDER_EEVEE", 4),
            ("Cycles, 16 samples, denoised", "CYCLES", 16))  # fmt: skip
-FRAMES = (5, 5)  # peers render it to warm up, and are timed on it once more
+FRAMES = (5, 5)  # peers render it to warm up (Blender a small one), and are timed on it once more
 BAR = {"close": (5000, 0.80), "global": (5000, 0.80), "under deck": (3000, 0.79)}  # keypoints, right share
 
 

@@ -13,6 +13,8 @@ from typing import Any
 
 import bpy  # pyright: ignore[reportMissingImports]
 
+_WARM_UP = 10  # [%] of the size for the first frame: scene and shaders are made ready all the same
+
 
 def main(request: dict[str, Any]) -> None:
     """Open the scene, and render one frame after the other.
@@ -38,8 +40,9 @@ def main(request: dict[str, Any]) -> None:
     elif engine.startswith("BLENDER_EEVEE"):
         scene.eevee.taa_render_samples = samples
     rows = []
-    for frame in request["frames"]:
+    for number, frame in enumerate(request["frames"]):
         scene.frame_set(frame)
+        scene.render.resolution_percentage = 100 if number else _WARM_UP
         scene.render.filepath = str(Path(request["folder"]) / f"{engine}_{frame:06d}.jpg")
         cpu, wall = _cpu(), time.perf_counter()
         bpy.ops.render.render(write_still=True)
