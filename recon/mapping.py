@@ -42,18 +42,20 @@ def map_images(
 
     Returns:
         `mapper`; `tie_points`: whether the mapper worked with these instead of all matches; `models`: number of images
-        and points of each, largest first; `elsewhere`: files of the images that are in another model than the largest.
+        and points of each, largest first (of those that are not kept, of tie points alone); `elsewhere`: files of the
+        images that are in another model than the largest.
     """
     models, final, ties = folder / _MODELS, folder / MODEL, folder / _TIES
     for path in (models, final):
         shutil.rmtree(path, ignore_errors=True)
         path.mkdir()
-    ties.unlink(missing_ok=True)
+    _clear_ties(folder)
     kind = choose_mapper(capture, settings)
     run = _map_globally if kind == "global" else _map_incrementally
     progress.stage("tie points", 0)
     thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed)
     found = run(capture, ties if thinned else matches / DATABASE, models, settings, seed, progress)
+    _clear_ties(folder)
     ranked = sorted(found.items(), key=lambda row: (-row[1].num_reg_images(), -row[1].num_points3D(), row[0]))
     in_largest: set[str] = set()
     in_any = {image.name for _, model in ranked for image in model.images.values() if image.has_pose}
@@ -70,7 +72,6 @@ def map_images(
         _check_whole(final)
         in_largest = {image.name for image in largest.images.values() if image.has_pose}
     shutil.rmtree(models)
-    ties.unlink(missing_ok=True)
     return {
         "mapper": kind,
         "tie_points": thinned,
@@ -99,7 +100,7 @@ def adjust_robustly(model: pycolmap.Reconstruction, threads: int) -> None:
     """Adjust cameras and points once more, with a loss by which wrong matches hardly count.
 
     COLMAP's incremental mapper minimises squares: the few matches that are off by pixels pull at every camera.
-    Without that, the demo's cameras are twice as close to the truth, for an eighth of the mapper's time.
+    This halves the distance between the demo's cameras and the truth.
     Source: Triggs et al., Bundle Adjustment: A Modern Synthesis (2000), on robust cost functions; Cauchy's.
 
     Args:
@@ -205,6 +206,11 @@ def _map_globally(
         pipeline.add_callback(pycolmap.GlobalPipelineCallback.MODEL_UPDATE_CALLBACK, count_one)
         pipeline.run()
     return {number: manager.get(number) for number in range(manager.size())}
+
+
+def _clear_ties(folder: Path) -> None:
+    for left in folder.glob(f"{_TIES}*"):  # a killed run leaves its journal, too
+        left.unlink()
 
 
 def _check_whole(model: Path) -> None:

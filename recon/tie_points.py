@@ -23,7 +23,7 @@ Bools = NDArray[np.bool_]
 _CELLS = 8  # along each side of an image; every cell keeps its share of tie points
 _LONG = 3  # views from which on a track is as good as any longer one: the longest are of what is far away
 _SPREAD_SHARE = 0.5  # of an image's tie points go evenly over its cells [1]
-_PAIR_SHARE = 0.1  # of them, at least, are in common with each image that it was matched with [1]
+_PAIR_TIES = 100  # that a pair keeps, whatever the limit: COLMAP starts only from pairs of as many
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def choose_tie_points(matches: Matches, limit: int, rng: np.random.Generator) ->
 
     Args:
         matches: Verified matches.
-        limit: Tie points that an image keeps, about; one that is matched with many others keeps more.
+        limit: Tie points that an image keeps; one that is matched with many others keeps more, for their sake.
         rng: Draws lots.
 
     Returns:
@@ -74,7 +74,7 @@ def choose_tie_points(matches: Matches, limit: int, rng: np.random.Generator) ->
     per_cell = max(round(limit * _SPREAD_SHARE / _CELLS**2), 1)
     stays[track[keypoint[_best(matches.cell[keypoint], place[track[keypoint]], per_cell)]]] = True
     joined = track[matches.first]
-    stays[joined[_best(matches.pair, place[joined], max(round(limit * _PAIR_SHARE), 1))]] = True
+    stays[joined[_best(matches.pair, place[joined], _PAIR_TIES)]] = True
     return stays[joined]
 
 
@@ -84,7 +84,7 @@ def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
     Args:
         database: Database of verified matches.
         out: Database to create.
-        limit: Tie points that an image keeps, about.
+        limit: Tie points that an image keeps; see above.
         seed: Of the lots.
 
     Returns:
@@ -134,7 +134,8 @@ def _gather(
     cells = []
     for number, points in keypoints.items():
         size = np.array([owner[number].width, owner[number].height])
-        column, row = np.clip((points[:, :2] / size * _CELLS).astype(np.int64), 0, _CELLS - 1).T
+        place = points[:, :2] if len(points) else np.zeros((0, 2))
+        column, row = np.clip((place / size * _CELLS).astype(np.int64), 0, _CELLS - 1).T
         cells.append(row * _CELLS + column)
     image = np.repeat(np.arange(len(sizes)), sizes)
     sides = [
@@ -159,6 +160,7 @@ def _copy_images(
         out.write_frame(frame, use_frame_id=True)
     for image in images:
         out.write_image(image, use_image_id=True)
-        out.write_keypoints(image.image_id, keypoints[image.image_id])
+        if len(keypoints[image.image_id]):
+            out.write_keypoints(image.image_id, keypoints[image.image_id])
     for prior in source.read_all_pose_priors():
         out.write_pose_prior(prior, use_pose_prior_id=True)

@@ -18,7 +18,7 @@ from render.capture import CalibrationPrior, Capture, CaptureImage
 _CELLS = 4
 
 
-def draw(rng: np.random.Generator, images: int = 6, points: int = 300) -> Matches:
+def draw(rng: np.random.Generator, images: int = 6, points: int = 1500) -> Matches:
     """Draw points that some images see, matched in some of their pairs, with a few wrong matches."""
     per_image = [np.flatnonzero(rng.random(points) < 0.5) for _ in range(images)]
     sizes = [len(seen) for seen in per_image]
@@ -56,7 +56,7 @@ def test_every_cell_and_every_pair_keeps_its_share(seed: int) -> None:
     """Whole tracks stay; as many as a cell and a pair are due; sound ones first, longer ones before those of two."""
     rng = np.random.default_rng(seed)
     matches = draw(rng)
-    limit = 192  # two of a cell, 19 of a pair
+    limit = 192  # two of a cell; and 100 of a pair
     stays = choose_tie_points(matches, limit, np.random.default_rng(seed))
     track = tracks_of(matches)
     members = {int(name): np.flatnonzero(track == name) for name in np.unique(track)}
@@ -67,7 +67,7 @@ def test_every_cell_and_every_pair_keeps_its_share(seed: int) -> None:
     assert stays.tolist() == [name in kept for name in track[matches.first]]
     groups = [
         ({int(name) for name in names[group == one]} & joined, due)
-        for group, names, due in ((matches.cell, track, 2), (matches.pair, track[matches.first], 19))
+        for group, names, due in ((matches.cell, track, 2), (matches.pair, track[matches.first], 100))
         for one in np.unique(group)
     ]
     assert all(len(here & kept) >= min(due, len(here)) for here, due in groups)
@@ -79,10 +79,10 @@ def test_every_cell_and_every_pair_keeps_its_share(seed: int) -> None:
 
 
 def synthetic(folder: Path) -> Capture:
-    """Write a database of ten images that see a thousand points, with noise."""
+    """Write a database of ten images that see three thousand points, four each, with noise."""
     pycolmap.set_random_seed(1)
     options = pycolmap.SyntheticDatasetOptions(
-        num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=10, num_points3D=1000
+        num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=10, num_points3D=3000, track_length=4, prior_position=True
     )  # fmt: skip
     with pycolmap.Database.open(folder / DATABASE) as database:
         model = pycolmap.synthesize_dataset(options, database)
@@ -98,7 +98,7 @@ def test_a_model_of_tie_points_is_the_model_of_all_matches(mapper: str, tmp_path
     """All points come back, the cameras stand where all matches put them, and nothing is left on the disk."""
     capture = synthetic(tmp_path)
     models: list[SparseModel] = []
-    for limit in (100, 2000):
+    for limit in (100, 4000):
         folder = tmp_path / str(limit)
         folder.mkdir()
         settings = SparseSettings.model_validate({"mapper": mapper, "tie_points": limit})
@@ -127,5 +127,15 @@ def test_tie_points_are_few(tmp_path: Path) -> None:
         assert after.num_descriptors() == 0
         assert after.num_verified_image_pairs() == before.num_verified_image_pairs()
         assert after.num_inlier_matches() < 0.5 * before.num_inlier_matches()
-    assert not write_tie_points(tmp_path / DATABASE, tmp_path / "no.db", 2000, seed=3)
+        whole, kept = (
+            dict(zip(*opened.read_two_view_geometry_num_inliers(), strict=True)) for opened in (before, after)
+        )
+        assert all(min(kept[pair], 100) == min(whole[pair], 100) for pair in whole)
+        priors = [
+            [(prior.corr_data_id.id, *prior.position) for prior in opened.read_all_pose_priors()]
+            for opened in (before, after)
+        ]
+        assert priors[0] == priors[1]
+        assert len(priors[0]) == 10
+    assert not write_tie_points(tmp_path / DATABASE, tmp_path / "no.db", 4000, seed=3)
     assert not (tmp_path / "no.db").exists()
