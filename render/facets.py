@@ -53,6 +53,21 @@ class Facets:
     slenderness: F64
     anchor: F64
 
+    def near(self, eyes: F64, stray: float) -> "Facets":
+        """Keep those alone that cameras come so near to that `seen` may find them.
+
+        Args:
+            eyes: Camera centres [m], shape (N, 3), float64.
+            stray: How far a camera may be from its centre [m].
+        """
+        kept = np.zeros(len(self.draw), bool)
+        for eye in eyes - self.anchor:
+            kept |= self.slenderness > _SLENDER * (np.abs(self.heights - _dot(self.normals, eye)) - stray)
+        return Facets(
+            self.draw[kept], self.positions[kept], self.corners[kept], np.ascontiguousarray(self.normals[:, kept]),
+            self.heights[kept], self.slenderness[kept], self.anchor,
+        )  # fmt: skip
+
     def seen(
         self, visible: NDArray[np.bool_], camera: Pinhole, window: tuple[int, int], pose: F64, near: float, origins: F64
     ) -> NDArray[np.void]:

@@ -45,6 +45,7 @@ _RECIPE = 5  # raised whenever frames that an interrupted run left would no long
 Share = tuple[int, int]
 ALL: Share = (0, 1)
 Shot = Callable[[], View]
+CameraBody = tuple[Pinhole, Callable[[int], Shot]]
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Assignment:
     """One survey to photograph.
 
     Attributes:
-        surveyed: The scene as this survey sees it.
+        surveyed: The scene as this survey sees it, without its meshes.
         readout: When the rows are read out; None for a global shutter.
         prior: Calibration prior.
         folder: Capture folder.
@@ -71,7 +72,7 @@ class Assignment:
 
     @property
     def scene(self) -> FlatScene:
-        """What is drawn."""
+        """What is drawn, without its meshes."""
         return self.surveyed.scene
 
     @property
@@ -109,8 +110,11 @@ def render_stage(
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
     """
-    surveyed = survey_scene_apart(scene, survey or None, settings.triangle_budget, progress)
-    return _render(surveyed, folder, settings, seed, progress, share)
+    # Kept nowhere but there, so that the meshes go when they are uploaded.
+    return _render(
+        survey_scene_apart(scene, survey or None, settings.triangle_budget, progress), folder, settings, seed, progress,
+        share,
+    )  # fmt: skip
 
 
 def render_scene(
@@ -135,10 +139,11 @@ def render_scene(
 def _render(
     surveyed: SurveyedScene, folder: Path, settings: RenderSettings, seed: int, progress: Progress, share: Share
 ) -> dict[str, Any]:
+    scene, surveyed = surveyed.scene, surveyed.without_meshes()
     track, camera = surveyed.track, surveyed.camera
     readout = read_out(track, camera.height, settings.sensor, seed)
     gl = open_context(settings.device)
-    warnings = surveyed.scene.warnings
+    warnings = scene.warnings
     try:
         prior = draw_prior(camera, settings, seed)
         assignment = Assignment(surveyed, readout, prior, folder, settings, seed, gl.driver)
@@ -148,8 +153,14 @@ def _render(
             make_folders(folder, normals=settings.normals)
             missing = [row for row, name in enumerate(track.image_names) if journal.facts(name) is None]
             mine = [row for row in missing if row % share[1] == share[0]]
+            if share == ALL:
+                write_truth(folder, camera, track.image_names, track.poses, scene, track.distortion, readout)
             if mine:
-                warnings = _draw_missing(gl, assignment, journal, mine, progress)
+                prepared = _prepare(gl, scene, assignment, journal, progress)
+                body = _camera_body(assignment, prepared, scene)
+                del scene
+                warnings = prepared.warnings
+                _draw_missing(assignment, prepared, body, journal, mine, progress)
             if share == ALL:
                 _finish(assignment, journal)
     finally:
@@ -157,10 +168,8 @@ def _render(
     return {**facts, "gain": journal.gain(), "warnings": list(warnings)}
 
 
-def _draw_missing(
-    gl: Gl, assignment: Assignment, journal: Journal, rows: list[int], progress: Progress
-) -> tuple[str, ...]:
-    """Draw what is not there yet; returns the scene's warnings."""
+def _prepare(gl: Gl, scene: FlatScene, assignment: Assignment, journal: Journal, progress: Progress) -> Prepared:
+    """Upload the scene, and say what is drawn otherwise than authored."""
 
     def cast(*arguments: Any) -> LightVolume:
         with folder_lock(journal.light_lock):  # one worker casts it, the others wait and take it over
@@ -168,17 +177,26 @@ def _draw_missing(
             journal.keep_light_volume(volume)
         return volume
 
-    prepared = prepare(gl, assignment.scene, assignment.settings, progress, cast, assignment.surveyed.needs)
+    eyes, readout = assignment.track.poses[:, :3, 3], assignment.readout
+    strays = np.linalg.norm(readout.poses[..., :3, 3] - eyes[:, None], axis=2) if readout is not None else np.zeros(1)
+    flight = (eyes, 1.001 * float(strays.max()))
+    prepared = prepare(gl, scene, assignment.settings, progress, cast, assignment.surveyed.needs, flight)
     for warning in prepared.warnings:
         progress.note(warning)
+    return prepared
+
+
+def _draw_missing(
+    assignment: Assignment, prepared: Prepared, body: CameraBody, journal: Journal, rows: list[int], progress: Progress
+) -> None:
+    """Draw what is not there yet."""
     gain = journal.gain()
     if gain is None:
         gain = _meter_survey(prepared, assignment.track, assignment.camera)
         journal.keep_gain(gain)
     shape = (assignment.camera.height, assignment.camera.width)
     sensor = Sensor(assignment.settings.sensor, gain, BRIGHTEST, shape, assignment.seed)
-    _photograph(assignment, prepared, sensor, journal, rows, progress)
-    return prepared.warnings
+    _photograph(assignment, prepared, body, sensor, journal, rows, progress)
 
 
 def _finish(assignment: Assignment, journal: Journal) -> None:
@@ -186,7 +204,6 @@ def _finish(assignment: Assignment, journal: Journal) -> None:
     scene, track, settings, folder = assignment.scene, assignment.track, assignment.settings, assignment.folder
     camera, name = assignment.camera, scene.products[0].name
     write_cameras(capture_record(folder, name, track, camera, assignment.prior, settings))
-    write_truth(folder, camera, track.image_names, track.poses, scene, track.distortion, assignment.readout)
     frames = [{"name": name, **(journal.facts(name) or {})} for name in track.image_names]
     write_render_record(folder, assignment.driver, settings, frames, journal.gain(), assignment.recipe())
     journal.close()
@@ -210,14 +227,15 @@ def _meter_survey(prepared: Prepared, track: CameraTrack, camera: Pinhole) -> fl
 
 
 def _photograph(
-    assignment: Assignment, prepared: Prepared, sensor: Sensor, journal: Journal, rows: list[int], progress: Progress
-) -> None:
+    assignment: Assignment, prepared: Prepared, body: CameraBody, sensor: Sensor, journal: Journal, rows: list[int],
+    progress: Progress,
+) -> None:  # fmt: skip
     """Draw on this thread, develop and encode on others; no more frames are in flight than there are threads.
 
     What sees the same ground comes together, so that its shadows are drawn once.
     """
     encoders, total = assignment.settings.encoders, len(assignment.track.poses)
-    widest, shoot = _camera_body(assignment, prepared)
+    widest, shoot = body
     squares = prepared.shadow_squares(assignment.track.poses, widest)
     waiting: deque[Future[None]] = deque()
     done = total - len(rows)
@@ -231,17 +249,18 @@ def _photograph(
     progress.stage("render", total)
     with ThreadPoolExecutor(encoders) as pool:
         for row in squares.together(rows):
+            while len(waiting) >= encoders or (waiting and waiting[0].done()):
+                collect()
             prepared.sharpen_shadows(squares, row)
             waiting.append(pool.submit(_finish_frame, assignment, sensor, journal, row, shoot(row)))
-            while len(waiting) > encoders or (waiting and waiting[0].done()):
-                collect()
         while waiting:
             collect()
 
 
-def _camera_body(assignment: Assignment, prepared: Prepared) -> tuple[Pinhole, Callable[[int], Shot]]:
-    """Make what draws the frame of a row now, and returns how to get its view, which another thread may do.
+def _camera_body(assignment: Assignment, prepared: Prepared, scene: FlatScene) -> CameraBody:
+    """Make what draws the frame of a row now, and returns how to get its view, which another thread may do once.
 
+    It keeps nothing of it then: a thread pool lets go of what it was given some time after the next frame is begun.
     With it come the intrinsics of all that it draws.
     """
     track, camera, readout = assignment.track, assignment.camera, assignment.readout
@@ -251,23 +270,34 @@ def _camera_body(assignment: Assignment, prepared: Prepared) -> tuple[Pinhole, C
         painter = prepared.painter(camera, sharp=True)
 
         def shoot(row: int) -> Shot:
-            view = painter.draw_bands(poses[row], bands, track.near)
-            return lambda: view
+            return [painter.draw_bands(poses[row], bands, track.near)].pop
 
         return camera, shoot
-    lens, wide = prepared.lens(camera, track.distortion)
+    lens, wide = prepared.lens(scene, camera, track.distortion)
     windows = [lens.window(band) for band in bands]
 
     def shoot_wide(row: int) -> Shot:
         views = [wide.draw_window(pose, window, track.near) for pose, window in zip(poses[row], windows, strict=True)]
-        return lambda: lens.look(views, poses[row], bands, track.near)
+
+        def look() -> View:
+            return lens.look([views.pop(0) for _ in bands], poses[row], bands, track.near)
+
+        return look
 
     return lens.wide, shoot_wide
 
 
 def _finish_frame(assignment: Assignment, sensor: Sensor, journal: Journal, row: int, shot: Shot) -> None:
-    scene, track = assignment.scene, assignment.track
-    name, view = track.image_names[row], shot()
+    name, view = assignment.track.image_names[row], shot()
+    files = _encode_truth(assignment.scene, name, view)
+    exposure = sensor.expose(row, view.code, view.draw > 0)
+    pixels = sensor.develop(view.code, exposure)
+    settings = assignment.settings.sensor
+    files[f"images/{name}.{settings.image_format}"] = _encode_photograph(assignment, pixels, exposure, row)
+    journal.write_frame(name, files, asdict(exposure))
+
+
+def _encode_truth(scene: FlatScene, name: str, view: View) -> dict[str, bytes]:
     ids = np.concatenate([np.zeros(1, np.uint32), scene.draws.instance])
     labels = np.concatenate([np.zeros(1, np.uint8), scene.draws.label])
     frame = FrameTruth(
@@ -277,12 +307,7 @@ def _finish_frame(assignment: Assignment, sensor: Sensor, journal: Journal, row:
         rows = slice(first, first + _LOOKED_UP)
         draw = view.draw[rows].astype(np.intp)  # as both tables are looked up: four times as large as the labels
         frame.semantic[rows], frame.instance[rows] = labels[draw], ids[draw]
-    files = encode_frame_truth(name, frame, wide_ids=int(ids.max()) >= image_files.WIDE_ID)
-    exposure = sensor.expose(row, view.code, view.draw > 0)
-    pixels = sensor.develop(view.code, exposure)
-    settings = assignment.settings.sensor
-    files[f"images/{name}.{settings.image_format}"] = _encode_photograph(assignment, pixels, exposure, row)
-    journal.write_frame(name, files, asdict(exposure))
+    return encode_frame_truth(name, frame, wide_ids=int(ids.max()) >= image_files.WIDE_ID)
 
 
 def _encode_photograph(assignment: Assignment, pixels: "np.ndarray[Any, Any]", exposure: Exposure, row: int) -> bytes:

@@ -11,7 +11,11 @@ _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x1902, 0x8CAC, 0x1406
 
 
 class GlFunctions:
-    """OpenGL functions of the current context."""
+    """OpenGL functions of the current context.
+
+    Attributes:
+        flush: Tells the driver to begin what it has been told so far.
+    """
 
     def __init__(self, load: Callable[[str], int]) -> None:
         """Look the functions up.
@@ -22,6 +26,7 @@ class GlFunctions:
         self._clip_control = _function(load, "glClipControl", ctypes.c_uint, ctypes.c_uint)
         self._clear_float = _function(load, "glClearBufferfv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
         self._clear_uint = _function(load, "glClearBufferuiv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
+        self.flush = _function(load, "glFlush")
         self._bind_texture = _function(load, "glBindTexture", ctypes.c_uint, ctypes.c_uint)
         sizes = (ctypes.c_uint, *[ctypes.c_int] * 5, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
         self._texture_image = _function(load, "glTexImage2D", *sizes)

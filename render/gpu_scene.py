@@ -1,13 +1,15 @@
 """A scene in OpenGL buffers: all vertices in one, all draws in another, and the draw commands of one view."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from render.facets import Facets, find_facets
+from render.facets import Facets
 from render.materials import ROW, MaterialTable, Variant
 from render.row_texture import DRAW_UNIT, row_texture
 from usd_schemas.flat_scene import FlatScene
@@ -22,6 +24,7 @@ _VERTEX = np.dtype([("p", "3f4"), ("n", "3f4"), ("st", "2f4"), ("st1", "2f4"), (
 _DRAW = np.dtype([("linear", "(3,4)f4"), ("cofactor", "(3,4)f4")])
 # DrawElementsIndirectCommand
 COMMAND = np.dtype([("count", "u4"), ("instances", "u4"), ("first", "u4"), ("vertex", "u4"), ("draw", "u4")])
+_WAITING = 30_000  # triangles; a driver on the CPU takes 0.5 kB for each that it has not drawn yet, up to 36 MB
 _APART = 256  # [bytes] from one material to the next: where a driver lets a uniform block begin
 
 
@@ -96,6 +99,14 @@ class GpuScene:
         present, first = np.unique(kinds, return_index=True)
         return [(int(kind), rows[kinds == kind]) for kind in present[np.argsort(first)]]
 
+    def triangles(self, rows: I64) -> I64:
+        """Count the triangles of some draws, shape (N,), int64.
+
+        Args:
+            rows: Draws, shape (N,), int64.
+        """
+        return self.commands["count"][rows].astype(np.int64) // 3
+
     def vertex_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
         """Connect a program to the buffers; attributes that it does not use are skipped.
 
@@ -113,7 +124,9 @@ class GpuScene:
         return context.vertex_array(program, content, self.indices)
 
 
-def upload_scene(context: moderngl.Context, scene: FlatScene, table: MaterialTable, anchor: F64) -> GpuScene:
+def upload_scene(
+    context: moderngl.Context, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets
+) -> GpuScene:
     """Check a scene and put it into buffers.
 
     Args:
@@ -121,6 +134,7 @@ def upload_scene(context: moderngl.Context, scene: FlatScene, table: MaterialTab
         scene: Scene to upload.
         table: Its materials.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
+        facets: Triangles whose depth may have to be drawn anew.
 
     Raises:
         InputError: Nothing to draw, an index out of range, or a number that is not finite.
@@ -156,8 +170,36 @@ def upload_scene(context: moderngl.Context, scene: FlatScene, table: MaterialTab
         offsets=context.buffer(reserve=count * 12, dynamic=True),
         origins=draws.transform[:, :3, 3].copy(), lower=lower, upper=upper, commands=commands,
         variants=variants, variant_rows=of_material[draws.material],
-        material_rows=draws.material.astype(np.int64), anchor=anchor, facets=find_facets(scene, anchor),
+        material_rows=draws.material.astype(np.int64), anchor=anchor, facets=facets,
     )  # fmt: skip
+
+
+def run_commands(
+    flush: Callable[[], None], vertices: moderngl.VertexArray, commands: moderngl.Buffer, triangles: I64, first: int,
+    waiting: int,
+) -> int:  # fmt: skip
+    """Run draw commands, and let the driver begin whenever many triangles wait; no pixel changes by it.
+
+    Args:
+        flush: OpenGL's.
+        vertices: What they draw, shape (V,).
+        commands: Draw commands, of which some are run.
+        triangles: Number of triangles of each of these, shape (N,), int64.
+        first: Number of the first of them.
+        waiting: Triangles that wait already.
+
+    Returns:
+        Triangles that wait now.
+    """
+    total = waiting + np.cumsum(triangles)
+    ends = np.flatnonzero(np.diff(total // _WAITING, prepend=0)) + 1
+    for start, end in pairwise([0, *ends.tolist()]):
+        vertices.render_indirect(commands, moderngl.TRIANGLES, end - start, first=first + start)
+        flush()
+    done = int(ends[-1]) if len(ends) else 0
+    if done < len(total):
+        vertices.render_indirect(commands, moderngl.TRIANGLES, len(total) - done, first=first + done)
+    return int(total[-1]) % _WAITING
 
 
 def check_scene(scene: FlatScene) -> None:

@@ -62,7 +62,12 @@ def haze_distance(scene: FlatScene, settings: ShadingSettings) -> float:
 
 
 class Lamps:
-    """The light of a scene as textures and uniforms."""
+    """The light of a scene as textures and uniforms.
+
+    Attributes:
+        features: What the surface shader must be compiled with.
+        shadow: The sun's shadow maps, or None without a sun.
+    """
 
     def __init__(self, context: moderngl.Context, light: Illumination, anchor: F64) -> None:
         """Upload the light.
@@ -72,11 +77,11 @@ class Lamps:
             light: What lights the scene.
             anchor: Point that shading counts positions from [m], shape (3,), float64.
         """
+        self.features, self.shadow = light.features(), light.shadow
         panorama = light.daylight.panorama
         self._panorama = context.texture(panorama.shape[1::-1], 3, panorama.astype(np.float16).tobytes(), dtype="f2")
         self._panorama.build_mipmaps()
         self._panorama.repeat_y = False
-        self._shadow = light.shadow
         self._volume = _volume_textures(context, light.volume) if light.volume is not None else []
         self._values = _uniforms(light, anchor)
 
@@ -87,8 +92,8 @@ class Lamps:
             program: Compiled program.
         """
         self._panorama.use(_PANORAMA_UNIT)
-        if self._shadow is not None:
-            self._shadow.texture.use(_SHADOW_UNIT)
+        if self.shadow is not None:
+            self.shadow.texture.use(_SHADOW_UNIT)
         for unit, texture in enumerate(self._volume, _VOLUME_UNIT):
             texture.use(unit)
         for name, value in self._values.items():
@@ -102,8 +107,8 @@ class Lamps:
             eye: Camera centre, counted from the anchor [m], shape (3,), float64.
         """
         set_uniform(program, "eye", tuple(eye.tolist()))
-        if self._shadow is not None:
-            for name, value in self._shadow.seen_from(eye).items():
+        if self.shadow is not None:
+            for name, value in self.shadow.seen_from(eye).items():
                 set_uniform(program, name, value)
 
 

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from render.textures import TextureKey, TextureSlot
+from render.textures import Mates, TextureKey, TextureSlot
 from usd_schemas.flat_scene import MOST_OCTAVES, Material, Texture
 
 F32 = NDArray[np.float32]
@@ -82,6 +82,25 @@ def texture_keys(materials: tuple[Material, ...], quality: str) -> tuple[list[Te
     )
 
 
+def layer_mates(materials: tuple[Material, ...]) -> list[Mates]:
+    """List which roughness may lie in the opacity of which colour, as `load_textures` takes it: one look-up finds both.
+
+    Args:
+        materials: Materials.
+    """
+    mates: list[Mates] = []
+    for material in materials:
+        keys, albedo, roughness = _keys(material), material.base_texture, material.roughness_texture
+        cut_out = material.opacity_threshold > 0
+        if "albedo" in keys and cut_out:
+            mates.append((keys["albedo"], None))
+        mates += [(None, keys[name]) for name in ("metallic", "detail") if name in keys]
+        if "roughness" in keys and roughness is not None:
+            alike = albedo is not None and np.array_equal(_placement(albedo, 0), _placement(roughness, 0))
+            mates.append((keys.get("albedo") if alike and not cut_out else None, keys["roughness"]))
+    return mates
+
+
 def tabulate_materials(
     materials: tuple[Material, ...], slots: dict[TextureKey, TextureSlot], quality: str
 ) -> MaterialTable:
@@ -103,9 +122,14 @@ def tabulate_materials(
         _fill(rows[number], material, found)
         metallic = found["metallic"].mean[0] if "metallic" in found else material.metallic
         rows[number]["base"][3], rows[number]["emissive"][3] = roughness, metallic
+        found = {name: slot for name, slot in found.items() if slot.array is not None}
+        features = []
+        if "roughness" in found and found["roughness"].channel:
+            features.append("ROUGHNESS_IN_ALBEDO")
+            found.pop("roughness")
         for name in _AVERAGED[quality]:
             found.pop(name, None)
-        features = [f"HAS_{name.upper()}" for name in SLOTS if name in found]
+        features += [f"HAS_{name.upper()}" for name in SLOTS if name in found]
         if "albedo" in found and material.opacity_threshold > 0 and found["albedo"].cut_out:
             features.append("CUT_OUT")
         if quality != "fast" and (roughness < _MIRROR_ROUGHNESS or metallic > 0.5 or "metallic" in found):

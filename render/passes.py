@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from render.camera import clip_from_camera, clip_from_relative, visible_boxes
 from render.context import Gl
 from render.facets import CORNER_FORMAT, CORNER_NAMES
-from render.gpu_scene import GpuScene
-from render.illumination import FIRST_FREE_UNIT, Illumination, Lamps
+from render.gpu_scene import GpuScene, run_commands
+from render.illumination import FIRST_FREE_UNIT, Lamps
 from render.materials import SLOTS
 from render.programs import Programs, set_uniform
 from render.shadows import depth_groups
@@ -23,6 +23,7 @@ F64 = NDArray[np.float64]
 U16 = NDArray[np.uint16]
 U32 = NDArray[np.uint32]
 
+_RESOLVED = 64  # rows of finer samples' means that are taken at once
 _LARGE = 100.0  # [px] a triangle; what is made of smaller ones costs more to draw twice than it hides
 
 
@@ -53,19 +54,19 @@ class Painter:
         gl: Gl,
         programs: Programs,
         gpu: GpuScene,
-        light: Illumination,
+        lamps: Lamps,
         camera: Pinhole,
         quality: str,
         extra: str = "",
         finer: int = 1,
     ) -> None:
-        """Make the targets and upload the light.
+        """Make the targets.
 
         Args:
             gl: Open context.
             programs: Shader programs.
             gpu: Uploaded scene.
-            light: What lights it.
+            lamps: What lights it.
             camera: Intrinsics of every view.
             quality: `fast`, `standard` or `fine`.
             extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
@@ -73,9 +74,10 @@ class Painter:
         """
         self._gl, self._programs, self._gpu, self._camera = gl, programs, gpu, camera
         self._fine, self._finer, self._apart = quality == "fine", finer, quality == "fine" or finer > 1
-        context, size = gl.context, (camera.width, camera.height)
+        context = gl.context
         exact = (finer * camera.width, finer * camera.height)
-        self._color = context.texture(size, 4, dtype="nu2")
+        rows = min(_RESOLVED, camera.height) if self._fine else camera.height
+        self._color = context.texture((camera.width, rows), 4, dtype="nu2")
         self._truth = [context.texture(exact, 1, dtype="u4"), context.texture(exact, 1, dtype="f4")]
         self._extra = (extra,) if extra else ()
         if extra:
@@ -95,8 +97,8 @@ class Painter:
         self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
         self._corners = context.buffer(reserve=1 << 16, dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
-        self._features = (*light.features(), *(("SOFT",) if quality != "fast" else ()))
-        self._lamps = Lamps(context, light, gpu.anchor)
+        self._features = (*lamps.features, *(("SOFT",) if quality != "fast" else ()))
+        self._lamps = lamps
 
     def draw(self, camera_to_world: F64, near: float) -> View:
         """Draw one view.
@@ -118,7 +120,6 @@ class Painter:
         self._clear_rows(0, self._camera.height)
         for pose, (first, end) in zip(poses, bands, strict=True):
             self._draw_band(pose, first, end, near)
-        self._resolve(0, self._camera.height)
         return self._read(0, self._camera.height)
 
     def draw_window(self, pose: F64, window: tuple[int, int], near: float) -> View:
@@ -132,7 +133,6 @@ class Painter:
         first, end = window
         self._clear_rows(first, end)
         self._draw_band(pose, first, end, near)
-        self._resolve(first, end)
         return self._read(first, end)
 
     def _draw_band(self, pose: F64, first: int, end: int, near: float) -> None:
@@ -211,13 +211,13 @@ class Painter:
         self._write_commands([rows])
         program = self._programs.get("surface.vert", "shadow.frag")
         set_uniform(program, "clip_from_relative", clip)
-        self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(rows))
+        self._run(program, rows, 0, 0)
 
     def _draw_surfaces(self, rows: NDArray[np.int64], clip: bytes, pose: F64, features: tuple[str, ...]) -> None:
         self._gl.context.depth_func = ">="
         groups = self._gpu.grouped(rows)
         self._write_commands([members for _, members in groups])
-        first = 0
+        first = waiting = 0
         for material, members in groups:
             variant = self._gpu.variants[self._gpu.variant_rows[members[0]]]
             self._gpu.wear(material)
@@ -231,13 +231,13 @@ class Painter:
             set_uniform(program, "clip_from_relative", clip)
             eye = pose[:3, 3] - self._gpu.anchor
             self._lamps.aim(program, eye)
-            self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(members), first=first)
+            waiting = self._run(program, members, first, waiting)
             first += len(members)
 
     def _draw_ids(self, rows: NDArray[np.int64], clip: bytes) -> None:
         groups = depth_groups(self._gpu, rows)
         self._write_commands([members for *_, members in groups])
-        first = 0
+        first = waiting = 0
         for features, material, members in groups:
             program = self._programs.get("surface.vert", "ids.frag", self._extra + features)
             if features:
@@ -247,7 +247,7 @@ class Painter:
                 albedo.use(FIRST_FREE_UNIT)
                 set_uniform(program, "albedo_array", FIRST_FREE_UNIT)
             set_uniform(program, "clip_from_relative", clip)
-            self._vertex_array(program).render_indirect(self._commands, moderngl.TRIANGLES, len(members), first=first)
+            waiting = self._run(program, members, first, waiting)
             first += len(members)
 
     def _draw_facets(self, span: tuple[int, int], rows: NDArray[np.int64], clip: bytes, pose: F64, near: float) -> None:
@@ -282,21 +282,26 @@ class Painter:
         self._gl.context.depth_func = ">="
         self._arrays[program].render(moderngl.TRIANGLES, 3)
 
-    def _resolve(self, first: int, end: int) -> None:
-        if not self._fine:
-            return
-        self._open(self._resolved, first, end)
+    def _resolve(self, first: int, count: int) -> None:
+        """Take the means of finer samples, of some rows of the photograph."""
+        self._open(self._resolved, 0, count)
         self._gl.context.enable_only(moderngl.NOTHING)
         program = self._programs.get("sky.vert", "downsample.frag")
         if program not in self._arrays:
             self._arrays[program] = self._gl.context.vertex_array(program, [])
         self._samples.use(FIRST_FREE_UNIT)
         set_uniform(program, "samples", FIRST_FREE_UNIT)
+        set_uniform(program, "first_row", first)
         self._arrays[program].render(moderngl.TRIANGLES, 3)
 
     def _write_commands(self, groups: list[NDArray[np.int64]]) -> None:
         if any(len(rows) for rows in groups):
             self._commands.write(self._gpu.commands[np.concatenate(groups)].tobytes())
+
+    def _run(self, program: moderngl.Program, rows: NDArray[np.int64], first: int, waiting: int) -> int:
+        """Draw some rows, whose commands begin at the `first`; `waiting` and the result are as of `run_commands`."""
+        triangles, vertices = self._gpu.triangles(rows), self._vertex_array(program)
+        return run_commands(self._gl.functions.flush, vertices, self._commands, triangles, first, waiting)
 
     def _vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
         if program not in self._arrays:
@@ -304,9 +309,9 @@ class Painter:
         return self._arrays[program]
 
     def _read(self, first: int, end: int) -> View:
+        code = self._read_code(first, end)
         self._exact.scissor = None  # pyright: ignore[reportAttributeAccessIssue]  # else what comes next keeps to some rows
         self._exact.use()
-        code = self._rows(self._color, first, end, np.uint16, 4)[..., :3]
         first, end = self._finer * first, self._finer * end
         draw = self._rows(self._truth[0], first, end, np.uint32, 1)[..., 0]
         depth = self._rows(self._truth[1], first, end, np.float32, 1)[..., 0]
@@ -316,6 +321,16 @@ class Painter:
             return View(code, draw, depth, None, self._rows(self._truth[2], first, end, np.uint32, 1)[..., 0])
         normal = self._rows(self._truth[2], first, end, np.float16, 4)[..., :3]
         return View(code, draw, depth, normal.astype(np.float32))
+
+    def _read_code(self, first: int, end: int) -> U16:
+        if not self._fine:
+            return self._rows(self._color, first, end, np.uint16, 4)[..., :3]
+        code = np.empty((end - first, self._camera.width, 3), np.uint16)
+        for top in range(0, end - first, _RESOLVED):
+            count = min(_RESOLVED, end - first - top)
+            self._resolve(first + top, count)
+            code[top : top + count] = self._rows(self._color, 0, count, np.uint16, 4)[..., :3]
+        return code
 
     def _rows(self, image: moderngl.Texture, first: int, end: int, kind: type, channels: int) -> NDArray[Any]:
         """Read some rows of an image back, shape (rows, W, channels)."""

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from groundwork.progress import Progress
 from render.context import Gl
 from render.daylight import read_daylight
+from render.facets import find_facets
 from render.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
-from render.illumination import Illumination, haze_distance
+from render.illumination import Illumination, Lamps, haze_distance
 from render.light_level import dimmed, halvings
 from render.light_volume import LightVolume, cast_light_volume
 from render.local_lights import choose_local_lights
-from render.materials import tabulate_materials, texture_keys
+from render.materials import layer_mates, tabulate_materials, texture_keys
 from render.passes import Painter
 from render.programs import Programs
 from render.region import region_of_interest
@@ -39,19 +40,17 @@ class Prepared:
 
     Attributes:
         gl: Open context.
-        scene: What is drawn.
         programs: Shader programs.
         gpu: Uploaded scene.
-        light: What lights it.
+        lamps: What lights it.
         settings: How to draw it.
         warnings: One line for each thing that is drawn otherwise than authored.
     """
 
     gl: Gl
-    scene: FlatScene
     programs: Programs
     gpu: GpuScene
-    light: Illumination
+    lamps: Lamps
     settings: RenderSettings
     warnings: tuple[str, ...]
 
@@ -65,7 +64,7 @@ class Prepared:
         quality, extra = self.settings.quality, "NORMALS" if self.settings.normals else ""
         if not sharp:
             quality, extra = "standard" if quality == "fine" else quality, ""
-        return Painter(self.gl, self.programs, self.gpu, self.light, camera, quality, extra)
+        return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, quality, extra)
 
     def shadow_squares(self, poses: NDArray[np.float64], camera: Pinhole) -> ShadowSquares:
         """Choose which squares the cameras of a survey need sharp shadows in.
@@ -74,9 +73,9 @@ class Prepared:
             poses: camera_to_world, shape (N, 4, 4), float64.
             camera: Intrinsics of every view.
         """
-        if self.light.shadow is None:
+        if self.lamps.shadow is None:
             return ShadowSquares(np.zeros((1, 2)), np.zeros(len(poses), np.int64))
-        return self.light.shadow.squares(poses, camera)
+        return self.lamps.shadow.squares(poses, camera)
 
     def sharpen_shadows(self, squares: ShadowSquares, row: int) -> None:
         """Draw the sharp shadow map that a camera needs, unless it is there.
@@ -85,13 +84,14 @@ class Prepared:
             squares: The squares of the survey.
             row: Which camera.
         """
-        if self.light.shadow is not None:
-            self.light.shadow.sharpen(squares.centers[squares.of_pose[row]])
+        if self.lamps.shadow is not None:
+            self.lamps.shadow.sharpen(squares.centers[squares.of_pose[row]])
 
-    def lens(self, camera: Pinhole, distortion: Distortion) -> "tuple[Lens, Painter]":
+    def lens(self, scene: FlatScene, camera: Pinhole, distortion: Distortion) -> "tuple[Lens, Painter]":
         """Make what draws views through a lens that distorts.
 
         Args:
+            scene: The scene that was prepared.
             camera: Intrinsics of every view.
             distortion: Distortion of the lens.
 
@@ -101,14 +101,14 @@ class Prepared:
         from render.lens import Lens, ray_geometry
 
         cut_out = np.array(["CUT_OUT" in variant.features for variant in self.gpu.variants])[self.gpu.variant_rows]
-        lens = Lens(camera, distortion, ray_geometry(self.scene, cut_out), normals=self.settings.normals)
-        light, quality = self.light, self.settings.quality
-        return lens, Painter(self.gl, self.programs, self.gpu, light, lens.wide, quality, "TRIANGLES", lens.finer)
+        lens = Lens(camera, distortion, ray_geometry(scene, cut_out), normals=self.settings.normals)
+        lamps, quality = self.lamps, self.settings.quality
+        return lens, Painter(self.gl, self.programs, self.gpu, lamps, lens.wide, quality, "TRIANGLES", lens.finer)
 
 
 def prepare(
     gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress, cast: CastVolume = cast_light_volume,
-    needs: Mapping[TextureKey, float] | None = None,
+    needs: Mapping[TextureKey, float] | None = None, flight: tuple[NDArray[np.float64], float] | None = None,
 ) -> Prepared:  # fmt: skip
     """Upload a scene and light it.
 
@@ -119,6 +119,8 @@ def prepare(
         progress: Told about the light volume.
         cast: Casts the light volume, or finds the one that was cast before.
         needs: Least width of a pixel in widths of each texture; None for every texel.
+        flight: Centres of all cameras that will be drawn [m], shape (N, 3), float64, and how far one may stray from
+            its own [m]; None for cameras anywhere.
 
     Raises:
         InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
@@ -134,16 +136,19 @@ def prepare(
         daylight, _ = read_daylight(scene)
     slots, warnings = load_textures(
         gl, *texture_keys(scene.materials, settings.quality), settings.texture_side, gl.driver.anisotropy(),
-        lambda key, side: sufficient_side(side, needs.get(key, 0.0) if needs else 0.0),
+        lambda key, side: sufficient_side(side, needs.get(key, 0.0) if needs else 0.0), layer_mates(scene.materials),
     )  # fmt: skip
     table = tabulate_materials(scene.materials, slots, settings.quality)
-    gpu = upload_scene(gl.context, scene, table, (box[0] + box[1]) / 2)
+    anchor = (box[0] + box[1]) / 2
+    facets = find_facets(scene, anchor)
+    gpu = upload_scene(gl.context, scene, table, anchor, facets.near(*flight) if flight is not None else facets)
     programs = Programs(gl.context)
     sunny = bool(daylight.sun_irradiance.any())
-    shadow = Shadows(gl.context, programs, gpu, daylight, box, settings.shadow_size) if sunny else None
+    shadow = Shadows(gl, programs, gpu, daylight, box, settings.shadow_size) if sunny else None
     volume = None
     if settings.quality != "fast":
         volume = cast(scene, daylight, table.means, box, settings.volume_probes, settings.volume_rays, progress)
     local, unlit = choose_local_lights(scene, box)
     light = Illumination(daylight, shadow, volume, haze_distance(scene, settings), local)
-    return Prepared(gl, scene, programs, gpu, light, settings, (*scene.warnings, *warnings, *dark, *unlit))
+    lamps = Lamps(gl.context, light, gpu.anchor)
+    return Prepared(gl, programs, gpu, lamps, settings, (*scene.warnings, *warnings, *dark, *unlit))

@@ -7,8 +7,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from render.context import Gl
 from render.daylight import Daylight
-from render.gpu_scene import GpuScene
+from render.gpu_scene import GpuScene, run_commands
 from render.programs import Programs, set_uniform
 from render.shadow_squares import SHARP_TEXEL, ShadowSquares, share_squares
 from usd_schemas.pinhole import Pinhole
@@ -37,20 +38,20 @@ class Shadows:
     """
 
     def __init__(
-        self, context: moderngl.Context, programs: Programs, gpu: GpuScene, light: Daylight, box: tuple[F64, F64],
-        size: int,
-    ) -> None:  # fmt: skip
+        self, gl: Gl, programs: Programs, gpu: GpuScene, light: Daylight, box: tuple[F64, F64], size: int
+    ) -> None:
         """Draw the two maps of the scene; the sharp one stays empty.
 
         Args:
-            context: Open context.
+            gl: Open context.
             programs: Shader programs.
             gpu: Uploaded scene.
             light: Its light, with a sun.
             box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
             size: Side of each map [px].
         """
-        self._context, self._programs, self._gpu, self._size = context, programs, gpu, size
+        self._gl, self._programs, self._gpu, self._size = gl, programs, gpu, size
+        context = gl.context
         self.texture = context.depth_texture((3 * size, size))
         self.texture.compare_func = ""
         self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -113,7 +114,7 @@ class Shadows:
 
     def _draw(self, number: int, center: F64, half: float) -> None:
         """Draw one map of the square around a place of the sun's view [m]."""
-        size, context, gpu = self._size, self._context, self._gpu
+        size, context, gpu = self._size, self._gl.context, self._gpu
         self.maps[number] = [1 / half, *(-center / half), 1.0 - 2.0 * _FILTER / size]
         clip = np.vstack([self.axes, [0.0, 0.0, 0.0, 1.0]])
         clip[:2] /= half
@@ -127,7 +128,7 @@ class Shadows:
         framebuffer.clear(depth=1.0, viewport=framebuffer.viewport)
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = "<"
-        _draw_depth(context, self._programs, gpu, clip, np.flatnonzero(reached))
+        _draw_depth(self._gl, self._programs, gpu, clip, np.flatnonzero(reached))
 
 
 def depth_groups(gpu: GpuScene, rows: I64) -> list[tuple[tuple[str, ...], int, I64]]:
@@ -146,7 +147,8 @@ def depth_groups(gpu: GpuScene, rows: I64) -> list[tuple[tuple[str, ...], int, I
     return groups + [(("HAS_ALBEDO", "CUT_OUT"), *group) for group in gpu.grouped(rows[cut_out])]
 
 
-def _draw_depth(context: moderngl.Context, programs: Programs, gpu: GpuScene, clip: F64, reached: I64) -> None:
+def _draw_depth(gl: Gl, programs: Programs, gpu: GpuScene, clip: F64, reached: I64) -> None:
+    waiting = 0
     for features, material, rows in depth_groups(gpu, reached):
         program = programs.get("surface.vert", "shadow.frag", features)
         set_uniform(program, "clip_from_relative", np.asarray(clip.T, np.float32).tobytes())
@@ -156,9 +158,9 @@ def _draw_depth(context: moderngl.Context, programs: Programs, gpu: GpuScene, cl
             assert albedo is not None
             albedo.use(_CUT_OUT_UNIT)
             set_uniform(program, "albedo_array", _CUT_OUT_UNIT)
-        commands = context.buffer(gpu.commands[rows].tobytes())
-        vertices = gpu.vertex_array(context, program)
-        vertices.render_indirect(commands, moderngl.TRIANGLES, len(rows))
+        commands = gl.context.buffer(gpu.commands[rows].tobytes())
+        vertices = gpu.vertex_array(gl.context, program)
+        waiting = run_commands(gl.functions.flush, vertices, commands, gpu.triangles(rows), 0, waiting)
         vertices.release()
         commands.release()
 

@@ -4,12 +4,12 @@ It depends on the scene and the whole survey alone, so that every worker and eve
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from groundwork.errors import InputError
 from render.gpu_scene import check_scene
 from render.textures import TextureKey
-from usd_schemas.flat_scene import CameraTrack, FlatScene
+from usd_schemas.flat_scene import CameraTrack, FlatScene, Geometry
 from usd_schemas.pinhole import Pinhole, pinhole_from_lens
 
 
@@ -31,6 +31,11 @@ class SurveyedScene:
     def track(self) -> CameraTrack:
         """Camera and poses of the survey."""
         return self.scene.cameras[self.scene.products[0].camera]
+
+    def without_meshes(self) -> "SurveyedScene":
+        """Return what is left to know once the meshes are uploaded."""
+        empty = {name: rows[:0].copy() for name, rows in vars(self.scene.geometry).items()}
+        return replace(self, scene=replace(self.scene, geometry=Geometry(**empty)))
 
 
 def survey_scene(scene: FlatScene, triangle_budget: int) -> SurveyedScene:

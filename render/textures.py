@@ -4,7 +4,7 @@ Colours are kept as square roots of linear values: the shader squares what it ha
 decoding at a fraction of its cost on a CPU.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -26,6 +26,7 @@ _SMALLEST = 16
 # both directions: 1.4 texels of a square look-up. The next level then still has a texel for all but 1.4 pixels, which
 # is finer than the lens draws.
 _UNSEEN = 2.0
+_OPACITY = 3  # channel
 _ONE, _NONE = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 
@@ -51,6 +52,9 @@ class TextureKey:
     bias: tuple[float, float, float] = _NONE
 
 
+Mates = tuple[TextureKey | None, TextureKey | None]
+
+
 @dataclass(frozen=True)
 class TextureSlot:
     """Where a texture went.
@@ -60,6 +64,7 @@ class TextureSlot:
             the mean was asked for.
         side: Side of the array's layers [px].
         layer: Its layer.
+        channel: Channel of the array that a number is in: 3 where it lies in the unused opacity of a colour.
         mean: Mean linear value of red, green, blue [1]; of a number, three times the same.
         cut_out: Whether any texel is transparent.
     """
@@ -69,13 +74,14 @@ class TextureSlot:
     layer: int
     mean: tuple[float, float, float]
     cut_out: bool
+    channel: int = 0
 
 
 def load_textures(
     gl: Gl, keys: list[TextureKey], averaged: list[TextureKey], largest: int, anisotropy: float,
-    enough: Callable[[TextureKey, int], int] | None = None,
+    enough: Callable[[TextureKey, int], int] | None = None, mates: Sequence[Mates] = (),
 ) -> tuple[dict[TextureKey, TextureSlot], list[str]]:  # fmt: skip
-    """Read texture files into texture arrays with mipmaps, one file in memory at a time, each content once.
+    """Read texture files into texture arrays with mipmaps, one layer in memory at a time, each content once.
 
     Args:
         gl: Open context.
@@ -84,45 +90,42 @@ def load_textures(
         largest: Larger textures are reduced to this side [px].
         anisotropy: Anisotropic filtering [1]; 1 for none.
         enough: Tells the side [px] of the finest level that anybody looks up, of a texture of a given side.
+        mates: Which numbers may lie in the opacity of which colours: a colour and a number that is looked up at the
+            same places; a colour and None where its opacity is looked up; None and a number that is looked up apart.
 
     Returns:
         Slot of each texture that could be read, and one line for each that could not.
     """
     warnings: list[str] = []
-    groups: dict[tuple[int, int], list[TextureKey]] = {}
     slots: dict[TextureKey, TextureSlot] = {}
-    sides: dict[TextureKey, int] = {}
     copies = _copies([*keys, *averaged])
+    sides = _sides(sorted(set(copies.values()), key=astuple), largest, warnings)
+    kept = _kept_sides([key for key in keys if copies[key] in sides], copies, sides, enough)
+    within = _layer_mates(mates, copies, kept)
 
-    def load(key: TextureKey, array: moderngl.TextureArray | None, layer: int) -> None:
+    def load(key: TextureKey, array: moderngl.TextureArray | None, layer: int, channel: int = 0) -> U8 | None:
         try:
             image = _read(key, sides[key])
         except InputError as error:
             warnings.append(f"{error}; drawn without it")
-            return
+            return None
         side = kept[key] if array is not None else sides[key]
         mean, cut_out = _mean(image, key.kind == "color"), image.shape[2] == 4 and bool(image[..., 3].min() < 255)
-        if array is not None:
-            array.write(_halved(image, side), viewport=(0, 0, layer, side, side, 1))
-        slots[key] = TextureSlot(array, side, layer, mean, cut_out)
+        slots[key] = TextureSlot(array, side, layer, mean, cut_out, channel)
+        return _halved(image, side) if array is not None else None
 
-    for key in sorted(set(copies.values()), key=astuple):
-        try:
-            sides[key] = _side(key, largest)
-        except InputError as error:
-            warnings.append(f"{error}; drawn without it")
-    looked_up = {copies[key] for key in keys}
-    kept = _kept_sides([key for key in keys if copies[key] in sides], copies, sides, enough)
-    for key in sides:
-        if key in looked_up:
-            groups.setdefault((kept[key], 1 if key.kind == "number" else 4), []).append(key)
-        else:
-            load(key, None, 0)
-    for (side, channels), members in sorted(groups.items()):
+    for key in [key for key in sides if key not in kept]:
+        load(key, None, 0)
+    for (side, channels), members in sorted(_groups(sides, kept, set(within.values())).items()):
         array = gl.context.texture_array((1, 1, 1), channels)
         gl.functions.make_array(array.glo, side, len(members), channels)
         for layer, key in enumerate(members):
-            load(key, array, layer)
+            image = load(key, array, layer)
+            number = load(within[key], None if image is None else array, layer, _OPACITY) if key in within else None
+            if image is not None and number is not None:
+                image[..., _OPACITY] = number[..., 0]
+            if image is not None:
+                array.write(image, viewport=(0, 0, layer, side, side, 1))
         array.build_mipmaps()
         array.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)  # half the cost of blending two levels
         array.anisotropy = anisotropy
@@ -168,6 +171,47 @@ def _kept_sides(
         need = max(enough(key, side), min(side, _SMALLEST)) if enough is not None else side
         kept[copy] = max(kept.get(copy, 0), need)
     return kept
+
+
+def _sides(keys: list[TextureKey], largest: int, warnings: list[str]) -> dict[TextureKey, int]:
+    """Side of each texture whose file says one [px]; a warning for each of the others."""
+    sides: dict[TextureKey, int] = {}
+    for key in keys:
+        try:
+            sides[key] = _side(key, largest)
+        except InputError as error:
+            warnings.append(f"{error}; drawn without it")
+    return sides
+
+
+def _groups(
+    sides: dict[TextureKey, int], kept: dict[TextureKey, int], guests: set[TextureKey]
+) -> dict[tuple[int, int], list[TextureKey]]:
+    """Sort textures that are looked up, and need a layer of their own, by its side and channels."""
+    groups: dict[tuple[int, int], list[TextureKey]] = {}
+    for key in sides:
+        if key in kept and key not in guests:
+            groups.setdefault((kept[key], 1 if key.kind == "number" else 4), []).append(key)
+    return groups
+
+
+def _layer_mates(
+    mates: Sequence[Mates], copies: dict[TextureKey, TextureKey], kept: dict[TextureKey, int]
+) -> dict[TextureKey, TextureKey]:
+    """Find for each colour the number that its layer has room for: looked up with it, of its size, never without it."""
+    numbers: dict[TextureKey, set[TextureKey | None]] = {}
+    colors: dict[TextureKey, set[TextureKey | None]] = {}
+    for color, number in mates:
+        color, number = copies[color] if color else None, copies[number] if number else None
+        if color is not None:
+            numbers.setdefault(color, set()).add(number)
+        if number is not None:
+            colors.setdefault(number, set()).add(color)
+    sole = {color: number for color, found in numbers.items() for number in found if len(found) == 1}
+    return {
+        color: number for color, number in sole.items()
+        if number is not None and colors[number] == {color} and 0 < kept.get(color, 0) == kept.get(number, 0)
+    }  # fmt: skip
 
 
 def _halved(image: U8, side: int) -> U8:

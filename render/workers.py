@@ -9,6 +9,8 @@ from groundwork.errors import ChildError
 from groundwork.progress import Progress
 
 _MODULE = "render.frames"
+# One heap for all threads: what the driver has freed then serves those that encode, and the other way round.
+_ONE_HEAP = {"MALLOC_ARENA_MAX": "1"}
 
 
 def render_survey(
@@ -40,7 +42,8 @@ def render_survey(
                 pool.submit(
                     run_child, _MODULE, {**request, "share": [number, count]}, time_limit=time_limit,
                     memory_limit=memory_limit, progress=together.listener(number),
-                    environment={"LP_NUM_THREADS": "0"},  # a driver on the CPU else takes every core for each of them
+                    # A driver on the CPU else takes every core for each of them.
+                    environment={**_ONE_HEAP, "LP_NUM_THREADS": "0"},
                 )
                 for number in range(count)
             ]  # fmt: skip
@@ -50,7 +53,9 @@ def render_survey(
                 progress.note(f"{error}; its frames are drawn again")
             elif error is not None:
                 raise error
-    return run_child(_MODULE, request, time_limit=time_limit, memory_limit=memory_limit, progress=progress)
+    return run_child(
+        _MODULE, request, time_limit=time_limit, memory_limit=memory_limit, progress=progress, environment=_ONE_HEAP
+    )
 
 
 class _Together:

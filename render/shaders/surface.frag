@@ -1,4 +1,4 @@
-// Shades a surface. Features (HAS_…, CUT_OUT, MIRROR, VOLUME, SUN, LOCAL_LIGHTS n, NORMALS) are put in front when it is compiled.
+// Shades a surface. Features (HAS_…, CUT_OUT, ROUGHNESS_IN_ALBEDO, MIRROR, VOLUME, SUN, LOCAL_LIGHTS n, NORMALS) are put in front when it is compiled.
 // #include material.glsl
 
 uniform vec3 eye;               // camera centre, counted from the scene's anchor [m]
@@ -108,7 +108,7 @@ float ball_cosine(float cosine, float size) {
 }
 #endif
 
-vec3 shade(vec3 albedo, vec3 face) {
+vec3 shade(vec3 albedo, vec3 face, float roughness) {
     vec3 scene = relative + eye;
     float away = length(relative);
     vec3 view = -relative / away;
@@ -126,7 +126,6 @@ vec3 shade(vec3 albedo, vec3 face) {
 #endif
     vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
 #ifdef SOFT
-    float roughness = base.a;
 #ifdef HAS_ROUGHNESS
     roughness = texture(roughness_array, vec3(roughness_place, roughness_map[0].w), SHARPER).r;
 #endif
@@ -172,9 +171,13 @@ vec3 shade(vec3 albedo, vec3 face) {
 
 void main() {
     vec3 albedo = base.rgb;
+    float roughness = base.a;
 #ifdef HAS_ALBEDO
     vec4 texel = look_up_albedo();
     albedo = texel.rgb;
+#ifdef ROUGHNESS_IN_ALBEDO
+    roughness = texel.a;
+#endif
 #ifdef CUT_OUT
     if (texel.a < options.x) discard;
 #endif
@@ -183,7 +186,7 @@ void main() {
     albedo = min(albedo * detail_factor() * macro_factor(), vec3(0.95));
     vec3 face = normalize(normal + vec3(0.0, 0.0, 1e-12));  // a mesh without area has no normal
     if (gl_FrontFacing == (mirrored != 0u)) face = -face;
-    out_color = vec4(sqrt(clamp(shade(albedo, face) * code_scale, 0.0, 1.0)), 1.0);
+    out_color = vec4(sqrt(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0)), 1.0);
     out_draw = draw + 1u;
     out_depth = 1.0 / gl_FragCoord.w;
 #ifdef NORMALS

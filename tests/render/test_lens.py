@@ -136,7 +136,7 @@ def test_a_corner_lands_where_the_lens_projects_it(
     if distortion.is_identity:
         ids = prepared.painter(camera, sharp=True).draw(pose, 0.05).draw
     else:
-        lens, wide = prepared.lens(camera, distortion)
+        lens, wide = prepared.lens(scene, camera, distortion)
         band = (0, camera.height)
         ids = lens.look([wide.draw_window(pose, lens.window(band), 0.05)], pose[None], (band,), 0.05).draw
     found = distortion.distort(plate_corner(ids, camera, distortion)) * [camera.fx, camera.fy] + [camera.cx, camera.cy]

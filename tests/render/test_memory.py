@@ -2,8 +2,11 @@
 
 import subprocess
 import sys
+import weakref
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,10 +14,15 @@ import pytest
 
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
+from render import image_files
 from render.context import Gl
 from render.daylight import read_daylight
+from render.frames import render_scene
+from render.gpu_scene import run_commands
 from render.illumination import BRIGHTEST
 from render.light_volume import cast_light_volume
+from render.materials import layer_mates, texture_keys
+from render.passes import Painter, View
 from render.preparation_child import cast_volume_apart, survey_scene_apart
 from render.prepare import prepare
 from render.settings import RenderSettings
@@ -22,8 +30,8 @@ from render.surveyed_scene import survey_scene
 from render.texel_need import Sight, survey_sight, texel_needs
 from render.textures import TextureKey, load_textures, sufficient_side
 from tests.conftest import RecordProof
-from tests.render.scenes import CAMERA, SceneBuilder, placed
-from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Texture
+from tests.render.scenes import CAMERA, SceneBuilder, placed, random_scene
+from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Sun, Texture
 from usd_schemas.pinhole import look_at
 from usd_schemas.scene_cache import load_scene
 
@@ -138,6 +146,125 @@ def test_equal_content_is_loaded_once(gl: Gl, tmp_path: Path) -> None:
     assert slots[same[0]] == slots[same[1]]
     assert slots[same[0]].side == 512  # the finer of two needs
     assert len({(id(slot.array), slot.layer) for slot in slots.values()}) == 3
+
+
+def test_roughness_in_a_colours_opacity_looks_the_same(
+    gl: Gl, ideal: RenderSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bit by bit as from a layer of its own; and it counts, for another roughness gives another picture."""
+    grey = str(tmp_path / "grey.png")
+    cv2.imwrite(grey, image_files.decode(Path(sheet(tmp_path / "other.png", 1)))[..., 1] // 3)
+    color = Texture(sheet(tmp_path / "sheet.png"), True)
+    rough = Material("m", base_texture=color, roughness_texture=Texture(grey, False))
+    settings = ideal.model_copy(update={"quality": "fine", "normals": False})
+    pictures, features = [], []
+    for material, apart in ((rough, False), (rough, True), (Material("m", base_texture=color, roughness=0.9), False)):
+        scene = replace(plate_from(20.0, material), sun=Sun((0.1, 0.1, 1.0), (3.0, 3.0, 3.0)))
+        if apart:
+            monkeypatch.setattr("render.prepare.layer_mates", lambda _: [])
+        prepared = prepare(gl, scene, settings, SILENT)
+        pictures.append(prepared.painter(CAMERA, sharp=True).draw(scene.cameras[0].poses[0], 0.1).code)
+        features.append(set(prepared.gpu.variants[0].features) & {"HAS_ROUGHNESS", "ROUGHNESS_IN_ALBEDO"})
+    assert features == [{"ROUGHNESS_IN_ALBEDO"}, {"HAS_ROUGHNESS"}, set()]
+    np.testing.assert_array_equal(pictures[0], pictures[1])
+    assert np.abs(pictures[0].astype(int) - pictures[2]).max() > 1000
+
+
+@pytest.mark.parametrize(
+    ("change", "channel"),
+    [
+        ({}, 3),
+        ({"opacity_threshold": 0.5}, 0),
+        ({"roughness_texture": Texture("grey.png", False, scale=(2.0, 2.0))}, 0),
+        ({"metallic_texture": Texture("grey.png", False)}, 0),
+        ({"detail": Detail("grey.png", (1.0,), (0.1,))}, 0),
+        ({"base_texture": Texture("other.png", True)}, 0),
+        ({"base_texture": None}, 0),
+        ({"roughness_texture": Texture("other.png", False)}, 0),
+    ],
+)
+def test_roughness_shares_a_layer_only_where_one_look_up_finds_both(
+    gl: Gl, tmp_path: Path, change: dict[str, Any], channel: int
+) -> None:
+    """Another material that uses either of the two in another way keeps them apart, and so does another size."""
+    files = {name: sheet(tmp_path / name, seed) for seed, name in enumerate(("sheet.png", "grey.png", "other.png"))}
+
+    def on_disk(value: object) -> object:
+        found = isinstance(value, Texture | Detail) and files.get(value.file)
+        return replace(value, file=found) if found else value  # pyright: ignore[reportArgumentType]
+
+    first = Material("m", base_texture=Texture(files["sheet.png"], True),
+                     roughness_texture=Texture(files["grey.png"], False))  # fmt: skip
+    materials = (first, replace(first, **{name: on_disk(value) for name, value in change.items()}))
+    keys, averaged = texture_keys(materials, "fine")
+    number, color = TextureKey(files["grey.png"], False, "number"), TextureKey(files["sheet.png"], True)
+    for smaller in (False, True):
+        enough = {number: SIDE // 2 if smaller else SIDE}
+        slots, warnings = load_textures(
+            gl, keys, averaged, SIDE, 1.0, lambda key, _, enough=enough: enough.get(key, SIDE), layer_mates(materials)
+        )
+        assert not warnings
+        assert slots[number].channel == (0 if smaller else channel)
+        assert (slots[number].array is slots[color].array) == (slots[number].channel == 3)
+
+
+@pytest.mark.parametrize("quality", ["standard", "fine"])
+def test_no_pixel_depends_on_how_much_waits_for_the_driver(
+    gl: Gl, small: RenderSettings, monkeypatch: pytest.MonkeyPatch, quality: str
+) -> None:
+    """Triangles one by one, some, or all at once; rows of finer samples likewise."""
+    scene = replace(random_scene(5, np.zeros(3)), dome=Dome((1.0, 1.0, 1.0)))
+    settings = small.model_copy(update={"quality": quality})
+    images = []
+    for waiting, resolved in ((30_000, 64), (1, 7), (50, 1000)):
+        monkeypatch.setattr("render.gpu_scene._WAITING", waiting)
+        monkeypatch.setattr("render.passes._RESOLVED", resolved)
+        painter = prepare(gl, scene, settings, SILENT).painter(CAMERA, sharp=True)
+        view = painter.draw(scene.cameras[0].poses[0], 0.1)
+        images.append((view.code, view.draw, view.depth, view.normal))
+    for other in images[1:]:
+        for ours, theirs in zip(images[0], other, strict=True):
+            assert ours is not None
+            assert theirs is not None
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_commands_wait_for_the_driver_until_they_are_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each is run once, in order; the driver begins at every multiple of the limit."""
+    monkeypatch.setattr("render.gpu_scene._WAITING", 10)
+    triangles, log, waiting = np.array([4, 4, 4, 25, 1, 1, 9, 1]), [], 0
+    vertices = SimpleNamespace(render_indirect=lambda _, __, count, *, first: log.append((first, count)))
+    for start, end in ((0, 2), (2, 3), (3, 8)):
+        part = triangles[start:end]
+        waiting = run_commands(lambda: log.append("flush"), vertices, None, part, start, waiting)  # pyright: ignore
+    assert log == [(0, 2), (2, 1), "flush", (3, 1), "flush", (4, 3), "flush", (7, 1)]
+    assert waiting == 49 % 10
+
+
+@pytest.mark.parametrize("encoders", [1, 2])
+def test_no_more_frames_are_held_than_there_are_encoders(
+    small: RenderSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, encoders: int
+) -> None:
+    """One of them is the frame that is being drawn."""
+    held, most = weakref.WeakSet[View](), [0]
+    draw = Painter.draw_bands
+
+    def counted(self: Painter, *arguments: Any) -> View:
+        sharp = self._camera.width == CAMERA.width
+        if sharp:
+            most.append(len(held))
+        view = draw(self, *arguments)
+        if sharp:
+            held.add(view)
+        return view
+
+    monkeypatch.setattr(Painter, "draw_bands", counted)
+    monkeypatch.setattr(View, "__hash__", object.__hash__)
+    monkeypatch.setattr("render.frames._METER_WIDTH", CAMERA.width // 2)
+    scene = random_scene(5, np.zeros(3))
+    render_scene(scene, tmp_path, small.model_copy(update={"quality": "fast", "encoders": encoders}), 1, SILENT)
+    assert len(most) > len(scene.cameras[0].poses) > 1
+    assert max(most) <= encoders - 1
 
 
 def test_a_volume_cast_apart_is_the_same(tmp_path: Path) -> None:

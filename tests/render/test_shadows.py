@@ -193,7 +193,7 @@ def test_the_sharp_map_is_drawn_once_a_square(gl: Gl, small: RenderSettings) -> 
     order = squares.together(list(range(len(poses))))
     assert sorted(order) == list(range(len(poses)))
     assert np.count_nonzero(np.diff(squares.of_pose[order])) == len(squares.centers) - 1
-    shadow = prepared.light.shadow
+    shadow = prepared.lamps.shadow
     assert shadow is not None
     drawn_maps = []
     for row in order:

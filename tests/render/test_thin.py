@@ -73,6 +73,27 @@ def test_it_is_the_planes_that_keep_the_digits(gl: Gl, small: RenderSettings, mo
     assert lost > max(5e-6, 20 * left)
 
 
+def test_facets_near_a_flight_are_all_that_its_cameras_find() -> None:
+    """From each camera, and from where one strays to, the same corners in the same order; from far away, none."""
+    scene, pose = rails()
+    facets, rng = find_facets(scene, np.zeros(3)), np.random.default_rng(3)
+    everything, origins = np.ones(len(scene.draws.part), bool), scene.draws.transform[:, :3, 3]
+    poses = np.repeat(pose[None], 20, axis=0)
+    poses[:, :3, 3] += rng.normal(0.0, 0.8, (20, 3))
+    strayed = poses.copy()
+    strayed[:, :3, 3] += rng.normal(0.0, 0.02, (20, 3))
+    stray = float(np.linalg.norm(strayed - poses, axis=1).max())
+    near = facets.near(poses[:, :3, 3], 1.001 * stray)
+    found = 0
+    for eye in (*poses, *strayed):
+        view = (everything, CAMERA, (0, CAMERA.height), eye, NEAR, origins)
+        expected = facets.seen(*view)
+        np.testing.assert_array_equal(near.seen(*view), expected)
+        found += len(expected)
+    assert found > 100
+    assert not len(facets.near(poses[:, :3, 3] + [0.0, 0.0, 1e5], stray).draw)
+
+
 def test_facets_are_those_that_are_slender_in_the_world() -> None:
     """A unit cube stretched to a rail counts, each of its long sides; the cube, and what has no area, does not."""
     builder = SceneBuilder()
