@@ -23,7 +23,7 @@ from recon.depth_sgm import PosedImage, measure_depth
 from recon.fuse import DepthView, fuse_view
 from recon.neighbours import View, choose_views
 from recon.photos import open_photographs
-from recon.settings import AGREEMENT, DOWNSCALE, DenseSettings, ReconSettings, fewest_views
+from recon.settings import AGREEMENT, DOWNSCALE, DenseSettings, ReconSettings
 from recon.smooth import smooth
 from recon.undistort import WorkingCamera, covered, undistort, working_camera
 from render.capture import Capture, load_image
@@ -220,7 +220,7 @@ def _for_each(work: Callable[[int], Any], count: int, name: str, threads: int, p
 def _why_nothing(views: tuple[View, ...], known: list[float], settings: ReconSettings) -> str:
     if not any(len(view.sources) for view in views):
         return "no two images share enough sparse points under a useful angle"
-    least = fewest_views(settings.filter)
+    least, _ = AGREEMENT[settings.filter]
     share = float(np.mean(known))
     return f"depth is known for {share:.1%} of the pixels, and {least} views agree on none of it"
 

@@ -52,8 +52,7 @@ def fuse_view(
         reference: The view.
         others: The views that it is checked against; their used pixels are marked, and so are its own.
         camera: fx, fy, cx, cy of the working camera [px], shape (4,), float64.
-        min_views: Views that must agree, this one among them; one fewer do, but two at least, where no view that knows
-            a depth there says otherwise, one that is hidden apart.
+        min_views: Views that must agree, this one among them.
         tolerance: Largest difference of depths, as a share of the depth [1].
         min_angle: Smallest of the largest angles between a point's rays [deg].
 
@@ -106,9 +105,8 @@ def _agreeing(
                 continue
             x, y = (j + 0.5 - camera[2]) / camera[0] * z, (i + 0.5 - camera[3]) / camera[1] * z
             views[0], place[0, 0], place[0, 1] = 0, i, j
-            agreeing, through, against = _ask(x, y, z, to_other, depths, camera, tolerance, views, place, mean)
-            needed = min_views if against > 0 else max(min_views - 1, 2)
-            if agreeing < needed or 2 * through >= agreeing:
+            agreeing, through = _ask(x, y, z, to_other, depths, camera, tolerance, views, place, mean)
+            if agreeing < min_views or 2 * through >= agreeing:
                 continue
             x, y, z = mean[0], mean[1], mean[2]
             if _narrowest(to_other, views, agreeing, x, y, z) > max_cosine:
@@ -125,7 +123,7 @@ def _agreeing(
                 if pz > 0.0 and 0.0 <= s < width - _RIM_OFF and 0.0 <= t < height - _RIM_OFF:
                     seen[filled], uv[filled, 0], uv[filled, 1] = k, s, t
                     filled += 1
-            if filled - first < needed:
+            if filled - first < min_views:
                 filled = first
                 continue
             counts[made] = filled - first
@@ -138,15 +136,15 @@ def _agreeing(
 def _ask(
     x: float, y: float, z: float, to_other: F64, depths: F32, camera: F64, tolerance: float, views: I64, place: I64,
     mean: F64,
-) -> tuple[int, int, int]:  # fmt: skip
-    """Ask every view about a point: how many agree, itself among them, how many see through it, how many say otherwise.
+) -> tuple[int, int]:  # fmt: skip
+    """Ask every view about a point: how many agree, itself among them, and how many see through it.
 
     Fills in which views agree, at which row and column, and the mean of what they say, each weighted as it measures.
     """
     _, height, width = depths.shape
     total = 1.0 / (z * z)
     mean[0], mean[1], mean[2] = total * x, total * y, total * z
-    agreeing, through, against = 1, 0, 0
+    agreeing, through = 1, 0
     for k in range(len(to_other)):
         turn = to_other[k]
         s, t, pz = _seen(turn, x, y, z, camera)
@@ -155,11 +153,7 @@ def _ask(
         there = _depth_at(depths[k], s, t)
         if there > pz * (1.0 + _FREE_SPACE):
             through += 1
-        if there <= 0.0:
-            continue
-        if abs(there - pz) > tolerance * pz:
-            if there > pz * (1.0 - _FREE_SPACE):  # else something stands before the point
-                against += 1
+        if there <= 0.0 or abs(there - pz) > tolerance * pz:
             continue
         bx = (s - camera[2]) / camera[0] * there - turn[0, 3]
         by = (t - camera[3]) / camera[1] * there - turn[1, 3]
@@ -172,7 +166,7 @@ def _ask(
         agreeing += 1
     for axis in range(3):
         mean[axis] /= total
-    return agreeing, through, against
+    return agreeing, through
 
 
 @njit(cache=True, nogil=True)

@@ -19,7 +19,7 @@ from recon.observations import Observations
 from recon.photos import open_photographs
 from recon.place import alignment_facts, camera_rows, place, similarity_facts
 from recon.placed_points import PlacedPoints, place_dense, place_sparse
-from recon.settings import ReconSettings, fewest_views
+from recon.settings import AGREEMENT, ReconSettings
 from recon.sparse import run_sparse, write_world_model
 from recon.statistics import describe, verdict_in_words
 from recon.steps import enter_work, leave_work
@@ -57,7 +57,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     figures: dict[str, Any] = {"sparse": sparse.facts}
     if settings.mode == "dense":
         dense, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
-        placed = place_dense(dense, rows, valid, alignment.similarity, fewest_views(settings.filter))
+        placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
         del dense  # as large as what follows
     else:
         placed = place_sparse(

@@ -15,19 +15,7 @@ DOWNSCALE: Mapping[Quality, int] = {"low": 8, "medium": 4, "high": 2, "ultra": 1
 AGREEMENT: Mapping[Filter, tuple[int, float]] = {
     "none": (2, 0.02), "mild": (2, 0.01), "moderate": (3, 0.01), "aggressive": (5, 0.005),
 }  # fmt: skip
-"""Views that must agree on a dense point, and how far their depths may differ, as a share of the depth [1].
-
-One view fewer does, but two at least, where no view says otherwise.
-"""
-
-
-def fewest_views(name: Filter) -> int:
-    """Tell how many views a dense point has at least.
-
-    Args:
-        name: Filter.
-    """
-    return max(AGREEMENT[name][0] - 1, 2)
+"""Views that must agree on a dense point, and how far their depths may differ, as a share of the depth [1]."""
 
 
 class SparseSettings(Settings):
@@ -117,7 +105,7 @@ class ReconSettings(Settings):
     """Side of a depth map's pixel in pixels of the photograph: low 8, medium 4, high 2, ultra 1."""
     filter: Filter = "moderate"
     """Views that must agree on a dense point, and how closely: none 2 within 2 %, mild 2 within 1 %, moderate 3 within
-    1 %, aggressive 5 within 0.5 % of the depth; one fewer, but two at least, where no view says otherwise."""
+    1 %, aggressive 5 within 0.5 % of the depth."""
     sparse: SparseSettings = SparseSettings()
     """Structure from motion."""
     dense: DenseSettings = DenseSettings()

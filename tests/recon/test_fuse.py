@@ -41,7 +41,7 @@ def twin(views: list[DepthView], min_views: int, tolerance: float, min_angle: fl
         if z <= 0.0 or reference.used[i, j]:
             continue
         point = unproject(np.array([[j + 0.5, i + 0.5]]), np.array([z]), CAMERA, reference.pose)[0]
-        parts, weights, agreeing, through, against = [point], [1 / z**2], [reference], 0, 0
+        parts, weights, agreeing, through = [point], [1 / z**2], [reference], 0
         for other in others:
             pixel, depth = project(point[None], CAMERA, other.pose)
             (s, t), expected = pixel[0], float(depth[0])
@@ -52,18 +52,16 @@ def twin(views: list[DepthView], min_views: int, tolerance: float, min_angle: fl
                 parts.append(unproject(pixel, np.array([there]), CAMERA, other.pose)[0])
                 weights.append(1 / there**2)
                 agreeing.append(other)
-            else:
-                through += there > 1.02 * expected
-                against += there > 0.98 * expected
-        needed = min_views if against else max(min_views - 1, 2)
-        if len(agreeing) < needed or 2 * through >= len(agreeing):
+            elif there > 1.02 * expected:
+                through += 1
+        if len(agreeing) < min_views or 2 * through >= len(agreeing):
             continue
         mean = np.average(parts, axis=0, weights=weights)
         rays = [(mean - view.pose[:3, 3]) / np.linalg.norm(mean - view.pose[:3, 3]) for view in agreeing]
         if max(np.degrees(np.arccos(np.clip(a @ b, -1, 1))) for a in rays for b in rays) < min_angle:
             continue
         images = sorted(view.image for view in agreeing if is_inside(mean, view.pose))
-        if len(images) >= needed:
+        if len(images) >= min_views:
             found.append((mean, images))
     return found
 
@@ -85,7 +83,7 @@ def depth_between(depth: NDArray[np.float32], s: float, t: float) -> float:
     return float(depth[int(t), int(s)])
 
 
-@pytest.mark.parametrize("min_views", [2, 3, 4])
+@pytest.mark.parametrize("min_views", [2, 3])
 def test_fusion_has_a_plain_twin(min_views: int) -> None:
     """The compiled loops give the points, and the views of each, that a slow loop in world coordinates gives."""
     views = planes(noise=0.008, seed=min_views)
@@ -135,17 +133,6 @@ def test_what_others_see_through_goes() -> None:
     fused = fuse_view(views[0], views[1:], LENS, 2, 0.01, 1.0)
     assert len(fused.points) > 100
     assert np.abs(fused.points @ PLANE.normal - PLANE.offset).max() < 0.1
-
-
-def test_two_of_three_do_where_nobody_says_otherwise() -> None:
-    """What two views alone know is a point for three where the others know nothing or are hidden, else it is not."""
-    for there, said in ((0.0, True), (0.7, True), (1.015, False), (0.985, False), (1.3, False)):
-        views = planes()[:3]
-        views[2].depth[:] *= there
-        fused = fuse_view(views[0], views[1:], LENS, 3, 0.01, 1.0)
-        assert (len(fused.points) > 1000) == said, there
-        assert set(fused.counts.tolist()) <= {2, 3}
-        assert not len(fuse_view(views[0], views[1:], LENS, 4, 0.01, 1.0).points)
 
 
 def test_a_narrow_angle_makes_no_point() -> None:
