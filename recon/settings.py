@@ -38,7 +38,8 @@ class SparseSettings(Settings):
     global_from: int = Field(default=1000, ge=3, le=1_000_000)
     """From this number of images on, `auto` maps globally."""
     tie_points: int = Field(default=1000, ge=100, le=100_000)
-    """Matched keypoints that the mapper works with of each image, at least; all others become points afterwards."""
+    """Matched keypoints of an image that the mapper works with, about: half as many spread over the picture, and a
+    hundred of each pair; all others become points afterwards."""
     use_gps_in_mapping: bool = False
     """Let the bundle adjustment pull camera centres towards their GPS positions."""
     two_view_tracks: bool = True

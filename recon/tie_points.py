@@ -54,7 +54,7 @@ def choose_tie_points(matches: Matches, limit: int, rng: np.random.Generator) ->
 
     Args:
         matches: Verified matches.
-        limit: Tie points that an image keeps; one that is matched with many others keeps more, for their sake.
+        limit: Tie points of an image, about: half as many come of its cells, and a hundred of each of its pairs.
         rng: Draws lots.
 
     Returns:
@@ -84,7 +84,7 @@ def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
     Args:
         database: Database of verified matches.
         out: Database to create.
-        limit: Tie points that an image keeps; see above.
+        limit: Tie points of an image, about.
         seed: Of the lots.
 
     Returns:
@@ -97,7 +97,7 @@ def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
         pairs = [pycolmap.pair_id_to_image_pair(number) for number in numbers]
         if not pairs:
             return False
-        matches = _gather(source, keypoints, pairs, geometries)
+        matches = _gather(source.read_all_cameras(), images, keypoints, pairs, geometries)
         if len(np.unique(np.concatenate([matches.first, matches.second]))) <= limit * len(images):
             return False
         stays = choose_tie_points(matches, limit, np.random.default_rng(seed))
@@ -125,17 +125,16 @@ def _best(group: I64, place: I64, count: int) -> Bools:
 
 
 def _gather(
-    source: pycolmap.Database, keypoints: Mapping[int, Any], pairs: Sequence[Any], geometries: Sequence[Any]
+    cameras: Sequence[Any], images: Sequence[Any], keypoints: Mapping[int, Any], pairs: Sequence[Any],
+    geometries: Sequence[Any],
 ) -> Matches:  # fmt: skip
-    camera = {item.camera_id: item for item in source.read_all_cameras()}
-    owner = {image.image_id: camera[image.camera_id] for image in source.read_all_images()}
+    size_of = {camera.camera_id: np.array([camera.width, camera.height]) for camera in cameras}
     sizes = [len(points) for points in keypoints.values()]
     begin = dict(zip(keypoints, np.concatenate([[0], np.cumsum(sizes)]).tolist(), strict=False))
     cells = []
-    for number, points in keypoints.items():
-        size = np.array([owner[number].width, owner[number].height])
+    for owner, points in zip(images, keypoints.values(), strict=True):
         place = points[:, :2] if len(points) else np.zeros((0, 2))
-        column, row = np.clip((place / size * _CELLS).astype(np.int64), 0, _CELLS - 1).T
+        column, row = np.clip((place / size_of[owner.camera_id] * _CELLS).astype(np.int64), 0, _CELLS - 1).T
         cells.append(row * _CELLS + column)
     image = np.repeat(np.arange(len(sizes)), sizes)
     sides = [
