@@ -13,7 +13,7 @@ from recon.sparse import Sparse
 from recon.steps import take_step
 from render.capture import Capture
 
-_VERSION = 2  # of what the step writes
+_VERSION = 3  # of what the step writes
 _CHILD = "recon.dense_child"
 _SLACK = 120.0  # [s] beside the time per image
 _BYTES_PER_PIXEL = 12  # on the disk: working image, depth, and the points' share

@@ -21,7 +21,7 @@ from recon.depth_colmap import has_cuda, measure_with_colmap
 from recon.depth_patchmatch import measure_slanted
 from recon.depth_sgm import PosedImage, measure_depth
 from recon.fuse import DepthView, fuse_view
-from recon.neighbours import View, choose_views
+from recon.neighbours import View, choose_sources, choose_views
 from recon.photos import open_photographs
 from recon.settings import AGREEMENT, DOWNSCALE, DenseSettings, ReconSettings
 from recon.smooth import smooth
@@ -114,9 +114,10 @@ class DepthMaps:
         """Tell whether a depth map is there, perhaps from a run that was interrupted."""
         return (self._depths / f"{row:06d}.npy").is_file()
 
-    def pose(self, row: int) -> NDArray[np.float64]:
-        """Return camera_to_world of an image, shape (4, 4), float64."""
-        return self._model.poses[row]
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """Return camera_to_world of every image, shape (I, 4, 4), float64."""
+        return self._model.poses
 
     def put_image(self, row: int, image: NDArray[np.uint8]) -> None:
         """Keep a working image, shape (H, W, 3), uint8."""
@@ -140,7 +141,7 @@ class DepthMaps:
             self._views.move_to_end(row)
             return self._views[row]
         depth, normal = smooth(self.depth(row), intrinsics(self.camera))
-        view = DepthView(row, depth, normal, self.image(row), self._used[row], self.pose(row))
+        view = DepthView(row, depth, normal, self.image(row), self._used[row], self.poses[row])
         self._views[row] = view
         while len(self._views) > self._room:
             self._views.popitem(last=False)
@@ -174,14 +175,15 @@ def _measure_all(
 
     def posed(row: int) -> PosedImage:
         gray = cv2.cvtColor(maps.image(row), cv2.COLOR_RGB2GRAY).astype(np.uint8, copy=False)
-        return PosedImage(gray, maps.pose(row))
+        return PosedImage(gray, maps.poses[row])
 
     def one(row: int) -> float:
         if maps.has(row):
             return float((maps.depth(row) > 0).mean())
         view = views[row]
-        others = [posed(int(source)) for source in view.sources[: settings.dense.sources]]
-        depth = measure(posed(row), others, maps.camera.pinhole, mask, (view.near, view.far), tolerance)
+        pinhole = maps.camera.pinhole
+        others = [posed(source) for source in choose_sources(view, maps.poses, pinhole, settings.dense.sources)]
+        depth = measure(posed(row), others, pinhole, mask, (view.near, view.far), tolerance)
         maps.put_depth(row, depth)
         return float((depth > 0).mean())
 

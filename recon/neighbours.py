@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.colmap_model import SparseModel
+from recon.rectify import rectify
 from recon.settings import DenseSettings
+from usd_schemas.pinhole import Pinhole
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -61,6 +63,31 @@ def choose_views(model: SparseModel, settings: DenseSettings) -> tuple[View, ...
         sources = _spread_out(score[row], model.poses[:, :3, 3], row, settings.fusion_neighbours)
         views.append(View(row, sources, float(near * _NEAR_SLACK), float(far * _FAR_SLACK)))
     return tuple(views)
+
+
+def choose_sources(view: View, poses: F64, camera: Pinhole, wanted: int) -> tuple[int, ...]:
+    """Choose the neighbours that a depth map is matched with.
+
+    A neighbour towards which the camera moved shows only part of the picture beside it, and counts for that part: a
+    view of which every neighbour lies ahead is matched with more of them.
+
+    Args:
+        view: The view and its neighbours.
+        poses: camera_to_world of every image, shape (I, 4, 4), float64.
+        camera: Working camera of all of them.
+        wanted: Whole pictures that make enough.
+
+    Returns:
+        Rows of the images, best first.
+    """
+    chosen: list[int] = []
+    share = 0.0
+    for source in view.sources:
+        pair = rectify(camera, poses[view.row], poses[source], view.near, view.far)
+        if pair is not None and share < wanted:
+            chosen.append(int(source))
+            share += pair.share
+    return tuple(chosen)
 
 
 def covisibility(model: SparseModel, settings: DenseSettings) -> F64:

@@ -1,4 +1,4 @@
-"""Two views turned so that the same point lies on the same row of both: any motion but one towards the scene."""
+"""Two views turned so that the same point lies on the same row of both; of a motion forwards, what lies beside it."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,10 @@ from usd_schemas.pinhole import Pinhole
 
 F64 = NDArray[np.float64]
 
-_MIN_EPIPOLE = 12.0  # [deg] rays closer than this to the baseline measure no depth
+_MIN_ANGLE = 12.0  # [deg] of the views' mean axis to the baseline
+_MIN_SHARE = 0.35  # of an image: below it, a pair is not worth its while
 _MAX_TURN = 60.0  # [deg] a ray farther off the rectified axis than this is stretched too much to be compared
+_GRID = 33  # rays a side that stand for an image
 _MAX_PARALLAX = 0.7  # disparity over focal length: what two views see under more than 35 degrees looks different
 
 
@@ -31,6 +33,7 @@ class RectifiedPair:
         baseline: Distance of the camera centres [model units].
         disparities: Number of disparities to search, from 0, a multiple of 16.
         infinity: Disparity of infinity, negated [px].
+        share: Share of the reference's picture, or of the source's where that is less, on the common plane [1].
     """
 
     size: tuple[int, int]
@@ -42,13 +45,15 @@ class RectifiedPair:
     baseline: float
     disparities: int
     infinity: float
+    share: float
 
 
 def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: float) -> RectifiedPair | None:
     """Find the common image plane of two views.
 
     The rows run along the baseline, from the reference to the source, whichever way that is: a source above gives
-    upright rows, one on the left turns both images upside down.
+    upright rows, one on the left turns both images upside down. Rays within 30 degrees of the baseline have no place on
+    the plane: where the camera moves partly forwards, the part of the image ahead of it is left out.
 
     Source: Fusiello, Trucco, Verri, A compact algorithm for rectification of stereo pairs (2000).
 
@@ -60,8 +65,8 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
         far: Largest depth of the reference that matters.
 
     Returns:
-        The pair, or None where it cannot be rectified: the epipole of either view lies in its image or near it, the
-        two look different ways, or the disparity of the whole scene is below a pixel.
+        The pair, or None where it cannot be rectified: too little of either image has a place on the plane, the two
+        look different ways, or the disparity of the whole scene is below a pixel.
     """
     offset = source[:3, 3] - reference[:3, 3]
     baseline = float(np.linalg.norm(offset))
@@ -70,21 +75,22 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
     across = offset / baseline
     forward = reference[:3, 2] / 2 + source[:3, 2] / 2
     forward = forward - (forward @ across) * across
-    if np.linalg.norm(forward) < np.sin(np.radians(_MIN_EPIPOLE)) or reference[:3, 2] @ source[:3, 2] <= 0.0:
+    if np.linalg.norm(forward) < np.sin(np.radians(_MIN_ANGLE)) or reference[:3, 2] @ source[:3, 2] <= 0.0:
         return None
     forward /= np.linalg.norm(forward)
     common = np.stack([across, np.cross(forward, across), forward])
     left, right = common @ reference[:3, :3], common @ source[:3, :3]
-    rays = _rim(camera)
-    if min(_epipole_angle(rays @ turn.T) for turn in (left, right)) < _MIN_EPIPOLE:
+    rays = _rays(camera)
+    held = [_on_plane(rays @ turn.T) for turn in (left, right)]
+    share = min(float(mask.mean()) for mask in held)
+    if share < _MIN_SHARE:
         return None
     focal = (camera.fx + camera.fy) / 2
-    slope = _slopes(rays @ left.T)
-    if slope is None:
-        return None
-    low, high = slope * focal
+    seen = (rays @ left.T)[held[0]]
+    slopes = seen[:, :2] / seen[:, 2:]
+    low, high = slopes.min(axis=0) * focal, slopes.max(axis=0) * focal
     # Depth along the common axis differs from the reference's own by the turn of the axis: take the widest range.
-    turned = (rays @ left.T)[:, 2]
+    turned = seen[:, 2]
     nearest, farthest = near * max(float(turned.min()), 0.2), far * float(turned.max())
     width, height = int(np.ceil(high[0] - low[0])), int(np.ceil(high[1] - low[1]))
     reach = focal * baseline
@@ -96,7 +102,7 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
     left_center = (disparities - float(low[0]), -float(low[1]))
     right_center = (left_center[0] + infinity, left_center[1])
     size = (width + disparities, height)
-    return RectifiedPair(size, focal, left_center, right_center, left, right, baseline, disparities, infinity)
+    return RectifiedPair(size, focal, left_center, right_center, left, right, baseline, disparities, infinity, share)
 
 
 def source_maps(pair: RectifiedPair, camera: Pinhole, right: bool) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -122,35 +128,16 @@ def source_maps(pair: RectifiedPair, camera: Pinhole, right: bool) -> tuple[NDAr
     return np.nan_to_num(across, nan=outside).astype(np.float32), np.nan_to_num(down, nan=outside).astype(np.float32)
 
 
-def _rim(camera: Pinhole) -> F64:
-    """Rays through the image's rim, shape (N, 3), with a third component of 1."""
-    column, row = np.linspace(0, camera.width, 33), np.linspace(0, camera.height, 33)
-    rim = np.concatenate([
-        np.column_stack([column, np.zeros(33)]), np.column_stack([column, np.full(33, camera.height)]),
-        np.column_stack([np.zeros(33), row]), np.column_stack([np.full(33, camera.width), row]),
-    ])  # fmt: skip
-    return np.column_stack([(rim - [camera.cx, camera.cy]) / [camera.fx, camera.fy], np.ones(len(rim))])
+def _rays(camera: Pinhole) -> F64:
+    """Rays through a grid over the image, its rim included, shape (N, 3), with a third component of 1."""
+    column, row = np.meshgrid(np.linspace(0, camera.width, _GRID), np.linspace(0, camera.height, _GRID))
+    return np.stack([(column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy, np.ones_like(row)], -1).reshape(
+        -1, 3
+    )
 
 
-def _epipole_angle(rays: F64) -> float:
-    """Measure the smallest angle between the image's rays and the baseline [deg]; 0 with the epipole inside.
-
-    The rim of the image goes round the epipole exactly when the directions about the baseline take every angle.
-    """
-    about = np.sort(np.arctan2(rays[:, 1], rays[:, 2]))
-    widest_gap = np.max(np.diff(np.concatenate([about, about[:1] + 2 * np.pi])))
-    if widest_gap < np.pi * 0.9:
-        return 0.0
-    cosine = np.abs(rays[:, 0]) / np.linalg.norm(rays, axis=1)
-    return float(np.degrees(np.arccos(np.clip(cosine.max(), -1.0, 1.0))))
-
-
-def _slopes(rays: F64) -> F64 | None:
-    """Bound the slopes x/z and y/z of the image's rays, cut off where they are turned too far, shape (2, 2)."""
-    limit = np.tan(np.radians(_MAX_TURN))
-    front = rays[rays[:, 2] > 1e-3]
-    if len(front) < 3:
-        return None
-    slopes = front[:, :2] / front[:, 2:]
-    low, high = np.maximum(slopes.min(axis=0), -limit), np.minimum(slopes.max(axis=0), limit)
-    return np.stack([low, high]) if (high - low > 0.05).all() else None
+def _on_plane(rays: F64) -> NDArray[np.bool_]:
+    """Tell which rays of the common axes lie before the plane and are not turned too far away from its axis."""
+    return np.asarray(
+        (rays[:, 2] > 0.0) & (np.abs(rays[:, :2]).max(axis=1) <= np.tan(np.radians(_MAX_TURN)) * rays[:, 2])
+    )

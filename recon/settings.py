@@ -64,7 +64,7 @@ class DenseSettings(Settings):
     method: Literal["auto", "sgm", "patchmatch", "colmap"] = "auto"
     """How depth is measured; auto: COLMAP's PatchMatch where it has CUDA, else semi-global matching."""
     sources: int = Field(default=4, ge=1, le=16)
-    """Images that each depth map is matched with."""
+    """Images that each depth map is matched with; one partly ahead counts for the part that can be compared."""
     fusion_neighbours: int = Field(default=10, ge=2, le=32)
     """Images whose depth maps each depth map is checked against."""
     min_angle: float = Field(default=2.5, ge=0.1, le=30.0)

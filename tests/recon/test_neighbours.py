@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from recon.colmap_model import SparseModel
-from recon.neighbours import angle_weight, choose_views, covisibility
+from recon.neighbours import View, angle_weight, choose_sources, choose_views, covisibility
 from recon.settings import DenseSettings
-from usd_schemas.pinhole import look_at
+from usd_schemas.pinhole import Pinhole, look_at
 
 F64 = NDArray[np.float64]
 SETTINGS = DenseSettings()
@@ -89,3 +89,16 @@ def test_a_lonely_image_has_no_sources(cloud: F64) -> None:
     seen = np.ones((3, 200), bool)
     seen[2] = False
     assert len(choose_views(model_of(on_circle(0, 8, 16), cloud, seen), SETTINGS)[2].sources) == 0
+
+
+def test_sources_ahead_count_for_the_part_that_they_show() -> None:
+    """Two views across make two pictures; of views half ahead it takes more, and one straight ahead is no use."""
+    camera = Pinhole(160, 120, 130.0, 132.0, 80.0, 60.0)
+    eyes = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.7, 0.9, 0.1], [-0.7, 0.9, 0.0], [0.8, 0.0, 0.0],
+                     [-0.8, 0.0, 0.0], [0.0, 0.0, 0.7]])  # fmt: skip
+    poses = np.stack([look_at(eye, np.array([0.0, 6.0, 0.0])) for eye in eyes])
+    across = View(0, np.array([4, 5, 6]), 4.0, 9.0)
+    assert choose_sources(across, poses, camera, 2) == (4, 5)
+    ahead = View(0, np.array([1, 2, 3, 4, 5, 6]), 4.0, 9.0)
+    assert choose_sources(ahead, poses, camera, 2) == (2, 3, 4)
+    assert choose_sources(View(0, np.array([1]), 4.0, 9.0), poses, camera, 2) == ()

@@ -1,4 +1,4 @@
-"""Rectification of any motion: equal rows, depth from disparity, and pairs that cannot be rectified."""
+"""Rectification of any motion: equal rows, depth from disparity, parts of pairs, and pairs that cannot be rectified."""
 
 import numpy as np
 import pytest
@@ -57,6 +57,45 @@ def test_rows_agree_and_disparity_is_depth(name: str) -> None:
         # Where the map is nearly linear, its value between pixel centres is the mean of those around.
         np.testing.assert_allclose(_between(columns, places[right][inside]), seen[inside, 0] - 0.5, atol=0.02)
         np.testing.assert_allclose(_between(rows, places[right][inside]), seen[inside, 1] - 0.5, atol=0.02)
+
+
+@pytest.mark.parametrize("motion", [(0.7, 0.9, 0.1), (-0.2, 0.8, -0.6), (0.9, -1.2, 0.0)])
+def test_of_a_motion_forwards_the_part_beside_it_is_kept(motion: tuple[float, float, float]) -> None:
+    """Half of the picture and more has equal rows and its depth; no ray within 30 degrees of the motion does."""
+    reference, source = pose_at((0.0, 0.0, 0.0), 0.3), pose_at(motion, -0.2)
+    pair = rectify(CAMERA, reference, source, 4.0, 9.0)
+    assert pair is not None
+    assert 0.35 <= pair.share < 0.9
+    rng = np.random.default_rng(4)
+    pixels = rng.uniform(0, [CAMERA.width, CAMERA.height], (20_000, 2))
+    depth = rng.uniform(4.5, 8.5, len(pixels))
+    rays = np.column_stack([(pixels - [CAMERA.cx, CAMERA.cy]) / [CAMERA.fx, CAMERA.fy], np.ones(len(pixels))])
+    world = (rays * depth[:, None]) @ reference[:3, :3].T + reference[:3, 3]
+    places, fronts = [], []
+    for pose, turn, center in (
+        (reference, pair.left, pair.left_center), (source, pair.right, pair.right_center)
+    ):  # fmt: skip
+        local = (world - pose[:3, 3]) @ pose[:3, :3] @ turn.T
+        places.append(local[:, :2] / local[:, 2:] * pair.focal + center)
+        fronts.append(local[:, 2])
+    held = (fronts[0] > 0) & ((places[0] >= [pair.disparities, 0.0]) & (places[0] <= pair.size)).all(axis=1)
+    assert pair.share - 0.05 < held.mean()
+    np.testing.assert_allclose(places[0][held, 1], places[1][held, 1], atol=1e-9)
+    disparity = places[0][held, 0] - places[1][held, 0]
+    np.testing.assert_allclose(pair.focal * pair.baseline / (disparity + pair.infinity), fronts[0][held], rtol=1e-9)
+    assert disparity.min() >= 0.0
+    assert disparity.max() < pair.disparities
+    ahead = (source[:3, 3] - reference[:3, 3]) / np.linalg.norm(source[:3, 3] - reference[:3, 3])
+    along = world[held] - reference[:3, 3]
+    cosine = np.abs(along @ ahead) / np.linalg.norm(along, axis=1)
+    assert cosine.max() < np.cos(np.radians(29.0))
+
+
+def test_what_lies_beside_is_whole() -> None:
+    """Of a motion across the view, nothing is left out."""
+    pair = rectify(CAMERA, pose_at((0.0, 0.0, 0.0)), pose_at((0.8, 0.0, 0.0)), 4.0, 9.0)
+    assert pair is not None
+    assert pair.share == 1.0
 
 
 def _between(image: NDArray[np.float32], places: F64) -> F64:
