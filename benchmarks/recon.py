@@ -1,12 +1,12 @@
 """Compare ways to structure from motion on the same photographs, and write `docs/benchmarks/recon.md`.
 
-Usage: python -m benchmarks.recon [CAPTURE] [--images 60 200 400] [--without NAME …] [--openmvg PYTHON] [--work DIR]
+Usage: python -m benchmarks.recon [CAPTURE] [--images 60 200 400] [--ways NAME …] [--openmvg PYTHON] [--work DIR]
 
 CAPTURE is a capture with truth; without it, the flight of the first scene of `scenarios/paper-global.toml` is rendered
-with as many images as the largest count. Each count takes the first images of the flight. Each way runs in children,
-whose processor time is taken, all threads together. `--without` leaves ways out at the largest count, where every pair
-takes hours. PYTHON is an interpreter that has openmvg-rs. Rows that are finished stay in DIR: the same command goes on
-after an interruption, and another count or way adds its rows to them.
+with 400 images. Each count takes the first images of the flight. Each way runs in children, whose processor time is
+taken, all threads together. PYTHON is an interpreter that has openmvg-rs. Every pair of 400 images takes hours, so
+finished rows stay in a folder beside the page, for this flight and this kind of processor: the same command goes on
+after an interruption, and another count or way, on another day, adds its rows.
 """
 
 import argparse
@@ -37,6 +37,7 @@ from render.capture import CAMERAS, Capture, Truth, read_capture, read_truth
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "benchmarks" / "recon.md"
 SCENARIO = ROOT / "scenarios" / "paper-global.toml"
+FLIGHT = 400  # images of the flight that is rendered where no capture is named
 _FAILED = "failed"  # in the place of a number of pairs
 _VERSION = 1  # raised when rows of an earlier version of this benchmark no longer compare
 
@@ -45,20 +46,20 @@ def main() -> None:
     """Measure every way at every count, and write the page after each."""
     asked = _arguments()
     ways = WAYS | ({"openmvg": with_openmvg(asked.openmvg)} if asked.openmvg else {})
-    source = asked.capture or _rendered(asked.work / "rendered", max(asked.images))
+    source = asked.capture or _rendered(asked.work / "rendered", FLIGHT)
     capture = read_capture(source)
     truth = read_truth(capture)
     if truth is None:
         sys.exit(f"{source}: the capture has no truth to compare with")
     if len(capture.images) < max(asked.images):
         sys.exit(f"{source}: {len(capture.images)} images, {max(asked.images)} wanted. Lower --images")
-    work = asked.work / digest([file_digest(source / CAMERAS), file_digest(source / "truth" / "poses.json")])[:12]
+    flight = digest([file_digest(source / CAMERAS), file_digest(source / "truth" / "poses.json")])[:12]
+    work = asked.work / flight
     words = f"The first photographs, {capture.size[0]} x {capture.size[1]} px, of one flight."
-    rows = _Rows(work / "rows", asked.page, words)
+    rows = _Rows(asked.page.with_suffix("") / flight, asked.page, words)
     for count in sorted(set(asked.images)):
-        left_out = asked.without if count == max(asked.images) else []
         for name, run in ways.items():
-            if name not in left_out and not rows.has(name, count):
+            if name in asked.ways and not rows.has(name, count):
                 rows.add(_measured(name, run, _first(source, count, work / f"images{count}"), truth, work))
         shutil.rmtree(work / f"steps{count}", ignore_errors=True)
     rows.write_page()
@@ -68,8 +69,8 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("capture", nargs="?", type=Path)
     parser.add_argument("--images", nargs="+", type=int, default=[60], metavar="N")
-    parser.add_argument("--without", nargs="+", default=[], choices=list(TITLES), metavar="NAME",
-                        help=f"ways to leave out at the largest count: {', '.join(TITLES)}")  # fmt: skip
+    parser.add_argument("--ways", nargs="+", default=list(TITLES), choices=list(TITLES), metavar="NAME",
+                        help=f"ways to go: {', '.join(TITLES)}; all of them by default")  # fmt: skip
     parser.add_argument("--openmvg", type=Path, metavar="PYTHON")
     parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "falsework-bench-recon")
     parser.add_argument("--page", type=Path, default=PAGE)
