@@ -39,7 +39,7 @@ def run_dense(
         OutOfSpaceError: The disk is full; finished depth maps stay.
     """
     dense = settings.dense
-    limits = {"threads", "seconds_per_image", "memory_limit"}
+    limits = {"threads", "seconds_per_image", "memory_limit", "memory_per_megapixel"}
     recipe = [_VERSION, sparse.recipe, settings.quality, settings.filter, dense.model_dump(exclude=limits)]
 
     def make(folder: Path) -> Any:
@@ -53,7 +53,7 @@ def run_dense(
                 _CHILD,
                 request,
                 time_limit=_SLACK + dense.seconds_per_image * len(capture.images),
-                memory_limit=dense.memory_limit,
+                memory_limit=dense.memory_limit + dense.memory_per_megapixel * dense.threads * width * height / 1e6,
                 progress=progress,
                 environment={"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
             )

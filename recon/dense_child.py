@@ -182,7 +182,11 @@ def _measure_all(
             return float((maps.depth(row) > 0).mean())
         view = views[row]
         pinhole = maps.camera.pinhole
-        others = [posed(source) for source in choose_sources(view, maps.poses, pinhole, settings.dense.sources)]
+        if method == "patchmatch":  # compares whole pictures, whichever way the camera moved
+            sources = tuple(view.sources[: settings.dense.sources].tolist())
+        else:
+            sources = choose_sources(view, maps.poses, pinhole, settings.dense.sources)
+        others = [posed(source) for source in sources]
         depth = measure(posed(row), others, pinhole, mask, (view.near, view.far), tolerance)
         maps.put_depth(row, depth)
         return float((depth > 0).mean())

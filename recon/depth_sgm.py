@@ -198,8 +198,8 @@ def _between(disparity: NDArray[np.int16], u: float, v: float, rows: int, column
 def agree(depths: F32, weights: F64, tolerance: float, least: int) -> F32:
     """Keep the depth that most sources agree on, as the weighted mean of those that do.
 
-    A depth that one source alone knows stays, for fusion to judge: at the ends of a flight no second source sees it.
-    What sources disagree on goes.
+    A depth that one source alone knows stays, for fusion to judge: at the ends of a flight, and where the camera moves
+    forwards, no second source sees it. What sources disagree on goes.
 
     Args:
         depths: Depths by each source, 0 where unknown [model units], shape (S, H, W), float32.

@@ -1,4 +1,4 @@
-"""Which images help to measure the depth of which, and between what depths: read off the sparse points."""
+"""Which images help to measure the depth of which, and between what depths: read off sparse points and poses."""
 
 from dataclasses import dataclass
 
@@ -68,23 +68,25 @@ def choose_views(model: SparseModel, settings: DenseSettings) -> tuple[View, ...
 def choose_sources(view: View, poses: F64, camera: Pinhole, wanted: int) -> tuple[int, ...]:
     """Choose the neighbours that a depth map is matched with.
 
-    A neighbour towards which the camera moved shows only part of the picture beside it, and counts for that part: a
-    view of which every neighbour lies ahead is matched with more of them.
+    Of a pair that moved partly forwards or backwards only what lies beside its way can be compared. It counts for that
+    share, so that a view of which every neighbour lies ahead is matched with more of them.
 
     Args:
         view: The view and its neighbours.
         poses: camera_to_world of every image, shape (I, 4, 4), float64.
         camera: Working camera of all of them.
-        wanted: Whole pictures that make enough.
+        wanted: Sum of the shares that is enough; at most twice as many images are taken.
 
     Returns:
-        Rows of the images, best first.
+        Rows of the images, best first; fewer where there are no more neighbours.
     """
     chosen: list[int] = []
     share = 0.0
     for source in view.sources:
+        if share >= wanted or len(chosen) >= 2 * wanted:
+            break
         pair = rectify(camera, poses[view.row], poses[source], view.near, view.far)
-        if pair is not None and share < wanted:
+        if pair is not None:
             chosen.append(int(source))
             share += pair.share
     return tuple(chosen)

@@ -9,11 +9,14 @@ from usd_schemas.pinhole import Pinhole
 
 F64 = NDArray[np.float64]
 
-_MIN_ANGLE = 12.0  # [deg] of the views' mean axis to the baseline
-_MIN_SHARE = 0.35  # of an image: below it, a pair is not worth its while
+_MIN_ANGLE = 12.0  # [deg] of the views' mean axis to the baseline: nearer to it, no plane faces both
+_MIN_SHARE = 0.35  # of an image: a motion within about 15 degrees of the axis leaves less, and hardly any parallax
 _MAX_TURN = 60.0  # [deg] a ray farther off the rectified axis than this is stretched too much to be compared
 _GRID = 33  # rays a side that stand for an image
-_MAX_PARALLAX = 0.7  # disparity over focal length: what two views see under more than 35 degrees looks different
+_MAX_PARALLAX = (
+    0.7  # disparity over focal length: 35 degrees on the plane's axis, where the two look different; less aside
+)
+_MOST_DISPARITIES = 2032  # OpenCV's sixteenths of a pixel are 16-bit numbers
 
 
 @dataclass(frozen=True)
@@ -52,8 +55,9 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
     """Find the common image plane of two views.
 
     The rows run along the baseline, from the reference to the source, whichever way that is: a source above gives
-    upright rows, one on the left turns both images upside down. Rays within 30 degrees of the baseline have no place on
-    the plane: where the camera moves partly forwards, the part of the image ahead of it is left out.
+    upright rows, one on the left turns both images upside down. What is turned away from the plane's axis by more than
+    60 degrees, along the rows or across them, has no place on the plane: where the camera moves partly forwards or
+    backwards, the part of the image that lies along its way is left out.
 
     Source: Fusiello, Trucco, Verri, A compact algorithm for rectification of stereo pairs (2000).
 
@@ -91,13 +95,13 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
     low, high = slopes.min(axis=0) * focal, slopes.max(axis=0) * focal
     # Depth along the common axis differs from the reference's own by the turn of the axis: take the widest range.
     turned = seen[:, 2]
-    nearest, farthest = near * max(float(turned.min()), 0.2), far * float(turned.max())
+    nearest, farthest = near * float(turned.min()), far * float(turned.max())
     width, height = int(np.ceil(high[0] - low[0])), int(np.ceil(high[1] - low[1]))
     reach = focal * baseline
     span = min(reach / nearest - reach / farthest, _MAX_PARALLAX * focal)
     if span < 1.0:
         return None
-    disparities = 16 * int(np.ceil((span + 1.0) / 16))
+    disparities = min(16 * int(np.ceil((span + 1.0) / 16)), _MOST_DISPARITIES)
     infinity = reach / farthest
     left_center = (disparities - float(low[0]), -float(low[1]))
     right_center = (left_center[0] + infinity, left_center[1])

@@ -64,7 +64,8 @@ class DenseSettings(Settings):
     method: Literal["auto", "sgm", "patchmatch", "colmap"] = "auto"
     """How depth is measured; auto: COLMAP's PatchMatch where it has CUDA, else semi-global matching."""
     sources: int = Field(default=4, ge=1, le=16)
-    """Images that each depth map is matched with; one partly ahead counts for the part that can be compared."""
+    """Images that each depth map is matched with, out of its `fusion_neighbours`; one that lies partly ahead counts for
+    the part of it that can be compared."""
     fusion_neighbours: int = Field(default=10, ge=2, le=32)
     """Images whose depth maps each depth map is checked against."""
     min_angle: float = Field(default=2.5, ge=0.1, le=30.0)
@@ -75,10 +76,13 @@ class DenseSettings(Settings):
     """Largest angle between the rays of a fused point below which it is dropped [deg]."""
     threads: int = Field(default=2, ge=1, le=256)
     """Depth maps measured, and truth images compared, at once; any number gives the same bytes."""
-    seconds_per_image: float = Field(default=60.0, ge=1.0, le=7200.0)
-    """Wall time that the dense step may take per image, on top of two minutes [s]."""
+    seconds_per_image: float = Field(default=600.0, ge=1.0, le=7200.0)
+    """Wall time that the dense step may take per image, on top of two minutes [s]; a photograph of 12 megapixels in
+    `high` takes a minute or two on two cores."""
     memory_limit: float = Field(default=2.0, ge=0.5, le=1024.0)
-    """Resident memory that the dense step may use [GB]."""
+    """Resident memory that the dense step may use, however small the depth maps are [GB]."""
+    memory_per_megapixel: float = Field(default=0.7, ge=0.0, le=100.0)
+    """Resident memory that it may use per thread and megapixel of a depth map, on top of that [GB]."""
 
 
 class AlignmentSettings(Settings):

@@ -2,12 +2,14 @@
 
 import resource
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from groundwork.canonical import folder_digest
 from groundwork.errors import OutOfSpaceError, RejectedSceneError
@@ -18,6 +20,7 @@ from recon.colmap_model import read_model
 from recon.completeness import count_cameras, measure_completeness, visible_surface
 from recon.dense import run_dense
 from recon.dense_points import read_points
+from recon.depth_sgm import PosedImage
 from recon.reconstruct import reconstruct
 from recon.settings import DenseSettings, ReconSettings
 from recon.sparse import Sparse
@@ -144,6 +147,31 @@ def test_an_interrupted_step_goes_on(
         results.append(folder_digest(folder / "points"))
     assert results[0] == results[1]
     assert len(read_points(tmp_path / "interrupted").points) > 100
+
+
+def test_patchmatch_compares_views_ahead_too(
+    bare: Path, sparse: Sparse, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It needs no rectified pair: where semi-global matching has no source at all, it has its three."""
+    counts = []
+
+    def count(reference: PosedImage, others: Sequence[PosedImage], *_rest: object) -> NDArray[np.float32]:
+        counts.append(len(others))
+        return np.zeros(reference.gray.shape, np.float32)
+
+    monkeypatch.setattr("recon.neighbours.rectify", lambda *_pair: None)
+    monkeypatch.setattr(dense_child, "measure_slanted", count)
+    monkeypatch.setattr(dense_child, "measure_depth", count)
+    for method, expected in (("patchmatch", 3), ("sgm", 0)):
+        settings = SETTINGS.model_dump() | {"quality": "low", "dense": {"method": method, "sources": 3}}
+        folder = tmp_path / method
+        folder.mkdir()
+        counts.clear()
+        with pytest.raises(RejectedSceneError):
+            dense_child.serve(
+                {"capture": str(bare), "model": str(sparse.folder), "out": str(folder), "settings": settings}, SILENT
+            )  # fmt: skip
+        assert max(counts) == expected
 
 
 def test_a_disk_that_fills_up_is_out_of_space(bare: Path, sparse: Sparse, tmp_path: Path) -> None:

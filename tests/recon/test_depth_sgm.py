@@ -54,6 +54,18 @@ def test_a_slanted_plane_has_its_depth(views: list[PosedImage]) -> None:
     assert max(biases) > 1.5 * limit
 
 
+def test_beside_a_motion_forwards_depth_is_measured() -> None:
+    """The way ahead shows no parallax, but most of the rest of the picture has its depth."""
+    poses = [look_at(np.array(eye), np.array([eye[0], 9.0, 0.0])) for eye in ((0.0, 0.0, 0.0), (0.4, 0.5, 0.0))]
+    plane = WavyPlane(np.array([0.0, -1.0, 0.0]), -4.0)
+    pictures = [PosedImage(plane.gray(CAMERA, pose), pose) for pose in poses]
+    depth, true = measured(pictures), plane.depth(CAMERA, poses[0])
+    known = depth > 0
+    assert known[20:-20, 40:80].mean() > 0.9
+    assert not known[:, -40:].any()
+    assert np.median(np.abs(depth[known] / true[known] - 1.0)) < 0.003
+
+
 def test_exact_disparities_are_exact_depths(views: list[PosedImage]) -> None:
     """Disparities of the plane in closed form come back as its depth, up to their sixteenths of a pixel."""
     reference, source = views[0].pose, views[3].pose  # one above the other: the rows run upright

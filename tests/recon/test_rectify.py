@@ -66,6 +66,7 @@ def test_of_a_motion_forwards_the_part_beside_it_is_kept(motion: tuple[float, fl
     pair = rectify(CAMERA, reference, source, 4.0, 9.0)
     assert pair is not None
     assert 0.35 <= pair.share < 0.9
+    assert pair.share == pytest.approx(min(plain_share(pair.left), plain_share(pair.right)), abs=0.02)
     rng = np.random.default_rng(4)
     pixels = rng.uniform(0, [CAMERA.width, CAMERA.height], (20_000, 2))
     depth = rng.uniform(4.5, 8.5, len(pixels))
@@ -89,6 +90,32 @@ def test_of_a_motion_forwards_the_part_beside_it_is_kept(motion: tuple[float, fl
     along = world[held] - reference[:3, 3]
     cosine = np.abs(along @ ahead) / np.linalg.norm(along, axis=1)
     assert cosine.max() < np.cos(np.radians(29.0))
+    for right, pose in ((False, reference), (True, source)):
+        seen, _ = project(world[held], CAMERA, pose)
+        columns, rows = source_maps(pair, CAMERA, right)
+        where = places[right][held]
+        inside = ((where > 1.0) & (where < np.array(pair.size) - 1.0)).all(axis=1)
+        assert inside.mean() > 0.6
+        np.testing.assert_allclose(_between(columns, where[inside]), seen[inside, 0] - 0.5, atol=0.02)
+        np.testing.assert_allclose(_between(rows, where[inside]), seen[inside, 1] - 0.5, atol=0.02)
+
+
+def plain_share(turn: F64) -> float:
+    """Count the pixels of an image whose rays are at most 60 degrees off the plane's axis, along it and across."""
+    held = 0
+    for i, j in np.ndindex(CAMERA.height, CAMERA.width):
+        x, y, z = turn @ [(j + 0.5 - CAMERA.cx) / CAMERA.fx, (i + 0.5 - CAMERA.cy) / CAMERA.fy, 1.0]
+        held += z > 0 and abs(np.arctan2(x, z)) <= np.pi / 3 and abs(np.arctan2(y, z)) <= np.pi / 3
+    return held / (CAMERA.height * CAMERA.width)
+
+
+def test_more_disparities_than_opencv_counts_are_cut_off() -> None:
+    """A sixteenth of a pixel must fit into 16 bits with its sign: what is nearer is not measured, the rest is."""
+    large = Pinhole(16, 12, 13_000.0, 13_200.0, 8.0, 6.0)
+    pair = rectify(large, pose_at((0.0, 0.0, 0.0)), pose_at((0.8, 0.0, 0.0)), 1.0, 9.0)
+    assert pair is not None
+    assert pair.disparities * 16 < 2**15
+    assert pair.disparities % 16 == 0
 
 
 def test_what_lies_beside_is_whole() -> None:
