@@ -78,7 +78,7 @@ class DenseSettings(Settings):
     """Depth maps measured, and truth images compared, at once; any number gives the same bytes."""
     seconds_per_image: float = Field(default=600.0, ge=1.0, le=7200.0)
     """Wall time that the dense step may take per image, on top of two minutes [s]; a photograph of 12 megapixels in
-    `high` takes a minute or two on two cores."""
+    `high` takes one to four minutes on two cores."""
     memory_limit: float = Field(default=2.0, ge=0.5, le=1024.0)
     """Resident memory that the dense step may use, however small the depth maps are [GB]."""
     memory_per_megapixel: float = Field(default=0.7, ge=0.0, le=100.0)
