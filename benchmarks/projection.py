@@ -39,7 +39,7 @@ def main() -> None:
         seconds = [figures["cpu_s"] for figures in measured]
         count = load_scenario(ROOT / "scenarios" / f"{name}.toml").scenes
         hours = count * fmean(seconds) / _HOUR
-        days = " | ".join(f"{hours / cores / _DAY:.1f}" for cores in CORES)
+        days = " | ".join(f"{hours / cores / _DAY:.2f}" for cores in CORES)
         lines.append(
             f"| {name} | {count} | {len(measured)} | {fmean(figures['images'] for figures in measured):.0f} | "
             f"{fmean(seconds) / _MINUTE:.0f} | {min(seconds) / _MINUTE:.0f} | {max(seconds) / _MINUTE:.0f} | {days} |"
