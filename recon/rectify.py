@@ -11,11 +11,9 @@ F64 = NDArray[np.float64]
 
 _MIN_ANGLE = 12.0  # [deg] of the views' mean axis to the baseline: nearer to it, no plane faces both
 _MIN_SHARE = 0.35  # of an image: a motion within about 15 degrees of the axis leaves less, and hardly any parallax
-_MAX_TURN = 60.0  # [deg] a ray farther off the rectified axis than this is stretched too much to be compared
+_MAX_SLOPE = np.tan(np.radians(60.0))  # a ray turned farther off the plane's axis is stretched too much to be compared
 _GRID = 33  # rays a side that stand for an image
-_MAX_PARALLAX = (
-    0.7  # disparity over focal length: 35 degrees on the plane's axis, where the two look different; less aside
-)
+_MAX_PARALLAX = 0.7  # disparity over focal length: on the plane's axis 35 degrees, under which two views look different
 _MOST_DISPARITIES = 2032  # OpenCV's sixteenths of a pixel are 16-bit numbers
 
 
@@ -135,13 +133,10 @@ def source_maps(pair: RectifiedPair, camera: Pinhole, right: bool) -> tuple[NDAr
 def _rays(camera: Pinhole) -> F64:
     """Rays through a grid over the image, its rim included, shape (N, 3), with a third component of 1."""
     column, row = np.meshgrid(np.linspace(0, camera.width, _GRID), np.linspace(0, camera.height, _GRID))
-    return np.stack([(column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy, np.ones_like(row)], -1).reshape(
-        -1, 3
-    )
+    x, y = (column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy
+    return np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
 
 
 def _on_plane(rays: F64) -> NDArray[np.bool_]:
     """Tell which rays of the common axes lie before the plane and are not turned too far away from its axis."""
-    return np.asarray(
-        (rays[:, 2] > 0.0) & (np.abs(rays[:, :2]).max(axis=1) <= np.tan(np.radians(_MAX_TURN)) * rays[:, 2])
-    )
+    return (rays[:, 2] > 0.0) & (np.abs(rays[:, :2]).max(axis=1) <= _MAX_SLOPE * rays[:, 2])

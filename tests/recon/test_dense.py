@@ -174,6 +174,27 @@ def test_patchmatch_compares_views_ahead_too(
         assert max(counts) == expected
 
 
+def test_limits_grow_with_the_depth_maps(
+    bare: Path, sparse: Sparse, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A larger photograph may take more memory, and so may more threads; the recipe does not change by it."""
+    given: dict[str, float] = {}
+
+    def stop(*_request: object, **limits: float) -> None:
+        given.update(limits)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("recon.dense.run_child", stop)
+    capture = read_capture(bare)
+    for memory, threads in ((0.0, 1), (100.0, 3)):
+        dense = SETTINGS.dense.model_copy(update={"memory_per_megapixel": memory, "threads": threads})
+        with pytest.raises(KeyboardInterrupt):
+            run_dense(capture, sparse, tmp_path, SETTINGS.model_copy(update={"dense": dense}), SILENT)
+        width, height = (side // 2 for side in capture.size)
+        assert given["memory_limit"] == pytest.approx(2.0 + memory * threads * width * height / 1e6)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
 def test_a_disk_that_fills_up_is_out_of_space(bare: Path, sparse: Sparse, tmp_path: Path) -> None:
     """Depth maps that may not grow are one line with the mend, and the step is not taken for finished."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
