@@ -10,7 +10,6 @@ import resource
 import shutil
 import subprocess
 import tempfile
-import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -24,7 +23,8 @@ from numpy.typing import NDArray
 
 import authoring.blender
 import benchmarks.peers
-from benchmarks.render_scene import CAMERA, IMAGES, LONG, SEED, SHORT, VIEWS, author_bench, view_pairs
+from benchmarks.frame_meter import WARM, FrameMeter, processor_time
+from benchmarks.render_scene import CAMERA, IMAGES, SEED, SURVEY, VIEWS, author_bench, view_pairs
 from benchmarks.sfm_value import SfmValue, sfm_value
 from falsework.gallery.camera import seen_from
 from falsework.platform import processor, render_platform
@@ -103,30 +103,25 @@ def in_own_process(measure: Callable[[Path, str], Cost], work: Path, quality: st
 
 
 def measure_ours(work: Path, quality: str) -> Cost:
-    """Render both surveys, encoding included; what the longer one costs more, an image.
+    """Render the survey, encoding included, and measure what its images cost once the first of them are drawn.
 
     Args:
         work: Folder with `stage`.
         quality: One of `LIMITS`.
     """
-    cores = len(os.sched_getaffinity(0))
-    spent = {}
-    for survey in (SHORT, LONG):
-        folder = work / f"{quality}_{survey}"
-        folder.mkdir()
-        request = {"seed": SEED, "survey": survey, "render": {"quality": quality},
-                   "drawing": {"workers": cores, "encoders": 1}}  # fmt: skip
-        cpu, wall = _children(), time.perf_counter()
-        STAGES["capture"].run(request, {"stage": work / "stage"}, folder, SILENT)
-        spent[survey] = (_children() - cpu, time.perf_counter() - wall, len(read_capture(folder).images))
-        shutil.rmtree(folder)
-    counts = {survey: spent[survey][2] for survey in IMAGES}
-    if counts != IMAGES:
-        raise RuntimeError(f"{counts} images were rendered, {IMAGES} were asked for")
-    more = counts[LONG] - counts[SHORT]
+    folder = work / quality
+    folder.mkdir()
+    request = {"seed": SEED, "survey": SURVEY, "render": {"quality": quality},
+               "drawing": {"workers": len(os.sched_getaffinity(0)), "encoders": 1}}  # fmt: skip
+    meter = FrameMeter()
+    STAGES["capture"].run(request, {"stage": work / "stage"}, folder, meter)
+    count = len(read_capture(folder).images)
+    if count != IMAGES:
+        raise RuntimeError(f"{count} images were rendered, {IMAGES} were asked for")
+    shutil.rmtree(folder)
+    cpu, wall = meter.per_frame()
     memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 / 1e9
-    cpu, wall = ((spent[LONG][row] - spent[SHORT][row]) / more for row in range(2))
-    return Cost(quality, cpu, wall, memory, spent[SHORT][0] - counts[SHORT] * cpu)
+    return Cost(quality, cpu, wall, memory, processor_time() - count * cpu)
 
 
 def measure_blender(work: Path) -> list[Cost]:
@@ -142,7 +137,7 @@ def measure_blender(work: Path) -> list[Cost]:
     for name, engine, samples in ENGINES:
         rows = _ask(python, "in_blender.py", work, {
             "script": str(Path(authoring.blender.__file__).parent), "scene": str(work / "stage" / "scene.usda"),
-            "survey": LONG, "engine": engine, "samples": samples, "frames": FRAMES, "folder": str(work),
+            "survey": SURVEY, "engine": engine, "samples": samples, "frames": FRAMES, "folder": str(work),
         })  # fmt: skip
         found.append(Cost(f"Blender {name}", rows[-1]["cpu"], rows[-1]["wall"]))
     return found
@@ -163,7 +158,7 @@ def measure_pyrender(work: Path, scene: FlatScene) -> list[Cost]:
     order = np.argsort(material, kind="stable")  # one mesh a material: a mesh for each of all stones takes 20 GB
     used, start = np.unique(material[order], return_index=True)
     start = np.append(start, len(order))
-    track = next(camera for camera in scene.cameras if camera.name.startswith(LONG))
+    track = next(camera for camera in scene.cameras if camera.name.startswith(SURVEY))
     assert scene.sun is not None
     down = -np.array(scene.sun.direction)
     side = np.cross(down, [0.0, 1.0, 0.0])
@@ -179,12 +174,12 @@ def measure_pyrender(work: Path, scene: FlatScene) -> list[Cost]:
 
 
 def triangles_in_view(scene: FlatScene) -> NDArray[np.int64]:
-    """Count the triangles of each view of the longer survey, after culling and levels of detail, shape (N,), int64.
+    """Count the triangles of each view of the survey, after culling and levels of detail, shape (N,), int64.
 
     Args:
         scene: The scene.
     """
-    (product,) = (product for product in scene.products if product.name == LONG)
+    (product,) = (product for product in scene.products if product.name == SURVEY)
     surveyed = survey_scene(replace(scene, products=(product,)), RenderSettings().triangle_budget)
     lower, upper = draw_boxes(surveyed.scene)
     count = surveyed.scene.geometry.part_count[surveyed.scene.draws.part].astype(np.int64)
@@ -230,11 +225,6 @@ def _ask(python: str, script: str, work: Path, request: dict[str, Any]) -> list[
     return json.loads(answer.read_text(encoding="utf-8"))
 
 
-def _children() -> float:
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
-
-
 def _page(scene: FlatScene, ours: dict[str, Cost], peers: list[Cost], values: dict[str, SfmValue]) -> str:
     triangles = int(scene.geometry.part_count[scene.draws.part].sum())
     standard, cores, shown = ours["standard"], len(os.sched_getaffinity(0)), triangles_in_view(scene)
@@ -251,10 +241,10 @@ def _page(scene: FlatScene, ours: dict[str, Cost], peers: list[Cost], values: di
         "![Close, global, under the deck](../images/bench_scene.jpg)",
         "",
         "Ours: photograph with sensor noise, depth, labels and instances, encoded and written; what each of "
-        f"{IMAGES[LONG] - IMAGES[SHORT]}",
-        "further images of a survey costs, what the survey costs once (scene, textures, light, shadows, in each of its",
-        f"{cores} worker processes), and the most memory that one of them takes. The others: an image that",
-        "they drew once before, scene, textures and shaders loaded.",
+        f"{IMAGES - WARM}",
+        f"images of a survey costs after the first {WARM}, what the survey costs once (scene, textures, light,",
+        f"shadows, in each of its {cores} worker processes), and the most memory that one of them takes. The others:",
+        "an image that they drew once before, scene, textures and shaders loaded.",
         "",
         "| renderer | processor [s an image] | at most | images a second | at least | times `standard` | once [s] "
         "| memory [GB] | at most |",

@@ -17,8 +17,7 @@ from usd_schemas.pinhole import Pinhole, look_at
 F64 = NDArray[np.float64]
 
 SEED = 7
-SHORT, LONG = "few", "many"  # surveys; what one image costs is the difference of the two over that of their images
-IMAGES = {SHORT: 20, LONG: 80}
+SURVEY, IMAGES = "many", 80
 CAMERA = Pinhole(1280, 960, 1280 * 24 / 36, 1280 * 24 / 36, 640.0, 480.0)
 VIEWS = ("close", "global", "under deck")
 SHIFT = 0.6  # [m] between the two pictures of a view
@@ -31,8 +30,7 @@ RECIPE: dict[str, object] = {
     "background": {"name": "lakeside", "lakeside": {"villas": 100, "town_houses": 40, "trees": 20500, "boats": 40}},
     "look": {"name": "weathered"},
     "survey": [
-        {"kind": "global", "id": name, "images": images, "spacing": 50.0, "width": 1280, "height": 960}
-        for name, images in IMAGES.items()
+        {"kind": "global", "id": SURVEY, "images": IMAGES, "spacing": 50.0, "width": 1280, "height": 960}
     ],
 }  # fmt: skip
 

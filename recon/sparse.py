@@ -11,7 +11,7 @@ from typing import Any
 
 from groundwork.canonical import file_digest, folder_digest
 from groundwork.child import run_child
-from groundwork.errors import RejectedSceneError
+from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
 from groundwork.progress import Progress
 from recon.colmap_model import SparseModel, read_model
 from recon.settings import ReconSettings
@@ -201,7 +201,10 @@ def _run(
 
 @contextmanager
 def _row_count(database: Path, table: str, progress: Progress) -> Iterator[None]:
-    """Report the rows of a table while a child fills it; COLMAP's extraction and matching call nobody back."""
+    """Report the rows of a table while a child fills it; COLMAP's extraction and matching call nobody back.
+
+    Whoever looks while the child closes the database keeps SQLite from emptying its journal: this is done afterwards.
+    """
     finished = threading.Event()
 
     def watch() -> None:
@@ -219,6 +222,20 @@ def _row_count(database: Path, table: str, progress: Progress) -> Iterator[None]
     finally:
         finished.set()
         watcher.join()
+    _empty_journal(database)
+
+
+def _empty_journal(database: Path) -> None:
+    """Bring everything into the database's one file, which the next step copies, and take the journal away."""
+    try:
+        with closing(sqlite3.connect(database)) as connection:
+            busy, *_ = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+    except sqlite3.OperationalError as error:
+        raise OutOfSpaceError(
+            f"{database.parent}: no space left on the disk ({error}). Free some, then run the same command again"
+        ) from None
+    if busy:
+        raise ChildError(f"{database}: another program reads it. Close that, then run the same command again")
 
 
 def _rows(database: Path, table: str) -> int:

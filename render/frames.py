@@ -190,10 +190,11 @@ def _draw_missing(
     assignment: Assignment, prepared: Prepared, body: CameraBody, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
     """Draw what is not there yet."""
-    gain = journal.gain()
-    if gain is None:
-        gain = _meter_survey(prepared, assignment.track, assignment.camera)
-        journal.keep_gain(gain)
+    with folder_lock(journal.gain_lock):  # one worker meters, the others wait and take it over
+        gain = journal.gain()
+        if gain is None:
+            gain = _meter_survey(prepared, assignment.track, assignment.camera)
+            journal.keep_gain(gain)
     shape = (assignment.camera.height, assignment.camera.width)
     sensor = Sensor(assignment.settings.sensor, gain, BRIGHTEST, shape, assignment.seed)
     _photograph(assignment, prepared, body, sensor, journal, rows, progress)

@@ -119,6 +119,11 @@ class Journal:
         """Lock file that a worker holds while it casts the light volume."""
         return self._notes / "light.lock"
 
+    @property
+    def gain_lock(self) -> Path:
+        """Lock file that a worker holds while it meters the survey."""
+        return self._notes / "gain.lock"
+
     def close(self) -> None:
         """Take the notes away; the capture is complete."""
         shutil.rmtree(self._notes, ignore_errors=True)

@@ -2,19 +2,25 @@
 
 import hashlib
 import sqlite3
-from contextlib import closing
+import threading
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pycolmap
+import pytest
 
+from groundwork.child import run_child
+from groundwork.errors import RejectedSceneError
 from groundwork.progress import SILENT
+from recon import sparse
 from recon.extraction import DATABASE, extract
 from recon.matching import choose_pairing, match
 from recon.photos import open_photographs
-from recon.settings import SparseSettings
+from recon.settings import ReconSettings, SparseSettings
 from render.capture import CalibrationPrior, Capture, CaptureImage
 
 TABLES = ("cameras", "images", "keypoints", "descriptors", "pose_priors", "matches", "two_view_geometries")
@@ -70,6 +76,38 @@ def test_threads_and_interruptions_change_no_row(tmp_path: Path) -> None:
     assert one["two_view_geometries"].endswith(" 6")
     assert made(capture, tmp_path / "two", 2) == one
     assert made(capture, tmp_path / "cut", 2, interrupted=True) == one
+
+
+def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody reads the database while the child that filled it ends; the next step's copy still has every row."""
+    ended = threading.Event()
+
+    def run_and_tell(*arguments: Any, **options: Any) -> Any:
+        ended.clear()
+        try:
+            return run_child(*arguments, **options)
+        finally:
+            ended.set()
+
+    def read_to_the_end(database: Path, table: str) -> int:
+        with suppress(sqlite3.Error), closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True)) as reader:
+            reader.execute("BEGIN")
+            count = reader.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0]
+            ended.wait()
+            return count
+        return 0
+
+    monkeypatch.setattr(sparse, "run_child", run_and_tell)
+    monkeypatch.setattr(sparse, "_rows", read_to_the_end)
+    monkeypatch.setattr(sparse, "_LOOK", 0.01)
+    settings = ReconSettings(sparse=SparseSettings(max_features=500))
+    with suppress(RejectedSceneError):
+        sparse.run_sparse(crops(tmp_path / "photographs", 4), tmp_path, settings, SILENT)
+    features, matches = (next(tmp_path.glob(f"{step}-*")) / DATABASE for step in ("features", "matches"))
+    copied, whole = rows_of(matches), rows_of(features)
+    assert whole["keypoints"].endswith(" 4")
+    assert all(copied[table] == whole[table] for table in TABLES[:5])
+    assert [path.name for path in features.parent.glob(f"{DATABASE}*")] == [DATABASE]
 
 
 def test_sequential_pairs_come_back(tmp_path: Path) -> None:

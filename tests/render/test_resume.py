@@ -5,11 +5,15 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from groundwork.canonical import folder_digest
+from groundwork.files import folder_lock, write_json
 from groundwork.progress import SILENT
 from render.frames import render_scene
 from render.settings import RenderSettings
@@ -77,6 +81,22 @@ def test_killed_or_shared_the_bytes_are_the_same(tmp_path: Path, small: RenderSe
     assert {path: path.stat().st_mtime_ns for path in written} == written
     assert folder_digest(killed) == folder_digest(shared)
     assert not list(killed.rglob(".*"))
+
+
+def test_workers_meter_once(tmp_path: Path, small: RenderSettings, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who waited for another worker's metering takes its gain over, and meters nothing."""
+
+    @contextmanager
+    def wait_for_the_other(lock: Path) -> Iterator[None]:
+        with folder_lock(lock):
+            if lock.name == "gain.lock":
+                write_json(lock.with_name("gain.json"), 2.5)
+            yield
+
+    monkeypatch.setattr("render.frames.folder_lock", wait_for_the_other)
+    settings = small.model_copy(update={"quality": "fast", "normals": False})
+    drawn = render_scene(random_scene(4, np.zeros(3), count=8), tmp_path, settings, 3, SILENT, share=(0, 2))
+    assert drawn["gain"] == 2.5
 
 
 def test_only_what_is_whole_and_of_the_same_recipe_is_taken_over(tmp_path: Path, small: RenderSettings) -> None:

@@ -1,0 +1,71 @@
+"""What the images of a survey cost while they are drawn, without what their survey costs once."""
+
+import os
+import resource
+import time
+from pathlib import Path
+
+WARM = 16  # images after which every worker has begun, and shadows and textures are there
+
+
+class FrameMeter:
+    """A listener that looks at the processor time of all workers whenever an image is finished."""
+
+    def __init__(self) -> None:
+        """Begin with no image."""
+        self._rendering = False
+        self._seen: list[tuple[int, float, float]] = []
+
+    def stage(self, name: str, total: int) -> None:
+        """Listen to images only.
+
+        Args:
+            name: What is being done.
+            total: How many units it has.
+        """
+        self._rendering = name == "render"
+
+    def advance(self, done: int) -> None:
+        """Look at the clocks.
+
+        Args:
+            done: Images finished so far.
+        """
+        if self._rendering:
+            self._seen.append((done, processor_time(), time.perf_counter()))
+
+    def note(self, message: str) -> None:
+        """Ignore a line."""
+
+    def per_frame(self) -> tuple[float, float]:
+        """Tell what an image after the first `WARM` costs: processor time of all threads, waiting time [s].
+
+        Raises:
+            RuntimeError: Too few images were reported.
+        """
+        warm = [row for row in self._seen if row[0] >= WARM]
+        if len(warm) < 2 or warm[-1][0] == warm[0][0]:
+            raise RuntimeError(f"{len(self._seen)} images reported, more than {WARM} are needed")
+        (first, before, begin), (last, after, end) = warm[0], warm[-1]
+        return (after - before) / (last - first), (end - begin) / (last - first)
+
+
+def processor_time() -> float:
+    """Tell the processor time of all children of this process, those that are gone and those at work [s]."""
+    gone = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return gone.ru_utime + gone.ru_stime + sum(_spent(child) for child in _children())
+
+
+def _children() -> list[int]:
+    lists = Path("/proc/self/task").glob("*/children")
+    return [int(child) for file in lists for child in file.read_text(encoding="ascii").split()]
+
+
+def _spent(process: int) -> float:
+    """Read the time of a process and of its own children that are gone."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text(encoding="ascii")
+    except OSError:  # gone meanwhile, and counted with those that are
+        return 0.0
+    ticks = text.rpartition(")")[2].split()[11:15]  # fields 14 to 17: user, system, and the same of its children
+    return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
