@@ -14,7 +14,7 @@ class FrameMeter:
     def __init__(self) -> None:
         """Begin with no image."""
         self._rendering = False
-        self._seen: list[tuple[int, float, float]] = []
+        self._seen: list[tuple[float, float]] = []  # after each image
 
     def stage(self, name: str, total: int) -> None:
         """Listen to images only.
@@ -26,13 +26,13 @@ class FrameMeter:
         self._rendering = name == "render"
 
     def advance(self, done: int) -> None:
-        """Look at the clocks.
+        """Look at the clocks: one more image is finished.
 
         Args:
-            done: Images finished so far.
+            done: Images finished so far, as far as known: a worker that has finished none yet counts as done.
         """
         if self._rendering:
-            self._seen.append((done, processor_time(), time.perf_counter()))
+            self._seen.append((processor_time(), time.perf_counter()))
 
     def note(self, message: str) -> None:
         """Ignore a line."""
@@ -43,11 +43,11 @@ class FrameMeter:
         Raises:
             RuntimeError: Too few images were reported.
         """
-        warm = [row for row in self._seen if row[0] >= WARM]
-        if len(warm) < 2 or warm[-1][0] == warm[0][0]:
+        more = len(self._seen) - WARM
+        if more < 1:
             raise RuntimeError(f"{len(self._seen)} images reported, more than {WARM} are needed")
-        (first, before, begin), (last, after, end) = warm[0], warm[-1]
-        return (after - before) / (last - first), (end - begin) / (last - first)
+        (before, begin), (after, end) = self._seen[WARM - 1], self._seen[-1]
+        return (after - before) / more, (end - begin) / more
 
 
 def processor_time() -> float:
