@@ -23,7 +23,7 @@ NO_TEXTURE, NO_OVERLAP, NOT_IN_LARGEST = "no_texture", "no_overlap", "not_in_lar
 _CHILD = "recon.sparse_child"
 _SECTION = "recon.sparse"
 _DATABASE, _MODEL = "database.db", "model"  # as the child names them; importing it would load COLMAP here
-_VERSION = 2  # raised whenever the same settings would give another model
+_VERSION = 3  # raised whenever the same settings would give another model
 _SLACK = 120.0  # [s] beside the time per image
 _LOOK = 0.5  # [s] how often the database is asked how far it is
 _FEW_KEYPOINTS = 50
@@ -231,11 +231,13 @@ def _empty_journal(database: Path) -> None:
         with closing(sqlite3.connect(database)) as connection:
             busy, *_ = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
     except sqlite3.OperationalError as error:
-        raise OutOfSpaceError(
-            f"{database.parent}: no space left on the disk ({error}). Free some, then run the same command again"
-        ) from None
+        if error.sqlite_errorcode not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            raise OutOfSpaceError(
+                f"{database.parent}: no space left on the disk ({error}). Free some, then run the same command again"
+            ) from None
+        busy = True
     if busy:
-        raise ChildError(f"{database}: another program reads it. Close that, then run the same command again")
+        raise ChildError(f"{database}: another program has it open. Close that, then run the same command again")
 
 
 def _rows(database: Path, table: str) -> int:
