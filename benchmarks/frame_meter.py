@@ -3,6 +3,7 @@
 import os
 import resource
 import time
+from contextlib import suppress
 from pathlib import Path
 
 WARM = 16  # images after which every worker has begun, and shadows and textures are there
@@ -52,20 +53,31 @@ class FrameMeter:
 
 def processor_time() -> float:
     """Tell the processor time of all children of this process, those that are gone and those at work [s]."""
-    gone = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return gone.ru_utime + gone.ru_stime + sum(_spent(child) for child in _children())
+    while True:
+        gone = _gone()
+        total = gone + sum(_spent(child) for child in _children())
+        if _gone() == gone:  # else one went between the two looks, and is in neither
+            return total
+
+
+def _gone() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _children() -> list[int]:
-    lists = Path("/proc/self/task").glob("*/children")
-    return [int(child) for file in lists for child in file.read_text(encoding="ascii").split()]
+    found = []
+    for file in Path("/proc/self/task").glob("*/children"):
+        with suppress(OSError):  # a thread that ends meanwhile has no children to wait for
+            found += [int(child) for child in file.read_text(encoding="ascii").split()]
+    return found
 
 
 def _spent(process: int) -> float:
     """Read the time of a process and of its own children that are gone."""
     try:
         text = Path(f"/proc/{process}/stat").read_text(encoding="ascii")
-    except OSError:  # gone meanwhile, and counted with those that are
+    except OSError:  # gone meanwhile
         return 0.0
     ticks = text.rpartition(")")[2].split()[11:15]  # fields 14 to 17: user, system, and the same of its children
     return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")

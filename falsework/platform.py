@@ -1,6 +1,5 @@
 """What a capture or a cloud depends on besides its settings: package versions, the processor, the GL renderer."""
 
-import zlib
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -10,7 +9,7 @@ from groundwork.child import run_child
 PROBE_TIME_LIMIT = 120.0  # [s]
 PROBE_MEMORY_LIMIT = 4.0  # [GB]
 
-RENDER_PACKAGES = ("moderngl", "numpy", "opencv-python-headless", "usd-core")
+RENDER_PACKAGES = ("deflate", "moderngl", "numpy", "opencv-python-headless", "usd-core")
 RECON_PACKAGES = ("numpy", "opencv-python-headless", "pycolmap")
 
 
@@ -22,7 +21,7 @@ def render_platform(device: str = "auto") -> dict[str, str]:
         device: Which device draws, as in `render.settings`.
 
     Returns:
-        Package name to version, `zlib`, `cpu`, and `gl_renderer` and `gl_version`.
+        Package name to version, `cpu`, and `gl_renderer` and `gl_version`.
 
     Raises:
         InputError: No GL driver works here; the text holds the mend.
@@ -31,7 +30,7 @@ def render_platform(device: str = "auto") -> dict[str, str]:
     driver = run_child("render.probe", request, time_limit=PROBE_TIME_LIMIT, memory_limit=PROBE_MEMORY_LIMIT)
     strings = {f"gl_{key}": str(driver[key]) for key in ("renderer", "version")}
     packages = {name: version(name) for name in RENDER_PACKAGES}
-    return {**packages, "zlib": zlib.ZLIB_RUNTIME_VERSION, "cpu": processor(), **strings}
+    return {**packages, "cpu": processor(), **strings}
 
 
 @cache

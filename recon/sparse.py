@@ -229,15 +229,15 @@ def _empty_journal(database: Path) -> None:
     """Bring everything into the database's one file, which the next step copies, and take the journal away."""
     try:
         with closing(sqlite3.connect(database)) as connection:
-            busy, *_ = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+            _, pages, brought = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
     except sqlite3.OperationalError as error:
-        if error.sqlite_errorcode not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+        if error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
             raise OutOfSpaceError(
-                f"{database.parent}: no space left on the disk ({error}). Free some, then run the same command again"
+                f"{database.parent}: no space left on the disk. Free some, then run the same command again"
             ) from None
-        busy = True
-    if busy:
-        raise ChildError(f"{database}: another program has it open. Close that, then run the same command again")
+        raise ChildError(f"{database}: {error}. Close what has it open, then run the same command again") from None
+    if pages != brought:
+        raise ChildError(f"{database}: another program reads it. Close that, then run the same command again")
 
 
 def _rows(database: Path, table: str) -> int:

@@ -10,7 +10,7 @@ import deflate
 import numpy as np
 from numpy.typing import NDArray
 
-_LEVEL = 1  # higher levels gain 2 % for an eighth of the time each
+_LEVEL = 1  # the next level is 2 % smaller and takes an eighth longer
 _SHORT, _LONG = 3, 4
 _DEFLATE, _FLOATING, _PREDICTOR = 8, 3, 3
 _BAND = 64  # rows that are sorted at once: a processor's cache holds them
@@ -29,8 +29,8 @@ def encode_depth_tiff(depth: NDArray[np.float32]) -> bytes:
     steps = np.empty((height, 4 * width), np.uint8)
     for first in range(0, height, _BAND):
         _take_steps(depth[first : first + _BAND], steps[first : first + _BAND])
-    # libdeflate: half of zlib's time, a twelfth smaller, and the same bytes on every processor.
-    data = bytes(deflate.zlib_compress(steps, _LEVEL))
+    # libdeflate: half of zlib's time, a twelfth smaller.
+    data = deflate.zlib_compress(steps, _LEVEL)
     table_at = 8 + len(data) + len(data) % 2  # an even place
     entries = (
         (256, _LONG, width), (257, _LONG, height), (258, _SHORT, 32), (259, _SHORT, _DEFLATE), (262, _SHORT, 1),

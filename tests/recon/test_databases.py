@@ -81,6 +81,7 @@ def test_threads_and_interruptions_change_no_row(tmp_path: Path) -> None:
 def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody reads the database while the child that filled it ends; the next step's copy still has every row."""
     ended = threading.Event()
+    held: list[str] = []
 
     def run_and_tell(*arguments: Any, **options: Any) -> Any:
         ended.clear()
@@ -93,21 +94,24 @@ def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         with suppress(sqlite3.Error), closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True)) as reader:
             reader.execute("BEGIN")
             count = reader.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0]
-            ended.wait()
+            if count and not ended.is_set():
+                held.append(table)
+                ended.wait()
             return count
         return 0
 
     monkeypatch.setattr(sparse, "run_child", run_and_tell)
     monkeypatch.setattr(sparse, "_rows", read_to_the_end)
-    monkeypatch.setattr(sparse, "_LOOK", 0.01)
+    monkeypatch.setattr(sparse, "_LOOK", 0.05)
     settings = ReconSettings(sparse=SparseSettings(max_features=500))
     with suppress(RejectedSceneError):
         sparse.run_sparse(crops(tmp_path / "photographs", 4), tmp_path, settings, SILENT)
     features, matches = (next(tmp_path.glob(f"{step}-*")) / DATABASE for step in ("features", "matches"))
+    assert "keypoints" in held
+    assert [path.name for path in features.parent.glob(f"{DATABASE}*")] == [DATABASE]
     copied, whole = rows_of(matches), rows_of(features)
     assert whole["keypoints"].endswith(" 4")
     assert all(copied[table] == whole[table] for table in TABLES[:5])
-    assert [path.name for path in features.parent.glob(f"{DATABASE}*")] == [DATABASE]
 
 
 def test_sequential_pairs_come_back(tmp_path: Path) -> None:
