@@ -248,8 +248,9 @@ def _page(scene: FlatScene, ours: dict[str, list[Cost]], peers: list[Cost], valu
         f"{IMAGES - WARM}",
         f"images of a survey costs after the first {WARM}, what the survey costs once (scene, textures, light,",
         f"shadows, in each of its {cores} worker processes), and the most memory that one of them takes; the least of",
-        f"{ROUNDS} surveys, and the greatest in brackets (of images a second, the most and the least), as others work on",
-        "the same machine. Below them the others: an image that they drew once before, scene, textures and shaders loaded.",
+        f"{ROUNDS} surveys, and the greatest in brackets (of images a second, the most and the least), as others",
+        "work on the same machine. Below them the others: an image that they drew once before, scene, textures and",
+        "shaders loaded.",
         "",
         "| renderer | processor [s an image] | at most | images a second | at least | times `standard` | once [s] "
         "| memory [GB] | at most |",
