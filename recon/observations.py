@@ -40,6 +40,16 @@ class Observations:
         """Point of each observation, shape (M,), int64."""
         return np.repeat(np.arange(len(self.start) - 1), self.counts)
 
+    def of(self, points: NDArray[np.bool_]) -> "Observations":
+        """Take the observations of some points alone.
+
+        Args:
+            points: Which, shape (N,), bool.
+        """
+        chosen = np.repeat(points, self.counts)
+        start = np.concatenate([[0], np.cumsum(self.counts[points])]).astype(np.int64)
+        return Observations(start, self.image[chosen], self.uv[chosen])
+
     @cached_property
     def by_image(self) -> list[tuple[int, I64]]:
         """Images in ascending order, each with the rows of its observations, ascending, shape (n,), int64."""

@@ -10,6 +10,8 @@ from recon.align import Similarity
 from recon.colmap_model import SparseModel
 from recon.dense_points import DensePoints
 from recon.observations import Observations, select_dense, select_points
+from recon.precision import deviations
+from recon.settings import ReconSettings
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -38,7 +40,7 @@ class PlacedPoints:
 
 
 def place_sparse(
-    model: SparseModel, rows: I64, valid: Mask, similarity: Similarity, max_error: float, min_views: int
+    model: SparseModel, rows: I64, valid: Mask, similarity: Similarity, settings: ReconSettings, *, metric: bool
 ) -> PlacedPoints:
     """Carry the points of structure from motion into the world.
 
@@ -47,8 +49,8 @@ def place_sparse(
         rows: Row in the capture of each image of the model, shape (I,), int64.
         valid: Whether a camera of the capture is valid, shape (K,), bool.
         similarity: From the model into the world.
-        max_error: Largest mean reprojection error of a point [px].
-        min_views: Valid observations that a point needs.
+        settings: `max_reprojection_error`, `min_views`, `sure_views` and `max_deviation` say which points stay.
+        metric: Whether the world is in metres; else `max_deviation` tells nothing, and is not asked.
 
     Returns:
         Those seen well enough; their normals point to the mean of their cameras.
@@ -56,11 +58,17 @@ def place_sparse(
     Raises:
         RejectedSceneError: `no_points`.
     """
-    kept, seen = select_points(model, rows, valid, max_error, min_views)
-    _check_some(kept)
-    coord = similarity.move(model.points[kept])
+    kept, seen = select_points(model, rows, valid, settings.max_reprojection_error, settings.min_views)
     centres = np.full((len(valid), 3), np.nan)
     centres[rows] = similarity.move(model.poses[:, :3, 3])
+    if metric:
+        sure = seen.counts >= settings.sure_views
+        some = seen.of(~sure)
+        points = similarity.move(model.points[kept][~sure])
+        sure[~sure] = deviations(points, centres, model.camera_params[0], some) <= settings.max_deviation
+        kept[kept], seen = sure, seen.of(sure)
+    _check_some(kept)
+    coord = similarity.move(model.points[kept])
     normal = np.add.reduceat(centres[seen.image], seen.start[:-1]) / seen.counts[:, None] - coord
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return PlacedPoints(

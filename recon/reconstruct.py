@@ -60,9 +60,8 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
         placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
         del dense  # as large as what follows
     else:
-        placed = place_sparse(
-            model, rows, valid, alignment.similarity, settings.max_reprojection_error, settings.min_views
-        )
+        metric = target.kind != "none"
+        placed = place_sparse(model, rows, valid, alignment.similarity, settings, metric=metric)
     progress.stage("annotate", 0)
     columns = _own_columns(placed)
     depth = depths(placed.coord, poses, placed.seen)
