@@ -18,7 +18,7 @@ ROOMS = ("groundwork", "usd_schemas", "authoring", "render", "recon", "learn", "
 CORE = {
     "usd-core": "pxr.Usd", "numpy": "numpy", "scipy": "scipy", "numba": "numba", "trimesh": "trimesh",
     "moderngl": "moderngl", "opencv-python-headless": "cv2", "pycolmap": "pycolmap", "laspy": "laspy",
-    "lazrs": "lazrs", "OpenEXR": "OpenEXR", "deflate": "deflate", "pydantic": "pydantic", "tyro": "tyro",
+    "lazrs": "lazrs", "OpenEXR": "OpenEXR", "isal": "isal", "pydantic": "pydantic", "tyro": "tyro",
     "rich": "rich", "jinja2": "jinja2", "plotly": "plotly",
 }  # fmt: skip
 MEMORY_NEEDED = 4.0  # [GB] the demo's limit

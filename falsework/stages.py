@@ -119,7 +119,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 STAGES: dict[str, Stage] = {
     "stage": Stage(7, author),
-    "capture": Stage(8, capture, resumes=True),
+    "capture": Stage(9, capture, resumes=True),
     "cloud": Stage(8, cloud, resumes=True),
     "report": Stage(2, report),
 }

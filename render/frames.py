@@ -41,7 +41,7 @@ _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _LOOKED_UP = 64  # rows at once
-_RECIPE = 6  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_RECIPE = 7  # raised whenever frames that an interrupted run left would no longer fit to new ones
 Share = tuple[int, int]
 ALL: Share = (0, 1)
 Shot = Callable[[], View]
@@ -307,7 +307,8 @@ def _encode_truth(scene: FlatScene, name: str, view: View) -> dict[str, bytes]:
     for first in range(0, len(view.draw), _LOOKED_UP):
         rows = slice(first, first + _LOOKED_UP)
         draw = view.draw[rows].astype(np.intp)  # as both tables are looked up: four times as large as the labels
-        frame.semantic[rows], frame.instance[rows] = labels[draw], ids[draw]
+        np.take(labels, draw, out=frame.semantic[rows], mode="clip")  # the quickest mode: a draw is always in range
+        np.take(ids, draw, out=frame.instance[rows], mode="clip")
     return encode_frame_truth(name, frame, wide_ids=int(ids.max()) >= image_files.WIDE_ID)
 
 

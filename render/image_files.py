@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
+from render.grey_png import SIGNATURE, encode_grey_png
 
 _DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
 _JPEG_END = b"\xff\xd9"
 _JPEG_SCAN = 0xDA
 _JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # what ends a scan: neither a stuffed byte nor a restart
-_PNG = b"\x89PNG\r\n\x1a\n"
 _HEADER = 1 << 16  # bytes in which the size of an image stands
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that begin a frame: its size follows
 _RUN_LENGTH = 3  # PNG strategy: half the time of the default at the same size
@@ -47,12 +47,10 @@ def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     Returns:
         The file's bytes.
     """
+    if pixels.ndim == 2:
+        return encode_grey_png(pixels)
     options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, _RUN_LENGTH]
-    if pixels.ndim == 3:
-        return _encode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)
-    # Ids run in areas: to try every filter on each row would take three times as long as to write them.
-    kind = cv2.IMWRITE_PNG_FILTER_NONE if pixels.dtype == np.uint8 else cv2.IMWRITE_PNG_FILTER_SUB
-    return _encode(".png", pixels, [*options, cv2.IMWRITE_PNG_FILTER, kind])
+    return _encode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)
 
 
 def encode_wide_ids(ids: NDArray[np.uint32]) -> bytes:
@@ -122,7 +120,7 @@ def size(path: Path) -> tuple[int, int] | None:
             data = file.read(_HEADER)
     except OSError:
         return None
-    if data[:8] == _PNG and len(data) >= 24:
+    if data[:8] == SIGNATURE and len(data) >= 24:
         return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
     place = 2
     while data[:2] == b"\xff\xd8" and place + 9 <= len(data) and data[place] == 0xFF:

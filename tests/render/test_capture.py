@@ -98,6 +98,26 @@ def test_depth_comes_back_bit_for_bit(tmp_path: Path, shape: tuple[int, int]) ->
             image_files.decode(path)
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+@pytest.mark.parametrize("shape", [(1, 1), (7, 5), (480, 641)])
+def test_labels_come_back_bit_for_bit(tmp_path: Path, shape: tuple[int, int], kind: type) -> None:
+    """Areas, noise, and the greatest number there is, through OpenCV's reader; a damaged file is refused."""
+    rng = np.random.default_rng(5)
+    greatest = np.iinfo(kind).max
+    areas = np.add.outer(np.arange(shape[0]) // 40, np.arange(shape[1]) // 90)
+    for number, values in enumerate((areas, rng.integers(0, greatest, shape, endpoint=True), np.full(shape, greatest))):
+        path = tmp_path / f"{number}.png"
+        data = image_files.encode_png(values.astype(kind))
+        path.write_bytes(data)
+        read = image_files.decode(path)
+        assert read.dtype == kind
+        np.testing.assert_array_equal(read, values)
+        assert image_files.size(path) == shape[::-1]
+        path.write_bytes(data[: len(data) - 16])
+        with pytest.raises(InputError):
+            image_files.decode(path)
+
+
 def test_ids_above_16_bit_are_kept_as_tiff(tmp_path: Path) -> None:
     """An id of 4,000,000,000 survives, in a 32-bit TIFF."""
     write_example(tmp_path, highest=4_000_000_000)
