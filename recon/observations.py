@@ -50,6 +50,17 @@ class Observations:
         start = np.concatenate([[0], np.cumsum(self.counts[points])]).astype(np.int64)
         return Observations(start, self.image[chosen], self.uv[chosen])
 
+    def once(self) -> "Observations":
+        """Take of each point and image the first observation alone: a track may hold two keypoints of one image."""
+        order = np.lexsort((self.image, self.point))
+        image, point = self.image[order], self.point[order]
+        repeated = np.zeros(len(order), bool)
+        repeated[1:] = (np.diff(image) == 0) & (np.diff(point) == 0)
+        chosen = np.ones(len(order), bool)
+        chosen[order[repeated]] = False
+        start = np.concatenate([[0], np.cumsum(np.bincount(self.point[chosen], minlength=len(self.counts)))])
+        return Observations(start.astype(np.int64), self.image[chosen], self.uv[chosen])
+
     @cached_property
     def by_image(self) -> list[tuple[int, I64]]:
         """Images in ascending order, each with the rows of its observations, ascending, shape (n,), int64."""

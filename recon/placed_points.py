@@ -61,13 +61,18 @@ def place_sparse(
     kept, seen = select_points(model, rows, valid, settings.max_reprojection_error, settings.min_views)
     centres = np.full((len(valid), 3), np.nan)
     centres[rows] = similarity.move(model.poses[:, :3, 3])
-    if metric:
-        sure = seen.counts >= settings.sure_views
-        some = seen.of(~sure)
-        points = similarity.move(model.points[kept][~sure])
-        sure[~sure] = deviations(points, centres, model.camera_params[0], some) <= settings.max_deviation
-        kept[kept], seen = sure, seen.of(sure)
     _check_some(kept)
+    if metric:
+        rays = seen.once()
+        sure = rays.counts >= settings.sure_views
+        points = similarity.move(model.points[kept][~sure])
+        sure[~sure] = deviations(points, centres, model.camera_params[0], rays.of(~sure)) <= settings.max_deviation
+        if not sure.any():
+            raise RejectedSceneError(
+                "no_points", f"all {len(sure):,} points were seen by fewer than {settings.sure_views} cameras and may "
+                f"be off by more than {settings.max_deviation:g} m: raise [recon] max_deviation, or set sure_views = 2",
+            )  # fmt: skip
+        kept[kept], seen = sure, seen.of(sure)
     coord = similarity.move(model.points[kept])
     normal = np.add.reduceat(centres[seen.image], seen.start[:-1]) / seen.counts[:, None] - coord
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)

@@ -43,7 +43,7 @@ class SparseSettings(Settings):
     use_gps_in_mapping: bool = False
     """Let the bundle adjustment pull camera centres towards their GPS positions."""
     two_view_tracks: bool = True
-    """Keep points that only two images saw."""
+    """Make points that only two images saw; which of them stay in a sparse cloud, `sure_views` says."""
     min_triangulation_angle: float = Field(default=1.5, ge=0.1, le=30.0)
     """Smallest angle between two rays of a point [deg]."""
     deterministic: bool = True
@@ -121,12 +121,12 @@ class ReconSettings(Settings):
     """Mean reprojection error above which a sparse point is dropped [px]."""
     min_views: int = Field(default=2, ge=2, le=20)
     """Valid cameras that must have seen a sparse point; for dense ones, see `filter`."""
-    sure_views: int = Field(default=4, ge=2, le=20)
+    sure_views: int = Field(default=4, ge=2, le=10_000)
     """From this many valid cameras on, a sparse point stays in any case; one that fewer saw, if `max_deviation` allows.
     """
     max_deviation: float = Field(default=0.1, ge=0.0, le=1000.0)
     """Standard deviation that the place of a sparse point which fewer than `sure_views` saw may have along its worst
-    direction [m], told from its rays for keypoints that are off by one pixel. Not asked where nothing tells metres:
-    photographs without GPS."""
+    direction [m], told from its rays for keypoints that deviate by one pixel. Not asked of photographs without a GPS
+    that fits them: nothing tells metres there."""
     seed: int = Field(default=0, ge=0, lt=2**31)
     """Seed of every random draw in here."""

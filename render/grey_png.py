@@ -1,4 +1,4 @@
-"""Labels and ids as PNG without loss, in a fifth of the time that OpenCV takes.
+"""Labels and ids as PNG without loss, in a tenth of the time that OpenCV takes, a few kB larger.
 
 Source: PNG, W3C Recommendation, 3rd edition (chunks, section 5; filters, section 9).
 """

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from groundwork.errors import RejectedSceneError
 from recon import precision
 from recon.colmap_model import SparseModel
 from recon.observations import Observations
-from recon.placed_points import place_sparse
+from recon.placed_points import PlacedPoints, place_sparse
 from recon.precision import deviations
 from recon.settings import ReconSettings
 from recon.similarity import Similarity
@@ -76,22 +77,50 @@ def test_has_a_plain_twin_in_any_portion(monkeypatch: pytest.MonkeyPatch) -> Non
         np.testing.assert_allclose(deviations(points, centres, FOCAL, observations(images)), twin, rtol=1e-7)
 
 
-def test_unsure_points_need_more_views() -> None:
-    """Two views keep a point that is near; a far one needs four; without metres, nobody can tell."""
+def example(far_images: list[int]) -> SparseModel:
+    """A near point seen by two of four cameras abreast, one far point by two, and another by those named."""
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, 0, 3] = [0.0, 0.5, 1.0, 1.5]
-    model = SparseModel(
+    images = [0, 1, 1, 2, *far_images]
+    return SparseModel(
         names=("a", "b", "c", "d"), poses=poses, camera_model="SIMPLE_RADIAL", camera_params=(FOCAL, 0.0, 0.0, 0.0),
         points=np.array([[0, 0, 2.0], [0, 0, 60.0], [1, 0, 60.0]]), colors=np.zeros((3, 3), np.uint8),
-        errors=np.full(3, 0.4), obs_point=np.array([0, 0, 1, 1, 2, 2, 2, 2]),
-        obs_image=np.array([0, 1, 1, 2, 0, 1, 2, 3]), obs_uv=np.arange(16.0).reshape(8, 2),
+        errors=np.full(3, 0.4), obs_point=np.array([0, 0, 1, 1, *(2 for _ in far_images)]),
+        obs_image=np.array(images), obs_uv=np.arange(2.0 * len(images)).reshape(-1, 2),
     )  # fmt: skip
-    rows, valid, settings = np.arange(4), np.ones(4, bool), ReconSettings()
-    same = Similarity(1.0, np.eye(3), np.zeros(3))
-    placed = place_sparse(model, rows, valid, same, settings, metric=True)
-    assert placed.coord[:, 2].tolist() == [2.0, 60.0]
-    assert placed.seen.start.tolist() == [0, 2, 6]
-    assert placed.seen.uv[:, 0].tolist() == [0.0, 2.0, 8.0, 10.0, 12.0, 14.0]
-    assert len(place_sparse(model, rows, valid, same, settings, metric=False).coord) == 3
-    tiny = Similarity(0.005, np.eye(3), np.zeros(3))  # the limit is one of the world's metres, not of the model's units
-    assert len(place_sparse(model, rows, valid, tiny, settings, metric=True).coord) == 3
+
+
+def placed(model: SparseModel, *, scale: float = 1.0, metric: bool = True, **settings: object) -> PlacedPoints:
+    """Place a model whose cameras are all valid."""
+    similarity = Similarity(scale, np.eye(3), np.zeros(3))
+    chosen = ReconSettings.model_validate(settings)
+    return place_sparse(model, np.arange(4), np.ones(4, bool), similarity, chosen, metric=metric)
+
+
+def test_unsure_points_need_more_views() -> None:
+    """Two views keep a point that is near; a far one needs four; without metres, nobody can tell."""
+    found = placed(example([0, 1, 2, 3]))
+    assert found.coord[:, 2].tolist() == [2.0, 60.0]
+    assert found.seen.start.tolist() == [0, 2, 6]
+    assert found.seen.uv[:, 0].tolist() == [0.0, 2.0, 8.0, 10.0, 12.0, 14.0]
+    assert len(placed(example([0, 1, 2, 3]), metric=False).coord) == 3
+    assert len(placed(example([0, 1, 2, 3]), sure_views=2).coord) == 3
+    assert len(placed(example([0, 1, 2, 3]), scale=0.005).coord) == 3  # the limit is one of the world's metres
+
+
+def test_an_image_counts_once() -> None:
+    """A track with two keypoints of one image has no more cameras, and no more rays, by them."""
+    assert len(placed(example([0, 1, 2, 2])).coord) == 1
+    seen = observations([[3, 1, 3], [0, 2], [2, 2, 2]])
+    once = seen.once()
+    assert once.counts.tolist() == [2, 2, 1]
+    assert once.image.tolist() == [3, 1, 0, 2, 2]
+
+
+def test_when_no_point_is_sure_the_settings_are_named() -> None:
+    """Three photographs from far away make no cloud, and the reason says what would."""
+    with pytest.raises(
+        RejectedSceneError, match=r"all 3 points .* \[recon\] max_deviation, or set sure_views = 2"
+    ) as found:
+        placed(example([0, 1, 2]), max_deviation=1e-6)
+    assert found.value.reason == "no_points"
