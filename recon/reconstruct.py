@@ -57,9 +57,11 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     figures: dict[str, Any] = {"sparse": sparse.facts}
     if settings.mode == "dense":
         dense, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
+        found = len(dense.counts)
         placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
         del dense  # as large as what follows
     else:
+        found = len(model.points)
         metric = target.kind != "none"
         placed = place_sparse(model, rows, valid, alignment.similarity, settings, metric=metric)
     progress.stage("annotate", 0)
@@ -82,7 +84,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     world = similarity_facts(alignment.similarity)
     write_world_model(sparse.folder, folder / "sparse", world, settings, progress)
     leave_work(work)
-    progress.note(verdict_in_words(alignment.status, len(placed.coord), cloud.alignment["note"]))
+    progress.note(verdict_in_words(alignment.status, len(placed.coord), found, cloud.alignment["note"]))
 
 
 def _rows_in_capture(model: SparseModel, capture: Capture) -> NDArray[np.int64]:

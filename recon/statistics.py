@@ -60,17 +60,19 @@ def describe(
     return figures | _label_figures(columns)
 
 
-def verdict_in_words(status: tuple[str, ...], points: int, note: str) -> str:
+def verdict_in_words(status: tuple[str, ...], points: int, found: int, note: str) -> str:
     """Say in one line what became of the photographs.
 
     Args:
         status: Reason code of each.
-        points: Number of points.
+        points: Number of points in the cloud.
+        found: Number of points that there were before unsure ones were left out.
         note: What the model was aligned to.
     """
     others = ", ".join(f"{count} {code}" for code, count in sorted(Counter(status).items()) if code != OK)
     where = f" ({others})" if others else ""
-    return f"{status.count(OK)} of {len(status)} photographs ok{where}, {points:,} points; {note}"
+    count = f"{points:,} of {found:,}" if points < found else f"{points:,}"
+    return f"{status.count(OK)} of {len(status)} photographs ok{where}, {count} points; {note}"
 
 
 def _label_figures(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:

@@ -250,9 +250,10 @@ class Notes(Silent):
 def test_the_last_line_counts_the_reasons() -> None:
     """Whoever reads nothing but the last line knows how many photographs are missing, and why."""
     status = ("ok", "no_overlap", "ok", "no_texture", "no_overlap")
-    assert verdict_in_words(status, 1234, "in metres") == (
+    assert verdict_in_words(status, 1234, 1234, "in metres") == (
         "2 of 5 photographs ok (2 no_overlap, 1 no_texture), 1,234 points; in metres"
     )
+    assert verdict_in_words(("ok",), 12, 5678, "in metres") == "1 of 1 photographs ok, 12 of 5,678 points; in metres"
 
 
 def test_bare_photographs_become_a_cloud(
@@ -271,7 +272,8 @@ def test_bare_photographs_become_a_cloud(
     reconstruct(bare, folder, ReconSettings(sparse=SparseSettings(max_features=700)), listener)
     cloud = read_cloud(folder)
     (said,) = listener.notes
-    assert said.startswith(f"5 of 5 photographs ok, {len(cloud):,} points; no truth and no GPS")
+    assert said.startswith(f"5 of 5 photographs ok, {len(cloud):,} of ")
+    assert said.endswith(" points; no truth and no GPS that fits: in its own units, upright, without labels")
     assert [row["status"] for row in cloud.cameras] == ["ok"] * 5
     assert (cloud.alignment["target"], cloud.alignment["unit"]) == ("none", "unknown")
     assert "own units" in cloud.alignment["note"]
