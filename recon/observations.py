@@ -52,13 +52,14 @@ class Observations:
 
     def once(self) -> "Observations":
         """Take of each point and image the first observation alone: a track may hold two keypoints of one image."""
-        order = np.lexsort((self.image, self.point))
-        image, point = self.image[order], self.point[order]
+        points = self.point
+        order = np.lexsort((self.image, points))
+        image, point = self.image[order], points[order]
         repeated = np.zeros(len(order), bool)
         repeated[1:] = (np.diff(image) == 0) & (np.diff(point) == 0)
         chosen = np.ones(len(order), bool)
         chosen[order[repeated]] = False
-        start = np.concatenate([[0], np.cumsum(np.bincount(self.point[chosen], minlength=len(self.counts)))])
+        start = np.concatenate([[0], np.cumsum(np.bincount(points[chosen], minlength=len(self.counts)))])
         return Observations(start.astype(np.int64), self.image[chosen], self.uv[chosen])
 
     @cached_property
