@@ -7,11 +7,11 @@ import numpy as np
 import pycolmap
 
 from groundwork.progress import Progress
+from recon.database import DATABASE
 from recon.photos import FOCAL_GUESSED
 from recon.settings import SparseSettings
 from render.capture import Capture, load_image
 
-DATABASE = "database.db"
 _LEAST_SIGMA = 0.01  # [m] a prior of no deviation at all would be infinitely stiff
 
 

@@ -13,7 +13,7 @@ import pycolmap
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.progress import Progress
 from recon.colmap_model import read_model
-from recon.extraction import DATABASE
+from recon.database import DATABASE
 from recon.photos import FOCAL_GUESSED
 from recon.settings import SparseSettings
 from recon.tie_points import write_tie_points

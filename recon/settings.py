@@ -49,13 +49,13 @@ class SparseSettings(Settings):
     deterministic: bool = True
     """Map on one thread, so that the same images give the same bytes."""
     threads: int = Field(default=2, ge=1, le=256)
-    """Threads of the extraction, and of the mapper when not deterministic; matching has one of its own."""
+    """Threads of the extraction, processes of the matching, and threads of the mapper when not deterministic."""
     seconds_per_image: float = Field(default=30.0, ge=1.0, le=3600.0)
     """Wall time that each stage may take per image, on top of two minutes [s]."""
     memory_limit: float = Field(default=3.0, ge=0.5, le=1024.0)
-    """Resident memory that a stage may use, whatever the number of images [GB]."""
+    """Resident memory that a process may use, whatever the number of images [GB]."""
     memory_per_image: float = Field(default=0.02, ge=0.0, le=1.0)
-    """Resident memory that a stage may use per image, on top of that [GB]."""
+    """Resident memory that a process may use per image, on top of that [GB]."""
 
 
 class DenseSettings(Settings):

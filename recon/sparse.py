@@ -1,9 +1,8 @@
 """Structure from motion as seen from outside: three steps in child processes, their progress, the verdict on each."""
 
-import sqlite3
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -11,9 +10,10 @@ from typing import Any
 
 from groundwork.canonical import file_digest, folder_digest
 from groundwork.child import run_child
-from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import RejectedSceneError
 from groundwork.progress import Progress
 from recon.colmap_model import SparseModel, read_model
+from recon.database import DATABASE, count_rows, empty_journal
 from recon.settings import ReconSettings
 from recon.shortage import check_space, plain_shortage
 from recon.steps import Step, take_step
@@ -22,13 +22,13 @@ from render.capture import Capture
 NO_TEXTURE, NO_OVERLAP, NOT_IN_LARGEST = "no_texture", "no_overlap", "not_in_largest_model"
 _CHILD = "recon.sparse_child"
 _SECTION = "recon.sparse"
-_DATABASE, _MODEL = "database.db", "model"  # as the child names them; importing it would load COLMAP here
+_MODEL = "model"  # as the child names it; importing it would load COLMAP here
 _VERSION = 3  # raised whenever the same settings would give another model
 _SLACK = 120.0  # [s] beside the time per image
 _LOOK = 0.5  # [s] how often the database is asked how far it is
 _FEW_KEYPOINTS = 50
 _MIN_IMAGES = 3
-_BYTES_PER_KEYPOINT = 2 * 200  # in the database of features and again in that of matches: descriptor, place, matches
+_BYTES_PER_KEYPOINT = 3 * 200  # descriptor, place, matches: in the databases of features, of matches, of its shares
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def _extract(capture: Capture, work: Path, settings: ReconSettings, progress: Pr
     def make(folder: Path) -> Any:
         needed = len(capture.images) * sparse.max_features * _BYTES_PER_KEYPOINT
         check_space(work, needed, "structure from motion of these images")
-        with _row_count(folder / _DATABASE, "keypoints", progress):
+        with _row_count(folder / DATABASE, "keypoints", progress):
             return _run("extract", capture, folder, folder, settings, progress)
 
     return take_step(work, "features", recipe, make)
@@ -160,9 +160,8 @@ def _match(capture: Capture, features: Step, work: Path, settings: ReconSettings
     recipe = [features.recipe, sparse.pairing, sparse.neighbours, sparse.overlap, sparse.exhaustive_below]
 
     def make(folder: Path) -> Any:
-        with _row_count(folder / _DATABASE, "two_view_geometries", progress):
-            found = _run("match", capture, features.folder, folder, settings, progress)
-        progress.advance(found["pairs"])
+        found = _run("match", capture, features.folder, folder, settings, progress)
+        empty_journal(folder / DATABASE)
         return found
 
     return take_step(work, "matches", recipe, make)
@@ -201,7 +200,7 @@ def _run(
 
 @contextmanager
 def _row_count(database: Path, table: str, progress: Progress) -> Iterator[None]:
-    """Report the rows of a table while a child fills it; COLMAP's extraction and matching call nobody back.
+    """Report the rows of a table while a child fills it; COLMAP's extraction calls nobody back.
 
     Whoever looks while the child closes the database keeps SQLite from emptying its journal: this is done afterwards.
     """
@@ -210,7 +209,7 @@ def _row_count(database: Path, table: str, progress: Progress) -> Iterator[None]
     def watch() -> None:
         last = 0
         while not finished.wait(_LOOK):
-            now = _rows(database, table)
+            now = count_rows(database, table)
             if now > last:
                 progress.advance(now)
                 last = now
@@ -222,30 +221,4 @@ def _row_count(database: Path, table: str, progress: Progress) -> Iterator[None]
     finally:
         finished.set()
         watcher.join()
-    _empty_journal(database)
-
-
-def _empty_journal(database: Path) -> None:
-    """Bring everything into the database's one file, which the next step copies, and take the journal away."""
-    try:
-        with closing(sqlite3.connect(database)) as connection:
-            _, pages, brought = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
-    except sqlite3.OperationalError as error:
-        if error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
-            raise OutOfSpaceError(
-                f"{database.parent}: no space left on the disk. Free some, then run the same command again"
-            ) from None
-        raise ChildError(f"{database}: {error}. Close what has it open, then run the same command again") from None
-    if pages != brought:
-        raise ChildError(f"{database}: another program reads it. Close that, then run the same command again")
-
-
-def _rows(database: Path, table: str) -> int:
-    """Count rows beside a writer; 0 while there is no database, no table, or no quiet moment."""
-    if not database.is_file():
-        return 0
-    try:
-        with closing(sqlite3.connect(f"{database.absolute().as_uri()}?mode=ro", uri=True)) as connection:
-            return int(connection.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0])
-    except sqlite3.Error:
-        return 0
+    empty_journal(database)

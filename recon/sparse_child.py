@@ -12,7 +12,7 @@ from groundwork.child import answer_parent
 from groundwork.progress import Progress
 from recon.extraction import extract
 from recon.mapping import map_images, transform
-from recon.matching import match
+from recon.matching import SHARE, match, match_share
 from recon.photos import open_photographs
 from recon.settings import SparseSettings
 
@@ -23,8 +23,8 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     """Run one stage.
 
     Args:
-        request: `stage`, `folder` to fill, `seed`; `before`: folder of the stage before; `capture` and `settings`, or
-            for `transform` `similarity`.
+        request: `stage`, `folder` to fill, `seed`; `before`: folder of the stage before; `pairs` for a share of the
+            matching, `similarity` for `transform`, `capture` and `settings` for all others.
         progress: Listener.
 
     Returns:
@@ -35,6 +35,8 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     folder, before = Path(request["folder"]), Path(request["before"])
     if request["stage"] == "transform":
         return transform(before, folder, request["similarity"])
+    if request["stage"] == SHARE:
+        return match_share(map(tuple, request["pairs"]), before, folder, request["seed"])
     settings = SparseSettings.model_validate(request["settings"])
     capture = open_photographs(Path(request["capture"]))
     if request["stage"] == "extract":

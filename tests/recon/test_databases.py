@@ -14,10 +14,11 @@ import pycolmap
 import pytest
 
 from groundwork.child import run_child
-from groundwork.errors import RejectedSceneError
+from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.progress import SILENT
-from recon import sparse
-from recon.extraction import DATABASE, extract
+from recon import matching, sparse
+from recon.database import DATABASE, empty_journal
+from recon.extraction import extract
 from recon.matching import choose_pairing, match
 from recon.photos import open_photographs
 from recon.settings import ReconSettings, SparseSettings
@@ -49,7 +50,7 @@ def rows_of(database: Path) -> dict[str, str]:
 
 
 def made(capture: Capture, folder: Path, threads: int, interrupted: bool = False) -> dict[str, str]:
-    """Extract and match with some threads; interrupted: from a database that has lost half of its keypoints."""
+    """Extract and match with some threads; interrupted: from databases that have lost half of their rows."""
     settings = SparseSettings(max_features=500, threads=threads)
     features, matches = folder / "features", folder / "matches"
     for part in (features, matches):
@@ -62,20 +63,62 @@ def made(capture: Capture, folder: Path, threads: int, interrupted: bool = False
                 connection.execute(f"DELETE FROM {table} WHERE {key} > 2")
             connection.commit()
         extract(capture, features, settings, SILENT)
-        (matches / DATABASE).write_bytes(b"what a killed run left")
+    empty_journal(features / DATABASE)
     match(capture, features, matches, settings, 0, SILENT)
+    if interrupted:
+        with closing(sqlite3.connect(matches / DATABASE)) as connection:
+            middle = connection.execute("SELECT AVG(pair_id) FROM two_view_geometries").fetchone()
+            for table in ("matches", "two_view_geometries"):
+                connection.execute(f"DELETE FROM {table} WHERE pair_id > ?", middle)
+            connection.commit()
+        (matches / "share0").mkdir()
+        (matches / "share0" / DATABASE).write_bytes(b"what a killed share left")
+        match(capture, features, matches, settings, 0, SILENT)
     return rows_of(matches / DATABASE)
 
 
-def test_threads_and_interruptions_change_no_row(tmp_path: Path) -> None:
-    """One thread, two, and two that were cut off in the middle: the same rows in every table."""
+def test_threads_shares_and_interruptions_change_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One process for all pairs, two with three pairs each, and two that were cut off: the same rows in every table."""
     capture = crops(tmp_path / "photographs", 4)
     pycolmap.logging.minloglevel = 3
     one = made(capture, tmp_path / "one", 1)
     assert one["keypoints"].endswith(" 4")
     assert one["two_view_geometries"].endswith(" 6")
+    monkeypatch.setattr(matching, "_SHARE", 3)
+    monkeypatch.setattr(matching, "_LEAST_SHARE", 1)
     assert made(capture, tmp_path / "two", 2) == one
     assert made(capture, tmp_path / "cut", 2, interrupted=True) == one
+
+
+def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second of three shares fails: the run fails, and the next one asks for nothing that the first one had."""
+    capture, asked = crops(tmp_path / "photographs", 4), []
+    settings = SparseSettings(max_features=500, threads=1)
+    for part in ("features", "matches"):
+        (tmp_path / part).mkdir()
+    extract(capture, tmp_path / "features", settings, SILENT)
+    empty_journal(tmp_path / "features" / DATABASE)
+
+    def run_or_die(module: str, request: dict[str, Any], **options: Any) -> Any:
+        asked.append(request["pairs"])
+        if len(asked) == 2:
+            raise ChildError("out of luck")
+        return run_child(module, request, **options)
+
+    monkeypatch.setattr(matching, "_SHARE", 2)
+    monkeypatch.setattr(matching, "_LEAST_SHARE", 1)
+    monkeypatch.setattr(matching, "run_child", run_or_die)
+    with pytest.raises(ChildError, match="out of luck"):
+        match(capture, tmp_path / "features", tmp_path / "matches", settings, 0, SILENT)
+    first = [tuple(pair) for pair in asked[0]]
+    asked[:] = [[]] * 3  # nobody dies any more
+    found = match(capture, tmp_path / "features", tmp_path / "matches", settings, 0, SILENT)
+    assert found["pairs"] == 6
+    again = [tuple(pair) for share in asked for pair in share]
+    assert len(first) == 2
+    assert len(again) == 4
+    assert not set(first) & set(again)
+    assert [path.name for path in (tmp_path / "matches").iterdir()] == [DATABASE]
 
 
 def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,7 +144,7 @@ def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         return 0
 
     monkeypatch.setattr(sparse, "run_child", run_and_tell)
-    monkeypatch.setattr(sparse, "_rows", read_to_the_end)
+    monkeypatch.setattr(sparse, "count_rows", read_to_the_end)
     monkeypatch.setattr(sparse, "_LOOK", 0.05)
     settings = ReconSettings(sparse=SparseSettings(max_features=500))
     with suppress(RejectedSceneError):

@@ -9,7 +9,7 @@ import pytest
 
 from groundwork.progress import SILENT
 from recon.colmap_model import SparseModel, read_model
-from recon.extraction import DATABASE
+from recon.database import DATABASE
 from recon.mapping import MODEL, map_images
 from recon.settings import SparseSettings
 from recon.tie_points import Matches, choose_tie_points, write_tie_points

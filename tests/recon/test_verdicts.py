@@ -15,7 +15,7 @@ from groundwork.files import write_json
 from groundwork.progress import SILENT
 from recon.align import CENTRE_OUTLIER, OK, ROTATION_OUTLIER, UNREGISTERED
 from recon.colmap_model import read_model
-from recon.extraction import DATABASE
+from recon.database import DATABASE
 from recon.mapping import MODEL, adjust_robustly, choose_mapper, map_images
 from recon.place import alignment_facts, place
 from recon.settings import AlignmentSettings, ReconSettings, SparseSettings

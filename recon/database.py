@@ -1,0 +1,112 @@
+"""COLMAP's SQLite databases: what happens to their rows outside of COLMAP."""
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from groundwork.errors import ChildError, OutOfSpaceError
+
+DATABASE = "database.db"
+"""Name of the database in the folder of a step."""
+
+_SMALL = ("rigs", "rig_sensors", "cameras", "frames", "frame_data")  # what images refer to
+_OF_IMAGES = ("keypoints", "descriptors")
+_OF_PAIRS = ("matches", "two_view_geometries")
+
+
+def count_rows(database: Path, table: str) -> int:
+    """Count the rows of a table beside whoever writes it.
+
+    Args:
+        database: File that may not be there yet.
+        table: Name of the table.
+
+    Returns:
+        Number of rows; 0 while there is no database, no such table, or no quiet moment.
+    """
+    if not database.is_file():
+        return 0
+    try:
+        with closing(sqlite3.connect(f"{database.absolute().as_uri()}?mode=ro", uri=True)) as connection:
+            return int(connection.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0])
+    except sqlite3.Error:
+        return 0
+
+
+def empty_journal(database: Path) -> None:
+    """Bring everything into the database's one file, which the next step copies, and take the journal away.
+
+    Args:
+        database: A database that nobody writes any more.
+
+    Raises:
+        OutOfSpaceError: The disk is full.
+        ChildError: Another program has the database open.
+    """
+    try:
+        with closing(sqlite3.connect(database)) as connection:
+            _, pages, brought = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+    except sqlite3.OperationalError as error:
+        if error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
+            raise OutOfSpaceError(
+                f"{database.parent}: no space left on the disk. Free some, then run the same command again"
+            ) from None
+        raise ChildError(f"{database}: {error}. Close what has it open, then run the same command again") from None
+    if pages != brought:
+        raise ChildError(f"{database}: another program reads it. Close that, then run the same command again")
+
+
+def copy_images(whole: Path, part: Path, images: Iterable[int]) -> None:
+    """Copy some images with their keypoints and descriptors; in the copy an image's name is its id.
+
+    Args:
+        whole: Database that nobody writes any more.
+        part: Database with COLMAP's tables, all empty.
+        images: Ids.
+    """
+    wanted = (json.dumps(sorted(set(images))),)
+    with _attached(part, f"{whole.absolute().as_uri()}?immutable=1") as connection:
+        for table in _SMALL:
+            connection.execute(f"INSERT INTO {table} SELECT * FROM other.{table}")
+        connection.execute("INSERT INTO images SELECT image_id, image_id, camera_id FROM other.images")
+        for table in _OF_IMAGES:
+            connection.execute(
+                f"INSERT INTO {table} SELECT * FROM other.{table} "
+                "WHERE image_id IN (SELECT value FROM json_each(?))", wanted,
+            )  # fmt: skip
+
+
+def take_pairs(part: Path, whole: Path) -> None:
+    """Copy what was found out about pairs of images, all of it or, in case of a kill, nothing.
+
+    Args:
+        part: Database that has it.
+        whole: Database that receives it; what it has of the same pairs is replaced.
+    """
+    with _attached(whole, part.absolute().as_uri()) as connection:
+        for table in _OF_PAIRS:
+            connection.execute(f"INSERT OR REPLACE INTO {table} SELECT * FROM other.{table}")
+
+
+def paired(database: Path) -> set[int]:
+    """List the pairs that are through matching and verification, those that show nothing in common included.
+
+    Args:
+        database: Database of matches.
+
+    Returns:
+        COLMAP's ids of the pairs.
+    """
+    with closing(sqlite3.connect(database)) as connection:
+        return {number for (number,) in connection.execute("SELECT pair_id FROM two_view_geometries")}
+
+
+@contextmanager
+def _attached(database: Path, other: str) -> Iterator[sqlite3.Connection]:
+    """Open a database for one transaction, with another beside it as `other`."""
+    with closing(sqlite3.connect(database.absolute().as_uri(), uri=True)) as connection:
+        connection.execute("ATTACH ? AS other", (other,))
+        with connection:
+            yield connection
