@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from recon.label_margin import edge_distance
 from recon.noise_figures import THRESHOLD
 from recon.observations import Observations
 from render.capture import Truth
@@ -17,8 +17,6 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 U32 = NDArray[np.uint32]
-
-_HALF_PIXEL = 0.5
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,8 @@ def gather(truth: Truth, observations: Observations, threads: int = 1) -> Observ
 
     def read(image: int, rows: I64) -> None:
         pixel = np.floor(observations.uv[rows]).astype(np.int64)
-        column, row = np.clip(pixel, 0, [width - 1, height - 1]).T  # a keypoint may lie on the image's very edge
+        pixel = np.clip(pixel, 0, [width - 1, height - 1])  # a keypoint may lie on the image's very edge
+        column, row = np.ascontiguousarray(pixel.T)
         labels, instances, depth = truth.semantic(image), truth.instance(image), truth.depth(image)
         for kind, values in (("semantic", labels), ("instance", instances), ("depth", depth)):
             if values.shape != (height, width):
@@ -89,28 +88,10 @@ def gather(truth: Truth, observations: Observations, threads: int = 1) -> Observ
                                  allowed=f"{height} rows, {width} columns", mend="Render the survey again")  # fmt: skip
         found.label[rows] = labels[row, column]
         found.instance[rows], found.depth[rows] = instances[row, column], depth[row, column]
-        found.margin[rows] = edge_distance(labels)[row, column]
+        found.margin[rows] = edge_distance(labels, row, column)
 
     observations.for_each_image(read, threads)
     return found
-
-
-def edge_distance(labels: U8) -> F32:
-    """Measure how far each pixel's centre lies from the next edge between labels.
-
-    Args:
-        labels: Class ids, shape (H, W), uint8.
-
-    Returns:
-        Distance [px], shape (H, W), float32: 0.5 beside an edge; the image's diagonal where there is no edge.
-    """
-    inner = np.ones(labels.shape, np.uint8)
-    across, down = labels[:, 1:] != labels[:, :-1], labels[1:] != labels[:-1]
-    inner[:, 1:][across] = inner[:, :-1][across] = 0
-    inner[1:][down] = inner[:-1][down] = 0
-    if inner.all():
-        return np.full(labels.shape, np.hypot(*labels.shape), np.float32)
-    return cv2.distanceTransform(inner, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) + np.float32(_HALF_PIXEL)
 
 
 def annotate(observed: ObservedTruth, depth_error: F64, observations: Observations) -> Annotation:
@@ -131,19 +112,10 @@ def annotate(observed: ObservedTruth, depth_error: F64, observations: Observatio
     Returns:
         The verdict on each point.
     """
-    point, first = observations.point, observations.start[:-1]
-    if not len(first):
-        nothing = np.zeros(0, np.float32)
-        return Annotation(np.zeros(0, np.uint8), np.zeros(0, np.uint32), nothing, nothing)
-    voting = depth_error <= np.maximum(THRESHOLD, np.minimum.reduceat(depth_error, first))[point]
-    label = vote(point[voting], observed.label[voting], depth_error[voting])
-    agreeing = observed.label == label[point]
-    voting &= agreeing
     return Annotation(
-        label.astype(np.uint8),
-        vote(point[voting], observed.instance[voting], depth_error[voting]).astype(np.uint32),
-        (np.add.reduceat(agreeing, first, dtype=np.float32) / observations.counts).astype(np.float32),
-        np.maximum.reduceat(observed.margin, first),
+        *_verdicts(
+            observations.start, observed.label, observed.instance, observed.margin, np.asarray(depth_error, np.float64)
+        )
     )
 
 
@@ -163,20 +135,52 @@ def vote(point: I64, label: U8 | U32 | I64, depth_error: F64) -> I64:
 
 
 @njit(cache=True, nogil=True)
+def _verdicts(start: I64, label: U8, instance: U32, margin: F32, depth_error: F64) -> tuple[U8, U32, F32, F32]:
+    count, most = len(start) - 1, np.diff(start).max() if len(start) > 1 else 0
+    winner, part = np.empty(count, np.uint8), np.empty(count, np.uint32)
+    share, clear = np.empty(count, np.float32), np.empty(count, np.float32)
+    votes, errors, owner = np.empty(most, np.int64), np.empty(most), np.empty(most, np.int64)
+    for point in range(count):
+        first, end = start[point], start[point + 1]
+        near = max(THRESHOLD, depth_error[first:end].min())
+        voting = 0
+        for row in range(first, end):
+            if depth_error[row] <= near:
+                votes[voting], owner[voting], errors[voting] = label[row], instance[row], depth_error[row]
+                voting += 1
+        best = _most_frequent(votes[:voting], errors[:voting])
+        agreeing = 0
+        for vote in range(voting):
+            if votes[vote] == best:
+                owner[agreeing], errors[agreeing] = owner[vote], errors[vote]
+                agreeing += 1
+        winner[point], part[point] = best, _most_frequent(owner[:agreeing], errors[:agreeing])
+        share[point] = np.float32((label[first:end] == best).sum()) / np.float32(end - first)
+        clear[point] = margin[first:end].max()
+    return winner, part, share, clear
+
+
+@njit(cache=True, nogil=True)
 def _vote(start: I64, label: I64, depth_error: F64) -> I64:
     winner = np.empty(len(start) - 1, np.int64)
     for point in range(len(winner)):
-        best, most, best_error = np.int64(0), 0, np.inf
-        for first in range(start[point], start[point + 1]):
-            votes, least, counted = 0, np.inf, False
-            for other in range(start[point], start[point + 1]):
-                if label[other] == label[first]:
-                    counted |= other < first
-                    votes, least = votes + 1, min(least, depth_error[other])
-            if counted:
-                continue
-            closer = least < best_error or (least == best_error and label[first] < best)
-            if votes > most or (votes == most and closer):
-                best, most, best_error = label[first], votes, least
-        winner[point] = best
+        mine = slice(start[point], start[point + 1])
+        winner[point] = _most_frequent(label[mine], depth_error[mine])
     return winner
+
+
+@njit(cache=True, nogil=True)
+def _most_frequent(label: I64, depth_error: F64) -> np.int64:
+    best, most, best_error = np.int64(0), 0, np.inf
+    for first in range(len(label)):
+        votes, least, counted = 0, np.inf, False
+        for other in range(len(label)):
+            if label[other] == label[first]:
+                counted |= other < first
+                votes, least = votes + 1, min(least, depth_error[other])
+        if counted:
+            continue
+        closer = least < best_error or (least == best_error and label[first] < best)
+        if votes > most or (votes == most and closer):
+            best, most, best_error = label[first], votes, least
+    return best

@@ -59,15 +59,15 @@ def empty_journal(database: Path) -> None:
 
 
 def copy_images(whole: Path, part: Path, images: Iterable[int]) -> None:
-    """Copy some images with their keypoints and descriptors; in the copy an image's name is its id.
+    """Copy the keypoints and descriptors of some images; in the copy an image's name is its id.
 
     Args:
         whole: Database that nobody writes any more.
-        part: Database with COLMAP's tables, all empty.
-        images: Ids.
+        part: Database with COLMAP's tables, all empty, which a kill may leave unusable.
+        images: Ids of the images.
     """
     wanted = (json.dumps(sorted(set(images))),)
-    with _attached(part, f"{whole.absolute().as_uri()}?immutable=1") as connection:
+    with _attached(part, f"{whole.absolute().as_uri()}?immutable=1", journal=False) as connection:
         for table in _SMALL:
             connection.execute(f"INSERT INTO {table} SELECT * FROM other.{table}")
         connection.execute("INSERT INTO images SELECT image_id, image_id, camera_id FROM other.images")
@@ -94,19 +94,31 @@ def paired(database: Path) -> set[int]:
     """List the pairs that are through matching and verification, those that show nothing in common included.
 
     Args:
-        database: Database of matches.
+        database: Database of matches, or what a power cut made of it.
 
     Returns:
-        COLMAP's ids of the pairs.
+        COLMAP's ids of the pairs; none where there is no database, or not a sound one.
     """
-    with closing(sqlite3.connect(database)) as connection:
-        return {number for (number,) in connection.execute("SELECT pair_id FROM two_view_geometries")}
+    if not database.is_file():
+        return set()
+    try:
+        with closing(sqlite3.connect(database)) as connection:
+            if connection.execute("PRAGMA quick_check").fetchone() != ("ok",):
+                return set()
+            return {number for (number,) in connection.execute("SELECT pair_id FROM two_view_geometries")}
+    except sqlite3.DatabaseError:
+        return set()
 
 
 @contextmanager
-def _attached(database: Path, other: str) -> Iterator[sqlite3.Connection]:
+def _attached(database: Path, other: str, *, journal: bool = True) -> Iterator[sqlite3.Connection]:
     """Open a database for one transaction, with another beside it as `other`."""
     with closing(sqlite3.connect(database.absolute().as_uri(), uri=True)) as connection:
+        if not journal:
+            connection.execute("PRAGMA journal_mode = OFF")
         connection.execute("ATTACH ? AS other", (other,))
         with connection:
             yield connection
+        if not journal:
+            connection.execute("DETACH other")
+            connection.execute("PRAGMA journal_mode = WAL")  # as COLMAP wants it

@@ -1,8 +1,9 @@
 """Which images show the same thing: pairs, their matches, and the geometry that verifies them; runs in children."""
 
+import math
 import shutil
 from collections.abc import Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,11 @@ SHARE = "match_share"
 """Name of the stage of a child that matches a share of the pairs."""
 
 _CHILD = "recon.sparse_child"
+_NAMES = "pairs.txt"  # in the folder of a share that is at work
 _SHARE, _LEAST_SHARE = 128, 32  # pairs of a share: half a minute at most; a child's own start takes a second of it
 _ROUNDS = 3  # of shares for each process, so that none waits long for the last
 _LOOK = 0.5  # [s] how often the shares are asked how far they are
-_NO_LIMIT = 1e9  # [m] between the images of a pair; [s] for a share: the parent's own limit holds for all of them
+_NO_LIMIT = 1e9  # [m] spatial pairing drops pairs that are farther apart than this
 
 
 def match(
@@ -48,11 +50,7 @@ def match(
     Raises:
         ChildError: A share ran into a limit or died; the others stay.
     """
-    path = folder / DATABASE
-    if not path.is_file():
-        copy = path.with_name(f".{DATABASE}.partial")
-        shutil.copyfile(features / DATABASE, copy)  # not atomic: the name says that it is whole
-        copy.replace(path)
+    path = _take_over(features / DATABASE, folder)
     kind = choose_pairing(capture, settings)
     pairs = _name_pairs(path, kind, settings)
     progress.stage("matching", len(pairs))
@@ -70,7 +68,7 @@ def match_share(pairs: Iterable[tuple[int, int]], features: Path, folder: Path, 
         seed: Seed of the verification.
     """
     pairs = tuple(pairs)
-    path, names = folder / DATABASE, folder / "pairs.txt"
+    path, names = folder / DATABASE, folder / _NAMES
     pycolmap.Database.open(path).close()
     copy_images(features / DATABASE, path, {image for pair in pairs for image in pair})
     write_text(names, "".join(f"{one} {other}\n" for one, other in pairs))
@@ -82,46 +80,72 @@ def match_share(pairs: Iterable[tuple[int, int]], features: Path, folder: Path, 
     )  # fmt: skip
 
 
+def _take_over(features: Path, folder: Path) -> Path:
+    """Go on with the database of matches that an interrupted run left, or copy that of the features."""
+    path = folder / DATABASE
+    if not paired(path):
+        for left in folder.glob(f"{DATABASE}*"):
+            left.unlink()
+        shutil.copyfile(features, path)  # not atomic: nothing is paired in half of it
+    return path
+
+
 def _match_shares(
     pairs: list[tuple[int, int]], features: Path, folder: Path, settings: SparseSettings, seed: int, progress: Progress
 ) -> None:
-    """Deal the pairs that are left out to children, and bring home what each found."""
+    """Deal the pairs that are left out to children, and bring home what each found, whatever happens to the others."""
     whole = folder / DATABASE
     for unfinished in folder.glob("share*"):
         shutil.rmtree(unfinished)
     done = paired(whole)
     left = [pair for pair in pairs if pycolmap.image_pair_to_pair_id(*pair) not in done]
-    finished = len(pairs) - len(left)
     size = min(_SHARE, max(_LEAST_SHARE, -(-len(left) // (_ROUNDS * settings.threads))))
-
-    def run(share: Path, pairs: list[tuple[int, int]]) -> Path:
-        share.mkdir()
-        request = {"stage": SHARE, "pairs": pairs, "before": str(features), "folder": str(share), "seed": seed}
-        alone = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        run_child(_CHILD, request, time_limit=_NO_LIMIT, memory_limit=settings.memory_limit, environment=alone)
-        return share
-
+    finished, seen, failures = len(pairs) - len(left), 0, list[BaseException]()
     with ThreadPoolExecutor(settings.threads) as pool:
-        waiting: set[Future[Path]] = {
-            pool.submit(run, folder / f"share{first}", left[first : first + size])
+        waiting = {
+            pool.submit(_run_share, left[first : first + size], features, folder / f"share{first}", settings, seed)
             for first in range(0, len(left), size)
         }
-        try:
-            while waiting:
-                ended, waiting = wait(waiting, _LOOK, FIRST_COMPLETED)
-                for future in sorted(ended, key=_failed):  # what is done comes home before another's failure is told
-                    share = future.result()
-                    take_pairs(share / DATABASE, whole)
-                    finished += count_rows(share / DATABASE, "two_view_geometries")
-                    shutil.rmtree(share)
-                begun = sum(count_rows(path, "two_view_geometries") for path in folder.glob(f"share*/{DATABASE}"))
-                progress.advance(finished + begun)
-        finally:
-            pool.shutdown(cancel_futures=True)
+        while waiting:
+            seen = max(seen, finished + _begun(folder))
+            progress.advance(seen)
+            ended, waiting = wait(waiting, _LOOK, FIRST_COMPLETED)
+            for future in ended:
+                failure = future.exception()
+                if failure is not None:
+                    failures.append(failure)
+                    waiting = {other for other in waiting if not other.cancel()}  # those that run already come home
+                    continue
+                share = future.result()
+                take_pairs(share / DATABASE, whole)
+                finished += count_rows(share / DATABASE, "two_view_geometries")
+                shutil.rmtree(share)
+    for failure in failures[:1]:
+        raise failure
+    progress.advance(finished)
 
 
-def _failed(ended: Future[Path]) -> bool:
-    return ended.exception() is not None
+def _run_share(
+    pairs: list[tuple[int, int]], features: Path, share: Path, settings: SparseSettings, seed: int
+) -> Path:  # fmt: skip
+    """Match a share in a child, on one thread; its parent's parent watches the time."""
+    share.mkdir()
+    images = len({image for pair in pairs for image in pair})
+    run_child(
+        _CHILD,
+        {"stage": SHARE, "pairs": pairs, "before": str(features), "folder": str(share), "seed": seed},
+        time_limit=math.inf,
+        memory_limit=settings.memory_limit + settings.memory_per_image * images,
+        environment={"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    )
+    return share
+
+
+def _begun(folder: Path) -> int:
+    """Count the pairs of the shares at work; one that is still being filled is left alone, COLMAP waits for nobody."""
+    return sum(
+        count_rows(names.parent / DATABASE, "two_view_geometries") for names in folder.glob(f"share*/{_NAMES}")
+    )  # fmt: skip
 
 
 def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tuple[int, int]]:

@@ -53,9 +53,9 @@ class SparseSettings(Settings):
     seconds_per_image: float = Field(default=30.0, ge=1.0, le=3600.0)
     """Wall time that each stage may take per image, on top of two minutes [s]."""
     memory_limit: float = Field(default=3.0, ge=0.5, le=1024.0)
-    """Resident memory that a process may use, whatever the number of images [GB]."""
+    """Resident memory that a process may use, whatever the number of its images [GB]."""
     memory_per_image: float = Field(default=0.02, ge=0.0, le=1.0)
-    """Resident memory that a process may use per image, on top of that [GB]."""
+    """Resident memory that a process may use for each of its images, on top of that [GB]."""
 
 
 class DenseSettings(Settings):

@@ -28,7 +28,8 @@ _SLACK = 120.0  # [s] beside the time per image
 _LOOK = 0.5  # [s] how often the database is asked how far it is
 _FEW_KEYPOINTS = 50
 _MIN_IMAGES = 3
-_BYTES_PER_KEYPOINT = 3 * 200  # descriptor, place, matches: in the databases of features, of matches, of its shares
+_BYTES_PER_KEYPOINT = 200  # descriptor, place, matches
+_COPIES, _SHARE_IMAGES = 2, 256  # databases of all images, and images at most in that of a share of the matching
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,9 @@ def _extract(capture: Capture, work: Path, settings: ReconSettings, progress: Pr
     ]  # fmt: skip
 
     def make(folder: Path) -> Any:
-        needed = len(capture.images) * sparse.max_features * _BYTES_PER_KEYPOINT
+        count = len(capture.images)
+        images = _COPIES * count + sparse.threads * min(count, _SHARE_IMAGES)
+        needed = images * sparse.max_features * _BYTES_PER_KEYPOINT
         check_space(work, needed, "structure from motion of these images")
         with _row_count(folder / DATABASE, "keypoints", progress):
             return _run("extract", capture, folder, folder, settings, progress)

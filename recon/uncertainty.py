@@ -53,8 +53,10 @@ def _depths(points: F64, start: I64, image: I64, centres: F64, forward: F64) -> 
     depth = np.empty(len(image))
     for point in range(len(start) - 1):
         for row in range(start[point], start[point + 1]):
-            from_there, along = points[point] - centres[image[row]], forward[image[row]]
-            depth[row] = from_there[0] * along[0] + from_there[1] * along[1] + from_there[2] * along[2]
+            there, along, planar = centres[image[row]], forward[image[row]], 0.0
+            for axis in range(3):
+                planar += (points[point, axis] - there[axis]) * along[axis]
+            depth[row] = planar
     return depth
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
-from render.grey_png import SIGNATURE, encode_grey_png
+from render.grey_png import SIGNATURE, decode_grey_png, encode_grey_png
 
 _DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
 _JPEG_END = b"\xff\xd9"
@@ -96,6 +96,9 @@ def decode(path: Path) -> NDArray[Any]:
         data = path.read_bytes()
     except OSError:
         raise MissingError("no such image", where=path, mend="Put it back") from None
+    grey = decode_grey_png(data)
+    if grey is not None:
+        return grey
     jpeg = data[:2] == b"\xff\xd8"
     whole = bool(data) and (not jpeg or data.rstrip(b"\x00")[-2:] == _JPEG_END or _reaches_its_end(data))
     pixels = _decode(data, jpeg=jpeg) if whole else None

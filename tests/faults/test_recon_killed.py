@@ -81,7 +81,7 @@ class Seen:
 MOMENTS = (
     Seen("work/features-*.partial"),
     Seen("work/features-*.partial/database.db", "keypoints", 2),
-    Seen("work/matches-*.partial/share*/database.db", "two_view_geometries", 3),
+    Seen("work/matches-*.partial/share*/pairs.txt"),
     Seen("work/model-*.partial/models"),
     Seen("coord.npy"),
 )

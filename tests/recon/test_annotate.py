@@ -7,8 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.annotate import ObservedTruth, annotate, edge_distance, gather, vote
+from recon.annotate import ObservedTruth, annotate, gather, vote
 from recon.colmap_model import SparseModel
+from recon.label_margin import edge_distance
 from recon.observations import Observations, median_per_point, select_points
 from recon.uncertainty import depths, measure
 from render.capture import Truth
@@ -172,16 +173,22 @@ def test_instance_belongs_to_the_class_that_won() -> None:
 
 def test_edge_distance_has_a_plain_twin() -> None:
     """Half a pixel beside an edge, and the exact distance to the nearest such pixel elsewhere."""
-    labels = np.zeros((14, 18), np.uint8)
-    labels[3:8, 5:9], labels[10:, 15:] = 2, 7
+    labels = np.zeros((14, 230), np.uint8)  # wider than what is searched at a time
+    labels[3:8, 5:9], labels[10:, 40:] = 2, 7
     rows, columns = np.indices(labels.shape)
     beside = np.array([
-        [any(0 <= r + a < 14 and 0 <= c + b < 18 and labels[r + a, c + b] != labels[r, c]
-             for a, b in ((0, 1), (0, -1), (1, 0), (-1, 0))) for c in range(18)] for r in range(14)
+        [any(0 <= r + a < 14 and 0 <= c + b < 230 and labels[r + a, c + b] != labels[r, c]
+             for a, b in ((0, 1), (0, -1), (1, 0), (-1, 0))) for c in range(230)] for r in range(14)
     ])  # fmt: skip
     twin = np.min([np.hypot(rows - r, columns - c) for r, c in zip(*np.nonzero(beside), strict=True)], axis=0) + 0.5
-    np.testing.assert_allclose(edge_distance(labels), twin, atol=1e-4)
-    assert (edge_distance(np.ones((3, 4), np.uint8)) == 5.0).all()
+    for one, other in ((labels, twin), (labels[:, ::-1], twin[:, ::-1]), (labels[::-1], twin[::-1])):
+        found = edge_distance(np.ascontiguousarray(one), rows.ravel(), columns.ravel())
+        np.testing.assert_allclose(found, other.ravel(), rtol=1e-6)
+    labels = np.zeros((3, 230), np.uint8)
+    labels[:, 0] = 1  # most columns have no edge at all
+    found = edge_distance(labels, np.ones(230, np.int64), np.arange(230))
+    np.testing.assert_allclose(found, np.maximum(np.arange(230) - 1, 0) + 0.5)
+    assert (edge_distance(np.ones((3, 4), np.uint8), np.arange(3), np.arange(3)) == 5.0).all()
 
 
 def test_points_need_valid_cameras() -> None:

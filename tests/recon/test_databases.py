@@ -91,18 +91,22 @@ def test_threads_shares_and_interruptions_change_no_row(tmp_path: Path, monkeypa
 
 
 def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second of three shares fails: the run fails, and the next one asks for nothing that the first one had."""
-    capture, asked = crops(tmp_path / "photographs", 4), []
-    settings = SparseSettings(max_features=500, threads=1)
+    """The first of three shares fails at once, the second is at work: it comes home, and the third is not begun."""
+    capture = crops(tmp_path / "photographs", 4)
+    settings, asked = SparseSettings(max_features=500, threads=2), list[list[tuple[int, int]]]()
     for part in ("features", "matches"):
         (tmp_path / part).mkdir()
     extract(capture, tmp_path / "features", settings, SILENT)
     empty_journal(tmp_path / "features" / DATABASE)
 
+    begun = threading.Event()
+
     def run_or_die(module: str, request: dict[str, Any], **options: Any) -> Any:
         asked.append(request["pairs"])
-        if len(asked) == 2:
+        if len(asked) == 1:
+            begun.wait()
             raise ChildError("out of luck")
+        begun.set()
         return run_child(module, request, **options)
 
     monkeypatch.setattr(matching, "_SHARE", 2)
@@ -110,15 +114,29 @@ def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(matching, "run_child", run_or_die)
     with pytest.raises(ChildError, match="out of luck"):
         match(capture, tmp_path / "features", tmp_path / "matches", settings, 0, SILENT)
-    first = [tuple(pair) for pair in asked[0]]
-    asked[:] = [[]] * 3  # nobody dies any more
+    dead, home = asked[:2]
+    late = asked[2:]  # the pool may have begun it before it heard of the failure
+    again = asked = [[(0, 0)]]
     found = match(capture, tmp_path / "features", tmp_path / "matches", settings, 0, SILENT)
     assert found["pairs"] == 6
-    again = [tuple(pair) for share in asked for pair in share]
-    assert len(first) == 2
-    assert len(again) == 4
-    assert not set(first) & set(again)
+    asked_again = {pair for share in again[1:] for pair in share}
+    assert set(dead) <= asked_again
+    assert not asked_again & {pair for share in [home, *late] for pair in share}
     assert [path.name for path in (tmp_path / "matches").iterdir()] == [DATABASE]
+
+
+@pytest.mark.parametrize("left", [b"", bytes(40_000), b"what a power cut left"])
+def test_a_broken_database_is_made_anew(tmp_path: Path, left: bytes) -> None:
+    """A database that is empty, zeroed or no database at all is not gone on with."""
+    capture = crops(tmp_path / "photographs", 3)
+    settings = SparseSettings(max_features=500)
+    for part in ("features", "matches"):
+        (tmp_path / part).mkdir()
+    extract(capture, tmp_path / "features", settings, SILENT)
+    empty_journal(tmp_path / "features" / DATABASE)
+    (tmp_path / "matches" / DATABASE).write_bytes(left)
+    (tmp_path / "matches" / f"{DATABASE}-wal").write_bytes(b"of another")
+    assert match(capture, tmp_path / "features", tmp_path / "matches", settings, 0, SILENT)["pairs"] == 3
 
 
 def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

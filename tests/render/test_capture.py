@@ -13,6 +13,7 @@ from render import image_files
 from render.capture import CalibrationPrior, Capture, CaptureImage, Readout, load_image, read_capture, read_truth
 from render.capture_writer import FrameTruth, make_folders, write_cameras, write_frame_truth, write_truth
 from render.depth_tiff import encode_depth_tiff
+from render.grey_png import decode_grey_png
 from tests.render.scenes import CAMERA, random_scene
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene, world_triangles
@@ -101,7 +102,7 @@ def test_depth_comes_back_bit_for_bit(tmp_path: Path, shape: tuple[int, int]) ->
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 @pytest.mark.parametrize("shape", [(1, 1), (7, 5), (480, 641)])
 def test_labels_come_back_bit_for_bit(tmp_path: Path, shape: tuple[int, int], kind: type) -> None:
-    """Areas, noise, and the greatest number there is, through OpenCV's reader; a damaged file is refused."""
+    """Areas, noise, and the greatest number there is, through our reader and OpenCV's; a damaged file is refused."""
     rng = np.random.default_rng(5)
     greatest = np.iinfo(kind).max
     areas = np.add.outer(np.arange(shape[0]) // 40, np.arange(shape[1]) // 90)
@@ -112,10 +113,27 @@ def test_labels_come_back_bit_for_bit(tmp_path: Path, shape: tuple[int, int], ki
         read = image_files.decode(path)
         assert read.dtype == kind
         np.testing.assert_array_equal(read, values)
+        np.testing.assert_array_equal(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED), values)
+        ours = decode_grey_png(data)
+        assert ours is not None
+        np.testing.assert_array_equal(ours, values)
+        for place in rng.integers(0, len(data), 20):
+            assert decode_grey_png(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]) is None
+        assert decode_grey_png(data[:20]) is None
         assert image_files.size(path) == shape[::-1]
         path.write_bytes(data[: len(data) - 16])
         with pytest.raises(InputError):
             image_files.decode(path)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_labels_of_others_are_read_too(tmp_path: Path, kind: type) -> None:
+    """A PNG of OpenCV's, with filters and several chunks, is not for our own reader and comes in all the same."""
+    values = np.random.default_rng(6).integers(0, np.iinfo(kind).max, (90, 110), endpoint=True).astype(kind)
+    path = tmp_path / "of_others.png"
+    assert cv2.imwrite(str(path), values)
+    assert decode_grey_png(path.read_bytes()) is None
+    np.testing.assert_array_equal(image_files.decode(path), values)
 
 
 def test_ids_above_16_bit_are_kept_as_tiff(tmp_path: Path) -> None:
