@@ -146,7 +146,7 @@ def equally_accurate(ours: Row, other: Row) -> bool:
 
 def _mappers(rows: list[Row]) -> list[str]:
     """Compare the mappers at each count, and tell from how many images on `auto` should map globally."""
-    lines, pays = [], ""
+    lines, pays, pairs = [], "", list[tuple[Row, Row]]()
     for count in sorted({row.images for row in rows}):
         one, all_at_once = _found(rows, OURS, count), _found(rows, GLOBAL, count)
         if one and all_at_once and all_at_once.seconds.get("mapping"):
@@ -154,11 +154,32 @@ def _mappers(rows: list[Row]) -> list[str]:
             lines.append(
                 _verdict("mapping time, incremental over global mapper", count, None, ratio, least=True)
             )  # fmt: skip
+            pairs.append((one, all_at_once))
             better = ratio > 1.0 and equally_accurate(all_at_once, one)
             pays = (pays or f"from {count} images on") if better else ""
     if lines:
         lines.append(f"| global mapper faster at equal accuracy | | | {pays or 'not yet'} | |")
+    if len(pairs) > 1:
+        meet = crossing(pairs)
+        found = "never" if meet is None else f"about {float(f'{meet:.2g}'):.0f} images"
+        lines.append(f"| global mapper as fast, by the lines through the mapping times of both | | | {found} | |")
     return lines
+
+
+def crossing(pairs: list[tuple[Row, Row]]) -> float | None:
+    """Tell from how many images on one way maps faster than another, if both go on as they did.
+
+    Args:
+        pairs: The way that is faster with few images and the other, at two counts or more.
+
+    Returns:
+        Number of images; None where the other's time grows no slower.
+    """
+    counts = np.log([one.images for one, _ in pairs])
+    first, second = (
+        np.polyfit(counts, np.log([pair[kind].seconds["mapping"] for pair in pairs]), 1) for kind in (0, 1)
+    )
+    return float(np.exp((second[1] - first[1]) / (first[0] - second[0]))) if first[0] > second[0] else None
 
 
 def _exponents(rows: list[Row]) -> list[str]:

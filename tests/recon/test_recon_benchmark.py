@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import recon as benchmark
 from benchmarks.colmap_defaults import Found
-from benchmarks.recon_page import Row, equally_accurate, exponent, render_page
+from benchmarks.recon_page import Row, crossing, equally_accurate, exponent, render_page
 from benchmarks.recon_ways import Meter, Run, paid, with_settings
 from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.files import read_json, write_json
@@ -66,6 +66,17 @@ def test_from_where_on_the_global_mapper_pays() -> None:
             row_of("global", count, time, error) for count, time in zip((60, 200, 400), seconds, strict=True)
         ]  # fmt: skip
         assert verdicts([*ours, *others])[title][1] == found
+
+
+def test_where_the_mappers_meet() -> None:
+    """Two power laws meet where algebra says so, and two of one exponent nowhere."""
+    title = ("global mapper as fast, by the lines through the mapping times of both", "")
+    ours = [row_of("spatial", count, count**1.5) for count in (60, 200, 400)]
+    others = [row_of("global", count, 30.0 * count) for count in (60, 200, 400)]
+    assert crossing(list(zip(ours, others, strict=True))) == pytest.approx(900.0)
+    assert verdicts([*ours, *others])[title][1] == "about 900 images"
+    parallel = [row_of("global", count, 2.0 * count**1.5 + 1e-9 * count**2) for count in (60, 200, 400)]
+    assert verdicts([*ours, *parallel])[title][1] == "never"
 
 
 def test_equal_accuracy() -> None:
