@@ -21,8 +21,9 @@ SHARE = "match_share"
 
 _CHILD = "recon.sparse_child"
 _NAMES = "pairs.txt"  # in the folder of a share that is at work
-_SHARE, _LEAST_SHARE = 128, 32  # pairs of a share: half a minute at most; a child's own start takes a second of it
-_ROUNDS = 3  # of shares for each process, so that none waits long for the last
+# Pairs of a share. COLMAP makes an index of each image that a share names, for as much time as it takes to match one
+# and a half pairs, and a child's start costs a second: so shares are few, large, and as many for each process.
+_SHARE, _LEAST_SHARE = 512, 64
 _LOOK = 0.5  # [s] how often the shares are asked how far they are
 _NO_LIMIT = 1e9  # [m] spatial pairing drops pairs that are farther apart than this
 
@@ -99,7 +100,8 @@ def _match_shares(
         shutil.rmtree(unfinished)
     done = paired(whole)
     left = [pair for pair in pairs if pycolmap.image_pair_to_pair_id(*pair) not in done]
-    size = min(_SHARE, max(_LEAST_SHARE, -(-len(left) // (_ROUNDS * settings.threads))))
+    rounds = max(1, math.ceil(len(left) / (_SHARE * settings.threads)))
+    size = max(_LEAST_SHARE, math.ceil(len(left) / (rounds * settings.threads)))
     finished, seen, failures = len(pairs) - len(left), 0, list[BaseException]()
     with ThreadPoolExecutor(settings.threads) as pool:
         waiting = {
