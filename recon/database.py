@@ -14,6 +14,7 @@ DATABASE = "database.db"
 _SMALL = ("rigs", "rig_sensors", "cameras", "frames", "frame_data")  # what images refer to
 _OF_IMAGES = ("keypoints", "descriptors")
 _OF_PAIRS = ("matches", "two_view_geometries")
+_BROKEN = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR)  # the last one: there is no such table
 
 
 def count_rows(database: Path, table: str) -> int:
@@ -98,6 +99,9 @@ def paired(database: Path) -> set[int]:
 
     Returns:
         COLMAP's ids of the pairs; none where there is no database, or not a sound one.
+
+    Raises:
+        DatabaseError: It cannot be read just now: the disk is full, or somebody holds it. It may be sound.
     """
     if not database.is_file():
         return set()
@@ -106,8 +110,10 @@ def paired(database: Path) -> set[int]:
             if connection.execute("PRAGMA quick_check").fetchone() != ("ok",):
                 return set()
             return {number for (number,) in connection.execute("SELECT pair_id FROM two_view_geometries")}
-    except sqlite3.DatabaseError:
-        return set()
+    except sqlite3.DatabaseError as error:
+        if error.sqlite_errorcode & 0xFF in _BROKEN:
+            return set()
+        raise
 
 
 @contextmanager

@@ -51,11 +51,15 @@ def match(
     Raises:
         ChildError: A share ran into a limit or died; the others stay.
     """
-    path = _take_over(features / DATABASE, folder)
+    path = folder / DATABASE
+    done = _take_over(features / DATABASE, path)
     kind = choose_pairing(capture, settings)
     pairs = _name_pairs(path, kind, settings)
     progress.stage("matching", len(pairs))
-    _match_shares(pairs, features, folder, settings, seed, progress)
+    left = [pair for pair in pairs if pycolmap.image_pair_to_pair_id(*pair) not in done]
+    for failure in _match_shares(left, len(pairs) - len(left), features, folder, settings, seed, progress)[:1]:
+        raise failure
+    progress.advance(len(pairs))
     return {"pairing": kind, "pairs": len(pairs), **_verified(capture, path)}
 
 
@@ -81,50 +85,50 @@ def match_share(pairs: Iterable[tuple[int, int]], features: Path, folder: Path, 
     )  # fmt: skip
 
 
-def _take_over(features: Path, folder: Path) -> Path:
-    """Go on with the database of matches that an interrupted run left, or copy that of the features."""
-    path = folder / DATABASE
-    if not paired(path):
-        for left in folder.glob(f"{DATABASE}*"):
+def _take_over(features: Path, path: Path) -> set[int]:
+    """Go on with the database of matches that an interrupted run left, or copy that of the features; give its pairs."""
+    done = paired(path)
+    if not done:
+        for left in path.parent.glob(f"{path.name}*"):
             left.unlink()
         shutil.copyfile(features, path)  # not atomic: nothing is paired in half of it
-    return path
+    return done
 
 
 def _match_shares(
-    pairs: list[tuple[int, int]], features: Path, folder: Path, settings: SparseSettings, seed: int, progress: Progress
-) -> None:
+    left: list[tuple[int, int]], finished: int, features: Path, folder: Path, settings: SparseSettings, seed: int,
+    progress: Progress,
+) -> list[BaseException]:  # fmt: skip
     """Deal the pairs that are left out to children, and bring home what each found, whatever happens to the others."""
-    whole = folder / DATABASE
+    whole, seen, failures = folder / DATABASE, 0, list[BaseException]()
     for unfinished in folder.glob("share*"):
         shutil.rmtree(unfinished)
-    done = paired(whole)
-    left = [pair for pair in pairs if pycolmap.image_pair_to_pair_id(*pair) not in done]
     rounds = max(1, math.ceil(len(left) / (_SHARE * settings.threads)))
     size = max(_LEAST_SHARE, math.ceil(len(left) / (rounds * settings.threads)))
-    finished, seen, failures = len(pairs) - len(left), 0, list[BaseException]()
     with ThreadPoolExecutor(settings.threads) as pool:
         waiting = {
             pool.submit(_run_share, left[first : first + size], features, folder / f"share{first}", settings, seed)
             for first in range(0, len(left), size)
         }
-        while waiting:
-            seen = max(seen, finished + _begun(folder))
-            progress.advance(seen)
-            ended, waiting = wait(waiting, _LOOK, FIRST_COMPLETED)
-            for future in ended:
-                failure = future.exception()
-                if failure is not None:
-                    failures.append(failure)
-                    waiting = {other for other in waiting if not other.cancel()}  # those that run already come home
-                    continue
-                share = future.result()
-                take_pairs(share / DATABASE, whole)
-                finished += count_rows(share / DATABASE, "two_view_geometries")
-                shutil.rmtree(share)
-    for failure in failures[:1]:
-        raise failure
-    progress.advance(finished)
+        try:
+            while waiting:
+                seen = max(seen, finished + _begun(folder))
+                progress.advance(seen)
+                ended, waiting = wait(waiting, _LOOK, FIRST_COMPLETED)
+                for future in ended:
+                    failure = future.exception()
+                    if failure is not None:
+                        failures.append(failure)
+                        waiting = {other for other in waiting if not other.cancel()}  # those that run still come home
+                        continue
+                    share = future.result()
+                    take_pairs(share / DATABASE, whole)
+                    finished += count_rows(share / DATABASE, "two_view_geometries")
+                    shutil.rmtree(share)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return failures
 
 
 def _run_share(

@@ -29,7 +29,7 @@ _LOOK = 0.5  # [s] how often the database is asked how far it is
 _FEW_KEYPOINTS = 50
 _MIN_IMAGES = 3
 _BYTES_PER_KEYPOINT = 200  # descriptor, place, matches
-_COPIES, _SHARE_IMAGES = 2, 256  # databases of all images, and images at most in that of a share of the matching
+_COPIES, _SHARE_IMAGES = 2, 256  # databases of all images, and images in that of a share of the matching, or fewer
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _LEVEL = 1
 _GREY, _UNFILTERED = 0, 0
-_HEADER = ">IIBBBBB"
+_HEADER, _HEADER_BEGINS = ">IIBBBBB", b"\x00\x00\x00\x0dIHDR"
 _HEADER_AT, _HEADER_ENDS, _DATA_AT = 16, 29, 41  # in a file whose numbers are one chunk
 _SUM = 4  # bytes of the check sum behind a chunk
 _TIGHTEST = 1032  # bytes that Deflate can pack into one
@@ -46,12 +46,14 @@ def decode_grey_png(data: bytes) -> NDArray[np.uint8] | NDArray[np.uint16] | Non
     Returns:
         Numbers, shape (H, W), uint8 or uint16; None for any other file, a damaged one among them.
     """
+    if data[:_HEADER_AT] != SIGNATURE + _HEADER_BEGINS or len(data) < _DATA_AT:
+        return None
     header, packed = data[_HEADER_AT:_HEADER_ENDS], data[_DATA_AT : -len(_END) - _SUM]
-    if len(header) < _HEADER_ENDS - _HEADER_AT or data != _file(header, packed):
+    if data != _file(header, packed):
         return None
     width, height, bits, *kind = struct.unpack(_HEADER, header)
     size = height * (1 + width * bits // 8)
-    if bits not in (8, 16) or kind != [_GREY, 0, 0, 0] or not 0 < size <= _TIGHTEST * len(packed):
+    if bits not in (8, 16) or kind != [_GREY, 0, 0, 0] or not 0 < width * height <= size <= _TIGHTEST * len(packed):
         return None
     try:
         unpacked = isal_zlib.decompressobj().decompress(packed, size + 1)
@@ -62,7 +64,7 @@ def decode_grey_png(data: bytes) -> NDArray[np.uint8] | NDArray[np.uint16] | Non
     rows = np.frombuffer(unpacked, np.uint8).reshape(height, -1)
     if (rows[:, 0] != _UNFILTERED).any():
         return None
-    numbers = np.ascontiguousarray(rows[:, 1:])
+    numbers = rows[:, 1:].copy()
     return numbers if bits == 8 else numbers.view(">u2").astype(np.uint16)
 
 
