@@ -65,6 +65,7 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[
         "flight": _html(flight_figure(centres, statuses, bridge), f"flight-{name}"),
         "legend": [row for row in truth.classes if row.name in seen] if truth is not None else [],
         "facts": [] if cloud is None else _facts(cloud),
+        "noise": [] if cloud is None else _noise(cloud.statistics.get("noise")),
         "cloud": "",
     }
     if cloud is None:
@@ -106,6 +107,25 @@ def _tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:
 
 def _facts(cloud: "Cloud") -> list[tuple[str, str]]:
     return [(key.replace("_", " "), _number(value)) for key, value in sorted(cloud.statistics.items()) if _plain(value)]
+
+
+def _noise(noise: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """Say how many points are noisy at which distance, and how far their uncertainty finds what is off."""
+    if noise is None:
+        return []
+    rows = []
+    for band in noise["by_distance"]:
+        span = f"from {band['from']:g} m" if band["to"] is None else f"{band['from']:g} to {band['to']:g} m"
+        rows.append((f"noisy of the {band['points']:,} seen {span} away", _share(band["noisy_share"])))
+    for name, place in (("displacement", "where their pixels look"), ("surface_distance", "the true surface")):
+        found, limit = noise[f"against_{name}"], f"{noise['threshold']:g} m"
+        rows.append((f"of the noisy, off by more than {limit} from {place}", _share(found["precision"])))
+        rows.append((f"of those off by more than {limit} from {place}, noisy", _share(found["recall"])))
+    return rows
+
+
+def _share(value: float | None) -> str:
+    return "none" if value is None else f"{value:.1%}"
 
 
 def _plain(value: object) -> bool:

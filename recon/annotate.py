@@ -102,7 +102,8 @@ def annotate(observed: ObservedTruth, depth_error: F64, observations: Observatio
     its sleeper. On a suspension bridge that mends one wrong label in six.
 
     The class goes first because a class may be many instances: three shrubs outvote two views of one parapet, and
-    the instance must belong to the class that won.
+    the instance must belong to the class that won. Of labels with equally many votes, that with the smallest depth
+    error wins, then the smaller one.
 
     Args:
         observed: Truth at the observations.
@@ -117,21 +118,6 @@ def annotate(observed: ObservedTruth, depth_error: F64, observations: Observatio
             observations.start, observed.label, observed.instance, observed.margin, np.asarray(depth_error, np.float64)
         )
     )
-
-
-def vote(point: I64, label: U8 | U32 | I64, depth_error: F64) -> I64:
-    """Find the most frequent label of each point.
-
-    Args:
-        point: Point of each vote, ascending, shape (M,), int64, holding each number from 0 to N - 1.
-        label: Label of each vote, shape (M,), an integer type.
-        depth_error: Settles a tie: the label with the smallest one wins, then the smaller label, shape (M,), float64.
-
-    Returns:
-        Winning label, shape (N,), int64.
-    """
-    start = np.concatenate([[0], np.flatnonzero(np.diff(point)) + 1, [len(point)]]) if len(point) else np.zeros(1)
-    return _vote(start.astype(np.int64), np.asarray(label, np.int64), np.asarray(depth_error, np.float64))
 
 
 @njit(cache=True, nogil=True)
@@ -158,15 +144,6 @@ def _verdicts(start: I64, label: U8, instance: U32, margin: F32, depth_error: F6
         share[point] = np.float32((label[first:end] == best).sum()) / np.float32(end - first)
         clear[point] = margin[first:end].max()
     return winner, part, share, clear
-
-
-@njit(cache=True, nogil=True)
-def _vote(start: I64, label: I64, depth_error: F64) -> I64:
-    winner = np.empty(len(start) - 1, np.int64)
-    for point in range(len(winner)):
-        mine = slice(start[point], start[point + 1])
-        winner[point] = _most_frequent(label[mine], depth_error[mine])
-    return winner
 
 
 @njit(cache=True, nogil=True)

@@ -9,11 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from groundwork.canonical import file_digest
+from groundwork.files import MANIFEST, MARK
 from tests.recon.conftest import poses_on_arc, write_capture
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_FEATURES = 700
 SETTINGS = f"[recon.sparse]\nmax_features = {MAX_FEATURES}\n"
+
+PATIENCE = 240.0  # [s] on a box that many tests share
+MARKS = (MARK, MANIFEST)
 
 Start = Callable[..., subprocess.Popen[str]]
 
@@ -45,6 +50,27 @@ def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory
         )  # fmt: skip
 
     return start
+
+
+@pytest.fixture(scope="session")
+def calm(start_reconstruct: Start, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the cloud of a run that nobody disturbed; read only."""
+    out = tmp_path_factory.mktemp("calm") / "out"
+    finish(start_reconstruct(out))
+    return out
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Hash every file of a cloud but the marks of the folder that it lies in."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): file_digest(path) for path in files if path.name not in MARKS}
+
+
+def finish(process: subprocess.Popen[str]) -> str:
+    """Wait for a run to end well, and return what it said."""
+    _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, said
+    return said
 
 
 def _hear_interrupts() -> None:

@@ -13,38 +13,14 @@ import pytest
 
 from falsework.stages import STAGES
 from falsework.store import Store, Task
-from groundwork.canonical import file_digest
-from groundwork.files import MANIFEST, MARK
 from groundwork.progress import Silent
 from recon.settings import ReconSettings, SparseSettings
 from tests.conftest import Count, RecordProof
-from tests.faults.conftest import MAX_FEATURES, SETTINGS, Start
+from tests.faults.conftest import MAX_FEATURES, PATIENCE, SETTINGS, Start, contents, finish
 
-PATIENCE = 240.0  # [s] on a box that many tests share
 LOOK = 0.004  # [s]
-MARKS = (MARK, MANIFEST)
+SOON = 5.0  # [s] until the kernel has cleared away the child of a child
 SMALL = ReconSettings(sparse=SparseSettings(max_features=MAX_FEATURES))
-
-
-@pytest.fixture(scope="module")
-def calm(start_reconstruct: Start, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give the cloud of a run that nobody disturbed; read only."""
-    out = tmp_path_factory.mktemp("calm") / "out"
-    finish(start_reconstruct(out))
-    return out
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """Hash every file of a cloud but the marks of the folder that it lies in."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): file_digest(path) for path in files if path.name not in MARKS}
-
-
-def finish(process: subprocess.Popen[str]) -> str:
-    """Wait for a run to end well, and return what it said."""
-    _, said = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, said
-    return said
 
 
 def kill_when(process: subprocess.Popen[str], seen: "Seen", work: Path) -> None:
@@ -180,21 +156,37 @@ def test_interrupted_run_goes_on_in_the_store(few_planes: Path, calm: Path, tmp_
     assert "mapping" not in listener.heard
 
 
+EXTRACTING, MATCHING = MOMENTS[1], MOMENTS[2]
+
+
 @pytest.mark.faults
-def test_interrupt_leaves_no_child(start_reconstruct: Start, tmp_path: Path) -> None:
-    """Ctrl-C while a child works: exit code 130, one line, and the child is gone."""
+@pytest.mark.parametrize("working", [EXTRACTING, MATCHING], ids=["features", "matching"])
+def test_interrupt_leaves_no_child(working: Seen, start_reconstruct: Start, tmp_path: Path) -> None:
+    """Ctrl-C while children work: exit code 130, one line, and they are gone."""
     out = tmp_path / "out"
     process = start_reconstruct(out)
-    working = Seen("work/features-*.partial/database.db", "keypoints", 1)
     deadline = time.monotonic() + PATIENCE
     while not working(tmp_path / ".out.partial"):
         assert time.monotonic() < deadline
         time.sleep(LOOK)
-    (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    below = descendants(process.pid)
+    assert below
     os.kill(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert said.strip().splitlines()[-1].startswith("falsework: interrupted; the same command goes on")
     assert "Traceback" not in said
-    assert not Path(f"/proc/{child}/statm").exists()
     assert not out.exists()
+    deadline = time.monotonic() + SOON
+    while [child for child in below if Path(f"/proc/{child}/statm").exists()]:
+        assert time.monotonic() < deadline
+        time.sleep(LOOK)
+
+
+def descendants(pid: int) -> list[int]:
+    """List the children of a process, whichever of its threads started them, and theirs."""
+    found = []
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        for child in map(int, (task / "children").read_text().split()):
+            found += [child, *descendants(child)]
+    return found

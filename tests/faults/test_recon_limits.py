@@ -13,11 +13,17 @@ from recon.settings import ReconSettings, SparseSettings
 from recon.sparse import run_sparse
 from render.capture import read_capture
 from tests.conftest import Count
-from tests.faults.conftest import MAX_FEATURES, Start
+from tests.faults.conftest import MAX_FEATURES, PATIENCE, Start, contents
 
-PATIENCE = 240.0  # [s] on a box that many tests share
-# A disk of its own for one command, which ends with the namespace: the folder, its size, the command.
-FULL_DISK = ("unshare", "-rm", "bash", "-c", 'mount -t tmpfs -o size="$1" none "$0" && shift && exec "$@"')
+# A disk of its own for one command, and for the same once more when it has grown; what is there then is copied.
+# It ends with the namespace: its folder, its size, where to copy to, the command.
+FULL_DISK = ("unshare", "-rm", "bash", "-c", """
+    mount -t tmpfs -o size="$1" none "$0" || exit 9
+    copy="$2"; shift 2
+    "$@"; echo "first: $?" >&2
+    mount -o remount,size=1g "$0"
+    "$@" && cp -r "$0/out" "$copy"
+""")  # fmt: skip
 
 
 def one_line(process: subprocess.Popen[str], said: str, code: int) -> str:
@@ -29,18 +35,22 @@ def one_line(process: subprocess.Popen[str], said: str, code: int) -> str:
 
 @pytest.mark.faults
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="there is no unshare to mount a small disk with")
-def test_full_disk(start_reconstruct: Start, tmp_path: Path, proof_count: Count) -> None:
-    """On disks that fill up in one step or another: exit code 4, and one line that says what to do."""
+def test_full_disk(start_reconstruct: Start, calm: Path, tmp_path: Path, proof_count: Count) -> None:
+    """On disks that fill up in one step or another: exit code 4, one line that says what to do, and it goes on."""
     for full, size in enumerate(("2m", "1m", "1500k", "2300k", "2600k", "2900k")[: proof_count(1, 6)]):
-        disk = tmp_path / size
+        disk, copy = tmp_path / size, tmp_path / f"copy{size}"
         disk.mkdir()
-        process = start_reconstruct(disk / "out", before=(*FULL_DISK, str(disk), size))
+        process = start_reconstruct(disk / "out", before=(*FULL_DISK, str(disk), size, str(copy)))
         _, said = process.communicate(timeout=PATIENCE)
-        if process.returncode == 0 and full:
+        assert process.returncode == 0, said
+        assert contents(copy) == contents(calm)
+        if "first: 0" in said and full:
             break  # large enough; how large that is depends on the platform
-        line = one_line(process, said, 4)
+        before, _, _ = said.partition("first: 4")
+        line = before.strip().splitlines()[-1]
         assert line.startswith("falsework: ")
         assert "Free some, then run the same command again" in line
+        assert "Traceback" not in said
 
 
 @pytest.mark.faults

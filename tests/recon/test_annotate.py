@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.plain_vote import plain_verdict
 from groundwork.errors import InputError
-from recon.annotate import ObservedTruth, annotate, gather, vote
+from recon.annotate import ObservedTruth, annotate, gather
 from recon.colmap_model import SparseModel
 from recon.label_margin import edge_distance
 from recon.observations import Observations, median_per_point, select_points
@@ -101,11 +102,13 @@ def test_truth_of_another_size_is_refused(three_views: Truth, tmp_path: Path) ->
 
 
 def test_ties_go_to_the_nearest_surface() -> None:
-    """One vote each: the smaller depth error wins; with equal errors, the smaller label; infinity never wins."""
-    point = np.array([0, 0, 1, 1, 2, 2, 2, 2])
-    label = np.array([9, 4, 9, 4, 7, 7, 3, 3])
-    error = np.array([0.1, 0.2, 0.3, 0.3, 0.5, np.inf, 0.4, 0.6])
-    assert vote(point, label, error).tolist() == [9, 4, 3]
+    """One vote each: the smaller depth error wins; with equal errors, the smaller label; two beat one nearer."""
+    label = np.array([9, 4, 9, 4, 7, 7, 3, 3, 6, 8, 8], np.uint8)
+    error = np.array([0.01, 0.02, 0.03, 0.03, 0.05, np.inf, 0.04, 0.06, 0.01, 0.02, 0.03])
+    seen = observations([0, 0, 1, 1, 2, 2, 2, 2, 3, 3, 3], [0] * 11, [(1.0, 1.0)] * 11)
+    nothing = np.zeros(11, np.float32)
+    verdict = annotate(ObservedTruth(label, label.astype(np.uint32), nothing, nothing), error, seen)
+    assert verdict.label.tolist() == verdict.instance.tolist() == [9, 4, 3, 8]
 
 
 def test_who_looks_past_a_point_does_not_vote() -> None:
@@ -122,36 +125,36 @@ def test_who_looks_past_a_point_does_not_vote() -> None:
     np.testing.assert_allclose(verdict.confidence, [2 / 6, 1 / 2], rtol=1e-6)
 
 
-def random_votes(seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Draw votes with many ties: points, labels, and coarse depth errors with some infinities."""
+def random_votes(seed: int) -> tuple[Observations, NDArray[np.float64], np.random.Generator]:
+    """Draw 300 tracks with one to a dozen observations, and coarse depth errors, with ties, some of them infinite."""
     rng = np.random.default_rng(seed)
     point = np.sort(np.concatenate([np.arange(300), rng.integers(0, 300, 1500)]))
-    error = rng.integers(0, 4, len(point)).astype(float)
+    error = np.asarray(rng.integers(0, 6, len(point)) * 0.04, np.float64)
     error[rng.random(len(point)) < 0.1] = np.inf
-    return point, rng.integers(0, 4, len(point)), error
+    seen = Observations(np.searchsorted(point, np.arange(301)), point, np.zeros((len(point), 2)))
+    return seen, error, rng
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_vote_has_a_plain_twin(seed: int) -> None:
-    """The sorted vote equals a loop over points."""
-    point, label, error = random_votes(seed)
-    winner = vote(point, label, error)
-    for number in range(300):
-        mine = point == number
-        ranking = [
-            (-int((label[mine] == name).sum()), float(error[mine][label[mine] == name].min()), int(name))
-            for name in set(label[mine].tolist())
-        ]
-        assert winner[number] == min(ranking)[2]
+def test_verdicts_have_a_plain_twin(seed: int) -> None:
+    """Class, instance, confidence and margin equal those of a loop over points."""
+    seen, error, rng = random_votes(seed)
+    label, instance = rng.integers(0, 4, len(error)).astype(np.uint8), rng.integers(0, 3, len(error)).astype(np.uint32)
+    margin = rng.integers(0, 9, len(error)).astype(np.float32)
+    verdict = annotate(ObservedTruth(label, instance, margin, margin), error, seen)
+    found = zip(verdict.label, verdict.instance, verdict.confidence, verdict.margin, strict=True)
+    for number, row in enumerate(found):
+        mine = slice(seen.start[number], seen.start[number + 1])
+        twin = plain_verdict(label[mine].tolist(), instance[mine].tolist(), margin[mine].tolist(), error[mine].tolist())
+        assert row == pytest.approx(twin, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_median_has_a_plain_twin(seed: int) -> None:
     """The sorted median equals numpy's, point by point, infinities included."""
-    point, _, error = random_votes(seed)
-    seen = Observations(np.searchsorted(point, np.arange(301)), point, np.zeros((len(point), 2)))
+    seen, error, _ = random_votes(seed)
     with np.errstate(invalid="ignore"):
-        twin = [np.median(error[point == number]) for number in range(300)]
+        twin = [np.median(error[seen.point == number]) for number in range(300)]
     found = median_per_point(error, seen)
     np.testing.assert_array_equal(np.isinf(found), [not np.isfinite(value) for value in twin])
     finite = np.isfinite(found)

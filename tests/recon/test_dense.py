@@ -4,6 +4,7 @@ import resource
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -25,6 +26,7 @@ from recon.reconstruct import reconstruct
 from recon.settings import DenseSettings, ReconSettings
 from recon.sparse import Sparse
 from render.capture import Truth, read_capture, read_truth
+from tests.conftest import Count
 
 SETTINGS = ReconSettings(mode="dense", quality="high", dense=DenseSettings(sources=3))
 
@@ -97,6 +99,24 @@ def test_without_truth_the_points_are_the_same(bare: Path, sparse: Sparse, dense
     points, facts = run_dense(read_capture(bare), sparse, tmp_path, settings, SILENT)
     assert facts == dense_cloud.statistics["dense"]
     assert len(points.points) == len(dense_cloud)
+
+
+def test_filters_and_qualities_are_steps(bare: Path, sparse: Sparse, tmp_path: Path, proof_count: Count) -> None:
+    """Each stronger filter leaves fewer points, and each better quality finds more."""
+    qualities = ("low", "medium", "high", "ultra")[: proof_count(2, 4)]
+    ways = [("low", name) for name in ("none", "mild", "moderate", "aggressive")] + [(q, "moderate") for q in qualities]
+    found = dict[tuple[str, str], int]()
+    for quality, name in dict.fromkeys(ways):
+        folder = tmp_path / f"{quality}-{name}"
+        folder.mkdir()
+        settings = SETTINGS.model_dump() | {"quality": quality, "filter": name}
+        dense_child.serve(
+            {"capture": str(bare), "model": str(sparse.folder), "out": str(folder), "settings": settings}, SILENT
+        )
+        found[quality, name] = len(read_points(folder).points)
+    counts = [found[way] for way in ways]
+    assert counts[:4] == sorted(set(counts[:4]), reverse=True)
+    assert all(finer > 2 * coarse for coarse, finer in pairwise(counts[4:]))
 
 
 @dataclass

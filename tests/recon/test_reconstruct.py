@@ -17,6 +17,7 @@ from recon.colmap_model import read_model
 from recon.observations import Observations
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
+from recon.sparse import run_sparse
 from render.capture import CalibrationPrior, Capture, CaptureImage, read_capture, read_truth
 from tests.conftest import Count, RecordProof
 from usd_schemas.pinhole import Pinhole, look_at, project
@@ -121,16 +122,33 @@ def test_without_truth_the_model_is_the_same(plane_capture: Path, plane_settings
     assert sorted(p.name for p in folder.iterdir() if p.is_dir()) == ["observations", "sparse"]
 
 
-def test_a_cut_image_is_named(plane_capture: Path, tmp_path: Path) -> None:
+@pytest.mark.proof_only
+def test_several_threads_map_alike(
+    plane_capture: Path, plane_settings: ReconSettings, tmp_path: Path, record_proof: RecordProof
+) -> None:
+    """With `deterministic = false` two threads map; cameras agree with those of one thread, though bytes may not."""
+    centres = []
+    for exact in (True, False):
+        sparse = plane_settings.sparse.model_copy(update={"deterministic": exact, "threads": 2})
+        found = run_sparse(read_capture(plane_capture), tmp_path, ReconSettings(sparse=sparse), SILENT).model
+        centres.append(found.poses[np.argsort(found.names), :3, 3])
+    assert len(centres[0]) == len(centres[1])
+    apart = float(np.abs(centres[0] - centres[1]).max() / np.ptp(centres[0], axis=0).max())
+    record_proof("reconstruction: mapped by two threads", len(centres[0]), 0, {"apart_of_path": apart})
+    assert apart < 1e-6
+
+
+@pytest.mark.parametrize("left", [300, 20_000, -2])
+def test_a_cut_image_is_named(left: int, plane_capture: Path, tmp_path: Path) -> None:
     """COLMAP would take the grey rest of a cut JPEG for a picture; we find it before anything else runs."""
-    capture = tmp_path / "capture"
+    capture, folder = tmp_path / "capture", tmp_path / "cloud"
     shutil.copytree(plane_capture, capture)
     path = capture / "images" / "000004.jpg"
-    path.write_bytes(path.read_bytes()[:20_000])
-    folder = tmp_path / "cloud"
+    path.write_bytes(path.read_bytes()[:left])
     folder.mkdir()
     with pytest.raises(InputError, match=r"000004\.jpg"):
         reconstruct(capture, folder, ReconSettings(), SILENT)
+    assert not [path for path in folder.rglob("*") if path.is_file()]  # no database, no cloud
 
 
 @pytest.mark.parametrize(("gps", "count", "pairing"), [(True, 100, "spatial"), (False, 40, "exhaustive"),
