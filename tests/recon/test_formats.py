@@ -1,4 +1,4 @@
-"""Every export comes back through somebody else's reader, number for number, and is the same bytes each time."""
+"""Every export comes back, number for number, through somebody else's reader where one exists; same bytes each time."""
 
 import dataclasses
 import json
