@@ -24,6 +24,9 @@ _MODELS = "models"
 _LOSS_SCALE = 0.5  # [px] error from which on a match counts less and less
 _ROUNDS = 10  # of the last adjustment, which begins where the mapper's ended
 _TIES = "ties.db"
+# What the first two images may be where COLMAP's own demands find none: views of a walk straight ahead, which meet at
+# small angles. 28 of 29 photographs of such a walk along a street have a model then.
+_STRAIGHT_AHEAD = {"init_max_forward_motion": 1.0, "init_min_tri_angle": 8.0}  # [1], [deg]; COLMAP: 0.95 and 16
 _POINT_ROUNDS = 5  # of the adjustment of points whose cameras stand: each is a problem of three unknowns
 
 
@@ -140,19 +143,26 @@ def transform(model: Path, out: Path, similarity: dict[str, Any]) -> int:
 def _map_incrementally(
     capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
 ) -> dict[int, pycolmap.Reconstruction]:
-    options = _incremental_options(settings, seed)
-    options.use_prior_position = settings.use_gps_in_mapping
     total, done = len(capture.images), 2
-    progress.stage("mapping", total)
 
     def count_one() -> None:
         nonlocal done
         done += 1
         progress.advance(min(done, total))
 
-    return pycolmap.incremental_mapping(
-        database, capture.folder, models, options, next_image_callback=count_one
-    )  # fmt: skip
+    found: dict[int, pycolmap.Reconstruction] = {}
+    for stage, motion in (("mapping", {}), ("mapping, from views straight ahead", _STRAIGHT_AHEAD)):
+        options = _incremental_options(settings, seed)
+        options.use_prior_position = settings.use_gps_in_mapping
+        for name, value in motion.items():
+            setattr(options.mapper, name, value)
+        progress.stage(stage, total)
+        found = pycolmap.incremental_mapping(
+            database, capture.folder, models, options, next_image_callback=count_one
+        )  # fmt: skip
+        if any(model.num_reg_images() > 2 and model.num_points3D() for model in found.values()):
+            break
+    return found
 
 
 def _triangulate_all(

@@ -23,7 +23,7 @@ NO_TEXTURE, NO_OVERLAP, NOT_IN_LARGEST = "no_texture", "no_overlap", "not_in_lar
 _CHILD = "recon.sparse_child"
 _SECTION = "recon.sparse"
 _MODEL = "model"  # as the child names it; importing it would load COLMAP here
-_VERSION = 3  # raised whenever the same settings would give another model
+_VERSION = 4  # raised whenever the same settings would give another model
 _SLACK = 120.0  # [s] beside the time per image
 _LOOK = 0.5  # [s] how often the database is asked how far it is
 _FEW_KEYPOINTS = 50
@@ -85,7 +85,9 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
         raise RejectedSceneError(NO_OVERLAP, f"none of {pairs} image pairs shows the same thing")
     mapped = _map(capture, matches, work, settings, progress)
     if not any(model["points"] for model in mapped.result["models"]):
-        raise RejectedSceneError("no_model", "the mapper found no pair of images to start from: nothing moves sideways")
+        raise RejectedSceneError(
+            "no_model", "the mapper found no pair of images to start from: the camera only turned, or hardly moved"
+        )
     figures = {"keypoints": sum(keypoints), "pairing": matches.result["pairing"], "pairs": pairs,
                "verified": matches.result["verified"], "mapper": mapped.result["mapper"],
                "tie_points": mapped.result["tie_points"], "models": mapped.result["models"],

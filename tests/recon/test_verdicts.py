@@ -21,6 +21,7 @@ from recon.place import alignment_facts, place
 from recon.settings import AlignmentSettings, ReconSettings, SparseSettings
 from recon.sparse import NO_OVERLAP, NO_TEXTURE, NOT_IN_LARGEST, absent_reasons, run_sparse
 from render.capture import CalibrationPrior, Capture, CaptureImage, Truth, read_capture
+from tests.recon.conftest import write_capture
 from usd_schemas.pinhole import Pinhole, look_at
 
 F64 = NDArray[np.float64]
@@ -267,3 +268,18 @@ def test_hopeless_flights_have_reasons(kind: str, reason: str, tmp_path: Path) -
     with pytest.raises(RejectedSceneError) as rejected:
         run_sparse(read_capture(folder), work, settings, SILENT)
     assert rejected.value.reason == reason
+
+
+def test_a_walk_straight_ahead_has_a_model(tmp_path: Path) -> None:
+    """Eight views, each half a metre nearer to the wall: COLMAP alone finds no two of them to begin with."""
+    poses = np.stack([
+        look_at(np.array([0.02 * row, -9.0 + 0.52 * row, 1.8]), np.array([0.0, 50.0, 1.8])) for row in range(8)
+    ])  # fmt: skip
+    capture = read_capture(write_capture(tmp_path / "capture", poses))
+    model = run_sparse(capture, tmp_path, ReconSettings(sparse=SparseSettings(max_features=1800)), SILENT).model
+    assert len(model.names) == 8
+    steps = np.diff(model.poses[np.argsort(model.names), :3, 3], axis=0)
+    np.testing.assert_allclose(
+        steps / np.linalg.norm(steps, axis=1, keepdims=True) @ steps[0] / np.linalg.norm(steps[0]), 1.0, atol=1e-3
+    )
+    np.testing.assert_allclose(np.linalg.norm(steps, axis=1), np.linalg.norm(steps, axis=1).mean(), rtol=0.03)
