@@ -166,14 +166,13 @@ def fresh_output(folder: Path, kind: str, write: Callable[[Path], None], *, resu
         resume: Call it with what an interrupted run left instead; it then checks what of that is still right.
 
     Raises:
-        InputError: The folder holds something that Falsework did not write, or is not writable.
+        InputError: The folder holds something that Falsework did not write, is not writable, or is being written.
     """
     claim_output(folder, kind)
     partial = folder.with_name(f".{folder.name}.partial")
-    with space_errors(folder):
+    with space_errors(folder), _alone(partial, folder):
         if not resume:
-            shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir(parents=True, exist_ok=resume)
+            _empty(partial)
         write(partial)
         write_text(partial / MARK, kind + "\n")
         former = folder.with_name(f".{folder.name}.former")
@@ -182,6 +181,32 @@ def fresh_output(folder: Path, kind: str, write: Callable[[Path], None], *, resu
             folder.rename(former)
         commit_folder(partial, folder)
         shutil.rmtree(former, ignore_errors=True)
+
+
+@contextmanager
+def _alone(partial: Path, folder: Path) -> Iterator[None]:
+    """Make a folder, and hold a kernel lock on it: two commands in one folder would undo each other's work."""
+    partial.mkdir(parents=True, exist_ok=True)
+    handle = os.open(partial, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError("another command is writing this folder", where=folder,
+                             mend="Wait for it to end, or choose another folder with -o") from None  # fmt: skip
+        except OSError:  # a network file system may have no locks for folders
+            pass
+        yield
+    finally:
+        os.close(handle)
+
+
+def _empty(folder: Path) -> None:
+    for path in folder.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
 
 
 def claim_output(folder: Path, kind: str) -> None:

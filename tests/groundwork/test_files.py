@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from groundwork import files
+from groundwork.canonical import folder_digest
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.files import (
     MANIFEST,
@@ -174,6 +175,22 @@ def test_fresh_output_replaces_only_its_own_kind(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     fresh_output(tmp_path / "empty", "cloud", writes("4"))
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["empty", "out"]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_fresh_output_is_written_by_one_command_at_a_time(resume: bool, tmp_path: Path) -> None:
+    """A second command for the same folder is refused while the first one writes, and takes nothing from it."""
+    out = tmp_path / "out"
+
+    def write(folder: Path) -> None:
+        writes("first")(folder)
+        with pytest.raises(InputError, match="another command is writing this folder"):
+            fresh_output(out, "cloud", writes("second"), resume=resume)
+
+    fresh_output(out, "cloud", write, resume=resume)
+    fresh_output(tmp_path / "other", "cloud", writes("first"))
+    assert folder_digest(out) == folder_digest(tmp_path / "other")
+    fresh_output(out, "cloud", writes("second"), resume=resume)
 
 
 def test_fresh_output_refuses_foreign_folders(tmp_path: Path) -> None:
