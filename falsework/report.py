@@ -26,6 +26,13 @@ if TYPE_CHECKING:
 NOISE_THRESHOLD = 0.1  # [m] Shi 2024 calls points above it noisy
 NEAR = 0.1  # [m]
 OUTLINE_POINTS = 4000
+UNITS = {
+    "center_error": "m",
+    "rotation_error": "°",
+    "surface_distance": "m",
+    "uncertainty": "m",
+    "mean_reprojection_error": "px",
+}  # by the beginning of a statistic's name
 
 
 def write_report(path: Path, title: str, stage: Path, surveys: dict[str, tuple[Path, Path | None]]) -> None:
@@ -57,6 +64,7 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[
     centres = _centres(capture, truth)
     bridge = np.zeros((0, 3)) if truth is None else _bridge_outline(truth)
     statuses = ["ok"] * len(centres) if cloud is None else [camera["status"] for camera in cloud.cameras]
+    noise = None if cloud is None else cloud.statistics.get("noise")
     seen = {row.class_name for row in truth.instances} if truth is not None else set()
     shown = {
         "name": name,
@@ -65,7 +73,8 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[
         "flight": _html(flight_figure(centres, statuses, bridge), f"flight-{name}"),
         "legend": [row for row in truth.classes if row.name in seen] if truth is not None else [],
         "facts": [] if cloud is None else _facts(cloud),
-        "noise": [] if cloud is None else _noise(cloud.statistics.get("noise")),
+        "threshold": None if noise is None else f"{noise['threshold']:g} m",
+        "noise": _noise(noise),
         "cloud": "",
     }
     if cloud is None:
@@ -106,7 +115,8 @@ def _tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:
 
 
 def _facts(cloud: "Cloud") -> list[tuple[str, str]]:
-    return [(key.replace("_", " "), _number(value)) for key, value in sorted(cloud.statistics.items()) if _plain(value)]
+    plain = sorted((key, value) for key, value in cloud.statistics.items() if isinstance(value, int | float | str))
+    return [(key.replace("_", " "), _number(value) + _unit(key)) for key, value in plain]
 
 
 def _noise(noise: dict[str, Any] | None) -> list[tuple[str, str]]:
@@ -128,12 +138,14 @@ def _share(value: float | None) -> str:
     return "none" if value is None else f"{value:.1%}"
 
 
-def _plain(value: object) -> bool:
-    return isinstance(value, int | float | str)
+def _number(value: float | str) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return f"{value:,}" if isinstance(value, int) else value
 
 
-def _number(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+def _unit(key: str) -> str:
+    return next((f" {unit}" for start, unit in UNITS.items() if key.startswith(start)), "")
 
 
 def _centres(capture: Capture, truth: Truth | None) -> np.ndarray:

@@ -121,5 +121,5 @@ STAGES: dict[str, Stage] = {
     "stage": Stage(7, author),
     "capture": Stage(9, capture, resumes=True),
     "cloud": Stage(10, cloud, resumes=True),
-    "report": Stage(3, report),
+    "report": Stage(4, report),
 }
