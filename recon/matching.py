@@ -2,7 +2,7 @@
 
 import math
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ _NAMES = "pairs.txt"  # in the folder of a share that is at work
 # and a half pairs, and a child's start costs a second: so shares are few, large, and as many for each process.
 _SHARE, _LEAST_SHARE = 512, 64
 _LOOK = 0.5  # [s] how often the shares are asked how far they are
+_LEAP = 32  # [images] the first one; each further one is twice as far
 _NO_LIMIT = 1e9  # [m] spatial pairing drops pairs that are farther apart than this
 
 
@@ -161,7 +162,19 @@ def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tup
         for generator, options in _ways(kind, settings):
             for pair in generator(options, opened).all_pairs():
                 named.setdefault(frozenset(pair), pair)
+        images = sorted(image.image_id for image in opened.read_all_images())
+    if kind == "spatial" and len(images) >= settings.leaps_from:
+        for pair in _leaps(images):
+            named.setdefault(frozenset(pair), pair)
     return list(named.values())
+
+
+def _leaps(images: list[int]) -> Iterator[tuple[int, int]]:
+    """Pair images far along the way: by its nearest images alone, a long flight bends."""
+    leap = _LEAP
+    while leap < len(images):
+        yield from zip(images, images[leap:], strict=False)
+        leap *= 2
 
 
 def _ways(kind: str, settings: SparseSettings) -> list[tuple[Any, Any]]:

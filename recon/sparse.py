@@ -162,7 +162,9 @@ def _extract(capture: Capture, work: Path, settings: ReconSettings, progress: Pr
 
 def _match(capture: Capture, features: Step, work: Path, settings: ReconSettings, progress: Progress) -> Step:
     sparse = settings.sparse
-    recipe = [features.recipe, sparse.pairing, sparse.neighbours, sparse.overlap, sparse.exhaustive_below]
+    recipe = [
+        features.recipe, sparse.pairing, sparse.neighbours, sparse.leaps_from, sparse.overlap, sparse.exhaustive_below,
+    ]  # fmt: skip
 
     def make(folder: Path) -> Any:
         found = _run("match", capture, features.folder, folder, settings, progress)

@@ -199,6 +199,31 @@ def test_sequential_pairs_come_back(tmp_path: Path) -> None:
     assert found["overlapping"] == [False] * 7
 
 
+def test_spatial_pairs_of_a_long_flight_leap(tmp_path: Path) -> None:
+    """With GPS, an image meets its nearest ones, and on a long flight those 32, 64 … further on; each pair once."""
+    (tmp_path / "photographs").mkdir()
+    for row in range(70):
+        cv2.imwrite(str(tmp_path / f"photographs/{row:02d}.png"), np.full((24, 32, 3), 128, np.uint8))
+    capture = open_photographs(tmp_path / "photographs")
+    images = tuple(image.model_copy(update={"gps": (float(row), 0.0, 0.0)}) for row, image in enumerate(capture.images))
+    capture = replace(capture, images=images)
+    settings = SparseSettings(max_features=256, neighbours=2, leaps_from=70)
+    (tmp_path / "features").mkdir()
+    extract(capture, tmp_path / "features", settings, SILENT)
+    nearest = {frozenset((row, row + 1)) for row in range(69)} | {frozenset((0, 2)), frozenset((67, 69))}
+    leaps = {frozenset((row, row + leap)) for leap in (32, 64) for row in range(70 - leap)}
+    for name, long, wanted in (("long", settings, nearest | leaps),
+                               ("short", settings.model_copy(update={"leaps_from": 71}), nearest)):  # fmt: skip
+        (tmp_path / name).mkdir()
+        found = match(capture, tmp_path / "features", tmp_path / name, long, 0, SILENT)
+        with closing(sqlite3.connect(tmp_path / name / DATABASE)) as connection:
+            file = dict(connection.execute("SELECT image_id, name FROM images"))
+            pairs = [pycolmap.pair_id_to_image_pair(number)
+                     for (number,) in connection.execute("SELECT pair_id FROM two_view_geometries")]  # fmt: skip
+        assert found["pairs"] == len(pairs) == len(wanted)
+        assert {frozenset(int(file[image][:2]) for image in pair) for pair in pairs} == wanted
+
+
 def test_pairing_without_all_positions_is_not_spatial() -> None:
     """One photograph without GPS is enough to pair by order."""
     images = tuple(
