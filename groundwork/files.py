@@ -166,16 +166,24 @@ def fresh_output(folder: Path, kind: str, write: Callable[[Path], None], *, resu
         resume: Call it with what an interrupted run left instead; it then checks what of that is still right.
 
     Raises:
-        InputError: The folder holds something that Falsework did not write, is not writable, or is being written.
+        InputError: The folder holds something that Falsework did not write, is not writable, is being written, or
+            is the one that the command was called in.
     """
+    folder = Path(os.path.realpath(folder))  # a link stays, what it leads to is replaced
+    here = Path.cwd()
+    if folder in (here, *here.parents):  # it is replaced as a whole, and the shell would go on in the former one
+        raise InputError("is the folder that you are in", where=folder, mend="Choose another folder with -o")
     claim_output(folder, kind)
-    partial = folder.with_name(f".{folder.name}.partial")
-    with space_errors(folder), _alone(partial, folder):
+    partial, former = (folder.with_name(f".{folder.name}.{end}") for end in ("partial", "former"))
+    with space_errors(folder), sole_writer(folder):
+        if partial.is_symlink():
+            partial.unlink()  # whoever made it did not mean us to empty what it leads to
+        partial.mkdir(exist_ok=True)
         if not resume:
             _empty(partial)
         write(partial)
         write_text(partial / MARK, kind + "\n")
-        former = folder.with_name(f".{folder.name}.former")
+        claim_output(folder, kind)  # it may have been filled meanwhile
         shutil.rmtree(former, ignore_errors=True)
         if folder.exists():
             folder.rename(former)
@@ -184,21 +192,42 @@ def fresh_output(folder: Path, kind: str, write: Callable[[Path], None], *, resu
 
 
 @contextmanager
-def _alone(partial: Path, folder: Path) -> Iterator[None]:
-    """Make a folder, and hold a kernel lock on it: two commands in one folder would undo each other's work."""
-    partial.mkdir(parents=True, exist_ok=True)
-    handle = os.open(partial, os.O_RDONLY)
+def sole_writer(folder: Path) -> Iterator[None]:
+    """Hold a kernel lock beside a folder: two commands that write one folder would undo each other's work.
+
+    Args:
+        folder: The folder to be written; what it lies in is made.
+
+    Raises:
+        InputError: Another command holds it.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    path = folder.with_name(f".{folder.name}.lock")
+    handle = _locked(path)
+    if handle is None:
+        raise InputError("another command is writing this folder", where=folder,
+                         mend="Wait for it to end, or choose another folder with -o")  # fmt: skip
     try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _locked(path: Path) -> int | None:
+    """Open a lock file and lock it; None when another process has it."""
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InputError("another command is writing this folder", where=folder,
-                             mend="Wait for it to end, or choose another folder with -o") from None  # fmt: skip
-        except OSError:  # a network file system may have no locks for folders
-            pass
-        yield
-    finally:
-        os.close(handle)
+            os.close(handle)
+            return None
+        except OSError:  # a file system without locks
+            return handle
+        if path.exists() and os.path.samestat(os.fstat(handle), path.stat()):
+            return handle
+        os.close(handle)  # its former holder removed it between our two calls
 
 
 def _empty(folder: Path) -> None:

@@ -163,7 +163,7 @@ def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tup
             for pair in generator(options, opened).all_pairs():
                 named.setdefault(frozenset(pair), pair)
         images = sorted(image.image_id for image in opened.read_all_images())
-    if kind == "spatial" and len(images) >= settings.leaps_from:
+    if kind == "spatial" and named and len(images) >= settings.leaps_from:
         for pair in _leaps(images):
             named.setdefault(frozenset(pair), pair)
     return list(named.values())

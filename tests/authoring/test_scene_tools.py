@@ -20,6 +20,7 @@ from authoring.validate import surfaces, validate_scene
 from authoring.variants.add import set_choices
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
+from groundwork.files import sole_writer
 from tests.authoring.small_scene import file_bytes
 from usd_schemas.flat_scene import world_triangles
 from usd_schemas.stage_reader import read_stage
@@ -116,6 +117,8 @@ def test_checkout_is_editable_and_replaces_nothing(stored_scene: Path, tmp_path:
     set_choices(root, {"look": "clean"}, print)
     with pytest.raises(InputError, match="not empty"):
         checkout_scene(store, tmp_path / "mine")
+    with sole_writer(tmp_path / "busy"), pytest.raises(InputError, match="another command is writing this folder"):
+        checkout_scene(store, tmp_path / "busy")
     with pytest.raises(InputError, match=r"holds no scene\.usda"):
         checkout_scene(tmp_path, tmp_path / "other")
 

@@ -21,6 +21,7 @@ from groundwork.files import (
     commit_folder,
     fresh_output,
     read_json,
+    sole_writer,
     space_errors,
     write_bytes,
     write_json,
@@ -193,7 +194,64 @@ def test_fresh_output_is_written_by_one_command_at_a_time(resume: bool, tmp_path
     fresh_output(out, "cloud", writes("second"), resume=resume)
 
 
-def test_fresh_output_refuses_foreign_folders(tmp_path: Path) -> None:
+def test_a_folder_filled_meanwhile_is_kept(tmp_path: Path) -> None:
+    """What somebody put into the output folder while it was written stays; the finished work stays beside it."""
+    out = tmp_path / "out"
+
+    def write(folder: Path) -> None:
+        writes("long work")(folder)
+        out.mkdir()
+        (out / "notes.txt").write_text("mine")
+
+    with pytest.raises(InputError, match="files that Falsework did not write"):
+        fresh_output(out, "cloud", write, resume=True)
+    assert (out / "notes.txt").read_text() == "mine"
+    (out / "notes.txt").unlink()
+    seen: list[str] = []
+    fresh_output(out, "cloud", lambda folder: seen.append((folder / "file").read_text()), resume=True)
+    assert seen == ["long work"]
+
+
+def test_fresh_output_through_links(tmp_path: Path) -> None:
+    """A link to a folder stays one, and has the folder's lock; a link in the place of the work is not followed."""
+    out, link, other = tmp_path / "out", tmp_path / "link", tmp_path / "other"
+    link.symlink_to("out")
+    other.mkdir()
+    writes("mine")(other)
+    (tmp_path / ".out.partial").symlink_to("other")
+
+    def write(folder: Path) -> None:
+        writes("first")(folder)
+        with pytest.raises(InputError, match="another command is writing this folder"):
+            fresh_output(out, "cloud", writes("second"))
+
+    for _ in range(2):
+        fresh_output(link, "cloud", write)
+    assert link.is_symlink()
+    assert (out / "file").read_text() == "first"
+    assert (other / "file").read_text() == "mine"
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["link", "other", "out"]
+
+
+def test_a_lock_removed_while_we_took_it_is_not_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A former holder removes its lock file between our opening and our locking: the lock is taken anew."""
+    out, removed = tmp_path / "out", []
+    lock = files.fcntl.flock
+
+    def slow(handle: int, operation: int) -> None:
+        if not removed:
+            removed.append((tmp_path / ".out.lock").unlink())
+        lock(handle, operation)
+
+    monkeypatch.setattr(files.fcntl, "flock", slow)
+    with sole_writer(out):
+        assert removed
+        with pytest.raises(InputError, match="another command is writing this folder"), sole_writer(out):
+            pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_fresh_output_refuses_foreign_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder with somebody's files, or a file, is never touched, and nothing is written."""
     (tmp_path / "holiday.jpg").write_text("mine")
     called: list[Path] = []
@@ -202,6 +260,11 @@ def test_fresh_output_refuses_foreign_folders(tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
     with pytest.raises(InputError, match="is a file"):
         fresh_output(tmp_path / "holiday.jpg", "capture", called.append)
+    (tmp_path / "new" / "deep").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "new" / "deep")
+    for here in (Path(), tmp_path / "new"):
+        with pytest.raises(InputError, match="is the folder that you are in"):
+            fresh_output(here, "capture", called.append)
     assert not called
     assert (tmp_path / "holiday.jpg").read_text() == "mine"
 

@@ -222,6 +222,12 @@ def test_spatial_pairs_of_a_long_flight_leap(tmp_path: Path) -> None:
                      for (number,) in connection.execute("SELECT pair_id FROM two_view_geometries")]  # fmt: skip
         assert found["pairs"] == len(pairs) == len(wanted)
         assert {frozenset(int(file[image][:2]) for image in pair) for pair in pairs} == wanted
+    blind = replace(capture, images=tuple(image.model_copy(update={"gps": None}) for image in images))
+    for name in ("blind", "none"):
+        (tmp_path / name).mkdir()
+    extract(blind, tmp_path / "blind", settings, SILENT)
+    asked = settings.model_copy(update={"pairing": "spatial"})
+    assert match(blind, tmp_path / "blind", tmp_path / "none", asked, 0, SILENT)["pairs"] == 0
 
 
 def test_pairing_without_all_positions_is_not_spatial() -> None:
