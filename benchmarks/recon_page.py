@@ -62,7 +62,7 @@ def render_page(rows: list[Row], source: str, processor: str) -> str:
         "",
         f"Written by `python -m benchmarks.recon`. {source} Processor time, all threads together, of {processor}; the "
         "same photographs for all, the same keypoints for all but the defaults and openmvg-rs. Each way is charged for "
-        "its keypoints. By GPS, flights of 100 images and more also pair those 32, 64, 128 … further on. "
+        "its keypoints. By GPS, from 100 images on every fourth is also paired with those 32, 64, 128 … on. "
         f"Centre errors after alignment to the truth, of cameras within {LIMIT} m (*right*).",
         "",
         "| way | images | pairs | features [s] | matching [s] | mapping [s] | all [s] | registered | right "

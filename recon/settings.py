@@ -30,7 +30,7 @@ class SparseSettings(Settings):
     neighbours: int = Field(default=20, ge=2, le=200)
     """Nearest images by GPS that an image is matched with (spatial)."""
     leaps_from: int = Field(default=100, ge=3, le=1_000_000)
-    """From this number of images on, an image is also matched with those 32, 64, 128 … further on (spatial)."""
+    """From this number of images on, every fourth is also matched with those 32, 64, 128 … further on (spatial)."""
     overlap: int = Field(default=10, ge=1, le=100)
     """Following images that an image is matched with, and as many 2, 4, 8 … further on (sequential)."""
     exhaustive_below: int = Field(default=40, ge=3, le=1000)
