@@ -21,7 +21,7 @@ help:
 	@echo "make proof        the same tests at full counts; writes docs/proof.json"
 	@echo "make test-dcc     the tests against Blender's bpy, in a virtual environment of its own"
 	@echo "make test-faults  only the tests that kill, corrupt and fill disks"
-	@echo "make bench docs   regenerate the measured tables and the generated pages"
+	@echo "make bench docs   regenerate the tables measured in minutes, and the generated pages"
 
 setup: .venv/.stamp-core .venv/.stamp-dev
 

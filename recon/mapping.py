@@ -143,11 +143,11 @@ def transform(model: Path, out: Path, similarity: dict[str, Any]) -> int:
 def _map_incrementally(
     capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
 ) -> dict[int, pycolmap.Reconstruction]:
-    total, done = len(capture.images), 2
+    total, done = len(capture.images), 0
 
-    def count_one() -> None:
+    def count(images: int) -> None:
         nonlocal done
-        done += 1
+        done += images
         progress.advance(min(done, total))
 
     found: dict[int, pycolmap.Reconstruction] = {}
@@ -156,9 +156,11 @@ def _map_incrementally(
         options.use_prior_position = settings.use_gps_in_mapping
         for name, value in motion.items():
             setattr(options.mapper, name, value)
+        done = 0
         progress.stage(stage, total)
         found = pycolmap.incremental_mapping(
-            database, capture.folder, models, options, next_image_callback=count_one
+            database, capture.folder, models, options,
+            initial_image_pair_callback=lambda: count(2), next_image_callback=lambda: count(1),
         )  # fmt: skip
         if any(model.num_reg_images() > 2 and model.num_points3D() for model in found.values()):
             break

@@ -72,6 +72,7 @@ def _figures(cloud: Cloud, truth: Truth) -> dict[str, float]:
     wrong = cloud.columns["segment"] != cloud.columns["surface_class"]
     return {
         "images": len(truth.names), "registered_share": statistics["registered_share"],
+        "valid_share": statistics["valid"] / len(truth.names),
         "centre_error_median_m": statistics["center_error_median"], "path_extent_m": extent,
         "label_error": float(wrong[near].mean()), "label_error_margin_3px": float(wrong[clear].mean()),
         "kept_margin_3px": float(clear.sum() / near.sum()), "noisy_share": statistics["noisy_share_0.1m"],
@@ -80,6 +81,7 @@ def _figures(cloud: Cloud, truth: Truth) -> dict[str, float]:
 
 def _hold(figures: dict[str, float]) -> None:
     assert figures["registered_share"] >= 0.95, figures
+    assert figures["valid_share"] >= 0.95, figures  # the centre error is that of valid cameras
     assert figures["centre_error_median_m"] < max(0.02, 0.0002 * figures["path_extent_m"]), figures
     assert figures["label_error"] <= 0.015, figures
     assert figures["label_error_margin_3px"] <= 0.004, figures

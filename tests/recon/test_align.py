@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from groundwork.errors import RejectedSceneError
 from recon.align import (
@@ -85,6 +86,17 @@ def test_turned_cameras_do_not_turn_the_result() -> None:
     found = align(model, np.arange(15), target_of(true), DEFAULT, np.random.default_rng(6))
     assert found.status == (ROTATION_OUTLIER,) * 5 + (OK,) * 10
     np.testing.assert_allclose(found.similarity.rotation, known.rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize(("degrees", "status"), [(1.9, OK), (2.1, ROTATION_OUTLIER)])
+def test_two_degrees_make_a_rotation_outlier(degrees: float, status: str) -> None:
+    """One of forty cameras turned by just less than 2 degrees, by default the limit, or by just more."""
+    rng = np.random.default_rng(10)
+    true, model, _ = flight(rng, rng.normal(0, 8, (40, 3)))
+    model[7, :3, :3] = model[7, :3, :3] @ Rotation.from_rotvec([0, degrees, 0], degrees=True).as_matrix()
+    found = align(model, np.arange(40), target_of(true), AlignmentSettings(centre_limit=0.25), rng)
+    assert found.status == (OK,) * 7 + (status,) + (OK,) * 32
+    assert found.rotation_errors[7] == pytest.approx(degrees, abs=0.06)
 
 
 def test_nearly_straight_flight_needs_rotations() -> None:

@@ -42,14 +42,36 @@ def truth_of(poses: F64) -> Truth:
     return Truth(Path(), camera, tuple(f"{row}.jpg" for row in range(len(poses))), poses, (), ())
 
 
-def two_worlds(folder: Path) -> Capture:
-    """Write a database of two synthetic scenes of seven and four images that share nothing."""
-    parts = []
+class Heard:
+    """A listener that keeps the stages and how far each came."""
+
+    def __init__(self) -> None:
+        self.stages: dict[str, tuple[int, list[int]]] = {}
+
+    def stage(self, name: str, total: int) -> None:
+        """Open a stage."""
+        self.stages[name] = (total, [])
+
+    def advance(self, done: int) -> None:
+        """Keep a step of the last stage."""
+        list(self.stages.values())[-1][1].append(done)
+
+    def note(self, message: str) -> None:
+        """Ignore a line."""
+
+
+def two_worlds(folder: Path) -> tuple[Capture, dict[str, F64]]:
+    """Write a database of two synthetic scenes of seven and four images that share nothing; tell the true poses."""
+    parts, true = [], {}
     for name, frames, seed in (("one", 7, 1), ("two", 4, 2)):
         pycolmap.set_random_seed(seed)
         options = pycolmap.SyntheticDatasetOptions(num_rigs=1, num_frames_per_rig=frames, num_points3D=150)
         part = pycolmap.Database.open(folder / f"{name}.db")
-        pycolmap.synthesize_dataset(options, part)
+        known = folder / f"{name}_known"
+        known.mkdir()
+        pycolmap.synthesize_dataset(options, part).write_binary(known)
+        model = read_model(known)
+        true |= {f"{name}_{file}": pose for file, pose in zip(model.names, model.poses, strict=True)}
         for image in part.read_all_images():
             image.name = f"{name}_{image.name}"
             part.update_image(image)
@@ -59,20 +81,23 @@ def two_worlds(folder: Path) -> Capture:
         names = sorted(image.name for image in whole.read_all_images())
     for part in parts:
         part.close()
-    return capture_of(names, folder)
+    return capture_of(names, folder), true
 
 
 @pytest.mark.parametrize("mapper", MADE)
 def test_of_two_models_the_largest_is_kept(mapper: str, tmp_path: Path) -> None:
-    """The larger of two worlds becomes the model, twice the same; the cameras of the other say so."""
-    capture = two_worlds(tmp_path)
+    """The larger of two worlds becomes the model, twice the same and as it was; the cameras of the other say so."""
+    capture, true = two_worlds(tmp_path)
     settings = SparseSettings.model_validate({"mapper": mapper})
     found = map_images(capture, tmp_path, tmp_path, settings, 0, SILENT)
     assert found["mapper"] == mapper
     assert found["models"] == [{"images": 7, "points": 150}, {"images": 4, "points": 150}]
     again = tmp_path / "again"
     again.mkdir()
-    assert map_images(capture, tmp_path, again, settings, 0, SILENT) == found
+    heard = Heard()
+    assert map_images(capture, tmp_path, again, settings, 0, heard) == found
+    total, steps = next(heard.stages[name] for name in heard.stages if name.startswith("mapping"))
+    assert (total, steps[-1]) == (11, 11) if mapper == "incremental" else steps
     assert folder_digest(again / MODEL) == folder_digest(tmp_path / MODEL)
     model = read_model(tmp_path / MODEL)
     assert len(model.names) == 7
@@ -81,9 +106,11 @@ def test_of_two_models_the_largest_is_kept(mapper: str, tmp_path: Path) -> None:
     reasons = absent_reasons(capture, [100] * 11, [True] * 11, found["elsewhere"])
     assert reasons == {image.file: NOT_IN_LARGEST for image in capture.images if image.file.startswith("two")}
     rows = np.arange(7)
-    truth = truth_of(np.concatenate([model.poses, model.poses[:4]]))
+    truth = truth_of(np.stack([true[image.file] for image in capture.images]))
     alignment, _ = place(model.poses, rows, reasons, capture, truth, AlignmentSettings(), np.random.default_rng(0))
     assert alignment.status == (OK,) * 7 + (NOT_IN_LARGEST,) * 4  # 36 % are invalid: the scene passes
+    assert np.nanmax(alignment.centre_errors) < 1e-5
+    assert np.nanmax(alignment.rotation_errors) < 1e-4
 
 
 def test_wrong_matches_hardly_pull_at_the_cameras() -> None:
