@@ -37,7 +37,7 @@ class SparseSettings(Settings):
     """Up to this many images without GPS are matched exhaustively."""
     mapper: Literal["auto", "incremental", "global"] = "auto"
     """One image after the other, or all poses at once; auto: incremental below `global_from` images."""
-    global_from: int = Field(default=1000, ge=3, le=1_000_000)
+    global_from: int = Field(default=400, ge=3, le=1_000_000)
     """From this number of images on, `auto` maps globally."""
     tie_points: int = Field(default=1000, ge=100, le=100_000)
     """Matched keypoints of an image that the mapper works with, about: half as many spread over the picture, and a
