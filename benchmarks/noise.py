@@ -21,8 +21,26 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "noise.md"
 def main() -> None:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("clouds", nargs="+", type=_named, metavar="NAME=CLOUD")
+    parser.add_argument("clouds", nargs="+", type=named_cloud, metavar="NAME=CLOUD")
     write_text(PAGE, noise_page([(name, noise_of(folder)) for name, folder in parser.parse_args().clouds]))
+
+
+def named_cloud(word: str) -> tuple[str, Path]:
+    """Read an argument of the form NAME=CLOUD.
+
+    Args:
+        word: The argument.
+
+    Returns:
+        Name and cloud folder.
+
+    Raises:
+        ArgumentTypeError: There is no folder in it.
+    """
+    name, _, folder = word.partition("=")
+    if not folder:
+        raise argparse.ArgumentTypeError("NAME=CLOUD, as in 'demo=out/scenes/0000/cloud/global'")
+    return name, Path(folder)
 
 
 def noise_of(folder: Path) -> dict[str, Any]:
@@ -79,13 +97,6 @@ def noise_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
         "The others lie at edges, where a pixel shows what is behind.",
         "",
     ])  # fmt: skip
-
-
-def _named(word: str) -> tuple[str, Path]:
-    name, _, folder = word.partition("=")
-    if not folder:
-        raise argparse.ArgumentTypeError("NAME=CLOUD, as in 'demo=out/scenes/0000/cloud/global'")
-    return name, Path(folder)
 
 
 def _table(

@@ -57,13 +57,12 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     figures: dict[str, Any] = {"sparse": sparse.facts}
     if settings.mode == "dense":
         dense, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
-        found = len(dense.counts)
+        found, limited = len(dense.counts), False
         placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
         del dense  # as large as what follows
     else:
-        found = len(model.points)
-        metric = target.kind != "none"
-        placed = place_sparse(model, rows, valid, alignment.similarity, settings, metric=metric)
+        found, limited = len(model.points), target.kind != "none"
+        placed = place_sparse(model, rows, valid, alignment.similarity, settings, metric=limited)
     progress.stage("annotate", 0)
     columns = _own_columns(placed)
     depth = depths(placed.coord, poses, placed.seen)
@@ -84,7 +83,8 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     world = similarity_facts(alignment.similarity)
     write_world_model(sparse.folder, folder / "sparse", world, settings, progress)
     leave_work(work)
-    progress.note(verdict_in_words(alignment.status, len(placed.coord), found, cloud.alignment["note"]))
+    note = cloud.alignment["note"]
+    progress.note(verdict_in_words(alignment.status, len(placed.coord), found, note, limited=limited))
 
 
 def _rows_in_capture(model: SparseModel, capture: Capture) -> NDArray[np.int64]:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.photographs import figures_of, photographs_page
 from falsework.verbs import reconstruct_folder
 from groundwork.errors import InputError, MissingError, RejectedSceneError
 from groundwork.progress import SILENT, Silent
@@ -250,10 +251,14 @@ class Notes(Silent):
 def test_the_last_line_counts_the_reasons() -> None:
     """Whoever reads nothing but the last line knows how many photographs are missing, and why."""
     status = ("ok", "no_overlap", "ok", "no_texture", "no_overlap")
-    assert verdict_in_words(status, 1234, 1234, "in metres") == (
+    assert verdict_in_words(status, 1234, 1234, "in metres", limited=True) == (
         "2 of 5 photographs ok (2 no_overlap, 1 no_texture), 1,234 points; in metres"
     )
-    assert verdict_in_words(("ok",), 12, 5678, "in metres") == "1 of 1 photographs ok, 12 of 5,678 points; in metres"
+    all_but_a_few = verdict_in_words(("ok",), 12, 5678, "in metres", limited=False)
+    assert all_but_a_few == "1 of 1 photographs ok, 12 of 5,678 points; in metres"
+    hint = " (raise [recon] max_deviation for more)"
+    assert verdict_in_words(("ok",), 12, 5678, "in metres", limited=True) == all_but_a_few.replace(";", f"{hint};")
+    assert hint not in verdict_in_words(("ok",), 3000, 5678, "in metres", limited=True)
 
 
 def test_bare_photographs_become_a_cloud(
@@ -285,6 +290,9 @@ def test_bare_photographs_become_a_cloud(
     wall = cloud.columns["coord"][heights > np.median(heights)]
     flat = np.linalg.svd(wall - wall.mean(axis=0), full_matrices=False)[2][2]
     assert abs(flat[2]) < 0.2  # what stands in the world stands in the cloud
+    page = photographs_page([("the wall", figures_of(folder))])
+    assert f"| the wall | sparse | 5 of 5 | {len(cloud):,} | " in page
+    assert page.endswith(" | nothing |  |\n")
 
 
 @pytest.mark.proof_only
@@ -310,5 +318,6 @@ def test_photographs_with_gps_become_a_cloud_in_metres(
     assert cloud.alignment["origin"]["latitude"] == pytest.approx(ORIGIN[0], abs=1e-3)
     assert {row["status"] for row in cloud.cameras} == {"ok"}
     assert cloud.statistics["center_error_median"] < 0.6
+    assert photographs_page([("x", figures_of(folder))]).endswith(f"{cloud.statistics['center_error_median']:.2f} |\n")
     place = cloud.columns["coord"] / LARGER + poses[0, :3, 3]  # the origin is the first photograph's place
     assert np.mean((np.abs(place[:, 1] - 5.0) < 0.15) | (np.abs(place[:, 2]) < 0.15)) > 0.7
