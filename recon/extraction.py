@@ -9,7 +9,7 @@ import pycolmap
 from groundwork.progress import Progress
 from recon.database import DATABASE
 from recon.photos import FOCAL_GUESSED
-from recon.settings import SparseSettings
+from recon.settings import LONGEST_SIDE, SparseSettings
 from render.capture import Capture, load_image
 
 _LEAST_SIGMA = 0.01  # [m] a prior of no deviation at all would be infinitely stiff
@@ -39,7 +39,7 @@ def extract(capture: Capture, folder: Path, settings: SparseSettings, progress: 
     progress.stage("features", len(capture.images))
     names = sorted(image.file for image in capture.images)
     reader = _reader(capture)
-    options = pycolmap.FeatureExtractionOptions(num_threads=settings.threads)
+    options = pycolmap.FeatureExtractionOptions(num_threads=settings.threads, max_image_size=LONGEST_SIDE)
     options.sift.peak_threshold = settings.peak_threshold
     options.sift.max_num_features = settings.max_features
     path, single = folder / DATABASE, pycolmap.CameraMode.SINGLE

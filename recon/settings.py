@@ -16,6 +16,8 @@ AGREEMENT: Mapping[Filter, tuple[int, float]] = {
     "none": (2, 0.02), "mild": (2, 0.01), "moderate": (3, 0.01), "aggressive": (5, 0.005),
 }  # fmt: skip
 """Views that must agree on a dense point, and how far their depths may differ, as a share of the depth [1]."""
+LONGEST_SIDE = 3200
+"""Longest side of the picture in which keypoints are sought; a larger photograph is reduced to it [px]."""
 
 
 class SparseSettings(Settings):
@@ -52,12 +54,16 @@ class SparseSettings(Settings):
     """Map on one thread, so that the same images give the same bytes."""
     threads: int = Field(default=2, ge=1, le=256)
     """Threads of the extraction, processes of the matching, and threads of the mapper when not deterministic."""
-    seconds_per_image: float = Field(default=30.0, ge=1.0, le=3600.0)
-    """Wall time that each stage may take per image, on top of two minutes [s]."""
+    seconds_per_image: float = Field(default=60.0, ge=1.0, le=3600.0)
+    """Wall time that each stage may take per image, on top of two minutes [s]; the keypoints of 8 megapixels and more
+    take 20 s of a core."""
     memory_limit: float = Field(default=3.0, ge=0.5, le=1024.0)
     """Resident memory that a process may use, whatever the number of its images [GB]."""
     memory_per_image: float = Field(default=0.02, ge=0.0, le=1.0)
     """Resident memory that a process may use for each of its images, on top of that [GB]."""
+    memory_per_megapixel: float = Field(default=0.35, ge=0.0, le=100.0)
+    """Resident memory that the extraction may use per thread and megapixel of a photograph, reduced to a longest side
+    of 3,200 px, on top of that [GB]."""
 
 
 class DenseSettings(Settings):

@@ -14,7 +14,7 @@ from groundwork.errors import RejectedSceneError
 from groundwork.progress import Progress
 from recon.colmap_model import SparseModel, read_model
 from recon.database import DATABASE, count_rows, empty_journal
-from recon.settings import ReconSettings
+from recon.settings import LONGEST_SIDE, ReconSettings
 from recon.shortage import check_space, plain_shortage
 from recon.steps import Step, take_step
 from render.capture import Capture
@@ -194,15 +194,24 @@ def _run(
         "stage": stage, "capture": str(capture.folder), "before": str(before), "folder": str(folder),
         "settings": sparse, "seed": settings.seed,
     }  # fmt: skip
-    with plain_shortage(folder, _SECTION):
+    memory = sparse.memory_limit + sparse.memory_per_image * len(capture.images)
+    if stage == "extract":  # each thread holds the pyramid of a photograph
+        memory += sparse.memory_per_megapixel * sparse.threads * _searched_megapixels(capture.size)
+    with plain_shortage(folder, _SECTION, ", or fewer threads" if stage == "extract" else ""):
         return run_child(
             _CHILD,
             request,
             time_limit=_SLACK + sparse.seconds_per_image * len(capture.images),
-            memory_limit=sparse.memory_limit + sparse.memory_per_image * len(capture.images),
+            memory_limit=memory,
             progress=progress,
             environment={"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads},
         )
+
+
+def _searched_megapixels(size: tuple[int, int]) -> float:
+    """Count the pixels in which keypoints are sought [1e6]."""
+    scale = min(1.0, LONGEST_SIDE / max(size))
+    return size[0] * size[1] * scale * scale / 1e6
 
 
 @contextmanager

@@ -1,14 +1,19 @@
 """A reconstruction that runs out of disk, time or memory says so in one line, with the mend, and can go on."""
 
+import contextlib
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 import recon.sparse
-from groundwork.errors import ChildError, OutOfSpaceError
+from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
 from groundwork.progress import SILENT
+from recon.photos import open_photographs
 from recon.settings import ReconSettings, SparseSettings
 from recon.sparse import run_sparse
 from render.capture import read_capture
@@ -88,8 +93,11 @@ def test_limits_name_their_setting(
 
 
 @pytest.mark.faults
-def test_more_images_may_take_more(few_planes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Mapping hundreds of images takes gigabytes that mapping twelve need not be allowed."""
+@pytest.mark.parametrize(("size", "megapixels"), [((640, 480), 0.3072), ((3200, 2400), 7.68), ((6400, 4800), 7.68)])
+def test_more_and_larger_images_may_take_more(
+    size: tuple[int, int], megapixels: float, few_planes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hundreds of images take gigabytes that twelve need not be allowed; so do keypoints of large ones, per thread."""
     allowed: list[float] = []
 
     def stop(*_: object, memory_limit: float, **__: object) -> None:
@@ -97,7 +105,23 @@ def test_more_images_may_take_more(few_planes: Path, tmp_path: Path, monkeypatch
         raise ChildError("stopped")
 
     monkeypatch.setattr(recon.sparse, "run_child", stop)
-    capture, sparse = read_capture(few_planes), SparseSettings(memory_limit=2.0, memory_per_image=0.5)
+    capture = replace(read_capture(few_planes), size=size)
+    sparse = SparseSettings(memory_limit=2.0, memory_per_image=0.5, memory_per_megapixel=0.4, threads=3)
     with pytest.raises(ChildError, match="stopped"):
         run_sparse(capture, tmp_path, ReconSettings(sparse=sparse), SILENT)
-    assert allowed == [2.0 + 0.5 * len(capture.images)]
+    assert allowed == [pytest.approx(2.0 + 0.5 * len(capture.images) + 0.4 * 3 * megapixels)]
+
+
+@pytest.mark.faults
+@pytest.mark.proof_only
+def test_the_keypoints_of_large_photographs_fit(tmp_path: Path) -> None:
+    """Pictures as large as COLMAP looks at, full of detail, two at a time: within the limit that stands by default."""
+    noise = np.random.default_rng(5).integers(0, 255, (600, 800, 3), np.uint8)
+    picture = cv2.resize(noise, (3200, 2400), interpolation=cv2.INTER_CUBIC)
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"{number}.jpg"), np.roll(picture, 40 * number, axis=1))
+    work = tmp_path / "work"
+    work.mkdir()
+    with contextlib.suppress(RejectedSceneError):  # a picture that slides is no scene
+        run_sparse(open_photographs(tmp_path), work, ReconSettings(), SILENT)
+    assert any(work.glob("features-*"))
