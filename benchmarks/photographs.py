@@ -52,7 +52,8 @@ def photographs_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
     return "\n".join([
         "# Real photographs",
         "",
-        "Written by `python -m benchmarks.photographs`. Each folder as its authors published it, without settings.",
+        "Written by `python -m benchmarks.photographs`. Each folder as its authors published it, without settings",
+        "but for `mode = \"dense\"` and the quality that is named.",
         "*Of the model's*: share of the model's points that the sparse cloud keeps (`recon.max_deviation`).",
         "*From their GPS*: median distance of the aligned cameras from where their EXIF says they were.",
         "",
@@ -71,7 +72,7 @@ def _cells(figures: dict[str, Any]) -> list[str]:
         f"{figures['points']:,}",
         f"{figures['points'] / max(figures['model_points'], 1):.0%}" if sparse else "",
         f"{figures['observations'] / max(figures['points'], 1):.1f}",
-        f"{figures['mean_reprojection_error']:.2f}",
+        f"{figures['mean_reprojection_error']:.2f}" if sparse else "",
         f"GPS, {figures['method']}" if gps else "nothing",
         f"{figures['center_error_median']:.2f}" if gps else "",
     ]

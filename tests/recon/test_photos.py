@@ -293,6 +293,8 @@ def test_bare_photographs_become_a_cloud(
     page = photographs_page([("the wall", figures_of(folder))])
     assert f"| the wall | sparse | 5 of 5 | {len(cloud):,} | " in page
     assert page.endswith(" | nothing |  |\n")
+    dense = {**figures_of(folder), "mode": "dense", "mean_reprojection_error": None}
+    assert f"| the wall | dense | 5 of 5 | {len(cloud):,} |  | " in photographs_page([("the wall", dense)])
 
 
 @pytest.mark.proof_only
