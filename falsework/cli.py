@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import tyro
 
 from falsework.console import ConsoleProgress
-from groundwork.errors import FalseworkError, RejectedSceneError
+from groundwork.errors import FalseworkError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
 TERMINATED = 143
@@ -314,6 +314,7 @@ def main(arguments: list[str] | None = None) -> None:
     """
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(TERMINATED))
     try:
+        _check_here()
         words = sys.argv[1:] if arguments is None else arguments
         if words[:1] and words[0] in GROUPS:
             code = _group(words[0], words[1:])
@@ -332,6 +333,15 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stderr.write("falsework: interrupted; the same command goes on where it stopped\n")
         code = INTERRUPTED
     sys.exit(code)
+
+
+def _check_here() -> None:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        raise MissingError(
+            "the folder that you are in is no longer there", where=Path(), mend="Change to one that is"
+        ) from None
 
 
 def _group(name: str, words: list[str]) -> int:

@@ -1,6 +1,7 @@
 """The chain as the paper draws it: for every scene its stage, a capture and a cloud for each survey, and the report."""
 
 import json
+import os
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -60,7 +61,7 @@ def run_scenario(scenario: Scenario, out: Path, progress: Progress, scenes: Iter
     """
     claim_output(out, KIND)
     with space_errors(out):
-        (out / "run").mkdir(parents=True, exist_ok=True)
+        Path(os.path.realpath(out), "run").mkdir(parents=True, exist_ok=True)  # `out` may be a link to what is not yet
         write_text(out / MARK, KIND + "\n")
         write_text(out / "scenario.toml", scenario.as_toml())
     outcome = Outcome()

@@ -199,11 +199,14 @@ def sole_writer(folder: Path) -> Iterator[None]:
         folder: The folder to be written; what it lies in is made.
 
     Raises:
-        InputError: Another command holds it.
+        InputError: Another command holds it, or nothing can be written beside the folder.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     path = folder.with_name(f".{folder.name}.lock")
-    handle = _locked(path)
+    try:
+        handle = _locked(path)
+    except FileNotFoundError:  # such as /proc: its rights say that one may write, and one may not
+        raise InputError("not writable", where=folder.parent, mend="Choose another folder with -o") from None
     if handle is None:
         raise InputError("another command is writing this folder", where=folder,
                          mend="Wait for it to end, or choose another folder with -o")  # fmt: skip
@@ -260,8 +263,12 @@ def claim_output(folder: Path, kind: str) -> None:
             )  # fmt: skip
     parent = folder
     while not parent.exists():
+        if Path(os.path.realpath(parent)).is_symlink():
+            raise InputError("is a link that leads to itself", where=parent, mend="Choose another folder with -o")
         parent = parent.parent
-    if not parent.is_dir() or not os.access(parent, os.W_OK):
+    if not parent.is_dir():
+        raise InputError("is a file, not a folder", where=parent, mend="Choose another folder with -o")
+    if not os.access(parent, os.W_OK):
         raise InputError("not writable", where=parent, mend="Choose another folder with -o, or change its rights")
 
 

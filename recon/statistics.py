@@ -68,12 +68,12 @@ def verdict_in_words(status: tuple[str, ...], points: int, found: int, note: str
         points: Number of points in the cloud.
         found: Number of points that there were before unsure ones were left out.
         note: What the model was aligned to.
-        limited: Whether `max_deviation` was asked: where it took more than half of the points, the line says so.
+        limited: Whether `max_deviation` was asked: where it took three quarters of the points, the line says so.
     """
     others = ", ".join(f"{count} {code}" for code, count in sorted(Counter(status).items()) if code != OK)
     where = f" ({others})" if others else ""
     count = f"{points:,} of {found:,}" if points < found else f"{points:,}"
-    hint = " (raise [recon] max_deviation for more)" if limited and points < found / 2 else ""
+    hint = " (raise [recon] max_deviation for more)" if limited and points < found / 4 else ""
     return f"{status.count(OK)} of {len(status)} photographs ok{where}, {count} points{hint}; {note}"
 
 

@@ -64,7 +64,17 @@ def test_output_below_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     """An output folder that cannot be made is refused before any work."""
     scenario = tmp_path / "s.toml"
     scenario.write_text("")
-    assert "s.toml" in _fails(["run", scenario, "-o", scenario / "out"], capsys)
+    assert "s.toml: is a file" in _fails(["run", scenario, "-o", scenario / "out"], capsys)
+
+
+def test_a_folder_that_is_gone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever's folder was removed under them is told so, whatever they ask for."""
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert "no longer there" in _fails(["doctor"], capsys)
 
 
 def test_stage_without_geometry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -316,8 +316,14 @@ def test_a_killed_output_leaves_the_former_one(tmp_path: Path) -> None:
 def test_unwritable_places_are_refused_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The nearest existing parent must be a folder that may be written."""
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="not writable"):
+    with pytest.raises(InputError, match=r"file: is a file, not a folder"):
         claim_output(tmp_path / "file" / "below", "capture")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for name in ("loop", "loop/below"):
+        with pytest.raises(InputError, match=r"loop: is a link that leads to itself"):
+            fresh_output(tmp_path / name, "capture", writes("nothing"))
+    with pytest.raises(InputError, match="proc: not writable"):  # its rights say otherwise
+        fresh_output(Path("/proc/capture"), "capture", writes("nothing"))
     monkeypatch.setattr(files.os, "access", lambda *_: False)
     with pytest.raises(InputError, match="not writable"):
         claim_output(tmp_path / "new" / "deep", "capture")
