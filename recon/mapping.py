@@ -84,7 +84,9 @@ def map_images(
 
 
 def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
-    """Settle what `auto` means for a capture: the global mapper bears no focal length that is far off.
+    """Settle what `auto` means for a capture.
+
+    The global mapper bears no focal length that is far off, and knows nothing of GPS.
 
     Args:
         capture: Photographs.
@@ -95,8 +97,8 @@ def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
     """
     if settings.mapper != "auto":
         return settings.mapper
-    many = len(capture.images) >= settings.global_from
-    return "global" if many and capture.facts.get("focal") != FOCAL_GUESSED else "incremental"
+    many, guessed = len(capture.images) >= settings.global_from, capture.facts.get("focal") == FOCAL_GUESSED
+    return "global" if many and not guessed and not settings.use_gps_in_mapping else "incremental"
 
 
 def adjust_robustly(model: pycolmap.Reconstruction, threads: int) -> None:

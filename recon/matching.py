@@ -7,6 +7,7 @@ from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pycolmap
 
 from groundwork.child import run_child
@@ -27,6 +28,7 @@ _SHARE, _LEAST_SHARE = 512, 64
 _LOOK = 0.5  # [s] how often the shares are asked how far they are
 _LEAP = 32  # [images] the first one; each further one is twice as far
 _LEAPER = 4  # every fourth image leaps: as exact as if all did, and most of what is that far off matches nothing
+_SAME_PLACE = 2  # decimals [m] to which two fixes are the same
 _NO_LIMIT = 1e9  # [m] spatial pairing drops pairs that are farther apart than this
 
 
@@ -164,10 +166,29 @@ def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tup
             for pair in generator(options, opened).all_pairs():
                 named.setdefault(frozenset(pair), pair)
         images = sorted(image.image_id for image in opened.read_all_images())
+        if kind == "spatial" and named and not _hang_together(named.values(), len(images)):
+            for generator, options in _ways("sequential", settings):  # two stations far apart: the way between them
+                for pair in generator(options, opened).all_pairs():
+                    named.setdefault(frozenset(pair), pair)
     if kind == "spatial" and named and len(images) >= settings.leaps_from:
         for pair in _leaps(images):
             named.setdefault(frozenset(pair), pair)
     return list(named.values())
+
+
+def _hang_together(pairs: Iterable[tuple[int, int]], count: int) -> bool:
+    """Tell whether pairs lead from each of some images to every other."""
+    partners: dict[int, list[int]] = {}
+    for one, other in pairs:
+        partners.setdefault(one, []).append(other)
+        partners.setdefault(other, []).append(one)
+    front = [next(iter(partners))]
+    reached = set(front)
+    while front:
+        found = set(partners[front.pop()]) - reached
+        reached |= found
+        front.extend(found)
+    return len(reached) == count
 
 
 def _leaps(images: list[int]) -> Iterator[tuple[int, int]]:
@@ -206,8 +227,11 @@ def choose_pairing(capture: Capture, settings: SparseSettings) -> str:
     """
     if settings.pairing != "auto":
         return settings.pairing
-    if all(image.gps is not None for image in capture.images):
-        return "spatial"
+    places = [image.gps for image in capture.images]
+    if all(place is not None for place in places):
+        _, alike = np.unique(np.round(np.array(places, float), _SAME_PLACE), axis=0, return_counts=True)
+        if alike.max() <= settings.neighbours:  # one fix for many photographs says of none which are near
+            return "spatial"
     return "exhaustive" if len(capture.images) <= settings.exhaustive_below else "sequential"
 
 

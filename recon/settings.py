@@ -28,7 +28,8 @@ class SparseSettings(Settings):
     max_features: int = Field(default=8192, ge=256, le=65536)
     """Strongest keypoints kept of each image."""
     pairing: Literal["auto", "spatial", "sequential", "exhaustive"] = "auto"
-    """Which images are matched; auto: spatial with GPS, else exhaustive for few images and sequential for many."""
+    """Which images are matched; auto: spatial with GPS that tells images apart, else exhaustive for few images and
+    sequential for many."""
     neighbours: int = Field(default=20, ge=2, le=200)
     """Nearest images by GPS that an image is matched with (spatial)."""
     leaps_from: int = Field(default=100, ge=3, le=1_000_000)
@@ -45,7 +46,7 @@ class SparseSettings(Settings):
     """Matched keypoints of an image that the mapper works with, about: half as many spread over the picture, and a
     hundred of each pair; all others become points afterwards."""
     use_gps_in_mapping: bool = False
-    """Let the bundle adjustment pull camera centres towards their GPS positions."""
+    """Let the bundle adjustment pull camera centres towards their GPS positions; incremental mapper only."""
     two_view_tracks: bool = True
     """Make points that only two images saw; which of them stay in a sparse cloud, `sure_views` says."""
     min_triangulation_angle: float = Field(default=1.5, ge=0.1, le=30.0)

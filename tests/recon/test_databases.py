@@ -199,8 +199,19 @@ def test_sequential_pairs_come_back(tmp_path: Path) -> None:
     assert found["overlapping"] == [False] * 7
 
 
+def rows_paired(folder: Path) -> list[tuple[int, ...]]:
+    """List the pairs of a database whose files are named by their rows."""
+    with closing(sqlite3.connect(folder / DATABASE)) as connection:
+        file = dict(connection.execute("SELECT image_id, name FROM images"))
+        numbers = [number for (number,) in connection.execute("SELECT pair_id FROM two_view_geometries")]
+    return [tuple(int(file[image][:2]) for image in pycolmap.pair_id_to_image_pair(number)) for number in numbers]
+
+
 def test_spatial_pairs_of_a_long_flight_leap(tmp_path: Path) -> None:
-    """With GPS, an image meets its nearest ones, and on a long flight some 32, 64 … further on; each pair once."""
+    """With GPS, an image meets its nearest ones, and on a long flight some 32, 64 … further on; each pair once.
+
+    Two stations out of each other's sight are joined by the way between them.
+    """
     (tmp_path / "photographs").mkdir()
     for row in range(70):
         cv2.imwrite(str(tmp_path / f"photographs/{row:02d}.png"), np.full((24, 32, 3), 128, np.uint8))
@@ -216,12 +227,20 @@ def test_spatial_pairs_of_a_long_flight_leap(tmp_path: Path) -> None:
                                ("short", settings.model_copy(update={"leaps_from": 71}), nearest)):  # fmt: skip
         (tmp_path / name).mkdir()
         found = match(capture, tmp_path / "features", tmp_path / name, long, 0, SILENT)
-        with closing(sqlite3.connect(tmp_path / name / DATABASE)) as connection:
-            file = dict(connection.execute("SELECT image_id, name FROM images"))
-            pairs = [pycolmap.pair_id_to_image_pair(number)
-                     for (number,) in connection.execute("SELECT pair_id FROM two_view_geometries")]  # fmt: skip
+        pairs = rows_paired(tmp_path / name)
         assert found["pairs"] == len(pairs) == len(wanted)
-        assert {frozenset(int(file[image][:2]) for image in pair) for pair in pairs} == wanted
+        assert {frozenset(pair) for pair in pairs} == wanted
+    stations = [(1e4 * (row >= 35) + row % 35, 0.0, 0.0) for row in range(70)]
+    apart = replace(capture, images=tuple(image.model_copy(update={"gps": place})
+                                          for image, place in zip(images, stations, strict=True)))  # fmt: skip
+    for name in ("apart", "joined"):
+        (tmp_path / name).mkdir()
+    extract(apart, tmp_path / "apart", settings, SILENT)
+    short = settings.model_copy(update={"leaps_from": 71})
+    joined = match(apart, tmp_path / "apart", tmp_path / "joined", short, 0, SILENT)
+    found_pairs = {frozenset(pair) for pair in rows_paired(tmp_path / "joined")}
+    assert joined["pairs"] == len(found_pairs)
+    assert {frozenset((row, row + 1)) for row in range(69)} < found_pairs  # 34 and 35, 10 km apart, among them
     blind = replace(capture, images=tuple(image.model_copy(update={"gps": None}) for image in images))
     for name in ("blind", "none"):
         (tmp_path / name).mkdir()

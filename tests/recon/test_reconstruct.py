@@ -151,14 +151,16 @@ def test_a_cut_image_is_named(left: int, plane_capture: Path, tmp_path: Path) ->
     assert not [path for path in folder.rglob("*") if path.is_file()]  # no database, no cloud
 
 
-@pytest.mark.parametrize(("gps", "count", "pairing"), [(True, 100, "spatial"), (False, 40, "exhaustive"),
-                                                       (False, 41, "sequential")])  # fmt: skip
-def test_pairing_is_chosen_by_what_is_known(gps: bool, count: int, pairing: str) -> None:
-    """GPS for every image: spatial; else exhaustive up to 40 images, sequential above."""
+@pytest.mark.parametrize(("gps", "step", "count", "pairing"), [
+    (True, 1.0, 100, "spatial"), (False, 1.0, 40, "exhaustive"), (False, 1.0, 41, "sequential"),
+    (True, 0.0, 20, "spatial"), (True, 0.001, 100, "sequential"), (True, 0.0, 21, "exhaustive"),
+])  # fmt: skip
+def test_pairing_is_chosen_by_what_is_known(gps: bool, step: float, count: int, pairing: str) -> None:
+    """GPS for every image: spatial; else, and with one fix for all, exhaustive up to 40 images, sequential above."""
     from recon.matching import choose_pairing
 
     images = tuple(
-        CaptureImage(name=str(i), file=f"{i}.jpg", gps=(0.0, 0.0, 0.0) if gps else None) for i in range(count)
+        CaptureImage(name=str(i), file=f"{i}.jpg", gps=(i % 5 * step, 0.0, 0.0) if gps else None) for i in range(count)
     )
     capture = Capture(Path(), "s", (4, 3), CalibrationPrior(focal_px=4.0, cx=2.0, cy=1.5), (1.0, 1.0, 1.0), {}, images)
     assert choose_pairing(capture, SparseSettings()) == pairing

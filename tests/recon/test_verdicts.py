@@ -152,6 +152,7 @@ def test_the_mapper_is_chosen() -> None:
     capture = capture_of(["a"] * 100)
     guessed = Capture(**{**vars(capture), "facts": {"focal": "guessed"}})
     assert choose_mapper(guessed, edge) == "incremental"
+    assert choose_mapper(capture, edge.model_copy(update={"use_gps_in_mapping": True})) == "incremental"
 
 
 def test_the_page_explains_every_reason() -> None:
