@@ -29,7 +29,9 @@ def import_world(request: dict[str, Any], progress: Progress) -> dict[str, str]:
     from usd_schemas.guard import limit_memory
 
     limit_memory(ADDRESS_LIMIT)
+    progress.stage("read", 0)
     model = _read(Path(request["file"]), request["up"], request["scale"], progress)
+    progress.stage("write", 0)
     model = replace(model, attribution={**model.attribution, **request["said"]})
     folder = Path(request["folder"])
     with space_errors(folder):

@@ -1,9 +1,11 @@
 """The command line: one verb per room, one line for every error, and exit codes that scripts can rely on."""
 
+import difflib
 import json
 import os
 import signal
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,7 +13,8 @@ from typing import Annotated, Literal
 import tyro
 
 from falsework.console import ConsoleProgress
-from groundwork.errors import FalseworkError, MissingError, RejectedSceneError
+from falsework.given_files import files_first
+from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
 TERMINATED = 143
@@ -115,7 +118,7 @@ def render(
     *,
     survey: str | None = None,
     quality: Literal["fast", "standard", "fine"] = "standard",
-    noise: bool = True,
+    noise: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with noise)")] = True,
     seed: int = 7,
     workers: int = 1,
     allow_root: tuple[Path, ...] = (),
@@ -319,9 +322,7 @@ def main(arguments: list[str] | None = None) -> None:
         if words[:1] and words[0] in GROUPS:
             code = _group(words[0], words[1:])
         else:
-            code = tyro.extras.subcommand_cli_from_dict(
-                VERBS, prog="falsework", description=ABOUT, args=words, config=(tyro.conf.FlagCreatePairsOff,)
-            )
+            code = _call(VERBS, words, "falsework", ABOUT)
     except FalseworkError as error:
         reason = f"{error.reason}: " if isinstance(error, RejectedSceneError) else ""
         sys.stderr.write(f"falsework: {reason}{error}\n")
@@ -347,8 +348,19 @@ def _check_here() -> None:
 def _group(name: str, words: list[str]) -> int:
     """Hand the words on to a group of verbs, whose module is loaded only then."""
     module = import_module(f"falsework.{name}_verbs")
-    verbs = getattr(module, f"{name.upper()}_VERBS")
-    return tyro.extras.subcommand_cli_from_dict(verbs, prog=f"falsework {name}", description=module.__doc__, args=words)
+    return _call(getattr(module, f"{name.upper()}_VERBS"), words, f"falsework {name}", module.__doc__ or "")
+
+
+def _call(verbs: dict[str, Callable[..., int]], words: list[str], program: str, about: str) -> int:
+    """Call the verb that the first word names."""
+    if words[:1] and not words[0].startswith("-") and words[0] not in verbs:
+        near = difflib.get_close_matches(words[0], verbs, n=1, cutoff=0.5)
+        raise InputError("no such verb", where=program, value=words[0], allowed=", ".join(verbs),
+                         mend=f"Did you mean {near[0]!r}?" if near else f"See {program} --help")  # fmt: skip
+    checked = {name: files_first(verb) for name, verb in verbs.items()}
+    return tyro.extras.subcommand_cli_from_dict(
+        checked, prog=program, description=about, args=words, config=(tyro.conf.FlagCreatePairsOff,)
+    )
 
 
 def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:

@@ -176,7 +176,7 @@ def _lead(stage: Path) -> str:
     recipe = read_json(manifest)
     settings = recipe["settings"]
     names = [f"{section} {settings[section]['name']}" for section in ("background", "look")]
-    return ", ".join([f"{settings['bridge']['family']} bridge", *names, f"scene seed {recipe['seed']}"])
+    return ", ".join([f"{settings['bridge']['family']} bridge", *names, f"random streams of {recipe['seed']}"])
 
 
 def _html(figure: go.Figure, name: str) -> Any:

@@ -76,6 +76,21 @@ def paint_depth(depth: NDArray[np.float32]) -> U8:
     return np.where(seen[..., None], painted, 0).astype(np.uint8)
 
 
+def paint_uncertainty(uncertainty: NDArray[np.float32]) -> U8:
+    """Color points by their uncertainty on a logarithmic scale: 1 mm blue, 10 m and more red, unknown as 1 m.
+
+    Args:
+        uncertainty: Uncertainty of each point [m], shape (N,), float32.
+
+    Returns:
+        sRGB colors, shape (N, 3), uint8.
+    """
+    log = np.log10(np.clip(np.nan_to_num(uncertainty, nan=1.0, posinf=10.0), 1e-3, 10.0))
+    level = ((log + 3) / 4 * 255).astype(np.uint8)
+    # One column: what OpenCV returns for an array of one dimension differs between its versions.
+    return cv2.applyColorMap(level[:, None], cv2.COLORMAP_TURBO)[:, 0, ::-1].astype(np.uint8)
+
+
 def flight_figure(centres: F64, statuses: list[str], bridge: F64, good_label: str = "registered") -> go.Figure:
     """Draw the camera path in plan and elevation.
 
@@ -166,9 +181,8 @@ def cloud_figure(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...]
     palette = np.zeros((256, 3), np.uint8)
     for row in classes:
         palette[row.id] = row.color
-    log = np.log10(np.clip(np.nan_to_num(part["uncertainty"], nan=1.0, posinf=10.0), 1e-3, 10.0))
-    heat = cv2.applyColorMap(((log + 3) / 4 * 255).astype(np.uint8), cv2.COLORMAP_TURBO)[:, 0, ::-1]
-    painted = {"photo": part["color"], "class": palette[part["segment"]], "uncertainty": heat.astype(np.uint8)}
+    heat = paint_uncertainty(part["uncertainty"])
+    painted = {"photo": part["color"], "class": palette[part["segment"]], "uncertainty": heat}
     colours = {name: _css_all(values) for name, values in painted.items()}
     figure = go.Figure(
         [

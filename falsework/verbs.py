@@ -6,11 +6,12 @@ from typing import Any
 
 from falsework.products import surveys_of
 from falsework.report import write_report
-from falsework.scenario import load_scenario
+from falsework.scenario import load_scenario, scene_title
 from falsework.stages import STAGES
 from groundwork.errors import InputError, MissingError, RejectedSceneError
 from groundwork.files import claim_output, fresh_output
 from groundwork.progress import Progress
+from groundwork.settings import read_toml
 from recon.settings import ReconSettings
 
 
@@ -92,7 +93,15 @@ def report_scene(scene: Path, page: Path) -> None:
         raise MissingError("holds no capture", where=scene, mend="Name a folder such as OUT/scenes/0000")
     clouds = {path.name: path for path in scene.glob("cloud/*") if path.is_dir()}
     surveys = {path.name: (path, clouds.get(path.name)) for path in captures}
-    write_report(page, f"Scene {scene.name}", scene / "stage", surveys)
+    write_report(page, _title(scene), scene / "stage", surveys)
+
+
+def _title(scene: Path) -> str:
+    """Name a scene of a run with the scenario's seed; any other folder by its own name."""
+    scenario = scene.absolute().parents[1] / "scenario.toml"
+    if not scenario.is_file() or not scene.name.isdecimal():
+        return f"Scene {scene.name}"
+    return scene_title(int(scene.name), int(read_toml(scenario).get("seed", 0)))
 
 
 CAPTURE_FORMATS = ("colmap", "nerfstudio", "video")
