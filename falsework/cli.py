@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from falsework.console import ConsoleProgress
-from falsework.given_files import files_first
+from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import files_first
 from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
@@ -91,7 +91,7 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
         output: Folder to write: the scene folder itself.
         scene: Number of the scene.
     """
-    from authoring.manifest import edits_since
+    from authoring.scenes.manifest import edits_since
     from falsework.scenario import given_files, load_scenario, scene_seed, values_of
     from falsework.stages import STAGES
     from groundwork.errors import InputError
@@ -137,7 +137,7 @@ def render(
         workers: Processes that share the frames of a survey; the bytes do not depend on them.
         allow_root: Folders beside that of the stage from which it may take layers and textures.
     """
-    from falsework.verbs import render_file
+    from falsework.commands.verbs import render_file
 
     settings = {"quality": quality, "sensor": {"noise": noise}, "workers": workers}
     with ConsoleProgress() as progress:
@@ -157,7 +157,7 @@ def reconstruct(capture: File, output: Output, *, settings: Path | None = None) 
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
     """
-    from falsework.verbs import reconstruct_folder
+    from falsework.commands.verbs import reconstruct_folder
 
     with ConsoleProgress() as progress:
         reconstruct_folder(capture, output, settings, progress)
@@ -183,7 +183,7 @@ def export(
         to: Format.
         photographs: Capture of a cloud: its photographs are copied beside the cameras (colmap, nerfstudio).
     """
-    from falsework.verbs import export_folder
+    from falsework.commands.verbs import export_folder
 
     with ConsoleProgress() as progress:
         files = export_folder(source, to, output, progress, photographs)
@@ -199,7 +199,7 @@ def report(scene: File, output: Output) -> int:
         scene: Folder such as `OUT/scenes/0000`.
         output: HTML file to write.
     """
-    from falsework.verbs import report_scene
+    from falsework.commands.verbs import report_scene
 
     report_scene(scene, output)
     _say(f"report  {output}")
@@ -347,7 +347,7 @@ def _check_here() -> None:
 
 def _group(name: str, words: list[str]) -> int:
     """Hand the words on to a group of verbs, whose module is loaded only then."""
-    module = import_module(f"falsework.{name}_verbs")
+    module = import_module(f"falsework.commands.{name}_verbs")
     return _call(getattr(module, f"{name.upper()}_VERBS"), words, f"falsework {name}", module.__doc__ or "")
 
 

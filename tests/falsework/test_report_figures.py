@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from falsework.report_figures import cloud_figure, paint_uncertainty, uncertainty_figure
+from falsework.report.figures import cloud_figure, paint_uncertainty, uncertainty_figure
 from usd_schemas.components import ClassRow
 
 
