@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from falsework.console import ConsoleProgress
+from falsework.commands.console import ConsoleProgress
 from groundwork.errors import FalseworkError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
@@ -88,7 +88,7 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
         output: Folder to write: the scene folder itself.
         scene: Number of the scene.
     """
-    from authoring.manifest import edits_since
+    from authoring.scenes.manifest import edits_since
     from falsework.scenario import given_files, load_scenario, scene_seed, values_of
     from falsework.stages import STAGES
     from groundwork.errors import InputError
@@ -134,7 +134,7 @@ def render(
         workers: Processes that share the frames of a survey; the bytes do not depend on them.
         allow_root: Folders beside that of the stage from which it may take layers and textures.
     """
-    from falsework.verbs import render_file
+    from falsework.commands.verbs import render_file
 
     settings = {"quality": quality, "sensor": {"noise": noise}, "workers": workers}
     with ConsoleProgress() as progress:
@@ -154,7 +154,7 @@ def reconstruct(capture: File, output: Output, *, settings: Path | None = None) 
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
     """
-    from falsework.verbs import reconstruct_folder
+    from falsework.commands.verbs import reconstruct_folder
 
     with ConsoleProgress() as progress:
         reconstruct_folder(capture, output, settings, progress)
@@ -180,7 +180,7 @@ def export(
         to: Format.
         photographs: Capture of a cloud: its photographs are copied beside the cameras (colmap, nerfstudio).
     """
-    from falsework.verbs import export_folder
+    from falsework.commands.verbs import export_folder
 
     with ConsoleProgress() as progress:
         files = export_folder(source, to, output, progress, photographs)
@@ -196,7 +196,7 @@ def report(scene: File, output: Output) -> int:
         scene: Folder such as `OUT/scenes/0000`.
         output: HTML file to write.
     """
-    from falsework.verbs import report_scene
+    from falsework.commands.verbs import report_scene
 
     report_scene(scene, output)
     _say(f"report  {output}")
@@ -346,7 +346,7 @@ def _check_here() -> None:
 
 def _group(name: str, words: list[str]) -> int:
     """Hand the words on to a group of verbs, whose module is loaded only then."""
-    module = import_module(f"falsework.{name}_verbs")
+    module = import_module(f"falsework.commands.{name}_verbs")
     verbs = getattr(module, f"{name.upper()}_VERBS")
     return tyro.extras.subcommand_cli_from_dict(verbs, prog=f"falsework {name}", description=module.__doc__, args=words)
 

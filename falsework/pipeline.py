@@ -9,8 +9,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from falsework.children.products import surveys_of
 from falsework.platform import recon_platform, render_platform
-from falsework.products import surveys_of
 from falsework.scenario import Scenario, given_files, scene_seed
 from falsework.stages import STAGES
 from falsework.store import Store, Task, link_result

@@ -6,14 +6,14 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from authoring.alignment import Alignment
-from authoring.atlas import MARGIN, pack_atlas
-from authoring.component import F64, I32, Component, triangles
-from authoring.extrusion import prism
+from authoring.axis.alignment import Alignment
 from authoring.families.alignments import AlignmentSettings
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import build_bridge
-from authoring.layout import BridgeSettings, draw_layout
-from authoring.sections import circle, rectangle
+from authoring.shapes.component import F64, I32, Component, triangles
+from authoring.shapes.sections import circle, rectangle
+from authoring.solids.atlas import MARGIN, pack_atlas
+from authoring.solids.extrusion import prism
 from authoring.streams import stream
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from falsework.report_figures import uncertainty_figure
+from falsework.report.figures import uncertainty_figure
 
 
 @pytest.mark.parametrize("threshold", [0.01, 0.1, 2.0])
