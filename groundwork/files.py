@@ -12,6 +12,7 @@ from typing import Any
 
 from groundwork.canonical import canonical_json, file_digest
 from groundwork.errors import InputError, OutOfSpaceError
+from groundwork.foreign_file import MOST_TEXT, parse_json, read_regular
 
 MANIFEST = "artefact.json"  # a scene folder has a manifest.json of its own
 MARK = ".falsework"
@@ -65,14 +66,10 @@ def read_json(path: Path) -> Any:
         path: File to read.
 
     Raises:
-        InputError: Missing or not JSON.
+        MissingError: There is no such file.
+        InputError: Not a regular file, too large, or not JSON.
     """
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("no such file", where=path) from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"not readable as JSON: {error}", where=path, mend="Write it anew") from None
+    return parse_json(read_regular(path, MOST_TEXT), path)
 
 
 @contextmanager
