@@ -18,6 +18,7 @@ from authoring.imported.model_files import check_file, read_beside, unpack
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
 from groundwork.errors import InputError
+from groundwork.foreign_file import read_regular
 from usd_schemas.layer_walk import Warn
 
 F64 = NDArray[np.float64]
@@ -100,7 +101,7 @@ def read_obj(file: Path) -> MeshSoup:
     Args:
         file: The file.
     """
-    data = file.read_bytes()
+    data = read_regular(file)
     _check_faces(data, file)
     table: dict[str, tuple[str, tuple[float, ...]]] = {}
     for line in re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", data, re.MULTILINE):
@@ -135,7 +136,7 @@ def read_ply(file: Path) -> MeshSoup:
     Args:
         file: The file.
     """
-    data = file.read_bytes()
+    data = read_regular(file)
     head, found, _ = data[:_HEAD].partition(b"end_header")
     body = data[len(head) + len(found) :]
     if not data.startswith(b"ply") or not found:

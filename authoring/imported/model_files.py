@@ -7,6 +7,8 @@ from urllib.parse import unquote
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes
+from groundwork.foreign_file import read_regular
+from groundwork.slug import inside
 
 MOST_BYTES = 1_000_000_000  # of any one file
 MOST_UNPACKED = 4_000_000_000  # of an archive, in all
@@ -63,7 +65,7 @@ def read_beside(model: Path, name: str, what: str) -> bytes:
     if not target.is_file():
         raise MissingError(f"{what} {name[:200]} is not there", where=model, mend="Copy the file beside it")
     check_file(target)
-    return target.read_bytes()
+    return read_regular(target, MOST_BYTES)
 
 
 def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
@@ -89,15 +91,17 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
         )  # fmt: skip
     with zipfile.ZipFile(archive) as packed:
         for entry in entries:
-            target = folder / entry.filename
-            target.parent.mkdir(parents=True, exist_ok=True)
+            target = inside(folder, entry.filename, where=archive)
             try:
+                target.parent.mkdir(parents=True, exist_ok=True)
                 with packed.open(entry) as source:
                     data = source.read(entry.file_size + 1)
             except (zipfile.BadZipFile, EOFError, RuntimeError, NotImplementedError, ValueError, OSError) as error:
                 raise InputError(f"cannot be unpacked: {error}", where=f"{archive}: {entry.filename}") from None
             if len(data) != entry.file_size:
                 raise InputError("holds more than it says", where=f"{archive}: {entry.filename}")
+            if target.is_dir():
+                raise InputError("a file and a folder of one name", where=f"{archive}: {entry.filename}")
             write_bytes(target, data)
     return folder / models[0]
 

@@ -17,6 +17,7 @@ from authoring.imported.model_files import check_archive, check_file
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
 from groundwork.errors import InputError, MissingError
+from groundwork.foreign_file import read_regular
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard import check_stage
 from usd_schemas.layer_walk import Warn
@@ -134,7 +135,7 @@ def _image(texture: Texture, cache: dict[str, Skin], file: Path) -> Skin:
     if texture.file not in cache:
         image = Path(texture.file)
         check_file(image)
-        cache[texture.file] = image_skin(image.read_bytes(), f"{file}: {image.name}")
+        cache[texture.file] = image_skin(read_regular(image), f"{file}: {image.name}")
     return cache[texture.file]
 
 
