@@ -8,6 +8,7 @@ from authoring.inventory import scene_files
 from authoring.manifest import NAME
 from groundwork.errors import InputError
 from groundwork.files import read_json
+from groundwork.foreign_file import is_regular
 from usd_schemas.layer_walk import Bounds, walk_layers
 
 VARIANTS = "variant_*.usda"  # root layers that choose something else
@@ -70,10 +71,10 @@ def used_files(root: Path) -> tuple[str, ...]:
 
 def _is_beside(home: Path, name: str) -> bool:
     path = home / name
-    return Path(name).suffix.lower() in _BESIDE and path.is_file() and path.resolve().is_relative_to(home)
+    return Path(name).suffix.lower() in _BESIDE and is_regular(path) and path.resolve().is_relative_to(home)
 
 
 def _check_inside(home: Path, name: str, root: Path) -> None:
     path = home / name
-    if not path.is_file() or not path.resolve().is_relative_to(home):
+    if not is_regular(path) or not path.resolve().is_relative_to(home):
         raise InputError("takes a file from outside its folder", where=root, value=name, mend="Flatten it instead")

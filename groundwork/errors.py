@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-_LONGEST = 400  # characters of a value in an error
+_LONGEST, _LONGEST_LINE = 400, 3000  # characters of a value in an error, and of an error
 
 
 class FalseworkError(Exception):
@@ -111,4 +111,6 @@ def _shown(value: object) -> str:
 def _one_line(text: str) -> str:
     """Join the words by single blanks; what would steer a terminal, or has no UTF-8 form, becomes a question mark."""
     words = " ".join(text.split())
+    if len(words) > _LONGEST_LINE:
+        words = f"{words[: _LONGEST_LINE // 2]} … {words[-_LONGEST_LINE // 3 :]}"
     return words if words.isprintable() else "".join(one if one.isprintable() else "?" for one in words)

@@ -125,7 +125,7 @@ def check_manifest(folder: Path, name: str = MANIFEST) -> list[str]:
     Returns:
         One line per missing, changed or extra file; empty when all is well.
     """
-    table = read_json(folder / name)["files"]
+    table = _files_of(folder / name)
     present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {name}
     wrong = [f"{file}: missing" for file in sorted(table.keys() - present)]
     wrong += [f"{file}: not in the manifest" for file in sorted(present - table.keys())]
@@ -135,6 +135,15 @@ def check_manifest(folder: Path, name: str = MANIFEST) -> list[str]:
         if file_digest(folder / file) != table[file]["sha256"]
     ]
     return wrong
+
+
+def _files_of(path: Path) -> dict[str, dict[str, Any]]:
+    """Read the table of a manifest."""
+    record = read_json(path)
+    table = record.get("files") if isinstance(record, dict) else None
+    if not isinstance(table, dict) or not all(isinstance(row, dict) and "sha256" in row for row in table.values()):
+        raise InputError("not a manifest", where=path, field="files", mend="Make the folder anew")
+    return table
 
 
 def commit_folder(partial: Path, final: Path) -> None:

@@ -5,6 +5,7 @@ and hands the path to a library.
 """
 
 import json
+import math
 import os
 import re
 import stat
@@ -20,6 +21,7 @@ MOST_TEXT = 1_000_000_000  # [bytes] of JSON: parsed, it takes some ten times as
 MOST_TOML = 10_000_000  # [bytes] a scenario has some thousands
 _PICTURES = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*", b"RIFF", b"BM")  # how image files begin
 _ESCAPE = re.compile(rb"\\u(?:0000|[dD][89a-fA-F])|\0")  # of what `_check_strings` refuses in JSON
+_HUGE = re.compile(rb"[eE]\+?\d{3}|\d{300}")  # what a number beyond double precision has
 _MOST_DIGITS, _MOST_BITS = 20, 64  # of an integer
 _KINDS = {
     stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device",
@@ -72,6 +74,18 @@ def check_regular(path: Path, most: int | None = None) -> int:
     return found.st_size
 
 
+def is_regular(path: Path) -> bool:
+    """Tell whether there is a regular file of this name, whatever the name is.
+
+    Args:
+        path: Any path, names from a file among them.
+    """
+    try:
+        return stat.S_ISREG(Path(path).stat().st_mode)
+    except (OSError, ValueError):
+        return False
+
+
 def read_regular(path: Path, most: int = MOST_BYTES) -> bytes:
     """Read a regular file as a whole.
 
@@ -114,8 +128,10 @@ def parse_json(text: str | bytes, where: object) -> Any:
         InputError: Not JSON, not UTF-8, nested too deep, with a number that is none or beyond 64 bits, or with NUL.
     """
     try:
-        value = json.loads(text, parse_constant=_refuse_constant, parse_int=_integer)
-        if _ESCAPE.search(text if isinstance(text, bytes) else text.encode("utf-8", "surrogatepass")):
+        data = text if isinstance(text, bytes) else text.encode("utf-8", "surrogatepass")
+        real = _finite if _HUGE.search(data) else None  # asked for each number, this would take a third more time
+        value = json.loads(text, parse_constant=_refuse_constant, parse_int=_integer, parse_float=real)
+        if _ESCAPE.search(data):
             _check_strings(value)
         return value
     except RecursionError:
@@ -150,6 +166,12 @@ def _integer(text: str) -> int:
     if len(text) > _MOST_DIGITS:
         raise ValueError(f"a number of {len(text)} digits")
     return int(text)
+
+
+def _finite(text: str) -> float:
+    if math.isinf(value := float(text)):
+        raise ValueError(f"{text[:40]} is not a finite number")
+    return value
 
 
 def _check_strings(value: object) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from groundwork.errors import InputError
 
 _LONGEST = 80  # [bytes] room for what is put before and after it; file systems allow 255
+_LONGEST_NAME = 255  # [bytes] of a file or folder on any file system
 _LONGEST_FILE = 200  # [bytes] of a photograph's name that is kept as it is
 _OTHER = re.compile(r"[^A-Za-z0-9._-]+")
 _TAIL = 8  # hexadecimal digits that keep two changed names apart
@@ -51,7 +52,8 @@ def inside(folder: Path, *parts: str, where: object = None) -> Path:
         home, target = folder.resolve(), path.resolve()
     except (OSError, RuntimeError, ValueError):  # too long, a circle of links, or a NUL in it
         home = target = folder
-    if target == home or not target.is_relative_to(home):
+    long = any(len(part.encode("utf-8", "surrogatepass")) > _LONGEST_NAME for part in path.parts)
+    if target == home or long or not target.is_relative_to(home):
         raise InputError(
             "a name that leads out of its folder", where=where, value="/".join(parts)[:200],
             allowed="a name of letters, digits, '.', '_' and '-'",

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -246,7 +247,7 @@ def _load(path: Path) -> Column:
         return np.array(mapped)
     except FileNotFoundError:
         raise MissingError("a column is missing", where=path, mend="Reconstruct again") from None
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError, TokenError) as error:  # the last one from the text of a header
         raise InputError(f"damaged: {error}", where=path, mend="Reconstruct again") from None
 
 

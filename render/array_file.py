@@ -5,6 +5,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, BinaryIO, cast
 
 import numpy as np
@@ -16,6 +17,10 @@ from groundwork.foreign_file import check_regular
 MOST_BYTES = 16_000_000_000  # of all arrays of an archive, unpacked
 _TIGHTEST = 1032  # bytes that Deflate can pack into one
 _SLACK = 4096  # [bytes] an .npy header
+_UNSOUND = (  # what reading a damaged archive raises
+    ValueError, TypeError, OSError, EOFError, RuntimeError, NotImplementedError, SyntaxError, TokenError, MemoryError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
@@ -49,8 +54,7 @@ def read_arrays(path: Path, wanted: Mapping[str, tuple[str, tuple[int, ...]]]) -
             return found
     except KeyError as error:
         reason = str(error.args[0])
-    except (ValueError, TypeError, OSError, EOFError, RuntimeError, NotImplementedError, SyntaxError, MemoryError,
-            zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
+    except _UNSOUND as error:
         reason = str(error)
     raise InputError(f"not whole: {reason}", where=path, mend="Make it again, or copy it again")
 

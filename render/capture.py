@@ -10,6 +10,7 @@ from pydantic import Field
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
+from groundwork.foreign_file import is_regular
 from groundwork.settings import Settings, parse_settings
 from render import image_files
 from render.truth_checks import check_bands, check_camera, check_image, check_poses, check_tables, read_surface
@@ -360,5 +361,5 @@ def _check_file(folder: Path, path: Path, name: str) -> None:
     relative = Path(name)
     if relative.is_absolute() or ".." in relative.parts or not name:
         raise InputError("a path that leaves the capture", where=path, field="images.file", value=name)
-    if not (folder / relative).is_file():
+    if not is_regular(folder / relative):
         raise MissingError("no such image", where=folder / relative, mend="Put it back, or take it out of cameras.json")

@@ -8,7 +8,7 @@ from pathlib import Path
 from pxr import Sdf
 
 from groundwork.errors import InputError
-from usd_schemas.package_walk import check_package, found_by, named_by
+from usd_schemas.package_walk import check_package, found_by, named_by, reason_of
 
 Warn = Callable[[str], None]
 
@@ -97,8 +97,8 @@ def open_layer(file: Path, bounds: Bounds) -> Sdf.Layer:
     try:
         layer = Sdf.Layer.FindOrOpen(str(file))
     except Exception as error:
-        reason = str(error).strip().splitlines()[-1].strip()
-        raise InputError(f"not readable as USD: {reason}", where=bounds.name(file), mend="Check the file") from None
+        what = f"not readable as USD: {reason_of(error)}"
+        raise InputError(what, where=bounds.name(file), mend="Check the file") from None
     if layer is None:
         raise InputError("not readable as USD", where=bounds.name(file), mend="Check the file")
     return layer

@@ -7,6 +7,7 @@ from zipfile import BadZipFile, ZipFile
 from pxr import Ar, Sdf, UsdUtils
 
 from groundwork.errors import InputError
+from groundwork.foreign_file import check_regular
 
 MOST_LAYERS = 20_000  # of one package, packages inside it counted
 _ELSEWHERE = re.compile(r"^(?:[A-Za-z][A-Za-z0-9+.-]*:|[/\\])")  # a scheme, a drive or an absolute path
@@ -23,6 +24,7 @@ def check_package(file: Path, where: str) -> None:
     Raises:
         InputError: No package, a layer that cannot be read, or a path in one that is absolute, remote or climbs out.
     """
+    check_regular(file)
     try:
         with ZipFile(file) as archive:
             names = archive.namelist()
@@ -99,12 +101,23 @@ def found_by(layer: Sdf.Layer, name: str) -> str:
     return str(Ar.GetResolver().Resolve(path)) or path
 
 
+def reason_of(error: Exception) -> str:
+    """Take the last line of what USD says about a file, which may hold bytes of it that are no text.
+
+    Args:
+        error: What opening it raised.
+    """
+    try:
+        return str(error).strip().splitlines()[-1].strip()
+    except (UnicodeDecodeError, IndexError):
+        return "it holds bytes that are no text"
+
+
 def _opened(identifier: str, where: str) -> Sdf.Layer:
     try:
         layer = Sdf.Layer.FindOrOpen(identifier)
     except Exception as error:
-        reason = str(error).strip().splitlines()[-1].strip()
-        raise InputError(f"not readable as USD: {reason}", where=where, mend="Check the file") from None
+        raise InputError(f"not readable as USD: {reason_of(error)}", where=where, mend="Check the file") from None
     if layer is None:
         raise InputError("not readable as USD", where=where, mend="Check the file")
     return layer

@@ -26,7 +26,10 @@ F64 = NDArray[np.float64]
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 AXES = ("y", "z")
 _HEAD = 65_536  # bytes in which a PLY header must end
-_BROKEN = (ValueError, IndexError, KeyError, TypeError, AttributeError, AssertionError, OverflowError, RuntimeError)
+_BROKEN = (  # what the library raises where a file is not as it says; of unset variables, too
+    ValueError, IndexError, KeyError, TypeError, AttributeError, AssertionError, OverflowError, RuntimeError, NameError,
+    OSError,
+)  # fmt: skip
 
 
 def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityModel:

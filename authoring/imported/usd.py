@@ -13,7 +13,7 @@ from pxr import Sdf, Usd, UsdGeom
 from authoring.imported.mesh_city import city_of
 from authoring.imported.mesh_soup import MeshSoup, centred, check_count, joined_soup
 from authoring.imported.model import CityModel
-from authoring.imported.model_files import check_archive, check_file
+from authoring.imported.model_files import UNSOUND, check_archive, check_file
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
 from groundwork.errors import InputError, MissingError
@@ -84,7 +84,10 @@ def _unpacked(file: Path, folder: Path) -> Path:
         names = package.namelist()
         if not names or Path(names[0]).suffix.lower() not in USD_SUFFIXES[:3]:
             raise InputError("no sound package: its first file is no layer", where=file)
-        package.extractall(folder)
+        try:
+            package.extractall(folder)
+        except UNSOUND as error:
+            raise InputError(f"no sound package: {error}", where=file, mend="Is the file whole?") from None
     return folder / names[0]
 
 

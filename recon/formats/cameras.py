@@ -6,7 +6,7 @@ from typing import Any
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes, write_json
-from groundwork.foreign_file import read_picture, read_regular
+from groundwork.foreign_file import is_regular, read_picture, read_regular
 from groundwork.slug import flat_names
 from recon.cloud import SFM_DENSE, Cloud
 from recon.colmap_model import read_model
@@ -125,7 +125,7 @@ def _copy_photographs(photographs: Path | None, names: tuple[str, ...], out: Pat
     stems = flat_names(names)
     for name in names:
         file = photographs / name
-        if Path(name).is_absolute() or ".." in Path(name).parts or not file.is_file():
+        if Path(name).is_absolute() or ".." in Path(name).parts or not is_regular(file):
             raise MissingError(
                 "a photograph of the cloud is not there", where=file, mend="Name the cloud's own capture"
             )
