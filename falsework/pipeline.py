@@ -18,6 +18,7 @@ from groundwork.canonical import file_digest, folder_digest
 from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError
 from groundwork.files import MARK, claim_output, space_errors, write_text
 from groundwork.progress import Progress
+from groundwork.slug import slug
 
 KIND = "run"
 
@@ -127,7 +128,7 @@ def _run_scene(scenario: Scenario, index: int, out: Path, progress: Progress, ou
     paths["stage"], keys["stage"] = _stage(scenario, seed, maker)
     surveys = _surveys(scenario, paths["stage"], progress)
     for survey, variant in product(surveys, scenario.variants.combinations() or [""]):
-        name = f"{survey}@{variant}" if variant else survey
+        name = f"{slug(survey)}@{slug(variant)}" if variant else slug(survey)  # a stage from elsewhere names surveys
         flight = _Flight(scenario, seed, survey, variant, name)
         try:
             _run_flight(flight, maker, paths, keys)

@@ -69,8 +69,17 @@ def load_scenario(path: Path) -> Scenario:
     Raises:
         InputError: Missing, not TOML, or a key or value that is not allowed.
     """
-    scenario = _with_skies(_with_worlds(parse_settings(Scenario, read_toml(path), path), path), path)
-    scenario = _with_surfaces(scenario, path)
+    given = parse_settings(Scenario, read_toml(path), path)
+    try:
+        return _with_stage(_with_surfaces(_with_skies(_with_worlds(given, path), path), path), path)
+    except OSError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"names a file that cannot be: {error.strerror}", where=path, mend="Shorten it") from None
+
+
+def _with_stage(scenario: Scenario, path: Path) -> Scenario:
+    """Give the stage that the scenario starts from, if any, a path that holds from anywhere."""
     if scenario.stage is None:
         return scenario
     if scenario.variants.combinations():

@@ -7,6 +7,7 @@ from typing import Any
 
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
+from groundwork.slug import inside
 
 RENDER_TIME_LIMIT = 6 * 3600.0  # [s] per survey
 RENDER_MEMORY_LIMIT = 16.0  # [GB]
@@ -114,7 +115,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
         variant: Name of a variant of the scene, or empty for the scene as it is.
     """
     name = f"variant_{variant}.usda" if variant else "scene.usda"
-    return stage / name if stage.is_dir() else stage
+    return inside(stage, name) if stage.is_dir() else stage
 
 
 STAGES: dict[str, Stage] = {

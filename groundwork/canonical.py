@@ -7,6 +7,8 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
+from groundwork.foreign_file import open_regular
+
 
 def canonical_json(value: object) -> str:
     """Spell a value as JSON in one way only: sorted keys, no spaces, no NaN.
@@ -45,7 +47,7 @@ def file_digest(path: Path) -> str:
     Returns:
         SHA-256 in 64 hexadecimal digits.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -2,6 +2,8 @@
 
 from typing import ClassVar
 
+_LONGEST, _LONGEST_LINE = 400, 3000  # characters of a value in an error, and of an error
+
 
 class FalseworkError(Exception):
     """Base of every error that Falsework raises on purpose.
@@ -44,14 +46,14 @@ class InputError(FalseworkError, ValueError):
         parts = [str(where)] if where is not None else []
         if field is not None:
             parts.append(field)
-        sentence = what if value is None else f"{what} (found {value!r})"
+        sentence = what if value is None else f"{what} (found {_shown(value)})"
         if allowed is not None:
             sentence += f"; allowed: {allowed}"
         if mend is not None:
             sentence += f". {mend}"
         parts.append(sentence)
         self.where = where
-        super().__init__(" ".join(": ".join(parts).split()))
+        super().__init__(_one_line(": ".join(parts)))
 
     def found_in(self, where: object) -> None:
         """Say where the value came from, unless that has been said.
@@ -60,7 +62,7 @@ class InputError(FalseworkError, ValueError):
             where: File, folder or stage that holds it.
         """
         if self.where is None:
-            self.where, self.args = where, (f"{where}: {self}",)
+            self.where, self.args = where, (_one_line(f"{where}: {self}"),)
 
 
 class MissingError(InputError, FileNotFoundError):
@@ -95,3 +97,20 @@ class RejectedSceneError(FalseworkError):
         """
         super().__init__(message)
         self.reason = reason
+
+
+def _shown(value: object) -> str:
+    """Spell a value found; of one that a file made enormous, the two ends."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than Python spells
+        return "a number of thousands of digits"
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 2 :]}"
+
+
+def _one_line(text: str) -> str:
+    """Join the words by single blanks; what would steer a terminal, or has no UTF-8 form, becomes a question mark."""
+    words = " ".join(text.split())
+    if len(words) > _LONGEST_LINE:
+        words = f"{words[: _LONGEST_LINE // 2]} … {words[-_LONGEST_LINE // 3 :]}"
+    return words if words.isprintable() else "".join(one if one.isprintable() else "?" for one in words)

@@ -12,6 +12,7 @@ from typing import Any
 
 from groundwork.canonical import canonical_json, file_digest
 from groundwork.errors import InputError, OutOfSpaceError
+from groundwork.foreign_file import MOST_TEXT, parse_json, read_regular
 
 MANIFEST = "artefact.json"  # a scene folder has a manifest.json of its own
 MARK = ".falsework"
@@ -65,14 +66,10 @@ def read_json(path: Path) -> Any:
         path: File to read.
 
     Raises:
-        InputError: Missing or not JSON.
+        MissingError: There is no such file.
+        InputError: Not a regular file, too large, or not JSON.
     """
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("no such file", where=path) from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"not readable as JSON: {error}", where=path, mend="Write it anew") from None
+    return parse_json(read_regular(path, MOST_TEXT), path)
 
 
 @contextmanager
@@ -128,7 +125,7 @@ def check_manifest(folder: Path, name: str = MANIFEST) -> list[str]:
     Returns:
         One line per missing, changed or extra file; empty when all is well.
     """
-    table = read_json(folder / name)["files"]
+    table = _files_of(folder / name)
     present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {name}
     wrong = [f"{file}: missing" for file in sorted(table.keys() - present)]
     wrong += [f"{file}: not in the manifest" for file in sorted(present - table.keys())]
@@ -138,6 +135,15 @@ def check_manifest(folder: Path, name: str = MANIFEST) -> list[str]:
         if file_digest(folder / file) != table[file]["sha256"]
     ]
     return wrong
+
+
+def _files_of(path: Path) -> dict[str, dict[str, Any]]:
+    """Read the table of a manifest."""
+    record = read_json(path)
+    table = record.get("files") if isinstance(record, dict) else None
+    if not isinstance(table, dict) or not all(isinstance(row, dict) and "sha256" in row for row in table.values()):
+        raise InputError("not a manifest", where=path, field="files", mend="Make the folder anew")
+    return table
 
 
 def commit_folder(partial: Path, final: Path) -> None:

@@ -1,7 +1,6 @@
 """Frozen settings: the base of every room's settings, and errors that name the key and its nearest neighbour."""
 
 import difflib
-import tomllib
 import types
 import typing
 from pathlib import Path
@@ -10,7 +9,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
-from groundwork.errors import InputError, MissingError
+from groundwork.errors import InputError
+from groundwork.foreign_file import MOST_TOML, parse_toml, read_regular
 
 
 class Settings(BaseModel):
@@ -31,16 +31,9 @@ def read_toml(path: Path) -> dict[str, Any]:
 
     Raises:
         MissingError: There is no such file.
-        InputError: It is not TOML, or not UTF-8.
+        InputError: Not a regular file, or it is not TOML, or not UTF-8.
     """
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MissingError("no such file", where=path, mend="Check the path") from None
-    except IsADirectoryError:
-        raise InputError("is a folder, not a TOML file", where=path, mend="Name the file inside it") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"not readable as TOML: {error}", where=path, mend="Correct this line") from None
+    return parse_toml(read_regular(path, MOST_TOML), path)
 
 
 def parse_settings(model: type[S], values: dict[str, Any], where: object) -> S:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_bytes, write_json
+from groundwork.foreign_file import check_regular
 from usd_schemas.components import NOISY_POINT, ClassRow
 
 FORMAT = "falsework.cloud"
@@ -204,7 +206,7 @@ def _want(right: bool, key: str) -> None:
 def _class_row(row: dict[str, Any]) -> ClassRow:
     numbers = (row["id"], *row["color"])
     _want(all(type(number) is int and 0 <= number < 256 for number in numbers) and len(numbers) == 4, "classes")
-    _want(isinstance(row["name"], str), "classes")
+    _want(isinstance(row["name"], str) and 0 < len(row["name"]) <= 200 and row["name"].isprintable(), "classes")
     return ClassRow(row["id"], row["name"], tuple(row["color"]))
 
 
@@ -238,13 +240,14 @@ def _save(path: Path, column: Column) -> None:
 
 def _load(path: Path) -> Column:
     try:
+        check_regular(path)
         mapped = np.load(path, mmap_mode="r", allow_pickle=False)  # a header that promises too much allocates nothing
         if not isinstance(mapped, np.ndarray):
             raise ValueError("an archive, not an array")
         return np.array(mapped)
     except FileNotFoundError:
         raise MissingError("a column is missing", where=path, mend="Reconstruct again") from None
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError, TokenError) as error:  # the last one from the text of a header
         raise InputError(f"damaged: {error}", where=path, mend="Reconstruct again") from None
 
 

@@ -1,6 +1,5 @@
 """The capture on disk: photographs and what a drone knows about them; apart from it, in `truth/`, what only we know."""
 
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,8 +10,10 @@ from pydantic import Field
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
+from groundwork.foreign_file import is_regular
 from groundwork.settings import Settings, parse_settings
 from render.images import image_files
+from render.images.truth_checks import check_bands, check_camera, check_image, check_poses, check_tables, read_surface
 from usd_schemas.components import ClassRow
 from usd_schemas.distortion import NO_DISTORTION, Distortion
 from usd_schemas.flat_scene import InstanceRow
@@ -22,6 +23,7 @@ FORMAT = "falsework.capture"
 FORMAT_VERSION = 1
 CAMERAS = "cameras.json"
 TRUTH = "truth"
+LONGEST_SIDE = 100_000  # [px]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -35,7 +37,7 @@ class CalibrationPrior(Settings):
 
     model: Literal["SIMPLE_RADIAL"] = "SIMPLE_RADIAL"
     """Camera model that a reconstruction should start with, as COLMAP names it."""
-    focal_px: float
+    focal_px: float = Field(gt=0.0)
     """Focal length [px]."""
     cx: float
     """Principal point from the left edge [px]."""
@@ -115,9 +117,11 @@ def read_capture(folder: Path) -> Capture:
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError("two images have the same name", where=path, field="images", value=twice)
-    if min(stored.size) < 1:
+    if min(stored.size) < 1 or max(stored.size) > LONGEST_SIDE:
         raise InputError("an image needs a width and a height", where=path, field="size", value=list(stored.size))
     for image in stored.images:
+        if image.name in ("", ".", "..") or "/" in image.name or len(image.name) > 200:  # truth has files of this name
+            raise InputError("not a name of an image", where=path, field="images.name", value=image.name)
         _check_file(folder, path, image.file)
     return Capture(
         folder, stored.survey, stored.size, stored.prior, stored.gps_sigma, dict(stored.facts), stored.images
@@ -138,7 +142,7 @@ def load_image(capture: Capture, index: int) -> U8:
         InputError: Cut off, damaged, of 16 bits, or of another size than `cameras.json` says; names the file.
     """
     path = capture.folder / capture.images[index].file
-    pixels = image_files.decode(path)
+    pixels = image_files.decode(path, capture.size)
     size = (pixels.shape[1], pixels.shape[0])
     if pixels.dtype != np.uint8:
         raise InputError("not an image of 8 bits a colour", where=path, mend="Save it with 8 bits, or leave it out")
@@ -236,7 +240,9 @@ class Truth:
         Args:
             index: Row in `names`.
         """
-        return image_files.decode(self.folder / "depth" / f"{self.names[index]}.tiff").astype(np.float32, copy=False)
+        return self._image(self.folder / "depth" / f"{self.names[index]}.tiff", ("float32",)).astype(
+            np.float32, copy=False
+        )
 
     def semantic(self, index: int) -> U8:
         """Read class ids, shape (H, W), uint8.
@@ -244,7 +250,9 @@ class Truth:
         Args:
             index: Row in `names`.
         """
-        return image_files.decode(self.folder / "semantic" / f"{self.names[index]}.png").astype(np.uint8, copy=False)
+        return self._image(self.folder / "semantic" / f"{self.names[index]}.png", ("uint8",)).astype(
+            np.uint8, copy=False
+        )
 
     def instance(self, index: int) -> U32:
         """Read instance ids, 0 for sky, shape (H, W), uint32.
@@ -252,7 +260,14 @@ class Truth:
         Args:
             index: Row in `names`.
         """
-        return image_files.read_ids(self.folder / "instance", self.names[index])
+        path = image_files.ids_file(self.folder / "instance", self.names[index])
+        return self._image(path, ("uint16", "uint32", "int32")).astype(np.uint32)
+
+    def _image(self, path: Path, kinds: tuple[str, ...]) -> NDArray[Any]:
+        size = (self.camera.width, self.camera.height)
+        pixels = image_files.decode(path, size)
+        check_image(pixels, kinds, size, path)
+        return pixels
 
     def surface(self) -> tuple[F64, U32, U8]:
         """Read the true surface, expanded to world triangles.
@@ -261,12 +276,7 @@ class Truth:
             Corner positions [m], shape (T, 3, 3), float64; instance id per triangle, shape (T,), uint32; class id per
             triangle, shape (T,), uint8.
         """
-        path = self.folder / "surface.npz"
-        try:
-            with np.load(path, allow_pickle=False) as stored:
-                return _expand({name: stored[name] for name in stored.files})
-        except (OSError, KeyError, ValueError, zipfile.BadZipFile):
-            raise InputError("missing or damaged", where=path, mend="Render the survey again") from None
+        return read_surface(self.folder / "surface.npz")
 
 
 def read_truth(capture: Capture) -> Truth | None:
@@ -286,6 +296,7 @@ def read_truth(capture: Capture) -> Truth | None:
         return None
     stored, table = read_json(folder / "poses.json"), read_json(folder / "instances.json")
     try:
+        check_tables(table["instances"], table["classes"], folder)
         truth = Truth(
             folder,
             Pinhole(**stored["pinhole"]),
@@ -299,13 +310,30 @@ def read_truth(capture: Capture) -> Truth | None:
             Distortion(**stored.get("distortion", {})),
             _read_readout(stored),
         )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+        _check_truth(truth, capture.size)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(
             f"not the truth of a capture: {error!r}", where=folder, mend="Render the survey again"
         ) from None
     if truth.names != tuple(image.name for image in capture.images):
         raise InputError("truth and cameras.json list different images", where=folder, mend="Render the survey again")
     return truth
+
+
+def _check_truth(truth: Truth, size: tuple[int, int]) -> None:
+    check_camera(truth.camera, size, truth.folder)
+    if len(truth.poses) != len(truth.names):
+        raise ValueError("not one pose for each image")
+    check_poses(truth.poses, truth.folder)
+    if not all(np.isfinite(value) for value in vars(truth.distortion).values()):
+        raise ValueError("a distortion that is not finite")
+    if truth.readout is not None:
+        check_bands(truth.readout.bands, truth.camera.height, truth.folder)
+        check_poses(truth.readout.poses, truth.folder)
+        if len(truth.readout.poses) != len(truth.names) or not 0.0 <= truth.readout.readout_time < np.inf:
+            raise ValueError("a shutter that cannot be")
 
 
 def _in_world(pose: F64, local: tuple[F64, F64, F64]) -> F64:
@@ -329,24 +357,9 @@ def _color(red: int, green: int, blue: int) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _expand(stored: dict[str, NDArray[Any]]) -> tuple[F64, U32, U8]:
-    parts = stored["draw_part"].astype(np.int64)
-    counts = stored["part_count"].astype(np.int64)[parts]
-    draw = np.repeat(np.arange(len(parts)), counts)
-    within = np.arange(len(draw)) - np.repeat(np.cumsum(counts) - counts, counts)
-    rows = stored["part_first"].astype(np.int64)[parts][draw] + within
-    local = stored["positions"].astype(np.float64)[stored["triangles"].astype(np.int64)[rows]]
-    corners = np.empty_like(local)
-    transform = stored["draw_transform"].astype(np.float64)
-    for corner in range(3):  # one corner at a time keeps the expanded matrices small
-        corners[:, corner] = np.einsum("tij,tj->ti", transform[draw, :3, :3], local[:, corner])
-    corners += transform[draw, None, :3, 3]
-    return corners, stored["draw_instance"].astype(np.uint32)[draw], stored["draw_label"].astype(np.uint8)[draw]
-
-
 def _check_file(folder: Path, path: Path, name: str) -> None:
     relative = Path(name)
     if relative.is_absolute() or ".." in relative.parts or not name:
         raise InputError("a path that leaves the capture", where=path, field="images.file", value=name)
-    if not (folder / relative).is_file():
+    if not is_regular(folder / relative):
         raise MissingError("no such image", where=folder / relative, mend="Put it back, or take it out of cameras.json")

@@ -1,6 +1,5 @@
 """Typed access to Falsework's applied API schemas and to semantic labels on prims."""
 
-import json
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, Vt
 
 from groundwork.canonical import canonical_json
+from groundwork.foreign_file import parse_json
 from usd_schemas import tokens
 from usd_schemas.components import class_of
 from usd_schemas.distortion import NO_DISTORTION, Distortion
@@ -101,7 +101,7 @@ def read_component(prim: Usd.Prim) -> ComponentFacts:
         kind=str(_get(prim, "falsework:component:kind") or ""),
         instance_id=int(_get(prim, "falsework:component:instanceId") or 0),
         instance_ids=tuple(int(value) for value in _get(prim, "falsework:component:instanceIds") or ()),
-        parameters=json.loads(str(text)) if text else {},
+        parameters=parse_json(str(text), prim.GetPath()) if text else {},
     )
 
 

@@ -20,6 +20,7 @@ from authoring.layers.root import edits_layer
 from authoring.scenes.manifest import refresh_manifest
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes
+from groundwork.foreign_file import read_regular
 from usd_schemas import tokens
 from usd_schemas.apis import read_component
 from usd_schemas.registration import register_schemas
@@ -275,6 +276,6 @@ def _write(layer: Sdf.Layer, copies: dict[str, str], target: Path) -> None:
     textures = target.parent / "textures"
     for name, source in sorted(copies.items()):
         textures.mkdir(parents=True, exist_ok=True)
-        write_bytes(target.parent / name, Path(source).read_bytes())
+        write_bytes(target.parent / name, read_regular(Path(source)))
     change_layer(target, lambda former: former.TransferContent(layer))
     refresh_manifest(target.parent.parent)

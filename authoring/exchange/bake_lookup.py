@@ -1,9 +1,12 @@
 """Looking textures up while others are baked from them: tiled, in linear values, averaged over a texel."""
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from groundwork.foreign_file import check_regular
 
 F32 = NDArray[np.float32]
 
@@ -22,6 +25,7 @@ def sample(file: str, uv: F32, footprint: float, srgb: bool) -> F32:
     """
     import cv2
 
+    check_regular(Path(file))
     found = cv2.imread(file, cv2.IMREAD_COLOR)
     if found is None:
         raise InputError("not readable as an image", where=file)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
+from groundwork.foreign_file import check_regular
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.reading.stage_reader import read_stage
@@ -115,6 +116,7 @@ class _Picture:
     def __init__(self, texture: Texture) -> None:
         import cv2
 
+        check_regular(Path(texture.file))
         image = cv2.imread(texture.file, cv2.IMREAD_COLOR)
         if image is None:
             raise InputError("not readable as an image", where=texture.file)

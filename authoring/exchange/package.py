@@ -4,8 +4,7 @@ import io
 import zipfile
 from pathlib import Path
 
-from authoring.scenes.inventory import scene_files
-from groundwork.errors import InputError
+from authoring.scenes.own_files import used_files
 from groundwork.files import write_bytes
 
 ALIGNMENT = 64  # [byte] where the content of each entry starts, so that it can be mapped into memory
@@ -30,10 +29,7 @@ def package_scene(scene: Path, out: Path) -> list[str]:
     Raises:
         InputError: The scene takes files from outside its folder.
     """
-    home, names = scene.resolve().parent, list(scene_files(scene))
-    for name in names:
-        if not (home / name).is_file():
-            raise InputError("takes a file from outside its folder", where=scene, value=name, mend="Flatten it first")
+    home, names = scene.resolve().parent, list(used_files(scene))
     names.remove(scene.name)
     names.insert(0, scene.name)
     buffer = io.BytesIO()

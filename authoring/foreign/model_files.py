@@ -2,16 +2,22 @@
 
 import re
 import zipfile
+import zlib
 from pathlib import Path
 from urllib.parse import unquote
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes
+from groundwork.foreign_file import is_regular, read_regular
+from groundwork.slug import inside
 
 MOST_BYTES = 1_000_000_000  # of any one file
 MOST_UNPACKED = 4_000_000_000  # of an archive, in all
 MOST_RATIO = 200.0  # packed text shrinks twenty times, a bomb a thousand times
 MOST_ENTRIES = 20_000
+UNSOUND = (  # what unpacking a damaged archive raises
+    zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError, OSError,
+)  # fmt: skip
 _REMOTE = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]+:|//)")  # a drive letter is one letter
 
 
@@ -25,7 +31,7 @@ def check_file(file: Path) -> None:
         MissingError: There is no such file.
         InputError: Too large, or empty.
     """
-    if not file.is_file():
+    if not is_regular(file):
         raise MissingError("no such file", where=file, mend="Check the path")
     size = file.stat().st_size
     if size > MOST_BYTES:
@@ -54,16 +60,16 @@ def read_beside(model: Path, name: str, what: str) -> bytes:
         )
     home = model.resolve().parent
     plain = unquote(name).replace("\\", "/")
-    target = (home / plain).resolve()
+    target = (home / plain.replace("\0", "")).resolve()
     if "\0" in plain or not target.is_relative_to(home) or plain.startswith("/"):
         raise InputError(
             f"{what} {name[:200]} leads out of the folder", where=model, allowed="files below its folder",
             mend="Copy the file there",
         )  # fmt: skip
-    if not target.is_file():
+    if not is_regular(target):
         raise MissingError(f"{what} {name[:200]} is not there", where=model, mend="Copy the file beside it")
     check_file(target)
-    return target.read_bytes()
+    return read_regular(target, MOST_BYTES)
 
 
 def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
@@ -89,15 +95,17 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
         )  # fmt: skip
     with zipfile.ZipFile(archive) as packed:
         for entry in entries:
-            target = folder / entry.filename
-            target.parent.mkdir(parents=True, exist_ok=True)
+            target = inside(folder, entry.filename, where=archive)
             try:
+                target.parent.mkdir(parents=True, exist_ok=True)
                 with packed.open(entry) as source:
                     data = source.read(entry.file_size + 1)
-            except (zipfile.BadZipFile, EOFError, RuntimeError, NotImplementedError, ValueError, OSError) as error:
+            except UNSOUND as error:
                 raise InputError(f"cannot be unpacked: {error}", where=f"{archive}: {entry.filename}") from None
             if len(data) != entry.file_size:
                 raise InputError("holds more than it says", where=f"{archive}: {entry.filename}")
+            if target.is_dir():
+                raise InputError("a file and a folder of one name", where=f"{archive}: {entry.filename}")
             write_bytes(target, data)
     return folder / models[0]
 
@@ -117,8 +125,8 @@ def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
     check_file(archive)
     try:
         with zipfile.ZipFile(archive) as packed:
-            entries = [entry for entry in packed.infolist() if not entry.is_dir()]
-    except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
+            entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
+    except UNSOUND as error:
         raise InputError(f"no sound archive: {error}", where=archive, mend="Is the file whole?") from None
     whole = sum(entry.file_size for entry in entries)
     if len(entries) > MOST_ENTRIES or whole > MOST_UNPACKED:
@@ -134,6 +142,11 @@ def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
                 allowed=f"{MOST_RATIO:g} times",
             )  # fmt: skip
         path = Path(entry.filename.replace("\\", "/"))
-        if path.is_absolute() or ".." in path.parts or (entry.external_attr >> 16) & 0o170000 == 0o120000:
+        if (
+            not path.parts
+            or path.is_absolute()
+            or ".." in path.parts
+            or (entry.external_attr >> 16) & 0o170000 == 0o120000
+        ):
             raise InputError("an entry leads out of the archive", where=f"{archive}: {entry.filename}")
     return sorted(entries, key=lambda entry: entry.filename)

@@ -7,6 +7,7 @@ from pxr import Ar
 
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
+from groundwork.foreign_file import check_regular, read_regular
 
 _TILES = re.compile(r"<UDIM>|<UVTILE>")
 
@@ -25,8 +26,10 @@ def copy_texture(path: str, textures: Path) -> str:
         pattern = _TILES.sub("*", Path(path).name)
         tiles = sorted(Path(path).parent.glob(pattern))
         for tile in tiles:
-            _store(tile.read_bytes(), tile.name, textures)
+            _store(read_regular(tile), tile.name, textures)
         return Path(path).name if tiles else ""
+    if "[" not in path and Path(path).exists():
+        check_regular(Path(path))
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
     if asset is None:
         return ""

@@ -18,6 +18,8 @@ from authoring.layers.layer import export
 from authoring.layers.provenance import author_provenance
 from authoring.shapes.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh
 from groundwork.errors import InputError, MissingError
+from groundwork.foreign_file import parse_json, read_regular
+from groundwork.slug import inside
 from usd_schemas.apis import read_component
 
 F64 = NDArray[np.float64]
@@ -150,7 +152,7 @@ def read_city(file: Path) -> CityModel:
         Building(name, np.concatenate(walls.get(name, none)), np.concatenate(roofs.get(name, none)))
         for name in sorted({*walls, *roofs})
     )
-    attribution = json.loads(layer.customLayerData[MARK])
+    attribution = parse_json(str(layer.customLayerData[MARK]), path)
     pieces = tuple(textured[number] for number in sorted(textured))
     return CityModel(buildings, np.concatenate(ground), attribution, pieces, _images(layer, path.parent))
 
@@ -219,11 +221,11 @@ def _materials(building: Building) -> tuple[str, str]:
 def _images(layer: Sdf.Layer, folder: Path) -> tuple[Skin, ...]:
     """Read the images of a world, in the order in which `write_city` was given them."""
     skins = []
-    for role, suffix, red, green, blue in json.loads(layer.customLayerData.get(IMAGES, "[]")):
-        image = folder / "textures" / f"{role}{suffix}"
+    for role, suffix, red, green, blue in parse_json(str(layer.customLayerData.get(IMAGES, "[]")), folder):
+        image = inside(folder / "textures", f"{role}{suffix}", where=folder)
         if not image.is_file():
             raise MissingError("no such texture of the imported world", where=image, mend="Import the world again")
-        skins.append(Skin(role, image.read_bytes(), suffix, (red, green, blue)))
+        skins.append(Skin(role, read_regular(image), suffix, (red, green, blue)))
     return tuple(skins)
 
 

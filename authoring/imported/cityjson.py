@@ -3,7 +3,6 @@
 Source: the CityJSON specifications 1.0.3, 1.1.3 and 2.0.1 (geometry objects, semantics, transform, templates).
 """
 
-import json
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from authoring.imported.model import Building, CityModel, sound_triangles, split_faces
 from authoring.imported.rings import ring_triangles
 from groundwork.errors import InputError, MissingError
+from groundwork.foreign_file import parse_json, read_regular
 from usd_schemas.guard.layer_walk import Warn
 
 F64 = NDArray[np.float64]
@@ -69,17 +69,14 @@ def read_cityjson(file: Path, warn: Warn) -> CityModel:
 
 def _documents(file: Path) -> list[Any]:
     """Parse a file: one document, or the lines of a sequence."""
+    text = read_regular(file, MOST_BYTES)
+    lines = [line for line in text.split(b"\n") if line.strip()]
     try:
-        text = file.read_text(encoding="utf-8")
-        try:
-            return [json.loads(text)]
-        except json.JSONDecodeError:
-            lines = [line for line in text.splitlines() if line.strip()]
-            if len(lines) < 2 or not lines[0].rstrip().endswith("}"):
-                raise
-            return [json.loads(line) for line in lines]
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"not JSON: {error}", where=file, mend="Is the file whole?") from None
+        return [parse_json(text, file)]
+    except InputError:
+        if len(lines) < 2 or not lines[0].rstrip().endswith(b"}"):
+            raise
+    return [parse_json(line, file) for line in lines]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from authoring.foreign.model_files import read_beside
 from authoring.imported.mesh_soup import check_count
 from authoring.imported.skin import Skin, image_skin
 from groundwork.errors import InputError
+from groundwork.foreign_file import parse_json, read_regular
 
 _TRIANGLES, _STRIP = 4, 5
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
@@ -49,12 +50,9 @@ class GltfFile:
         Raises:
             InputError: Not glTF 2, cut short, packed in a way that nobody here reads, too large, or it leads elsewhere.
         """
-        data = file.read_bytes()
+        data = read_regular(file)
         text, chunk = _chunks(data, file) if file.suffix.lower() == ".glb" else (data, None)
-        try:
-            header = json.loads(text)
-        except (UnicodeDecodeError, ValueError, RecursionError) as error:
-            raise InputError(f"not JSON: {error}", where=file, mend="Is the file whole?") from None
+        header = parse_json(text, file)
         try:
             _check_header(header, file)
             buffers = tuple(_buffer(entry, chunk, file) for entry in header.get("buffers", ()))

@@ -18,6 +18,7 @@ from authoring.imported.model import CityModel
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
 from groundwork.errors import InputError
+from groundwork.foreign_file import read_regular
 from usd_schemas.guard.layer_walk import Warn
 
 F64 = NDArray[np.float64]
@@ -25,7 +26,10 @@ F64 = NDArray[np.float64]
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 AXES = ("y", "z")
 _HEAD = 65_536  # bytes in which a PLY header must end
-_BROKEN = (ValueError, IndexError, KeyError, TypeError, AttributeError, AssertionError, OverflowError, RuntimeError)
+_BROKEN = (  # what the library raises where a file is not as it says; of unset variables, too
+    ValueError, IndexError, KeyError, TypeError, AttributeError, AssertionError, OverflowError, RuntimeError, NameError,
+    OSError,
+)  # fmt: skip
 
 
 def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityModel:
@@ -100,7 +104,7 @@ def read_obj(file: Path) -> MeshSoup:
     Args:
         file: The file.
     """
-    data = file.read_bytes()
+    data = read_regular(file)
     _check_faces(data, file)
     table: dict[str, tuple[str, tuple[float, ...]]] = {}
     for line in re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", data, re.MULTILINE):
@@ -135,7 +139,7 @@ def read_ply(file: Path) -> MeshSoup:
     Args:
         file: The file.
     """
-    data = file.read_bytes()
+    data = read_regular(file)
     head, found, _ = data[:_HEAD].partition(b"end_header")
     body = data[len(head) + len(found) :]
     if not data.startswith(b"ply") or not found:

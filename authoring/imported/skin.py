@@ -65,7 +65,10 @@ def image_skin(data: bytes, where: str) -> Skin:
             allowed=f"{MOST_PIXELS / 1e6:.0f} Mpx",
             mend="Reduce it",
         )
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        pixels = None
     if pixels is None:
         raise InputError("texture cannot be decoded", where=where, mend="Is the file whole?")
     suffix = ".png" if data[:4] == b"\x89PNG" else ".jpg"

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
-from authoring.foreign.model_files import check_archive, check_file
+from authoring.foreign.model_files import UNSOUND, check_archive, check_file
 from authoring.imported.mesh_city import city_of
 from authoring.imported.mesh_soup import MeshSoup, centred, check_count, joined_soup
 from authoring.imported.model import CityModel
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
 from groundwork.errors import InputError, MissingError
+from groundwork.foreign_file import read_regular
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard.guard import check_stage
 from usd_schemas.guard.layer_walk import Warn
@@ -83,7 +84,10 @@ def _unpacked(file: Path, folder: Path) -> Path:
         names = package.namelist()
         if not names or Path(names[0]).suffix.lower() not in USD_SUFFIXES[:3]:
             raise InputError("no sound package: its first file is no layer", where=file)
-        package.extractall(folder)
+        try:
+            package.extractall(folder)
+        except UNSOUND as error:
+            raise InputError(f"no sound package: {error}", where=file, mend="Is the file whole?") from None
     return folder / names[0]
 
 
@@ -134,7 +138,7 @@ def _image(texture: Texture, cache: dict[str, Skin], file: Path) -> Skin:
     if texture.file not in cache:
         image = Path(texture.file)
         check_file(image)
-        cache[texture.file] = image_skin(image.read_bytes(), f"{file}: {image.name}")
+        cache[texture.file] = image_skin(read_regular(image), f"{file}: {image.name}")
     return cache[texture.file]
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from authoring.light.sky import sky_directions, solid_angles
 from authoring.light.sun import LUMINANCE
 from groundwork.errors import InputError, MissingError
+from groundwork.foreign_file import read_regular
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -140,13 +141,16 @@ def _read_exr(path: Path) -> F32:
 def _read_radiance(path: Path) -> F32:
     import cv2
 
-    with path.open("rb") as file:
-        head = file.read(4096)
+    data = read_regular(path)
+    head = data[:4096]
     size = re.search(rb"\n-Y (\d{1,6}) \+X (\d{1,6})\n", head)
     if not head.startswith((b"#?RADIANCE", b"#?RGBE")) or size is None:
         raise InputError("not readable as a Radiance picture", field="light.sky", value=path.name)
     _check_shape(path, int(size[2]), int(size[1]))
-    pixels = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        pixels = None
     if pixels is None or pixels.ndim != 3:
         raise InputError("not readable as a Radiance picture", field="light.sky", value=path.name)
     return pixels[..., 2::-1].astype(np.float32)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from authoring.foreign.model_files import check_archive, check_file
+from authoring.foreign.model_files import UNSOUND, check_archive, check_file
 from groundwork.errors import InputError, MissingError
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".exr")
@@ -62,7 +62,7 @@ class Picture:
         try:
             with zipfile.ZipFile(self.file) as packed, packed.open(self.member) as source:
                 data = source.read(MOST_PICTURE_BYTES + 1)
-        except (zipfile.BadZipFile, EOFError, RuntimeError, NotImplementedError, ValueError, OSError) as error:
+        except UNSOUND as error:
             raise InputError(f"cannot be unpacked: {error}", where=self.where, mend="Is the file whole?") from None
         if len(data) > MOST_PICTURE_BYTES:
             raise _too_large(self.where)

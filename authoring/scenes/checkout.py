@@ -3,15 +3,16 @@
 import shutil
 from pathlib import Path
 
-from authoring.scenes.inventory import scene_files
+from authoring.scenes.own_files import own_files
 from groundwork.errors import InputError, MissingError
-from groundwork.files import MANIFEST, MARK, commit_folder, sole_writer, space_errors
+from groundwork.files import commit_folder, sole_writer, space_errors
+from groundwork.slug import inside
 
 ROOT = "scene.usda"
 
 
 def checkout_scene(source: Path, out: Path) -> Path:
-    """Copy a scene folder, free to be edited.
+    """Copy the files that are a scene's own, free to be edited; what else lies beside them stays there.
 
     Args:
         source: Scene folder, a folder of a run such as `OUT/scenes/0000`, or a root layer.
@@ -26,15 +27,14 @@ def checkout_scene(source: Path, out: Path) -> Path:
     root = find_root_layer(source)
     _refuse_filled(out)
     home = root.parent.resolve()
-    for name in scene_files(root):
-        if not (home / name).is_file():
-            raise InputError("takes a file from outside its folder", where=root, value=name, mend="Flatten it instead")
+    names = own_files(root)
     partial = out.with_name(f".{out.name}.partial")
     with space_errors(out), sole_writer(out):
         shutil.rmtree(partial, ignore_errors=True)
-        unwanted = shutil.ignore_patterns(MANIFEST, MARK)
-        # inside an atomic folder: it gets its name with one rename below
-        shutil.copytree(home, partial, copy_function=shutil.copyfile, ignore=unwanted)
+        for name in names:
+            target = inside(partial, name)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(home / name, target)  # inside an atomic folder: it gets its name with one rename below
         _refuse_filled(out)  # it may have been filled meanwhile
         if out.exists():
             out.rmdir()

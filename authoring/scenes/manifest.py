@@ -57,7 +57,7 @@ def refresh_manifest(folder: Path) -> None:
         folder: Scene folder.
     """
     if (folder / NAME).is_file():
-        write_json(folder / NAME, {**read_json(folder / NAME), EDITED: True, **_hashes(folder)})
+        write_json(folder / NAME, {**_read(folder / NAME), EDITED: True, **_hashes(folder)})
 
 
 def read_recipe(folder: Path) -> SceneRecipe:
@@ -72,13 +72,16 @@ def read_recipe(folder: Path) -> SceneRecipe:
     path = folder / NAME
     if not path.is_file():
         raise InputError("has no manifest.json, so that nothing can be authored for it", where=folder)
-    record: dict[str, Any] = read_json(path)
+    record = _read(path)
     if record.get("format") != FORMAT or record.get("format_version") != FORMAT_VERSION:
         raise InputError(
             "unknown format", where=path, value=f"{record.get('format')} {record.get('format_version')}",
             allowed=f"{FORMAT} {FORMAT_VERSION}",
         )  # fmt: skip
-    return SceneRecipe(parse_settings(AuthoringSettings, record["settings"], path), int(record["seed"]))
+    settings, seed = record.get("settings"), record.get("seed")
+    if not isinstance(settings, dict) or not isinstance(seed, int) or seed < 0:
+        raise InputError("holds no recipe: settings and a seed", where=path, field="seed", value=seed)
+    return SceneRecipe(parse_settings(AuthoringSettings, settings, path), seed)
 
 
 def changed_files(folder: Path) -> list[str]:
@@ -92,7 +95,7 @@ def changed_files(folder: Path) -> list[str]:
     """
     if not (folder / NAME).is_file():
         return []
-    then, now = read_json(folder / NAME)["files"], _hashes(folder)["files"]
+    then, now = _read(folder / NAME)["files"], _hashes(folder)["files"]
     lines = {name: "missing" for name in then.keys() - now.keys()}
     lines |= {name: "new" for name in now.keys() - then.keys()}
     lines |= {name: "changed" for name in then.keys() & now.keys() if then[name] != now[name]}
@@ -110,8 +113,16 @@ def edits_since(folder: Path) -> list[str]:
     """
     if not (folder / NAME).is_file():
         return []
-    added = ["choices, flights or edits were added"] if read_json(folder / NAME).get(EDITED) else []
+    added = ["choices, flights or edits were added"] if _read(folder / NAME).get(EDITED) else []
     return [*changed_files(folder), *added]
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Read a manifest, which has a table of files whoever wrote it."""
+    record = read_json(path)
+    if not isinstance(record, dict) or not isinstance(record.get("files"), dict):
+        raise InputError("not the manifest of a scene: it has no table of files", where=path, field="files")
+    return record
 
 
 def _hashes(folder: Path) -> dict[str, Any]:

@@ -25,6 +25,6 @@ def given_settings(words: tuple[str, ...]) -> dict[str, Any]:
             raise InputError("not a setting", field="--set", value=word, allowed="key=value")
         try:
             settings[key] = json.loads(value)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             settings[key] = value
     return settings

@@ -1,6 +1,7 @@
 """The report's pictures: contact sheet, flight path, histograms, and the cloud to turn around."""
 
 import base64
+from html import escape
 from typing import Any
 
 import cv2
@@ -137,7 +138,7 @@ def class_figure(segment: U8, classes: tuple[ClassRow, ...]) -> go.Figure:
     rows = [row for row in classes if counts[row.id]]
     figure = go.Figure(
         go.Bar(
-            x=[row.name for row in rows], y=[int(counts[row.id]) for row in rows],
+            x=[escape(row.name) for row in rows], y=[int(counts[row.id]) for row in rows],
             marker_color=[_css(row.color) for row in rows], text=[f"{counts[row.id]:,}" for row in rows],
         )
     )  # fmt: skip

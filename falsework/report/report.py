@@ -18,6 +18,7 @@ from falsework.report.figures import (
     uncertainty_figure,
 )
 from groundwork.files import read_json, write_text
+from groundwork.slug import slug
 from render.capture import Capture, Truth, read_capture, read_truth
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[
         "name": name,
         "tiles": _tiles(capture, cloud),
         "frames": contact_sheet(capture, truth),
-        "flight": _html(flight_figure(centres, statuses, bridge), f"flight-{name}"),
+        "flight": _html(flight_figure(centres, statuses, bridge), f"flight-{slug(name)}"),
         "legend": [row for row in truth.classes if row.name in seen] if truth is not None else [],
         "facts": [] if cloud is None else _facts(cloud),
         "threshold": None if noise is None else f"{noise['threshold']:g} m",
@@ -85,7 +86,7 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[
         "classes": class_figure(cloud.columns["segment"], cloud.classes),
         "uncertainty": uncertainty_figure(cloud.columns["uncertainty"], NOISE_THRESHOLD),
     }
-    return shown | {key: _html(figure, f"{key}-{name}") for key, figure in figures.items()}
+    return shown | {key: _html(figure, f"{key}-{slug(name)}") for key, figure in figures.items()}
 
 
 def _tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:

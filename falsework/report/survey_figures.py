@@ -1,5 +1,6 @@
 """The page about flights that are not flown yet: plan and elevation, 3D, coverage and pitch."""
 
+from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from plotly.offline import get_plotlyjs
 
 from falsework.report.figures import FONT, flight_figure
 from groundwork.files import write_text
+from groundwork.slug import slug
 
 PITCH_STEP = 15  # [deg]
 _MARGIN = {"l": 50, "r": 10, "t": 20, "b": 45}
@@ -27,7 +29,7 @@ def write_page(path: Path, surveys: list[dict[str, Any]]) -> None:
     template = files("falsework.report").joinpath("templates/survey.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     rows = [
-        {**row, "figures": [_embed(figure, f"{row['survey']}_{k}") for k, figure in enumerate(_figures(row))]}
+        {**row, "figures": [_embed(figure, f"{slug(row['survey'])}_{k}") for k, figure in enumerate(_figures(row))]}
         for row in surveys
     ]
     write_text(path, environment.from_string(template).render(plotly=Markup(get_plotlyjs()), surveys=rows))
@@ -58,8 +60,8 @@ def _space_figure(row: dict[str, Any], centres: Any, bridge: Any) -> go.Figure:
 
 
 def _coverage_figure(row: dict[str, Any]) -> go.Figure:
-    names = list(row["by_class"])
-    figure = go.Figure(go.Bar(x=names, y=[100.0 * row["by_class"][name] for name in names], marker_color="#4a7ab5"))
+    shares = {escape(name): 100.0 * share for name, share in row["by_class"].items()}
+    figure = go.Figure(go.Bar(x=list(shares), y=list(shares.values()), marker_color="#4a7ab5"))
     figure.update_layout(
         height=320, font=FONT, margin=_MARGIN, yaxis={"title": "surface covered [%]", "range": [0, 100]}
     )

@@ -125,7 +125,7 @@ class DepthMaps:
 
     def image(self, row: int) -> NDArray[np.uint8]:
         """Read a working image, shape (H, W, 3), uint8."""
-        return np.load(self._images / f"{row:06d}.npy")
+        return np.load(self._images / f"{row:06d}.npy", allow_pickle=False)
 
     def put_depth(self, row: int, depth: NDArray[np.float32]) -> None:
         """Keep a depth map [model units], shape (H, W), float32."""
@@ -133,7 +133,7 @@ class DepthMaps:
 
     def depth(self, row: int) -> NDArray[np.float32]:
         """Read a depth map, 0 where unknown [model units], shape (H, W), float32."""
-        return np.load(self._depths / f"{row:06d}.npy")
+        return np.load(self._depths / f"{row:06d}.npy", allow_pickle=False)
 
     def depth_view(self, row: int) -> DepthView:
         """Read a depth map with its normals; what was used longest ago makes room."""

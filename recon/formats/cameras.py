@@ -1,12 +1,13 @@
 """The cameras of a reconstruction for other programs: a COLMAP model in metres, and a nerfstudio data set."""
 
-import shutil
 import struct
 from pathlib import Path
 from typing import Any
 
 from groundwork.errors import InputError, MissingError
-from groundwork.files import space_errors, write_bytes, write_json
+from groundwork.files import write_bytes, write_json
+from groundwork.foreign_file import is_regular, read_picture, read_regular
+from groundwork.slug import flat_names
 from recon.cloud import SFM_DENSE, Cloud
 from recon.formats.ply import write_colored_points
 from recon.sfm.colmap_model import read_model
@@ -35,9 +36,10 @@ def write_colmap(source: Path, cloud: Cloud, out: Path, photographs: Path | None
     model = _model_of(source, cloud)
     (out / SPARSE / "0").mkdir(parents=True)
     for name in ("cameras.bin", "points3D.bin"):
-        write_bytes(out / SPARSE / "0" / name, (model / name).read_bytes())
-    write_bytes(out / SPARSE / "0" / "images.bin", _renamed((model / "images.bin").read_bytes()))
-    _copy_photographs(photographs, read_model(model).names, out)
+        write_bytes(out / SPARSE / "0" / name, read_regular(model / name))
+    names = read_model(model).names
+    write_bytes(out / SPARSE / "0" / "images.bin", _renamed(read_regular(model / "images.bin"), flat_names(names)))
+    _copy_photographs(photographs, names, out)
     if cloud.source != SFM_DENSE:
         return [f"{SPARSE}/0"]
     write_colored_points(out / "fused.ply", cloud)
@@ -61,13 +63,14 @@ def write_nerfstudio(source: Path, cloud: Cloud, out: Path, photographs: Path | 
     """
     folder = _model_of(source, cloud)
     model = read_model(folder)
-    _, _, _, width, height = struct.unpack_from("<QIiQQ", (folder / "cameras.bin").read_bytes())
+    _, _, _, width, height = struct.unpack_from("<QIiQQ", read_regular(folder / "cameras.bin"))
     write_colored_points(out / "sparse_pc.ply", cloud)
+    stems = flat_names(model.names)
     write_json(out / "transforms.json", {
         "camera_model": "OPENCV", "w": width, "h": height, **_intrinsics(model.camera_model, model.camera_params),
         "ply_file_path": "sparse_pc.ply",
         "frames": [
-            {"file_path": f"images/{_stem(name)}", "transform_matrix": (pose @ USD_FROM_CAMERA).tolist()}
+            {"file_path": f"images/{stems[name]}", "transform_matrix": (pose @ USD_FROM_CAMERA).tolist()}
             for name, pose in zip(model.names, model.poses, strict=True)
         ],
     })  # fmt: skip
@@ -101,13 +104,13 @@ def _intrinsics(model: str, params: tuple[float, ...]) -> dict[str, Any]:
     return {name: found.get(name, 0.0) for name in names["OPENCV"]}
 
 
-def _renamed(data: bytes) -> bytes:
+def _renamed(data: bytes, stems: dict[str, str]) -> bytes:
     """Images of a COLMAP model under the names that they have in the folder `images`."""
     (count,), at = struct.unpack_from("<Q", data), 8
     parts = [data[:8]]
     for _ in range(count):
         end = data.index(b"\0", at + _HEAD.size)
-        name = _stem(data[at + _HEAD.size : end].decode())
+        name = stems[data[at + _HEAD.size : end].decode()]
         (keypoints,) = struct.unpack_from("<Q", data, end + 1)
         after = end + 9 + keypoints * _KEYPOINT
         parts += [data[at : at + _HEAD.size], name.encode(), data[end:after]]
@@ -119,16 +122,11 @@ def _copy_photographs(photographs: Path | None, names: tuple[str, ...], out: Pat
     if photographs is None:
         return
     (out / "images").mkdir()
+    stems = flat_names(names)
     for name in names:
         file = photographs / name
-        if Path(name).is_absolute() or ".." in Path(name).parts or not file.is_file():
+        if Path(name).is_absolute() or ".." in Path(name).parts or not is_regular(file):
             raise MissingError(
                 "a photograph of the cloud is not there", where=file, mend="Name the cloud's own capture"
             )
-        with space_errors(out):
-            shutil.copyfile(file, out / "images" / _stem(name))  # inside an atomic folder
-
-
-def _stem(file: str) -> str:
-    """Name of a photograph in an export: a capture may keep them in folders."""
-    return Path(file).as_posix().removeprefix("images/").replace("/", "_")
+        write_bytes(out / "images" / stems[name], read_picture(file))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_json, write_text
+from groundwork.slug import inside, slug
 from recon.cloud import Cloud
 from usd_schemas.components import UNLABELLED
 
@@ -76,16 +77,27 @@ def write_s3dis(out: Path, cloud: Cloud) -> list[str]:
     room = out / AREA / ROOM
     (room / "Annotations").mkdir(parents=True)
     write_text(room / f"{ROOM}.txt", "".join(rows))
-    names = {row.id: row.name.replace("_", "") for row in cloud.classes}
+    names = _plain_names(cloud)
     order = np.lexsort((columns["instance"], columns["segment"]))
     keys = np.column_stack([columns["segment"], columns["instance"]])[order].astype(np.int64)
     first = np.flatnonzero(np.any(np.diff(keys, axis=0, prepend=-1), axis=1))
     for begin, part in zip(first, np.split(order, first[1:]) if len(order) else [], strict=True):
         segment, instance = keys[begin]
-        write_text(room / "Annotations" / f"{names[int(segment)]}_{instance}.txt", "".join(rows[part]))
+        file = inside(room / "Annotations", f"{names[int(segment)]}_{instance}.txt")
+        write_text(file, "".join(rows[part]))
     write_text(out / "classes.txt", "".join(f"{row.id} {names[row.id]} {row.name}\n" for row in cloud.classes))
     write_json(out / "origin.json", {"origin": origin.tolist()})
     return [f"{AREA}/{ROOM}"]
+
+
+def _plain_names(cloud: Cloud) -> dict[int, str]:
+    """Name each class that the table or a point has without an underscore, no two alike, as a file may be called."""
+    names = {row.id: slug(row.name.replace("_", "")).replace("_", "-") for row in cloud.classes}
+    names |= {
+        number: f"class{number}" for number in np.unique(cloud.columns["segment"]).tolist() if number not in names
+    }
+    twice = {name for name in names.values() if list(names.values()).count(name) > 1}
+    return {number: f"{name}-{number}" if name in twice else name for number, name in names.items()}
 
 
 def _origin(coord: F64) -> F64:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from groundwork.errors import InputError, MissingError
+from groundwork.foreign_file import read_regular
 
 _FORMATS = {1: "B", 2: "c", 3: "H", 4: "I", 5: "II", 6: "b", 7: "c", 8: "h", 9: "i", 10: "ii"}
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that carry the size
@@ -50,8 +51,8 @@ def read_header(path: Path) -> PhotoHeader:
         InputError: Neither JPEG nor PNG, or cut off before its size.
     """
     try:
-        data = path.read_bytes()
-    except OSError:
+        data = read_regular(path)
+    except MissingError:
         raise MissingError("no such image", where=path, mend="Put it back") from None
     try:
         size, exif = _read_png(data) if data.startswith(_PNG) else _read_jpeg(data)

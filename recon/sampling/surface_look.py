@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from groundwork.errors import InputError
+from groundwork.foreign_file import check_regular
 from recon.sampling.scene_surface import SceneSurface
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 
@@ -119,8 +121,9 @@ def encode_srgb(linear: F32) -> U8:
 
 def _decode(file: str) -> U8 | None:
     try:
+        check_regular(Path(file))
         pixels = cv2.imread(file, cv2.IMREAD_UNCHANGED)
-    except cv2.error:  # larger than OpenCV reads
+    except (cv2.error, InputError):  # larger than OpenCV reads, or no file at all
         return None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         return None

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from groundwork.foreign_file import read_regular
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -63,9 +64,9 @@ def read_model(folder: Path) -> SparseModel:
         InputError: Missing, cut off, of an unknown camera model, or with numbers that cannot be.
     """
     try:
-        camera_model, camera_params = _read_camera((folder / "cameras.bin").read_bytes())
-        names, poses, keypoints = _read_images((folder / "images.bin").read_bytes())
-        table = _read_points((folder / "points3D.bin").read_bytes())
+        camera_model, camera_params = _read_camera(read_regular(folder / "cameras.bin"))
+        names, poses, keypoints = _read_images(read_regular(folder / "images.bin"))
+        table = _read_points(read_regular(folder / "points3D.bin"))
         order = np.argsort(table["id"])
         ids = table["id"][order]
         rank = sorted(range(len(names)), key=names.__getitem__)

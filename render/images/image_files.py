@@ -1,6 +1,7 @@
 """Image files of a capture: lossless labels and depth, photographs, and decoding that refuses a damaged file."""
 
 import re
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
+from groundwork.foreign_file import open_regular, read_regular
 from render.images.grey_png import SIGNATURE, decode_grey_png, encode_grey_png
 
 _DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
@@ -17,7 +19,9 @@ _JPEG_SCAN = 0xDA
 _JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # what ends a scan: neither a stuffed byte nor a restart
 _HEADER = 1 << 16  # bytes in which the size of an image stands
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that begin a frame: its size follows
+MOST_PIXELS = 400_000_000  # of one image; the largest cameras have 150 million
 _RUN_LENGTH = 3  # PNG strategy: half the time of the default at the same size
+_SHORT = 3  # TIFF's number for 16 bits
 WIDE_ID = 0x10000
 
 
@@ -65,37 +69,40 @@ def encode_wide_ids(ids: NDArray[np.uint32]) -> bytes:
     return _encode(".tiff", ids, [cv2.IMWRITE_TIFF_COMPRESSION, _DEFLATE])
 
 
-def read_ids(folder: Path, name: str) -> NDArray[np.uint32]:
-    """Read instance ids: a 16-bit PNG, or a 32-bit TIFF.
+def ids_file(folder: Path, name: str) -> Path:
+    """Find the file of instance ids: a 16-bit PNG, or a 32-bit TIFF.
 
     Args:
         folder: Where they lie.
         name: Stem of the file.
-
-    Returns:
-        Instance ids, shape (H, W), uint32.
     """
     wide = folder / f"{name}.tiff"
-    return decode(wide if wide.exists() else folder / f"{name}.png").astype(np.uint32)
+    return wide if wide.exists() else folder / f"{name}.png"
 
 
-def decode(path: Path) -> NDArray[Any]:
+def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
     """Decode an image file as it is: channels, depth and values unchanged, colours in the order red, green, blue.
 
     Args:
         path: JPEG, PNG or TIFF.
+        size: Width and height that it must have [px]; one that says another is refused before it takes memory.
 
     Returns:
         Values, shape (H, W), (H, W, 3), or (H, W, 4) with opacity last.
 
     Raises:
         MissingError: There is no such file.
-        InputError: The file is cut off, or not an image.
+        InputError: The file is cut off, not an image, of another size, or too large.
     """
     try:
-        data = path.read_bytes()
-    except OSError:
+        data = read_regular(path)
+    except MissingError:
         raise MissingError("no such image", where=path, mend="Put it back") from None
+    said = _said_size(data)
+    if size is not None and said not in (None, size):
+        raise InputError("not the size that cameras.json states", where=path, value=said, allowed=str(size))
+    if said is not None and said[0] * said[1] > MOST_PIXELS:
+        raise InputError("the image is too large", where=path, value=said, allowed=f"{MOST_PIXELS / 1e6:.0f} Mpx")
     grey = decode_grey_png(data)
     if grey is not None:
         return grey
@@ -119,10 +126,14 @@ def size(path: Path) -> tuple[int, int] | None:
         Width and height [px], as stored; None where only decoding can tell.
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(_HEADER)
-    except OSError:
+        with open_regular(path) as file:
+            return _said_size(file.read(_HEADER))
+    except (OSError, InputError):
         return None
+
+
+def _said_size(data: bytes) -> tuple[int, int] | None:
+    """Read the size of a PNG, JPEG or classic TIFF from its bytes [px]; None where only decoding can tell."""
     if data[:8] == SIGNATURE and len(data) >= 24:
         return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
     place = 2
@@ -130,7 +141,24 @@ def size(path: Path) -> tuple[int, int] | None:
         if data[place + 1] in _FRAMES:
             return int.from_bytes(data[place + 7 : place + 9]), int.from_bytes(data[place + 5 : place + 7])
         place += 2 + int.from_bytes(data[place + 2 : place + 4])
-    return None
+    return _tiff_size(data)
+
+
+def _tiff_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height are entries 256 and 257 of the first directory, 16 or 32 bits long. Source: TIFF 6.0."""
+    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
+    if order is None:
+        return None
+    found: dict[int, int] = {}
+    try:
+        (table,) = struct.unpack_from(order + "I", data, 4)
+        (count,) = struct.unpack_from(order + "H", data, table)
+        for at in range(table + 2, table + 2 + 12 * count, 12):
+            tag, kind = struct.unpack_from(order + "HH", data, at)
+            found[tag] = struct.unpack_from(order + ("H" if kind == _SHORT else "I"), data, at + 8)[0]
+    except struct.error:
+        return None
+    return (found[256], found[257]) if found.get(256) and found.get(257) else None
 
 
 def _reaches_its_end(jpeg: bytes) -> bool:

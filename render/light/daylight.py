@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from groundwork.foreign_file import check_regular
 from render.images import image_files
 from usd_schemas.flat_scene import Dome, FlatScene, Sun
 
@@ -155,11 +156,16 @@ def _decode_exr(path: Path) -> F32:
     import OpenEXR
 
     try:
+        check_regular(path)
+        with OpenEXR.File(str(path), header_only=True) as file:
+            low, high = file.header()["dataWindow"]
+        if (int(high[0]) - int(low[0]) + 1) * (int(high[1]) - int(low[1]) + 1) > image_files.MOST_PIXELS:
+            raise ValueError("too large")
         with OpenEXR.File(str(path)) as file:
             channels = file.channels()
             name = next(name for name in ("RGB", "RGBA") if name in channels)
             return np.array(channels[name].pixels[..., :3], np.float32)
-    except (RuntimeError, OSError, StopIteration, ValueError) as error:
+    except (RuntimeError, OSError, StopIteration, ValueError, KeyError, TypeError) as error:
         raise InputError(f"not readable as an RGB OpenEXR image: {error}", where=path) from None
 
 

@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from groundwork.errors import InputError
 from groundwork.files import write_bytes, write_json, write_text
+from groundwork.foreign_file import read_picture
 from groundwork.progress import Progress
+from groundwork.slug import flat_names
 from render.capture import Capture, Truth, load_image, read_capture, read_truth
 from usd_schemas.pinhole import USD_FROM_CAMERA
 
@@ -57,12 +59,12 @@ def write_colmap(capture: Capture, out: Path, progress: Progress) -> list[str]:
     kind, values = ("PINHOLE", values[:4]) if bend.is_identity else ("OPENCV", values)
     numbers = " ".join(repr(float(value)) for value in values)
     write_text(model / "cameras.txt", f"1 {kind} {camera.width} {camera.height} {numbers}\n")
-    lines = []
+    lines, stems = [], flat_names(image.file for image in capture.images)
     for row, image in enumerate(capture.images):
         from_world = np.linalg.inv(truth.poses[row])
         x, y, z, w = Rotation.from_matrix(from_world[:3, :3]).as_quat()
         pose = " ".join(repr(float(value)) for value in (w, x, y, z, *from_world[:3, 3]))
-        lines.append(f"{row + 1} {pose} 1 {_stem(image.file)}\n\n")  # the empty line holds no keypoints
+        lines.append(f"{row + 1} {pose} 1 {stems[image.file]}\n\n")  # the empty line holds no keypoints
     write_text(model / "images.txt", "".join(lines))
     points, colors = _surface_points(capture, truth, progress)
     rows = (
@@ -84,9 +86,10 @@ def write_nerfstudio(capture: Capture, out: Path, progress: Progress) -> list[st
     """
     truth = _truth(capture)
     camera, bend = truth.camera, truth.distortion
+    stems = flat_names(image.file for image in capture.images)
     frames = [
         {
-            "file_path": f"images/{_stem(image.file)}",
+            "file_path": f"images/{stems[image.file]}",
             "transform_matrix": (truth.poses[row] @ USD_FROM_CAMERA).tolist(),
             "colmap_im_id": row + 1,
         }
@@ -184,10 +187,6 @@ def _write_points(path: Path, points: F64, colors: NDArray[np.uint8]) -> None:
 
 def _copy_images(capture: Capture, out: Path) -> None:
     (out / "images").mkdir()
+    stems = flat_names(image.file for image in capture.images)
     for image in capture.images:
-        write_bytes(out / "images" / _stem(image.file), (capture.folder / image.file).read_bytes())
-
-
-def _stem(file: str) -> str:
-    """Name of an image in an export: a capture of real photographs may keep them in folders."""
-    return Path(file).as_posix().removeprefix("images/").replace("/", "_")
+        write_bytes(out / "images" / stems[image.file], read_picture(capture.folder / image.file))

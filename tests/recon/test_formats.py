@@ -63,7 +63,7 @@ def reconstructed(tmp_path: Path) -> Path:
     (tmp_path / "capture" / "images").mkdir(parents=True)
     for number, image in enumerate(sorted(model.images.values(), key=lambda image: image.image_id)):
         image.name = f"images/{number:06d}.jpg"
-        (tmp_path / "capture" / image.name).write_bytes(f"photo {number}".encode())
+        (tmp_path / "capture" / image.name).write_bytes(b"\xff\xd8\xff" + f"photo {number}".encode())
     model.write_binary(str(folder / "sparse"))
     cloud = sampled_cloud((0.0, 0.0, 0.0))
     write_cloud(folder, dataclasses.replace(cloud, source="mesh"))  # a source without observations is enough here

@@ -6,7 +6,8 @@ from pathlib import Path
 from pxr import Sdf
 
 from groundwork.errors import InputError
-from usd_schemas.guard.layer_walk import Bounds, Warn, open_layer, resolve
+from usd_schemas.guard.layer_walk import Bounds, Warn, open_layer
+from usd_schemas.guard.package_walk import evaluated
 
 CONVERTED = "unitsResolve"  # suffix of the ops with which a prim converts what it brings in
 
@@ -142,5 +143,5 @@ def _units(layer: Sdf.Layer) -> tuple[float | None, str | None]:
 
 def _file(layer: Sdf.Layer, name: str) -> Path | None:
     """Find the layer file of an arc; None where there is none, which was said already."""
-    target = (Path(layer.realPath).parent / resolve(layer, name).partition("[")[0]).resolve()
+    target = (Path(layer.realPath).parent / evaluated(layer, name).partition("[")[0]).resolve()
     return target if target.is_file() and Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")) else None

@@ -1,13 +1,14 @@
 """What the layers of a stage refer to, read one by one without composing them."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pxr import Sdf, UsdUtils
+from pxr import Sdf
 
 from groundwork.errors import InputError
+from usd_schemas.guard.package_walk import check_package, found_by, named_by, reason_of
 
 Warn = Callable[[str], None]
 
@@ -65,11 +66,17 @@ def walk_layers(path: Path, bounds: Bounds, warn: Warn) -> tuple[Path, ...]:
             continue
         layers.append(file)
         layer = open_layer(file, bounds)
-        for name in _references(file, layer):
+        if file.suffix == ".usdz":
+            check_package(file, bounds.name(file))
+            continue
+        for name in named_by(layer, str(file)):
             target = _target(layer, file, name, bounds)
             if target in missing or _TILES.search(name):
                 continue
+            if target.exists() and not (target.is_file() or target.is_dir()):
+                raise InputError(f"{name} is a pipe or a device", where=bounds.name(file), allowed="regular files")
             if not target.exists():
+                _refuse_found(layer, file, name, bounds)
                 missing.add(target)
                 warn(f"{bounds.name(file)}{_holder(layer, name)}: there is no file {name}")
             elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):
@@ -90,44 +97,30 @@ def open_layer(file: Path, bounds: Bounds) -> Sdf.Layer:
     try:
         layer = Sdf.Layer.FindOrOpen(str(file))
     except Exception as error:
-        reason = str(error).strip().splitlines()[-1].strip()
-        raise InputError(f"not readable as USD: {reason}", where=bounds.name(file), mend="Check the file") from None
+        what = f"not readable as USD: {reason_of(error)}"
+        raise InputError(what, where=bounds.name(file), mend="Check the file") from None
     if layer is None:
         raise InputError("not readable as USD", where=bounds.name(file), mend="Check the file")
     return layer
 
 
-def resolve(layer: Sdf.Layer, name: str) -> str:
-    """Evaluate an asset path that is an expression with the layer's own variables; others stay.
-
-    Args:
-        layer: Layer that holds it.
-        name: Asset path as authored.
-    """
-    if not Sdf.VariableExpression.IsExpression(name):
-        return name
-    result = Sdf.VariableExpression(name).Evaluate(dict(layer.expressionVariables))
-    return str(result.value) if isinstance(result.value, str) else ""
-
-
-def _references(file: Path, layer: Sdf.Layer) -> Iterator[str]:
-    if file.suffix == ".usdz":  # its paths stay in the package, but for absolute ones
-        for name in layer.GetCompositionAssetDependencies():
-            if name.startswith("/") or _REMOTE.match(name):
-                yield name
-        return
-    expressions = [
-        name for name in layer.GetCompositionAssetDependencies() if Sdf.VariableExpression.IsExpression(name)
-    ]
-    bare = {name.strip("`\"' ") for name in expressions}
-    named = {name for group in UsdUtils.ExtractExternalReferences(str(file)) for name in group}
-    evaluated = {resolve(layer, name) for name in expressions}
-    yield from sorted(name for name in (named - bare) | evaluated if name)
+def _refuse_found(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> None:
+    """Refuse what is not where a layer says, and where USD would take a file of that name from elsewhere instead."""
+    found = found_by(layer, name).partition("[")[0]
+    if found and Path(found).exists() and not bounds.contain(Path(found).resolve()):
+        raise InputError(
+            f"{name} is not there, and would be taken from {Path(found).parent}",
+            where=f"{bounds.name(file)}{_holder(layer, name)}", allowed="files below the folder of the root layer",
+            mend="Copy the file there",
+        )  # fmt: skip
 
 
 def _target(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> Path:
     remote = bool(_REMOTE.match(name))
-    target = (file.parent / name.partition("[")[0]).resolve()
+    try:
+        target = (file.parent / name.partition("[")[0]).resolve()
+    except (OSError, ValueError):  # too long, a circle of links, or a NUL in it
+        raise InputError("no name of a file", where=bounds.name(file), value=name) from None
     if remote or not bounds.contain(target):
         how = "is remote" if remote else "leads out of the allowed folders"
         raise InputError(

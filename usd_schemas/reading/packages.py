@@ -1,6 +1,7 @@
 """Files inside usdz packages, brought out so that whoever reads a picture finds a file."""
 
 import hashlib
+import zlib
 from pathlib import Path
 from zipfile import ZIP_STORED, BadZipFile, ZipFile
 
@@ -33,7 +34,7 @@ def unpacked(resolved: str) -> str:
             if facts.compress_type != ZIP_STORED or facts.file_size > _LARGEST:  # a usdz compresses nothing
                 return ""
             data = archive.read(facts)
-    except (OSError, KeyError, BadZipFile):
+    except (OSError, KeyError, ValueError, EOFError, NotImplementedError, RuntimeError, BadZipFile, zlib.error):
         return ""
     content = hashlib.sha256(data).hexdigest()
     place = unpacked_folder().resolve() / f"{content}{Path(facts.filename).suffix.lower()}"

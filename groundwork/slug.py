@@ -1,0 +1,96 @@
+"""Names from files as names of files: plain letters only, one for each name, and never outside a folder."""
+
+import hashlib
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from groundwork.errors import InputError
+
+_LONGEST = 80  # [bytes] room for what is put before and after it; file systems allow 255
+_LONGEST_NAME = 255  # [bytes] of a file or folder on any file system
+_LONGEST_FILE = 200  # [bytes] of a photograph's name that is kept as it is
+_OTHER = re.compile(r"[^A-Za-z0-9._-]+")
+_TAIL = 8  # hexadecimal digits that keep two changed names apart
+
+
+def slug(name: str) -> str:
+    """Turn any text into the name of a file or folder, and into an id that needs no quotes in HTML.
+
+    A name of letters, digits, `.`, `_` and `-` that begins with a letter or digit stays as it is. Any other is
+    simplified and ends with a part of its hash, so that two names never become one.
+
+    Args:
+        name: Text that a file holds: the name of a class, a survey, an image …
+
+    Returns:
+        1 to 80 ASCII characters of `[A-Za-z0-9._-]`, the first a letter or digit.
+    """
+    plain = _OTHER.sub("-", name).lstrip("._-")[:_LONGEST]
+    if plain == name and name:
+        return name
+    tail = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:_TAIL]
+    return f"{plain[: _LONGEST - _TAIL - 1].rstrip('._-') or 'unnamed'}-{tail}"
+
+
+def inside(folder: Path, *parts: str, where: object = None) -> Path:
+    """Put a path together that must stay below a folder, links followed.
+
+    Args:
+        folder: An existing folder, or one to be made.
+        parts: Names from a file.
+        where: File that holds them, for the error.
+
+    Returns:
+        The path, not resolved.
+
+    Raises:
+        InputError: It is the folder itself, or leads out of it, or no file can have such a name.
+    """
+    path = folder.joinpath(*parts)
+    try:
+        home, target = folder.resolve(), path.resolve()
+    except (OSError, RuntimeError, ValueError):  # too long, a circle of links, or a NUL in it
+        home = target = folder
+    long = any(len(part.encode("utf-8", "surrogatepass")) > _LONGEST_NAME for part in path.parts)
+    if target == home or long or not target.is_relative_to(home):
+        raise InputError(
+            "a name that leads out of its folder", where=where, value="/".join(parts)[:200],
+            allowed="a name of letters, digits, '.', '_' and '-'",
+        )  # fmt: skip
+    return path
+
+
+def flat_names(files: Iterable[str]) -> dict[str, str]:
+    """Give photographs, which may lie in folders, names for one folder: `images/` goes, and slashes become `_`.
+
+    Args:
+        files: Paths from the folder of a capture, with slashes.
+
+    Returns:
+        Each path to a name without a slash, all different.
+
+    Raises:
+        InputError: Two photographs would have one name.
+    """
+    names: dict[str, str] = {}
+    for file in files:
+        name = Path(file).as_posix().removeprefix("images/").replace("/", "_")
+        stem, suffix = Path(name).stem, Path(name).suffix
+        if name in ("", ".", "..") or "\0" in name or len(name.encode("utf-8", "surrogatepass")) > _LONGEST_FILE:
+            name = slug(stem) + slug_suffix(suffix)
+        names[file] = name
+    if len(set(names.values())) < len(names):
+        listed = list(names.values())
+        twice = next(name for name in listed if listed.count(name) > 1)
+        raise InputError("two photographs would have one name", value=twice, mend="Rename one of them")
+    return names
+
+
+def slug_suffix(suffix: str) -> str:
+    """Keep the suffix of a file's name where it is a plain one.
+
+    Args:
+        suffix: With its dot, or empty.
+    """
+    return suffix if re.fullmatch(r"\.[A-Za-z0-9]{1,8}", suffix) else ""

@@ -1,0 +1,182 @@
+"""Every place in the rooms that opens a file by itself, and why it may: what a test compares with the code.
+
+Files from elsewhere are read through `groundwork.foreign_file` (`read_regular`, `open_regular`, `parse_json` …), which
+this table need not name. A place that uses a library's own opener is listed here by module and function with one of the
+reasons below; a new one fails `test_readers.py` until somebody has thought about it.
+"""
+
+from __future__ import annotations
+
+import ast
+from functools import cache
+
+LOOKED_AT = "the same function, or the one that calls it, asked check_regular, check_file or is_file first"
+GUARDED = "a stage that usd_schemas.guard.guard looked through, in a child with limits, or one that we wrote"
+OURS = "written by this run or an earlier one into its own work folder, store or cache"
+PACKAGE = "data of the package itself, or the kernel's own files"
+WORDS = "words of the command line or of a child of ours, no file"
+
+OPENERS = {
+    "np.load", "np.memmap", "np.fromfile", "np.genfromtxt", "np.loadtxt", "cv2.imread", "cv2.VideoCapture",
+    "json.load", "json.loads", "tomllib.load", "tomllib.loads", "pickle.load", "pickle.loads", "sqlite3.connect",
+    "zipfile.ZipFile", "ZipFile", "tarfile.open", "OpenEXR.File", "laspy.open", "laspy.read", "h5py.File", "open",
+    "shutil.copyfile", "shutil.copy", "shutil.copytree", "trimesh.load_scene", "trimesh.load",
+    "torch.load", "PIL.Image.open", "Image.open", "Usd.Stage.Open", "Sdf.Layer.FindOrOpen",
+    "Sdf.Layer.OpenAsAnonymous", "pycolmap.Reconstruction", "pycolmap.Database.open", "pycolmap.import_images",
+    "lazrs.LasZipDecompressor", "archive.extractall", "package.extractall",
+}  # fmt: skip
+METHODS = {"read_bytes", "read_text", "open", "OpenAsset", "extractall"}
+NETWORK = {"urllib", "requests", "httpx", "aiohttp", "socket", "ftplib", "http"}
+SAFE = {
+    "read_regular", "open_regular", "read_json", "read_toml", "read_arrays", "parse_json", "parse_toml", "read_picture",
+    "decode",
+}  # fmt: skip
+
+
+@cache
+def parsed(source: str) -> ast.Module:
+    """Parse a module once for all rules."""
+    return ast.parse(source)
+
+
+def openings(source: str, module: str) -> dict[str, set[str]]:
+    """Find the functions that open files by themselves.
+
+    Args:
+        source: Text of a module.
+        module: Its name without folders.
+
+    Returns:
+        `module.function` to what it calls.
+    """
+    found: dict[str, set[str]] = {}
+
+    def walk(node: ast.AST, place: str) -> None:
+        for child in ast.iter_child_nodes(node):
+            inner = place
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                inner = f"{place}.{child.name}"
+            if isinstance(child, ast.Call):
+                name = _dotted(child.func)
+                if (name in OPENERS or name.rpartition(".")[2] in METHODS) and not _writes(child):
+                    found.setdefault(place, set()).add(name)
+            walk(child, inner)
+
+    walk(parsed(source), module)
+    return found
+
+
+def _dotted(node: ast.expr) -> str:
+    """Spell what is called: `np.load`; of a method of anything else, `.read_bytes`."""
+    if isinstance(node, ast.Attribute):
+        return f"{_dotted(node.value)}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def _writes(call: ast.Call) -> bool:
+    """Tell whether an `open` is one to write; another rule of the house looks at those."""
+    given = [*call.args, *(keyword.value for keyword in call.keywords)]
+    modes = [one.value for one in given if isinstance(one, ast.Constant)]
+    return any(mode in ("w", "wb", "a", "ab", "x", "xb") for mode in modes)
+
+
+def safe_readings(source: str, module: str) -> set[str]:
+    """Find the functions that read files through the safe opener.
+
+    Args:
+        source: Text of a module.
+        module: Its name without folders.
+
+    Returns:
+        `module.function` of each.
+    """
+    found: set[str] = set()
+
+    def walk(node: ast.AST, place: str) -> None:
+        for child in ast.iter_child_nodes(node):
+            inner = place
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                inner = f"{place}.{child.name}"
+            if isinstance(child, ast.Call) and _dotted(child.func).removeprefix("image_files.") in SAFE:
+                found.add(place)
+            walk(child, inner)
+
+    walk(parsed(source), module)
+    return found
+
+
+OPENED_RAW: dict[str, set[str]] = {
+    LOOKED_AT: {
+        "array_file.read_arrays", "bake_lookup.sample", "cloud._load", "daylight._decode_exr", "glb._Picture.__init__",
+        "surface_look._decode", "lighting_panorama._read_exr", "mesh._loaded", "model_files.unpack",
+        "model_files.check_archive", "user_maps.Picture.read", "usd._unpacked", "usd._face_count", "usd._facts",
+        "textures.copy_texture", "package_walk.check_package", "package.package_scene", "checkout.checkout_scene",
+        "scan.read_scan", "read_las.read_header", "read_las._decode", "read_ply._read_header", "read_ply._read_binary",
+        "read_ply._read_text", "unpack_laz.unpack", "extraction.extract",
+    },
+    GUARDED: {
+        "guard.check_stage", "layer_contents._walk", "layer_walk.open_layer", "package_walk._opened",
+        "packages.unpacked", "stage_reader._open", "open_scene.read_product", "diff._open", "harvest._open",
+        "flatten.flatten_scene", "asset.read_city", "asset.is_city", "inventory.take_inventory",
+        "validate.validate_scene", "add.write_variant", "add._ensure", "add.add_survey", "add._add_product",
+        "foreign_file.open_foreign", "foreign_look._roles", "foreign_look._fallbacks", "foreign_place.check_place",
+        "selection.choose", "change.change_layer",
+    },
+    OURS: {
+        "scene_cache._kept", "scene_file.unpack_scene", "bake_down.bake_down", "additions._label",
+        "labels.write_replicator_layer", "geometry.geometry_layer", "layer.new_stage",
+        "render_settings.render_layer", "lighting.encode_exr", "library._link", "textures._store",
+        "user_sets._decode_exr", "journal.Journal.light_volume", "preparation_child._apart",
+        "preparation_child._serve", "database.count_rows", "database.empty_journal", "database.paired",
+        "database._attached", "dense_child.DepthMaps.image", "dense_child.DepthMaps.depth", "dense_points.read_points",
+        "depth_colmap.read_depth_map", "mapping.transform", "mapping._map_globally", "matching.match_share",
+        "matching._take_over", "matching._name_pairs", "matching._verified", "tie_points.write_tie_points",
+    },
+    PACKAGE: {
+        "components.class_rows", "components.component_classes", "taxonomies.taxonomy", "camera_models.camera_models",
+        "programs._source", "doctor._available_memory", "platform.processor", "report.write_report",
+        "survey_figures.write_page", "child._resident",
+    },
+    WORDS: {"child.answer_parent", "child._listen", "given_settings.given_settings", "cli.main"},
+}  # fmt: skip
+
+# Format of a foreign file to the functions that read it; `mutated_reading.py` mutates a sample of each.
+FORMATS: dict[str, set[str]] = {
+    "scenario": {"settings.read_toml", "scenario.load_scenario"},
+    "capture": {"capture.read_capture"},
+    "poses": {"capture.read_truth"},
+    "instances": {"capture.read_truth"},
+    "surface": {"truth_checks.read_surface"},
+    "depth": {"capture.Truth._image", "image_files.decode"},
+    "semantic": {"capture.Truth._image"},
+    "instance": {"capture.Truth._image"},
+    "photograph": {"capture.load_image", "textures._decode", "export._copy_images", "cameras._copy_photographs"},
+    "header": {"photo_header.read_header", "image_files.size"},
+    "dome": {"daylight._decode_panorama"},
+    "cloud": {"cloud.read_cloud"},
+    "column": {"cloud.read_cloud"},
+    "las": {"scan.read_scan"},
+    "laz": {"scan.read_scan"},
+    "ply scan": {"scan.read_scan"},
+    "colmap": {"colmap_model.read_model", "cameras.write_colmap", "cameras.write_nerfstudio"},
+    "obj": {"mesh.read_obj", "model_files.read_beside"},
+    "ply": {"mesh.read_ply"},
+    "gltf": {"gltf.GltfFile.read"},
+    "usd world": {"usd._image", "apis.read_component"},
+    "zip": {"model_files.unpack"},
+    "cityjson": {"cityjson._documents"},
+    "sky": {"lighting_panorama._read_radiance"},
+    "surfaces": {"user_maps.Picture.read"},
+    "manifest": {"manifest._read", "own_files.own_files", "report._lead"},
+    "artefact": {"files._files_of", "files.read_json"},
+    "stage": {"stage_reader._open"},
+    "package": {"package_walk.check_package"},
+}  # fmt: skip
+
+# Read through the safe opener though no stranger makes them, or only bytes that are handed on.
+READ_SAFELY_ANYHOW = {
+    "asset.read_city", "asset._images",  # a world that `background import` wrote
+    "canonical.file_digest", "harvest._write", "textures.copy_texture",  # bytes, hashed or copied
+    "journal.Journal.is_complete", "journal.Journal.gain", "journal.Journal._read", "library.link_sheet",
+    "library._whole", "steps.take_step", "store.Store._raise_former_rejection",  # ours
+}  # fmt: skip

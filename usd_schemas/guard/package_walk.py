@@ -1,0 +1,123 @@
+"""What the layers inside a usdz package refer to: nothing in it may lead out of it."""
+
+import re
+from pathlib import Path
+from zipfile import BadZipFile, ZipFile
+
+from pxr import Ar, Sdf, UsdUtils
+
+from groundwork.errors import InputError
+from groundwork.foreign_file import check_regular
+
+MOST_LAYERS = 20_000  # of one package, packages inside it counted
+_ELSEWHERE = re.compile(r"^(?:[A-Za-z][A-Za-z0-9+.-]*:|[/\\])")  # a scheme, a drive or an absolute path
+_CLIMBS = re.compile(r"(?:^|\[)\.\./")  # a path above the top of a package, as USD spells it
+
+
+def check_package(file: Path, where: str) -> None:
+    """Look through every layer of a package, whether the root layer reaches it or not, and of packages inside it.
+
+    Args:
+        file: `.usdz` file.
+        where: Names it in the error.
+
+    Raises:
+        InputError: No package, a layer that cannot be read, or a path in one that is absolute, remote or climbs out.
+    """
+    check_regular(file)
+    try:
+        with ZipFile(file) as archive:
+            names = archive.namelist()
+    except (BadZipFile, OSError, ValueError, NotImplementedError):
+        raise InputError("not readable as a usdz package", where=where, mend="Check the file") from None
+    pending = [f"{file}[{name}]" for name in names if is_layer(name)]
+    seen: set[str] = set()
+    while pending:
+        identifier = pending.pop()
+        if identifier in seen:
+            continue
+        seen.add(identifier)
+        if len(seen) > MOST_LAYERS:
+            raise InputError("holds too many layers", where=where, allowed=str(MOST_LAYERS))
+        inside = f"{where}[{identifier.partition('[')[2]}"
+        layer = _opened(identifier, inside)
+        for name in named_by(layer, identifier):
+            target = found_by(layer, name)
+            if _ELSEWHERE.match(name) or _CLIMBS.search(target) or not target.startswith(f"{file}["):
+                raise InputError(
+                    f"{name} leads out of the package", where=inside, allowed="files inside the package",
+                    mend="Package it anew with all that it uses",
+                )  # fmt: skip
+            if is_layer(target.rstrip("]")):
+                pending.append(target)
+
+
+def is_layer(name: str) -> bool:
+    """Tell whether a name's suffix is that of a layer or a package.
+
+    Args:
+        name: File name, or path inside a package.
+    """
+    return bool(Sdf.FileFormat.FindByExtension(name.rpartition(".")[2]))
+
+
+def named_by(layer: Sdf.Layer, identifier: str) -> list[str]:
+    """List every file that a layer names, in whatever arc, variant or attribute, with expressions evaluated.
+
+    Args:
+        layer: An open layer.
+        identifier: Its path, inside a package where it lies in one.
+    """
+    arcs = list(layer.GetCompositionAssetDependencies())
+    bare = {name.strip("`\"' ") for name in arcs if Sdf.VariableExpression.IsExpression(name)}
+    named = {name for group in UsdUtils.ExtractExternalReferences(identifier) for name in group}
+    return sorted(name for name in (named - bare) | {evaluated(layer, name) for name in arcs} if name)
+
+
+def evaluated(layer: Sdf.Layer, name: str) -> str:
+    """Evaluate an asset path that is an expression with the layer's own variables; others stay.
+
+    Args:
+        layer: Layer that holds it.
+        name: Asset path as authored.
+    """
+    if not Sdf.VariableExpression.IsExpression(name):
+        return name
+    result = Sdf.VariableExpression(name).Evaluate(dict(layer.expressionVariables))
+    return str(result.value) if isinstance(result.value, str) else ""
+
+
+def found_by(layer: Sdf.Layer, name: str) -> str:
+    """Tell what file USD would open for a name: it looks in the folder of the command, too.
+
+    Args:
+        layer: Layer that holds the name.
+        name: Asset path.
+
+    Returns:
+        Where it is, or would be, as USD spells it.
+    """
+    path = Sdf.ComputeAssetPathRelativeToLayer(layer, name)
+    return str(Ar.GetResolver().Resolve(path)) or path
+
+
+def reason_of(error: Exception) -> str:
+    """Take the last line of what USD says about a file, which may hold bytes of it that are no text.
+
+    Args:
+        error: What opening it raised.
+    """
+    try:
+        return str(error).strip().splitlines()[-1].strip()
+    except (UnicodeDecodeError, IndexError):
+        return "it holds bytes that are no text"
+
+
+def _opened(identifier: str, where: str) -> Sdf.Layer:
+    try:
+        layer = Sdf.Layer.FindOrOpen(identifier)
+    except Exception as error:
+        raise InputError(f"not readable as USD: {reason_of(error)}", where=where, mend="Check the file") from None
+    if layer is None:
+        raise InputError("not readable as USD", where=where, mend="Check the file")
+    return layer
