@@ -5,7 +5,10 @@ from pathlib import Path
 
 from authoring.inventory import scene_files
 from groundwork.errors import InputError, MissingError
-from groundwork.files import MANIFEST, MARK, commit_folder, sole_writer, space_errors
+from groundwork.files import MANIFEST
+from groundwork.marks import MARK, NEXT, TEMPORARY
+from groundwork.output_folder import fresh_output
+from groundwork.output_reading import reading
 
 ROOT = "scene.usda"
 
@@ -23,28 +26,22 @@ def checkout_scene(source: Path, out: Path) -> Path:
     Raises:
         InputError: No such scene, files outside its folder, or the output folder is not empty.
     """
-    root = find_root_layer(source)
-    _refuse_filled(out)
-    home = root.parent.resolve()
-    for name in scene_files(root):
-        if not (home / name).is_file():
-            raise InputError("takes a file from outside its folder", where=root, value=name, mend="Flatten it instead")
-    partial = out.with_name(f".{out.name}.partial")
-    with space_errors(out), sole_writer(out):
-        shutil.rmtree(partial, ignore_errors=True)
-        unwanted = shutil.ignore_patterns(MANIFEST, MARK)
-        # inside an atomic folder: it gets its name with one rename below
-        shutil.copytree(home, partial, copy_function=shutil.copyfile, ignore=unwanted)
-        _refuse_filled(out)  # it may have been filled meanwhile
-        if out.exists():
-            out.rmdir()
-        commit_folder(partial, out)
+    with reading(source):
+        root = find_root_layer(source)
+        home = root.parent.resolve()
+
+        def write(folder: Path) -> None:
+            for name in scene_files(root):
+                if not (home / name).is_file():
+                    raise InputError(
+                        "takes a file from outside its folder", where=root, value=name, mend="Flatten it instead"
+                    )
+            unwanted = shutil.ignore_patterns(MANIFEST, MARK, NEXT, f"{TEMPORARY}*")
+            # inside an atomic folder
+            shutil.copytree(home, folder, copy_function=shutil.copyfile, ignore=unwanted, dirs_exist_ok=True)
+
+        fresh_output(out, "copy of a scene", write, inputs=[home], asked=str(home), is_marked=False)
     return out / root.name
-
-
-def _refuse_filled(out: Path) -> None:
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError("is not empty", where=out, mend="Name a new folder with -o")
 
 
 def find_root_layer(source: Path) -> Path:
@@ -56,7 +53,8 @@ def find_root_layer(source: Path) -> Path:
     Raises:
         MissingError: There is none.
     """
-    for candidate in (source, source / ROOT, source / "stage" / ROOT):
-        if candidate.is_file():
-            return candidate
+    with reading(source):
+        for candidate in (source, source / ROOT, source / "stage" / ROOT):
+            if candidate.is_file():
+                return candidate
     raise MissingError(f"holds no {ROOT}", where=source, mend="Name a scene folder, or OUT/scenes/0000 of a run")

@@ -12,6 +12,7 @@ from plotly.offline import get_plotlyjs
 
 from falsework.report_figures import FONT, flight_figure
 from groundwork.files import write_text
+from groundwork.output_file import SIGNATURE
 
 PITCH_STEP = 15  # [deg]
 _MARGIN = {"l": 50, "r": 10, "t": 20, "b": 45}
@@ -30,7 +31,9 @@ def write_page(path: Path, surveys: list[dict[str, Any]]) -> None:
         {**row, "figures": [_embed(figure, f"{row['survey']}_{k}") for k, figure in enumerate(_figures(row))]}
         for row in surveys
     ]
-    write_text(path, environment.from_string(template).render(plotly=Markup(get_plotlyjs()), surveys=rows))
+    write_text(
+        path, environment.from_string(template).render(signature=SIGNATURE, plotly=Markup(get_plotlyjs()), surveys=rows)
+    )
 
 
 def _figures(row: dict[str, Any]) -> list[go.Figure]:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
+from groundwork.marks import content_files
+
 
 def canonical_json(value: object) -> str:
     """Spell a value as JSON in one way only: sorted keys, no spaces, no NaN.
@@ -49,7 +51,7 @@ def file_digest(path: Path) -> str:
 
 
 def folder_digest(folder: Path) -> str:
-    """Hash every file below a folder, names included, in sorted order.
+    """Hash every file below a folder, names included, in sorted order; marks of outputs do not count.
 
     Args:
         folder: Folder to read; links are followed.
@@ -57,8 +59,8 @@ def folder_digest(folder: Path) -> str:
     Returns:
         SHA-256 in 64 hexadecimal digits.
     """
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return digest({path.relative_to(folder).as_posix(): file_digest(path) for path in files})
+    files = {path.relative_to(folder).as_posix(): file_digest(path) for path in content_files(folder)}
+    return digest(files)
 
 
 def _plain(value: object) -> object:
