@@ -10,6 +10,7 @@ from groundwork.files import space_errors, sync, temporary_name
 from groundwork.output_place import output_place
 
 SIGNATURE = "made by falsework"  # stands in every single file that we write, where its format has room for it
+_FORMER = "· Falsework</title>"  # in pages of the version before signatures
 _ENDS = 1 << 16  # [byte] at the beginning and at the end of a file, where formats have their remarks
 
 IsOurs = Callable[[Path], bool]
@@ -24,7 +25,8 @@ def is_signed(path: Path) -> bool:
     with path.open("rb") as file:
         begin = file.read(_ENDS)
         file.seek(max(0, path.stat().st_size - _ENDS))
-        return SIGNATURE.encode() in begin + b"\0" + file.read(_ENDS)
+        ends = begin + b"\0" + file.read(_ENDS)
+    return SIGNATURE.encode() in ends or _FORMER.encode() in ends
 
 
 def check_output_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs = is_signed) -> Path:

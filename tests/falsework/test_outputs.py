@@ -6,6 +6,7 @@ import pytest
 
 from falsework.verbs import export_folder, report_scene
 from groundwork.errors import InputError
+from groundwork.files import write_bytes
 from groundwork.output_folder import claim_run, fresh_output
 from groundwork.progress import SILENT
 
@@ -28,7 +29,7 @@ def test_a_report_replaces_no_script(tmp_path: Path) -> None:
 def test_an_export_does_not_replace_what_it_is_made_from(tmp_path: Path) -> None:
     """The cloud's folder, what lies in it and the photographs' folder are refused."""
     cloud, photographs = tmp_path / "cloud", tmp_path / "photographs"
-    fresh_output(cloud, "cloud", lambda folder: (folder / "cloud.json").write_text("{}") and None)
+    fresh_output(cloud, "cloud", lambda folder: write_bytes(folder / "cloud.json", b"{}"))
     photographs.mkdir()
     for out in (cloud, cloud / "laz", photographs / "laz", tmp_path):
         with pytest.raises(InputError, match="what the output is made from"):

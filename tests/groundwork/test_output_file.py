@@ -8,13 +8,14 @@ import pytest
 from groundwork.errors import InputError
 from groundwork.output_file import SIGNATURE, check_output_file, fresh_file, write_fresh_file
 
+FORMER = "<html><title>Scene 0000 · Falsework</title></html>".encode()  # of the version before signatures
 PAGE = f"<html>{SIGNATURE}</html>".encode()
 
 
 def test_the_same_file_is_written_twice_and_a_strangers_never(tmp_path: Path) -> None:
     """Ours, signed at either end, and empty files are replaced; what somebody else wrote is not, whenever it came."""
     page, script = tmp_path / "deep" / "page.html", tmp_path / "my_script.py"
-    for data in (PAGE, bytes(200_000) + SIGNATURE.encode(), PAGE + bytes(200_000), b""):
+    for data in (PAGE, bytes(200_000) + SIGNATURE.encode(), PAGE + bytes(200_000), b"", FORMER):
         write_fresh_file(page, data)
         assert page.read_bytes() == data
     write_fresh_file(page, PAGE)
