@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from authoring.checkout import checkout_scene
-from authoring.export import export_scene
-from authoring.flatten import flatten_scene
+from authoring.exchange.export import export_scene
+from authoring.exchange.flatten import flatten_scene
+from authoring.scenes.checkout import checkout_scene
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from falsework.verbs import export_folder, report_scene
+from falsework.commands.verbs import export_folder, report_scene
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
 from groundwork.output_folder import claim_run, fresh_output
