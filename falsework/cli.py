@@ -95,19 +95,23 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
     from falsework.scenario import given_files, load_scenario, scene_seed, values_of
     from falsework.stages import STAGES
     from groundwork.errors import InputError
-    from groundwork.files import fresh_output
+    from groundwork.output_folder import fresh_output
+    from groundwork.output_reading import reading
 
     loaded = load_scenario(scenario)
     if not 0 <= scene < loaded.scenes:
         raise InputError("no such scene", field="--scene", value=scene, allowed=f"0 to {loaded.scenes - 1}")
-    if output.is_dir() and (changed := edits_since(output)):
-        raise InputError(
-            f"was changed since it was authored ({changed[0]})", where=output, mend="Author into another folder"
-        )
     settings = {"seed": scene_seed(loaded.seed, scene), "authoring": loaded.authoring()}
     worlds = given_files(loaded)
-    with ConsoleProgress() as progress, values_of(scenario):
-        fresh_output(output, "scene", lambda folder: STAGES["stage"].run(settings, worlds, folder, progress))
+
+    def write(folder: Path) -> None:
+        if changed := edits_since(output):
+            raise InputError(f"was edited after authoring ({changed[0]})", where=output, mend="Choose another folder")
+        STAGES["stage"].run(settings, worlds, folder, progress)
+
+    inputs = [scenario, *worlds.values()]
+    with ConsoleProgress() as progress, values_of(scenario), reading(*inputs):
+        fresh_output(output, "scene", write, inputs=inputs)
     _say(f"scene   {output / 'scene.usda'}")
     return 0
 
@@ -246,7 +250,7 @@ def gallery(
         family: Only these families.
         world: Only these worlds.
     """
-    from groundwork.files import fresh_output
+    from groundwork.output_folder import fresh_output
 
     def write(folder: Path) -> None:
         if subject == "worlds":

@@ -1,7 +1,6 @@
 """The chain as the paper draws it: for every scene its stage, a capture and a cloud for each survey, and the report."""
 
 import json
-import os
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -16,11 +15,11 @@ from falsework.stages import STAGES
 from falsework.store import Store, Task, link_result
 from groundwork.canonical import file_digest, folder_digest
 from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError
-from groundwork.files import MARK, claim_output, space_errors, write_text
+from groundwork.files import space_errors, write_text
+from groundwork.output_folder import claim_run
+from groundwork.output_reading import reading
 from groundwork.progress import Progress
 from groundwork.slug import slug
-
-KIND = "run"
 
 
 @dataclass
@@ -60,10 +59,9 @@ def run_scenario(scenario: Scenario, out: Path, progress: Progress, scenes: Iter
         InputError: The folder is not ours or not writable.
         OutOfSpaceError: The disk is full; finished results stay.
     """
-    claim_output(out, KIND)
+    claim_run(out, [*given_files(scenario).values(), *([Path(scenario.stage.path)] if scenario.stage else [])])
     with space_errors(out):
-        Path(os.path.realpath(out), "run").mkdir(parents=True, exist_ok=True)  # `out` may be a link to what is not yet
-        write_text(out / MARK, KIND + "\n")
+        (out / "run").mkdir(exist_ok=True)
         write_text(out / "scenario.toml", scenario.as_toml())
     outcome = Outcome()
     for index in range(scenario.scenes) if scenes is None else scenes:
@@ -204,4 +202,7 @@ def _stage(scenario: Scenario, seed: int, maker: _Maker) -> tuple[Path, str]:
         inputs = {name: file_digest(path) if path.is_file() else folder_digest(path) for name, path in given.items()}
         return maker.scene / "stage", maker.make(new_task("stage", settings, inputs), given, "stage")
     path = Path(scenario.stage.path)
-    return path, folder_digest(path.parent)  # a foreign stage counts by content, with every file that stands beside it
+    with reading(path):
+        return path, folder_digest(
+            path.parent
+        )  # a foreign stage counts by content, with every file that stands beside it

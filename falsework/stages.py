@@ -122,5 +122,5 @@ STAGES: dict[str, Stage] = {
     "stage": Stage(7, author),
     "capture": Stage(9, capture, resumes=True),
     "cloud": Stage(12, cloud, resumes=True),
-    "report": Stage(4, report),
+    "report": Stage(5, report),
 }

@@ -8,6 +8,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from groundwork.foreign_file import open_regular
+from groundwork.marks import content_files
 
 
 def canonical_json(value: object) -> str:
@@ -52,7 +53,7 @@ def file_digest(path: Path) -> str:
 
 
 def folder_digest(folder: Path) -> str:
-    """Hash every file below a folder, names included, in sorted order.
+    """Hash every file below a folder, names included, in sorted order; marks of outputs do not count.
 
     Args:
         folder: Folder to read; links are followed.
@@ -60,8 +61,8 @@ def folder_digest(folder: Path) -> str:
     Returns:
         SHA-256 in 64 hexadecimal digits.
     """
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return digest({path.relative_to(folder).as_posix(): file_digest(path) for path in files})
+    files = {path.relative_to(folder).as_posix(): file_digest(path) for path in content_files(folder)}
+    return digest(files)
 
 
 def source_digest(files: list[Path]) -> str:

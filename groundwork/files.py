@@ -4,8 +4,8 @@ import errno
 import fcntl
 import json
 import os
-import shutil
-from collections.abc import Callable, Iterator
+import secrets
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,9 @@ from typing import Any
 from groundwork.canonical import canonical_json, file_digest
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.foreign_file import MOST_TEXT, parse_json, read_regular
+from groundwork.marks import TEMPORARY, content_files
 
 MANIFEST = "artefact.json"  # a scene folder has a manifest.json of its own
-MARK = ".falsework"
 
 
 def write_bytes(path: Path, data: bytes, *, durable: bool = True) -> None:
@@ -29,14 +29,47 @@ def write_bytes(path: Path, data: bytes, *, durable: bool = True) -> None:
     Raises:
         OutOfSpaceError: The disk is full.
     """
-    partial = path.with_name(f".{path.name}.partial")
+    temporary = temporary_name(path)
     with space_errors(path):
-        with partial.open("wb") as file:
-            file.write(data)
-            if durable:
-                file.flush()
-                os.fsync(file.fileno())
-        partial.replace(path)
+        try:
+            _write(temporary, data, durable)
+            temporary.replace(path)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
+
+
+def temporary_name(path: Path, suffix: str = "") -> Path:
+    """Choose a name beside a file that nobody else chooses; `sweep` finds what a killed writer left.
+
+    Args:
+        path: The file that will be replaced.
+        suffix: How the name shall end.
+    """
+    return path.with_name(f"{TEMPORARY}{secrets.token_hex(8)}{suffix}")
+
+
+def sweep(folder: Path) -> None:
+    """Remove the temporary files that killed writers left below a folder.
+
+    Args:
+        folder: A folder in the making that nobody else writes into now.
+    """
+    for path in folder.rglob(f"{TEMPORARY}*"):
+        if not path.is_dir():
+            path.unlink()
+
+
+def _write(path: Path, data: bytes, durable: bool) -> None:
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+    try:
+        left = memoryview(data)
+        while left:
+            left = left[os.write(handle, left) :]
+        if durable:
+            os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -96,6 +129,8 @@ def space_errors(where: Path) -> Iterator[None]:
             raise InputError(
                 "not writable", where=where, mend="Choose another folder with -o, or change its rights"
             ) from None
+        if error.errno == errno.ENAMETOOLONG:
+            raise InputError("a name or path that is too long", where=where, mend="Choose a shorter one") from None
         raise
 
 
@@ -107,7 +142,8 @@ def write_manifest(folder: Path, record: dict[str, Any], name: str = MANIFEST) -
         record: Stable facts about how it was made; no clock, host or absolute path.
         name: File name of the manifest.
     """
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != folder / name)
+    sweep(folder)
+    files = [path for path in content_files(folder) if path != folder / name]
     table = {
         path.relative_to(folder).as_posix(): {"bytes": path.stat().st_size, "sha256": file_digest(path)}
         for path in files
@@ -126,7 +162,7 @@ def check_manifest(folder: Path, name: str = MANIFEST) -> list[str]:
         One line per missing, changed or extra file; empty when all is well.
     """
     table = _files_of(folder / name)
-    present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {name}
+    present = {path.relative_to(folder).as_posix() for path in content_files(folder)} - {name}
     wrong = [f"{file}: missing" for file in sorted(table.keys() - present)]
     wrong += [f"{file}: not in the manifest" for file in sorted(present - table.keys())]
     wrong += [
@@ -154,128 +190,46 @@ def commit_folder(partial: Path, final: Path) -> None:
         final: Its name from now on; must not exist.
     """
     with space_errors(final):
-        for path in sorted(partial.rglob("*")):
-            _sync(path)
-        _sync(partial)
+        sweep(partial)
+        sync_tree(partial)
         final.parent.mkdir(parents=True, exist_ok=True)
         partial.rename(final)
-        _sync(final.parent)
+        sync(final.parent)
 
 
-def fresh_output(folder: Path, kind: str, write: Callable[[Path], None], *, resume: bool = False) -> None:
-    """Write a plain output folder as a whole: beside it first, then one rename over a former one of ours.
-
-    Args:
-        folder: The folder that the user named.
-        kind: What is in it, e.g. `capture`; kept in a hidden mark so that only our own folders are ever replaced.
-        write: Called with an empty folder to fill.
-        resume: Call it with what an interrupted run left instead; it then checks what of that is still right.
-
-    Raises:
-        InputError: The folder holds something that Falsework did not write, is not writable, is being written, or
-            is the one that the command was called in.
-    """
-    folder = Path(os.path.realpath(folder))  # a link stays, what it leads to is replaced
-    here = Path.cwd()
-    if folder in (here, *here.parents):  # it is replaced as a whole, and the shell would go on in the former one
-        raise InputError("is the folder that you are in", where=folder, mend="Choose another folder with -o")
-    claim_output(folder, kind)
-    partial, former = (folder.with_name(f".{folder.name}.{end}") for end in ("partial", "former"))
-    with space_errors(folder), sole_writer(folder):
-        if partial.is_symlink():
-            partial.unlink()  # whoever made it did not mean us to empty what it leads to
-        partial.mkdir(exist_ok=True)
-        if not resume:
-            _empty(partial)
-        write(partial)
-        write_text(partial / MARK, kind + "\n")
-        claim_output(folder, kind)  # it may have been filled meanwhile
-        shutil.rmtree(former, ignore_errors=True)
-        if folder.exists():
-            folder.rename(former)
-        commit_folder(partial, folder)
-        shutil.rmtree(former, ignore_errors=True)
-
-
-@contextmanager
-def sole_writer(folder: Path) -> Iterator[None]:
-    """Hold a kernel lock beside a folder: two commands that write one folder would undo each other's work.
+def sync_tree(folder: Path) -> None:
+    """Wait until a folder and everything below it is on the disk; where links lead is not looked at.
 
     Args:
-        folder: The folder to be written; what it lies in is made.
+        folder: A finished folder.
 
     Raises:
-        InputError: Another command holds it, or nothing can be written beside the folder.
+        OSError: The disk did not take a file; that file is removed, since nobody knows what of it will last.
     """
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    path = folder.with_name(f".{folder.name}.lock")
+    for home, _, names in os.walk(folder, topdown=False):
+        for name in sorted(names):
+            path = Path(home, name)
+            if path.is_symlink() or not path.is_file():
+                continue
+            try:
+                sync(path)
+            except OSError:
+                path.unlink()
+                raise
+        sync(Path(home))
+
+
+def sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk.
+
+    Args:
+        path: File or folder.
+    """
+    handle = os.open(path, os.O_RDONLY)
     try:
-        handle = _locked(path)
-    except FileNotFoundError:  # such as /proc: its rights say that one may write, and one may not
-        raise InputError("not writable", where=folder.parent, mend="Choose another folder with -o") from None
-    if handle is None:
-        raise InputError("another command is writing this folder", where=folder,
-                         mend="Wait for it to end, or choose another folder with -o")  # fmt: skip
-    try:
-        yield
+        os.fsync(handle)
     finally:
-        path.unlink(missing_ok=True)
         os.close(handle)
-
-
-def _locked(path: Path) -> int | None:
-    """Open a lock file and lock it; None when another process has it."""
-    while True:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(handle)
-            return None
-        except OSError:  # a file system without locks
-            return handle
-        if path.exists() and os.path.samestat(os.fstat(handle), path.stat()):
-            return handle
-        os.close(handle)  # its former holder removed it between our two calls
-
-
-def _empty(folder: Path) -> None:
-    for path in folder.iterdir():
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink()
-
-
-def claim_output(folder: Path, kind: str) -> None:
-    """Refuse an output folder that is not ours before any work is done.
-
-    Args:
-        folder: The folder that the user named; absent, empty, or ours with the same kind.
-        kind: What will be in it.
-
-    Raises:
-        InputError: It is a file, holds foreign files, holds another kind, or is not writable.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise InputError("is a file, not a folder", where=folder, mend="Choose another folder with -o")
-    if folder.is_dir() and any(folder.iterdir()):
-        mark = folder / MARK
-        found = mark.read_text(encoding="utf-8").strip() if mark.is_file() else "files that Falsework did not write"
-        if found != kind:
-            raise InputError(
-                f"the output folder holds {found}", where=folder, allowed=f"an empty folder or a former {kind}",
-                mend="Choose another folder with -o",
-            )  # fmt: skip
-    parent = folder
-    while not parent.exists():
-        if Path(os.path.realpath(parent)).is_symlink():
-            raise InputError("is a link that leads to itself", where=parent, mend="Choose another folder with -o")
-        parent = parent.parent
-    if not parent.is_dir():
-        raise InputError("is a file, not a folder", where=parent, mend="Choose another folder with -o")
-    if not os.access(parent, os.W_OK):
-        raise InputError("not writable", where=parent, mend="Choose another folder with -o, or change its rights")
 
 
 @contextmanager
@@ -288,11 +242,3 @@ def folder_lock(path: Path) -> Iterator[None]:
     with path.open("a") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

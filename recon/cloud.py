@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_bytes, write_json
 from groundwork.foreign_file import check_regular
+from groundwork.output_reading import reading
 from usd_schemas.components import NOISY_POINT, ClassRow
 
 FORMAT = "falsework.cloud"
@@ -170,6 +171,11 @@ def read_cloud(folder: Path) -> Cloud:
         MissingError: Not a cloud.
         InputError: A column is missing, damaged, of a wrong type or length, or a coordinate is not finite.
     """
+    with reading(folder):
+        return _read_cloud(folder)
+
+
+def _read_cloud(folder: Path) -> Cloud:
     path = folder / "cloud.json"
     if not path.is_file():
         raise MissingError("not a cloud: no cloud.json", where=folder, mend="Name the folder that holds cloud.json")

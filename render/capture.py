@@ -11,6 +11,7 @@ from pydantic import Field
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 from groundwork.foreign_file import is_regular
+from groundwork.output_reading import reading
 from groundwork.settings import Settings, parse_settings
 from render.images import image_files
 from render.images.truth_checks import check_bands, check_camera, check_image, check_poses, check_tables, read_surface
@@ -104,6 +105,11 @@ def read_capture(folder: Path) -> Capture:
         InputError: Not a capture, a wrong value, a name twice, or a path that leaves the folder.
         MissingError: An image that it lists is not there.
     """
+    with reading(folder):
+        return _read_capture(folder)
+
+
+def _read_capture(folder: Path) -> Capture:
     path = folder / CAMERAS
     if not path.is_file():
         raise MissingError(
@@ -291,6 +297,11 @@ def read_truth(capture: Capture) -> Truth | None:
     Raises:
         InputError: The truth does not belong to these images.
     """
+    with reading(capture.folder):
+        return _read_truth(capture)
+
+
+def _read_truth(capture: Capture) -> Truth | None:
     folder = capture.folder / TRUTH
     if not folder.is_dir():
         return None

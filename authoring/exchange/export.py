@@ -6,7 +6,9 @@ from pathlib import Path
 from authoring.exchange.bake_down import bake_down
 from authoring.exchange.glb import write_glb
 from authoring.exchange.package import package_scene
+from authoring.scenes.inventory import scene_files
 from groundwork.errors import InputError
+from groundwork.output_file import fresh_file
 from usd_schemas.guard.layer_walk import Warn
 
 
@@ -24,12 +26,14 @@ def export_scene(scene: Path, out: Path, bake: bool, texels: int, warn: Warn) ->
         Names of the entries (usdz) or nodes (GLB).
 
     Raises:
-        InputError: Another suffix, or a scene that cannot be packaged.
+        InputError: Another suffix, a scene that cannot be packaged, or a file there that is not ours.
     """
-    writers = {".usdz": lambda root: package_scene(root, out), ".glb": lambda root: write_glb(root, out, warn)}
+    writers = {".usdz": package_scene, ".glb": lambda root, file: write_glb(root, file, warn)}
     if out.suffix not in writers:
         raise InputError("not a package", where=out, value=out.suffix, allowed=", ".join(writers))
-    if not bake:
-        return writers[out.suffix](scene)
-    with tempfile.TemporaryDirectory() as folder:
-        return writers[out.suffix](bake_down(scene, Path(folder), texels, warn))
+    inputs = [scene, *(scene.resolve().parent / name for name in scene_files(scene))]
+    with fresh_file(out, inputs) as temporary:
+        if not bake:
+            return writers[out.suffix](scene, temporary)
+        with tempfile.TemporaryDirectory() as folder:
+            return writers[out.suffix](bake_down(scene, Path(folder), texels, warn), temporary)

@@ -7,8 +7,10 @@ from pxr import Sdf, Usd, UsdUtils
 from authoring.foreign.textures import copy_texture
 from authoring.layers.layer import export
 from groundwork.errors import InputError
+from groundwork.output_file import SIGNATURE, fresh_file
 
 SUFFIXES = (".usda", ".usdc", ".usd")
+_GENERATOR = "generator"
 
 
 def flatten_scene(scene: Path, out: Path) -> list[str]:
@@ -24,7 +26,7 @@ def flatten_scene(scene: Path, out: Path) -> list[str]:
         Textures that were not found, as the stage names them.
 
     Raises:
-        InputError: Not a stage, or a file name that USD cannot write.
+        InputError: Not a stage, a file name that USD cannot write, or a file that was not flattened here.
     """
     if out.suffix not in SUFFIXES:
         raise InputError("not a USD layer", where=out, value=out.suffix, allowed=", ".join(SUFFIXES))
@@ -32,8 +34,14 @@ def flatten_scene(scene: Path, out: Path) -> list[str]:
         stage = Usd.Stage.Open(str(scene.resolve()))
     except Exception as error:
         raise InputError("not readable as a USD stage", where=scene, mend="Check the file") from error
-    out.parent.mkdir(parents=True, exist_ok=True)
-    home, missing = out.resolve().parent, []
+    inputs = [Path(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath]
+    with fresh_file(out, inputs, _is_ours) as temporary:
+        return _flatten(stage, out, temporary)
+
+
+def _flatten(stage: Usd.Stage, out: Path, temporary: Path) -> list[str]:
+    """Write the layer under a name beside the one that it will have."""
+    home, missing = temporary.parent, []
 
     def move(path: str) -> str:
         file = Path(path)
@@ -45,11 +53,19 @@ def flatten_scene(scene: Path, out: Path) -> list[str]:
         return f"./{out.stem}_textures/{name}" if name else path
 
     layer = flat_layer(stage)
+    layer.customLayerData = {**layer.customLayerData, _GENERATOR: SIGNATURE}
     UsdUtils.ModifyAssetPaths(layer, move)
-    partial = out.with_name(f".{out.stem}.partial{out.suffix}")
-    export(layer, partial)
-    partial.replace(out)
+    export(layer, temporary)
     return sorted(set(missing))
+
+
+def _is_ours(path: Path) -> bool:
+    """Tell whether a file is a layer that was flattened here."""
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(path), metadataOnly=True)
+    except Exception:  # not a layer
+        return False
+    return layer.customLayerData.get(_GENERATOR) == SIGNATURE
 
 
 def flat_layer(stage: Usd.Stage) -> Sdf.Layer:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
 from groundwork.foreign_file import check_regular
+from groundwork.output_file import SIGNATURE
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.reading.stage_reader import read_stage
@@ -64,8 +65,16 @@ def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
         else:
             result.graph.update(node, "world", matrix=matrix, geometry=known, metadata=facts)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(out, export_glb(result, include_normals=True))
+    write_bytes(out, export_glb(result, include_normals=True, tree_postprocessor=_sign))
     return sorted(result.graph.nodes_geometry)
+
+
+def _sign(tree: dict[str, Any]) -> None:
+    """Say in the file who made it, before anything long."""
+    asset = {**tree.pop("asset"), "generator": SIGNATURE}
+    rest = dict(tree)
+    tree.clear()
+    tree |= {"asset": asset, **rest}
 
 
 def _mesh(scene: FlatScene, part: int, material: Material, pictures: "dict[Texture, _Picture]") -> "Trimesh":

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from authoring.scenes.own_files import used_files
 from groundwork.files import write_bytes
+from groundwork.output_file import SIGNATURE
 
 ALIGNMENT = 64  # [byte] where the content of each entry starts, so that it can be mapped into memory
 _PADDING_ID = 0x1986  # header of the extra field that moves it there
@@ -34,6 +35,7 @@ def package_scene(scene: Path, out: Path) -> list[str]:
     names.insert(0, scene.name)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        archive.comment = SIGNATURE.encode()
         for name in names:
             entry = zipfile.ZipInfo(name, _EPOCH)
             entry.create_system = 3  # else it would name the operating system

@@ -4,8 +4,9 @@ import shutil
 from pathlib import Path
 
 from authoring.scenes.own_files import own_files
-from groundwork.errors import InputError, MissingError
-from groundwork.files import commit_folder, sole_writer, space_errors
+from groundwork.errors import MissingError
+from groundwork.output_folder import fresh_output
+from groundwork.output_reading import reading
 from groundwork.slug import inside
 
 ROOT = "scene.usda"
@@ -24,27 +25,19 @@ def checkout_scene(source: Path, out: Path) -> Path:
     Raises:
         InputError: No such scene, files outside its folder, or the output folder is not empty.
     """
-    root = find_root_layer(source)
-    _refuse_filled(out)
-    home = root.parent.resolve()
-    names = own_files(root)
-    partial = out.with_name(f".{out.name}.partial")
-    with space_errors(out), sole_writer(out):
-        shutil.rmtree(partial, ignore_errors=True)
-        for name in names:
-            target = inside(partial, name)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(home / name, target)  # inside an atomic folder: it gets its name with one rename below
-        _refuse_filled(out)  # it may have been filled meanwhile
-        if out.exists():
-            out.rmdir()
-        commit_folder(partial, out)
+    with reading(source):
+        root = find_root_layer(source)
+        home = root.parent.resolve()
+        names = own_files(root)
+
+        def write(folder: Path) -> None:
+            for name in names:
+                target = inside(folder, name)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(home / name, target)  # inside an atomic folder
+
+        fresh_output(out, "copy of a scene", write, inputs=[home], asked=str(home), is_marked=False)
     return out / root.name
-
-
-def _refuse_filled(out: Path) -> None:
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError("is not empty", where=out, mend="Name a new folder with -o")
 
 
 def find_root_layer(source: Path) -> Path:
@@ -56,7 +49,8 @@ def find_root_layer(source: Path) -> Path:
     Raises:
         MissingError: There is none.
     """
-    for candidate in (source, source / ROOT, source / "stage" / ROOT):
-        if candidate.is_file():
-            return candidate
+    with reading(source):
+        for candidate in (source, source / ROOT, source / "stage" / ROOT):
+            if candidate.is_file():
+                return candidate
     raise MissingError(f"holds no {ROOT}", where=source, mend="Name a scene folder, or OUT/scenes/0000 of a run")

@@ -10,14 +10,15 @@ from pxr import Usd
 from authoring.settings import AuthoringSettings
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError
-from groundwork.files import MANIFEST, MARK, read_json, write_json
+from groundwork.files import MANIFEST, read_json, write_json
+from groundwork.marks import content_files
 from groundwork.settings import parse_settings
 
 FORMAT = "falsework.scene"
 FORMAT_VERSION = 1
 NAME = "manifest.json"
 EDITED = "edited"  # set as soon as anything was chosen, planned or added after authoring
-_NOT_OURS = {NAME, MANIFEST, MARK}
+_NOT_OURS = {NAME, MANIFEST}
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,6 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _hashes(folder: Path) -> dict[str, Any]:
-    paths = sorted(path for path in folder.rglob("*") if path.is_file() and path.name not in _NOT_OURS)
+    paths = [path for path in content_files(folder) if path.name not in _NOT_OURS]
     files = {path.relative_to(folder).as_posix(): file_digest(path) for path in paths}
     return {"files": files, "scene": digest(files)}

@@ -5,6 +5,7 @@ from typing import Any
 
 from groundwork.child import answer_parent, run_child
 from groundwork.errors import ChildError, InputError
+from groundwork.output_reading import reading
 from groundwork.progress import SILENT, Progress
 
 TIME_LIMIT = 120.0  # [s] composing a hostile stage may never end
@@ -53,7 +54,8 @@ def read_safely(
     time_limit = TIME_LIMIT if time_limit is None else time_limit
     memory_limit = MEMORY_LIMIT if memory_limit is None else memory_limit
     try:
-        return run_child(module, request, time_limit=time_limit, memory_limit=memory_limit, progress=progress)
+        with reading(stage):
+            return run_child(module, request, time_limit=time_limit, memory_limit=memory_limit, progress=progress)
     except ChildError as error:
         reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
         raise InputError(

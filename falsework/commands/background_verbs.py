@@ -34,7 +34,7 @@ def import_background(
         attribution: Who made the data, where the file does not say so.
         license: Its licence, where the file does not say so.
     """
-    from groundwork.files import fresh_output
+    from groundwork.output_folder import fresh_output
 
     said = {name: text for name, text in (("attribution", attribution), ("license", license)) if text}
     request = {"file": str(file.absolute()), "name": output.absolute().name, "said": said}
@@ -50,7 +50,7 @@ def import_background(
                 )
             )  # fmt: skip
 
-        fresh_output(output, "world", fill)
+        fresh_output(output, "world", fill, inputs=[file])
     _say(found)
     sys.stdout.write(f"world       {output / output.absolute().name}.usda\n")
     return 0

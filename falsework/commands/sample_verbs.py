@@ -10,7 +10,8 @@ from falsework.children.products import read_safely
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import MissingError
-from groundwork.files import fresh_output
+from groundwork.output_folder import fresh_output
+from groundwork.output_reading import reading
 from groundwork.settings import Settings, parse_settings
 
 WORKER = "falsework.children.sample_work"
@@ -92,16 +93,16 @@ def _sample(
     how: str, model: type[Settings], settings: dict[str, Any], stage: Path, output: Path, roots: tuple[Path, ...]
 ) -> int:
     checked = parse_settings(model, settings, "--set")
-    if not stage.is_file():
-        raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
     request = {
         "how": how, "settings": checked.model_dump(mode="json"), "stage": str(stage.absolute()),
         "allow_roots": [str(root.absolute()) for root in roots],
     }  # fmt: skip
-    with ConsoleProgress() as progress:
+    with ConsoleProgress() as progress, reading(stage):
+        if not stage.is_file():
+            raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
         fresh_output(output, "cloud", lambda folder: read_safely(
             WORKER, request | {"folder": str(folder.absolute())}, stage, progress, TIME_LIMIT, MEMORY_LIMIT
-        ))  # fmt: skip
+        ), inputs=[stage])  # fmt: skip
     sys.stdout.write(f"cloud   {output}\n")
     return 0
 

@@ -13,6 +13,7 @@ from falsework.commands.console import ConsoleProgress
 from falsework.commands.edit_verbs import import_edits, root_layer_of
 from groundwork.child import run_child
 from groundwork.errors import InputError
+from groundwork.output_reading import reading
 
 JSON_VERSION = 1
 WORKER = "falsework.children.scene_work"
@@ -229,7 +230,8 @@ def _work(work: str, scene: Path, request: dict[str, Any], roots: Roots, *others
     request = {**request, "work": work, "scene": str(scene), "stages": stages, "allow_roots": [str(r) for r in roots]}
     with ConsoleProgress() as progress:
         if work in LONG_WORK:
-            return run_child(WORKER, request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT, progress=progress)
+            with reading(scene, *others):
+                return run_child(WORKER, request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT, progress=progress)
         return read_safely(WORKER, request, scene, progress)
 
 

@@ -11,6 +11,7 @@ from falsework.children.products import read_safely
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import InputError
+from groundwork.output_file import check_output_file, fresh_file
 
 WORKER = "falsework.children.survey_work"
 JSON_VERSION = 1
@@ -40,6 +41,8 @@ def score(
     request: dict[str, Any] = {
         "scene": str(scene.absolute()), "survey": survey, "allow_roots": [str(root.absolute()) for root in allow_root],
     }  # fmt: skip
+    if output is not None:
+        check_output_file(output, [scene])
     with ConsoleProgress() as progress:
         found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
     if not found:
@@ -47,7 +50,8 @@ def score(
     if output is not None:
         from falsework.report.survey_figures import write_page
 
-        write_page(output, found)
+        with fresh_file(output, [scene]) as temporary:
+            write_page(temporary, found)
     if as_json:
         plain = [{key: value for key, value in row.items() if key not in _FIGURE} for row in found]
         sys.stdout.write(json.dumps({"version": JSON_VERSION, "surveys": plain}, sort_keys=True) + "\n")

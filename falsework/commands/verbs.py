@@ -8,8 +8,10 @@ from falsework.children.products import surveys_of
 from falsework.report.report import write_report
 from falsework.scenario import load_scenario, scene_title
 from falsework.stages import STAGES
-from groundwork.errors import InputError, MissingError, RejectedSceneError
-from groundwork.files import claim_output, fresh_output
+from groundwork.errors import InputError, MissingError
+from groundwork.output_file import fresh_file
+from groundwork.output_folder import fresh_output
+from groundwork.output_reading import reading
 from groundwork.progress import Progress
 from groundwork.settings import read_toml
 from recon.settings import ReconSettings
@@ -36,15 +38,13 @@ def render_file(
     Raises:
         InputError: No such file or product, nothing to render, or an output folder that is not ours.
     """
-    if not stage.is_file():
-        raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
-    claim_output(out, "captures")
-    names = surveys_of(stage, allow_roots, progress)
-    if survey is not None and survey not in names:
-        raise InputError("no such product or camera", where=stage, value=survey, allowed=", ".join(names))
-    chosen = names if survey is None else [survey]
+    chosen: list[str] = []
 
     def write(folder: Path) -> None:
+        names = surveys_of(stage, allow_roots, progress)
+        if survey is not None and survey not in names:
+            raise InputError("no such product or camera", where=stage, value=survey, allowed=", ".join(names))
+        chosen.extend(names if survey is None else [survey])
         for other in folder.iterdir():
             if other.name not in chosen:  # an interrupted run was asked for other surveys
                 shutil.rmtree(other, ignore_errors=True)
@@ -53,7 +53,10 @@ def render_file(
             request = {"seed": seed, "survey": name, "render": settings}
             STAGES["capture"].run(request, {"stage": stage}, folder / name, progress)
 
-    fresh_output(out, "captures", write, resume=True)
+    with reading(stage):
+        if not stage.is_file():
+            raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
+        fresh_output(out, "captures", write, inputs=[stage], asked=_place(stage), resume=True)
     return chosen
 
 
@@ -66,19 +69,21 @@ def reconstruct_folder(capture: Path, out: Path, scenario: Path | None, progress
         scenario: File whose `[recon]` section applies, or None for the defaults.
         progress: Listener.
     """
-    if not capture.is_dir():
-        raise MissingError("no such folder", where=capture, mend="Name a capture, or a folder of photographs")
     settings = ReconSettings() if scenario is None else load_scenario(scenario).recon
     request = {"recon": settings.model_dump(mode="json")}
 
     def write(folder: Path) -> None:
-        try:
-            STAGES["cloud"].run(request, {"capture": capture}, folder, progress)
-        except RejectedSceneError:
-            shutil.rmtree(folder)  # nothing of it would go on
-            raise
+        STAGES["cloud"].run(request, {"capture": capture}, folder, progress)
 
-    fresh_output(out, "cloud", write, resume=True)
+    with reading(capture):
+        if not capture.is_dir():
+            raise MissingError("no such folder", where=capture, mend="Name a capture, or a folder of photographs")
+        fresh_output(out, "cloud", write, inputs=[capture], asked=_place(capture), resume=True)
+
+
+def _place(path: Path) -> str:
+    """Name what an interrupted run was working on; whether it is still the same is seen from its content."""
+    return str(path.resolve())
 
 
 def report_scene(scene: Path, page: Path) -> None:
@@ -93,7 +98,9 @@ def report_scene(scene: Path, page: Path) -> None:
         raise MissingError("holds no capture", where=scene, mend="Name a folder such as OUT/scenes/0000")
     clouds = {path.name: path for path in scene.glob("cloud/*") if path.is_dir()}
     surveys = {path.name: (path, clouds.get(path.name)) for path in captures}
-    write_report(page, _title(scene), scene / "stage", surveys)
+    inputs = [scene, *(path for pair in surveys.values() for path in pair if path)]
+    with reading(*inputs), fresh_file(page, inputs) as temporary:
+        write_report(temporary, _title(scene), scene / "stage", surveys)
 
 
 def _title(scene: Path) -> str:
@@ -123,12 +130,14 @@ def export_folder(source: Path, to: str, out: Path, progress: Progress, photogra
     Raises:
         InputError: Neither of them, or a format for which it lacks something.
     """
-    is_cloud = (source / "cloud.json").is_file()
-    if not is_cloud and to not in CAPTURE_FORMATS:
-        raise InputError("a format of clouds, and this is none", where=source, field="--to", value=to,
-                         allowed=", ".join(CAPTURE_FORMATS), mend="Name the folder that holds cloud.json")  # fmt: skip
 
     def write(folder: Path) -> None:
+        is_cloud = (source / "cloud.json").is_file()
+        if not is_cloud and to not in CAPTURE_FORMATS:
+            raise InputError(
+                "a format of clouds, and this is none", where=source, field="--to", value=to,
+                allowed=", ".join(CAPTURE_FORMATS), mend="Name the folder that holds cloud.json",
+            )  # fmt: skip
         if is_cloud:
             from recon.formats.export import export_cloud
 
@@ -139,5 +148,7 @@ def export_folder(source: Path, to: str, out: Path, progress: Progress, photogra
             files.extend(export_capture(source, to, folder, progress))
 
     files: list[str] = []
-    fresh_output(out, f"export to {to}", write)
+    inputs = [source] if photographs is None else [source, photographs]
+    with reading(*inputs):
+        fresh_output(out, f"export to {to}", write, inputs=inputs)
     return [out / file for file in files]

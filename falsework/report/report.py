@@ -18,6 +18,7 @@ from falsework.report.figures import (
     uncertainty_figure,
 )
 from groundwork.files import read_json, write_text
+from groundwork.output_file import SIGNATURE
 from groundwork.slug import slug
 from render.capture import Capture, Truth, read_capture, read_truth
 
@@ -48,6 +49,7 @@ def write_report(path: Path, title: str, stage: Path, surveys: dict[str, tuple[P
     template = files("falsework.report").joinpath("templates/report.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     page = environment.from_string(template).render(
+        signature=SIGNATURE,
         title=title,
         lead=_lead(stage),
         plotly=Markup(get_plotlyjs()),

@@ -13,6 +13,7 @@ from plotly.offline import get_plotlyjs
 
 from falsework.report.figures import FONT, flight_figure
 from groundwork.files import write_text
+from groundwork.output_file import SIGNATURE
 from groundwork.slug import slug
 
 PITCH_STEP = 15  # [deg]
@@ -32,7 +33,9 @@ def write_page(path: Path, surveys: list[dict[str, Any]]) -> None:
         {**row, "figures": [_embed(figure, f"{slug(row['survey'])}_{k}") for k, figure in enumerate(_figures(row))]}
         for row in surveys
     ]
-    write_text(path, environment.from_string(template).render(plotly=Markup(get_plotlyjs()), surveys=rows))
+    write_text(
+        path, environment.from_string(template).render(signature=SIGNATURE, plotly=Markup(get_plotlyjs()), surveys=rows)
+    )
 
 
 def _figures(row: dict[str, Any]) -> list[go.Figure]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
+from groundwork.output_reading import reading
 from recon.photos.photo_header import PhotoHeader, read_header
 from render.capture import CAMERAS, CalibrationPrior, Capture, CaptureImage, read_capture
 
@@ -33,6 +34,11 @@ def open_photographs(folder: Path) -> Capture:
         MissingError: Neither.
         InputError: Photographs of different sizes or lenses, two of one name, or one that is cut off in its header.
     """
+    with reading(folder):
+        return _open_photographs(folder)
+
+
+def _open_photographs(folder: Path) -> Capture:
     if (folder / CAMERAS).is_file():
         return read_capture(folder)
     paths = _photographs(folder) or _photographs(folder / "images")

@@ -14,7 +14,7 @@ import numpy as np
 
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
-from groundwork.files import folder_lock, read_json, write_bytes, write_json
+from groundwork.files import folder_lock, read_json, sweep, write_bytes, write_json
 from render.light.light_volume import LightVolume
 
 RECORD = "truth/render.json"
@@ -125,7 +125,8 @@ class Journal:
         return self._notes / "gain.lock"
 
     def close(self) -> None:
-        """Take the notes away; the capture is complete."""
+        """Take the notes away, and what killed writers left; the capture is complete."""
+        sweep(self._folder)
         shutil.rmtree(self._notes, ignore_errors=True)
 
     @property

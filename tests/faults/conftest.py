@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from groundwork.canonical import file_digest
-from groundwork.files import MANIFEST, MARK
+from groundwork.files import MANIFEST
+from groundwork.marks import MARK
 from tests.recon.conftest import poses_on_arc, write_capture
 
 ROOT = Path(__file__).resolve().parents[2]

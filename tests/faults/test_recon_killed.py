@@ -13,11 +13,13 @@ import pytest
 
 from falsework.stages import STAGES
 from falsework.store import Store, Task
+from groundwork.marks import MARK
 from groundwork.progress import Silent
 from recon.settings import ReconSettings, SparseSettings
 from tests.conftest import Count, RecordProof
 from tests.faults.conftest import MAX_FEATURES, PATIENCE, SETTINGS, Start, contents, finish
 
+WORK = ".next/files"  # where an output is made
 LOOK = 0.004  # [s]
 SOON = 5.0  # [s] until the kernel has cleared away the child of a child
 SMALL = ReconSettings(sparse=SparseSettings(max_features=MAX_FEATURES))
@@ -66,12 +68,12 @@ MOMENTS = (
 @pytest.mark.faults
 def test_killed_in_every_step(calm: Path, start_reconstruct: Start, tmp_path: Path, proof_count: Count) -> None:
     """Kill one run in each of its steps, in turn: the end equals the undisturbed cloud, and no step was done twice."""
-    out, folder = tmp_path / "out", tmp_path / ".out.partial"
+    out, folder = tmp_path / "out", tmp_path / "out" / WORK
     moments = MOMENTS[-proof_count(3, len(MOMENTS)) :]
     databases: list[tuple[int, int]] = []
     for moment in moments:
         kill_when(start_reconstruct(out), moment, folder)
-        assert not out.exists()
+        assert not (out / MARK).exists()
         finished = [path.stat() for path in folder.glob("work/features-*[!l]/database.db")]
         databases += [(status.st_ino, status.st_mtime_ns) for status in finished]
     said = finish(start_reconstruct(out))
@@ -112,7 +114,7 @@ def test_killed_at_random(
 def test_killed_in_the_dense_step(start_reconstruct: Start, tmp_path: Path) -> None:
     """Kill a dense run while depth is measured and while points are labelled: the same bytes, and one model only."""
     settings = f'[recon]\nmode = "dense"\nquality = "medium"\n{SETTINGS}'
-    calm, out, folder = tmp_path / "calm", tmp_path / "out", tmp_path / ".out.partial"
+    calm, out, folder = tmp_path / "calm", tmp_path / "out", tmp_path / "out" / WORK
     finish(start_reconstruct(calm, settings=settings))
     for moment in (Seen("work/dense-*.partial/*"), Seen("coord.npy")):
         kill_when(start_reconstruct(out, settings=settings), moment, folder)
@@ -166,7 +168,7 @@ def test_interrupt_leaves_no_child(working: Seen, start_reconstruct: Start, tmp_
     out = tmp_path / "out"
     process = start_reconstruct(out)
     deadline = time.monotonic() + PATIENCE
-    while not working(tmp_path / ".out.partial"):
+    while not working(tmp_path / "out" / WORK):
         assert time.monotonic() < deadline
         time.sleep(LOOK)
     below = descendants(process.pid)
@@ -176,7 +178,7 @@ def test_interrupt_leaves_no_child(working: Seen, start_reconstruct: Start, tmp_
     assert process.returncode == 130
     assert said.strip().splitlines()[-1].startswith("falsework: interrupted; the same command goes on")
     assert "Traceback" not in said
-    assert not out.exists()
+    assert not (out / MARK).exists()
     deadline = time.monotonic() + SOON
     while [child for child in below if Path(f"/proc/{child}/statm").exists()]:
         assert time.monotonic() < deadline

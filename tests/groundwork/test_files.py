@@ -6,23 +6,20 @@ import random
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from groundwork import files
-from groundwork.canonical import folder_digest
+from groundwork.canonical import digest, file_digest, folder_digest
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.files import (
     MANIFEST,
     check_manifest,
-    claim_output,
     commit_folder,
-    fresh_output,
     read_json,
-    sole_writer,
     space_errors,
+    sweep,
+    temporary_name,
     write_bytes,
     write_json,
     write_manifest,
@@ -155,178 +152,33 @@ def test_commit_folder(tmp_path: Path) -> None:
         commit_folder(tmp_path / "again", final)
 
 
-def writes(text: str) -> Callable[[Path], None]:
-    """A writer of one file."""
-
-    def write(folder: Path) -> None:
-        (folder / "file").write_text(text)
-
-    return write
-
-
-def test_fresh_output_replaces_only_its_own_kind(tmp_path: Path) -> None:
-    """Absent, empty and former outputs are filled; another kind is refused; nothing else is left behind."""
-    out = tmp_path / "out"
-    fresh_output(out, "capture", writes("1"))
-    fresh_output(out, "capture", writes("2"))
-    assert (out / "file").read_text() == "2"
-    with pytest.raises(InputError, match="the output folder holds capture"):
-        fresh_output(out, "cloud", writes("3"))
-    assert (out / "file").read_text() == "2"
-    (tmp_path / "empty").mkdir()
-    fresh_output(tmp_path / "empty", "cloud", writes("4"))
-    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["empty", "out"]
+def test_leftovers_of_killed_writers_are_swept(tmp_path: Path) -> None:
+    """A temporary file is nobody's content: the manifest does not name it, and it goes when the folder is finished."""
+    write_bytes(tmp_path / "file", b"x")
+    left = temporary_name(tmp_path / "file")
+    left.write_bytes(b"half")
+    assert folder_digest(tmp_path) == digest({"file": file_digest(tmp_path / "file")})
+    write_manifest(tmp_path, {})
+    assert not left.exists()
+    left.write_bytes(b"half")
+    assert check_manifest(tmp_path) == []
+    sweep(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [MANIFEST, "file"]
 
 
-@pytest.mark.parametrize("resume", [False, True])
-def test_fresh_output_is_written_by_one_command_at_a_time(resume: bool, tmp_path: Path) -> None:
-    """A second command for the same folder is refused while the first one writes, and takes nothing from it."""
-    out = tmp_path / "out"
+def test_two_writers_of_one_file_do_not_meet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second process writes the same file while the first one does: both succeed, and the later one's stays."""
+    path, replace, writers = tmp_path / "file", Path.replace, [b"second"]
 
-    def write(folder: Path) -> None:
-        writes("first")(folder)
-        with pytest.raises(InputError, match="another command is writing this folder"):
-            fresh_output(out, "cloud", writes("second"), resume=resume)
+    def slow(self: Path, target: Path) -> Path:
+        if writers:
+            write_bytes(path, writers.pop())
+        return replace(self, target)
 
-    fresh_output(out, "cloud", write, resume=resume)
-    fresh_output(tmp_path / "other", "cloud", writes("first"))
-    assert folder_digest(out) == folder_digest(tmp_path / "other")
-    fresh_output(out, "cloud", writes("second"), resume=resume)
-
-
-def test_a_folder_filled_meanwhile_is_kept(tmp_path: Path) -> None:
-    """What somebody put into the output folder while it was written stays; the finished work stays beside it."""
-    out = tmp_path / "out"
-
-    def write(folder: Path) -> None:
-        writes("long work")(folder)
-        out.mkdir()
-        (out / "notes.txt").write_text("mine")
-
-    with pytest.raises(InputError, match="files that Falsework did not write"):
-        fresh_output(out, "cloud", write, resume=True)
-    assert (out / "notes.txt").read_text() == "mine"
-    (out / "notes.txt").unlink()
-    seen: list[str] = []
-    fresh_output(out, "cloud", lambda folder: seen.append((folder / "file").read_text()), resume=True)
-    assert seen == ["long work"]
-
-
-def test_fresh_output_through_links(tmp_path: Path) -> None:
-    """A link to a folder stays one, and has the folder's lock; a link in the place of the work is not followed."""
-    out, link, other = tmp_path / "out", tmp_path / "link", tmp_path / "other"
-    link.symlink_to("out")
-    other.mkdir()
-    writes("mine")(other)
-    (tmp_path / ".out.partial").symlink_to("other")
-
-    def write(folder: Path) -> None:
-        writes("first")(folder)
-        with pytest.raises(InputError, match="another command is writing this folder"):
-            fresh_output(out, "cloud", writes("second"))
-
-    for _ in range(2):
-        fresh_output(link, "cloud", write)
-    assert link.is_symlink()
-    assert (out / "file").read_text() == "first"
-    assert (other / "file").read_text() == "mine"
-    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["link", "other", "out"]
-
-
-def test_a_lock_removed_while_we_took_it_is_not_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A former holder removes its lock file between our opening and our locking: the lock is taken anew."""
-    out, removed = tmp_path / "out", []
-    lock = files.fcntl.flock
-
-    def slow(handle: int, operation: int) -> None:
-        if not removed:
-            removed.append((tmp_path / ".out.lock").unlink())
-        lock(handle, operation)
-
-    monkeypatch.setattr(files.fcntl, "flock", slow)
-    with sole_writer(out):
-        assert removed
-        with pytest.raises(InputError, match="another command is writing this folder"), sole_writer(out):
-            pass
-    assert not list(tmp_path.iterdir())
-
-
-def test_fresh_output_refuses_foreign_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder with somebody's files, or a file, is never touched, and nothing is written."""
-    (tmp_path / "holiday.jpg").write_text("mine")
-    called: list[Path] = []
-    with pytest.raises(InputError, match="files that Falsework did not write") as caught:
-        fresh_output(tmp_path, "capture", called.append)
-    assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="is a file"):
-        fresh_output(tmp_path / "holiday.jpg", "capture", called.append)
-    (tmp_path / "new" / "deep").mkdir(parents=True)
-    monkeypatch.chdir(tmp_path / "new" / "deep")
-    for here in (Path(), tmp_path / "new"):
-        with pytest.raises(InputError, match="is the folder that you are in"):
-            fresh_output(here, "capture", called.append)
-    assert not called
-    assert (tmp_path / "holiday.jpg").read_text() == "mine"
-
-
-def test_a_failing_writer_leaves_the_former_output(tmp_path: Path) -> None:
-    """An error halfway keeps what was there; the next call succeeds."""
-    out = tmp_path / "out"
-    fresh_output(out, "capture", writes("old"))
-
-    def fail(folder: Path) -> None:
-        (folder / "file").write_text("half")
-        raise RuntimeError("broke")
-
-    with pytest.raises(RuntimeError, match="broke"):
-        fresh_output(out, "capture", fail)
-    assert (out / "file").read_text() == "old"
-    fresh_output(out, "capture", writes("new"))
-    assert (out / "file").read_text() == "new"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
-
-
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from groundwork.files import fresh_output
-
-def write(folder):
-    (folder / "file").write_text("half")
-    os.kill(os.getpid(), signal.SIGKILL)
-
-fresh_output(Path(sys.argv[1]), "capture", write)
-"""
-
-
-@pytest.mark.faults
-def test_a_killed_output_leaves_the_former_one(tmp_path: Path) -> None:
-    """A kill halfway keeps what was there, and the next call cleans up and succeeds."""
-    out = tmp_path / "out"
-    fresh_output(out, "capture", writes("old"))
-    process = python(KILLED, out)
-    process.communicate()
-    assert process.returncode == -9
-    assert (out / "file").read_text() == "old"
-    fresh_output(out, "capture", writes("new"))
-    assert (out / "file").read_text() == "new"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
-
-
-def test_unwritable_places_are_refused_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The nearest existing parent must be a folder that may be written."""
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=r"file: is a file, not a folder"):
-        claim_output(tmp_path / "file" / "below", "capture")
-    (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    for name in ("loop", "loop/below"):
-        with pytest.raises(InputError, match=r"loop: is a link that leads to itself"):
-            fresh_output(tmp_path / name, "capture", writes("nothing"))
-    with pytest.raises(InputError, match="proc: not writable"):  # its rights say otherwise
-        fresh_output(Path("/proc/capture"), "capture", writes("nothing"))
-    monkeypatch.setattr(files.os, "access", lambda *_: False)
-    with pytest.raises(InputError, match="not writable"):
-        claim_output(tmp_path / "new" / "deep", "capture")
+    monkeypatch.setattr(Path, "replace", slow)
+    write_bytes(path, b"first")
+    assert path.read_bytes() == b"first"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
 
 
 HOLDER = """

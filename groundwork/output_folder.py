@@ -1,0 +1,154 @@
+"""Folders that appear as a whole: claimed first, made inside themselves, and then put into place.
+
+Nothing beside the folder is touched, and nothing in it that we did not write. `docs/formats.md` tells what lies where.
+"""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from groundwork.canonical import digest
+from groundwork.errors import InputError, RejectedSceneError
+from groundwork.files import space_errors, sweep, sync, write_bytes
+from groundwork.marks import MARK, NEXT, Listing, is_mark, list_folder, read_listing
+from groundwork.output_lock import sole_writer
+from groundwork.output_place import RUN, output_place
+from groundwork.output_swap import FILES, discard, is_ready, make_ready, roll_forward
+
+_NOBODYS = {"lost+found"}  # what a file system has at its own top
+_RESUMES = " resumes"  # work that another command must not throw away
+_ELSEWHERE = "Choose another folder with -o"
+
+
+def fresh_output(
+    folder: Path,
+    kind: str,
+    write: Callable[[Path], None],
+    *,
+    inputs: Iterable[Path] = (),
+    asked: object = None,
+    resume: bool = False,
+    is_marked: bool = True,
+) -> None:
+    """Write an output folder as a whole, in place of a former one of ours; files of others in it stay.
+
+    Args:
+        folder: The folder that the user named.
+        kind: What is in it, e.g. `capture`; an output of another kind is not replaced.
+        write: Called with an empty folder to fill.
+        inputs: Files and folders that it is made from.
+        asked: JSON value that says what was asked for. Work on anything else that an interrupted run left is not
+            taken over.
+        resume: Call `write` with what an interrupted run left instead; it then checks what of that is still right.
+        is_marked: Whether the output stays ours; else it is the user's from the moment that it is there, and the
+            folder must be empty before.
+
+    Raises:
+        InputError: The folder holds something that Falsework did not write, is not writable, is being written, or
+            lies where no output may.
+    """
+    place, code = output_place(folder, inputs), digest(asked) + (_RESUMES if resume else "")
+    with space_errors(place):
+        _refuse_filled(place, kind, is_marked)  # so that not even a lock is put into a stranger's folder
+        with sole_writer(place) as work:
+            if is_ready(place):
+                is_same = _said(work) == (kind, code)
+                roll_forward(place)
+                discard(work)
+                if is_same and not is_marked:
+                    return
+            _refuse_filled(place, kind, is_marked)
+            former = _former(place)
+            files = _enter(work, kind, code, resume)
+            try:
+                write(files)
+                sweep(files)
+                make_ready(place, former, kind, is_marked)
+            except BaseException as error:
+                keeps = resume and not isinstance(error, RejectedSceneError) and bool(list_folder(files, kind).files)
+                if not keeps and not is_ready(place):
+                    discard(work)
+                raise
+            roll_forward(place)
+            discard(work)
+
+
+def claim_run(folder: Path, inputs: Iterable[Path] = ()) -> None:
+    """Make the folder of a run ours, so that the processes that share it may write into it.
+
+    Args:
+        folder: The folder that the user named; absent, empty, or of a run.
+        inputs: Files and folders that the run is made from.
+
+    Raises:
+        InputError: It holds anything else, is not writable, or lies where no output may.
+    """
+    place = output_place(folder, inputs)
+    with space_errors(place):
+        _refuse_filled(place, RUN, True)
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except FileNotFoundError:  # such as /proc: its rights say that one may write, and one may not
+            raise InputError("not writable", where=place.parent, mend=_ELSEWHERE) from None
+        if not (place / MARK).is_file():
+            write_bytes(place / MARK, Listing(RUN, is_complete=False).as_text().encode())
+            sync(place)
+
+
+def _refuse_filled(place: Path, kind: str, is_marked: bool) -> None:
+    """Refuse a folder with anything in it that is not a former output of the same kind."""
+    if not place.exists() or is_ready(place):
+        return
+    if not place.is_dir():
+        raise InputError("is a file, not a folder", where=place, mend=_ELSEWHERE)
+    mark = place / MARK
+    found = read_listing(mark).kind if mark.is_file() else ""
+    if not found:
+        if any(path.name not in _NOBODYS | {NEXT} and not is_mark(path.name) for path in place.iterdir()):
+            found = "files that Falsework did not write"
+        elif _has_other_work(place / NEXT, kind):
+            found = f"an unfinished {read_listing(place / NEXT / MARK).kind}"
+    if found and not is_marked:
+        raise InputError("is not empty", where=place, value=found, mend="Name a new folder with -o")
+    if found not in ("", kind):
+        raise InputError(
+            f"the output folder holds {found}", where=place, allowed=f"an empty folder or a former {kind}",
+            mend=_ELSEWHERE,
+        )  # fmt: skip
+
+
+def _has_other_work(work: Path, kind: str) -> bool:
+    """Tell whether hours of another command's work wait to be gone on with."""
+    said = _said(work)
+    return (
+        said is not None and said[0] != kind and said[1].endswith(_RESUMES)
+        and bool(list_folder(work / FILES, kind).files)
+    )  # fmt: skip
+
+
+def _former(place: Path) -> Listing:
+    """List what a folder holds of ours; all of it, where its mark is of a version that did not say."""
+    mark = place / MARK
+    if not mark.is_file():
+        return Listing("")
+    listing = read_listing(mark)
+    return listing if listing.is_complete else list_folder(place, listing.kind, but={MARK, NEXT, *_NOBODYS})
+
+
+def _said(work: Path) -> tuple[str, str] | None:
+    """Read what the work was begun for: the kind of the output, and the hash of what was asked."""
+    mark = work / MARK
+    if not mark.is_file():
+        return None
+    kind, _, code = mark.read_text(encoding="utf-8", errors="replace").partition("\n")
+    return kind, code.rstrip("\n")
+
+
+def _enter(work: Path, kind: str, code: str, resume: bool) -> Path:
+    """Open the folder to fill, empty unless the same was asked for before."""
+    files = work / FILES
+    if not resume or _said(work) != (kind, code) or files.is_symlink():
+        discard(work)
+        write_bytes(work / MARK, f"{kind}\n{code}\n".encode())
+        sync(work)
+    files.mkdir(exist_ok=True)
+    return files

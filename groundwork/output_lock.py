@@ -1,0 +1,140 @@
+"""One writer at a time: the kernel lock inside an output, taken with the folder in which the output is made."""
+
+import errno
+import fcntl
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from groundwork.errors import InputError
+from groundwork.files import sync
+from groundwork.marks import MARK, NEXT, TEMPORARY
+
+LOCK = f"{TEMPORARY}lock"
+_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # what file systems without locks answer
+_TRIES = 100  # against other commands that come and go; nobody is that unlucky
+_ELSEWHERE = "Choose another folder with -o"
+
+
+@contextmanager
+def sole_writer(place: Path) -> Iterator[Path]:
+    """Make an output's folder and the one inside it for the next output, and hold the lock that lies there.
+
+    What was made goes again when nothing was left in it.
+
+    Args:
+        place: Folder of the output, free of links.
+
+    Returns:
+        The folder `.next`, inside it.
+
+    Raises:
+        InputError: Another command holds the lock, or something of the user's is in the way.
+    """
+    made = [folder for folder in (place, *place.parents) if not folder.exists()]
+    work = place / NEXT
+    handle, is_held = _enter(place, work)
+    if not is_held:
+        sys.stderr.write(f"falsework: {place}: no locks in this file system: start no second command on this folder\n")
+    try:
+        for folder in made:
+            sync(folder.parent)
+        yield work
+    finally:
+        leave(work, handle, made)
+
+
+def leave(work: Path, handle: int, made: Iterable[Path] = ()) -> None:
+    """Give the lock back, and take the folder away where nothing is left in it.
+
+    Args:
+        work: The folder `.next`.
+        handle: The lock.
+        made: Folders above it that go with it, innermost first.
+    """
+    try:
+        with suppress(OSError):  # somebody came in
+            if [path.name for path in work.iterdir()] == [LOCK]:
+                (work / LOCK).unlink()
+                for folder in (work, *made):
+                    folder.rmdir()
+    finally:
+        os.close(handle)
+
+
+def lock_if_free(work: Path) -> int | None:
+    """Take the lock of an output that is there, for a reader.
+
+    Args:
+        work: Its folder `.next`.
+
+    Returns:
+        A handle to `leave` with, or None where another process holds the lock, or nothing can be locked.
+    """
+    try:
+        handle = os.open(work / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    except OSError:  # on a disk that may only be read; or finished meanwhile
+        return None
+    with suppress(OSError):
+        if _lock(handle) and _is_at(handle, work / LOCK):
+            return handle
+    os.close(handle)
+    return None
+
+
+def _enter(place: Path, work: Path) -> tuple[int, bool]:
+    """Open the lock and lock it; tell whether this file system knows locks."""
+    for _ in range(_TRIES):
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            _make_work(work)
+            handle = os.open(work / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        except FileNotFoundError:
+            continue  # its former holder removed it between our calls
+        except (IsADirectoryError, FileExistsError, NotADirectoryError):
+            raise InputError("is in the way", where=work, mend=f"Move it elsewhere. {_ELSEWHERE}") from None
+        except OSError as error:
+            if error.errno != errno.ELOOP:
+                raise
+            raise InputError("is a link", where=work / LOCK, mend="Remove it") from None
+        try:
+            is_free = _lock(handle)
+        except OSError as error:
+            if error.errno in _NO_LOCKS:
+                return handle, False
+            os.close(handle)
+            raise
+        if is_free and _is_at(handle, work / LOCK):
+            return handle, True
+        os.close(handle)
+        if not is_free:
+            raise InputError("another command is writing this folder", where=place,
+                             mend="Wait for it to end, or choose another folder with -o")  # fmt: skip
+    raise InputError("not writable", where=place.parent, mend=_ELSEWHERE)  # such as /proc, whatever its rights say
+
+
+def _make_work(work: Path) -> None:
+    """Make the folder, or see that the one that is there is ours: it has our mark, or holds nothing of anybody."""
+    work.mkdir(exist_ok=True)
+    if work.is_symlink():
+        raise FileExistsError
+    if not (work / MARK).is_file() and any(not path.name.startswith(TEMPORARY) for path in work.iterdir()):
+        raise FileExistsError
+
+
+def _lock(handle: int) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _is_at(handle: int, path: Path) -> bool:
+    """Tell whether an open file still has its name; its former holder may have removed it before we locked it."""
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False

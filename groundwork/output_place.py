@@ -1,0 +1,86 @@
+"""Where an output may lie: never on, in or around what it is made from, and never inside a store."""
+
+import errno
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from groundwork.errors import InputError
+from groundwork.files import MANIFEST
+from groundwork.marks import MARK, read_listing
+
+RUN = "run"  # kind of the one output whose folder many processes share
+_OF_A_RUN = ("store", "work", "scenes", "failed", "run")  # what a run writes at the top of its folder
+_LONGEST = 255  # [byte] of a name on any file system in use
+_ELSEWHERE = "Choose another place with -o"
+
+
+def output_place(path: Path, inputs: Iterable[Path] = ()) -> Path:
+    """Find where an output will really lie, and refuse places where it would harm anything.
+
+    Args:
+        path: File or folder that the user named; links in it are followed.
+        inputs: Files and folders that the output is made from.
+
+    Returns:
+        The place, free of links.
+
+    Raises:
+        InputError: The place is, holds or lies in an input; lies in a store; cannot have such a name; or is not
+            writable.
+    """
+    _check_names(path)
+    place = Path(os.path.realpath(path))
+    for folder in (place, *place.parents):
+        if os.path.islink(folder):  # noqa: PTH114 - a path that is too long is no link, and no error here
+            raise InputError("is a link that leads to itself", where=folder, mend=_ELSEWHERE)
+    for given in inputs:
+        source = Path(os.path.realpath(given))
+        if place == source:
+            raise InputError("is what the output is made from", where=path, mend=_ELSEWHERE)
+        if source in place.parents:
+            raise InputError("lies in what the output is made from", where=path, value=str(given), mend=_ELSEWHERE)
+        if place in source.parents:
+            raise InputError("holds what the output is made from", where=path, value=str(given), mend=_ELSEWHERE)
+    _check_writable(place)
+    _refuse_stores(place, path)
+    return place
+
+
+def _check_names(path: Path) -> None:
+    for name in path.parts:
+        try:
+            length = len(os.fsencode(name))
+        except UnicodeEncodeError:
+            raise InputError("a name that no file can have", where=repr(str(path)), mend=_ELSEWHERE) from None
+        if "\0" in name:
+            raise InputError("a name with a null character", where=repr(str(path)), mend=_ELSEWHERE)
+        if length > _LONGEST:
+            raise InputError("a name that is too long", where=path, value=f"{length} bytes",
+                             allowed=f"{_LONGEST} bytes", mend="Choose a shorter one with -o")  # fmt: skip
+
+
+def _refuse_stores(place: Path, path: Path) -> None:
+    for folder in (place, *place.parents):
+        if (folder / MANIFEST).is_file():
+            raise InputError("lies in a stored result, which is never changed", where=path, mend=_ELSEWHERE)
+        mark = folder / MARK
+        if folder != place and mark.is_file() and read_listing(mark).kind == RUN:
+            top = place.relative_to(folder).parts[0]
+            if top in _OF_A_RUN:
+                raise InputError(f"lies in {top}/ of a run, which the run alone writes", where=path, mend=_ELSEWHERE)
+
+
+def _check_writable(place: Path) -> None:
+    parent = place
+    try:
+        while not parent.exists():
+            parent = parent.parent
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise InputError("a path that is too long", where=place, mend="Choose a shorter one with -o") from None
+        raise InputError("not to be reached", where=place, mend=_ELSEWHERE) from None
+    if parent != place and not parent.is_dir():
+        raise InputError("is a file, not a folder", where=parent, mend="Choose another folder with -o")
+    if not os.access(parent, os.W_OK):
+        raise InputError("not writable", where=parent, mend="Choose another folder with -o, or change its rights")
