@@ -7,21 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.errors import RejectedSceneError
 from recon.align import OK, UNREGISTERED, Alignment, Target, align, centre_limit, check_share, stand_upright
+from recon.align_gps import align_to_fixes
 from recon.settings import AlignmentSettings
 from recon.similarity import Similarity
 from render.capture import Capture, Truth
 
 F64 = NDArray[np.float64]
 
-_GPS_SIGMAS = 4.0  # a centre may stray this many standard deviations of the GPS
-_FEW_POSITIONS = 3
-NOTES = {
-    "truth": "labels and uncertainty from truth",
-    "gps": "no truth: aligned to GPS, without labels",
-    "none": "no truth and no GPS that fits: in its own units, upright, without labels",
-}
+_LEAST_SIGMA = 1e-3  # [m] no receiver is better, and no weight infinite
 
 
 def place(
@@ -30,7 +24,7 @@ def place(
 ) -> tuple[Alignment, Target]:  # fmt: skip
     """Carry a model to where it belongs, as far as anybody knows, and judge every camera.
 
-    Photographs whose GPS is absent or does not fit the model leave it in its own units, standing upright.
+    Photographs whose GPS is absent, or does not fix the frame, leave the model in its own units, standing upright.
 
     Args:
         poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
@@ -48,15 +42,11 @@ def place(
         RejectedSceneError: With truth only: `alignment_failed`, `straight_path` or `too_few_cameras`.
     """
     target = _target(capture, truth, settings)
-    try:
-        found = align(poses, rows, target, settings, rng) if target.kind != "none" else None
-    except RejectedSceneError:
-        if truth is not None:
-            raise
-        found = None
-    if found is None:
-        target = replace(target, kind="none")
-        found = stand_upright(poses, rows, target)
+    if truth is not None:
+        found = align(poses, rows, target, settings, rng)
+    else:
+        found = align_to_fixes(poses, rows, target, rng) if target.kind == "gps" else stand_upright(poses, rows, target)
+        target = replace(target, kind="none") if found.unfixed else target
     status = tuple(
         reasons.get(image.file, code) if code == UNREGISTERED else code
         for image, code in zip(capture.images, found.status, strict=True)
@@ -87,17 +77,41 @@ def alignment_facts(alignment: Alignment, target: Target, capture: Capture) -> d
         target: What it aligned to.
         capture: Photographs.
     """
-    placed = target.kind != "none"
-    limit = target.centre_limit if placed else None
     facts = {
         **similarity_facts(alignment.similarity), "target": target.kind, "method": alignment.method,
-        "note": NOTES[target.kind], "unit": "m" if placed else "unknown",
-        "inliers": sum(code == OK for code in alignment.status), "centre_limit": limit,
+        "note": note(alignment, target), "unit": "m" if target.kind != "none" else "unknown",
+        "inliers": sum(code == OK for code in alignment.status),
+        "centre_limit": target.centre_limit if target.kind == "truth" else None,
         "singular_values": alignment.singular_values.tolist(),
     }  # fmt: skip
+    if alignment.errors is not None:
+        facts["expected_error"] = alignment.errors.facts()
+    if alignment.unfixed:
+        facts["unfixed"] = alignment.unfixed
+    if alignment.agreeing is not None:
+        facts["fixes"] = int(np.isfinite(alignment.centre_errors).sum())
+        facts["agreeing_fixes"] = int(alignment.agreeing.sum())
     if "origin" in capture.facts and target.kind == "gps":
         facts["origin"] = capture.facts["origin"]
     return facts
+
+
+def note(alignment: Alignment, target: Target) -> str:
+    """Say in words what the metres of a model rest on, and how far they may be off.
+
+    Args:
+        alignment: The alignment.
+        target: What it aligned to.
+    """
+    if target.kind == "truth":
+        return "labels and uncertainty from truth"
+    if target.kind == "gps" and alignment.errors is not None and alignment.agreeing is not None:
+        fixes = int(np.isfinite(alignment.centre_errors).sum())
+        agreeing = int(alignment.agreeing.sum())
+        where = f"{fixes}" if agreeing == fixes else f"{agreeing} of {fixes}"
+        return f"no truth: aligned to GPS ({where} fixes), {alignment.errors.in_words()}, without labels"
+    why = f"GPS does not fix the frame ({alignment.unfixed})" if alignment.unfixed else "no GPS that fits"
+    return f"no truth and {why}: in its own units, upright, without labels"
 
 
 def camera_rows(capture: Capture, alignment: Alignment) -> tuple[dict[str, Any], ...]:
@@ -111,12 +125,16 @@ def camera_rows(capture: Capture, alignment: Alignment) -> tuple[dict[str, Any],
     def known(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None
 
-    return tuple(
+    rows = [
         {"name": image.name, "status": status, "center_error": known(centre), "rotation_error": known(rotation)}
         for image, status, centre, rotation in zip(
             capture.images, alignment.status, alignment.centre_errors, alignment.rotation_errors, strict=True
         )
-    )
+    ]
+    if alignment.agreeing is not None:
+        for row, agrees in zip(rows, alignment.agreeing, strict=True):
+            row["fix"] = None if row["center_error"] is None else "agrees" if agrees else "strays"
+    return tuple(rows)
 
 
 def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) -> Target:
@@ -125,16 +143,25 @@ def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) 
         centres = truth.poses[:, :3, 3]
         return Target("truth", centres, truth.poses[:, :3, :3], centre_limit(centres, kind, settings))
     centres = np.array([image.gps or (np.nan,) * 3 for image in capture.images])
-    turns = _quarter_turns(capture)
-    if np.isfinite(centres).all(axis=1).sum() < _FEW_POSITIONS:
-        return Target("none", centres, None, 0.0, quarter_turns=turns)
-    limit = centre_limit(centres, kind, settings) + _GPS_SIGMAS * float(np.linalg.norm(capture.gps_sigma))
-    return Target("gps", centres, None, limit, float(np.mean(capture.gps_sigma[:2])), turns)
+    turns, gimbal = _by_name(capture, "quarter_turns"), _by_name(capture, "gimbal")
+    sigmas = _by_name(capture, "gps_sigmas")
+    if sigmas is None:
+        sigmas = np.tile(np.array(capture.gps_sigma), (len(centres), 1))
+    east, north, up = _numbers(capture.facts.get("gps_bias", (0.0, 0.0, 0.0)))
+    kind = "gps" if np.isfinite(centres).all(axis=1).any() else "none"
+    return Target(
+        kind, centres, None, np.inf, np.maximum(sigmas, _LEAST_SIGMA), (east, north, up), gimbal,
+        None if turns is None else turns.astype(np.int64),
+    )  # fmt: skip
 
 
-def _quarter_turns(capture: Capture) -> NDArray[np.int64] | None:
-    """Tell how the photographs were held, where their EXIF says so."""
-    turns = capture.facts.get("quarter_turns")
-    if not isinstance(turns, dict):
+def _by_name(capture: Capture, fact: str) -> F64 | None:
+    """Take what the capture says of each photograph, in their order; NaN for null."""
+    told = capture.facts.get(fact)
+    if not isinstance(told, dict):
         return None
-    return np.array([turns[image.name] for image in capture.images], np.int64)
+    return np.array([_numbers(told[image.name]) for image in capture.images], np.float64)
+
+
+def _numbers(value: object) -> Any:
+    return np.array(value, np.float64)
