@@ -13,6 +13,7 @@ from recon.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.cloud import Cloud, write_cloud
 from recon.colmap_model import SparseModel
 from recon.dense import run_dense
+from recon.duplicates import merge_duplicates
 from recon.export import write_laz, write_ply
 from recon.noise_figures import describe_noise
 from recon.observations import Observations
@@ -45,7 +46,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     photographs = open_photographs(capture)
     work = enter_work(folder)
     sparse = run_sparse(photographs, work, settings, progress)
-    model = sparse.model
+    model = merge_duplicates(sparse.model)
     progress.stage("align", 0)
     truth = read_truth(photographs)
     rows = _rows_in_capture(model, photographs)

@@ -124,7 +124,7 @@ def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_what_a_killed_share_had_matched_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Four of six pairs were through in a share that was killed: two are left to do, and every row is as undisturbed."""
+    """Four of six pairs were through in a share that was killed: two are left to do, and every row is as ever."""
     capture = crops(tmp_path / "photographs", 4)
     settings = SparseSettings(max_features=500, threads=1)
     wanted = made(capture, tmp_path / "calm", 1)
