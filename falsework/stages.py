@@ -79,14 +79,16 @@ def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progr
 
     Args:
         settings: `{recon, platform}`.
-        inputs: `capture`: a capture folder, or one of plain photographs.
+        inputs: `capture`: a capture folder, or one of plain photographs; `control`: a file of ground control points, if
+            there is one.
         folder: Folder to fill: empty, or left by an interrupted run.
         progress: Listener.
     """
     from recon.reconstruct import reconstruct
     from recon.settings import ReconSettings
 
-    reconstruct(inputs["capture"], folder, parse_settings(ReconSettings, settings["recon"], "scenario"), progress)
+    recon = parse_settings(ReconSettings, settings["recon"], "scenario")
+    reconstruct(inputs["capture"], folder, recon, progress, inputs.get("control"))
 
 
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:

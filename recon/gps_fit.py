@@ -59,7 +59,9 @@ class Fit:
     twofold: bool = False
 
 
-def fit_to_fixes(source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.random.Generator) -> Fit | None:
+def fit_to_fixes(
+    source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.random.Generator, *, flown: bool = True
+) -> Fit | None:
     """Fit a similarity to positions that were measured, some of them wrongly, and to what gravity says.
 
     Args:
@@ -69,6 +71,7 @@ def fit_to_fixes(source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.ran
             height each may be wrong by a factor, which the residuals tell.
         levels: What the photographs say about up.
         rng: Draws triples to start from.
+        flown: Whether they were measured one after the other, so that errors may repeat.
 
     Returns:
         The fit; None for fewer than three fixes, or cameras that all stand in one place.
@@ -84,13 +87,13 @@ def fit_to_fixes(source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.ran
     rivals = [other.rotation for other, cost in zip(found, costs, strict=True) if cost < min(costs) + _SURE]
     unlike = bool((angles(np.array(rivals), best.rotation) > _UNLIKE).any())
     agreeing = _squares(best, source, goal, sigma * level) <= _FAR
-    fit = _adjust(best, source, goal, sigma, levels, agreeing)
+    fit = _adjust(best, source, goal, sigma, levels, agreeing, flown)
     for _ in range(_ROUNDS):
         again = _squares(fit.similarity, source, goal, sigma * fit.sigmas[[0, 0, 1]]) <= _FAR
         if (again == agreeing).all() or again.sum() < max(_TRIPLE, len(goal) / 2):
             break
         agreeing = again
-        fit = _adjust(fit.similarity, source, goal, sigma, levels, agreeing)
+        fit = _adjust(fit.similarity, source, goal, sigma, levels, agreeing, flown)
     return replace(fit, twofold=unlike)
 
 
@@ -157,7 +160,9 @@ def _step(similarity: Similarity, source: F64, goal: F64, weights: F64, levels: 
     )
 
 
-def _adjust(start: Similarity, source: F64, goal: F64, sigma: F64, levels: Levels, agreeing: Mask) -> Fit:
+def _adjust(
+    start: Similarity, source: F64, goal: F64, sigma: F64, levels: Levels, agreeing: Mask, flown: bool
+) -> Fit:  # fmt: skip
     """Fit to the agreeing fixes, and estimate how well the fixes were measured along the ground and in height."""
     source, goal, stated = source[agreeing], goal[agreeing], sigma[agreeing]
     similarity, factors, likeness = start, np.ones(2), 0.0
@@ -170,7 +175,7 @@ def _adjust(start: Similarity, source: F64, goal: F64, sigma: F64, levels: Level
             if moved < _SETTLED:
                 break
         residual = (goal - similarity.move(source)) / stated
-        likeness = _likeness(residual / factors[[0, 0, 1]])
+        likeness = _likeness(residual / factors[[0, 0, 1]]) if flown else 0.0
         again, freedom = _components(similarity, source, residual, stated, factors, levels, likeness)
         change = np.abs(np.log(again / factors)).max()
         factors = again

@@ -2,16 +2,21 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from groundwork.errors import InputError
 from recon.align import OK, UNREGISTERED, Alignment, Target, align, centre_limit, check_share, stand_upright
+from recon.align_control import POINTS, align_to_control
 from recon.align_gps import align_to_fixes
+from recon.colmap_model import SparseModel
+from recon.ground_control import GroundControl, read_ground_control
 from recon.settings import AlignmentSettings
 from recon.similarity import Similarity
-from render.capture import Capture, Truth
+from render.capture import TRUTH, Capture, Truth
 
 F64 = NDArray[np.float64]
 
@@ -47,13 +52,67 @@ def place(
     else:
         found = align_to_fixes(poses, rows, target, rng) if target.kind == "gps" else stand_upright(poses, rows, target)
         target = replace(target, kind="none") if found.unfixed else target
-    status = tuple(
-        reasons.get(image.file, code) if code == UNREGISTERED else code
-        for image, code in zip(capture.images, found.status, strict=True)
-    )
+    found = replace(found, status=_with_reasons(found.status, reasons, capture))
     if truth is not None:  # the rule is that of a data set; whoever brings photographs wants what they give
-        check_share(status, settings)
-    return replace(found, status=status), target
+        check_share(found.status, settings)
+    return found, target
+
+
+def place_on_control(
+    model: SparseModel, rows: NDArray[np.int64], reasons: Mapping[str, str], capture: Capture, control: GroundControl,
+    where: Path, rng: np.random.Generator,
+) -> tuple[Alignment, Target, dict[str, Any]]:  # fmt: skip
+    """Carry a model to where ground control puts it; every registered camera stays.
+
+    Args:
+        model: Reconstruction.
+        rows: Row in the capture of each image of the model, shape (I,), int64.
+        reasons: Why an image is not in the model, by file, where more is known than that.
+        capture: Photographs without truth.
+        control: Control points and scale bars.
+        where: Their file.
+        rng: Draws triples of points to start from.
+
+    Returns:
+        The alignment, what it aligned to, and JSON facts: residuals of every point and bar.
+
+    Raises:
+        InputError: The control points do not suffice, or a mark is wrong.
+    """
+    target = _target(capture, None, AlignmentSettings())
+    found = align_to_control(model, rows, target, capture, control, where, rng)
+    status = _with_reasons(found.alignment.status, reasons, capture)
+    return replace(found.alignment, status=status), replace(target, kind=found.kind), found.facts
+
+
+def read_control(path: Path, capture: Capture) -> GroundControl:
+    """Read ground control for photographs, before anything is computed.
+
+    Args:
+        path: File of control points.
+        capture: The photographs.
+
+    Raises:
+        InputError: The file is wrong, names none of the photographs, or these come with their truth.
+    """
+    control = read_ground_control(path)
+    if (capture.folder / TRUTH).is_dir():
+        raise InputError("a capture with truth is placed by it", where=capture.folder, mend="Leave --gcp out")
+    known = {PurePath(image.file).stem for image in capture.images}
+    marked = [mark.image for point in control.points for mark in point.marks]
+    if not any(PurePath(image).stem in known for image in marked):
+        raise InputError(
+            "marks none of the photographs", where=path, value=marked[0] if marked else None,
+            allowed=f"names as {capture.images[0].file}", mend=f"See that it belongs to {capture.folder}",
+        )  # fmt: skip
+    return control
+
+
+def _with_reasons(status: tuple[str, ...], reasons: Mapping[str, str], capture: Capture) -> tuple[str, ...]:
+    return tuple(
+        reasons.get(image.file, code) if code == UNREGISTERED else code
+        for image, code in zip(capture.images, status, strict=True)
+    )
 
 
 def similarity_facts(similarity: Similarity) -> dict[str, Any]:
@@ -69,17 +128,21 @@ def similarity_facts(similarity: Similarity) -> dict[str, Any]:
     }
 
 
-def alignment_facts(alignment: Alignment, target: Target, capture: Capture) -> dict[str, Any]:
+def alignment_facts(
+    alignment: Alignment, target: Target, capture: Capture, control: Mapping[str, Any] | None = None
+) -> dict[str, Any]:  # fmt: skip
     """State an alignment as JSON: the similarity, what it was found on, and how far that can be relied upon.
 
     Args:
         alignment: The alignment.
         target: What it aligned to.
         capture: Photographs.
+        control: Residuals of control points and scale bars, and the origin, if there are any.
     """
+    control = {} if control is None else control
     facts = {
         **similarity_facts(alignment.similarity), "target": target.kind, "method": alignment.method,
-        "note": note(alignment, target), "unit": "m" if target.kind != "none" else "unknown",
+        "note": note(alignment, target, control), "unit": "m" if target.kind != "none" else "unknown",
         "inliers": sum(code == OK for code in alignment.status),
         "centre_limit": target.centre_limit if target.kind == "truth" else None,
         "singular_values": alignment.singular_values.tolist(),
@@ -91,20 +154,29 @@ def alignment_facts(alignment: Alignment, target: Target, capture: Capture) -> d
     if alignment.agreeing is not None:
         facts["fixes"] = int(np.isfinite(alignment.centre_errors).sum())
         facts["agreeing_fixes"] = int(alignment.agreeing.sum())
-    if "origin" in capture.facts and target.kind == "gps":
+    if "origin" in capture.facts and (target.kind == "gps" or alignment.agreeing is not None):
         facts["origin"] = capture.facts["origin"]
-    return facts
+    return {**facts, **control}
 
 
-def note(alignment: Alignment, target: Target) -> str:
+def note(alignment: Alignment, target: Target, control: Mapping[str, Any]) -> str:
     """Say in words what the metres of a model rest on, and how far they may be off.
 
     Args:
         alignment: The alignment.
         target: What it aligned to.
+        control: Residuals of control points and scale bars, if there are any.
     """
     if target.kind == "truth":
         return "labels and uncertainty from truth"
+    if control and alignment.errors is not None:
+        points = [row["distance"] for row in control.get("control_points", []) if row["agrees"]]
+        bars = [row["error"] for row in control.get("scale_bars", [])]
+        used = points if target.kind == POINTS else bars
+        off = f"{len(used)} {target.kind} ({np.sqrt(np.mean(np.square(used))):.3f} m rms)"
+        if target.kind == POINTS and len(points) < len(control["control_points"]):
+            off += f", {len(control['control_points']) - len(points)} left out as far off"
+        return f"no truth: aligned to {off}, {alignment.errors.in_words()}, without labels"
     if target.kind == "gps" and alignment.errors is not None and alignment.agreeing is not None:
         fixes = int(np.isfinite(alignment.centre_errors).sum())
         agreeing = int(alignment.agreeing.sum())

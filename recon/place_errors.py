@@ -17,7 +17,7 @@ _SCALE_LIMIT, _TILT_LIMIT, _HEADING_LIMIT = 25.0, 20.0, 30.0  # [%] [deg] [deg]:
 
 @dataclass(frozen=True)
 class PlaceErrors:
-    """Limits that the errors of a placed model keep to in 95 of 100 cases.
+    """Limits that the errors of a placed model keep to in 95 of 100 cases; NaN where nothing is known.
 
     Attributes:
         scale: Error of the scale [%].
@@ -48,17 +48,21 @@ class PlaceErrors:
 
     def in_words(self) -> str:
         """Say the four limits in one clause."""
-        return (
-            f"scale ±{_short(self.scale)} %, tilt ±{_short(self.tilt)}°, heading ±{_short(self.heading)}°, "
-            f"place ±{_short(self.place)} m (95 %)"
-        )
+        known = [
+            f"{name} ±{_short(value)}{unit}"
+            for name, value, unit in (
+                ("scale", self.scale, " %"), ("tilt", self.tilt, "°"), ("heading", self.heading, "°"),
+                ("place", self.place, " m"),
+            ) if np.isfinite(value)
+        ]  # fmt: skip
+        return f"{', '.join(known)} (95 %)"
 
     def facts(self) -> dict[str, Any]:
-        """State the limits as JSON."""
-        return {
-            "share": SHARE, "scale_percent": self.scale, "tilt_deg": self.tilt, "heading_deg": self.heading,
-            "place_m": self.place,
+        """State the limits as JSON; None where nothing is known."""
+        values = {
+            "scale_percent": self.scale, "tilt_deg": self.tilt, "heading_deg": self.heading, "place_m": self.place,
         }  # fmt: skip
+        return {"share": SHARE} | {key: value if np.isfinite(value) else None for key, value in values.items()}
 
 
 def expected_errors(fit: Fit, bias: F64) -> PlaceErrors:

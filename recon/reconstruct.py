@@ -18,7 +18,7 @@ from recon.export import write_laz, write_ply
 from recon.noise_figures import describe_noise
 from recon.observations import Observations
 from recon.photos import open_photographs
-from recon.place import alignment_facts, camera_rows, place, similarity_facts
+from recon.place import alignment_facts, camera_rows, place, place_on_control, read_control, similarity_facts
 from recon.placed_points import PlacedPoints, place_dense, place_sparse
 from recon.settings import AGREEMENT, ReconSettings
 from recon.sparse import run_sparse, write_world_model
@@ -30,7 +30,9 @@ from render.capture import Capture, Truth, read_truth
 from usd_schemas.components import UNLABELLED, class_rows
 
 
-def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: Progress) -> None:
+def reconstruct(
+    capture: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None
+) -> None:
     """Reconstruct a capture, carry it into the world, label every point, measure every point.
 
     Args:
@@ -38,12 +40,14 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
         folder: Existing folder for the cloud: empty, or left by an interrupted run.
         settings: What to do.
         progress: Listener.
+        control: File of ground control points and scale bars that the photographs show, or None.
 
     Raises:
-        InputError: The capture is damaged.
+        InputError: The capture is damaged, or the ground control does not fit it.
         RejectedSceneError: The images cannot become a cloud; its reason says why.
     """
     photographs = open_photographs(capture)
+    surveyed = None if control is None else read_control(control, photographs)
     work = enter_work(folder)
     sparse = run_sparse(photographs, work, settings, progress)
     model = merge_duplicates(sparse.model)
@@ -51,7 +55,13 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     truth = read_truth(photographs)
     rows = _rows_in_capture(model, photographs)
     rng = np.random.default_rng(settings.seed)
-    alignment, target = place(model.poses, rows, sparse.reasons, photographs, truth, settings.alignment, rng)
+    residuals: dict[str, Any] = {}
+    if surveyed is None or control is None:
+        alignment, target = place(model.poses, rows, sparse.reasons, photographs, truth, settings.alignment, rng)
+    else:
+        alignment, target, residuals = place_on_control(
+            model, rows, sparse.reasons, photographs, surveyed, control, rng
+        )
     poses = np.full((len(photographs.images), 4, 4), np.nan)
     poses[rows] = alignment.similarity.move_poses(model.poses)
     valid = np.array([code == OK for code in alignment.status])
@@ -70,7 +80,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     observed, components = _label(columns, placed.coord, depth, placed.seen, truth, settings.dense.threads)
     cloud = Cloud(
         columns, observed, components, truth.classes if truth else class_rows(),
-        alignment_facts(alignment, target, photographs), camera_rows(photographs, alignment), {},
+        alignment_facts(alignment, target, photographs, residuals), camera_rows(photographs, alignment), {},
         f"sfm-{settings.mode}",
     )  # fmt: skip
     figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, placed.seen.start[:-1]))
