@@ -219,7 +219,7 @@ def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) 
     sigmas = _by_name(capture, "gps_sigmas")
     if sigmas is None:
         sigmas = np.tile(np.array(capture.gps_sigma), (len(centres), 1))
-    east, north, up = _numbers(capture.facts.get("gps_bias", (0.0, 0.0, 0.0)))
+    east, north, up = _numbers(capture.facts.get("gps_bias", capture.gps_sigma))
     kind = "gps" if np.isfinite(centres).all(axis=1).any() else "none"
     return Target(
         kind, centres, None, np.inf, np.maximum(sigmas, _LEAST_SIGMA), (east, north, up), gimbal,

@@ -61,7 +61,7 @@ def test_corrected_places_weigh_as_they_are(tmp_path: Path) -> None:
     """Photographs whose XMP has RTK accuracies and gimbal angles are placed to centimetres, and say so."""
     rng = np.random.default_rng(0)
     eyes = np.column_stack([rng.uniform(0, 60, 12), rng.uniform(0, 40, 12), rng.uniform(30, 45, 12)])
-    poses = np.stack([look_at(eye, eye + [0.0, 1.0, -1.0]) for eye in eyes])
+    poses = np.stack([look_at(eye, eye + np.array([0.0, 1.0, -1.0])) for eye in eyes])
     for row, eye in enumerate(eyes):
         east, north, up = eye - eyes[0] + rng.normal(0, [0.011, 0.012, 0.025])
         data = tagged((east, north, up))
