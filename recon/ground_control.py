@@ -62,7 +62,13 @@ class ControlPoint:
 
 @dataclass(frozen=True)
 class ScaleBar:
-    """Two points whose distance was measured, by name; distance and its standard deviation [m]."""
+    """Two points whose distance was measured.
+
+    Attributes:
+        ends: Names of the points.
+        length: Distance [m].
+        sigma: Its standard deviation [m].
+    """
 
     ends: tuple[str, str]
     length: float

@@ -28,13 +28,13 @@ class MapSystem:
     zone: int | None
 
     def geographic(self, points: F64) -> F64:
-        """Turn coordinates into latitude [deg], longitude [deg] and height [m]; not those of a plane system.
+        """Turn coordinates into latitude, longitude and height; not those of a plane system.
 
         Args:
             points: Coordinates as the file has them, shape (N, 3), float64.
 
         Returns:
-            Shape (N, 3), float64.
+            Latitude [deg], longitude [deg] and height [m], array of shape (N, 3), float64.
         """
         if not self.zone:
             return points[:, [1, 0, 2]]
