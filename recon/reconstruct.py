@@ -1,5 +1,6 @@
 """The conductor: from a capture to an annotated cloud, step by step as in the paper's figure."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,13 +9,14 @@ from numpy.typing import NDArray
 
 from groundwork.files import write_json
 from groundwork.progress import Progress
-from recon.align import OK
+from recon.align import OK, Alignment, Target
 from recon.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.cloud import Cloud, write_cloud
 from recon.colmap_model import SparseModel
 from recon.dense import run_dense
 from recon.duplicates import merge_duplicates
 from recon.export import write_laz, write_ply
+from recon.ground_control import GroundControl
 from recon.noise_figures import describe_noise
 from recon.observations import Observations
 from recon.photos import open_photographs
@@ -54,14 +56,7 @@ def reconstruct(
     progress.stage("align", 0)
     truth = read_truth(photographs)
     rows = _rows_in_capture(model, photographs)
-    rng = np.random.default_rng(settings.seed)
-    residuals: dict[str, Any] = {}
-    if surveyed is None or control is None:
-        alignment, target = place(model.poses, rows, sparse.reasons, photographs, truth, settings.alignment, rng)
-    else:
-        alignment, target, residuals = place_on_control(
-            model, rows, sparse.reasons, photographs, surveyed, control, rng
-        )
+    alignment, target, facts = _place(model, rows, sparse.reasons, photographs, truth, settings, surveyed, control)
     poses = np.full((len(photographs.images), 4, 4), np.nan)
     poses[rows] = alignment.similarity.move_poses(model.poses)
     valid = np.array([code == OK for code in alignment.status])
@@ -80,7 +75,7 @@ def reconstruct(
     observed, components = _label(columns, placed.coord, depth, placed.seen, truth, settings.dense.threads)
     cloud = Cloud(
         columns, observed, components, truth.classes if truth else class_rows(),
-        alignment_facts(alignment, target, photographs, residuals), camera_rows(photographs, alignment), {},
+        facts, camera_rows(photographs, alignment), {},
         f"sfm-{settings.mode}",
     )  # fmt: skip
     figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, placed.seen.start[:-1]))
@@ -96,6 +91,19 @@ def reconstruct(
     leave_work(work)
     note = cloud.alignment["note"]
     progress.note(verdict_in_words(alignment.status, len(placed.coord), found, note, limited=limited))
+
+
+def _place(
+    model: SparseModel, rows: NDArray[np.int64], reasons: Mapping[str, str], photographs: Capture, truth: Truth | None,
+    settings: ReconSettings, surveyed: GroundControl | None, control: Path | None,
+) -> tuple[Alignment, Target, dict[str, Any]]:  # fmt: skip
+    """Place the model by ground control where there is some, else by what is known of the cameras; state it as JSON."""
+    rng = np.random.default_rng(settings.seed)
+    if surveyed is not None and control is not None:
+        alignment, target, residuals = place_on_control(model, rows, reasons, photographs, surveyed, control, rng)
+        return alignment, target, alignment_facts(alignment, target, photographs, residuals)
+    alignment, target = place(model.poses, rows, reasons, photographs, truth, settings.alignment, rng)
+    return alignment, target, alignment_facts(alignment, target, photographs)
 
 
 def _rows_in_capture(model: SparseModel, capture: Capture) -> NDArray[np.int64]:

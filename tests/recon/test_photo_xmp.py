@@ -13,7 +13,7 @@ from recon.settings import AlignmentSettings
 from tests.recon.test_photos import tagged
 from usd_schemas.pinhole import look_at
 
-SPACE = b"http://any.example/xap/1.0/\x00"
+SPACE = b"http:xap/1.0/\x00"
 PACKET = (
     '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description drone-dji:GimbalRollDegree="{roll}"\n'
     ' drone-dji:GimbalPitchDegree="{pitch}" drone-dji:RtkFlag="50" drone-dji:RtkStdLon="0.011"\n'
