@@ -75,7 +75,7 @@ def noise_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
     """
     first = clouds[0][1]
     limit, bands = f"{first['threshold']:g} m", [_band(band) for band in first["by_distance"]]
-    rates = [(kind, rate) for kind in ("displacement", "surface_distance") for rate in ("precision", "recall")]
+    rates = [("displacement", "recall"), ("surface_distance", "precision"), ("surface_distance", "recall")]
     heads = [*(f"{kind.replace('_', ' ')}, {rate}" for kind, rate in rates), "of the surface's class"]
     return "\n".join([
         "# Noisy points",
@@ -87,7 +87,8 @@ def noise_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
         "",
         f"A point is off when it lies more than {limit} from the place that its pixels truly show (displacement), or",
         "from the nearest true surface (surface distance). Precision: share of the noisy points that are off. Recall:",
-        "share of the points off that are noisy.",
+        "share of the points off that are noisy. A point that is noisy is displaced by definition: its depth is off by",
+        "as much at least; so against displacement there is recall alone.",
         "",
         *_table(heads, clouds, lambda noise: [
             *(_percent(noise[f"against_{kind}"][rate]) for kind, rate in rates), _percent(noise["same_class"])]),

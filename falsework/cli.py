@@ -151,7 +151,9 @@ def render(
     return 0
 
 
-def reconstruct(capture: File, output: Output, *, settings: Path | None = None) -> int:
+def reconstruct(
+    capture: File, output: Output, *, settings: Path | None = None, gcp: Path | None = None
+) -> int:  # fmt: skip
     """Reconstruct a capture, or a folder of photographs, into a cloud, annotated where the capture carries its truth.
 
     Killed at any moment, the same command goes on where it stopped.
@@ -160,11 +162,12 @@ def reconstruct(capture: File, output: Output, *, settings: Path | None = None) 
         capture: Capture folder, or a folder of JPEG or PNG files.
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
+        gcp: Ground control points and scale bars, as a gcp_list.txt or as Metashape's tables; not with truth.
     """
     from falsework.commands.verbs import reconstruct_folder
 
     with ConsoleProgress() as progress:
-        reconstruct_folder(capture, output, settings, progress)
+        reconstruct_folder(capture, output, settings, progress, gcp)
     _say(f"cloud   {output}")
     return 0
 

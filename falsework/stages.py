@@ -80,14 +80,16 @@ def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progr
 
     Args:
         settings: `{recon, platform}`.
-        inputs: `capture`: a capture folder, or one of plain photographs.
+        inputs: `capture`: a capture folder, or one of plain photographs; `control`: a file of ground control points, if
+            there is one.
         folder: Folder to fill: empty, or left by an interrupted run.
         progress: Listener.
     """
     from recon.reconstruct import reconstruct
     from recon.settings import ReconSettings
 
-    reconstruct(inputs["capture"], folder, parse_settings(ReconSettings, settings["recon"], "scenario"), progress)
+    recon = parse_settings(ReconSettings, settings["recon"], "scenario")
+    reconstruct(inputs["capture"], folder, recon, progress, inputs.get("control"))
 
 
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
@@ -121,6 +123,6 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 STAGES: dict[str, Stage] = {
     "stage": Stage(7, author),
     "capture": Stage(9, capture, resumes=True),
-    "cloud": Stage(12, cloud, resumes=True),
+    "cloud": Stage(13, cloud, resumes=True),
     "report": Stage(5, report),
 }

@@ -1,5 +1,6 @@
 """The conductor: from a capture to an annotated cloud, step by step as in the paper's figure."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ from recon.cloud import Cloud, write_cloud
 from recon.dense.dense import run_dense
 from recon.formats.export import write_laz, write_ply
 from recon.photos.photos import open_photographs
-from recon.placing.align import OK
-from recon.placing.place import alignment_facts, camera_rows, place, similarity_facts
+from recon.placing.align import OK, Alignment, Target
+from recon.placing.ground_control import GroundControl
+from recon.placing.place import alignment_facts, camera_rows, place, place_on_control, read_control, similarity_facts
+from recon.points.duplicates import merge_duplicates
 from recon.points.observations import Observations
 from recon.points.placed_points import PlacedPoints, place_dense, place_sparse
 from recon.settings import AGREEMENT, ReconSettings
@@ -29,7 +32,9 @@ from render.capture import Capture, Truth, read_truth
 from usd_schemas.components import UNLABELLED, class_rows
 
 
-def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: Progress) -> None:
+def reconstruct(
+    capture: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None
+) -> None:
     """Reconstruct a capture, carry it into the world, label every point, measure every point.
 
     Args:
@@ -37,20 +42,21 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
         folder: Existing folder for the cloud: empty, or left by an interrupted run.
         settings: What to do.
         progress: Listener.
+        control: File of ground control points and scale bars that the photographs show, or None.
 
     Raises:
-        InputError: The capture is damaged.
+        InputError: The capture is damaged, or the ground control does not fit it.
         RejectedSceneError: The images cannot become a cloud; its reason says why.
     """
     photographs = open_photographs(capture)
+    surveyed = None if control is None else read_control(control, photographs)
     work = enter_work(folder)
     sparse = run_sparse(photographs, work, settings, progress)
-    model = sparse.model
+    model = merge_duplicates(sparse.model)
     progress.stage("align", 0)
     truth = read_truth(photographs)
     rows = _rows_in_capture(model, photographs)
-    rng = np.random.default_rng(settings.seed)
-    alignment, target = place(model.poses, rows, sparse.reasons, photographs, truth, settings.alignment, rng)
+    alignment, target, facts = _place(model, rows, sparse.reasons, photographs, truth, settings, surveyed, control)
     poses = np.full((len(photographs.images), 4, 4), np.nan)
     poses[rows] = alignment.similarity.move_poses(model.poses)
     valid = np.array([code == OK for code in alignment.status])
@@ -69,7 +75,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     observed, components = _label(columns, placed.coord, depth, placed.seen, truth, settings.dense.threads)
     cloud = Cloud(
         columns, observed, components, truth.classes if truth else class_rows(),
-        alignment_facts(alignment, target, photographs), camera_rows(photographs, alignment), {},
+        facts, camera_rows(photographs, alignment), {},
         f"sfm-{settings.mode}",
     )  # fmt: skip
     figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, placed.seen.start[:-1]))
@@ -85,6 +91,19 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     leave_work(work)
     note = cloud.alignment["note"]
     progress.note(verdict_in_words(alignment.status, len(placed.coord), found, note, limited=limited))
+
+
+def _place(
+    model: SparseModel, rows: NDArray[np.int64], reasons: Mapping[str, str], photographs: Capture, truth: Truth | None,
+    settings: ReconSettings, surveyed: GroundControl | None, control: Path | None,
+) -> tuple[Alignment, Target, dict[str, Any]]:  # fmt: skip
+    """Place the model by ground control where there is some, else by what is known of the cameras; state it as JSON."""
+    rng = np.random.default_rng(settings.seed)
+    if surveyed is not None and control is not None:
+        alignment, target, residuals = place_on_control(model, rows, reasons, photographs, surveyed, control, rng)
+        return alignment, target, alignment_facts(alignment, target, photographs, residuals)
+    alignment, target = place(model.poses, rows, reasons, photographs, truth, settings.alignment, rng)
+    return alignment, target, alignment_facts(alignment, target, photographs)
 
 
 def _rows_in_capture(model: SparseModel, capture: Capture) -> NDArray[np.int64]:

@@ -101,11 +101,11 @@ class AlignmentSettings(Settings):
     """Take the rotation from the cameras' rotations, or everything from their centres alone (the paper)."""
     centre_limit: float | None = Field(default=None, gt=0.0, le=100.0)
     """Distance above which a camera centre is an outlier [m]; left out: 0.25 for a local survey, else 0.5 % of the
-    diagonal of the path and at most 0.5. Beside GPS, four times its error is added."""
+    diagonal of the path and at most 0.5. Asked of captures with truth alone: no camera is judged by its GPS."""
     rotation_limit: float = Field(default=2.0, gt=0.0, le=20.0)
     """Angle above which a camera is an outlier [deg]; not used by `paper`."""
     iterations: int = Field(default=1000, ge=10, le=100_000)
-    """Samples of three cameras that RANSAC tries."""
+    """Samples of three cameras that RANSAC tries; with truth."""
     max_invalid_share: float = Field(default=0.40, ge=0.0, le=1.0)
     """A scene with a greater share of unregistered and outlying cameras is rejected [1]."""
 

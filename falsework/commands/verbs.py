@@ -60,7 +60,9 @@ def render_file(
     return chosen
 
 
-def reconstruct_folder(capture: Path, out: Path, scenario: Path | None, progress: Progress) -> None:
+def reconstruct_folder(
+    capture: Path, out: Path, scenario: Path | None, progress: Progress, control: Path | None = None
+) -> None:
     """Reconstruct one capture, or a folder of photographs, into a plain folder; goes on where it was interrupted.
 
     Args:
@@ -68,17 +70,19 @@ def reconstruct_folder(capture: Path, out: Path, scenario: Path | None, progress
         out: Folder to write; a former one of ours is replaced.
         scenario: File whose `[recon]` section applies, or None for the defaults.
         progress: Listener.
+        control: File of ground control points and scale bars, or None.
     """
     settings = ReconSettings() if scenario is None else load_scenario(scenario).recon
     request = {"recon": settings.model_dump(mode="json")}
+    inputs = {"capture": capture} if control is None else {"capture": capture, "control": control}
 
     def write(folder: Path) -> None:
-        STAGES["cloud"].run(request, {"capture": capture}, folder, progress)
+        STAGES["cloud"].run(request, inputs, folder, progress)
 
     with reading(capture):
         if not capture.is_dir():
             raise MissingError("no such folder", where=capture, mend="Name a capture, or a folder of photographs")
-        fresh_output(out, "cloud", write, inputs=[capture], asked=_place(capture), resume=True)
+        fresh_output(out, "cloud", write, inputs=list(inputs.values()), asked=_place(capture), resume=True)
 
 
 def _place(path: Path) -> str:

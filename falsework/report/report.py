@@ -1,5 +1,6 @@
 """One self-contained page about a scene: its frames, its flight, its reconstruction and its cloud."""
 
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -119,7 +120,23 @@ def _tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:
 
 def _facts(cloud: "Cloud") -> list[tuple[str, str]]:
     plain = sorted((key, value) for key, value in cloud.statistics.items() if isinstance(value, int | float | str))
-    return [(key.replace("_", " "), _number(value) + _unit(key)) for key, value in plain]
+    return [*((key.replace("_", " "), _number(value) + _unit(key)) for key, value in plain), *_placing(cloud.alignment)]
+
+
+def _placing(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Say how far a model may be off where no truth placed it, and what every control point leaves over."""
+    units = {"scale_percent": " %", "tilt_deg": "°", "heading_deg": "°", "place_m": " m"}
+    limits = alignment.get("expected_error", {})
+    rows = [
+        (f"error of {key.partition('_')[0]}, 95 % below", f"{limits[key]:.2g}{unit}")
+        for key, unit in units.items() if limits.get(key) is not None
+    ]  # fmt: skip
+    for row in alignment.get("control_points", ()):
+        left_out = "" if row["agrees"] else ", left out"
+        rows.append((f"control point {row['name']} off by", f"{row['distance']:.3f} m{left_out}"))
+    rows += [(f"scale bar {' to '.join(row['ends'])} off by", f"{row['error']:+.4f} m")
+             for row in alignment.get("scale_bars", ())]  # fmt: skip
+    return rows
 
 
 def _noise(noise: dict[str, Any] | None) -> list[tuple[str, str]]:
@@ -132,7 +149,8 @@ def _noise(noise: dict[str, Any] | None) -> list[tuple[str, str]]:
         rows.append((f"noisy of the {band['points']:,} seen {span} away", _share(band["noisy_share"])))
     for name, place in (("displacement", "where their pixels look"), ("surface_distance", "the true surface")):
         found, limit = noise[f"against_{name}"], f"{noise['threshold']:g} m"
-        rows.append((f"of the noisy, off by more than {limit} from {place}", _share(found["precision"])))
+        if name != "displacement":  # the noisy are displaced by definition
+            rows.append((f"of the noisy, off by more than {limit} from {place}", _share(found["precision"])))
         rows.append((f"of those off by more than {limit} from {place}, noisy", _share(found["recall"])))
     return rows
 

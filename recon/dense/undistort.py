@@ -63,7 +63,7 @@ def working_camera(model: SparseModel, size: tuple[int, int], downscale: int) ->
     Raises:
         RejectedSceneError: `bad_lens`: the distortion that was found cannot be undone inside the image.
     """
-    photograph, distortion = _lens(model, size)
+    photograph, distortion = lens_of(model, size)
     (left, right), (top, bottom) = _reach(photograph, distortion)
     full = Pinhole(
         right - left, bottom - top, photograph.fx, photograph.fy, photograph.cx - left, photograph.cy - top
@@ -126,8 +126,16 @@ def _is_straight(where: F64, camera: WorkingCamera) -> bool:
     )
 
 
-def _lens(model: SparseModel, size: tuple[int, int]) -> tuple[Pinhole, Distortion]:
-    """Read COLMAP's parameters; each model orders its own."""
+def lens_of(model: SparseModel, size: tuple[int, int]) -> tuple[Pinhole, Distortion]:
+    """Read the lens of a reconstruction from COLMAP's parameters; each camera model orders its own.
+
+    Args:
+        model: Holds the camera.
+        size: Width and height of the photographs [px].
+
+    Returns:
+        Intrinsics and distortion.
+    """
     params = model.camera_params
     if model.camera_model in ("PINHOLE", "OPENCV"):
         fx, fy, cx, cy, *rest = params

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from groundwork.errors import InputError, MissingError
 from groundwork.foreign_file import read_regular
+from recon.photos.photo_xmp import SIGNATURE, DroneFacts, read_xmp
 
 _FORMATS = {1: "B", 2: "c", 3: "H", 4: "I", 5: "II", 6: "b", 7: "c", 8: "h", 9: "i", 10: "ii"}
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that carry the size
@@ -18,6 +19,8 @@ _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of the focal plane's resol
 _QUARTER_TURNS = {3: 2, 6: 1, 8: 3}  # by Exif's orientation; mirrored ones come from no camera
 _FILM = 43.266615  # [mm] diagonal of 36 x 24
 _PNG = b"\x89PNG\r\n\x1a\n"
+
+_SILENT = DroneFacts()
 
 Values = tuple[float, ...] | str
 
@@ -32,6 +35,7 @@ class PhotoHeader:
         place: Latitude [deg], longitude [deg], height [m], or None.
         place_sigma: Its error along the ground as the receiver saw it [m], or None.
         quarter_turns: Turns by 90 degrees clockwise that make the stored picture upright, 0 to 3.
+        drone: What a drone adds to that.
     """
 
     size: tuple[int, int]
@@ -39,6 +43,7 @@ class PhotoHeader:
     place: tuple[float, float, float] | None = None
     place_sigma: float | None = None
     quarter_turns: int = 0
+    drone: DroneFacts = _SILENT
 
 
 def read_header(path: Path) -> PhotoHeader:
@@ -55,7 +60,7 @@ def read_header(path: Path) -> PhotoHeader:
     except MissingError:
         raise MissingError("no such image", where=path, mend="Put it back") from None
     try:
-        size, exif = _read_png(data) if data.startswith(_PNG) else _read_jpeg(data)
+        size, exif, xmp = _read_png(data) if data.startswith(_PNG) else _read_jpeg(data)
     except (struct.error, IndexError, ValueError):
         raise InputError(
             "the image is cut off or damaged, or neither JPEG nor PNG", where=path,
@@ -66,13 +71,13 @@ def read_header(path: Path) -> PhotoHeader:
     except (struct.error, IndexError, ValueError, ZeroDivisionError):
         root, lens, gps = {}, {}, {}
     turns = _QUARTER_TURNS.get(int(_number(root, 0x0112) or 1), 0)
-    return PhotoHeader(size, _focal(lens, size), _place(gps), _number(gps, 0x001F), turns)
+    return PhotoHeader(size, _focal(lens, size), _place(gps), _number(gps, 0x001F), turns, read_xmp(xmp))
 
 
-def _read_jpeg(data: bytes) -> tuple[tuple[int, int], bytes]:
+def _read_jpeg(data: bytes) -> tuple[tuple[int, int], bytes, bytes]:
     if data[:2] != b"\xff\xd8":
         raise ValueError("not a JPEG file")
-    at, exif = 2, b""
+    at, exif, xmp = 2, b"", b""
     while True:
         if data[at] != 0xFF:
             raise ValueError("no marker where one must be")
@@ -86,21 +91,23 @@ def _read_jpeg(data: bytes) -> tuple[tuple[int, int], bytes]:
         (length,) = struct.unpack_from(">H", data, at)
         if marker == 0xE1 and data[at + 2 : at + 8] == b"Exif\x00\x00" and not exif:
             exif = data[at + 8 : at + length]
+        if marker == 0xE1 and data.startswith(SIGNATURE, at + 2) and not xmp:
+            xmp = data[at + 2 : at + length].partition(b"\x00")[2]
         if marker in _FRAMES:
             height, width = struct.unpack_from(">HH", data, at + 3)
-            return (width, height), exif
+            return (width, height), exif, xmp
         at += max(length, 2)
 
 
-def _read_png(data: bytes) -> tuple[tuple[int, int], bytes]:
+def _read_png(data: bytes) -> tuple[tuple[int, int], bytes, bytes]:
     width, height = struct.unpack_from(">II", data, 16)
     at = len(_PNG)
     while at + 8 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)
         if kind == b"eXIf":
-            return (width, height), data[at + 8 : at + 8 + length]
+            return (width, height), data[at + 8 : at + 8 + length], b""
         at += 12 + length
-    return (width, height), b""
+    return (width, height), b"", b""
 
 
 def _read_tiff(data: bytes) -> tuple[dict[int, Values], dict[int, Values], dict[int, Values]]:

@@ -16,7 +16,9 @@ PHOTOGRAPHS = "photographs"  # the survey id of a folder without cameras.json
 FOCAL_GUESSED, FOCAL_FROM_EXIF = "guessed", "exif"
 _SUFFIXES = (".jpg", ".jpeg", ".png")
 _GUESS = 1.2  # focal length over the longer side: 55 degrees; COLMAP's own guess, too
-_SIGMA = (2.0, 2.0, 3.0)  # [m] of a receiver that does not tell: a consumer drone during one flight
+_SIGMA = (2.0, 2.0, 3.0)  # [m] of a receiver that does not tell: a consumer drone during one flight, and all of it
+_UPWARDS = 1.5  # a receiver is less sure of the height than of the place, by about that
+_UNKNOWN = (None, None, None)
 _SAME_LENS = 0.1  # greatest relative difference of focal lengths that one calibration can stand for
 _EARTH_A, _EARTH_E2 = 6_378_137.0, 6.694_379_990_14e-3  # WGS 84
 
@@ -54,13 +56,19 @@ def _open_photographs(folder: Path) -> Capture:
     places, origin = _local_places(headers)
     if any(header.quarter_turns for header in headers):
         facts["quarter_turns"] = {path.stem: header.quarter_turns for path, header in zip(paths, headers, strict=True)}
+    if any(header.drone.up for header in headers):
+        facts["gimbal"] = {path.stem: header.drone.up or _UNKNOWN for path, header in zip(paths, headers, strict=True)}
+    sigmas = [_sigma(header) for header in headers]
+    sigma = _usual([told for told in sigmas if told is not None])
     if origin is not None:
+        facts["gps_sigmas"] = {path.stem: told or sigma for path, told in zip(paths, sigmas, strict=True)}
+        facts["gps_bias"] = sigma  # what they share is as large as what they do not, and nothing in them tells it
         facts["origin"] = {"latitude": origin[0], "longitude": origin[1], "height": origin[2]}
     images = tuple(
         CaptureImage(name=path.stem, file=path.relative_to(folder).as_posix(), gps=place)
         for path, place in zip(paths, places, strict=True)
     )
-    return Capture(folder, PHOTOGRAPHS, size, prior, _sigma(headers), facts, images)
+    return Capture(folder, PHOTOGRAPHS, size, prior, sigma, facts, images)
 
 
 def local_position(place: tuple[float, float, float], origin: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -145,9 +153,14 @@ def _local_places(
     return [local_position(header.place, origin) if header.place else None for header in headers], origin
 
 
-def _sigma(headers: list[PhotoHeader]) -> tuple[float, float, float]:
-    told = [header.place_sigma for header in headers if header.place_sigma is not None]
+def _sigma(header: PhotoHeader) -> tuple[float, float, float] | None:
+    """Take the error that the receiver wrote down: by direction, else along the ground."""
+    along = header.place_sigma
+    return header.drone.sigmas or (None if along is None else (along, along, _UPWARDS * along))
+
+
+def _usual(told: list[tuple[float, float, float]]) -> tuple[float, float, float]:
     if not told:
         return _SIGMA
-    along = float(np.median(told))
-    return along, along, 1.5 * along
+    east, north, up = np.median(np.array(told), axis=0)
+    return float(east), float(north), float(up)

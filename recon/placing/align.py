@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import RejectedSceneError
-from recon.placing.similarity import Similarity, angles, fit_similarity, heading_rotation, level_rotation, turn_upright
+from recon.placing.place_errors import PlaceErrors
+from recon.placing.similarity import Similarity, angles, fit_similarity, level_rotation, turn_upright
 from recon.settings import AlignmentSettings
 
 F64 = NDArray[np.float64]
@@ -17,7 +18,6 @@ REGISTERED = (OK, CENTRE_OUTLIER, ROTATION_OUTLIER)
 _MIN_CAMERAS = 3
 _STRAIGHT = 1e-3  # second over first singular value below which centres fix no rotation
 _ROUNDS = 10
-_SWAY = 5.0  # a path that sways less than so many standard deviations of its centres leaves its roll open
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,9 @@ class Target:
         centres: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
         rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
         centre_limit: Distance above which a centre is an outlier [m].
-        centre_sigma: Standard deviation of a centre along the ground [m].
+        sigmas: Stated standard deviation of each centre along x, y, z [m], shape (N, 3), float64, or None for none.
+        bias: The same of the error that all centres share [m], shape (3,), float64.
+        gimbal: Up in each camera's axes as its gimbal has it [1], shape (N, 3), float64, NaN where unknown; or None.
         quarter_turns: Turns by 90 degrees clockwise that make each picture upright, shape (N,), int64; None for none.
     """
 
@@ -37,7 +39,9 @@ class Target:
     centres: F64
     rotations: F64 | None
     centre_limit: float
-    centre_sigma: float = 0.0
+    sigmas: F64 | None = None
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gimbal: F64 | None = None
     quarter_turns: NDArray[np.int64] | None = None
 
     def level(self, poses: F64, rows: NDArray[np.int64]) -> F64:
@@ -60,11 +64,14 @@ class Alignment:
 
     Attributes:
         similarity: From the model into the world.
-        method: How its rotation was found: `centres+rotations`, `centres`, `centres+up`, or `up` alone.
+        method: How it was found: `centres+rotations`, `centres`, `fixes+gravity`, `control points`, or `up` alone.
         status: Reason code of every image of the capture, `ok` for valid ones.
         centre_errors: Distance between aligned and target centre [m], shape (N,), float64; NaN when unregistered.
         rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.
         singular_values: Of the centred target centres of valid cameras [m], shape (3,), float64, descending.
+        agreeing: Whether each measured position agrees with the others, shape (N,), bool; None with truth.
+        errors: Limits of its errors; None with truth, and where nothing was measured.
+        unfixed: Why measured positions do not say where the model belongs; empty where they do, or there are none.
     """
 
     similarity: Similarity
@@ -73,6 +80,9 @@ class Alignment:
     centre_errors: F64
     rotation_errors: F64
     singular_values: F64
+    agreeing: Mask | None = None
+    errors: PlaceErrors | None = None
+    unfixed: str = ""
 
 
 def centre_limit(centres: F64, survey_kind: object, settings: AlignmentSettings) -> float:
@@ -99,9 +109,7 @@ def align(
     """Find the similarity on the cameras that agree with it, and judge every camera.
 
     RANSAC over the centres finds the cameras that agree. By default the rotation is then the mean rotation between
-    the cameras' own frames: on a nearly straight flight the centres alone leave the roll about the path open. Where
-    the target has no rotations, such a flight stands as upright as its photographs were level, and takes only its
-    heading, scale and place from the centres.
+    the cameras' own frames: on a nearly straight flight the centres alone leave the roll about the path open.
     Source: the paper aligns by RANSAC over centres (method `paper`).
 
     Args:
@@ -138,9 +146,8 @@ def align(
         far, twist = _misfit(similarity, source, goal, turned)
     spread = np.linalg.svd(goal[inliers] - goal[inliers].mean(axis=0), compute_uv=False).astype(np.float64)
     method = "centres+rotations" if by_rotations else "centres"
-    if not by_rotations and _leaves_roll_open(spread, int(inliers.sum()), target.centre_sigma):
-        similarity, method = _with_up(source, target.level(poses, rows), goal, inliers, target), "centres+up"
-        far, twist = _misfit(similarity, source, goal, turned)
+    if not by_rotations and spread[1] < _STRAIGHT * spread[0]:
+        raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
     straying = ~known | (far > target.centre_limit)
     twisted = by_rotations & (twist > settings.rotation_limit)
     count = len(target.centres)
@@ -162,7 +169,9 @@ def stand_upright(poses: F64, rows: NDArray[np.int64], target: Target) -> Alignm
     Returns:
         An alignment of scale 1 that finds no fault with any registered camera.
     """
-    rotation, centres, count = level_rotation(target.level(poses, rows)), poses[:, :3, 3], len(target.centres)
+    gimbal = None if target.gimbal is None else target.gimbal[rows]
+    rotation = level_rotation(target.level(poses, rows), gimbal)
+    centres, count = poses[:, :3, 3], len(target.centres)
     status, unknown = np.full(count, UNREGISTERED, dtype=object), np.full(count, np.nan)
     status[rows] = OK
     spread = np.linalg.svd(centres - centres.mean(axis=0), compute_uv=False).astype(np.float64)
@@ -232,20 +241,6 @@ def _misfit(similarity: Similarity, source: F64, goal: F64, turned: F64 | None) 
     """Measure what a similarity leaves over: distances of centres [m] and angles [deg], both of shape (I,)."""
     far = np.linalg.norm(similarity.move(source) - goal, axis=1).astype(np.float64)
     return far, angles(turned, similarity.rotation) if turned is not None else np.full(len(source), np.nan)
-
-
-def _leaves_roll_open(spread: F64, count: int, sigma: float) -> bool:
-    """Tell whether the centres' own error, rather than the path, would decide how the model lies round the path."""
-    return spread[1] < max(_STRAIGHT * spread[0], _SWAY * sigma * np.sqrt(count))
-
-
-def _with_up(source: F64, level: F64, goal: F64, inliers: Mask, target: Target) -> Similarity:
-    """Fit a similarity that stands as upright as level photographs say."""
-    source, goal = source[inliers], goal[inliers]
-    plan = np.linalg.norm(goal[:, :2] - goal[:, :2].mean(axis=0))
-    if target.rotations is not None or plan < max(_STRAIGHT, target.centre_sigma) * np.sqrt(len(goal)):
-        raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
-    return _with_rotation(heading_rotation(level[inliers], source, goal), source, goal)
 
 
 def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarity:

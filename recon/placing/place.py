@@ -2,26 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.errors import RejectedSceneError
+from groundwork.errors import InputError
 from recon.placing.align import OK, UNREGISTERED, Alignment, Target, align, centre_limit, check_share, stand_upright
+from recon.placing.align_control import POINTS, align_to_control
+from recon.placing.align_gps import align_to_fixes
+from recon.placing.ground_control import GroundControl, read_ground_control
 from recon.placing.similarity import Similarity
 from recon.settings import AlignmentSettings
-from render.capture import Capture, Truth
+from recon.sfm.colmap_model import SparseModel
+from render.capture import TRUTH, Capture, Truth
 
 F64 = NDArray[np.float64]
 
-_GPS_SIGMAS = 4.0  # a centre may stray this many standard deviations of the GPS
-_FEW_POSITIONS = 3
-NOTES = {
-    "truth": "labels and uncertainty from truth",
-    "gps": "no truth: aligned to GPS, without labels",
-    "none": "no truth and no GPS that fits: in its own units, upright, without labels",
-}
+_LEAST_SIGMA = 1e-3  # [m] no receiver is better, and no weight infinite
 
 
 def place(
@@ -30,7 +29,7 @@ def place(
 ) -> tuple[Alignment, Target]:  # fmt: skip
     """Carry a model to where it belongs, as far as anybody knows, and judge every camera.
 
-    Photographs whose GPS is absent or does not fit the model leave it in its own units, standing upright.
+    Photographs whose GPS is absent, or does not fix the frame, leave the model in its own units, standing upright.
 
     Args:
         poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
@@ -48,22 +47,72 @@ def place(
         RejectedSceneError: With truth only: `alignment_failed`, `straight_path` or `too_few_cameras`.
     """
     target = _target(capture, truth, settings)
-    try:
-        found = align(poses, rows, target, settings, rng) if target.kind != "none" else None
-    except RejectedSceneError:
-        if truth is not None:
-            raise
-        found = None
-    if found is None:
-        target = replace(target, kind="none")
-        found = stand_upright(poses, rows, target)
-    status = tuple(
-        reasons.get(image.file, code) if code == UNREGISTERED else code
-        for image, code in zip(capture.images, found.status, strict=True)
-    )
+    if truth is not None:
+        found = align(poses, rows, target, settings, rng)
+    else:
+        found = align_to_fixes(poses, rows, target, rng) if target.kind == "gps" else stand_upright(poses, rows, target)
+        target = replace(target, kind="none") if found.unfixed else target
+    found = replace(found, status=_with_reasons(found.status, reasons, capture))
     if truth is not None:  # the rule is that of a data set; whoever brings photographs wants what they give
-        check_share(status, settings)
-    return replace(found, status=status), target
+        check_share(found.status, settings)
+    return found, target
+
+
+def place_on_control(
+    model: SparseModel, rows: NDArray[np.int64], reasons: Mapping[str, str], capture: Capture, control: GroundControl,
+    where: Path, rng: np.random.Generator,
+) -> tuple[Alignment, Target, dict[str, Any]]:  # fmt: skip
+    """Carry a model to where ground control puts it; every registered camera stays.
+
+    Args:
+        model: Reconstruction.
+        rows: Row in the capture of each image of the model, shape (I,), int64.
+        reasons: Why an image is not in the model, by file, where more is known than that.
+        capture: Photographs without truth.
+        control: Control points and scale bars.
+        where: Their file.
+        rng: Draws triples of points to start from.
+
+    Returns:
+        The alignment, what it aligned to, and JSON facts: residuals of every point and bar.
+
+    Raises:
+        InputError: The control points do not suffice, or a mark is wrong.
+    """
+    target = _target(capture, None, AlignmentSettings())
+    found = align_to_control(model, rows, target, capture, control, where, rng)
+    status = _with_reasons(found.alignment.status, reasons, capture)
+    return replace(found.alignment, status=status), replace(target, kind=found.kind), found.facts
+
+
+def read_control(path: Path, capture: Capture) -> GroundControl:
+    """Read ground control for photographs, before anything is computed.
+
+    Args:
+        path: File of control points.
+        capture: The photographs.
+
+    Raises:
+        InputError: The file is wrong, names none of the photographs, or these come with their truth.
+    """
+    control = read_ground_control(path)
+    if (capture.folder / TRUTH).is_dir():
+        raise InputError("a capture with truth is placed by it", where=capture.folder, mend="Leave --gcp out")
+    known = {PurePath(image.file).stem for image in capture.images}
+    marked = [mark.image for point in control.points for mark in point.marks]
+    if not any(PurePath(image).stem in known for image in marked):
+        raise InputError(
+            "marks none of the photographs", where=path, value=marked[0] if marked else None,
+            allowed=f"names as {capture.images[0].file}", mend=f"See that it belongs to {capture.folder}",
+        )  # fmt: skip
+    return control
+
+
+def _with_reasons(status: tuple[str, ...], reasons: Mapping[str, str], capture: Capture) -> tuple[str, ...]:
+    return tuple(
+        reasons.get(image.file, code) if code == UNREGISTERED else code
+        for image, code in zip(capture.images, status, strict=True)
+    )
 
 
 def similarity_facts(similarity: Similarity) -> dict[str, Any]:
@@ -79,25 +128,62 @@ def similarity_facts(similarity: Similarity) -> dict[str, Any]:
     }
 
 
-def alignment_facts(alignment: Alignment, target: Target, capture: Capture) -> dict[str, Any]:
+def alignment_facts(
+    alignment: Alignment, target: Target, capture: Capture, control: Mapping[str, Any] | None = None
+) -> dict[str, Any]:  # fmt: skip
     """State an alignment as JSON: the similarity, what it was found on, and how far that can be relied upon.
 
     Args:
         alignment: The alignment.
         target: What it aligned to.
         capture: Photographs.
+        control: Residuals of control points and scale bars, and the origin, if there are any.
     """
-    placed = target.kind != "none"
-    limit = target.centre_limit if placed else None
+    control = {} if control is None else control
     facts = {
         **similarity_facts(alignment.similarity), "target": target.kind, "method": alignment.method,
-        "note": NOTES[target.kind], "unit": "m" if placed else "unknown",
-        "inliers": sum(code == OK for code in alignment.status), "centre_limit": limit,
+        "note": note(alignment, target, control), "unit": "m" if target.kind != "none" else "unknown",
+        "inliers": sum(code == OK for code in alignment.status),
+        "centre_limit": target.centre_limit if target.kind == "truth" else None,
         "singular_values": alignment.singular_values.tolist(),
     }  # fmt: skip
-    if "origin" in capture.facts and target.kind == "gps":
+    if alignment.errors is not None:
+        facts["expected_error"] = alignment.errors.facts()
+    if alignment.unfixed:
+        facts["unfixed"] = alignment.unfixed
+    if alignment.agreeing is not None:
+        facts["fixes"] = int(np.isfinite(alignment.centre_errors).sum())
+        facts["agreeing_fixes"] = int(alignment.agreeing.sum())
+    if "origin" in capture.facts and (target.kind == "gps" or alignment.agreeing is not None):
         facts["origin"] = capture.facts["origin"]
-    return facts
+    return {**facts, **control}
+
+
+def note(alignment: Alignment, target: Target, control: Mapping[str, Any]) -> str:
+    """Say in words what the metres of a model rest on, and how far they may be off.
+
+    Args:
+        alignment: The alignment.
+        target: What it aligned to.
+        control: Residuals of control points and scale bars, if there are any.
+    """
+    if target.kind == "truth":
+        return "labels and uncertainty from truth"
+    if control and alignment.errors is not None:
+        points = [row["distance"] for row in control.get("control_points", []) if row["agrees"]]
+        bars = [row["error"] for row in control.get("scale_bars", [])]
+        used = points if target.kind == POINTS else bars
+        off = f"{len(used)} {target.kind} ({np.sqrt(np.mean(np.square(used))):.3f} m rms)"
+        if target.kind == POINTS and len(points) < len(control["control_points"]):
+            off += f", {len(control['control_points']) - len(points)} left out as far off"
+        return f"no truth: aligned to {off}, {alignment.errors.in_words()}, without labels"
+    if target.kind == "gps" and alignment.errors is not None and alignment.agreeing is not None:
+        fixes = int(np.isfinite(alignment.centre_errors).sum())
+        agreeing = int(alignment.agreeing.sum())
+        where = f"{fixes}" if agreeing == fixes else f"{agreeing} of {fixes}"
+        return f"no truth: aligned to GPS ({where} fixes), {alignment.errors.in_words()}, without labels"
+    why = f"GPS does not fix the frame ({alignment.unfixed})" if alignment.unfixed else "no GPS that fits"
+    return f"no truth and {why}: in its own units, upright, without labels"
 
 
 def camera_rows(capture: Capture, alignment: Alignment) -> tuple[dict[str, Any], ...]:
@@ -111,12 +197,16 @@ def camera_rows(capture: Capture, alignment: Alignment) -> tuple[dict[str, Any],
     def known(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None
 
-    return tuple(
+    rows = [
         {"name": image.name, "status": status, "center_error": known(centre), "rotation_error": known(rotation)}
         for image, status, centre, rotation in zip(
             capture.images, alignment.status, alignment.centre_errors, alignment.rotation_errors, strict=True
         )
-    )
+    ]
+    if alignment.agreeing is not None:
+        for row, agrees in zip(rows, alignment.agreeing, strict=True):
+            row["fix"] = None if row["center_error"] is None else "agrees" if agrees else "strays"
+    return tuple(rows)
 
 
 def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) -> Target:
@@ -125,16 +215,25 @@ def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) 
         centres = truth.poses[:, :3, 3]
         return Target("truth", centres, truth.poses[:, :3, :3], centre_limit(centres, kind, settings))
     centres = np.array([image.gps or (np.nan,) * 3 for image in capture.images])
-    turns = _quarter_turns(capture)
-    if np.isfinite(centres).all(axis=1).sum() < _FEW_POSITIONS:
-        return Target("none", centres, None, 0.0, quarter_turns=turns)
-    limit = centre_limit(centres, kind, settings) + _GPS_SIGMAS * float(np.linalg.norm(capture.gps_sigma))
-    return Target("gps", centres, None, limit, float(np.mean(capture.gps_sigma[:2])), turns)
+    turns, gimbal = _by_name(capture, "quarter_turns"), _by_name(capture, "gimbal")
+    sigmas = _by_name(capture, "gps_sigmas")
+    if sigmas is None:
+        sigmas = np.tile(np.array(capture.gps_sigma), (len(centres), 1))
+    east, north, up = _numbers(capture.facts.get("gps_bias", capture.gps_sigma))
+    kind = "gps" if np.isfinite(centres).all(axis=1).any() else "none"
+    return Target(
+        kind, centres, None, np.inf, np.maximum(sigmas, _LEAST_SIGMA), (east, north, up), gimbal,
+        None if turns is None else turns.astype(np.int64),
+    )  # fmt: skip
 
 
-def _quarter_turns(capture: Capture) -> NDArray[np.int64] | None:
-    """Tell how the photographs were held, where their EXIF says so."""
-    turns = capture.facts.get("quarter_turns")
-    if not isinstance(turns, dict):
+def _by_name(capture: Capture, fact: str) -> F64 | None:
+    """Take what the capture says of each photograph, in their order; NaN for null."""
+    told = capture.facts.get(fact)
+    if not isinstance(told, dict):
         return None
-    return np.array([turns[image.name] for image in capture.images], np.int64)
+    return np.array([_numbers(told[image.name]) for image in capture.images], np.float64)
+
+
+def _numbers(value: object) -> Any:
+    return np.array(value, np.float64)

@@ -124,36 +124,22 @@ def turn_upright(rotations: F64, quarter_turns: NDArray[np.int64]) -> F64:
     return np.stack([rights[quarter_turns, each], downs[quarter_turns, each], forward], axis=2)
 
 
-def heading_rotation(rotations: F64, source: F64, goal: F64) -> F64:
-    """Find the rotation that keeps level photographs upright and turns one ground plan onto another.
-
-    Args:
-        rotations: Camera-to-world rotations in the frame of `source` [1], shape (M, 3, 3), float64.
-        source: Points, shape (N, 3), float64.
-        goal: Matching points of a world with +z up, shape (N, 3), float64.
-
-    Returns:
-        Rotation, shape (3, 3), float64.
-    """
-    upright = level_rotation(rotations)
-    plan = ((source - source.mean(axis=0)) @ upright.T)[:, :2]
-    wanted = (goal - goal.mean(axis=0))[:, :2]
-    cosine = np.sum(plan * wanted)
-    sine = np.sum(plan[:, 0] * wanted[:, 1] - plan[:, 1] * wanted[:, 0])
-    cosine, sine = np.array([cosine, sine]) / np.hypot(cosine, sine)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ upright
-
-
-def level_rotation(rotations: F64) -> F64:
+def level_rotation(rotations: F64, gimbal: F64 | None = None) -> F64:
     """Find a turn that makes level photographs stand upright; the direction of +x is any.
 
     Args:
         rotations: Camera-to-world rotations in any frame [1], shape (N, 3, 3), float64.
+        gimbal: Up in each camera's axes as its gimbal has it [1], shape (N, 3), float64, NaN where unknown; or None.
+            Where half of the cameras know it, nothing else is asked.
 
     Returns:
         Rotation from that frame into one with +z up, shape (3, 3), float64.
     """
     up = camera_up(rotations)
+    told = np.flatnonzero(np.isfinite(gimbal).all(axis=1)) if gimbal is not None else np.zeros(0, np.int64)
+    if gimbal is not None and 2 * len(told) >= len(rotations):
+        up = np.median(np.einsum("nij,nj->ni", rotations[told], gimbal[told]), axis=0)
+        up /= np.linalg.norm(up)
     return _frame(np.cross(np.eye(3)[np.argmin(np.abs(up))], up).astype(np.float64), up).T
 
 

@@ -44,7 +44,7 @@ def match(
     Args:
         capture: Photographs.
         features: Folder of the database of features.
-        folder: Receives the database of matches; shares that an interrupted run has finished are in it.
+        folder: Receives the database of matches; what an interrupted run has matched is in it, or in its shares.
         settings: Pairing, and the number of processes.
         seed: Seed of the verification.
         progress: Listener.
@@ -90,12 +90,22 @@ def match_share(pairs: Iterable[tuple[int, int]], features: Path, folder: Path, 
 
 
 def _take_over(features: Path, path: Path) -> set[int]:
-    """Go on with the database of matches that an interrupted run left, or copy that of the features; give its pairs."""
+    """Go on with the database of matches that an interrupted run left, or copy that of the features; give its pairs.
+
+    What shares had found when they were killed comes home, too: a pair is through when its geometry is written, and is
+    the same whatever its share was.
+    """
     done = paired(path)
     if not done:
         for left in path.parent.glob(f"{path.name}*"):
             left.unlink()
         shutil.copyfile(features, path)  # not atomic: nothing is paired in half of it
+    for share in sorted(path.parent.glob("share*")):
+        found = paired(share / DATABASE)
+        if found:
+            take_pairs(share / DATABASE, path)
+        done |= found
+        shutil.rmtree(share)
     return done
 
 
@@ -105,8 +115,6 @@ def _match_shares(
 ) -> list[BaseException]:  # fmt: skip
     """Deal the pairs that are left out to children, and bring home what each found, whatever happens to the others."""
     whole, seen, failures = folder / DATABASE, 0, list[BaseException]()
-    for unfinished in folder.glob("share*"):
-        shutil.rmtree(unfinished)
     rounds = max(1, math.ceil(len(left) / (_SHARE * settings.threads)))
     size = max(_LEAST_SHARE, math.ceil(len(left) / (rounds * settings.threads)))
     with ThreadPoolExecutor(settings.threads) as pool:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from recon.truth.triangle_points import nearest_on_triangles
 from render.capture import Truth
 
 F64 = NDArray[np.float64]
@@ -10,6 +11,9 @@ F64 = NDArray[np.float64]
 
 def nearest_surface(points: F64, truth: Truth) -> tuple[F64, NDArray[np.uint8]]:
     """Find the nearest true surface of each point.
+
+    Which triangle is nearest, an engine of single precision tells; how far it is, is found in double precision: of long
+    thin triangles the engine's own nearest point may be centimetres off.
 
     Args:
         points: World positions [m], shape (N, 3), float64.
@@ -21,5 +25,7 @@ def nearest_surface(points: F64, truth: Truth) -> tuple[F64, NDArray[np.uint8]]:
     from usd_schemas.raycast import RayScene  # loads open3d
 
     corners, instances, labels = truth.surface()
-    distance, triangle = RayScene(corners, instances).distance(points)
-    return np.asarray(distance, np.float64), labels[triangle]
+    _, triangle = RayScene(corners, instances).nearest(points)
+    points = np.asarray(points, np.float64)
+    foot = nearest_on_triangles(points, np.asarray(corners, np.float64), triangle)
+    return np.linalg.norm(points - foot, axis=1), labels[triangle]

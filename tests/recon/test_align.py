@@ -196,33 +196,15 @@ def level_flight(rng: np.random.Generator, centres: F64) -> tuple[F64, F64, Simi
     return true, model, known
 
 
-def test_straight_flight_with_gps_stands_upright() -> None:
-    """GPS along a line fixes heading, scale and place; up is what level photographs say, not what its noise says."""
-    rng = np.random.default_rng(12)
-    line = np.column_stack([np.linspace(0, 30, 40), np.zeros(40), np.full(40, 3.0)])
-    _, model, known = level_flight(rng, line)
-    gps = line + rng.normal(0, 0.5, (40, 3))
-    aside = np.array([[15.0, 6.0, 3.0], [15.0, -6.0, 3.0]])
-    local = (aside - known.translation) @ known.rotation / known.scale
-    found = align(model, np.arange(40), Target("gps", gps, None, 3.0, 0.5), DEFAULT, np.random.default_rng(1))
-    assert found.method == "centres+up"
-    assert np.linalg.norm(found.similarity.move(local) - aside, axis=1).max() < 0.6
-    scale, rotation, translation = fit_similarity(model[:, :3, 3], gps)
-    assert np.linalg.norm(scale * local @ rotation.T + translation - aside, axis=1).max() > 2.0
-    climb = np.roll(line, 2, axis=1)
-    _, upward, _ = level_flight(rng, climb)
-    with pytest.raises(RejectedSceneError) as rejected:
-        align(upward, np.arange(40), Target("gps", climb, None, 3.0, 0.5), DEFAULT, np.random.default_rng(1))
-    assert rejected.value.reason == "straight_path"
-
-
 def test_without_positions_a_model_stands_upright() -> None:
     """Nothing known but the photographs: its own scale, up within a degree, cameras round the origin, none at fault."""
     rng = np.random.default_rng(13)
     _, model, known = level_flight(rng, rng.normal(0, 8, (30, 3)))
     turns = rng.integers(0, 4, 32)
     model[:, :3, :3] = turn_upright(model[:, :3, :3], -turns[:30] % 4)  # as pictures of cameras held this way or that
-    found = stand_upright(model, np.arange(30), Target("none", np.full((32, 3), np.nan), None, 0.0, 0.0, turns))
+    found = stand_upright(
+        model, np.arange(30), Target("none", np.full((32, 3), np.nan), None, 0.0, quarter_turns=turns)
+    )
     assert found.similarity.scale == 1.0
     up = found.similarity.rotation @ known.rotation.T @ np.array([0.0, 0.0, 1.0])
     assert np.degrees(np.arccos(up[2])) < 1.0

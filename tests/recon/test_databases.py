@@ -123,6 +123,29 @@ def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.Mo
     assert [path.name for path in (tmp_path / "matches").iterdir()] == [DATABASE]
 
 
+def test_what_a_killed_share_had_matched_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four of six pairs were through in a share that was killed: two are left to do, and every row is as ever."""
+    capture = crops(tmp_path / "photographs", 4)
+    settings = SparseSettings(max_features=500, threads=1)
+    wanted = made(capture, tmp_path / "calm", 1)
+    features, matches = tmp_path / "calm" / "features", tmp_path / "matches"
+    (matches / "share0").mkdir(parents=True)
+    with pycolmap.Database.open(features / DATABASE) as opened:
+        numbers = sorted(image.image_id for image in opened.read_all_images())
+    pairs = [(one, other) for one in numbers for other in numbers if one < other]
+    matching.match_share(pairs[:4], features, matches / "share0", 0)
+    asked = list[Any]()
+
+    def run_and_tell(module: str, request: dict[str, Any], **options: Any) -> Any:
+        asked.extend(request["pairs"])
+        return run_child(module, request, **options)
+
+    monkeypatch.setattr(matching, "run_child", run_and_tell)
+    match(capture, features, matches, settings, 0, SILENT)
+    assert sorted(tuple(sorted(pair)) for pair in asked) == pairs[4:]
+    assert rows_of(matches / DATABASE) == wanted
+
+
 def test_what_cannot_be_read_just_now_is_not_thrown_away(tmp_path: Path) -> None:
     """Somebody holds a sound database of matches: its pairs are not taken for none."""
     with closing(sqlite3.connect(tmp_path / DATABASE)) as holder:

@@ -1,0 +1,73 @@
+"""What drones write into the XMP packet of a photograph: how the gimbal stood, and how well the place was measured.
+
+Source: Adobe XMP, part 1 (a property is an attribute or an element); DJI's name space `drone-dji`; the tags
+`Camera:GPSXYAccuracy` and `Camera:GPSZAccuracy` that senseFly and Parrot write.
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+SIGNATURE = b"http:"
+"""What the JPEG segment of a packet begins with: a name space, ended by a zero byte."""
+
+_NUMBER = rb"[-+]?\d+(?:\.\d+)?(?:/\d+)?"
+_FLAT = 1e-3  # a place measured to less than a millimetre was not measured so
+
+
+@dataclass(frozen=True)
+class DroneFacts:
+    """What a packet says.
+
+    Attributes:
+        sigmas: Standard deviation of the place east, north and up as the receiver saw it [m], or None.
+        up: Up in the camera's axes right, down, forward [1], as its gimbal has it, or None.
+    """
+
+    sigmas: tuple[float, float, float] | None = None
+    up: tuple[float, float, float] | None = None
+
+
+def read_xmp(packet: bytes) -> DroneFacts:
+    """Read a packet; what is absent or odd counts as not said.
+
+    Args:
+        packet: The XMP packet, or nothing.
+    """
+    pitch, roll = (_number(packet, f"drone-dji:Gimbal{name}Degree") for name in ("Pitch", "Roll"))
+    up = None if pitch is None else camera_up_of(pitch, roll or 0.0)
+    return DroneFacts(_sigmas(packet), up)
+
+
+def camera_up_of(pitch: float, roll: float) -> tuple[float, float, float]:
+    """Turn the angles of a gimbal into the direction of up.
+
+    Args:
+        pitch: Of the line of sight above the horizon; straight down is -90 [deg].
+        roll: Of the picture about it, its right side down [deg].
+
+    Returns:
+        Up in the camera's axes right, down, forward [1].
+    """
+    sin_pitch, cos_pitch = np.sin(np.radians(pitch)), np.cos(np.radians(pitch))
+    sin_roll, cos_roll = np.sin(np.radians(roll)), np.cos(np.radians(roll))
+    return float(-cos_pitch * sin_roll), float(-cos_pitch * cos_roll), float(sin_pitch)
+
+
+def _sigmas(packet: bytes) -> tuple[float, float, float] | None:
+    east, north, up = (_number(packet, f"drone-dji:RtkStd{name}") for name in ("Lon", "Lat", "Hgt"))
+    if east is None or north is None or up is None:
+        along, up = (_number(packet, f"Camera:GPS{name}Accuracy") for name in ("XY", "Z"))
+        if along is None:
+            return None
+        east, north, up = along, along, 1.5 * along if up is None else up
+    return (east, north, up) if min(east, north, up) > _FLAT else None
+
+
+def _number(packet: bytes, name: str) -> float | None:
+    found = re.search(rb"\b" + name.encode() + rb"\s*(?:=\s*[\"']|>)\s*(" + _NUMBER + rb")\s*[\"'<]", packet)
+    if found is None:
+        return None
+    top, _, bottom = found.group(1).partition(b"/")
+    return float(top) / float(bottom) if bottom and float(bottom) else None if bottom else float(top)

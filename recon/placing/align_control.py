@@ -1,0 +1,218 @@
+"""The alignment to ground control: marked points are triangulated, and laid onto where they were surveyed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from recon.dense.undistort import lens_of
+from recon.placing.align import Alignment, Target, stand_upright
+from recon.placing.align_gps import align_to_fixes
+from recon.placing.gps_fit import fit_to_fixes
+from recon.placing.gravity import levels_of
+from recon.placing.ground_control import GroundControl
+from recon.placing.place_errors import PlaceErrors, expected_errors
+from recon.placing.similarity import Similarity
+from recon.sfm.colmap_model import SparseModel
+from render.capture import Capture
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+POINTS, BARS = "control points", "scale bars"
+_LEAST_POINTS, _LEAST_MARKS = 3, 2
+_SURE = 2.0  # standard deviations that hold 95 in 100
+_DECIMALS = -2  # the origin of a plane system is a whole number of hundreds of metres
+
+
+@dataclass(frozen=True)
+class ControlFit:
+    """What came of ground control.
+
+    Attributes:
+        alignment: The alignment.
+        kind: `control points`, or `scale bars` alone, with what GPS or gravity say of the rest.
+        facts: JSON: residuals of every point and bar, and the origin.
+    """
+
+    alignment: Alignment
+    kind: str
+    facts: dict[str, Any]
+
+
+def align_to_control(
+    model: SparseModel, rows: I64, target: Target, capture: Capture, control: GroundControl, where: Path,
+    rng: np.random.Generator,
+) -> ControlFit:  # fmt: skip
+    """Place a model by surveyed points, or, where there are fewer than three, scale it by bars.
+
+    Args:
+        model: Reconstruction.
+        rows: Row in the capture of each image of the model, shape (I,), int64.
+        target: What GPS and gimbals say.
+        capture: Photographs.
+        control: Points, marks and bars.
+        where: Their file, for messages.
+        rng: Draws triples of points to start from.
+
+    Returns:
+        The alignment and its residuals.
+
+    Raises:
+        InputError: A mark outside its image, or too few points that two registered photographs show and no bar.
+    """
+    places = _triangulated(model, capture, control, where)
+    known = [point for point in control.points if point.position is not None and point.name in places]
+    bars = [bar for bar in control.bars if bar.ends[0] in places and bar.ends[1] in places]
+    if len(known) < _LEAST_POINTS and not bars:
+        raise InputError(
+            f"{len(known)} of {len(control.points)} control points are marked in two registered photographs",
+            where=where, allowed=f"{_LEAST_POINTS} or more, or a scale bar between marked points",
+            mend="Mark each in more photographs",
+        )  # fmt: skip
+    if len(known) < _LEAST_POINTS:
+        alignment = _scaled(model, rows, target, places, control, rng)
+        return ControlFit(alignment, BARS, _bar_facts(alignment.similarity, places, control))
+    coordinates = np.array([point.position for point in known], np.float64)
+    origin = _origin(capture, control, coordinates)
+    goal = control.system.local(coordinates, origin)
+    source, sigma = np.array([places[point.name][0] for point in known]), np.array([point.sigma for point in known])
+    gimbal = None if target.gimbal is None else target.gimbal[rows]
+    fit = fit_to_fixes(source, goal, sigma, levels_of(target.level(model.poses, rows), gimbal), rng, flown=False)
+    errors = None if fit is None else expected_errors(fit, np.zeros(3))
+    if fit is None or errors is None or errors.unfixed():
+        wide = "" if errors is None else f" ({errors.unfixed()})"
+        raise InputError(
+            f"the control points fix no frame{wide}", where=where,
+            mend="Take points that do not lie on one line, and see that each is marked where it is",
+        )  # fmt: skip
+    alignment = replace(
+        stand_upright(model.poses, rows, target), similarity=fit.similarity, method=POINTS, errors=errors
+    )  # fmt: skip
+    residuals = fit.similarity.move(source) - goal
+    facts = [
+        {"name": point.name, "images": places[point.name][1], "error": off.tolist(),
+         "distance": float(np.linalg.norm(off)), "pixels": places[point.name][2], "agrees": bool(agrees)}
+        for point, off, agrees in zip(known, residuals, fit.agreeing, strict=True)
+    ]  # fmt: skip
+    frame = {"system": control.system.name, **_origin_facts(control, origin)}
+    return ControlFit(alignment, POINTS, {
+        "control_points": facts, "origin": frame, **_bar_facts(fit.similarity, places, control),
+    })  # fmt: skip
+
+
+def triangulate(centres: F64, directions: F64) -> F64:
+    """Find the point that is nearest to some rays, each counting by the inverse of its distance: as pixels do.
+
+    Args:
+        centres: Starts of the rays, shape (N, 3), float64.
+        directions: Unit directions [1], shape (N, 3), float64.
+
+    Returns:
+        The point, shape (3,), float64; NaN for parallel rays.
+    """
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    weights = np.ones(len(centres))
+    point = np.full(3, np.nan)
+    for _ in range(5):
+        normal = np.einsum("n,nij->ij", weights, across)
+        if np.linalg.eigvalsh(normal)[0] < 1e-12 * np.trace(normal):
+            return np.full(3, np.nan)
+        point = np.linalg.solve(normal, np.einsum("n,nij,nj->i", weights, across, centres))
+        square = ((point - centres) ** 2).sum(axis=1)
+        weights = square.mean() / np.maximum(square, 1e-12 * square.mean())
+    return point
+
+
+def _triangulated(
+    model: SparseModel, capture: Capture, control: GroundControl, where: Path
+) -> dict[str, tuple[F64, int, float]]:  # fmt: skip
+    """Give each point's place in the model, the number of its photographs, and how far it misses its marks [px]."""
+    camera, distortion = lens_of(model, capture.size)
+    row_of = {PurePath(name).stem: row for row, name in enumerate(model.names)}
+    focal, middle = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
+    size = np.array(capture.size)
+    found: dict[str, tuple[F64, int, float]] = {}
+    for point in control.points:
+        marks = [mark for mark in point.marks if PurePath(mark.image).stem in row_of]
+        uv = np.array([mark.uv for mark in marks]).reshape(-1, 2)
+        for mark in marks:
+            if not ((np.array(mark.uv) >= 0.0) & (np.array(mark.uv) <= size)).all():
+                raise InputError(
+                    f"the mark of {point.name} lies outside the image", where=where, field=mark.image, value=mark.uv,
+                    allowed=f"0 0 to {size[0]} {size[1]}",
+                )  # fmt: skip
+        if len(marks) < _LEAST_MARKS:
+            continue
+        poses = model.poses[[row_of[PurePath(mark.image).stem] for mark in marks]]
+        rays = np.column_stack([distortion.undistort((uv - middle) / focal), np.ones(len(marks))])
+        world = np.einsum("nij,nj->ni", poses[:, :3, :3], rays / np.linalg.norm(rays, axis=1, keepdims=True))
+        place = triangulate(poses[:, :3, 3], world)
+        local = np.einsum("nji,nj->ni", poses[:, :3, :3], place - poses[:, :3, 3])
+        if not (local[:, 2] > 0.0).all():
+            continue  # rays that part: a mark is wrong, and the point is not to be seen
+        back = distortion.distort(local[:, :2] / local[:, 2:]) * focal + middle
+        found[point.name] = place, len(marks), float(np.sqrt(((back - uv) ** 2).sum(axis=1).mean()))
+    return found
+
+
+def _scaled(
+    model: SparseModel, rows: I64, target: Target, places: Mapping[str, tuple[F64, int, float]],
+    control: GroundControl, rng: np.random.Generator,
+) -> Alignment:  # fmt: skip
+    """Scale by bars what GPS, or gravity alone, has placed; cameras keep their middle."""
+    bars = [bar for bar in control.bars if bar.ends[0] in places and bar.ends[1] in places]
+    found = np.array([np.linalg.norm(places[bar.ends[0]][0] - places[bar.ends[1]][0]) for bar in bars])
+    lengths, sigmas = np.array([bar.length for bar in bars]), np.array([bar.sigma for bar in bars])
+    weights = (found / sigmas) ** 2
+    scale = float((weights * lengths / found).sum() / weights.sum())
+    spread = float(np.sqrt((weights * (lengths / found / scale - 1.0) ** 2).sum() / weights.sum() / len(bars)))
+    unsure = 100.0 * _SURE * max(spread, 1.0 / (scale * float(np.sqrt(weights.sum()))))
+    base = align_to_fixes(model.poses, rows, target, rng) if target.kind == "gps" else stand_upright(
+        model.poses, rows, target
+    )  # fmt: skip
+    middle = model.poses[:, :3, 3].mean(axis=0)
+    there = base.similarity.move(middle[None])[0]
+    rotation = base.similarity.rotation
+    similarity = Similarity(scale, rotation, there - scale * rotation @ middle)
+    errors = base.errors if base.errors is not None and not base.unfixed else None
+    stated = PlaceErrors(unsure, np.nan, np.nan, np.nan) if errors is None else replace(errors, scale=unsure)
+    far = np.linalg.norm(similarity.move(model.poses[:, :3, 3]) - target.centres[rows], axis=1)
+    centre_errors = base.centre_errors.copy()
+    centre_errors[rows] = np.where(np.isnan(centre_errors[rows]), np.nan, far)
+    return replace(
+        base, similarity=similarity, method=BARS, errors=stated, unfixed="", centre_errors=centre_errors
+    )  # fmt: skip
+
+
+def _origin(capture: Capture, control: GroundControl, coordinates: F64) -> tuple[float, float, float]:
+    """Settle where the cloud counts from: as its GPS does, else the first point; of a plane system, near all points."""
+    if control.system.zone is None:
+        east, north = np.round(coordinates[:, :2].mean(axis=0), _DECIMALS)
+        return float(east), float(north), 0.0
+    origin = capture.facts.get("origin")
+    if isinstance(origin, dict):
+        return float(origin["latitude"]), float(origin["longitude"]), float(origin["height"])
+    latitude, longitude, up = control.system.geographic(coordinates[:1])[0]
+    return float(latitude), float(longitude), float(up)
+
+
+def _origin_facts(control: GroundControl, origin: tuple[float, float, float]) -> dict[str, float]:
+    names = ("east", "north", "up") if control.system.zone is None else ("latitude", "longitude", "height")
+    return dict(zip(names, origin, strict=True))
+
+
+def _bar_facts(
+    similarity: Similarity, places: Mapping[str, tuple[F64, int, float]], control: GroundControl
+) -> dict[str, Any]:  # fmt: skip
+    rows = []
+    for bar in control.bars:
+        if bar.ends[0] in places and bar.ends[1] in places:
+            one, other = similarity.move(np.array([places[name][0] for name in bar.ends]))
+            rows.append({"ends": list(bar.ends), "length": bar.length,
+                         "error": float(np.linalg.norm(one - other)) - bar.length})  # fmt: skip
+    return {"scale_bars": rows} if rows else {}

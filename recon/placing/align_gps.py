@@ -1,0 +1,53 @@
+"""The alignment to positions that a receiver measured: every camera stays, and what may be off is stated."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.placing.align import Alignment, Target, stand_upright
+from recon.placing.gps_fit import fit_to_fixes
+from recon.placing.gravity import levels_of
+from recon.placing.place_errors import expected_errors
+
+F64 = NDArray[np.float64]
+
+METHOD = "fixes+gravity"
+
+
+def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.random.Generator) -> Alignment:
+    """Place a model by the measured positions of its cameras and by gravity; no registered camera is at fault.
+
+    How far a camera is from where a receiver says it was tells something about the receiver: such a fix is left out of
+    the fit, its camera is not.
+
+    Args:
+        poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
+        rows: Their rows in the capture, shape (I,), int64.
+        target: The fixes, with `sigmas`.
+        rng: Draws triples of cameras to start from.
+
+    Returns:
+        The alignment; where the fixes do not fix the frame, one that only stands upright and says so in `unfixed`.
+    """
+    known = np.isfinite(target.centres[rows]).all(axis=1) & (target.sigmas is not None)
+    upright = stand_upright(poses, rows, target)
+    flown = np.argsort(rows[known], kind="stable")
+    used = rows[known][flown]
+    source, goal = poses[known][flown][:, :3, 3], target.centres[used]
+    gimbal = None if target.gimbal is None else target.gimbal[rows]
+    sigmas = np.ones((len(target.centres), 3)) if target.sigmas is None else target.sigmas
+    fit = fit_to_fixes(source, goal, sigmas[used], levels_of(target.level(poses, rows), gimbal), rng)
+    if fit is None:
+        return replace(upright, unfixed="fewer than three positions that differ")
+    errors = expected_errors(fit, np.array(target.bias))
+    if errors.unfixed():
+        return replace(upright, unfixed=errors.unfixed(), errors=errors)
+    agreeing, far = np.zeros(len(target.centres), bool), np.full(len(target.centres), np.nan)
+    agreeing[used] = fit.agreeing
+    far[used] = np.linalg.norm(fit.similarity.move(source) - goal, axis=1)
+    resting = goal[fit.agreeing]
+    return replace(
+        upright, similarity=fit.similarity, method=METHOD, centre_errors=far, agreeing=agreeing, errors=errors,
+        singular_values=np.linalg.svd(resting - resting.mean(axis=0), compute_uv=False).astype(np.float64),
+    )  # fmt: skip

@@ -1,0 +1,308 @@
+"""The similarity that fits a model to measured positions of its cameras, and what it leaves open.
+
+Positions are measured to metres, the model is right to millimetres: so the scale is that of least squares from model to
+positions, found together with the rotation. A ratio of spreads would count the noise of the positions as size.
+Source: least squares with a priori information and variance components; Förstner and Wrobel, Photogrammetric Computer
+Vision (2016), 4.2 and 4.7; the start is the least median of squares, Rousseeuw (1984).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from recon.placing.gravity import Levels
+from recon.placing.similarity import Similarity, angles, fit_similarity
+
+F64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+PARAMETERS = 7  # logarithm of the scale, rotation vector [rad], place of the middle of the cameras [m]
+_TRIPLE = 3
+_TRIPLES = 300
+_LEVEL = 2.366  # median of the square of a normal vector of three
+_FAR = 21.1  # beyond: one good fix in ten thousand
+_ROUNDS, _STEPS = 15, 30
+_NEAR, _SETTLED = 1e-4, 1e-10
+_PRIOR_FREEDOM = 2.0  # by which two components of variance hold together where there are few fixes
+_LONG = 12  # fixes from which on their likeness along the way can be told
+_SURE, _UNLIKE = 4.0, 15.0  # a rotation so many degrees off is refuted by a likelihood that is e^2 smaller
+_USUAL = 0.3  # likeness of fixes too few to tell
+_ALIKE = 0.95  # most that a fix may be taken to repeat the one before
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A similarity, and the information that it rests on.
+
+    Attributes:
+        similarity: From the model into the world.
+        agreeing: Fixes that it rests on, shape (N,), bool.
+        sigmas: Standard deviation of a fix along the ground and in height, as the residuals have it; as a multiple of
+            what was stated [1], shape (2,), float64.
+        likeness: Correlation of a fix with the one before it [1].
+        middle: Middle of the agreeing cameras in the world [m], shape (3,), float64.
+        covariances: Of logarithm of the scale, rotation vector [rad] and place of the middle [m], from the errors along
+            the ground, those in height, and those of gravity, shape (3, 7, 7), float64.
+        freedom: Degrees of freedom of these three [1], shape (3,), float64.
+        twofold: Whether a quite different rotation fits as well.
+    """
+
+    similarity: Similarity
+    agreeing: Mask
+    sigmas: F64
+    likeness: float
+    middle: F64
+    covariances: F64
+    freedom: F64
+    twofold: bool = False
+
+
+def fit_to_fixes(
+    source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.random.Generator, *, flown: bool = True
+) -> Fit | None:
+    """Fit a similarity to positions that were measured, some of them wrongly, and to what gravity says.
+
+    Args:
+        source: Camera centres in model units, shape (N, 3), float64, in the order in which they were flown.
+        goal: Their measured positions [m], shape (N, 3), float64.
+        sigma: Stated standard deviation of each along x, y, z [m], shape (N, 3), float64: along the ground and in
+            height each may be wrong by a factor, which the residuals tell.
+        levels: What the photographs say about up.
+        rng: Draws triples to start from.
+        flown: Whether they were measured one after the other, so that errors may repeat.
+
+    Returns:
+        The fit; None for fewer than three fixes, or cameras that all stand in one place.
+    """
+    if len(source) < _TRIPLE or not min(np.ptp(source, axis=0).max(), np.ptp(goal, axis=0).max()) > 0.0:
+        return None
+    found = [
+        _settle(source, goal, sigma, levels, start) for start in _starts(source, goal, sigma, levels, rng)
+    ]  # fmt: skip
+    level = min(_level(_squares(similarity, source, goal, sigma)) for similarity in found)
+    costs = [_cost(similarity, source, goal, sigma * level, levels) for similarity in found]
+    best = found[int(np.argmin(costs))]
+    rivals = [other.rotation for other, cost in zip(found, costs, strict=True) if cost < min(costs) + _SURE]
+    unlike = bool((angles(np.array(rivals), best.rotation) > _UNLIKE).any())
+    agreeing = _squares(best, source, goal, sigma * level) <= _FAR
+    fit = _adjust(best, source, goal, sigma, levels, agreeing, flown)
+    for _ in range(_ROUNDS):
+        again = _squares(fit.similarity, source, goal, sigma * fit.sigmas[[0, 0, 1]]) <= _FAR
+        if (again == agreeing).all() or again.sum() < max(_TRIPLE, len(goal) / 2):
+            break
+        agreeing = again
+        fit = _adjust(fit.similarity, source, goal, sigma, levels, agreeing, flown)
+    return replace(fit, twofold=unlike)
+
+
+def _starts(source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.random.Generator) -> list[Similarity]:
+    """Propose similarities: of all fixes, of the triple that half of them agree with best, and upside down of each."""
+    count = len(source)
+    keys = rng.random((_TRIPLES, count))
+    triples = np.argpartition(keys, _TRIPLE - 1, axis=1)[:, :_TRIPLE] if count > _TRIPLE else np.arange(3)[None]
+    scale, rotation, shift = fit_similarity(source[triples], goal[triples])
+    moved = scale[:, None, None] * (source @ rotation.transpose(0, 2, 1)) + shift[:, None, :]
+    squares = np.nan_to_num((((moved - goal) / sigma) ** 2).sum(axis=2), nan=np.inf)
+    half = min((count + _TRIPLE + 2) // 2, count) - 1
+    best = int(np.argmin(np.partition(squares, half, axis=1)[:, half]))
+    whole = fit_similarity(source, goal)
+    starts = [Similarity(float(whole[0]), whole[1], whole[2])]
+    if np.isfinite(squares[best]).all():
+        starts.append(Similarity(float(scale[best]), rotation[best], shift[best]))
+    starts = [start for start in starts if np.isfinite(start.scale) and start.scale > 0.0]
+    rolled = []
+    for start in starts:  # of a straight flight the fixes leave open how it lies round its path
+        along = np.linalg.svd(goal - goal.mean(axis=0), full_matrices=False)[2][0]
+        for turn in (90.0, 180.0, 270.0):
+            roll = _turn(np.radians(turn) * along)
+            middle = goal.mean(axis=0)
+            rolled.append(Similarity(start.scale, roll @ start.rotation, roll @ (start.translation - middle) + middle))
+    return starts + rolled
+
+
+def _settle(source: F64, goal: F64, sigma: F64, levels: Levels, start: Similarity) -> Similarity:
+    """Improve a start by weighted least squares in which a fix counts less the farther off it is."""
+    similarity = start
+    for _ in range(_STEPS):
+        squares = _squares(similarity, source, goal, sigma)
+        level = _level(squares)
+        robust = 1.0 / (1.0 + squares / level**2 / 3.0)
+        weights = robust[:, None] / (sigma * level) ** 2
+        similarity, moved = _step(similarity, source, goal, weights, levels)
+        if moved < _NEAR:
+            break
+    return similarity
+
+
+def _step(similarity: Similarity, source: F64, goal: F64, weights: F64, levels: Levels) -> tuple[Similarity, float]:
+    """Take one step of Gauss and Newton; gives the new similarity and how far it moved, as a share."""
+    centre = _middle(source, weights)
+    jacobian = _jacobian(similarity, source - centre)
+    residual = goal - similarity.move(source)
+    ups = similarity.rotation.T[:, 2]
+    pull = levels.weights(ups)
+    turning = _leaning(similarity, levels)
+    normal = np.einsum("nki,nk,nkj->ij", jacobian, weights, jacobian)
+    normal[1:4, 1:4] += (turning * pull[:, None]).T @ turning
+    right = np.einsum("nki,nk,nk->i", jacobian, weights, residual)
+    right[1:4] += turning.T @ (pull * (levels.heights - levels.directions @ ups))
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    delta = np.linalg.lstsq(normal / np.outer(size, size), right / size, rcond=1e-13)[0] / size
+    delta[:4] = np.clip(delta[:4], -0.5, 0.5)  # far from the end a step may be wild
+    scale = similarity.scale * float(np.exp(delta[0]))
+    rotation = _turn(delta[1:4]) @ similarity.rotation
+    middle = similarity.move(centre[None])[0] + delta[4:]
+    spread = np.linalg.norm(source - centre, axis=1).max() * similarity.scale
+    return Similarity(scale, rotation, middle - scale * rotation @ centre), float(
+        np.abs(delta[:4]).max() + np.abs(delta[4:]).max() / max(spread, 1e-300)
+    )
+
+
+def _adjust(
+    start: Similarity, source: F64, goal: F64, sigma: F64, levels: Levels, agreeing: Mask, flown: bool
+) -> Fit:  # fmt: skip
+    """Fit to the agreeing fixes, and estimate how well the fixes were measured along the ground and in height."""
+    source, goal, stated = source[agreeing], goal[agreeing], sigma[agreeing]
+    similarity, factors, likeness = start, np.ones(2), 0.0
+    freedom = np.ones(2)
+    for _ in range(_STEPS):
+        weights = 1.0 / (stated * factors[[0, 0, 1]]) ** 2
+        moved = np.inf
+        for _ in range(_STEPS):
+            similarity, moved = _step(similarity, source, goal, weights, levels)
+            if moved < _SETTLED:
+                break
+        residual = (goal - similarity.move(source)) / stated
+        likeness = _likeness(residual / factors[[0, 0, 1]]) if flown else 0.0
+        again, freedom = _components(similarity, source, residual, stated, factors, levels, likeness)
+        change = np.abs(np.log(again / factors)).max()
+        factors = again
+        if change < 1e-4:
+            break
+    weights = 1.0 / (stated * factors[[0, 0, 1]]) ** 2
+    covariances = _covariances(similarity, source, weights, levels, likeness)
+    middle = similarity.move(_middle(source, weights)[None])[0]
+    slow = (1.0 - likeness**2) / (1.0 + likeness**2)
+    return Fit(
+        similarity, agreeing, factors, likeness, middle, covariances, np.append(np.maximum(freedom * slow, 1.0), 1e6)
+    )  # fmt: skip
+
+
+def _components(
+    similarity: Similarity, source: F64, residual: F64, stated: F64, factors: F64, levels: Levels, likeness: float
+) -> tuple[F64, F64]:
+    """Estimate the two factors of the stated errors anew; gives them and their degrees of freedom."""
+    weights = 1.0 / (stated * factors[[0, 0, 1]]) ** 2
+    jacobian = _jacobian(similarity, source - _middle(source, weights)) * np.sqrt(weights)[:, :, None]
+    inverse = np.asarray(np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True), np.float64)
+    kept = np.array([
+        _left_over(jacobian[:, axes], inverse, likeness) for axes in ([0, 1], [2])
+    ])  # fmt: skip
+    squares = np.array([(residual[:, :2] ** 2).sum(), (residual[:, 2] ** 2).sum()])
+    common = (squares / factors**2).sum() / max(kept.sum(), 1.0)
+    estimate = (squares + _PRIOR_FREEDOM * common * factors**2) / (kept + _PRIOR_FREEDOM)
+    freedom = kept + _PRIOR_FREEDOM * kept.sum() / (kept.sum() + _PRIOR_FREEDOM)
+    return np.sqrt(np.maximum(estimate, 1e-18)), np.minimum(freedom, kept.sum())
+
+
+def _left_over(jacobian: F64, inverse: F64, likeness: float) -> float:
+    """Count what a fit leaves of the variance of some axes: trace of (I - H) S (I - H), about, S their likeness."""
+    used = 0.0
+    for axis in range(jacobian.shape[1]):
+        part = jacobian[:, axis]
+        used += np.einsum("ij,jk,ik->", part, inverse, _alike(part, likeness))
+    return float(max(jacobian.shape[0] * jacobian.shape[1] - used, 0.0))
+
+
+def _covariances(similarity: Similarity, source: F64, weights: F64, levels: Levels, likeness: float) -> F64:
+    """Carry the errors of fixes along the ground, in height, and of gravity over to the parameters."""
+    jacobian = _jacobian(similarity, source - _middle(source, weights)) * np.sqrt(weights)[:, :, None]
+    inverse = np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True)
+    parts = [sum(jacobian[:, axis].T @ _alike(jacobian[:, axis], likeness) for axis in axes) for axes in ([0, 1], [2])]
+    turning, pull = _leaning(similarity, levels), levels.weights(similarity.rotation.T[:, 2])
+    tilt = np.zeros((PARAMETERS, PARAMETERS))
+    tilt[1:4, 1:4] = (turning * pull[:, None]).T @ turning
+    return np.stack([inverse @ part @ inverse for part in (*parts, tilt)])
+
+
+def _information(whitened: F64, similarity: Similarity, levels: Levels) -> F64:
+    """Sum up the information of fixes and of gravity, shape (7, 7)."""
+    turning, pull = _leaning(similarity, levels), levels.weights(similarity.rotation.T[:, 2])
+    total = np.einsum("nki,nkj->ij", whitened, whitened)
+    total[1:4, 1:4] += (turning * pull[:, None]).T @ turning
+    return total
+
+
+def _likeness(whitened: F64) -> float:
+    """Estimate how far the error of a fix repeats that of the one before it.
+
+    A fit takes away what varies slowly, and with it some of the likeness; what is added for it is tuned by simulation
+    (`benchmarks.gps_scale`).
+    """
+    if len(whitened) < _LONG:
+        return _USUAL
+    raw = float((whitened[1:] * whitened[:-1]).sum() / (whitened**2).sum())
+    count = len(whitened)
+    freed = raw + (1.0 + 6.0 * max(raw, 0.0)) * PARAMETERS / (3.0 * count)
+    return float(np.clip(freed, 0.0, _ALIKE)) if freed > 2.0 / np.sqrt(3.0 * count) else 0.0
+
+
+def _alike(columns: F64, likeness: float) -> F64:
+    """Multiply by the matrix whose entries are likeness to the power of |i - j|, shape (N, P)."""
+    if likeness == 0.0:
+        return columns
+    ahead = lfilter([1.0], [1.0, -likeness], columns, axis=0)
+    back = lfilter([1.0], [1.0, -likeness], columns[::-1], axis=0)[::-1]
+    return np.asarray(ahead + back - columns)
+
+
+def _squares(similarity: Similarity, source: F64, goal: F64, sigma: F64) -> F64:
+    return (((goal - similarity.move(source)) / sigma) ** 2).sum(axis=1)
+
+
+def _level(squares: F64) -> float:
+    """Tell by what factor the stated errors are too small, from the better half; never trust less than a tenth."""
+    count = len(squares)
+    half = min((count + _TRIPLE + 2) // 2, count) - 1
+    free = max(1.0 - PARAMETERS / (3.0 * count), 0.2)
+    return float(max(np.sqrt(np.partition(squares, half)[half] / _LEVEL / free), 0.1))
+
+
+def _cost(similarity: Similarity, source: F64, goal: F64, sigma: F64, levels: Levels) -> float:
+    ups = similarity.rotation.T[:, 2]
+    return float(np.minimum(_squares(similarity, source, goal, sigma), _FAR).sum()) + levels.cost(ups)
+
+
+def _middle(source: F64, weights: F64) -> F64:
+    share = weights.sum(axis=1)
+    return np.asarray(share @ source / share.sum(), np.float64)
+
+
+def _jacobian(similarity: Similarity, centred: F64) -> F64:
+    """Derive the moved points by the parameters, shape (N, 3, 7)."""
+    arm = similarity.scale * centred @ similarity.rotation.T
+    found = np.zeros((len(centred), 3, PARAMETERS))
+    found[:, :, 0] = arm
+    found[:, 0, 2], found[:, 0, 3] = arm[:, 2], -arm[:, 1]
+    found[:, 1, 1], found[:, 1, 3] = -arm[:, 2], arm[:, 0]
+    found[:, 2, 1], found[:, 2, 2] = arm[:, 1], -arm[:, 0]
+    found[:, :, 4:] = np.eye(3)
+    return found
+
+
+def _leaning(similarity: Similarity, levels: Levels) -> F64:
+    """Derive the heights of the directions by the rotation vector, shape (K, 3)."""
+    turned = levels.directions @ similarity.rotation.T
+    return np.column_stack([turned[:, 1], -turned[:, 0], np.zeros(len(turned))])
+
+
+def _turn(vector: F64) -> F64:
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        x, y, z = vector
+        return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
+    x, y, z = vector / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross

@@ -1,0 +1,240 @@
+"""Ground control: surveyed points and bars of known length, and where photographs show them, as files state them.
+
+Two forms are read. `gcp_list.txt` of OpenDroneMap has the system of coordinates in its first line, then one line for
+each mark: easting, northing, height, column, row, image, and the point's name if it likes. The other is what Metashape
+writes as text: tables with a line of heads each, of points (`#Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_(m)`), of
+marks (`#Camera,Label,x_px,y_px`) and of scale bars (`#Label,Distance_(m),Accuracy_(m)`, the label being two names with
+`_` between them); a table of marks may hold the coordinates, too.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath
+
+from groundwork.errors import InputError, MissingError
+from recon.placing.map_projection import MapSystem, read_system
+
+Triple = tuple[float, float, float]
+
+_SIGMA = 0.03  # [m] of a point that was surveyed by satellite, where the file does not tell
+_BAR_SIGMA = 0.001  # [m]
+_LONGEST = 5_000_000  # [bytes] a file of marks is far shorter
+_HEADS: Mapping[str, tuple[str, ...]] = {
+    "camera": ("camera", "image", "photo", "camera_label", "image_name", "photo_name"),
+    "label": ("label", "marker", "point", "gcp", "name", "marker_label", "gcp_name", "point_id"),
+    "u": ("x_px", "u", "im_x", "px", "x_proj", "x_(px)", "x_(pix)", "column"),
+    "v": ("y_px", "v", "im_y", "py", "y_proj", "y_(px)", "y_(pix)", "row"),
+    "east": ("x/east", "x/easting", "x/longitude", "easting", "east", "longitude", "lon", "geo_x", "x_(m)"),
+    "north": ("y/north", "y/northing", "y/latitude", "northing", "north", "latitude", "lat", "geo_y", "y_(m)"),
+    "up": ("z/altitude", "z/height", "altitude", "height", "z", "geo_z", "z_(m)", "elevation"),
+    "sigma": ("accuracy_(m)", "accuracy", "xy_accuracy_(m)", "xy_accuracy"),
+    "sigma_up": ("z_accuracy_(m)", "z_accuracy"),
+    "distance": ("distance_(m)", "distance", "length_(m)", "length"),
+}
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Where a photograph shows a point: its name, or file, and the pixel [px]."""
+
+    image: str
+    uv: tuple[float, float]
+
+
+@dataclass
+class ControlPoint:
+    """A point on the ground.
+
+    Attributes:
+        name: Its name.
+        position: Coordinates as the file has them; None of a point that was not surveyed.
+        sigma: Standard deviation east, north and up [m].
+        marks: Photographs that show it.
+    """
+
+    name: str
+    position: Triple | None = None
+    sigma: Triple = (_SIGMA, _SIGMA, _SIGMA)
+    marks: list[Mark] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class ScaleBar:
+    """Two points whose distance was measured.
+
+    Attributes:
+        ends: Names of the points.
+        length: Distance [m].
+        sigma: Its standard deviation [m].
+    """
+
+    ends: tuple[str, str]
+    length: float
+    sigma: float
+
+
+@dataclass(frozen=True)
+class GroundControl:
+    """What a file states: the system of its coordinates, points in the order of the file, and scale bars."""
+
+    system: MapSystem
+    points: tuple[ControlPoint, ...]
+    bars: tuple[ScaleBar, ...] = ()
+
+
+def read_ground_control(path: Path) -> GroundControl:
+    """Read a file of ground control points, in the form of OpenDroneMap or of Metashape.
+
+    Args:
+        path: The file.
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: It is in neither form, or one of its lines is wrong; names the line.
+    """
+    try:
+        if path.stat().st_size > _LONGEST:
+            raise InputError("too long for a file of ground control points", where=path, mend="Name the text file")
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise MissingError("no such file", where=path, mend="Check the path") from None
+    except (OSError, UnicodeDecodeError):
+        raise InputError("not a text file", where=path, mend="Name a gcp_list.txt, or markers as CSV") from None
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    if not lines:
+        raise InputError("the file is empty", where=path, mend="Name a gcp_list.txt, or markers as CSV")
+    if any(_heads(line) for _, line in lines):
+        return _read_tables(path, lines)
+    return _read_list(path, lines)
+
+
+def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
+    """Read the form of OpenDroneMap."""
+    system = read_system(lines[0][1])
+    if system is None:
+        raise InputError(
+            "the first line names no system of coordinates", where=path, field="line 1", value=lines[0][1][:60],
+            allowed="EPSG:…, WGS84 UTM …N, a PROJ string; or tables with heads as of Metashape",
+        )  # fmt: skip
+    points: dict[str, ControlPoint] = {}
+    for number, line in lines[1:]:
+        if line.startswith("#"):
+            continue
+        cells = line.split("\t") if line.count("\t") >= 5 else line.split()
+        if len(cells) < 6:
+            raise InputError(
+                "too few columns", where=path, field=f"line {number}", value=line[:60],
+                allowed="easting northing height column row image [name]",
+            )  # fmt: skip
+        east, north, up, u, v = (_number(path, number, cell) for cell in cells[:5])
+        name = cells[6] if len(cells) > 6 else f"{cells[0]} {cells[1]} {cells[2]}"
+        _place(path, number, points.setdefault(name, ControlPoint(name)), (east, north, up))
+        _mark(path, number, points[name], cells[5], (u, v))
+    return GroundControl(system, tuple(points.values()))
+
+
+def _read_tables(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
+    """Read the form of Metashape."""
+    points: dict[str, ControlPoint] = {}
+    bars: list[tuple[int, str, dict[str, float]]] = []
+    heads: dict[str, int] = {}
+    system: MapSystem | None = None
+    for number, line in lines:
+        found = _heads(line)
+        if found:
+            heads = found
+            if system is None and re.search("longitude|latitude", line, re.IGNORECASE):
+                system = MapSystem("longitude and latitude", 0)
+            continue
+        if line.startswith("#"):
+            system = read_system(line.lstrip("# ").partition("CoordinateSystem:")[2].strip()) or system
+            continue
+        cells = _cells(line)
+        given = {key: cells[at] for key, at in heads.items() if at < len(cells) and cells[at] not in ("", "-")}
+        if not heads or "label" not in given:
+            raise InputError("a row without a name", where=path, field=f"line {number}", value=line[:60])
+        numbers = {key: _number(path, number, given[key]) for key in given if key not in ("camera", "label")}
+        if "distance" in heads:
+            bars.append((number, given["label"], numbers))
+            continue
+        point = points.setdefault(given["label"], ControlPoint(given["label"]))
+        if {"east", "north", "up"} <= numbers.keys():
+            _place(path, number, point, (numbers["east"], numbers["north"], numbers["up"]))
+        if "sigma" in numbers:
+            along = _positive(path, number, numbers["sigma"])
+            point.sigma = (along, along, _positive(path, number, numbers.get("sigma_up", along)))
+        if "camera" in given:
+            if not {"u", "v"} <= numbers.keys():
+                raise InputError("a mark without a pixel", where=path, field=f"line {number}", value=line[:60])
+            _mark(path, number, point, given["camera"], (numbers["u"], numbers["v"]))
+    measured = tuple(_bar(path, number, label, numbers, points) for number, label, numbers in bars)
+    return GroundControl(system or MapSystem("local", None), tuple(points.values()), measured)
+
+
+def _heads(line: str) -> dict[str, int]:
+    """Read a line of heads: column of each kind of cell; nothing where the line is none."""
+    cells = [cell.strip() for cell in _cells(line.lstrip("#"))]
+    plain = [cell.lower().replace(" ", "_") for cell in cells]
+    found = {key: plain.index(name) for key, names in _HEADS.items() for name in names if name in plain}
+    marks = "camera" in found and "u" not in found
+    if marks and "x" in cells and "y" in cells:  # small letters are pixels, capital ones are metres
+        found |= {"u": cells.index("x"), "v": cells.index("y")}
+    if "X" in cells and "Y" in cells and "Z" in cells:
+        found |= {"east": cells.index("X"), "north": cells.index("Y"), "up": cells.index("Z")}
+    elif "camera" not in found and {"x", "y", "z"} <= set(plain):
+        found |= {"east": plain.index("x"), "north": plain.index("y"), "up": plain.index("z")}
+    whole = "label" in found and ({"east", "north", "up"} <= found.keys() or "distance" in found or "u" in found)
+    return found if whole else {}
+
+
+def _cells(line: str) -> list[str]:
+    separator = next((mark for mark in ("\t", ";", ",") if mark in line), None)
+    return [cell.strip().strip('"') for cell in line.split(separator)]
+
+
+def _number(path: Path, line: int, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError("not a number", where=path, field=f"line {line}", value=cell[:60])
+    return value
+
+
+def _positive(path: Path, line: int, value: float) -> float:
+    if not value > 0.0:
+        raise InputError("an accuracy must be above 0", where=path, field=f"line {line}", value=value)
+    return value
+
+
+def _place(path: Path, line: int, point: ControlPoint, position: Triple) -> None:
+    if point.position is not None and point.position != position:
+        raise InputError(
+            "one name at two places", where=path, field=f"line {line}", value=point.name, mend="Rename one"
+        )
+    point.position = position
+
+
+def _mark(path: Path, line: int, point: ControlPoint, image: str, uv: tuple[float, float]) -> None:
+    if any(PurePath(mark.image).stem == PurePath(image).stem for mark in point.marks):
+        raise InputError(
+            f"the point {point.name} is marked twice in one image", where=path, field=f"line {line}", value=image
+        )
+    point.marks.append(Mark(image, uv))
+
+
+def _bar(
+    path: Path, line: int, label: str, numbers: Mapping[str, float], points: Mapping[str, ControlPoint]
+) -> ScaleBar:  # fmt: skip
+    splits = [(label[:at], label[at + 1 :]) for at, letter in enumerate(label) if letter == "_"]
+    ends = next(((one, other) for one, other in splits if one in points and other in points), None)
+    if ends is None or "distance" not in numbers:
+        raise InputError(
+            "a scale bar needs the names of two points joined by '_', and a distance", where=path,
+            field=f"line {line}", value=label,
+        )  # fmt: skip
+    sigma = numbers.get("sigma", _BAR_SIGMA)
+    return ScaleBar(ends, _positive(path, line, numbers["distance"]), _positive(path, line, sigma))

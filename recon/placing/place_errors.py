@@ -1,0 +1,105 @@
+"""How far a model's scale, tilt, heading and place may be off: the errors to expect, and limits that hold 95 in 100."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as fisher
+
+from recon.placing.gps_fit import Fit
+
+F64 = NDArray[np.float64]
+
+SHARE = 0.95
+_SCALE_LIMIT, _TILT_LIMIT, _HEADING_LIMIT = 25.0, 20.0, 30.0  # [%] [deg] [deg]: beyond, the positions fix no frame
+
+
+@dataclass(frozen=True)
+class PlaceErrors:
+    """Limits that the errors of a placed model keep to in 95 of 100 cases; NaN where nothing is known.
+
+    Attributes:
+        scale: Error of the scale [%].
+        tilt: Angle between the model's up and the world's [deg].
+        heading: Angle about up [deg].
+        place: Distance of the middle of the cameras from where it was [m].
+        twofold: Whether a quite different rotation fits as well: then none of the limits holds.
+    """
+
+    scale: float
+    tilt: float
+    heading: float
+    place: float
+    twofold: bool = False
+
+    def unfixed(self) -> str:
+        """Say in words what is too unsure for the model to be placed; empty where nothing is."""
+        wide = [
+            f"{name} ±{value:.0f}{unit}"
+            for name, value, limit, unit in (
+                ("scale", self.scale, _SCALE_LIMIT, " %"), ("tilt", self.tilt, _TILT_LIMIT, "°"),
+                ("heading", self.heading, _HEADING_LIMIT, "°"),
+            ) if not value <= limit
+        ]  # fmt: skip
+        if self.twofold and not wide:
+            wide = ["two ways round fit alike"]
+        return ", ".join(wide)
+
+    def in_words(self) -> str:
+        """Say the four limits in one clause."""
+        known = [
+            f"{name} ±{_short(value)}{unit}"
+            for name, value, unit in (
+                ("scale", self.scale, " %"), ("tilt", self.tilt, "°"), ("heading", self.heading, "°"),
+                ("place", self.place, " m"),
+            ) if np.isfinite(value)
+        ]  # fmt: skip
+        return f"{', '.join(known)} (95 %)"
+
+    def facts(self) -> dict[str, Any]:
+        """State the limits as JSON; None where nothing is known."""
+        values = {
+            "scale_percent": self.scale, "tilt_deg": self.tilt, "heading_deg": self.heading, "place_m": self.place,
+        }  # fmt: skip
+        return {"share": SHARE} | {key: value if np.isfinite(value) else None for key, value in values.items()}
+
+
+def expected_errors(fit: Fit, bias: F64) -> PlaceErrors:
+    """State the limits of a fit's errors, from its residuals, its geometry and what all its fixes share.
+
+    Args:
+        fit: The fit.
+        bias: Standard deviation along x, y, z of the error that all positions share [m], shape (3,), float64.
+    """
+    freedom = fit.freedom
+    shared = np.diag(np.asarray(bias, np.float64) ** 2)
+    scale = _limit(fit.covariances[:, :1, :1], freedom)
+    place = np.concatenate([fit.covariances[:, 4:, 4:], shared[None]])
+    return PlaceErrors(
+        100.0 * float(np.expm1(min(scale, 50.0))),
+        float(np.degrees(_limit(fit.covariances[:, 1:3, 1:3], freedom))),
+        float(np.degrees(_limit(fit.covariances[:, 3:4, 3:4], freedom))),
+        _limit(place, np.append(freedom, 1e6)),
+        fit.twofold,
+    )
+
+
+def _limit(parts: F64, freedom: F64) -> float:
+    """Find the length that a normal vector keeps below, whose covariance is the sum of parts that are only estimated.
+
+    Its square is taken as a multiple of F with as many degrees of freedom as match its mean and variance.
+    Source: Satterthwaite (1946), for the sum and for the square of the vector alike.
+    """
+    total = parts.sum(axis=0)
+    values = np.maximum(np.linalg.eigvalsh(total), 0.0)
+    if not values.sum() > 0.0:
+        return 0.0
+    degrees = values.sum() ** 2 / (values**2).sum()
+    shares = np.array([max(np.trace(part), 0.0) for part in parts])
+    known = shares.sum() ** 2 / np.maximum((shares**2 / freedom).sum(), 1e-300)
+    return float(np.sqrt(values.sum() * fisher.ppf(SHARE, degrees, known)))
+
+
+def _short(value: float) -> str:
+    return f"{value:.1f}" if value >= 1.0 else f"{value:.2g}"

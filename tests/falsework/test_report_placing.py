@@ -1,0 +1,19 @@
+"""The report says how far a model may be off, and what control points leave over."""
+
+from falsework.report.report import _placing
+
+
+def test_limits_and_residuals_stand_in_the_report() -> None:
+    """Every limit that is known, every control point, every bar: one row each; with truth, none."""
+    rows = _placing({
+        "expected_error": {"share": 0.95, "scale_percent": 1.234, "tilt_deg": 0.5, "heading_deg": None, "place_m": 2.0},
+        "control_points": [{"name": "A", "distance": 0.0214, "agrees": True},
+                           {"name": "B", "distance": 2.5, "agrees": False}],
+        "scale_bars": [{"ends": ["A", "B"], "error": -0.0012}],
+    })  # fmt: skip
+    assert rows == [
+        ("error of scale, 95 % below", "1.2 %"), ("error of tilt, 95 % below", "0.5°"),
+        ("error of place, 95 % below", "2 m"), ("control point A off by", "0.021 m"),
+        ("control point B off by", "2.500 m, left out"), ("scale bar A to B off by", "-0.0012 m"),
+    ]  # fmt: skip
+    assert _placing({"target": "truth"}) == []

@@ -1,0 +1,311 @@
+"""Ground control: both forms are read, points are triangulated as the closed form has it, bad files are one line."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycolmap
+import pytest
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError, MissingError
+from groundwork.progress import SILENT
+from recon import reconstruct as conductor
+from recon.cloud import read_cloud
+from recon.placing.align import OK, Target
+from recon.placing.align_control import align_to_control, triangulate
+from recon.placing.ground_control import ControlPoint, GroundControl, Mark, ScaleBar, read_ground_control
+from recon.placing.map_projection import MapSystem, read_system
+from recon.placing.place import read_control
+from recon.placing.similarity import Similarity
+from recon.settings import ReconSettings
+from recon.sfm.colmap_model import SparseModel, read_model
+from recon.sfm.sparse import Sparse
+from render.capture import CalibrationPrior, Capture, CaptureImage, read_capture
+from tests.recon.conftest import CAMERA
+from tests.recon.test_align import random_rotations
+from usd_schemas.distortion import Distortion
+from usd_schemas.pinhole import look_at, project
+
+F64 = NDArray[np.float64]
+SIZE = (1024, 768)
+K1 = -0.08
+NAMES = tuple(f"{row}.jpg" for row in range(8))
+CORNERS = np.array([[0.0, 0, 0], [60, 0, 1], [60, 40, 0], [0, 40, 2], [30, 20, 5.0]])
+
+
+def flown() -> tuple[SparseModel, Capture, Similarity, F64]:
+    """Make eight cameras over a field in model units, the similarity to the world, and the true poses there."""
+    rng = np.random.default_rng(0)
+    true = np.stack([
+        look_at(np.array([x, y, 60.0]), np.array([x + 1.0, y + 6.0, 0.0]))
+        for x in (0.0, 20.0, 40.0, 60.0) for y in (-5.0, 30.0)
+    ])  # fmt: skip
+    known = Similarity(3.3, random_rotations(rng, 1)[0], np.array([400.0, -20.0, 7.0]))
+    model = true.copy()
+    model[:, :3, :3] = known.rotation.T @ true[:, :3, :3]
+    model[:, :3, 3] = (true[:, :3, 3] - known.translation) @ known.rotation / known.scale
+    params = (700.0, 512.0, 384.0, K1)
+    nothing = np.zeros((0, 3))
+    sparse = SparseModel(NAMES, model, "SIMPLE_RADIAL", params, nothing, nothing.astype(np.uint8), np.zeros(0),
+                         np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)))  # fmt: skip
+    images = tuple(CaptureImage(name=name[:-4], file=name) for name in NAMES)
+    prior = CalibrationPrior(focal_px=700.0, cx=512.0, cy=384.0)
+    return sparse, Capture(Path(), "s", SIZE, prior, (2.0, 2.0, 3.0), {}, images), known, true
+
+
+def marked(points: F64, true: F64, noise: float = 0.0, seed: int = 1) -> tuple[ControlPoint, ...]:
+    """Mark points in every photograph that shows them, with a keypoint noise [px]."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for number, point in enumerate(points):
+        marks = []
+        for name, pose in zip(NAMES, true, strict=True):
+            local = (point - pose[:3, 3]) @ pose[:3, :3]
+            uv = Distortion(K1, 0.0, 0.0, 0.0).distort((local[:2] / local[2])[None])[0] * 700.0 + [512.0, 384.0]
+            uv = uv + rng.normal(0, noise, 2) if noise else uv
+            if ((uv >= 0) & (uv <= SIZE)).all():
+                marks.append(Mark(name, (float(uv[0]), float(uv[1]))))
+        found.append(ControlPoint(f"P{number}", (float(point[0]), float(point[1]), float(point[2])), marks=marks))
+    return tuple(found)
+
+
+def no_gps() -> Target:
+    """Make the target of photographs without GPS."""
+    return Target("none", np.full((8, 3), np.nan), None, np.inf)
+
+
+def placed(control: GroundControl) -> tuple[Any, Similarity]:
+    """Lay the eight cameras onto some control."""
+    sparse, capture, known, _ = flown()
+    return align_to_control(
+        sparse, np.arange(8), no_gps(), capture, control, Path("gcp.txt"), np.random.default_rng(0)
+    ), known
+
+
+def test_two_rays_meet_where_the_closed_form_says() -> None:
+    """Of two skew rays at equal distances the point is the middle of their shortest connection; exact rays meet."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        point, centres = rng.normal(size=3), rng.normal(size=(5, 3)) * 8
+        rays = point - centres
+        np.testing.assert_allclose(
+            triangulate(centres, rays / np.linalg.norm(rays, axis=1, keepdims=True)), point, atol=1e-9
+        )
+    centres, rays = np.array([[-3.0, 0.2, 0.0], [3.0, -0.2, 0.0]]), np.array([[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]])
+    np.testing.assert_allclose(triangulate(centres, rays), [0.0, 0.0, 4.0], atol=1e-12)
+    assert np.isnan(triangulate(centres, np.array([[0.0, 0.0, 1.0]] * 2))).all()
+
+
+def test_exact_marks_give_the_exact_similarity() -> None:
+    """Five surveyed points, a lens that bends: the similarity comes back to a micron, residuals and marks are zero."""
+    _, _, known, true = flown()
+    found, _ = placed(GroundControl(MapSystem("local", None), marked(CORNERS, true)))
+    moved = found.alignment.similarity.move(np.eye(3))
+    origin = found.facts["origin"]
+    shift = np.array([origin["east"], origin["north"], origin["up"]])
+    np.testing.assert_allclose(moved + shift, known.move(np.eye(3)), atol=1e-5)
+    assert found.alignment.status == (OK,) * 8
+    for row in found.facts["control_points"]:
+        assert row["distance"] < 1e-6
+        assert row["pixels"] < 1e-5
+        assert row["agrees"]
+
+
+def test_noise_stays_within_the_stated_limits() -> None:
+    """Points surveyed to 3 cm, marked to a pixel: in 60 draws the scale keeps to its limit in 9 of 10 and more."""
+    _, _, known, true = flown()
+    kept, residuals = [], []
+    spots = np.array([[x, y, np.sin(x) + 0.1 * y] for x in (0.0, 20.0, 40.0, 60.0) for y in (0.0, 20.0, 40.0)])
+    for seed in range(60):
+        draw = np.random.default_rng(seed)
+        points = tuple(
+            replace(point, position=tuple(np.array(point.position) + draw.normal(0, 0.03, 3)))
+            for point in marked(spots, true, 0.5, 1000 + seed)
+        )
+        found, _ = placed(GroundControl(MapSystem("local", None), points))
+        kept.append(100 * abs(found.alignment.similarity.scale / known.scale - 1) <= found.alignment.errors.scale)
+        residuals.append(np.mean([row["distance"] for row in found.facts["control_points"]]))
+    assert np.mean(kept) > 0.9
+    assert 0.02 < np.mean(residuals) < 0.08
+
+
+def test_a_point_surveyed_wrongly_is_named() -> None:
+    """One of seven points two metres off is left out and reported so; the others still fit to a millimetre."""
+    _, _, known, true = flown()
+    more = np.concatenate([CORNERS, [[15.0, 10.0, 1.0], [45.0, 25.0, 3.0]]])
+    points = list(marked(more, true))
+    points[2] = replace(points[2], position=(62.0, 40.0, 0.0))
+    found, _ = placed(GroundControl(MapSystem("local", None), tuple(points)))
+    assert [row["agrees"] for row in found.facts["control_points"]] == [True, True, False, True, True, True, True]
+    assert found.facts["control_points"][2]["distance"] == pytest.approx(2.0, abs=1e-3)
+    assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-5)
+
+
+def test_scale_bars_alone_give_metres() -> None:
+    """Two bars between marked points, no coordinates and no GPS: the scale is right, and its limit that of the bars."""
+    _, _, known, true = flown()
+    points = tuple(replace(point, position=None) for point in marked(CORNERS, true))
+    bars = (ScaleBar(("P0", "P1"), float(np.linalg.norm(CORNERS[1] - CORNERS[0])), 0.01),
+            ScaleBar(("P1", "P2"), float(np.linalg.norm(CORNERS[2] - CORNERS[1])), 0.01))  # fmt: skip
+    found, _ = placed(GroundControl(MapSystem("local", None), points, bars))
+    assert found.kind == "scale bars"
+    assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-9)
+    assert found.alignment.errors.scale == pytest.approx(
+        100 * 2 / np.linalg.norm([bar.length / 0.01 for bar in bars]), rel=1e-6
+    )
+    assert [abs(row["error"]) < 1e-6 for row in found.facts["scale_bars"]] == [True, True]
+
+
+def test_both_forms_say_the_same(tmp_path: Path) -> None:
+    """A gcp_list.txt and Metashape's tables of the same points give the same points, marks and coordinates."""
+    _, _, _, true = flown()
+    away = np.array([500_000.0, 5_000_000.0, 100.0])
+    there = true.copy()
+    there[:, :3, 3] += away
+    points = marked(CORNERS + away, there)
+    rows = [(point, mark) for point in points for mark in point.marks]
+    listed = "\n".join(
+        ["WGS84 UTM 32N", *(f"{' '.join(map(repr, p.position or ()))} {m.uv[0]!r} {m.uv[1]!r} {m.image} {p.name}"
+                            for p, m in rows)])  # fmt: skip
+    (tmp_path / "gcp_list.txt").write_text(listed + "\n", encoding="utf-8")
+    tables = "\n".join([
+        '# CoordinateSystem: PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84"]]',
+        "#Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_(m)",
+        *(f'"{p.name}",{",".join(map(repr, p.position or ()))},0.03' for p in points),
+        "#Camera,Label,x,y", *(f"{m.image[:-4]},{p.name},{m.uv[0]!r},{m.uv[1]!r}" for p, m in rows),
+        "#Label,Distance_(m),Accuracy_(m)", "P0_P1,60.0083,0.002",
+    ])  # fmt: skip
+    (tmp_path / "markers.csv").write_text(tables, encoding="utf-8")
+    one, other = read_ground_control(tmp_path / "gcp_list.txt"), read_ground_control(tmp_path / "markers.csv")
+    assert one.system.zone == other.system.zone == 32
+    assert [(p.name, p.position, p.sigma) for p in one.points] == [(p.name, p.position, p.sigma) for p in other.points]
+    assert [[mark.uv for mark in p.marks] for p in one.points] == [[mark.uv for mark in p.marks] for p in other.points]
+    assert other.bars == (ScaleBar(("P0", "P1"), 60.0083, 0.002),)
+
+
+@pytest.mark.parametrize(("name", "zone"), [
+    ("EPSG:32633", 33), ("epsg:32733", -33), ("WGS84 UTM 10N", 10), ("WGS84 UTM 17S", -17), ("EPSG:4326", 0),
+    ("+proj=utm +zone=15 +ellps=WGS84 +datum=WGS84 +units=m +no_defs", 15), ("EPSG:25832", None),
+    ("+proj=utm +zone=55 +south +datum=WGS84", -55), ("+proj=longlat +datum=WGS84", 0), ("LOCAL", None),
+])  # fmt: skip
+def test_systems_by_their_names(name: str, zone: int | None) -> None:
+    """EPSG codes, PROJ strings and OpenDroneMap's own names; a plane system of another kind is taken as it is."""
+    found = read_system(name)
+    assert found is not None
+    assert found.zone == zone
+    assert read_system("481367 5782936 100 3 4 a.jpg") is None
+
+
+def test_utm_against_colmap() -> None:
+    """Latitude and longitude of UTM coordinates in both halves of the earth, against COLMAP's, to a millimetre."""
+    rng = np.random.default_rng(0)
+    for zone in (1, 17, 33, 60, -4, -55):
+        low, high = (1.0, 80.0) if zone > 0 else (-75.0, -1.0)
+        places = np.column_stack([
+            rng.uniform(low, high, 40), 6.0 * abs(zone) - 183.0 + rng.uniform(-2.9, 2.9, 40), rng.uniform(0, 900, 40)
+        ])  # fmt: skip
+        there, number = pycolmap.GPSTransform().ellipsoid_to_utm(places)
+        assert abs(number) == abs(zone)
+        found = MapSystem("", zone).geographic(np.asarray(there, np.float64))
+        np.testing.assert_allclose(found[:, :2], places[:, :2], atol=1e-8)
+
+
+BAD = {
+    "": "the file is empty",
+    "hello\n1 2 3 4 5 a.jpg": "the first line names no system",
+    "EPSG:32633\n1 2 3 4 a.jpg": "line 2: too few columns",
+    "EPSG:32633\n1 2 x 4 5 a.jpg": "line 2: not a number",
+    "EPSG:32633\n1 2 nan 4 5 a.jpg": "line 2: not a number",
+    "EPSG:32633\n1 2 3 4 5 a.jpg P\n1 2 4 4 5 b.jpg P": "line 3: one name at two places",
+    "EPSG:32633\n1 2 3 4 5 a.jpg P\n1 2 3 4 5 a.jpg P": "line 3: the point P is marked twice",
+    "#Label,X,Y,Z,Accuracy\nP,1,2,3,0": "line 2: an accuracy must be above 0",
+    "#Label,X,Y,Z\n,1,2,3": "line 2: a row without a name",
+    "#Camera,Label,x,y\na,P,3": "line 2: a mark without a pixel",
+    "#Label,Distance\nP_Q,3": "line 2: a scale bar needs the names of two points",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_a_bad_file_is_one_line(text: str, tmp_path: Path) -> None:
+    """Whatever is wrong with a file, one line names the file, the line and the mend."""
+    path = tmp_path / "gcp.txt"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_ground_control(path)
+    assert str(path) in str(caught.value)
+    assert BAD[text] in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:
+    """No file, a picture, marks of other photographs, outside the image, on one line, too few: a line for each."""
+    with pytest.raises(MissingError, match="no such file"):
+        read_ground_control(tmp_path / "none.txt")
+    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff\xe0" + bytes(range(256)))
+    with pytest.raises(InputError, match="not a text file"):
+        read_ground_control(tmp_path / "a.jpg")
+    _, capture, _, true = flown()
+    (tmp_path / "gcp.txt").write_text("LOCAL\n1 2 3 4 5 other.jpg P\n", encoding="utf-8")
+    with pytest.raises(InputError, match="marks none of the photographs"):
+        read_control(tmp_path / "gcp.txt", replace(capture, folder=tmp_path))
+    points = marked(CORNERS, true)
+    local = MapSystem("local", None)
+    outside = replace(points[0], marks=[Mark("0.jpg", (-5.0, 3.0))])
+    with pytest.raises(InputError, match="mark of P0 lies outside the image"):
+        placed(GroundControl(local, (outside,)))
+    with pytest.raises(InputError, match="2 of 2 control points"):
+        placed(GroundControl(local, points[:2]))
+    row = marked(np.array([[12.0 * x, 20.0 - 2.0 * x, 0.0] for x in range(5)]), true, 0.3)
+    with pytest.raises(InputError, match=r"control points fix no frame \((tilt|two ways)"):
+        placed(GroundControl(local, row))
+
+
+def test_photographs_are_laid_onto_control(
+    plane_capture: Path, plane_cloud: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The planes' model, placed by corners that photographs show: residuals stand in cloud.json, metres are right."""
+    truth = read_capture(plane_capture)
+    bare, folder = tmp_path / "bare", tmp_path / "cloud"
+    shutil.copytree(plane_capture, bare, ignore=shutil.ignore_patterns("truth"))
+    folder.mkdir()
+    model = read_model(plane_cloud / "sparse")
+    spots = np.array(
+        [[-2.0, 5.0, 0.5], [2.0, 5.0, 0.5], [2.0, 5.0, 3.0], [-2.0, 5.0, 3.0], [0.0, 1.5, 0.0], [1, 2.5, 0]]
+    )
+    true = {row["name"]: np.array(row["camera_to_world"]) for row in conductor_poses(plane_capture)}
+    lines = ["LOCAL"]
+    for number, spot in enumerate(spots):
+        for image in truth.images:
+            uv, depth = project(spot[None], CAMERA, true[image.name])
+            if depth[0] > 0 and (uv[0] > 0).all() and (uv[0] < [CAMERA.width, CAMERA.height]).all():
+                lines.append(
+                    f"{1000 + spot[0]} {2000 + spot[1]} {spot[2]} {uv[0][0]} {uv[0][1]} {image.name}.jpg C{number}"
+                )
+    (tmp_path / "gcp_list.txt").write_text("\n".join(lines), encoding="utf-8")
+    made = Sparse(model, plane_cloud / "sparse", "", {}, {})
+    monkeypatch.setattr(conductor, "run_sparse", lambda *_: made)
+    conductor.reconstruct(bare, folder, ReconSettings(), SILENT, tmp_path / "gcp_list.txt")
+    cloud = read_cloud(folder)
+    assert cloud.alignment["target"] == "control points"
+    assert cloud.alignment["unit"] == "m"
+    assert len(cloud.alignment["control_points"]) == len(spots)
+    assert max(row["distance"] for row in cloud.alignment["control_points"]) < 0.05
+    assert cloud.alignment["expected_error"]["scale_percent"] < 2.0
+    assert cloud.alignment["origin"]["system"] == "LOCAL"
+    assert "aligned to 6 control points (" in cloud.alignment["note"]
+    origin = np.array([cloud.alignment["origin"][axis] for axis in ("east", "north", "up")])
+    coord = cloud.columns["coord"] + origin - [1000.0, 2000.0, 0.0]
+    near = (np.abs(coord[:, 1] - 5.0) < 0.1) | (np.abs(coord[:, 2]) < 0.1)
+    assert near.mean() > 0.6
+    with pytest.raises(InputError, match="a capture with truth is placed by it"):
+        conductor.reconstruct(plane_capture, tmp_path, ReconSettings(), SILENT, tmp_path / "gcp_list.txt")
+
+
+def conductor_poses(capture: Path) -> Any:
+    """Read the true poses of a capture."""
+    import json
+
+    return json.loads((capture / "truth" / "poses.json").read_text(encoding="utf-8"))["poses"]
