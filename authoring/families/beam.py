@@ -11,6 +11,7 @@ from pydantic import Field
 
 from authoring.axis.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.span_choice import SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
@@ -29,14 +30,11 @@ from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
 from authoring.parts.spans import Levels, Spans
 from groundwork.errors import InputError
-from groundwork.settings import Settings
 
-SHORTEST_SPAN, LONGEST_SPAN = 6.0, 60.0  # [m] that a user may ask for
-_DRAWN_SPANS = (14.0, 36.0)  # [m] inner spans
-_PAPER_SPAN = 10.0  # [m] the Random Bridge Generator puts a pier every 10 m
+_SPANS = SpanRule("beam", "concrete girders", 6.0, 60.0, (14.0, 36.0), 0.0, continuous=0.35, one_row=False)
 
 
-class BeamSettings(Settings):
+class BeamSettings(SpanSettings):
     """A concrete beam bridge; what is left out is drawn."""
 
     spans: tuple[float, ...] = Field(
@@ -127,35 +125,13 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
 
 
 def _draw_spans(settings: BeamSettings, bearings: Bearings, draws: Draws) -> Spans:
-    count = draw_whole(settings, "span_count", draws)
-    overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
-    low, high = _DRAWN_SPANS
-    inner = round(float(low * (high / low) ** draws.random()), 1)  # log-uniform
-    if settings.girder.depth:
+    def fit(inner: float) -> float:
+        if not settings.girder.depth:
+            return inner
         shortest, longest = (settings.girder.depth * ratio for ratio in SPAN_TO_DEPTH)
-        inner = round(max(SHORTEST_SPAN, min(max(inner, shortest), longest)), 3)
-    share, through = draw(settings, "end_share", draws), draws.random() < 0.35
-    paper = draws.profile == "paper"
-    lengths = settings.spans or _regular(count, _PAPER_SPAN if paper else inner, 1.0 if paper else share)
-    for length in lengths:
-        if not SHORTEST_SPAN <= length <= LONGEST_SPAN:
-            raise InputError(
-                "a span that concrete girders do not have", field="bridge.beam.spans", value=length,
-                allowed=f"{SHORTEST_SPAN:g} to {LONGEST_SPAN:g} m", mend="Correct this span",
-            )  # fmt: skip
-    # A plinth stays under its own span's girder end.
-    overhang = max(overhang, round(0.5 * bearings.plinth_length + 0.02, 3))
-    supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))
-    chosen = settings.continuous if settings.continuous is not None else through and not paper
-    return Spans(supports, overhang, gap, continuous=chosen and len(lengths) > 1)
+        return round(max(_SPANS.shortest, min(max(inner, shortest), longest)), 3)
 
-
-def _regular(count: int, inner: float, share: float) -> tuple[float, ...]:
-    """Lay out equal inner spans between two shorter end spans [m]; one or two spans are alike."""
-    if count < 3:
-        return (inner,) * count
-    end = round(inner * share, 1)
-    return (end, *[inner] * (count - 2), end)
+    return draw_spans(_SPANS, settings, draw_whole(settings, "span_count", draws), bearings, draws, fit)
 
 
 def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:
