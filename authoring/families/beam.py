@@ -11,12 +11,12 @@ from pydantic import Field
 
 from authoring.axis.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
-from authoring.families.span_choice import SpanRule, SpanSettings, draw_spans
+from authoring.families.span_choice import SEVERAL, SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
-from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_whole, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.girders import (
     SPAN_TO_DEPTH,
@@ -31,7 +31,7 @@ from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
 from authoring.parts.spans import Levels, Spans
 from groundwork.errors import InputError
 
-_SPANS = SpanRule("beam", "concrete girders", 6.0, 60.0, (14.0, 36.0), 0.0, continuous=0.35, one_row=False)
+_SPANS = SpanRule("beam", "concrete girders", 6.0, 60.0, (14.0, 36.0), 0.0, one_row=False)
 
 
 class BeamSettings(SpanSettings):
@@ -45,9 +45,8 @@ class BeamSettings(SpanSettings):
     )
     span_count: int | None = drawn(1, 4, "Number of spans where they are drawn [1]", le=20, paper=(4, 20))
     end_share: float | None = drawn(0.75, 1.0, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
-    continuous: bool | None = Field(
-        default=None,
-        description="The slab runs through over the piers; drawn 35 : 65 for several spans, never in profile paper",
+    continuous: bool | None = chosen(
+        {True: 35, False: 65}, "The slab runs through over the piers", among=SEVERAL, paper={False: 1}
     )
     slab: float | None = drawn(0.20, 0.25, "Deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
     overhang: float | None = drawn(0.32, 0.40, "Girder beyond its bearing line [m]", ge=0.30, le=0.60)

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from authoring.axis.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
-from authoring.families.span_choice import SpanRule, SpanSettings, draw_spans
+from authoring.families.span_choice import SEVERAL, SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.cross_frames import (
@@ -24,7 +24,7 @@ from authoring.parts.cross_frames import (
 )
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
@@ -34,7 +34,7 @@ from authoring.parts.splices import splice_parts
 from authoring.parts.steel_choice import PlateGirderSettings, draw_plate_girders
 from authoring.parts.stiffeners import stiffener_parts
 
-_SPANS = SpanRule("girder", "steel girders", 10.0, 90.0, (22.0, 60.0), 18.0, continuous=0.70, one_row=True)
+_SPANS = SpanRule("girder", "steel girders", 10.0, 90.0, (22.0, 60.0), 18.0, one_row=True)
 _COUNTS = {"1": 14.0, "2": 20.0, "3": 26.0, "4": 16.0, "5": 10.0, "6": 6.0, "7": 4.0, "8": 4.0}
 _PAPER_COUNTS = (8, 20)
 
@@ -54,10 +54,8 @@ class SteelGirderSettings(SpanSettings):
         "paper 8 to 20 (the Random Bridge Generator has 50)",
     )  # fmt: skip
     end_share: float | None = drawn(0.72, 0.90, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
-    continuous: bool | None = Field(
-        default=None,
-        description="Girders and slab run through over the piers; drawn 70 : 30 for several spans, never in profile "
-        "paper",
+    continuous: bool | None = chosen(
+        {True: 70, False: 30}, "Girders and slab run through over the piers", among=SEVERAL, paper={False: 1}
     )
     slab: float | None = drawn(0.21, 0.27, "Deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
     overhang: float | None = drawn(0.34, 0.45, "Girder beyond its bearing line [m]", ge=0.30, le=0.80)

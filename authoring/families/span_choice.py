@@ -7,11 +7,12 @@ import numpy as np
 from pydantic import Field
 
 from authoring.parts.bearings import Bearings
-from authoring.parts.drawing import Draws, draw
+from authoring.parts.drawing import Draws, draw, draw_option
 from authoring.parts.spans import Spans
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
+SEVERAL = " of those with several spans"
 PAPER_SPAN = 10.0  # [m]: the Random Bridge Generator puts a pier every 10 m
 _UNDER_PLINTH = 0.02  # [m] of a girder beyond its plinth
 
@@ -27,7 +28,6 @@ class SpanRule:
         longest: Largest span that a user may ask for [m].
         drawn: Least and largest inner span that is drawn [m].
         shortest_end: Least end span that is drawn, unless the inner spans are shorter [m].
-        continuous: How often members run through over the piers, where nobody says [1].
         one_row: Members that run through stand on one row of bearings at each pier.
     """
 
@@ -37,7 +37,6 @@ class SpanRule:
     longest: float
     drawn: tuple[float, float]
     shortest_end: float
-    continuous: float
     one_row: bool
 
 
@@ -72,11 +71,10 @@ def draw_spans(
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
     low, high = rule.drawn
     inner = fit(round(float(low * (high / low) ** draws.random()), 1))  # log-uniform
-    share, through = draw(settings, "end_share", draws), draws.random() < rule.continuous
+    share, through = draw(settings, "end_share", draws), draw_option(settings, "continuous", draws)
     paper = draws.profile == "paper"
     lengths = settings.spans or _regular(rule, count, PAPER_SPAN if paper else inner, 1.0 if paper else share)
-    wanted = settings.continuous if settings.continuous is not None else through and not paper
-    return lay_out(rule, lengths, (overhang, gap), bearings, continuous=wanted)
+    return lay_out(rule, lengths, (overhang, gap), bearings, continuous=through)
 
 
 def lay_out(
