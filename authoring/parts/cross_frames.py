@@ -23,7 +23,7 @@ from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.splices import HALF_LENGTH
 from authoring.parts.stiffeners import stiffener_width
-from authoring.solids.setting_out import in_one_chart, set_out, shifted
+from authoring.solids.setting_out import in_one_chart, shifted, to_world
 from authoring.solids.sweep import Surface
 from groundwork.settings import Settings
 
@@ -161,7 +161,7 @@ def cross_frame_parts(
     component, title = ("floor_beam", "FloorBeam") if kind == "floor_beam" else ("cross_frame", "CrossFrame")
     return [
         Part(f"{title}_{where}", component, "Role_GirderSteel", SUPERSTRUCTURE, surface, fact)
-        for (where, fact), surface in zip(facts, set_out(surfaces, place), strict=True)
+        for (where, fact), surface in zip(facts, to_world(surfaces, place), strict=True)
     ] + _lateral_parts(frames, girders, spans, stations, levels, place)
 
 
@@ -185,7 +185,7 @@ def floor_fillet_parts(
         surfaces.append(shifted(floor_fillet(girders, inside), np.array([0.0, 0.0, levels.soffit])))
     return [
         Part(f"FloorFillet_{k:03d}", "deck_slab", "Role_DeckConcrete", SUPERSTRUCTURE, surface, {"piece": k})
-        for k, surface in enumerate(set_out([in_one_chart(surface) for surface in surfaces], place))
+        for k, surface in enumerate(to_world([in_one_chart(surface) for surface in surfaces], place))
     ]
 
 
@@ -230,5 +230,5 @@ def _lateral_parts(
                 names.append(f"Lateral_{span:03d}_{panel:02d}_{bay:02d}")
     return [
         Part(name, "cross_frame", "Role_GirderSteel", SUPERSTRUCTURE, surface, {"type": "lateral"})
-        for name, surface in zip(names, set_out(surfaces, place), strict=True)
+        for name, surface in zip(names, to_world(surfaces, place), strict=True)
     ]
