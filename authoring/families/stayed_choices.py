@@ -139,7 +139,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class RandomDraws:
-    """What chance says of the kind of a bridge, before it is known what goes together.
+    """Random numbers for the kind of a bridge, drawn before it is known which kinds fit.
 
     Attributes:
         size: Share of the sizes [1].
@@ -191,7 +191,7 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
     Args:
         settings: What the user fixed.
         top: What lies on the deck.
-        randoms: What was drawn.
+        randoms: Random numbers that decide what the user left open.
         fits: Tells whether legs and stays of such a bridge clear the traffic.
     """
     divided = top.roadway is not None and top.roadway.lanes % 2 == 0

@@ -1,4 +1,4 @@
-"""How the corners of a mesh hang together, and the normals that follow from it."""
+"""How the corners of a mesh are connected, and the normals that follow from it."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -68,7 +68,7 @@ def normals_at(points: F64, corners: Corners) -> F64:
 
 @lru_cache(maxsize=512)
 def corner_topology(face_counts: bytes, corners: bytes) -> Corners:
-    """Find how corners hang together.
+    """Find which corners share a vertex, and which faces meet there.
 
     Args:
         face_counts: Corners of each face, int32.

@@ -66,7 +66,7 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
 
 @dataclass(frozen=True, eq=False)
 class _GoalField:
-    """What draws a flight.
+    """Where a flight may go, and how likely each place is its next goal.
 
     Attributes:
         ways: Graph of the free cells.
