@@ -92,7 +92,7 @@ def _split(faces: F64) -> I64:
         result[np.any(turns[:, [1, 3]] < -least, axis=1)] = [[1, 2, 3], [1, 3, 0]]
         return result
     for row in np.flatnonzero(np.any(turns <= least, axis=1)):
-        result[row] = _clip_ears(_flatten(local[row], area[row]))
+        result[row] = clip_ears(_flatten(local[row], area[row]))
     return result
 
 
@@ -107,10 +107,20 @@ def _flatten(polygon: F64, normal: F64) -> F64:
     return polygon @ axes.T
 
 
-def _clip_ears(polygon: F64) -> I64:
-    """Cut a simple polygon, shape (N, 2), counter-clockwise, into N - 2 triangles.
+def clip_ears(polygon: F64) -> I64:
+    """Cut a plane polygon into triangles between its own corners.
+
+    Ours, where libraries would do: none promises the same triangles in its next version, and stages promise the same
+    bytes. Corners may lie on straight sides, and slits that join holes may run both ways over the same points.
 
     Source: G. H. Meisters, Polygons have ears, American Mathematical Monthly 82 (1975).
+
+    Args:
+        polygon: Corners, counter-clockwise [any unit], shape (N, 2), float64; N at least 3.
+
+    Returns:
+        Corner numbers, shape (N - 2, 3), int64. Together they cover exactly a polygon that does not cross itself; some
+        may have no area.
     """
     ring = list(range(len(polygon)))
     least = FLAT * abs(float(np.ptp(polygon, axis=0).prod()))

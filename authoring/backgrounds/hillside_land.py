@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.lakeside_land import draw_crests
 from authoring.backgrounds.terrain import Cell, distance_beyond
-from authoring.backgrounds.waters import Basin, bathed, water_level
+from authoring.backgrounds.waters import Basin, water_level, with_shore
 from authoring.site.land import FIRST_STEP
 from authoring.site.relief import draw_relief, smoothstep
 from authoring.site.shape import Hills, Land
@@ -75,4 +75,4 @@ def hillside_hills(land: Land, inner: Cell, sea: Basin, shape: tuple[float, floa
     def slope(station: F64, left: F64) -> F64:
         return np.where(np.abs(station - middle) < QUAY, 0.2, 0.12) + 0.0 * left
 
-    return bathed(land, sea, dry, sea.shore - 130.0, slope)
+    return with_shore(land, sea, dry, sea.shore - 130.0, slope)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.terrain import Cell, distance_beyond
-from authoring.backgrounds.waters import Basin, bathed, water_level
+from authoring.backgrounds.waters import Basin, water_level, with_shore
 from authoring.site.land import FIRST_STEP
 from authoring.site.relief import draw_relief, smoothstep
 from authoring.site.shape import Hills, Land
@@ -87,7 +87,7 @@ def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.
         near = np.where(np.abs(station - middle) < QUAY, 0.2, 0.1)
         return near + 0.8 * smoothstep(150.0, 420.0, lake.side * left - lake.near(station))
 
-    return bathed(land, lake, dry, lake.shore - 130.0, slope)
+    return with_shore(land, lake, dry, lake.shore - 130.0, slope)
 
 
 def draw_crests(rng: np.random.Generator) -> Hills:

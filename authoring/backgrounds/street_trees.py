@@ -38,7 +38,7 @@ def street_trees(
         spots.only(rng.uniform(size=len(spots.yaw)) < 0.7)
         for spots in beside_approaches(plan, terrain, KERB_GAP + 1.0, 11.0)
     ]
-    rows.append(_beside_site(plan, terrain, rng))
+    rows.append(_beside_site(terrain, rng))
     for lawn in lawns:
         area = (lawn.high[0] - lawn.low[0]) * (lawn.high[1] - lawn.low[1])
         spread = rng.uniform(0.12, 0.88, (int(area / 190.0) + 1, 2)) * np.subtract(lawn.high, lawn.low) + lawn.low
@@ -79,7 +79,7 @@ def street_trees(
     return runs
 
 
-def _beside_site(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> Spots:
+def _beside_site(terrain: Terrain, rng: np.random.Generator) -> Spots:
     """Plant a loose row of trees in the strip between the site and the town."""
     first, last, low, high = terrain.inner
     along = np.arange(first, last, 9.0)

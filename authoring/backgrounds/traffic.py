@@ -34,7 +34,7 @@ def traffic(plan: TownPlan, terrain: Terrain, lots: list[Block], count: int, rng
     kerbs = kerbside(plan, -1.15, 6.3, 12.0, 380.0)
     kerbs = kerbs.only(rng.uniform(size=len(kerbs.yaw)) < 0.55)
     parked = joined([Spots(kerbs.places, kerbs.yaw - np.pi / 2), *(_rows(plan, lot, rng) for lot in lots)])
-    driving = joined([_on_streets(plan, rng), *_on_ways(plan, terrain, rng)])
+    driving = joined([_on_streets(plan, rng), *_on_ways(terrain, rng)])
     runs = []
     for name, spots, share, kinds in (
         ("Parked", parked, 0.62, ("saloon", "estate", "van")),
@@ -79,7 +79,7 @@ def _on_streets(plan: TownPlan, rng: np.random.Generator) -> Spots:
     return spots.only((plan.land.room(world) > 7.0) & (plan.land.look(plan.land.away, world, 1e4) < 420.0))
 
 
-def _on_ways(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> list[Spots]:
+def _on_ways(terrain: Terrain, rng: np.random.Generator) -> list[Spots]:
     """Let vehicles drive on the approach roads and on a crossing road, outside the site."""
     land, axis, found = terrain.land, terrain.land.layout.alignment, []
     first, last, low, high = terrain.inner

@@ -72,7 +72,7 @@ def dammed(land: Land, station: F64, left: F64) -> F64:
     return 1.0 - smoothstep(half + 1.5, half + 6.0, land.crossing.distance(station, left))
 
 
-def bathed(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hills) -> Hills:
+def with_shore(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hills) -> Hills:
     """Let land at large fall to a shore and on below the water; a crossing road is carried to the shore.
 
     Args:

@@ -3,11 +3,10 @@
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment, Crest
 from authoring.axis.plan_curve import Element, PlanCurve, sine_elements
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.spans import ABUTMENT_BACK
 from groundwork.errors import InputError
 from groundwork.settings import Settings
@@ -20,8 +19,6 @@ FADE = 15.0  # [m] at least on which a crossfall grows
 EDGE_RISE = 0.015  # [1] of a deck's edge against the axis there
 RAIL_PITCH = 1.505  # [m] between the middles of two rails: cant over it is crossfall
 _SPAN_RADII = 5.0  # spans that the least drawn radius measures: precast girders are not bent harder
-_KINDS = {"straight": 0.40, "arc": 0.30, "clothoid": 0.20, "s": 0.10}
-_PROFILES = {"grade": 0.60, "crest": 0.30, "sag": 0.10}
 _SKEWED = 0.40  # share of the bridges
 
 
@@ -32,20 +29,20 @@ class AlignmentSettings(Settings):
     Bridge Generator.
     """
 
-    kind: Literal["straight", "arc", "clothoid", "s", "sine"] | None = Field(
-        default=None,
-        description="Axis in plan; drawn 40 : 30 : 20 : 10, in profile paper always sine; clothoid is clothoid, arc, "
-        "clothoid; s two arcs with a clothoid between them",
+    kind: Literal["straight", "arc", "clothoid", "s", "sine"] | None = chosen(
+        {"straight": 40, "arc": 30, "clothoid": 20, "s": 10},
+        "Axis in plan; clothoid is clothoid, arc, clothoid; s two arcs with a clothoid between them",
+        paper={"sine": 1},
     )
-    turn: Literal["left", "right"] | None = Field(default=None, description="Way that the first curve turns; drawn")
+    turn: Literal["left", "right"] | None = chosen({"left": 50, "right": 50}, "Way that the first curve turns")
     radius: float | None = drawn(60.0, 900.0, "Radius of the arcs, log-uniform [m]; rail from 300", le=20_000.0)
     spiral: float | None = drawn(0.20, 0.35, "Length of a clothoid, share of the bridge [1]", ge=0.05, le=0.45)
     amplitude: float | None = drawn(0.0, 20.0, "Amplitude a of the sine a sin(x / b) [m]")
     wave: float | None = drawn(
         60.0, 1000.0, "Scale b of the sine a sin(x / b) [m]; b^2 / a is at least 150 m", paper=(20.0, 1000.0)
     )
-    profile: Literal["grade", "crest", "sag"] | None = Field(
-        default=None, description="Profile: straight, or a parabola over the bridge; drawn 60 : 30 : 10"
+    profile: Literal["grade", "crest", "sag"] | None = chosen(
+        {"grade": 60, "crest": 30, "sag": 10}, "Profile: straight, or a parabola over the bridge", paper={"grade": 1}
     )
     crest_radius: float | None = drawn(600.0, 4000.0, "Radius of a crest or sag [m]", ge=300.0, le=50_000.0)
     superelevation: float | None = drawn(0.02, 0.06, "Crossfall of a road in arcs [1]", ge=0.0, le=0.06)
@@ -79,7 +76,7 @@ def draw_alignment(
         InputError: Something that the user fixed does not fit the bridge.
     """
     length, paper, (grade, free) = supports[-1], draws.profile == "paper", mean_grade
-    kind, profile, way = draws.choose(_KINDS), draws.choose(_PROFILES), draws.choose({"left": 1.0, "right": 1.0})
+    kind, profile, turn = (draw_option(settings, key, draws) for key in ("kind", "profile", "turn"))
     radius_share, skewed, skew_sign = draws.random(), draws.random() < _SKEWED, 1.0 if draws.random() < 0.5 else -1.0
     sizes = {key: draw(settings, key, draws) for key in (
         "spiral", "amplitude", "wave", "crest_radius", "superelevation", "cant", "skew"
@@ -88,8 +85,6 @@ def draw_alignment(
         _refuse(settings)
         kind, profile, skew = "straight", "grade", 0.0
     else:
-        kind, profile = ("sine", "grade") if paper else (kind, profile)
-        kind, profile = settings.kind or kind, settings.profile or profile
         drawn_skew = skew_sign * sizes["skew"] if skewed and not paper else 0.0
         skew = float(np.radians(settings.skew if settings.skew is not None else drawn_skew))
     if settings.skew is None and settings.radius is not None:  # what is drawn gives way to what is fixed
@@ -102,7 +97,7 @@ def draw_alignment(
     least = LEAST_RADIUS[service] / np.cos(skew) ** 2
     plan: tuple[Element, ...] = ()
     falls: tuple[tuple[float, float], ...] = ()
-    sign = 1.0 if (settings.turn or way) == "left" else -1.0
+    sign = 1.0 if turn == "left" else -1.0
     if kind == "sine":
         plan = _wave(settings, sign * sizes["amplitude"], sizes["wave"], length, max(least, WAVE_RADIUS))
     elif kind != "straight":

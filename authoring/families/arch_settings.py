@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, draw_whole, drawn
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
@@ -15,7 +15,6 @@ SHAPES = {"parabola": 0.45, "circle": 0.30, "catenary": 0.25}
 DECK_FORMS = {"ring": 0.30, "concrete": 0.45, "steel": 0.25}
 THROUGH_FORMS = {"concrete": 0.35, "steel": 0.65}
 DECKS = {"slab": 0.40, "beam_slab": 0.45, "box": 0.15}
-BRACINGS = {"struts": 0.5, "k": 0.5}
 
 
 class MasonrySettings(Settings):
@@ -78,8 +77,8 @@ class ArchSettings(Settings):
     )
     springing: float | None = drawn(0.8, 2.5, "Least height of the springings above z = 0 [m]", ge=0.0, le=20.0)
     hanger_pitch: float | None = drawn(4.0, 8.0, "Distance of hangers and floor beams [m]", ge=3.0, le=10.0)
-    bracing: Literal["struts", "k"] | None = Field(
-        default=None, description="Braces between ribs above a deck: struts alone or with diagonals; drawn 50 : 50"
+    bracing: Literal["struts", "k"] | None = chosen(
+        {"struts": 50, "k": 50}, "Braces between ribs above a deck: struts alone or with diagonals"
     )
     above: AboveSettings = AboveSettings()
     masonry: MasonrySettings = MasonrySettings()
@@ -140,13 +139,12 @@ def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
     _refuse_idle(settings)
     paper = draws.profile == "paper"
     drawn_arrangement, drawn_shape, share = draws.choose(ARRANGEMENTS), draws.choose(SHAPES), draws.random()
-    drawn_deck, drawn_bracing = draws.choose(DECKS), draws.choose(BRACINGS)
+    drawn_deck, bracing = draws.choose(DECKS), draw_option(settings, "bracing", draws)
     arrangement = settings.arrangement or _told(drawn_arrangement, "deck", paper)
     above = arrangement in _ABOVE
     shape = settings.shape or _told(drawn_shape, "parabola", paper)
     form = settings.form or _told(_pick(THROUGH_FORMS if above else DECK_FORMS, share), "ring", paper)
     deck = settings.deck or _told(drawn_deck, "box", paper)
-    bracing = settings.bracing or drawn_bracing
     below_span, below_flatness = draw(settings, "span", draws), draw(settings, "span_to_rise", draws)
     above_span, above_flatness = draw(settings.above, "span", draws), draw(settings.above, "span_to_rise", draws)
     span, flatness = (above_span, above_flatness) if above else (below_span, below_flatness)

@@ -11,11 +11,12 @@ from pydantic import Field
 
 from authoring.axis.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.span_choice import SEVERAL, SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
-from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_whole, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.girders import (
     SPAN_TO_DEPTH,
@@ -29,14 +30,11 @@ from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
 from authoring.parts.spans import Levels, Spans
 from groundwork.errors import InputError
-from groundwork.settings import Settings
 
-SHORTEST_SPAN, LONGEST_SPAN = 6.0, 60.0  # [m] that a user may ask for
-_DRAWN_SPANS = (14.0, 36.0)  # [m] inner spans
-_PAPER_SPAN = 10.0  # [m] the Random Bridge Generator puts a pier every 10 m
+_SPANS = SpanRule("beam", "concrete girders", 6.0, 60.0, (14.0, 36.0), 0.0, one_row=False)
 
 
-class BeamSettings(Settings):
+class BeamSettings(SpanSettings):
     """A concrete beam bridge; what is left out is drawn."""
 
     spans: tuple[float, ...] = Field(
@@ -47,9 +45,8 @@ class BeamSettings(Settings):
     )
     span_count: int | None = drawn(1, 4, "Number of spans where they are drawn [1]", le=20, paper=(4, 20))
     end_share: float | None = drawn(0.75, 1.0, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
-    continuous: bool | None = Field(
-        default=None,
-        description="The slab runs through over the piers; drawn 35 : 65 for several spans, never in profile paper",
+    continuous: bool | None = chosen(
+        {True: 35, False: 65}, "The slab runs through over the piers", among=SEVERAL, paper={False: 1}
     )
     slab: float | None = drawn(0.20, 0.25, "Deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
     overhang: float | None = drawn(0.32, 0.40, "Girder beyond its bearing line [m]", ge=0.30, le=0.60)
@@ -127,35 +124,13 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
 
 
 def _draw_spans(settings: BeamSettings, bearings: Bearings, draws: Draws) -> Spans:
-    count = draw_whole(settings, "span_count", draws)
-    overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
-    low, high = _DRAWN_SPANS
-    inner = round(float(low * (high / low) ** draws.random()), 1)  # log-uniform
-    if settings.girder.depth:
+    def fit(inner: float) -> float:
+        if not settings.girder.depth:
+            return inner
         shortest, longest = (settings.girder.depth * ratio for ratio in SPAN_TO_DEPTH)
-        inner = round(max(SHORTEST_SPAN, min(max(inner, shortest), longest)), 3)
-    share, through = draw(settings, "end_share", draws), draws.random() < 0.35
-    paper = draws.profile == "paper"
-    lengths = settings.spans or _regular(count, _PAPER_SPAN if paper else inner, 1.0 if paper else share)
-    for length in lengths:
-        if not SHORTEST_SPAN <= length <= LONGEST_SPAN:
-            raise InputError(
-                "a span that concrete girders do not have", field="bridge.beam.spans", value=length,
-                allowed=f"{SHORTEST_SPAN:g} to {LONGEST_SPAN:g} m", mend="Correct this span",
-            )  # fmt: skip
-    # A plinth stays under its own span's girder end.
-    overhang = max(overhang, round(0.5 * bearings.plinth_length + 0.02, 3))
-    supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))
-    chosen = settings.continuous if settings.continuous is not None else through and not paper
-    return Spans(supports, overhang, gap, continuous=chosen and len(lengths) > 1)
+        return round(max(_SPANS.shortest, min(max(inner, shortest), longest)), 3)
 
-
-def _regular(count: int, inner: float, share: float) -> tuple[float, ...]:
-    """Lay out equal inner spans between two shorter end spans [m]; one or two spans are alike."""
-    if count < 3:
-        return (inner,) * count
-    end = round(inner * share, 1)
-    return (end, *[inner] * (count - 2), end)
+    return draw_spans(_SPANS, settings, draw_whole(settings, "span_count", draws), bearings, draws, fit)
 
 
 def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:

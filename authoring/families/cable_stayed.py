@@ -14,7 +14,7 @@ from authoring.families.stayed_choices import (
     CableStayedSettings,
     Choice,
     choose,
-    draw_lots,
+    draw_random,
     stretched,
     with_median,
 )
@@ -105,11 +105,11 @@ def draw_cable_stayed(
     top = draw_deck_top(shared, draws)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
-    lots = draw_lots(settings, draws)
+    randoms = draw_random(settings, draws)
     values = {key: draw(settings, key, draws) for key in _DRAWN}
     values["share"] = draws.random()
     make = _Make(settings, values, bearings, draws.profile)
-    choice = choose(settings, top, lots, lambda kind: _fits(make, kind, top))
+    choice = choose(settings, top, randoms, lambda kind: _fits(make, kind, top))
     choice, top, deck, pylon, stays, strip = _fitted(make, choice, top)
     levels = _levels(top, deck, bearings)
     supports = tuple(sorted((*choice.supports, *_pier_stations(settings, choice, draws))))

@@ -7,11 +7,11 @@ table 1.2 (plate girders 18 to 91 m); profile `paper`: Random Bridge Generator, 
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.span_choice import SEVERAL, SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.cross_frames import (
@@ -24,7 +24,7 @@ from authoring.parts.cross_frames import (
 )
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
@@ -33,18 +33,13 @@ from authoring.parts.spans import Levels, Spans
 from authoring.parts.splices import splice_parts
 from authoring.parts.steel_choice import PlateGirderSettings, draw_plate_girders
 from authoring.parts.stiffeners import stiffener_parts
-from groundwork.errors import InputError
-from groundwork.settings import Settings
 
-SHORTEST_SPAN, LONGEST_SPAN = 10.0, 90.0  # [m] that a user may ask for
-_DRAWN_SPANS = (22.0, 60.0)  # [m] inner spans
-_SHORTEST_DRAWN = 18.0  # [m] end span
-_PAPER_SPAN = 10.0  # [m]
+_SPANS = SpanRule("girder", "steel girders", 10.0, 90.0, (22.0, 60.0), 18.0, one_row=True)
 _COUNTS = {"1": 14.0, "2": 20.0, "3": 26.0, "4": 16.0, "5": 10.0, "6": 6.0, "7": 4.0, "8": 4.0}
 _PAPER_COUNTS = (8, 20)
 
 
-class SteelGirderSettings(Settings):
+class SteelGirderSettings(SpanSettings):
     """A steel girder bridge; what is left out is drawn."""
 
     spans: tuple[float, ...] = Field(
@@ -59,10 +54,8 @@ class SteelGirderSettings(Settings):
         "paper 8 to 20 (the Random Bridge Generator has 50)",
     )  # fmt: skip
     end_share: float | None = drawn(0.72, 0.90, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
-    continuous: bool | None = Field(
-        default=None,
-        description="Girders and slab run through over the piers; drawn 70 : 30 for several spans, never in profile "
-        "paper",
+    continuous: bool | None = chosen(
+        {True: 70, False: 30}, "Girders and slab run through over the piers", among=SEVERAL, paper={False: 1}
     )
     slab: float | None = drawn(0.21, 0.27, "Deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
     overhang: float | None = drawn(0.34, 0.45, "Girder beyond its bearing line [m]", ge=0.30, le=0.80)
@@ -140,36 +133,9 @@ def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Dr
 
 
 def _draw_spans(settings: SteelGirderSettings, bearings: Bearings, draws: Draws) -> Spans:
-    paper = draws.profile == "paper"
     chosen, many = int(draws.choose(_COUNTS)), int(draws.rng.integers(_PAPER_COUNTS[0], _PAPER_COUNTS[1] + 1))
-    overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
-    low, high = _DRAWN_SPANS
-    inner = round(float(low * (high / low) ** draws.random()), 1)  # log-uniform
-    share, through = draw(settings, "end_share", draws), draws.random() < 0.70
-    count = settings.span_count or (many if paper else chosen)
-    lengths = settings.spans or _regular(count, _PAPER_SPAN if paper else inner, 1.0 if paper else share)
-    for length in lengths:
-        if not SHORTEST_SPAN <= length <= LONGEST_SPAN:
-            nearest = min(max(length, SHORTEST_SPAN), LONGEST_SPAN)
-            raise InputError(
-                "a span that steel girders do not have", field="bridge.girder.spans", value=length,
-                allowed=f"{SHORTEST_SPAN:g} to {LONGEST_SPAN:g} m",
-                mend=f"The nearest is {nearest:g} m; other spans want another family",
-            )  # fmt: skip
-    # A plinth stays under its own span's girder end.
-    overhang = max(overhang, round(0.5 * bearings.plinth_length + 0.02, 3))
-    supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))
-    wanted = settings.continuous if settings.continuous is not None else through and not paper
-    runs_through = wanted and len(lengths) > 1
-    return Spans(supports, overhang, gap, continuous=runs_through, one_row=runs_through)
-
-
-def _regular(count: int, inner: float, share: float) -> tuple[float, ...]:
-    """Lay out equal inner spans between two shorter end spans [m]; one or two spans are alike."""
-    if count < 3:
-        return (inner,) * count
-    end = max(round(inner * share, 1), min(_SHORTEST_DRAWN, inner))
-    return (end, *[inner] * (count - 2), end)
+    count = settings.span_count or (many if draws.profile == "paper" else chosen)
+    return draw_spans(_SPANS, settings, count, bearings, draws)
 
 
 def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Part]:

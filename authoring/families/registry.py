@@ -9,7 +9,7 @@ from authoring.families.arch import ArchSettings, build_arch, draw_arch
 from authoring.families.beam import BeamSettings, build_beam, draw_beam
 from authoring.families.cable_stayed import CableStayedSettings, build_cable_stayed, draw_cable_stayed
 from authoring.families.girder import SteelGirderSettings, build_girder, draw_girder
-from authoring.families.shared import refuse_hill
+from authoring.families.shared import check_ground
 from authoring.families.slab import SlabSettings, build_slab, draw_slab
 from authoring.families.suspension import SuspensionSettings, build_suspension, draw_suspension
 from authoring.parts.part import Part, number_parts
@@ -70,5 +70,5 @@ def build_bridge(layout: Layout, drawn: DrawnBridge, ground: Ground) -> tuple[Co
     Raises:
         InputError: The ground lies above the deck.
     """
-    refuse_hill(layout, ground)
+    check_ground(layout, ground)
     return number_parts(FAMILIES[drawn.family].build(layout, drawn.record, ground))

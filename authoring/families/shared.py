@@ -6,13 +6,13 @@ import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Alignment, Layout
+from authoring.axis.clearance import refuse_hill
 from authoring.families.alignments import AlignmentSettings, draw_alignment
 from authoring.parts.abutments import AbutmentSettings
 from authoring.parts.bearings import BearingSettings
 from authoring.parts.deck_top import DeckTop, DeckTopSettings
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.piers import Ground, PierSettings
-from groundwork.errors import InputError
 
 _BY_ABUTMENTS = 3.0  # [m] where embankments may reach the road
 
@@ -86,7 +86,7 @@ def draw_layout_of(
     )
 
 
-def refuse_hill(layout: Layout, ground: Ground) -> None:
+def check_ground(layout: Layout, ground: Ground) -> None:
     """Refuse ground above the road between the abutments.
 
     Args:
@@ -100,13 +100,7 @@ def refuse_hill(layout: Layout, ground: Ground) -> None:
     margin = min(_BY_ABUTMENTS, 0.25 * (last - first))
     stations = np.linspace(first + margin, last - margin, 101)
     road = layout.alignment.point(stations, np.zeros(101), np.zeros(101))
-    over = float(np.max(ground(road[:, :2]) - road[:, 2]))
-    if over > 0.0:
-        raise InputError(
-            f"the ground lies {over:.1f} m above the deck", field="bridge.clearance",
-            allowed="ground below the deck between the abutments",
-            mend=f"Raise it by {np.ceil(10.0 * over + 10.0) / 10.0:.1f} m, or choose a lower site",
-        )  # fmt: skip
+    refuse_hill(layout, stations, np.zeros(1), ground(road[:, :2])[:, None])
 
 
 def _lowest(axis: Alignment, supports: tuple[float, ...], half_width: float) -> float:

@@ -12,10 +12,11 @@ from pydantic import Field
 
 from authoring.axis.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.span_choice import PAPER_SPAN, SEVERAL, SpanRule, lay_out
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
-from authoring.parts.drawing import Draws, check_depth, draw, draw_whole, drawn
+from authoring.parts.drawing import Draws, check_depth, chosen, draw, draw_option, draw_whole, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
@@ -32,13 +33,10 @@ from authoring.parts.slabs import (
 from authoring.parts.spans import Levels, Spans
 from groundwork.errors import InputError
 
-SHORTEST_SPAN, LONGEST_SPAN = 5.0, 18.0  # [m] that a user may ask for
 _LONGEST_SOLID = 15.0  # [m]
-_DRAWN_SPANS = (6.0, 15.0)  # [m]
+_SPANS = SpanRule("slab", "slabs", 5.0, 18.0, (6.0, 15.0), 0.0, one_row=True)
 _VOIDED_SPANS = (9.0, 18.0)  # [m]
-_PAPER_SPAN = 10.0  # [m]
 _SIDE_SPANS = (0.75, 0.85)  # of an inner span, where the slab is continuous [1]
-_CONTINUOUS_SHARE = 0.6
 _MOST_SPANS = 8
 
 
@@ -51,8 +49,8 @@ class SlabSettings(SlabSectionSettings):
         description="Bearing line to bearing line [m], 5 to 18 each; empty: drawn, 6 to 15, voided and PK 9 to 18",
     )
     span_count: int | None = drawn(1, _MOST_SPANS, "Number of spans where they are drawn [1]")
-    system: Literal["simple", "continuous"] | None = Field(
-        default=None, description="One slab for each span, or one over all; drawn 40 : 60 where there are several spans"
+    system: Literal["simple", "continuous"] | None = chosen(
+        {"continuous": 60, "simple": 40}, "One slab for each span, or one over all", among=SEVERAL
     )
     overhang: float | None = drawn(0.32, 0.40, "Slab beyond its bearing line [m]", ge=0.30, le=0.60)
     gap: float | None = drawn(0.03, 0.05, "Expansion gap [m]", ge=0.02, le=0.15)
@@ -123,32 +121,22 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
 
 def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Bearings, draws: Draws) -> Spans:
     count = draw_whole(settings, "span_count", draws)
-    through = draws.random() < _CONTINUOUS_SHARE
+    through = draw_option(settings, "system", draws) == "continuous"
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
     length_share, side_share = draws.random(), draws.random()
-    low, high = _DRAWN_SPANS if section == "solid" else _VOIDED_SPANS
-    inner = _PAPER_SPAN if draws.profile == "paper" else round(low + (high - low) * length_share, 1)
+    low, high = _SPANS.drawn if section == "solid" else _VOIDED_SPANS
+    inner = PAPER_SPAN if draws.profile == "paper" else round(low + (high - low) * length_share, 1)
     count = len(settings.spans) or count
-    continuous = count > 1 and (through if settings.system is None else settings.system == "continuous")
+    continuous = count > 1 and through
     if settings.depth and draws.profile != "paper":
         usual = settings.depth * usual_slenderness(service, continuous=continuous)
         inner = round(float(np.clip(inner, SLENDERNESS[0] * usual, SLENDERNESS[1] * usual)), 3)
-        inner = min(max(inner, SHORTEST_SPAN), _LONGEST_SOLID if section == "solid" else LONGEST_SPAN)
+        inner = min(max(inner, _SPANS.shortest), _LONGEST_SOLID if section == "solid" else _SPANS.longest)
     side = inner
     if continuous and count > 2 and draws.profile != "paper":
-        side = round(max(inner * (_SIDE_SPANS[0] + (_SIDE_SPANS[1] - _SIDE_SPANS[0]) * side_share), SHORTEST_SPAN), 1)
+        side = round(max(inner * (_SIDE_SPANS[0] + (_SIDE_SPANS[1] - _SIDE_SPANS[0]) * side_share), _SPANS.shortest), 1)
     lengths = settings.spans or tuple(side if k in (0, count - 1) else inner for k in range(count))
-    for length in lengths:
-        if not SHORTEST_SPAN <= length <= LONGEST_SPAN:
-            nearest = min(max(length, SHORTEST_SPAN), LONGEST_SPAN)
-            raise InputError(
-                "a span that slabs do not have", field="bridge.slab.spans", value=length,
-                allowed=f"{SHORTEST_SPAN:g} to {LONGEST_SPAN:g} m",
-                mend=f"The nearest is {nearest:g} m; longer spans want another family",
-            )  # fmt: skip
-    overhang = max(overhang, round(0.5 * bearings.plinth_length + 0.02, 3))
-    supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))
-    return Spans(supports, overhang, gap, continuous=continuous, one_row=continuous)
+    return lay_out(_SPANS, lengths, (overhang, gap), bearings, continuous=continuous)
 
 
 def _check(settings: SlabSettings, slab: Slab, longest: float) -> None:

@@ -138,8 +138,8 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Lots:
-    """What chance says of the kind of a bridge, before it is known what goes together.
+class RandomDraws:
+    """Random numbers for the kind of a bridge, drawn before it is known which kinds fit.
 
     Attributes:
         size: Share of the sizes [1].
@@ -168,7 +168,7 @@ class Lots:
     profile: str
 
 
-def draw_lots(settings: CableStayedSettings, draws: Draws) -> Lots:
+def draw_random(settings: CableStayedSettings, draws: Draws) -> RandomDraws:
     """Draw all that the kind of a bridge depends on.
 
     Args:
@@ -179,10 +179,10 @@ def draw_lots(settings: CableStayedSettings, draws: Draws) -> Lots:
     ratios = draw(settings, "side_ratio", draws), draw(settings, "back_ratio", draws)
     main = 0.5 * (draws.random() + draws.random())
     pitch, diameter = draws.random(), draws.random()
-    return Lots(size, pylons, shape, arrangement, planes, deck, ratios, main, pitch, diameter, draws.profile)
+    return RandomDraws(size, pylons, shape, arrangement, planes, deck, ratios, main, pitch, diameter, draws.profile)
 
 
-def choose(settings: CableStayedSettings, top: DeckTop, lots: Lots, fits: Callable[[Choice], bool]) -> Choice:
+def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fits: Callable[[Choice], bool]) -> Choice:
     """Choose the kind of the bridge and its spans.
 
     The shape is settled first: an H takes the place of a drawn one whose legs do not fit. Whether they do is judged of
@@ -191,55 +191,55 @@ def choose(settings: CableStayedSettings, top: DeckTop, lots: Lots, fits: Callab
     Args:
         settings: What the user fixed.
         top: What lies on the deck.
-        lots: What was drawn.
+        randoms: Random numbers that decide what the user left open.
         fits: Tells whether legs and stays of such a bridge clear the traffic.
     """
     divided = top.roadway is not None and top.roadway.lanes % 2 == 0
     if settings.shape is not None:
-        return _choice(settings, settings.shape, lots, divided)
-    shape = at_share(_SHAPES, lots.shape)
+        return _choice(settings, settings.shape, randoms, divided)
+    shape = at_share(_SHAPES, randoms.shape)
     two_planes = settings.planes == 2 or settings.deck in (set(_DECKS[2]) - set(_DECKS[1]))
     if (two_planes or not divided) if shape == "mast" else (shape in _LEANING and settings.arrangement == "harp"):
         shape = "h"  # what is drawn yields to what was asked for
     if shape == "h" or settings.planes == 1:
-        return _choice(settings, shape, lots, divided)
+        return _choice(settings, shape, randoms, divided)
     open_settings = settings.model_copy(update={"arrangement": None, "planes": None, "deck": None})
-    as_drawn = _choice(open_settings, shape, lots, divided)
+    as_drawn = _choice(open_settings, shape, randoms, divided)
     if not fits(as_drawn):
-        return _choice(settings, "h", lots, divided)
-    choice = _choice(settings, shape, lots, divided)
-    return choice if choice == as_drawn or fits(choice) else _choice(settings, "h", lots, divided)
+        return _choice(settings, "h", randoms, divided)
+    choice = _choice(settings, shape, randoms, divided)
+    return choice if choice == as_drawn or fits(choice) else _choice(settings, "h", randoms, divided)
 
 
-def _choice(settings: CableStayedSettings, shape: str, lots: Lots, divided: bool) -> Choice:
+def _choice(settings: CableStayedSettings, shape: str, randoms: RandomDraws, divided: bool) -> Choice:
     """Put a bridge together that has one shape."""
-    paper = lots.profile == "paper"
-    size = settings.size or ("compact" if lots.size < (2.0 if paper else 0.7) else "realistic")
-    pylons = settings.pylons or (1 if lots.pylons < 0.4 else 2)
-    arrangement = settings.arrangement or at_share(_ARRANGEMENTS[shape], lots.arrangement)
-    single = lots.planes < 0.3 and shape == "diamond" and divided and settings.deck in (None, *_DECKS[1])
+    paper = randoms.profile == "paper"
+    size = settings.size or ("compact" if randoms.size < (2.0 if paper else 0.7) else "realistic")
+    pylons = settings.pylons or (1 if randoms.pylons < 0.4 else 2)
+    arrangement = settings.arrangement or at_share(_ARRANGEMENTS[shape], randoms.arrangement)
+    single = randoms.planes < 0.3 and shape == "diamond" and divided and settings.deck in (None, *_DECKS[1])
     planes = settings.planes or (1 if shape == "mast" or single else 2)
     _refuse(settings, shape, arrangement, planes, divided)
-    deck = settings.deck or at_share(_DECKS[planes], lots.deck)
+    deck = settings.deck or at_share(_DECKS[planes], randoms.deck)
     if deck not in _DECKS[planes]:
         _wrong("deck", deck, f"{', '.join(_DECKS[planes])} under {planes} plane(s) of stays", "Choose one of them")
-    side_ratio = lots.ratios[0] if pylons == 2 else lots.ratios[1]
-    main = settings.main or _main(size, pylons, side_ratio, lots)
+    side_ratio = randoms.ratios[0] if pylons == 2 else randoms.ratios[1]
+    main = settings.main or _main(size, pylons, side_ratio, randoms)
     low, high = _PITCHES[size, deck in ("edge_beam", "concrete_box")]
-    pitch = settings.pitch or (0.0 if paper else round(low + lots.pitch * (high - low), 2))
+    pitch = settings.pitch or (0.0 if paper else round(low + randoms.pitch * (high - low), 2))
     low, high = (0.10, 0.10) if paper else _DIAMETERS[size]
-    diameter = settings.stay_diameter or round(low + lots.diameter * (high - low), 3)
+    diameter = settings.stay_diameter or round(low + randoms.diameter * (high - low), 3)
     side = round(main * side_ratio, 1)
     return Choice(size, pylons, shape, arrangement, planes, deck, main, side, pitch, diameter)  # pyright: ignore
 
 
-def _main(size: str, pylons: int, ratio: float, lots: Lots) -> float:
-    if lots.profile == "paper":
+def _main(size: str, pylons: int, ratio: float, randoms: RandomDraws) -> float:
+    if randoms.profile == "paper":
         low, high = (3.0, 6.0) if pylons == 2 else (0.75, 1.5)
-        return round(_PAPER_HEIGHT * (low + lots.main * (high - low)), 1)
+        return round(_PAPER_HEIGHT * (low + randoms.main * (high - low)), 1)
     low, high = _TOTAL[size]
     parts = 1.0 + ratio * (2 if pylons == 2 else 1)
-    return round(max(low * (high / low) ** lots.main / parts, 30.0), 1)
+    return round(max(low * (high / low) ** randoms.main / parts, 30.0), 1)
 
 
 def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes: int, divided: bool) -> None:

@@ -192,7 +192,7 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     parts = cable_deck_parts(deck, low, high, floor_stations(hung, spans.supports), levels, place)
     parts += bracket_parts(deck, cables.plane + _TIP, hung, levels, place)
     parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
-    parts += cable_parts(cables, bridge.tower, place, ground)
+    parts += cable_parts(cables, place, ground)
     parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     towers = [(spans.supports.index(station), station) for station in cables.towers]
     for support, station in towers:

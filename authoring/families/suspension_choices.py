@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
@@ -21,18 +21,19 @@ _PAPER_PITCH = 2.0  # [m]
 class SuspensionSettings(Settings):
     """A suspension bridge; what is left out is drawn."""
 
-    size: Literal["compact", "realistic"] | None = Field(
-        default=None,
-        description="Scale: compact 80 to 250 m long, realistic 420 to 640 m long with a main span of 300 m and more "
-        "(to 1000 m may be asked for); drawn 70 : 30, in profile paper compact",
+    size: Literal["compact", "realistic"] | None = chosen(
+        {"compact": 70, "realistic": 30},
+        "Scale: compact 80 to 250 m long, realistic 420 to 640 m long with a main span of 300 m and more (to 1000 m "
+        "may be asked for)",
+        paper={"compact": 1},
     )
-    deck: Literal["steel_box", "plate_girder"] | None = Field(
-        default=None, description="Deck: closed box, or two plate girders with floor beams; drawn 45 : 55"
+    deck: Literal["steel_box", "plate_girder"] | None = chosen(
+        {"steel_box": 45, "plate_girder": 55}, "Deck: closed box, or two plate girders with floor beams"
     )
-    side_spans: Literal["straight", "suspended"] | None = Field(
-        default=None,
-        description="Straight backstays over side spans on piers, or side spans on hangers; drawn 55 : 45, in profile "
-        "paper suspended",
+    side_spans: Literal["straight", "suspended"] | None = chosen(
+        {"suspended": 45, "straight": 55},
+        "Straight backstays over side spans on piers, or side spans on hangers",
+        paper={"suspended": 1},
     )
     main: float | None = Field(default=None, ge=40.0, le=1000.0, description="Main span [m]; drawn by the size")
     side_ratio: float | None = drawn(
@@ -117,11 +118,8 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
         draws: Random stream and profile of the bridge.
     """
     paper = draws.profile == "paper"
-    word = draws.choose({"compact": 0.7, "realistic": 0.0 if paper else 0.3})
-    size = settings.size or word
-    deck = "steel_box" if draws.random() < 0.45 else "plate_girder"
-    sides = "suspended" if draws.random() < 0.45 or paper else "straight"
-    suspended = (settings.side_spans or sides) == "suspended"
+    size, deck = draw_option(settings, "size", draws), draw_option(settings, "deck", draws)
+    suspended = draw_option(settings, "side_spans", draws) == "suspended"
     ratio = draw(settings, "side_ratio", draws), draw(settings, "suspended_ratio", draws)
     side_ratio = ratio[1] if suspended else ratio[0]
     share, tower_share = 0.5 * (draws.random() + draws.random()), draws.random()
@@ -142,7 +140,7 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
     cable = 0.20 if paper else round(max(main / draw(settings, "cable_ratio", draws), thinnest), 3)
     hanger = draw(settings, "hanger_diameter", draws)
     return SuspensionChoice(
-        size, settings.deck or deck, suspended, main, round(main * side_ratio, 1), crown, low,
+        size, deck, suspended, main, round(main * side_ratio, 1), crown, low,
         settings.pitch or (_PAPER_PITCH if paper else drawn_pitch), cable, hanger,
         draw(settings, "slenderness", draws),
     )  # fmt: skip

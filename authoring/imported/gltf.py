@@ -177,13 +177,13 @@ def _check_header(header: Any, file: Path) -> None:
 
 
 def _check_roots(nodes: list[dict[str, Any]], children: set[int], file: Path) -> None:
-    """Walk the nodes down from those without a parent; whoever is not reached goes in a circle."""
+    """Walk the nodes down from those without a parent; unreached nodes form a cycle."""
     pending, seen = [k for k in range(len(nodes)) if k not in children], 0
     while pending:
         seen += 1
         pending += nodes[pending.pop()].get("children", ())
     if seen < len(nodes):
-        raise InputError("nodes lead in a circle", where=file, field="nodes")
+        raise InputError("nodes form a cycle", where=file, field="nodes")
 
 
 def _triangle_count(header: dict[str, Any], primitive: dict[str, Any]) -> int:

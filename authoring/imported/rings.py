@@ -1,20 +1,22 @@
-"""Polygons in space, with holes, cut into triangles."""
+"""Polygons in space, with holes, as triangles."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usd_schemas.triangulate import clip_ears
+
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_NARROW = 1e-12  # [m2], twice the area of an ear that is none
+_NARROW = 1e-12  # [m2], twice the area of a triangle that is none
 
 
 def ring_triangles(rings: list[F64]) -> F64:
     """Cut a plane polygon in space into triangles that face the way its outer ring turns.
 
-    Holes are joined to the outer ring by cuts, then ears are clipped.
+    Holes are joined to the outer ring by cuts from their rightmost corners.
 
-    Source: D. Eberly, Triangulation by Ear Clipping, 2002 (holes joined by their rightmost corner).
+    Source: D. Eberly, Triangulation by Ear Clipping, 2002.
 
     Args:
         rings: Outer ring, then holes [m], each of shape (P, 3), float64; the first corner is not repeated.
@@ -38,7 +40,10 @@ def ring_triangles(rings: list[F64]) -> F64:
         begin += len(ring)
     for hole in sorted(holes, key=lambda hole: -plan[hole, 0].max()):
         order = _joined(plan, order, hole)
-    return corners[_ears(plan, order)]
+    found = clip_ears(plan[order])
+    # What has no area, or faces backwards because its ring crosses itself, is given up.
+    a, b, c = plan[order][found].transpose(1, 0, 2)
+    return corners[order][found[_cross(b - a, c - b) > _NARROW]]
 
 
 def _newell(ring: F64) -> F64:
@@ -81,31 +86,6 @@ def _sees(outline: F64, start: F64, end: F64) -> bool:
     first, second = _cross(end - start, a - start), _cross(end - start, b - start)
     third, fourth = _cross(b - a, start - a), _cross(b - a, end - a)
     return not bool(((first * second < -_NARROW) & (third * fourth < -_NARROW)).any())
-
-
-def _ears(plan: F64, order: list[int]) -> I64:
-    left, found = list(order), []
-    while len(left) > 3:
-        tip = next((k for k in range(len(left)) if _is_ear(plan, left, k)), None)
-        if tip is None:  # a ring that crosses itself: what is left of it is given up
-            return np.array(found, np.int64).reshape(-1, 3)
-        found.append((left[tip - 1], left[tip], left[(tip + 1) % len(left)]))
-        left.pop(tip)
-    return np.array([*found, left], np.int64)
-
-
-def _is_ear(plan: F64, left: list[int], k: int) -> bool:
-    corner = (left[k - 1], left[k], left[(k + 1) % len(left)])
-    a, b, c = plan[list(corner)]
-    if _cross(b - a, c - b) <= _NARROW:
-        return False
-    others = plan[[i for i in left if i not in corner]]
-    # Corners doubled by a cut lie on the ear's own corners: they do not count as inside.
-    others = others[(np.abs(others[:, None] - np.stack([a, b, c])).max(axis=2) > 0.0).all(axis=1)]
-    inside = np.ones(len(others), bool)
-    for start, end in ((a, b), (b, c), (c, a)):
-        inside &= _cross(end - start, others - start) >= -_NARROW
-    return not bool(inside.any())
 
 
 def _cross(a: F64, b: F64) -> F64:

@@ -3,11 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
@@ -31,14 +30,10 @@ class AbutmentSettings(Settings):
     wing_thickness: float | None = drawn(0.45, 0.60, "Thickness of the wing walls [m]", ge=0.45, le=1.2)
     founding: float | None = drawn(0.5, 1.0, "Walls below the lowest ground at them [m]", ge=0.3, le=3.0)
     chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
-    footing: bool | None = Field(
-        default=None, description="The wall's footing shows in front of it; drawn 50 : 50, never in profile paper"
-    )
+    footing: bool | None = chosen({True: 50, False: 50}, "The wall's footing shows in front of it", paper={False: 1})
     footing_toe: float | None = drawn(0.4, 0.9, "Footing in front of the wall [m]", ge=0.1, le=2.0)
     footing_top: float | None = drawn(0.15, 0.40, "Footing above the highest ground before it [m]", ge=0.0, le=1.0)
-    battered: bool | None = Field(
-        default=None, description="The wall's front leans; drawn 30 : 70, never in profile paper"
-    )
+    battered: bool | None = chosen({True: 30, False: 70}, "The wall's front leans", paper={False: 1})
     batter: float | None = drawn(0.02, 0.08, "Lean of a battered front [1]", ge=0.0, le=0.2)
 
 
@@ -78,11 +73,8 @@ def draw_abutments(settings: AbutmentSettings, bearings: Bearings, draws: Draws)
     front = round(0.5 * bearings.plinth_length + draw(settings, "seat_margin", draws), 3)
     length, thickness = draw(settings, "wing_length", draws), draw(settings, "wing_thickness", draws)
     founding, chamfer = draw(settings, "founding", draws), draw(settings, "chamfer", draws)
-    plain = draws.profile == "paper"
-    shows, leans = draws.random() < 0.5 and not plain, draws.random() < 0.3 and not plain
+    shows, leans = draw_option(settings, "footing", draws), draw_option(settings, "battered", draws)
     toe, top, batter = (draw(settings, key, draws) for key in ("footing_toe", "footing_top", "batter"))
-    shows = shows if settings.footing is None else settings.footing
-    leans = leans if settings.battered is None else settings.battered
     toe, top = (toe, top) if shows else (0.0, 0.0)
     return Abutments(front, length, thickness, founding, chamfer, toe, top, batter if leans else 0.0)
 

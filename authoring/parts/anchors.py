@@ -53,16 +53,6 @@ def sleeves(feet: F64, faces: F64, towards: F64, radius: float, lengths: F64) ->
     return [Sleeve(*each) for each in zip(surfaces, mouths, held, strict=True)]
 
 
-def sleeve_reach(radius: float, cosine: float) -> float:
-    """Find how far a slanted collar spreads on its face, to either side of its axis [m].
-
-    Args:
-        radius: Of the collar [m].
-        cosine: Of the angle between the cable and the face's normal [1].
-    """
-    return radius / cosine
-
-
 def clamps(centres: F64, along: F64, radius: float, length: float, lug: float, hanger: float) -> list[Surface]:
     """Build clamps: each a ring round the main cable, and a lug under it that takes the hanger.
 

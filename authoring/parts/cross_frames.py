@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.frame_shapes import (
     angle_frame,
     beam_frame,
@@ -23,11 +23,10 @@ from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.splices import HALF_LENGTH
 from authoring.parts.stiffeners import stiffener_width
-from authoring.solids.setting_out import in_one_chart, set_out, shifted
+from authoring.solids.setting_out import in_one_chart, shifted, to_world
 from authoring.solids.sweep import Surface
 from groundwork.settings import Settings
 
-_FRAMES = {"x": 42.0, "k": 36.0, "solid": 22.0}
 _FLOOR_BEAM_PITCH = (3.5, 4.5)  # [m]
 _FROM_SPLICE = 0.60  # [m] from a splice's end to the nearest cross-frame
 _THICKER = 0.003  # [m] web of a floor beam than the stiffeners that it ends at
@@ -37,10 +36,11 @@ _BOX_PANELS = 2  # boxes are joined at every second frame
 class CrossFrameSettings(Settings):
     """What joins the girders; what is left out is drawn."""
 
-    kind: Literal["x", "k", "solid", "plate"] | None = Field(
-        default=None,
-        description="Cross-frames: crossed angles, angles in a K, rolled beams, or plates with four triangular holes; "
-        "drawn 42 : 36 : 22 : 0, in profile paper plate; ladder decks have floor beams, boxes plates between them",
+    kind: Literal["x", "k", "solid", "plate"] | None = chosen(
+        {"x": 42, "k": 36, "solid": 22},
+        "Cross-frames: crossed angles, angles in a K, rolled beams, or plates with four triangular holes; ladder decks "
+        "have floor beams, boxes plates between them",
+        paper={"plate": 1},
     )
     pitch: float | None = drawn(
         5.0, 7.5, "Largest distance between cross-frames [m]", ge=2.5, le=10.0, paper=(5.0, 5.0)
@@ -49,10 +49,9 @@ class CrossFrameSettings(Settings):
         *_FLOOR_BEAM_PITCH, "Largest distance between the floor beams of a ladder deck [m]", ge=2.5, le=6.0
     )
     plate: float | None = drawn(0.4, 0.5, "Thickness of pierced plates [m]", ge=0.01, le=0.6, paper=(0.5, 0.5))
-    laterals: bool | None = Field(
-        default=None, description="Bracing in plan in the outer bays of multi-girder decks; drawn 25 : 75, never in "
-        "profile paper",
-    )  # fmt: skip
+    laterals: bool | None = chosen(
+        {True: 25, False: 75}, "Bracing in plan in the outer bays of multi-girder decks", paper={False: 1}
+    )
     stiffeners: bool | None = Field(
         default=None, description="Stiffeners on the webs; drawn always, in profile paper never"
     )
@@ -94,14 +93,13 @@ def draw_cross_frames(settings: CrossFrameSettings, girders: PlateGirders, draws
         draws: Random stream and profile of the bridge.
     """
     paper = draws.profile == "paper"
-    choice, chance = draws.choose(_FRAMES), draws.random() < 0.25
+    kind, braced = draw_option(settings, "kind", draws), draw_option(settings, "laterals", draws)
     pitch, floor_pitch = draw(settings, "pitch", draws), draw(settings, "floor_beam_pitch", draws)
     return CrossFrames(
-        kind=settings.kind or ("plate" if paper else choice),
+        kind=kind,
         pitch=floor_pitch if girders.arrangement == "ladder" else pitch,
         plate=draw(settings, "plate", draws),
-        laterals=(chance and not paper if settings.laterals is None else settings.laterals)
-        and girders.arrangement == "multi",
+        laterals=braced and girders.arrangement == "multi",
         stiffeners=not paper if settings.stiffeners is None else settings.stiffeners,
         stiffener_pitch=draw(settings, "stiffener_pitch", draws),
         stiffener=draw(settings, "stiffener", draws),
@@ -163,7 +161,7 @@ def cross_frame_parts(
     component, title = ("floor_beam", "FloorBeam") if kind == "floor_beam" else ("cross_frame", "CrossFrame")
     return [
         Part(f"{title}_{where}", component, "Role_GirderSteel", SUPERSTRUCTURE, surface, fact)
-        for (where, fact), surface in zip(facts, set_out(surfaces, place), strict=True)
+        for (where, fact), surface in zip(facts, to_world(surfaces, place), strict=True)
     ] + _lateral_parts(frames, girders, spans, stations, levels, place)
 
 
@@ -187,7 +185,7 @@ def floor_fillet_parts(
         surfaces.append(shifted(floor_fillet(girders, inside), np.array([0.0, 0.0, levels.soffit])))
     return [
         Part(f"FloorFillet_{k:03d}", "deck_slab", "Role_DeckConcrete", SUPERSTRUCTURE, surface, {"piece": k})
-        for k, surface in enumerate(set_out([in_one_chart(surface) for surface in surfaces], place))
+        for k, surface in enumerate(to_world([in_one_chart(surface) for surface in surfaces], place))
     ]
 
 
@@ -232,5 +230,5 @@ def _lateral_parts(
                 names.append(f"Lateral_{span:03d}_{panel:02d}_{bay:02d}")
     return [
         Part(name, "cross_frame", "Role_GirderSteel", SUPERSTRUCTURE, surface, {"type": "lateral"})
-        for name, surface in zip(names, set_out(surfaces, place), strict=True)
+        for name, surface in zip(names, to_world(surfaces, place), strict=True)
     ]

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import Field
-
 from authoring.axis.alignment import Alignment
 from authoring.parts.abutments import Abutments, approach_range
-from authoring.parts.drawing import Draws
+from authoring.parts.drawing import Draws, chosen, draw_option
 from authoring.parts.fittings import Fittings, FittingSettings, draw_fittings
 from authoring.parts.medians import median_parts
 from authoring.parts.parapets import LEDGE, Parapets, ParapetSettings, draw_parapets, parapet_parts
@@ -21,8 +19,6 @@ _KERB_SHORTER, _PARAPET_SHORTER = 0.008, 0.004  # [m] than the slab, so that no 
 _EDGE = 0.008  # [m] walkway behind the deck's edge
 _ROAD_UNDERLAY = 0.07  # [m] from the finished surface down to the ground under an approach road
 _RAIL_UNDERLAY = 0.01  # [m] ground on an approach above the underside of the ballast
-_WEIGHTS = {"road": 0.60, "rail_single": 0.15, "rail_double": 0.25}
-_PAPER_WEIGHTS = {"road": 0.0, "rail_single": 0.5, "rail_double": 0.5}
 
 Runs = list[tuple[str, tuple[float, float]]]
 
@@ -30,9 +26,10 @@ Runs = list[tuple[str, tuple[float, float]]]
 class DeckTopSettings(Settings):
     """What lies on a deck; what is left out is drawn."""
 
-    service: Literal["road", "rail_single", "rail_double"] | None = Field(
-        default=None,
-        description=("Road, or railway of one or two tracks; drawn 60 : 15 : 25, in profile paper a railway, 50 : 50"),
+    service: Literal["road", "rail_single", "rail_double"] | None = chosen(
+        {"road": 60, "rail_single": 15, "rail_double": 25},
+        "Road, or railway of one or two tracks",
+        paper={"rail_single": 50, "rail_double": 50},
     )
     roadway: RoadwaySettings = RoadwaySettings()
     track: TrackSettings = TrackSettings()
@@ -125,8 +122,7 @@ def draw_deck_top(settings: DeckTopSettings, draws: Draws) -> DeckTop:
         settings: What the user fixed.
         draws: Random stream and profile of the bridge.
     """
-    chance = draws.choose(_PAPER_WEIGHTS if draws.profile == "paper" else _WEIGHTS)
-    service = settings.service or chance
+    service = draw_option(settings, "service", draws)
     kind = "road" if service == "road" else "rail"
     roadway, parapets = draw_roadway(settings.roadway, draws), draw_parapets(settings.parapet, kind, draws)
     tracks = draw_tracks(settings.track, 2 if service == "rail_double" else 1, parapets.thickness + LEDGE, draws)

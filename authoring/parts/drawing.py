@@ -1,13 +1,16 @@
 """Parameters that a user may fix and that are drawn otherwise: their ranges stand in the settings themselves."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from groundwork.errors import InputError
 from groundwork.settings import Settings
+
+Name = TypeVar("Name")
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class Draws:
         """Draw a number from 0 up to 1."""
         return float(self.rng.random())
 
-    def choose(self, weights: dict[str, float]) -> str:
+    def choose(self, weights: Mapping[str, float]) -> str:
         """Draw one name.
 
         Args:
@@ -35,7 +38,7 @@ class Draws:
         return at_share(weights, self.random())
 
 
-def at_share(weights: dict[str, float], share: float) -> str:
+def at_share(weights: Mapping[Name, float], share: float) -> Name:
     """Find the name that lies at a share of all weights.
 
     Args:
@@ -107,6 +110,55 @@ def draw_whole(settings: Settings, key: str, draws: Draws) -> int:
     value = int(draws.rng.integers(int(low), int(high) + 1))
     fixed = getattr(settings, key)
     return int(fixed) if fixed is not None else value
+
+
+def chosen(
+    weights: Mapping[Any, float], description: str, *, among: str = "", paper: Mapping[Any, float] | None = None
+) -> Any:
+    """Declare an optional choice that is drawn when the user leaves it out.
+
+    Args:
+        weights: How often each option is drawn, any scale; True comes before False.
+        description: What it is.
+        among: Which bridges the shares speak of, such as " of those with several spans"; default: all.
+        paper: How often the profile `paper` draws each option; default: the same.
+
+    Returns:
+        The pydantic field, default None; its description ends with the shares.
+    """
+    told = "" if paper is None else f"; in profile paper {_shares(paper)}"
+    extra: dict[str, Any] = {"chosen": [*map(list, weights.items())]}
+    extra["paper"] = extra["chosen"] if paper is None else [*map(list, paper.items())]
+    return Field(None, description=f"{description}; drawn {_shares(weights)}{among}{told}", json_schema_extra=extra)
+
+
+def draw_option(settings: Settings, key: str, draws: Draws) -> Any:
+    """Take the option that the user fixed, or draw one; the generator advances by the same amount either way.
+
+    Args:
+        settings: Model whose field `key` was declared with `chosen`.
+        key: Name of the field.
+        draws: Random stream and profile.
+    """
+    extra: Any = type(settings).model_fields[key].json_schema_extra
+    option = at_share(dict(extra["paper" if draws.profile == "paper" else "chosen"]), draws.random())
+    fixed = getattr(settings, key)
+    return option if fixed is None else fixed
+
+
+def _shares(weights: Mapping[Any, float]) -> str:
+    """Say how often each option is drawn: "ballast 65 %, slab 35 %", "true 40 %", "never", "always pot"."""
+    total = sum(weights.values())
+    parts = {option: f"{100.0 * weight / total:.3g} %" for option, weight in weights.items() if weight}
+    if set(parts) <= {True, False}:
+        true = parts.get(True)
+        return "never" if true is None else "always" if len(parts) == 1 else f"true {true}"
+    if len(parts) == 1:
+        return f"always {next(iter(parts))}"
+    if len(set(parts.values())) == 1:
+        *most, last = parts
+        return f"{', '.join(most)} and {last} alike"
+    return ", ".join(f"{option} {share}" for option, share in parts.items())
 
 
 def drawn_range(model: type[Settings], key: str, profile: str = "default") -> tuple[float, float]:

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.part import FURNITURE, Part
 from authoring.parts.roadway import Roadway
 from authoring.parts.spans import Spans
@@ -33,16 +32,14 @@ _PIPE_BELOW = 0.15  # [m] that a drain pipe ends under the girders
 class FittingSettings(Settings):
     """Lamp posts, drainage and conduits of a road bridge; what is left out is drawn, profile paper has none."""
 
-    lamps: bool | None = Field(default=None, description="Lamp posts; drawn, 60 % of the time")
+    lamps: bool | None = chosen({True: 60, False: 40}, "Lamp posts", paper={False: 1})
     lamp_pitch: float | None = drawn(25.0, 35.0, "Distance between lamp posts [m]", ge=10.0, le=60.0)
     lamp_height: float | None = drawn(8.0, 10.0, "Height of the lamps above the road [m]", ge=4.0, le=14.0)
     lamp_arm: float | None = drawn(1.2, 2.0, "Reach of the lamps towards the road [m]", ge=0.5, le=3.0)
-    drainage: bool | None = Field(default=None, description="Scuppers and drain pipes; drawn, 85 % of the time")
+    drainage: bool | None = chosen({True: 85, False: 15}, "Scuppers and drain pipes", paper={False: 1})
     scupper_pitch: float | None = drawn(10.0, 20.0, "Distance between scuppers along a kerb [m]", ge=4.0, le=40.0)
     pipe_diameter: float | None = drawn(0.09, 0.13, "Outside diameter of the drain pipes [m]", ge=0.06, le=0.16)
-    conduits: bool | None = Field(
-        default=None, description="A conduit along the deck's right edge; drawn, half the time"
-    )
+    conduits: bool | None = chosen({True: 50, False: 50}, "A conduit along the deck's right edge", paper={False: 1})
     conduit_diameter: float | None = drawn(0.06, 0.09, "Diameter of the conduit [m]", ge=0.03, le=0.10)
 
 
@@ -80,21 +77,16 @@ def draw_fittings(settings: FittingSettings, draws: Draws) -> Fittings:
         settings: What the user fixed.
         draws: Random stream and profile of the bridge.
     """
-    chances = {"lamps": draws.random() < 0.60, "drainage": draws.random() < 0.85, "conduits": draws.random() < 0.50}
-
-    def there(key: str) -> bool:
-        fixed = getattr(settings, key)
-        return chances[key] and draws.profile != "paper" if fixed is None else bool(fixed)
-
+    lamps, drainage, conduits = (draw_option(settings, key, draws) for key in ("lamps", "drainage", "conduits"))
     return Fittings(
-        lamps=there("lamps"),
+        lamps=lamps,
         lamp_pitch=draw(settings, "lamp_pitch", draws),
         lamp_height=draw(settings, "lamp_height", draws),
         lamp_arm=draw(settings, "lamp_arm", draws),
-        drainage=there("drainage"),
+        drainage=drainage,
         scupper_pitch=draw(settings, "scupper_pitch", draws),
         pipe_diameter=draw(settings, "pipe_diameter", draws),
-        conduits=there("conduits"),
+        conduits=conduits,
         conduit_diameter=draw(settings, "conduit_diameter", draws),
     )
 

@@ -131,7 +131,7 @@ def box_diaphragm(girders: PlateGirders, depth: float, width: float) -> Surface:
         width: Between the boxes' middles [m].
     """
     heights = np.array([0.72 * depth, girders.flange + 0.03])
-    low, high = (float(value) - _INTO for value in girders.half_webs(depth, heights))
+    low, high = (float(value) - _INTO for value in girders.half_webs(heights))
     outline = np.array(
         [(low, -heights[0]), (width - low, -heights[0]), (width - high, -heights[1]), (high, -heights[1])]
     )

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.drawing import Draws, check_depth, draw, drawn
+from authoring.parts.drawing import Draws, check_depth, chosen, draw, draw_option, drawn
 from authoring.parts.girder_sections import EMBEDDED as EMBEDDED
 from authoring.parts.girder_sections import Girders as Girders
 from authoring.parts.girder_sections import diaphragm_heights, diaphragm_outline, girder_outline, u_top_width
@@ -70,9 +70,8 @@ class GirderSettings(Settings):
         "over 20 m, two at the thirds over 30 m", ge=0.0, le=0.6, paper=(0.0, 0.0),
     )  # fmt: skip
     haunch: float | None = drawn(0.03, 0.08, "Concrete between girder and slab [m]", ge=0.0, le=0.15, paper=(0.0, 0.0))
-    end_blocks: bool | None = Field(
-        default=None,
-        description="The web of an I or bulb-T thickens at its ends; drawn 80 : 20, never in profile paper",
+    end_blocks: bool | None = chosen(
+        {True: 80, False: 20}, "The web of an I or bulb-T thickens at its ends", paper={False: 1}
     )
     depth: float | None = Field(
         default=None, ge=0.3, le=4.0, description="Depth without slab and haunch [m]; in profile paper 0.6"
@@ -111,8 +110,7 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
     web, stem, soffit = (draw(settings, key, draws) for key in ("web", "stem", "wide_bottom"))
     chamfer, diaphragm = draw(settings, "chamfer", draws), draw(settings, "diaphragm", draws)
     haunch, empty = draw(settings, "haunch", draws), draws.random() < 0.5
-    blocky = draws.random() < 0.8 and not paper
-    blocks = blocky if settings.end_blocks is None else settings.end_blocks
+    blocks = draw_option(settings, "end_blocks", draws)
     omitted = settings.omitted if settings.omitted is not None else empty and paper
     top_thickness = round(float(np.clip(0.11 * depth, 0.07, 0.15)), 3)
     bottom_thickness = round(float(np.clip(0.15 * depth, 0.09, 0.22)), 3)

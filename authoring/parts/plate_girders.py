@@ -76,11 +76,10 @@ class PlateGirders:
                 growth = np.maximum(growth, np.where(near, share**2 if self.haunch == "parabolic" else share, 0.0))
         return self.depth + growth * (self.pier_depth - self.depth)
 
-    def half_webs(self, depth: float, heights: F64) -> F64:
+    def half_webs(self, heights: F64) -> F64:
         """Find the distance from a line to the outer face of its web, the outer web of a box [m], shape (N,), float64.
 
         Args:
-            depth: Depth of the steel there [m].
             heights: Below the top of the steel, positive [m], shape (N,), float64.
         """
         if self.box:
@@ -97,7 +96,7 @@ class PlateGirders:
         """Where bearings stand, to the left of the axis [m]: one under a girder, two under a box."""
         if not self.box:
             return self.lines
-        foot = float(self.half_webs(self.pier_depth, np.array([self.pier_depth]))[0]) - 0.35
+        foot = float(self.half_webs(np.array([self.pier_depth]))[0]) - 0.35
         return tuple(round(line + side * foot, 3) for line in self.lines for side in (-1.0, 1.0))
 
     def steel_top(self, levels: Levels) -> float:
@@ -117,7 +116,7 @@ def section(girders: PlateGirders, depth: float) -> F64:
     """
     g, top = girders, 0.5 * girders.top_width
     if g.box:
-        webs = g.half_webs(depth, np.array([depth - g.flange, g.flange]))
+        webs = g.half_webs(np.array([depth - g.flange, g.flange]))
         lip = float(webs[0]) + _BOX_LIP
         right = [(lip, -depth), (lip, g.flange - depth), (float(webs[0]), g.flange - depth)]
         return mirrored([*right, (float(webs[1]), -g.flange), (top, -g.flange), (top, EMBEDDED)])
@@ -145,11 +144,10 @@ def splices(girders: PlateGirders, spans: Spans) -> tuple[float, ...]:
     return tuple(round(station, 3) for station in found)
 
 
-def pieces(girders: PlateGirders, spans: Spans, cuts: tuple[float, ...]) -> list[tuple[float, float]]:
+def pieces(spans: Spans, cuts: tuple[float, ...]) -> list[tuple[float, float]]:
     """List where each piece of a girder line begins and ends [m].
 
     Args:
-        girders: Dimensions.
         spans: Stations.
         cuts: Field splices, rising [m].
     """
@@ -173,7 +171,7 @@ def girder_parts(
         place: Axis of the bridge.
     """
     parts = []
-    for number, (low, high) in enumerate(pieces(girders, spans, cuts)):
+    for number, (low, high) in enumerate(pieces(spans, cuts)):
         along = _rings(girders, spans, low, high)
         outlines = np.stack([section(girders, float(depth)) for depth in girders.depths(spans, along)])
         for line, left in enumerate(girders.lines):

@@ -5,10 +5,9 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.drawing import Draws, draw, draw_whole, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, draw_whole, drawn
 from authoring.parts.part import FURNITURE, Part
 from authoring.shapes.component import F64
 from authoring.shapes.sections import circle, rectangle
@@ -24,21 +23,18 @@ _HELD = 0.003  # [m] plate into concrete, post into plate and top rail
 _INTO_POST = 0.010  # [m] rails into posts: more than a chord's sag
 _END = 0.25  # [m] first and last post from the ends of a run
 _BAR, _BAR_PITCH = 0.020, 0.12  # [m] bars and the distance between them: no child's head fits between
-_INFILL_WEIGHTS = {"rails": 0.5, "bars": 0.5}
 
 
 class RailingSettings(Settings):
     """Steel railings; what is left out is drawn."""
 
-    infill: Literal["rails", "bars"] | None = Field(
-        default=None, description="Below the top rail: rails along, or upright bars every 0.12 m; drawn 50 : 50"
+    infill: Literal["rails", "bars"] | None = chosen(
+        {"rails": 50, "bars": 50}, "Below the top rail: rails along, or upright bars every 0.12 m"
     )
     rails: int | None = drawn(1, 3, "Rails below the top rail [1]", le=5)
     post_pitch: float | None = drawn(1.5, 2.5, "Largest distance between posts [m]", ge=1.0, le=4.0)
     rail_diameter: float | None = drawn(0.06, 0.10, "Height and width of the top rail [m]", ge=0.04, le=0.15)
-    round_rails: bool | None = Field(
-        default=None, description="Tubes; rectangular hollow sections otherwise; drawn 50 : 50"
-    )
+    round_rails: bool | None = chosen({True: 50, False: 50}, "Tubes; rectangular hollow sections otherwise")
 
 
 @dataclass(frozen=True)
@@ -67,13 +63,13 @@ def draw_railings(settings: RailingSettings, draws: Draws) -> Railings:
         settings: What the user fixed.
         draws: Random stream and profile of the bridge.
     """
-    infill, tubes = draws.choose(_INFILL_WEIGHTS), draws.random() < 0.5
+    infill, tubes = draw_option(settings, "infill", draws), draw_option(settings, "round_rails", draws)
     return Railings(
-        infill=settings.infill or infill,
+        infill=infill,
         rails=draw_whole(settings, "rails", draws),
         post_pitch=draw(settings, "post_pitch", draws),
         rail_diameter=draw(settings, "rail_diameter", draws),
-        round_rails=tubes if settings.round_rails is None else settings.round_rails,
+        round_rails=tubes,
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.shapes.component import F64
@@ -33,7 +33,7 @@ class RoadwaySettings(Settings):
     lanes: int | None = Field(default=None, ge=1, le=6, description="Traffic lanes; drawn, mostly 2 or 4")
     lane_width: float | None = drawn(3.0, 3.75, "Width of a lane [m]", ge=2.5, le=4.5)
     shoulder: float | None = drawn(0.3, 1.5, "From the edge line to the kerb [m]", ge=0.0, le=3.0)
-    footway: bool | None = Field(default=None, description="Footways on both sides; drawn, half of the time")
+    footway: bool | None = chosen({True: 50, False: 50}, "Footways on both sides")
     footway_width: float | None = drawn(1.5, 2.2, "Footway without its kerb [m]", ge=0.8, le=4.0)
     kerb_width: float | None = drawn(0.15, 0.20, "Kerb beside a footway [m]", ge=0.10, le=0.40)
     verge_width: float | None = drawn(0.35, 0.60, "Raised verge where there is no footway [m]", ge=0.20, le=1.0)
@@ -107,8 +107,7 @@ def draw_roadway(settings: RoadwaySettings, draws: Draws) -> Roadway:
         draws: Random stream and profile of the bridge.
     """
     lanes = 1 + int(np.searchsorted(np.cumsum(_LANE_WEIGHTS)[:-1], draws.random(), side="right"))
-    chance = draws.random() < 0.5
-    footway = chance if settings.footway is None else settings.footway
+    footway = draw_option(settings, "footway", draws)
     footway_width, kerb, verge = (draw(settings, key, draws) for key in ("footway_width", "kerb_width", "verge_width"))
     count = settings.lanes or lanes
     strip, median = draws.random() < _DIVIDED, draw(settings, "median", draws)

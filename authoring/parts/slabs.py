@@ -8,7 +8,7 @@ from pydantic import Field
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
 from authoring.shapes.component import F64
@@ -21,8 +21,6 @@ SIMPLE, CONTINUOUS = 22.0, 25.0  # span over depth [1] of road slabs
 RAIL_SIMPLE, RAIL_CONTINUOUS = 15.0, 17.0  # of railway slabs, which carry several times the load
 SLENDERNESS = (0.6, 1.4)  # of the usual span over depth, that a user may ask for [1]
 _PAPER_DEPTH = 1.0  # [m]
-_WEIGHTS = {"solid": 0.40, "voided": 0.25, "pk": 0.35}
-_PAPER_WEIGHTS = {"hexagon": 1.0, "pk": 1.0, "voided": 1.0}
 _TIP = 0.22  # [m] thickness of a cantilever at its edge
 _CLOSEST_LINES, _WIDEST_LINES = 1.4, 4.5  # [m] between bearings
 _BULGE = 0.30  # [m] of a hexagon at half its depth beyond its top
@@ -34,12 +32,11 @@ Section = Literal["solid", "voided", "pk", "hexagon"]
 class SlabSectionSettings(Settings):
     """Section of a slab; what is left out is drawn."""
 
-    section: Section | None = Field(
-        default=None,
-        description=(
-            "Solid with upright sides, voided (a box's outline with short cantilevers), PK (a trapezoid with "
-            "cantilevers) or the paper's hexagon; drawn 40 : 25 : 35 : 0, in profile paper hexagon, PK and box alike"
-        ),
+    section: Section | None = chosen(
+        {"solid": 40, "voided": 25, "pk": 35},
+        "Solid with upright sides, voided (a box's outline with short cantilevers), PK (a trapezoid with cantilevers) "
+        "or the paper's hexagon",
+        paper={"hexagon": 1, "pk": 1, "voided": 1},
     )
     slenderness: float | None = drawn(
         0.85, 1.15,
@@ -98,8 +95,7 @@ def draw_section(settings: SlabSectionSettings, draws: Draws) -> str:
         settings: What the user fixed.
         draws: Random stream and profile of the bridge.
     """
-    section = draws.choose(_PAPER_WEIGHTS if draws.profile == "paper" else _WEIGHTS)
-    return settings.section or section
+    return draw_option(settings, "section", draws)
 
 
 def draw_slab_section(

@@ -9,7 +9,7 @@ from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
 from authoring.shapes.component import F64
-from authoring.solids.setting_out import bolts, in_one_chart, plates, set_out, shifted
+from authoring.solids.setting_out import bolts, in_one_chart, plates, shifted, to_world
 from authoring.solids.sweep import Surface, joined
 
 HALF_LENGTH = 0.42  # [m] of a splice, from the joint to the ends of its plates
@@ -39,7 +39,7 @@ def splice_parts(
     for station, depth in zip(cuts, girders.depths(spans, np.array(cuts)), strict=True):
         template = _following(splice_surface(girders, float(depth)), girders, spans, station, float(depth))
         surfaces += [shifted(template, np.array([station, line, top])) for line in girders.lines]
-    placed = iter(set_out(surfaces, place))
+    placed = iter(to_world(surfaces, place))
     depths = girders.depths(spans, np.array(cuts))
     for number, (station, depth) in enumerate(zip(cuts, depths, strict=True)):
         for line in range(len(girders.lines)):

@@ -10,7 +10,7 @@ from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.splices import HALF_LENGTH
 from authoring.shapes.component import F64
-from authoring.solids.setting_out import in_one_chart, plates, set_out, shifted
+from authoring.solids.setting_out import in_one_chart, plates, shifted, to_world
 from authoring.solids.sweep import Surface
 
 INTO = 0.004  # [m] plates into web and flanges
@@ -77,7 +77,7 @@ def stiffener_parts(
             facts.append((f"BearingStiffener_{number:03d}_{line:02d}", {"count": 2, "row": number, "line": line}))
     return [
         Part(name, "stiffener", "Role_GirderSteel", SUPERSTRUCTURE, surface, {"thickness": thickness, **fact})
-        for (name, fact), surface in zip(facts, set_out(surfaces, place), strict=True)
+        for (name, fact), surface in zip(facts, to_world(surfaces, place), strict=True)
     ]
 
 

@@ -10,7 +10,6 @@ from authoring.parts.anchors import HELD, anchor_block, clamps, hanger_sockets, 
 from authoring.parts.cables import HANGER_SIDES, MAIN_SIDES, chords, tube, tubes
 from authoring.parts.footings import Ground
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
-from authoring.parts.pylons import Pylon
 from authoring.parts.spans import level_at
 from authoring.shapes.component import F64
 
@@ -95,12 +94,11 @@ def saddle_depth(diameter: float) -> float:
     return round(0.35 + 1.2 * diameter, 3)
 
 
-def cable_parts(cables: SuspensionCables, tower: Pylon, place: Alignment, ground: Ground) -> list[Part]:
+def cable_parts(cables: SuspensionCables, place: Alignment, ground: Ground) -> list[Part]:
     """Build main cables, saddles, hangers with clamps and sockets, and anchorages.
 
     Args:
         cables: Where they run.
-        tower: What the saddles stand on.
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
     """

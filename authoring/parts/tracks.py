@@ -9,11 +9,10 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment
 from authoring.axis.track_section import APPROACH_TRACK, CLEARANCE, GAUGE, TrackSection
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.shapes.component import F64
@@ -31,18 +30,16 @@ _TOE = 0.15  # [m] from the edge of the ballast's level top to the upstand
 _TOE_SLOPE = 1.5  # horizontal metres for each metre of height of the ballast's shoulder
 _SLAB_GAP = 0.06  # [m] by which the gap between track slabs is wider than the deck's
 _PAPER_WIDTH = 10.0  # [m] of every deck of the paper's generator
-_BED_WEIGHTS = {"ballast": 0.65, "slab": 0.35}
-_SLEEPER_WEIGHTS = {"concrete": 0.80, "timber": 0.20}
 
 
 class TrackSettings(Settings):
     """Tracks and what lies beside them; what is left out is drawn."""
 
-    bed: Literal["ballast", "slab"] | None = Field(
-        default=None, description="Ballast or ballastless track slab; drawn 65 : 35, in profile paper always slab"
+    bed: Literal["ballast", "slab"] | None = chosen(
+        {"ballast": 65, "slab": 35}, "Ballast or ballastless track slab", paper={"slab": 1}
     )
-    sleeper: Literal["concrete", "timber"] | None = Field(
-        default=None, description="Material of the sleepers; drawn 80 : 20, on a track slab always concrete"
+    sleeper: Literal["concrete", "timber"] | None = chosen(
+        {"concrete": 80, "timber": 20}, "Material of the sleepers, on a track slab concrete"
     )
     spacing: float | None = drawn(4.0, 4.5, "Axis to axis of two tracks [m]", ge=3.5, le=6.0)
     pitch: float | None = drawn(0.60, 0.65, "Sleeper to sleeper [m]", paper=(2.0, 10.0))
@@ -113,9 +110,8 @@ def draw_tracks(settings: TrackSettings, tracks: int, edge: float, draws: Draws)
         draws: Random stream and profile of the bridge.
     """
     paper = draws.profile == "paper"
-    bed, material = draws.choose(_BED_WEIGHTS), draws.choose(_SLEEPER_WEIGHTS)
-    bed = settings.bed or ("slab" if paper else bed)
-    material = "concrete" if bed == "slab" else settings.sleeper or material
+    bed, material = draw_option(settings, "bed", draws), draw_option(settings, "sleeper", draws)
+    material = "concrete" if bed == "slab" else material
     value = {key: draw(settings, key, draws) for key in TrackSettings.model_fields if key not in ("bed", "sleeper")}
     half = 0.5 * value["spacing"]
     section = TrackSection(

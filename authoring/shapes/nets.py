@@ -7,7 +7,7 @@ import numpy as np
 
 from authoring.shapes.component import F64, I32, I64
 from authoring.shapes.sections import is_convex, triangulate
-from authoring.shapes.topology import Corners, cross, hang_together
+from authoring.shapes.topology import Corners, corner_topology, cross
 
 Pieces = tuple[tuple[int, ...], ...]
 
@@ -62,7 +62,7 @@ def net(count: int, size: int, twisted: bytes, first: Pieces, last: Pieces, left
         order = _reverse_faces(counts)
         source, vertex = source[order], vertex[order]
     hands = np.array([(1.0, 1.0), (1.0, 1.0), (-1.0, 1.0)] if left_handed else [(1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)])
-    corners = hang_together(counts.tobytes(), vertex.astype(np.int32).tobytes())
+    corners = corner_topology(counts.tobytes(), vertex.astype(np.int32).tobytes())
     for shared in (counts, chart):
         shared.flags.writeable = False
     return Net(counts, chart, source.astype(np.int64), hands[chart[corners.face]], corners)

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.shapes.component import F64, I32
+from usd_schemas.triangulate import clip_ears
 
 Triangle = tuple[int, int, int]
 
@@ -134,8 +135,7 @@ def triangulate(outline: F64) -> I32:
     Clipping alone may join corners that lie in one line by chance; the constrained Delaunay triangulation has the
     largest least angle that there is.
 
-    Source: G. Meisters, Polygons have ears, American Mathematical Monthly 82, 1975; C. Lawson, Software for C1 surface
-    interpolation, Mathematical Software III, 1977.
+    Source: C. Lawson, Software for C1 surface interpolation, Mathematical Software III, 1977.
 
     Args:
         outline: Corners, counter-clockwise [m], shape (P, 2), float64.
@@ -143,12 +143,8 @@ def triangulate(outline: F64) -> I32:
     Returns:
         Corner numbers, shape (P - 2, 3), int32.
     """
-    left, ears = list(range(len(outline))), []
-    while len(left) > 3:
-        found = max(range(len(left)), key=lambda k: _ear_quality(outline, left, k))
-        ears.append((left[found - 1], left[found], left[(found + 1) % len(left)]))
-        left.pop(found)
-    return np.array(_flipped([*ears, (left[0], left[1], left[2])], outline.tolist()), dtype=np.int32)
+    ears = [(int(a), int(b), int(c)) for a, b, c in clip_ears(outline)]
+    return np.array(_flipped(ears, outline.tolist()), dtype=np.int32)
 
 
 def _flipped(triangles: list[Triangle], points: list[list[float]]) -> list[Triangle]:
@@ -176,20 +172,6 @@ def _in_circle(a: list[float], b: list[float], c: list[float], d: list[float]) -
     aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
     inside = aa * (bx * cy - cx * by) - bb * (ax * cy - cx * ay) + cc * (ax * by - bx * ay)
     return inside > _IN_CIRCLE * (aa + bb + cc) ** 2
-
-
-def _ear_quality(outline: F64, left: list[int], k: int) -> float:
-    before, tip, after = left[k - 1], left[k], left[(k + 1) % len(left)]
-    a, b, c = outline[before], outline[tip], outline[after]
-    double_area = float(_cross(b - a, c - b))
-    if double_area <= 1e-12:
-        return -np.inf
-    others = outline[[i for i in left if i not in (before, tip, after)]]
-    inside = np.ones(len(others), bool)
-    for start, end in ((a, b), (b, c), (c, a)):
-        inside &= _cross(end - start, others - start) >= -1e-12
-    longest = max(float(np.sum((q - p) ** 2)) for p, q in ((a, b), (b, c), (c, a)))
-    return -np.inf if inside.any() else double_area / longest
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""How the corners of a mesh hang together, and the normals that follow from it."""
+"""How the corners of a mesh are connected, and the normals that follow from it."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -40,7 +40,9 @@ def corner_normals(points: F64, face_counts: I32, corners: I32) -> F64:
     Returns:
         Unit normals, shape (C, 3), float64.
     """
-    return normals_at(points, hang_together(face_counts.astype(np.int32).tobytes(), corners.astype(np.int32).tobytes()))
+    return normals_at(
+        points, corner_topology(face_counts.astype(np.int32).tobytes(), corners.astype(np.int32).tobytes())
+    )
 
 
 def normals_at(points: F64, corners: Corners) -> F64:
@@ -65,8 +67,8 @@ def normals_at(points: F64, corners: Corners) -> F64:
 
 
 @lru_cache(maxsize=512)
-def hang_together(face_counts: bytes, corners: bytes) -> Corners:
-    """Find how corners hang together.
+def corner_topology(face_counts: bytes, corners: bytes) -> Corners:
+    """Find which corners share a vertex, and which faces meet there.
 
     Args:
         face_counts: Corners of each face, int32.

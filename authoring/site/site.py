@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
+from authoring.axis.clearance import refuse_hill
 from authoring.shapes.component import FIRST_SITE_ID, Component, Mesh, Scatter
 from authoring.site.covers import Soup, chunked, covered, drape, strip_atlas
 from authoring.site.crossing import CrossingKind
@@ -17,7 +18,6 @@ from authoring.site.photo import PhotoSquare, by_square, photo_role, photo_squar
 from authoring.site.roads import way_pieces
 from authoring.site.scatter import ScatterSettings, scatter_plants
 from authoring.site.shape import Land
-from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
@@ -100,7 +100,7 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     fine = (settings.fine_reach, settings.fine_spacing * max(length / LONG, 1.0), settings.coarse_spacing)
     stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)
     ground, soup = strip_ground(land, stations, lefts)
-    _refuse_hill(layout, ground)
+    _check_deck(layout, ground)
     ends = (land.approaches[0].back, land.approaches[1].back)
     squares = photo_squares(ground, layout.width / 2, ends, settings.photo_reach)
     parts = _ground(soup, ground, squares, layout)
@@ -137,17 +137,8 @@ def _ground(
     return parts
 
 
-def _refuse_hill(layout: Layout, ground: HeightField) -> None:
+def _check_deck(layout: Layout, ground: HeightField) -> None:
     """Refuse ground that reaches the road between the abutments."""
     inside = (ground.stations > layout.supports[0] + 1.0) & (ground.stations < layout.supports[-1] - 1.0)
     under = np.abs(ground.lefts) < layout.width / 2
-    axis, stations = layout.alignment, ground.stations[inside]
-    heights = ground.heights[np.ix_(inside, under)]
-    road = axis.height(stations)[:, None] + axis.crossfall(stations)[:, None] * ground.lefts[under]
-    over = float((heights - road).max(initial=-1.0))
-    if over > 0.0:
-        raise InputError(
-            f"the ground lies {over:.1f} m above the deck", field="bridge.clearance",
-            allowed="ground below the deck between the abutments",
-            mend=f"Raise bridge.clearance by {over + 1.0:.1f} m, or make site.relief smaller",
-        )  # fmt: skip
+    refuse_hill(layout, ground.stations[inside], ground.lefts[under], ground.heights[np.ix_(inside, under)])

@@ -61,7 +61,7 @@ def ribbon(alignment: Alignment, rows: list[F64], along: F64, across: tuple[floa
     diagonal, other = points[quads[:, 2]] - points[quads[:, 0]], points[quads[:, 3]] - points[quads[:, 1]]
     flat = np.cross(diagonal, other)
     st = np.stack([np.tile(along, lines), np.repeat(across, count)], axis=1)
-    normals = _corner_normals(points, quads, flat)
+    normals = _corner_normals(quads, flat)
     return Mesh(
         points=to_world(alignment, points),
         face_counts=np.full(len(quads), 4, np.int32),
@@ -157,7 +157,7 @@ def merged(meshes: list[Mesh]) -> Mesh:
     )
 
 
-def _corner_normals(points: F64, quads: NDArray[np.int64], flat: F64) -> F64:
+def _corner_normals(quads: NDArray[np.int64], flat: F64) -> F64:
     """Average the normals of faces that meet at less than about 35 degrees; sharp edges stay sharp."""
     face = flat / np.linalg.norm(flat, axis=1, keepdims=True)
     corner_face = np.repeat(np.arange(len(quads)), 4)

@@ -25,7 +25,7 @@ def prisms(outlines: F64, low: F64, high: F64, axis: Axis, far: F64 | None = Non
         far: Sections at the far ends, for bars that lean, shape (N, P, 2), float64; default: the same.
 
     Returns:
-        Closed surface in bridge coordinates; `set_out` finds its normals.
+        Closed surface in bridge coordinates; `to_world` finds its normals.
     """
     count, size = outlines.shape[:2]
     first, second, run = _AXES[axis]
@@ -122,7 +122,7 @@ def in_one_chart(surface: Surface) -> Surface:
     return replace(surface, st=surface.st - (low - corner)[chart], chart=np.zeros_like(surface.chart))
 
 
-def set_out(surfaces: list[Surface], place: Alignment) -> list[Surface]:
+def to_world(surfaces: list[Surface], place: Alignment) -> list[Surface]:
     """Take flat-sided surfaces from bridge coordinates to the world.
 
     Args:

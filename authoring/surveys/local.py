@@ -65,8 +65,8 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
 
 
 @dataclass(frozen=True, eq=False)
-class _Lures:
-    """What draws a flight.
+class _GoalField:
+    """Where a flight may go, and how likely each place is its next goal.
 
     Attributes:
         ways: Graph of the free cells.
@@ -118,14 +118,14 @@ def _draw_way(
     settings: LocalSettings, space: FreeSpace, subject: Subject, target: int | None, rng: np.random.Generator
 ) -> F64:
     """Draw a way through the box until one has room for as many images as are wanted [m], shape (M, 3), float64."""
-    lures = _lures(settings, space, subject, rng)
+    goal_field = _goal_field(settings, space, subject, rng)
     low, high = ((count - 1) * settings.spacing for count in settings.images)
     tried, longer = [], []
     for _ in range(TRIES):
-        goals = _draw_goals(lures, APART * settings.length, target, rng)
-        legs = [lures.ways.between(int(a), int(b)) for a, b in pairwise(goals)]
+        goals = _draw_goals(goal_field, APART * settings.length, target, rng)
+        legs = [goal_field.ways.between(int(a), int(b)) for a, b in pairwise(goals)]
         rows = np.concatenate([legs[0], *(leg[1:] for leg in legs[1:])]) if legs else goals
-        short = shortcut(lures.middles[rows], subject, settings.safety)
+        short = shortcut(goal_field.middles[rows], subject, settings.safety)
         way = eased_way(rounded_way(short, subject, settings.safety), subject, settings.safety)
         length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
         if low <= length <= high and _is_smooth(way, settings.spacing):
@@ -160,7 +160,7 @@ def _is_smooth(way: F64, spacing: float) -> bool:
     return bool(chords.min() > STRAIGHT * chords.max())
 
 
-def _lures(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: np.random.Generator) -> _Lures:
+def _goal_field(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: np.random.Generator) -> _GoalField:
     field = smooth_field(space.free.shape, CORRELATION / settings.cell, rng)
     cells = np.argwhere(space.free)
     middles = space.middles(cells)
@@ -168,17 +168,17 @@ def _lures(settings: LocalSettings, space: FreeSpace, subject: Subject, rng: np.
     away[space.free] = np.round(subject.surface.distance(middles)[0], 2)
     weight = np.exp(WANDER * field) * (1.0 + DEAR * np.maximum(np.where(np.isfinite(away), away, FAR) - FAR, 0.0))
     chance = np.exp(-((away[space.free] - settings.near) ** 2) / (2.0 * CLOSE**2)) + 1e-12
-    return _Lures(link_cells(space, weight), middles, chance / chance.sum())
+    return _GoalField(link_cells(space, weight), middles, chance / chance.sum())
 
 
-def _draw_goals(lures: _Lures, apart: float, target: int | None, rng: np.random.Generator) -> I64:
+def _draw_goals(goal_field: _GoalField, apart: float, target: int | None, rng: np.random.Generator) -> I64:
     """Draw cells to fly to, no two too near each other; fewer where the free space is small, the target among them."""
     wanted = int(rng.integers(GOALS[0], GOALS[1] + 1))
-    edges = np.cumsum(lures.chance)
+    edges = np.cumsum(goal_field.chance)
     goals: list[int] = [] if target is None else [target]
     for share in rng.random(40 * wanted):
         row = int(min(np.searchsorted(edges, share), len(edges) - 1))
-        if all(np.linalg.norm(lures.middles[row] - lures.middles[goal]) >= apart for goal in goals):
+        if all(np.linalg.norm(goal_field.middles[row] - goal_field.middles[goal]) >= apart for goal in goals):
             goals.append(row)
         if len(goals) == wanted:
             break

@@ -105,7 +105,7 @@ def _read_header(path: Path) -> tuple[str, list[Element], int]:
         else:
             raise InputError("a line of the header that means nothing", where=path, value=line[:80])
         if (elements and len(elements[-1].properties) > _MOST_PROPERTIES) or len(elements) > _MOST_PROPERTIES:
-            raise InputError("more columns than anybody writes", where=path, allowed=f"at most {_MOST_PROPERTIES}")
+            raise InputError("more columns than are supported", where=path, allowed=f"at most {_MOST_PROPERTIES}")
     if order is None:
         raise InputError("does not say its format", where=path, allowed=", ".join(_ORDERS))
     for element in elements:

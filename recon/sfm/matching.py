@@ -37,7 +37,7 @@ def match(
 ) -> dict[str, Any]:
     """Match image pairs and verify them geometrically, in a copy of the database of features.
 
-    COLMAP's linear algebra does not bear two callers at once: with two threads each of 28 runs on 53 images matched 2
+    COLMAP's linear algebra is not thread-safe: with two threads each of 28 runs on 53 images matched 2
     to 12 of the 547 pairs otherwise, some to nothing (COLMAP 4.2.1). So the pairs are dealt out in shares to as many
     processes as there are to be threads, one thread each, and a share is safe as soon as it is done.
 

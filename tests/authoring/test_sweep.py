@@ -147,6 +147,19 @@ def test_triangulation_covers_a_star_exactly(corners: int, seed: int) -> None:
     assert sum(pieces) == pytest.approx(area(outline), rel=1e-9)
 
 
+@given(st.integers(4, 10), st.integers(0, 10_000))
+def test_corners_on_straight_sides_make_no_flat_triangle(corners: int, seed: int) -> None:
+    """Where every side has a corner in its middle, clipping cuts flat ears; flips make other triangles of them."""
+    rng = np.random.default_rng(seed)
+    angle = np.arange(corners) * 2.0 * np.pi / corners
+    few = (rng.uniform(0.5, 1.0, corners) * np.array([np.cos(angle), np.sin(angle)])).T
+    outline = np.stack([few, 0.5 * (few + np.roll(few, -1, axis=0))], axis=1).reshape(-1, 2)
+    pieces = [area(outline[ear]) for ear in triangulate(outline)]
+    assert len(pieces) == 2 * corners - 2
+    assert min(pieces) > 1e-4
+    assert sum(pieces) == pytest.approx(area(outline), rel=1e-9)
+
+
 def test_corners_in_line_by_chance_make_no_sliver() -> None:
     """A girder's section whose far corners lie in one line, to ten micrometres: no triangle joins those three."""
     foot = [(0.2355, 0.0), (0.2625, 0.027), (0.2625, 0.1155), (0.258731578, 0.141963371)]

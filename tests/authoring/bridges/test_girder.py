@@ -16,7 +16,7 @@ from authoring.parts.plate_girders import EMBEDDED, section
 from authoring.parts.splices import HALF_LENGTH
 from authoring.shapes.component import F64
 from authoring.shapes.sections import area
-from authoring.solids.setting_out import bolts, in_one_chart, plates, set_out
+from authoring.solids.setting_out import bolts, in_one_chart, plates, to_world
 from authoring.solids.sweep import Surface
 from authoring.streams import stream
 from groundwork.errors import InputError
@@ -66,11 +66,11 @@ def lowest_at(surface: Surface, x: float) -> float:
 def test_plates_and_bolts_have_their_volume_and_look_outward(axis: Any) -> None:
     """Boxes and hexagons by their closed forms, on each axis; normals and winding agree; one chart holds them all."""
     low, high = np.array([[0.0, 1.0, 2.0], [5.0, 5.0, 5.0]]), np.array([[0.5, 1.2, 2.1], [6.0, 8.0, 9.0]])
-    box = set_out([in_one_chart(plates(low, high, axis))], Alignment(4.0, 0.0, 0.7))[0]
+    box = to_world([in_one_chart(plates(low, high, axis))], Alignment(4.0, 0.0, 0.7))[0]
     assert volume(box) == pytest.approx(0.5 * 0.2 * 0.1 + 1.0 * 3.0 * 4.0)
     assert box.points[:, 2].max() == pytest.approx(13.0)
     assert set(box.chart.tolist()) == {0}
-    hexagon = set_out([bolts(low, 0.06, (-0.002, 0.02), axis)], Alignment(0.0))[0]
+    hexagon = to_world([bolts(low, 0.06, (-0.002, 0.02), axis)], Alignment(0.0))[0]
     assert volume(hexagon) == pytest.approx(2 * 0.022 * 1.5 * np.sqrt(3.0) * 0.03**2)
     for surface in (box, hexagon):
         a, b, c = surface.points[surface.corners.reshape(-1, 3)].transpose(1, 0, 2)

@@ -1,0 +1,115 @@
+"""The spans of slab, beam and girder bridges: drawn or given, checked, and laid out along the axis."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from authoring.parts.bearings import Bearings
+from authoring.parts.drawing import Draws, draw, draw_option
+from authoring.parts.spans import Spans
+from groundwork.errors import InputError
+from groundwork.settings import Settings
+
+SEVERAL = " of those with several spans"
+PAPER_SPAN = 10.0  # [m]: the Random Bridge Generator puts a pier every 10 m
+_UNDER_PLINTH = 0.02  # [m] of a girder beyond its plinth
+
+
+@dataclass(frozen=True)
+class SpanRule:
+    """What a family's spans may be.
+
+    Attributes:
+        family: Key of the family in `[bridge]`.
+        members: What spans, as users call it.
+        shortest: Least span that a user may ask for [m].
+        longest: Largest span that a user may ask for [m].
+        drawn: Least and largest inner span that is drawn [m].
+        shortest_end: Least end span that is drawn, unless the inner spans are shorter [m].
+        one_row: Members that run through stand on one row of bearings at each pier.
+    """
+
+    family: str
+    members: str
+    shortest: float
+    longest: float
+    drawn: tuple[float, float]
+    shortest_end: float
+    one_row: bool
+
+
+class SpanSettings(Settings):
+    """What the settings of beams and girders have in common; each says for itself what it means there."""
+
+    spans: tuple[float, ...] = Field(default=(), description="Bearing line to bearing line [m]; empty: drawn")
+    continuous: bool | None = Field(default=None, description="Members run through over the piers")
+
+
+def draw_spans(
+    rule: SpanRule,
+    settings: SpanSettings,
+    count: int,
+    bearings: Bearings,
+    draws: Draws,
+    fit: Callable[[float], float] = lambda span: span,
+) -> Spans:
+    """Draw spans on girders: inner ones alike, end spans shorter.
+
+    Args:
+        rule: What they may be.
+        settings: What the user fixed; has `end_share`, `overhang` and `gap`, too.
+        count: Number of spans where they are drawn.
+        bearings: Bearings and plinths under them.
+        draws: Random stream and profile of the bridge.
+        fit: Brings a drawn inner span [m] to what goes with the rest of the bridge.
+
+    Raises:
+        InputError: A given span is out of range.
+    """
+    overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
+    low, high = rule.drawn
+    inner = fit(round(float(low * (high / low) ** draws.random()), 1))  # log-uniform
+    share, through = draw(settings, "end_share", draws), draw_option(settings, "continuous", draws)
+    paper = draws.profile == "paper"
+    lengths = settings.spans or _regular(rule, count, PAPER_SPAN if paper else inner, 1.0 if paper else share)
+    return lay_out(rule, lengths, (overhang, gap), bearings, continuous=through)
+
+
+def lay_out(
+    rule: SpanRule, lengths: tuple[float, ...], ends: tuple[float, float], bearings: Bearings, *, continuous: bool
+) -> Spans:
+    """Lay out spans one after the other from station 0 on.
+
+    Args:
+        rule: What they may be.
+        lengths: From bearing line to bearing line [m].
+        ends: From a bearing line to the member's end, at least, and the expansion gap [m].
+        bearings: Bearings and plinths under them.
+        continuous: Members run through over the piers, where there are any.
+
+    Raises:
+        InputError: A span is out of range.
+    """
+    for length in lengths:
+        if not rule.shortest <= length <= rule.longest:
+            nearest = min(max(length, rule.shortest), rule.longest)
+            raise InputError(
+                f"a span that {rule.members} do not have", field=f"bridge.{rule.family}.spans", value=length,
+                allowed=f"{rule.shortest:g} to {rule.longest:g} m",
+                mend=f"The nearest is {nearest:g} m; other spans want another family",
+            )  # fmt: skip
+    # A plinth stays under its own span's end.
+    overhang = max(ends[0], round(0.5 * bearings.plinth_length + _UNDER_PLINTH, 3))
+    supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))
+    through = continuous and len(lengths) > 1
+    return Spans(supports, overhang, ends[1], continuous=through, one_row=through and rule.one_row)
+
+
+def _regular(rule: SpanRule, count: int, inner: float, share: float) -> tuple[float, ...]:
+    """Lay out equal inner spans between two shorter end spans [m]; one or two spans are alike."""
+    if count < 3:
+        return (inner,) * count
+    end = max(round(inner * share, 1), min(rule.shortest_end, inner))
+    return (end, *[inner] * (count - 2), end)
