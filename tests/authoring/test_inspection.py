@@ -18,10 +18,10 @@ from authoring.surveys.settings import GlobalSettings, GridSettings, InspectionS
 from authoring.surveys.sight import sight_of
 from authoring.surveys.targets import cut_targets
 from authoring.surveys.turning import angle_between, pitch_of
+from benchmarks.inspection import VIEWS, Drawn, count_views, draw_bridge, shown_by
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
-from tests.authoring.flight_views import views_per_instance, visible_pixels
-from tests.authoring.inspected_bridges import PIXELS, VIEWS, Drawn, draw_bridge, shown_by
+from tests.authoring.flight_views import visible_pixels
 from tests.authoring.test_random_surveys import true_clearance
 from tests.conftest import Count, RecordProof
 
@@ -81,9 +81,8 @@ def test_named_members_alone_are_flown(slab: Drawn) -> None:
     assert bearings
     some = MEMBERS.model_copy(update={"members": bearings})
     path = plan_survey(some, slab.subject, 1)
-    ids, counts = visible_pixels(path, slab.subject)
-    views = views_per_instance(counts, PIXELS)
-    assert all(views[np.searchsorted(ids, number)] >= VIEWS for number in bearings)
+    views = count_views(slab, path)
+    assert all(views[number] >= VIEWS for number in bearings)
     assert len(path.poses) < 0.6 * len(plan_survey(MEMBERS, slab.subject, 1).poses)
     with pytest.raises(InputError, match=r"survey\.members.*60000"):
         plan_survey(MEMBERS.model_copy(update={"members": (60_000,)}), slab.subject, 1)

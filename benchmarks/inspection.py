@@ -1,5 +1,6 @@
 """What a flight shows of a drawn bridge, counted ray by ray, and what any free place could show."""
 
+import time
 from collections import defaultdict
 from dataclasses import dataclass
 
@@ -7,20 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.component import Component
-from authoring.families.registry import build_bridge
+from authoring.families.registry import FAMILIES, build_bridge
 from authoring.layout import BridgeSettings, draw_layout
 from authoring.site import SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.free_places import free_places
 from authoring.surveys.path import CameraPath
+from authoring.surveys.registry import plan_survey
+from authoring.surveys.settings import InspectionSettings
 from authoring.surveys.subject import Subject, make_subject, piece_corners
 from groundwork.settings import parse_settings
-from tests.authoring.flight_views import views_per_instance, visible_pixels
 from usd_schemas.components import class_of
+from usd_schemas.pinhole import unproject
 
 F64 = NDArray[np.float64]
 
+STRIDE = 4  # [px] between the rays of an image; a ray stands for STRIDE x STRIDE pixels
 PIXELS, VIEWS = 50, 3
+FIRST_SEED = 100  # of the first bridge
 POINTS = 400  # on a member's surface, at random, that are looked for from free places
 EDGE = 0.6  # [m] of the cells of free space that are looked from: another cut than the flight's own
 REACH = 10.0  # [m]
@@ -42,7 +47,12 @@ class Drawn:
 
 
 def draw_bridge(family: str, seed: int) -> Drawn:
-    """Draw a bridge of a family and its site."""
+    """Draw a bridge of a family and its site.
+
+    Args:
+        family: Family of bridges.
+        seed: Seed of both.
+    """
     layout, record = draw_layout(parse_settings(BridgeSettings, {"family": family}, "test"), stream(seed, "bridge"))
     site = draw_site(SiteSettings(), layout, stream(seed, "site"))
     bridge = build_bridge(layout, record, site.ground)
@@ -56,7 +66,14 @@ def draw_bridge(family: str, seed: int) -> Drawn:
 
 
 def can_be_seen(drawn: Drawn, member: int, places: F64, focal: float) -> bool:
-    """Tell whether a camera at any of some places, looking at a member, would show enough pixels of it."""
+    """Tell whether a camera at any of some places, looking at a member, would show enough pixels of it.
+
+    Args:
+        drawn: Bridge and site.
+        member: Instance id of the member.
+        places: Camera centres [m], shape (P, 3), float64.
+        focal: Focal length [px].
+    """
     subject = drawn.subject
     corners = subject.bridge[subject.bridge_ids == member]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -80,6 +97,27 @@ def can_be_seen(drawn: Drawn, member: int, places: F64, focal: float) -> bool:
     return False
 
 
+def count_views(drawn: Drawn, path: CameraPath) -> dict[int, int]:
+    """Count the images in which each instance fills enough pixels.
+
+    Args:
+        drawn: Bridge and site.
+        path: The flight.
+
+    Returns:
+        Instance id to number of images.
+    """
+    camera, subject = path.calibration, drawn.subject
+    grid = np.mgrid[STRIDE // 2 : camera.height : STRIDE, STRIDE // 2 : camera.width : STRIDE][::-1]
+    pixels = grid.reshape(2, -1).T.astype(np.float64)
+    views = np.zeros(int(subject.obstacle_ids.max()) + 1, np.int64)
+    for pose in path.poses:
+        directions = unproject(pixels, np.ones(len(pixels)), camera, pose) - pose[:3, 3]
+        hit = subject.obstacles.cast(np.broadcast_to(pose[:3, 3], directions.shape), directions)[2]
+        views += np.bincount(hit.astype(np.int64), minlength=len(views)) * STRIDE**2 >= PIXELS
+    return {number: int(views[number]) for number in drawn.classes}
+
+
 @dataclass(frozen=True)
 class Shown:
     """What a flight shows.
@@ -96,9 +134,13 @@ class Shown:
 
 
 def shown_by(drawn: Drawn, path: CameraPath) -> Shown:
-    """Count the images that show each instance by casting a ray every few pixels."""
-    ids, counts = visible_pixels(path, drawn.subject)
-    views = dict(zip(ids.tolist(), views_per_instance(counts, PIXELS).tolist(), strict=True))
+    """Count the images that show each instance by casting a ray every few pixels.
+
+    Args:
+        drawn: Bridge and site.
+        path: The flight.
+    """
+    views = count_views(drawn, path)
     few = [number for number in drawn.classes if views[number] < VIEWS]
     places = free_places(drawn.subject, EDGE, REACH, 1.0, 1.0, np.array([0.3, 0.6, 0.1])) if few else np.zeros((0, 3))
     missed = [number for number in few if can_be_seen(drawn, number, places, path.calibration.fx)]
@@ -112,3 +154,34 @@ def shown_by(drawn: Drawn, path: CameraPath) -> Shown:
         tuple(f"{drawn.classes[number]} {number}" for number in missed),
         tuple(f"{drawn.classes[number]} {number}" for number in hidden),
     )
+
+
+def inspection_rows(bridges: int) -> list[str]:
+    """Fly an inspection of random bridges, the families in turn, and say what each shows.
+
+    Args:
+        bridges: Number of bridges.
+
+    Returns:
+        Lines of a Markdown table.
+    """
+    lines = [
+        "| bridge | members | images | seconds | least share of a class with 3 views "
+        "| missed | hidden | clearance [m] |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    families = sorted(FAMILIES)
+    for number in range(bridges):
+        family = families[number % len(families)]
+        drawn = draw_bridge(family, FIRST_SEED + number)
+        begin = time.process_time()
+        path = plan_survey(InspectionSettings(kind="inspection"), drawn.subject, number)
+        spent = time.process_time() - begin
+        shown = shown_by(drawn, path)
+        clearance = float(drawn.subject.clearance(path.poses[:, :3, 3]).min())
+        lines.append(
+            f"| {family} {FIRST_SEED + number} | {len(drawn.classes)} | {len(path.poses)} | {spent:.1f} "
+            f"| {min(shown.by_class.values()):.0%} | {', '.join(shown.missed) or 'none'} "
+            f"| {', '.join(shown.hidden) or 'none'} | {clearance:.2f} |"
+        )
+    return lines
