@@ -7,6 +7,7 @@ import pytest
 from scipy import sparse
 
 from authoring.families.registry import FAMILIES
+from authoring.settings import AuthoringSettings
 from authoring.streams import stream
 from authoring.surveys.camera_models import calibration, camera_models
 from authoring.surveys.coverage import Wanted, choose_views
@@ -182,3 +183,13 @@ def test_an_eye_frames_local_points_as_world_points() -> None:
     pose = np.eye(4)
     pose[:3, 3] = [1.0, -2.0, 0.5]
     np.testing.assert_array_equal(eye.framed(points, pose), eye.framed_local(points - pose[:3, 3]))
+
+
+def test_a_leg_of_no_known_kind_is_told_the_kinds_of_legs() -> None:
+    """The error lists what a leg may be, not what a survey may be."""
+    survey = [{"kind": "mix", "legs": [{"kind": "stage"}]}]
+    with pytest.raises(InputError) as caught:
+        parse_settings(AuthoringSettings, {"survey": survey}, "test")
+    assert "legs" in str(caught.value)
+    assert "allowed: global, local, grid, inspection" in str(caught.value)
+    assert "inspection, mix" not in str(caught.value)

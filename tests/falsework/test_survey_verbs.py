@@ -194,7 +194,10 @@ def test_predicted_share_ranks_flights_as_reconstructions_do(tmp_path: Path, rec
         (["plan", "{scene}", "--set", "station=900"], ["survey.station", "holds no bridge"]),
         (["plan", "{scene}", "--for", "57"], ["--for", "--kind inspection"]),
         (["plan", "{scene}", "--kind", "inspection", "--for", "cabel"], ["--for", "cabel", "bearing"]),
-        (["plan", "{scene}", "--kind", "mix", "--set", 'legs=[{"kind": "stage"}]'], ["legs", "kind"]),
+        (
+            ["plan", "{scene}", "--kind", "mix", "--set", 'legs=[{"kind": "stage"}]'],
+            ["legs", "kind", "allowed: global, local, grid, inspection"],
+        ),
         (["score", "{scene}.no"], ["no such file"]),
         (["score", "{scene}", "--survey", "never"], ["never", "allowed"]),
     ],
