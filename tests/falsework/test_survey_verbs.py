@@ -195,7 +195,7 @@ def test_predicted_share_ranks_flights_as_reconstructions_do(tmp_path: Path, rec
         (["plan", "{scene}", "--for", "57"], ["--for", "--kind inspection"]),
         (["plan", "{scene}", "--kind", "inspection", "--for", "cabel"], ["--for", "cabel", "bearing"]),
         (
-            ["plan", "{scene}", "--kind", "mix", "--set", 'legs=[{"kind": "stage"}]'],
+            ["plan", "{scene}", "--kind", "mix", "--set", 'legs=[{{"kind": "stage"}}]'],
             ["legs", "kind", "allowed: global, local, grid, inspection"],
         ),
         (["score", "{scene}.no"], ["no such file"]),
