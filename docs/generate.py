@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pydantic_core import PydanticUndefined
 
+from authoring.surveys.settings import LegSettings
 from falsework.scenario import Scenario
 from groundwork.files import write_text
 from groundwork.settings import Settings
@@ -88,7 +89,9 @@ def _table(model: type[Settings]) -> list[str]:
     """One row for each key that holds a value, not further settings."""
     lines = ["| key | type | default | meaning |", "|---|---|---|---|"]
     for key, field in model.model_fields.items():
-        if not _models_in(field.annotation):
+        if _is_list_of_kinds(field.annotation):
+            lines.append(f"| `{key}` | sections `[[survey.{key}]]` of the kinds above | – | {field.description} |")
+        elif not _models_in(field.annotation):
             default = field.get_default(call_default_factory=True, validated_data={})
             nothing = "–" if "left out" in (field.description or "") else "drawn"
             shown = "required" if default is PydanticUndefined else nothing if default is None else f"`{default!r}`"
@@ -114,9 +117,15 @@ def _color(row: ClassRow) -> str:
 def _sections(model: type[Settings], name: str) -> list[tuple[str, type[Settings]]]:
     found = [(name, model)]
     for key, field in model.model_fields.items():
-        for inner in _models_in(field.annotation):
+        inner_models = [] if _is_list_of_kinds(field.annotation) else _models_in(field.annotation)
+        for inner in inner_models:
             found += _sections(inner, f"{name}.{key}" if name else key)
     return found
+
+
+def _is_list_of_kinds(annotation: object) -> bool:
+    """Tell whether a field lists sections of several kinds that the page shows anyway, such as the legs of a mix."""
+    return {model.__name__ for model in _models_in(annotation)} == {model.__name__ for model in _models_in(LegSettings)}
 
 
 def _models_in(annotation: object) -> list[type[Settings]]:

@@ -69,10 +69,11 @@ def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) 
     context = detail.get("ctx", {})
     if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
         key = str(context["discriminator"]).replace("'", "")
-        members = [
-            inner for part in detail["loc"][:1] for inner in _models_in(model.model_fields[str(part)].annotation)
+        tags = [
+            tag
+            for member in _models_at(model, detail["loc"])
+            for tag in typing.get_args(member.model_fields[key].annotation)
         ]
-        tags = [tag for member in members for tag in typing.get_args(member.model_fields[key].annotation)]
         found = detail["input"].get(key) if isinstance(detail["input"], dict) else None
         return InputError(
             "says no known kind", where=where, field=f"{field}.{key}", value=found, allowed=", ".join(tags)
@@ -87,6 +88,11 @@ def _plain(message: str) -> str:
 
 
 def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> list[str]:
+    return sorted({key for inner in _models_at(model, location) for key in inner.model_fields})
+
+
+def _models_at(model: type[Settings], location: tuple[int | str, ...]) -> list[type[Settings]]:
+    """Follow a place in the input to the models that may stand there."""
     current: list[type[Settings]] = [model]
     for part in location:
         if isinstance(part, int):
@@ -95,7 +101,7 @@ def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> list[
         below = [inner for field in fields for inner in _models_in(field.annotation)]
         tagged = [m for m in current if m.__name__ == part or _is_tagged(m, part)]
         current = below or tagged or current
-    return sorted({key for m in current for key in m.model_fields})
+    return current
 
 
 def _is_tagged(model: type[Settings], tag: str) -> bool:

@@ -50,7 +50,17 @@ class Eye:
         Returns:
             Whether each is framed, shape (N,), bool.
         """
-        local = (points - pose[:3, 3]) @ pose[:3, :3]
+        return self.framed_local((points - pose[:3, 3]) @ pose[:3, :3])
+
+    def framed_local(self, local: F64) -> NDArray[np.bool_]:
+        """Tell which points in camera axes fall into the picture; what may hide them does not count.
+
+        Args:
+            local: Positions from the camera's centre, axes right, down, forward [m], shape (N, 3), float64.
+
+        Returns:
+            Whether each is framed, shape (N,), bool.
+        """
         camera = self.camera
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             normalised = local[:, :2] / local[:, 2:]

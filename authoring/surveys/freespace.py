@@ -85,7 +85,7 @@ def cut_free_space(box: OrientedBox, subject: Subject, edge: float, safety: floa
     columns = space.middles(np.column_stack([cells[:: shape[2], :2], np.zeros(len(cells) // shape[2], np.int64)]))
     ground = np.repeat(subject.ground_height(columns[:, :2]), shape[2])
     free = (far & (middles[:, 2] > ground + over_ground) & np.isfinite(ground)).reshape(shape)
-    largest = _largest_part(free)
+    largest = largest_part(free)
     return FreeSpace(box, edge, clearance.reshape(shape), largest, free & ~largest)
 
 
@@ -106,7 +106,15 @@ def gap_between(space: FreeSpace) -> F64 | None:
     return 0.5 * (outside[nearest] + inside[int(rows[nearest])])
 
 
-def _largest_part(free: Cells) -> Cells:
+def largest_part(free: Cells) -> Cells:
+    """Keep the cells of the largest part that hangs together, diagonals included.
+
+    Args:
+        free: Cells that keep their distance, shape (X, Y, Z).
+
+    Returns:
+        Those of them that hang together, shape (X, Y, Z), bool.
+    """
     parts = np.asarray(ndimage.label(free, structure=np.ones((3, 3, 3)))[0])  # pyright: ignore[reportIndexIssue]
     sizes = np.bincount(parts.ravel())
     sizes[0] = 0

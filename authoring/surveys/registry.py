@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +12,19 @@ from authoring.surveys.attitude import measured_attitude
 from authoring.surveys.camera_models import calibration, camera_models
 from authoring.surveys.gps import GpsNoise, measured_positions
 from authoring.surveys.grid import fly_grid
+from authoring.surveys.inspection import fly_inspection
 from authoring.surveys.local import fly_local
+from authoring.surveys.mix import fly_mix
 from authoring.surveys.path import CameraPath, Flown
 from authoring.surveys.settings import (
     AnySurvey,
+    CameraSettings,
     GlobalSettings,
     GridSettings,
+    InspectionSettings,
     LocalSettings,
+    MixSettings,
     StageSettings,
-    SurveySettings,
 )
 from authoring.surveys.subject import Subject
 from authoring.surveys.whole import fly_whole
@@ -39,15 +44,18 @@ class Survey:
         fly: Finds camera_to_world of every image in the order of flight [m], shape (N, 4, 4), float64.
     """
 
-    settings: type[SurveySettings]
+    settings: type[CameraSettings]
     fly: Callable[..., F64]
 
 
-SURVEYS: dict[str, Survey] = {
+_KINDS: dict[str, Survey] = {
     "global": Survey(GlobalSettings, fly_whole),
     "local": Survey(LocalSettings, fly_local),
     "grid": Survey(GridSettings, fly_grid),
+    "inspection": Survey(InspectionSettings, fly_inspection),
 }
+_MIX = partial(fly_mix, kinds={name: kind.fly for name, kind in _KINDS.items()})
+SURVEYS: dict[str, Survey] = {**_KINDS, "mix": Survey(MixSettings, _MIX)}
 
 
 def plan_survey(settings: AnySurvey, subject: Subject, seed: int) -> CameraPath:

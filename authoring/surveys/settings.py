@@ -36,11 +36,10 @@ class RecordSettings(Settings):
     )
 
 
-class SurveySettings(RecordSettings):
-    """What every kind of planned survey understands."""
+class CameraSettings(RecordSettings):
+    """What every planned survey writes down, and with which camera."""
 
     camera: str = Field(default=DEFAULT, description="Camera model, a name of authoring/surveys/cameras.toml")
-    safety: float = Field(default=1.5, ge=0.3, le=10.0, description="Least distance to bridge and site [m]")
 
     @field_validator("camera")
     @classmethod
@@ -48,6 +47,12 @@ class SurveySettings(RecordSettings):
         if name not in camera_models():
             raise ValueError(f"no such camera; allowed: {', '.join(camera_models())}")
         return name
+
+
+class SurveySettings(CameraSettings):
+    """What every kind of planned survey understands."""
+
+    safety: float = Field(default=1.5, ge=0.3, le=10.0, description="Least distance to bridge and site [m]")
 
 
 class GlobalSettings(SurveySettings):
@@ -150,6 +155,70 @@ class GridSettings(SurveySettings):
     )
 
 
+class InspectionSettings(SurveySettings):
+    """Views chosen so that every member and its surface is seen often enough, below the deck and at bearings too."""
+
+    kind: Literal["inspection"]
+    id: str = Field(
+        default="inspection", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene"
+    )
+    safety: float = Field(default=1.0, ge=0.3, le=5.0, description="Least distance to bridge and site [m]")
+    speed: float = Field(default=1.0, ge=0.2, le=15.0, description="Flight speed [m/s]")
+    views: int = Field(default=3, ge=1, le=12, description="Views that everything needs, from as many places")
+    pixels: float = Field(
+        default=50.0,
+        ge=1.0,
+        le=1e6,
+        description="Pixels of a member in an image that counts as a view of it [px]",
+    )
+    members: tuple[int, ...] = Field(default=(), description="Instance ids of the members to see; all when empty")
+    cover: Literal["surface", "members"] = Field(
+        default="surface",
+        description="See all of every member's surface squarely, or be content with enough views of each member",
+    )
+    stretch: float = Field(
+        default=6.0, ge=1.0, le=50.0, description="Edge of the cubes that cut members into stretches [m]"
+    )
+    worth: int = Field(
+        default=6, ge=1, le=1000, description="Views of stretches that an image must add to be taken; 1 leaves none out"
+    )
+    near: float = Field(default=3.0, ge=0.5, le=20.0, description="Distance to the bridge that is flown at [m]")
+    reach: float = Field(
+        default=10.0, ge=2.0, le=60.0, description="Distance at which a surface still counts as seen [m]"
+    )
+    cell: float = Field(default=0.5, ge=0.2, le=2.0, description="Edge of the cells that free space is cut into [m]")
+    over_ground: float = Field(default=1.0, ge=0.3, le=10.0, description="Least height over ground or water [m]")
+    spacing: float = Field(
+        default=2.0, ge=0.1, le=10.0, description="Greatest distance between neighbouring images of a leg [m]"
+    )
+    images: int = Field(default=2000, ge=1, le=10_000, description="Greatest number of chosen views; legs take more")
+    pitch_limit: float = Field(default=90.0, ge=-90.0, le=90.0, description="Highest pitch of the gimbal [deg]")
+
+
+LegSettings = Annotated[GlobalSettings | LocalSettings | GridSettings | InspectionSettings, Field(discriminator="kind")]
+
+
+class MixSettings(CameraSettings):
+    """Several flights one after the other with one camera: one capture."""
+
+    kind: Literal["mix"]
+    id: str = Field(default="mix", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
+    legs: tuple[LegSettings, ...] = Field(
+        default=(GlobalSettings(), InspectionSettings(kind="inspection")),
+        min_length=1,
+        max_length=50,
+        description="The flights, in order; an inspection adds only what those before it leave to be seen",
+    )
+
+    @model_validator(mode="after")
+    def _record_is_shared(self) -> Self:
+        for number, leg in enumerate(self.legs):
+            twice = sorted(leg.model_fields_set & set(CameraSettings.model_fields))
+            if twice:
+                raise ValueError(f"legs[{number}].{twice[0]} belongs to the whole flight: give it to the mix")
+        return self
+
+
 class StageSettings(RecordSettings):
     """A camera that is in the stage already, animated in a DCC: taken as it is, and given a record."""
 
@@ -158,4 +227,7 @@ class StageSettings(RecordSettings):
     prim: str = Field(default="", description="Path or name of the camera; may be left out where there is only one")
 
 
-AnySurvey = Annotated[GlobalSettings | LocalSettings | GridSettings | StageSettings, Field(discriminator="kind")]
+AnySurvey = Annotated[
+    GlobalSettings | LocalSettings | GridSettings | InspectionSettings | MixSettings | StageSettings,
+    Field(discriminator="kind"),
+]

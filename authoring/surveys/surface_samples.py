@@ -20,17 +20,34 @@ class SurfaceSamples:
     Attributes:
         points: World positions [m], shape (N, 3), float64.
         normals: Outward unit normals, shape (N, 3), float64.
+        areas: Surface that each sample stands for [m²], shape (N,), float64.
         component: Row in `ids` of each sample, shape (N,), int64.
         ids: Instance ids, ascending, shape (K,), int64.
     """
 
     points: F64
     normals: F64
+    areas: F64
     component: I64
     ids: I64
 
+    def of(self, row: int) -> "SurfaceSamples":
+        """Keep the samples of one component.
 
-def sample_surfaces(triangles: F64, owners: NDArray[np.integer]) -> SurfaceSamples:
+        Args:
+            row: Its row in `ids`.
+        """
+        own = self.component == row
+        none = np.zeros(int(own.sum()), np.int64)
+        return SurfaceSamples(self.points[own], self.normals[own], self.areas[own], none, self.ids[row : row + 1])
+
+
+def sample_surfaces(
+    triangles: F64,
+    owners: NDArray[np.integer],
+    density: float = DENSITY,
+    limits: tuple[int, int] = (FEWEST, MOST),
+) -> SurfaceSamples:
     """Spread samples over every component, evenly by area.
 
     Source: M. Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018 (the R2 sequence).
@@ -38,17 +55,19 @@ def sample_surfaces(triangles: F64, owners: NDArray[np.integer]) -> SurfaceSampl
     Args:
         triangles: Corners, counter-clockwise from outside [m], shape (T, 3, 3), float64.
         owners: Instance id of each triangle, shape (T,), int.
+        density: Samples a square metre [1/m²].
+        limits: Fewest and most samples of one component.
     """
     cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = 0.5 * np.linalg.norm(cross, axis=1)
     ids = np.unique(owners).astype(np.int64)
     order = np.argsort(owners, kind="stable")
     borders = np.searchsorted(owners[order], [*ids, ids[-1] + 1])
-    points, normals, component = [], [], []
+    points, normals, areas, component = [], [], [], []
     for row in range(len(ids)):
         own = order[borders[row] : borders[row + 1]]
         total = np.cumsum(area[own])
-        count = int(np.clip(DENSITY * total[-1], FEWEST, MOST))
+        count = int(np.clip(density * total[-1], *limits))
         at = (np.arange(count) + 0.5) / count * total[-1]
         chosen = own[np.minimum(np.searchsorted(total, at), len(own) - 1)]
         u, v = ((0.5 + np.arange(1, count + 1) * step) % 1.0 for step in _STEP)
@@ -57,5 +76,7 @@ def sample_surfaces(triangles: F64, owners: NDArray[np.integer]) -> SurfaceSampl
         a, b, c = np.moveaxis(triangles[chosen], 1, 0)
         points.append(a + u[:, None] * (b - a) + v[:, None] * (c - a))
         normals.append(cross[chosen] / (2.0 * area[chosen])[:, None])
+        areas.append(np.full(count, total[-1] / count))
         component.append(np.full(count, row))
-    return SurfaceSamples(np.concatenate(points), np.concatenate(normals), np.concatenate(component), ids)
+    places, units = np.concatenate(points), np.concatenate(normals)
+    return SurfaceSamples(places, units, np.concatenate(areas), np.concatenate(component), ids)

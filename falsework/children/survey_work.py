@@ -1,6 +1,6 @@
 """What `falsework survey` does, in a child process: the stages that it opens may come from anywhere."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 
 from falsework.children.products import ADDRESS_LIMIT
 from groundwork.child import answer_parent
+from groundwork.errors import InputError
 from groundwork.progress import Progress
 
 LINKED_ENOUGH = 0.9  # predicted share of registered images below which a flight is warned of
@@ -20,11 +21,12 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     """Judge the flights of a stage.
 
     Args:
-        request: `{scene, survey}`; `survey` is empty for all.
+        request: `{scene, survey, propose}`; `survey` is empty for all.
         progress: Listener.
 
     Returns:
-        For each flight its name, score, coverage by class, warnings, and what the figure draws.
+        For each flight its name, score, coverage by class, warnings, and what the figure draws; the last one also says
+        which members all of them together show too seldom, and which legs would show them.
     """
     from authoring.surveys.framing import eye_of
     from authoring.surveys.score import score_flight
@@ -62,29 +64,96 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
             }
         )
         progress.advance(number + 1)
+    if answers:
+        answers[-1].update(_unseen(answers, subject, classes, request["propose"]))
     return answers
+
+
+def _unseen(answers: list[dict[str, Any]], subject: Any, classes: dict[int, str], propose: bool) -> dict[str, Any]:
+    """Name what all flights together show too seldom, by class, and the legs that would show it."""
+    from authoring.streams import stream
+    from authoring.surveys.unseen import hardly_seen, propose_legs
+
+    few = hardly_seen([row["member_views"] for row in answers])
+    known = sorted({number for row in answers for number in row["member_views"]})
+    totals = Counter(classes.get(number, "") for number in known)
+    by_class: dict[str, list[int]] = defaultdict(list)
+    for number in few:
+        by_class[classes.get(number, "")].append(number)
+    found: dict[str, Any] = {
+        "hardly_seen": {
+            name: {"members": ids, "of": totals[name], "never": [number for number in ids if few[number] == 0]}
+            for name, ids in sorted(by_class.items())
+        }
+    }
+    if few and propose:
+        found["proposal"] = asdict(propose_legs(subject, few, stream(0, "survey/inspection")))
+    return found
 
 
 def plan(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     """Fly one more survey over a scene and add it.
 
     Args:
-        request: `{scene, plan, seed}`: settings of the survey, and a seed or None for that of the scene.
+        request: `{scene, plan, members, seed}`: settings of the survey, the ids, classes or `unseen` that an
+            inspection is for, and a seed or None for that of the scene.
         progress: Listener.
     """
     from authoring.scenes.add_survey import add_survey
-    from authoring.surveys.settings import GlobalSettings, GridSettings, LocalSettings, StageSettings
+    from authoring.surveys.registry import SURVEYS
+    from authoring.surveys.settings import StageSettings
     from groundwork.settings import parse_settings
 
     progress.stage("plan", 1)
-    kinds = {"global": GlobalSettings, "local": LocalSettings, "grid": GridSettings, "stage": StageSettings}
-    settings = parse_settings(kinds[request["plan"]["kind"]], request["plan"], "survey")
+    kinds = {**{name: kind.settings for name, kind in SURVEYS.items()}, "stage": StageSettings}
+    wanted = dict(request["plan"])
+    if request["members"]:
+        name = wanted.get("id", wanted["kind"])
+        wanted = {"cover": "members", **wanted, "members": _members(Path(request["scene"]), request["members"], name)}
+    settings = parse_settings(kinds[wanted["kind"]], wanted, "survey")
     path = add_survey(Path(request["scene"]), settings, request["seed"])
     progress.advance(1)
     steps = np.linalg.norm(np.diff(path.poses[:, :3, 3], axis=0), axis=1)
     if len(path.poses) > MANY:
         progress.note(f"{len(path.poses)} images: judge them with `falsework survey score` before you render them")
     return [{"survey": path.id, "images": len(path.poses), "length": float(steps.sum())}]
+
+
+def _members(scene: Path, words: list[str], own: str) -> list[int]:
+    """Find the instances that words mean: ids, classes, or `unseen` for what no flight but the one replaced shows."""
+    from authoring.surveys.framing import eye_of
+    from authoring.surveys.score import member_views
+    from authoring.surveys.stage_subject import stage_subject
+    from authoring.surveys.unseen import hardly_seen
+    from usd_schemas.pinhole import pinhole_from_lens
+    from usd_schemas.reading.stage_reader import read_stage
+
+    flat = read_stage(scene)
+    subject = stage_subject(flat)
+    bridge = set(np.unique(subject.bridge_ids).tolist())
+    classes = {row.id: row.class_name for row in flat.instances if row.id in bridge}
+    found: set[int] = set()
+    for word in words:
+        if word == "unseen":
+            flown = [product for product in flat.products if product.name != own and flat.cameras[product.camera].path]
+            views = [dict.fromkeys(sorted(bridge), 0)]
+            for product in flown:
+                track = flat.cameras[product.camera]
+                camera = track.calibration or pinhole_from_lens(track.lens, product.width, product.height)
+                corners = subject.bridge, subject.bridge_ids.astype(np.int64)
+                views.append(member_views(track.poses, eye_of(camera, track.distortion), corners, subject.obstacles))
+            found |= set(hardly_seen(views))
+            continue
+        meant = {number for number, name in classes.items() if word in (str(number), name)}
+        if not meant:
+            raise InputError(
+                "no member of the bridge has this id or class", field="--for", value=word,
+                allowed=f"unseen, {', '.join(sorted(set(classes.values())))}, or an id: falsework scene info --tree",
+            )  # fmt: skip
+        found |= meant
+    if not found:
+        raise InputError("nothing is left to be seen", field="--for", value=" ".join(words), where=scene)
+    return sorted(found)
 
 
 def _warnings(linked: float, clearance: float) -> list[str]:

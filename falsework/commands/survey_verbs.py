@@ -15,6 +15,7 @@ from groundwork.output_file import check_output_file, fresh_file
 
 WORKER = "falsework.children.survey_work"
 JSON_VERSION = 1
+NAMED = 12  # ids in a line
 _FIGURE = ("centres", "looks", "outline")  # what only the figure needs
 
 File = tyro.conf.Positional[Path]
@@ -27,19 +28,22 @@ def score(
     survey: str = "",
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     allow_root: tuple[Path, ...] = (),
+    propose: bool = True,
     as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> int:
-    """Judge flights by casting rays: clearance, overlap, coverage, and how much of them a reconstruction will link.
+    """Judge flights by casting rays: clearance, overlap, coverage, what a reconstruction will link, what nobody sees.
 
     Args:
         scene: Root layer of a scene, or any other USD file with cameras.
         survey: Only this one.
         output: HTML page to write, with plan, elevation and 3D.
         allow_root: Folders beside that of the scene from which it may take files.
+        propose: Look for the legs that would show what no flight shows.
         as_json: Print one JSON object instead of lines.
     """
     request: dict[str, Any] = {
         "scene": str(scene.absolute()), "survey": survey, "allow_roots": [str(root.absolute()) for root in allow_root],
+        "propose": propose,
     }  # fmt: skip
     if output is not None:
         check_output_file(output, [scene])
@@ -58,6 +62,7 @@ def score(
         return 0
     for row in found:
         _tell(row)
+    _tell_unseen(found[-1], scene)
     if output is not None:
         _say(f"page        {output}")
     return 0
@@ -66,9 +71,10 @@ def score(
 def plan(
     scene: File,
     *,
-    kind: Literal["global", "local", "grid", "stage"] = "local",
+    kind: Literal["global", "local", "grid", "inspection", "mix", "stage"] = "local",
     name: str = "",
     seed: int | None = None,
+    members: Annotated[tuple[str, ...], tyro.conf.arg(name="for")] = (),
     set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
 ) -> int:
     """Fly one more survey over a scene of ours and add it as a layer; a former one of that name is replaced.
@@ -78,10 +84,16 @@ def plan(
         kind: Kind of survey; stage takes a camera that is there already, such as one animated in Blender.
         name: Its id; that of the kind when left out.
         seed: Another flight than the scene's own seed gives.
+        members: What an inspection is for: instance ids, classes, or `unseen` for all that no flight shows enough.
         set: A setting of the survey, such as `length=30` or `pitch=free`; may be given more than once.
     """
     settings: dict[str, Any] = {"kind": kind, **given_settings(set), **({"id": name} if name else {})}
-    request = {"plan": settings, "scene": str(scene.absolute()), "seed": seed, "survey": "", "allow_roots": []}
+    if members and kind != "inspection":
+        raise InputError("goes with an inspection", field="--for", value=" ".join(members), allowed="--kind inspection")
+    request: dict[str, Any] = {
+        "plan": settings, "scene": str(scene.absolute()), "seed": seed, "members": list(members), "survey": "",
+        "allow_roots": [],
+    }  # fmt: skip
     with ConsoleProgress() as progress:
         found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
     _say(f"survey      {found[0]['survey']}: {found[0]['images']} images, {found[0]['length']:.0f} m")
@@ -100,6 +112,27 @@ def _tell(row: dict[str, Any]) -> None:
     _say(f"covered     by 3 cameras at 60 degrees or less: {shares}")
     for line in row["warnings"]:
         _say(f"warning     {line}")
+
+
+def _tell_unseen(row: dict[str, Any], scene: Path) -> None:
+    """Say what all flights together show too seldom, and which legs would show it."""
+    for name, few in row["hardly_seen"].items():
+        never = f", {len(few['never'])} never" if few["never"] else ""
+        ids = " ".join(str(number) for number in few["members"][:NAMED])
+        more = " …" if len(few["members"]) > NAMED else ""
+        count = f"{len(few['members'])} of {few['of']} in fewer than 3 images of 50 px{never}"
+        _say(f"unseen      {name}: {count}: {ids}{more}")
+    proposal = row.get("proposal")
+    if not proposal:
+        return
+    if proposal["refused"]:
+        _say(f"proposed    nothing: {proposal['refused']}")
+        return
+    shown, hidden = len(proposal["shown"]), len(proposal["hidden"])
+    _say(f"proposed    {proposal['images']} images that show {shown} of these {shown + hidden}")
+    _say(f"            falsework survey plan {scene} --kind inspection --for unseen")
+    if hidden:
+        _say(f"hidden      from every free place: {' '.join(str(number) for number in proposal['hidden'][:NAMED])}")
 
 
 def _say(line: str) -> None:

@@ -29,6 +29,7 @@ def _run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, s
 
 def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A grid and a local flight join the authored one; the same words give the same cameras; a page is written."""
+    scene = Path(shutil.copytree(scene.parent, tmp_path / "flown")) / "scene.usda"  # the others want one flight
     before = {product.name for product in read_stage(scene).products}
     words = (
         "plan",
@@ -59,6 +60,47 @@ def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsy
     assert row["clearance"] >= 1.0
     assert set(row["by_class"]) >= {"deck", "girder", "abutment"}
     assert "Flights, before they are flown" in page.read_text()
+
+
+def test_what_no_flight_sees_is_named_and_can_be_flown(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Score names members and the legs for them; `--for unseen` flies these, and then only hidden members are left."""
+    copy = Path(shutil.copytree(scene.parent, tmp_path / "unseen")) / "scene.usda"
+    code, out, _ = _run(capsys, "score", copy, "--json")
+    assert code == 0
+    row = json.loads(out)["surveys"][-1]
+    few = {number for found in row["hardly_seen"].values() for number in found["members"]}
+    assert few == {int(number) for number, count in row["member_views"].items() if count < 3}
+    assert "bearing" in row["hardly_seen"]
+    proposal = row["proposal"]
+    assert set(proposal["shown"]) | set(proposal["hidden"]) == few
+    assert len(proposal["shown"]) > 0.8 * len(few)
+    code, out, _ = _run(capsys, "plan", copy, "--kind", "inspection", "--for", "unseen")
+    assert code == 0
+    assert out.startswith("survey      inspection: ")
+    code, out, _ = _run(capsys, "score", copy, "--no-propose", "--json")
+    after = json.loads(out)["surveys"][-1]
+    left = {number for found in after["hardly_seen"].values() for number in found["members"]}
+    assert left <= set(proposal["hidden"])
+    assert "proposal" not in after
+    code, out, _ = _run(capsys, "plan", copy, "--kind", "inspection", "--for", "bearing", "--name", "bearings")
+    assert code == 0
+    assert len(read_stage(copy, survey="bearings").cameras[0].poses) > 3
+
+
+def test_a_mix_is_one_capture(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two kinds fly as one survey with one camera; a leg's wrong key is named with its place."""
+    copy = Path(shutil.copytree(scene.parent, tmp_path / "mix")) / "scene.usda"
+    legs = 'legs=[{"kind": "global", "images": 20}, {"kind": "grid", "sampling": 0.02}]'
+    assert _run(capsys, "plan", copy, "--kind", "mix", "--set", legs, "--set", "width=320")[0] == 0
+    flat = read_stage(copy, survey="mix")
+    assert len(flat.products) == 1
+    assert (flat.products[0].width, flat.products[0].height) == (320, 240)
+    assert len(flat.cameras[0].poses) > 40
+    code, _, errors = _run(capsys, "plan", copy, "--kind", "mix", "--set", 'legs=[{"kind": "grid", "samplin": 1}]')
+    assert code == 2
+    assert "Did you mean 'sampling'" in errors
 
 
 CAMERA = """#usda 1.0
@@ -150,6 +192,12 @@ def test_predicted_share_ranks_flights_as_reconstructions_do(tmp_path: Path, rec
         (["plan", "{scene}", "--set", "safety=99"], ["survey", "safety", "99"]),
         (["plan", "{scene}", "--set", "safety"], ["key=value"]),
         (["plan", "{scene}", "--set", "station=900"], ["survey.station", "holds no bridge"]),
+        (["plan", "{scene}", "--for", "57"], ["--for", "--kind inspection"]),
+        (["plan", "{scene}", "--kind", "inspection", "--for", "cabel"], ["--for", "cabel", "bearing"]),
+        (
+            ["plan", "{scene}", "--kind", "mix", "--set", 'legs=[{{"kind": "stage"}}]'],
+            ["legs", "kind", "allowed: global, local, grid, inspection"],
+        ),
         (["score", "{scene}.no"], ["no such file"]),
         (["score", "{scene}", "--survey", "never"], ["never", "allowed"]),
     ],
