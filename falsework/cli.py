@@ -285,6 +285,11 @@ def sample() -> int:
     return _group("sample", ["--help"])
 
 
+def dataset() -> int:
+    """Make training sets from clouds: falsework dataset --help."""
+    return _group("dataset", ["--help"])
+
+
 VERBS = {
     "doctor": doctor,
     "demo": demo,
@@ -300,10 +305,11 @@ VERBS = {
     "background": background,
     "survey": survey,
     "sample": sample,
+    "dataset": dataset,
 }
 
 
-GROUPS = ("scene", "background", "survey", "sample")  # verbs that have verbs of their own
+GROUPS = ("scene", "background", "survey", "sample", "dataset")  # verbs that have verbs of their own
 
 
 def main(arguments: list[str] | None = None) -> None:
