@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def test_inputs_are_a_whitelist(clouds: list[Path], metric: Path, tmp_path: Path
         order = rng.permutation(len(cloud))
         names = ("segment", "instance", "component", "confidence", "label_margin_px", "uncertainty",
                  "uncertainty_min", "uncertainty_max", "displacement", "surface_distance", "surface_class")  # fmt: skip
-        changed = {name: cloud.columns[name][order] for name in names}
+        changed: dict[str, Any] = {name: cloud.columns[name][order] for name in names}
         shuffled.append(write_toy(tmp_path / path.name, [0, 1, 2, 3, 9][number], bridge=cloud.bridge, **changed))
     other = build(tmp_path / "set", shuffled)
     for split in ("val", "test"):
