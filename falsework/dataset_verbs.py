@@ -76,6 +76,23 @@ def whole(
     return _build("global", sources, output, values, class_map, bridge, set)
 
 
+def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["s3dis", "hdf5", "parquet"]) -> int:
+    """Write a data set for other training code.
+
+    Its own folders are those that Pointcept reads already.
+
+    Args:
+        dataset: A data set.
+        output: Folder to write.
+        to: Format.
+    """
+    from learn.datasets.export import export_dataset
+
+    fresh_output(output, "export", lambda folder: export_dataset(dataset, to, folder) and None)
+    sys.stdout.write(f"export  {output}\n")
+    return 0
+
+
 def _build(
     kind: str, sources: tuple[Path, ...], output: Path, values: dict[str, Any], class_map: str,
     bridges: tuple[str, ...], given: tuple[str, ...],
@@ -120,4 +137,4 @@ def clouds_in(source: Path) -> list[Path]:
     return [source]
 
 
-DATASET_VERBS = {"local": local, "global": whole}
+DATASET_VERBS = {"local": local, "global": whole, "export": export}

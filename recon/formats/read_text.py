@@ -43,6 +43,8 @@ def read_text(path: Path, most_points: int) -> Scan:
     if length > _MOST_TEXT or length // _SHORTEST_LINE > most_points * 100:
         raise InputError("too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes",
                          mend="Convert it to LAZ")  # fmt: skip
+    if not length:
+        raise InputError("holds no points", where=path)
     with path.open("rb") as file:
         head = [file.readline(_LONGEST_LINE) for _ in range(2)]
     skipped, names, mark = first_line(path, head)
