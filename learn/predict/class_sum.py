@@ -11,6 +11,7 @@ from usd_schemas.components import UNLABELLED, component_classes
 from usd_schemas.taxonomies import BASE, TAXONOMIES, taxonomy
 
 F32 = NDArray[np.float32]
+_BLOCK = 1_000_000  # points whose sums are in memory at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +41,12 @@ class ClassSum:
             Class ids, 255 for none, shape (N,), uint8; summed probability of the likeliest class [1], shape (N,),
             float32.
         """
-        summed = probabilities @ self.matrix
-        best = summed.argmax(axis=1)
-        sure = summed[np.arange(len(best)), best]
+        best, sure = np.empty(len(probabilities), np.int64), np.empty(len(probabilities), np.float32)
+        for first in range(0, len(probabilities), _BLOCK):
+            part = slice(first, first + _BLOCK)
+            summed = probabilities[part] @ self.matrix
+            best[part] = summed.argmax(axis=1)
+            sure[part] = summed.max(axis=1)
         ids = np.where((sure >= least) & self.kept[best], self.ids[best], UNLABELLED)
         return ids.astype(np.uint8), sure
 

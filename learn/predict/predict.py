@@ -146,8 +146,9 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
     """
     total = np.zeros((len(cloud), len(model.classes)), np.float32)
     seen = np.zeros(len(cloud), np.float32)
-    tiles = list(cut_tiles(cloud, model.tile))
-    progress.stage("predict", len(tiles))
+    overlap = round(model.tile.size / model.tile.stride) ** 2  # tiles that hold each point
+    progress.stage("predict", overlap * len(cloud))
+    done = 0
     waiting: list[tuple[NDArray[np.int64], Sample]] = []
 
     def ask() -> None:
@@ -159,15 +160,17 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
             np.add.at(seen, rows, np.float32(1.0))
         waiting.clear()
 
-    for done, tile in enumerate(tiles):
+    for tile in cut_tiles(cloud, model.tile):
         for rows, sample in tile_samples(cloud, tile.rows, tile.origin, tile.seed, model):
             waiting.append((rows, sample))
             if len(waiting) == batch:
                 ask()
-        progress.advance(done + 1)
+        done += len(tile.rows)
+        progress.advance(done)
     if waiting:
         ask()
-    return total / seen[:, None]
+    total /= seen[:, None]
+    return total
 
 
 def tile_samples(
