@@ -88,7 +88,10 @@ def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["
     """
     from learn.datasets.export import export_dataset
 
-    fresh_output(output, "export", lambda folder: export_dataset(dataset, to, folder) and None)
+    def write(folder: Path) -> None:
+        export_dataset(dataset, to, folder)
+
+    fresh_output(output, "export", write)
     sys.stdout.write(f"export  {output}\n")
     return 0
 
@@ -108,8 +111,12 @@ def _build(
     known = read_class_map(class_map) if class_map else None
     named = [Source(path, None if path.is_dir() else known, name)
              for path, name in zip(paths, bridges or [""] * len(paths), strict=True)]  # fmt: skip
+
+    def write(folder: Path) -> None:
+        build_dataset(named, folder, settings, progress)
+
     with ConsoleProgress() as progress:
-        fresh_output(output, "dataset", lambda folder: build_dataset(named, folder, settings, progress) and None)
+        fresh_output(output, "dataset", write)
     sys.stdout.write(f"dataset {output}\n")
     return 0
 

@@ -33,6 +33,8 @@ def test_data_sets_from_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "Whole bridges are held out" in (out / "README.md").read_text()
     assert run("dataset", "global", tmp_path / "run", "-o", tmp_path / "g", *few, "--mode", "paper") == 0
     assert read_facts(tmp_path / "g").settings.noisy_class
+    assert run("dataset", "export", out, "-o", tmp_path / "h5", "--to", "hdf5") == 0
+    assert sorted(path.name for path in (tmp_path / "h5").glob("*.h5")) == ["test.h5", "train.h5", "val.h5"]
     capsys.readouterr()
     for words, said in (
         (("--set", "tile.sise=5"), "Did you mean 'size'?"), (("--table", "kim"), "unknown taxonomy"),
