@@ -120,6 +120,6 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 STAGES: dict[str, Stage] = {
     "stage": Stage(7, author),
     "capture": Stage(9, capture, resumes=True),
-    "cloud": Stage(12, cloud, resumes=True),
+    "cloud": Stage(13, cloud, resumes=True),
     "report": Stage(4, report),
 }

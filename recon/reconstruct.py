@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from groundwork.files import write_json
 from groundwork.progress import Progress
+from recon.bridge_digest import bridge_digest
 from recon.cloud import Cloud, write_cloud
 from recon.dense.dense import run_dense
 from recon.formats.export import write_laz, write_ply
@@ -70,7 +71,7 @@ def reconstruct(capture: Path, folder: Path, settings: ReconSettings, progress: 
     cloud = Cloud(
         columns, observed, components, truth.classes if truth else class_rows(),
         alignment_facts(alignment, target, photographs), camera_rows(photographs, alignment), {},
-        f"sfm-{settings.mode}",
+        f"sfm-{settings.mode}", bridge_digest(*truth.surface(), truth.instances) if truth else "",
     )  # fmt: skip
     figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, placed.seen.start[:-1]))
     statistics = {**describe(columns, alignment, model, cloud.classes), **figures}
