@@ -18,9 +18,9 @@ from groundwork.settings import Settings
 class LabelSettings(Settings):
     """How the scene's parts are classed."""
 
-    taxonomy: Literal["falsework", "kim2020", "kim2023", "semanticbridge", "randla_bridgenet", "hgcnn", "ifc43"] = (
-        Field(default="falsework", description="Table that gives the components the classes of label images and clouds")
-    )
+    taxonomy: Literal[
+        "falsework", "kim2020", "kim2023", "semanticbridge", "randla_bridgenet", "hgcnn", "ifc43", "asprs"
+    ] = Field(default="falsework", description="Table that gives the components the classes of label images and clouds")
     replicator: bool = Field(
         default=False, description="Write the labels once more in the older SemanticsAPI: compat_replicator.usda"
     )

@@ -275,24 +275,26 @@ def gallery(
     return 0
 
 
-def scene() -> int:
-    """Look into a scene, choose its look, background and light, compare, copy, package: falsework scene --help."""
-    return _group("scene", ["--help"])  # with further words, `main` asks for the group's own verbs
+# Verbs that have verbs of their own, each group in a module that is loaded only then.
+GROUPS = {
+    "scene": "Look into a scene, choose its look and light, compare, copy, package: falsework scene --help.",
+    "background": "Turn a city model into surroundings for scenes: falsework background --help.",
+    "survey": "Plan flights, and judge them before they are rendered: falsework survey --help.",
+    "sample": "Make a cloud from a stage without any image: falsework sample --help.",
+    "dataset": "Make training sets from clouds: falsework dataset --help.",
+}
+# Verbs whose arguments a module of their own describes.
+SINGLE = {"predict": "Label a scan of one's own with a trained model: falsework predict --help."}
 
 
-def background() -> int:
-    """Turn a city model into surroundings for scenes: falsework background --help."""
-    return _group("background", ["--help"])
+def _elsewhere(name: str, about: str) -> Callable[[], int]:
+    """A line of the help for a verb of another module; with further words, `main` asks that module itself."""
 
+    def verb() -> int:
+        return (_group if name in GROUPS else _single)(name, ["--help"])
 
-def survey() -> int:
-    """Plan flights, and judge them before they are rendered: falsework survey --help."""
-    return _group("survey", ["--help"])
-
-
-def sample() -> int:
-    """Make a cloud from a stage without any image: falsework sample --help."""
-    return _group("sample", ["--help"])
+    verb.__doc__ = about
+    return verb
 
 
 VERBS = {
@@ -306,14 +308,8 @@ VERBS = {
     "report": report,
     "verify": verify,
     "gallery": gallery,
-    "scene": scene,
-    "background": background,
-    "survey": survey,
-    "sample": sample,
+    **{name: _elsewhere(name, about) for name, about in {**GROUPS, **SINGLE}.items()},
 }
-
-
-GROUPS = ("scene", "background", "survey", "sample")  # verbs that have verbs of their own
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -328,6 +324,8 @@ def main(arguments: list[str] | None = None) -> None:
         words = sys.argv[1:] if arguments is None else arguments
         if words[:1] and words[0] in GROUPS:
             code = _group(words[0], words[1:])
+        elif words[:1] and words[0] in SINGLE:
+            code = _single(words[0], words[1:])
         else:
             code = _call(VERBS, words, "falsework", ABOUT)
     except FalseworkError as error:
@@ -368,6 +366,12 @@ def _call(verbs: dict[str, Callable[..., int]], words: list[str], program: str, 
     return tyro.extras.subcommand_cli_from_dict(
         checked, prog=program, description=about, args=words, config=(tyro.conf.FlagCreatePairsOff,)
     )
+
+
+def _single(name: str, words: list[str]) -> int:
+    """Hand the words on to a verb whose module is loaded only then."""
+    verb = getattr(import_module(f"falsework.commands.{name}_verbs"), name)
+    return tyro.cli(verb, prog=f"falsework {name}", args=words)
 
 
 def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:

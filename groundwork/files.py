@@ -134,6 +134,30 @@ def space_errors(where: Path) -> Iterator[None]:
         raise
 
 
+@contextmanager
+def fresh_file(path: Path) -> Iterator[Path]:
+    """Write a large file piece by piece; it appears under its name when it is whole, or not at all.
+
+    Args:
+        path: Where it will be; its folder must exist.
+
+    Yields:
+        The file to write meanwhile, beside it.
+
+    Raises:
+        OutOfSpaceError: The disk is full.
+        InputError: Not writable.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    with space_errors(path):
+        try:
+            yield partial
+            _sync(partial)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+
+
 def write_manifest(folder: Path, record: dict[str, Any], name: str = MANIFEST) -> None:
     """Write a manifest: the record plus size and SHA-256 of every other file of the folder.
 

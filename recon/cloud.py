@@ -17,8 +17,9 @@ from groundwork.output_reading import reading
 from usd_schemas.components import NOISY_POINT, ClassRow
 
 FORMAT = "falsework.cloud"
-FORMAT_VERSION = 2
-_READABLE = (1, FORMAT_VERSION)  # version 1 knew sparse reconstructions only, and no optional columns
+FORMAT_VERSION = 3
+# Version 1 knew sparse reconstructions only, and no optional columns; version 2 did not say which bridge it shows.
+_READABLE = (1, 2, FORMAT_VERSION)
 OBSERVATIONS = "observations"
 SFM_SPARSE, SFM_DENSE = "sfm-sparse", "sfm-dense"
 MESH, LIDAR_TERRESTRIAL, LIDAR_MOBILE = "mesh", "lidar-terrestrial", "lidar-mobile"
@@ -104,6 +105,7 @@ class Cloud:
         cameras: One JSON row per image of the capture: name, status, center_error [m], rotation_error [deg].
         statistics: JSON figures of the whole cloud.
         source: How the points were made, one of `SOURCES`.
+        bridge: Hash of the bridge's shape, the same for every cloud of one bridge; empty where nobody knows it.
     """
 
     columns: Mapping[str, Column]
@@ -114,6 +116,7 @@ class Cloud:
     cameras: tuple[Mapping[str, Any], ...]
     statistics: Mapping[str, Any]
     source: str = SFM_SPARSE
+    bridge: str = ""
 
     def __len__(self) -> int:
         """Count the points."""
@@ -153,7 +156,7 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
         _save(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name])
     write_json(folder / "cloud.json", {
         "format": FORMAT, "format_version": FORMAT_VERSION, "source": cloud.source,
-        "count": len(cloud), "observation_count": len(cloud.observations["image"]),
+        "bridge": cloud.bridge, "count": len(cloud), "observation_count": len(cloud.observations["image"]),
         "columns": {name: vars(kind) for name, kind in kinds.items()},
         "observations": {name: vars(kind) for name, kind in OBSERVATION_COLUMNS.items()},
         "components": cloud.components, "classes": [vars(row) for row in cloud.classes],
@@ -190,13 +193,14 @@ def _read_cloud(folder: Path) -> Cloud:
         _want(type(count) is type(observation_count) is int, "count")
         _want(all(isinstance(name, str) for name in components) and isinstance(components, list), "components")
         _want(isinstance(cameras, list) and all(isinstance(row["name"], str) for row in cameras), "cameras")
+        _want(isinstance(stored.get("bridge", ""), str), "bridge")
         _want(isinstance(stored["alignment"], dict) and isinstance(stored["statistics"], dict), "statistics")
         cloud = Cloud(
             columns={name: _load(folder / f"{name}.npy") for name in kinds},
             observations={name: _load(folder / OBSERVATIONS / f"{name}.npy") for name in OBSERVATION_COLUMNS},
             components=tuple(components), classes=tuple(_class_row(row) for row in classes),
             alignment=stored["alignment"], cameras=tuple(cameras), statistics=stored["statistics"],
-            source=stored.get("source", SFM_SPARSE),
+            source=stored.get("source", SFM_SPARSE), bridge=stored.get("bridge", ""),
         )  # fmt: skip
     except (KeyError, TypeError) as error:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None

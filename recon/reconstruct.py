@@ -24,6 +24,7 @@ from recon.sfm.colmap_model import SparseModel
 from recon.sfm.sparse import run_sparse, write_world_model
 from recon.steps import enter_work, leave_work
 from recon.truth.annotate import Annotation, ObservedTruth, annotate, gather
+from recon.truth.bridge_digest import bridge_digest
 from recon.truth.noise_figures import describe_noise
 from recon.truth.statistics import describe, verdict_in_words
 from recon.truth.surface_distance import nearest_surface
@@ -76,7 +77,7 @@ def reconstruct(
     cloud = Cloud(
         columns, observed, components, truth.classes if truth else class_rows(),
         facts, camera_rows(photographs, alignment), {},
-        f"sfm-{settings.mode}",
+        f"sfm-{settings.mode}", bridge_digest(*truth.surface(), truth.instances) if truth else "",
     )  # fmt: skip
     figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, placed.seen.start[:-1]))
     statistics = {**describe(columns, alignment, model, cloud.classes), **figures}

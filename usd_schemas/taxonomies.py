@@ -10,7 +10,7 @@ from groundwork.errors import InputError
 from usd_schemas.components import NOISY_POINT, UNLABELLED, ClassRow, class_rows, component_classes
 
 BASE = "falsework"
-TAXONOMIES = (BASE, "kim2020", "kim2023", "semanticbridge", "randla_bridgenet", "hgcnn", "ifc43")
+TAXONOMIES = (BASE, "kim2020", "kim2023", "semanticbridge", "randla_bridgenet", "hgcnn", "ifc43", "asprs")
 RESERVED = (NOISY_POINT, UNLABELLED)
 
 

@@ -6,7 +6,10 @@ Source: ASPRS, LAS Specification 1.4 R15.
 import shutil
 import struct
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +55,7 @@ class LasHeader:
         extra: Name, place and numpy type of each extra dimension that is a single number.
         class_names: Class lookup table.
         laszip: Record of the compressor.
+        records: Every variable-length record, by user and number.
     """
 
     offset: int
@@ -65,6 +69,7 @@ class LasHeader:
     extra: dict[str, tuple[int, str]]
     class_names: dict[int, str]
     laszip: bytes
+    records: dict[tuple[str, int], bytes]
 
 
 def read_las(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
@@ -78,6 +83,25 @@ def read_las(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
     Raises:
         InputError: Damaged, cut off, lying about its contents, or too large.
     """
+    with open_las(path, most_points, progress) as rows:
+        return rows.decode(0, rows.header.count)
+
+
+@contextmanager
+def open_las(path: Path, most_points: int, progress: Progress = SILENT) -> Iterator["LasRows"]:
+    """Open LAS, or unpack LAZ beside the memory, so that its points can be had some at a time.
+
+    Args:
+        path: The file.
+        most_points: Points above which it is refused.
+        progress: Listener.
+
+    Yields:
+        The points, until the context ends.
+
+    Raises:
+        InputError: Damaged, cut off, lying about its contents, or too large.
+    """
     header = read_header(path)
     check_count(path, header.count, most_points)
     if not header.compressed:
@@ -85,7 +109,8 @@ def read_las(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
         if room < header.count:
             raise InputError(f"cut off: there is room for {room} points", where=path, value=header.count,
                              mend="Copy it again")  # fmt: skip
-        return _decode(path, path, header.offset, header)
+        yield LasRows(path, header, np.memmap(path, np.uint8, "r", header.offset, (header.count, header.size)))
+        return
     with tempfile.TemporaryDirectory() as folder:
         raw, need = Path(folder) / "points", header.count * header.size
         if need > min(_MOST_BYTES, shutil.disk_usage(folder).free):
@@ -99,7 +124,7 @@ def read_las(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
         except ChildError as error:
             reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
             raise InputError(f"not decodable as LAZ: {reason}", where=path, mend="Copy it again") from None
-        return _decode(path, raw, 0, header)
+        yield LasRows(path, header, np.memmap(raw, np.uint8, "r", 0, (header.count, header.size)))
 
 
 def read_header(path: Path) -> LasHeader:
@@ -141,7 +166,7 @@ def read_header(path: Path) -> LasHeader:
     table = {names[at]: names[at + 1 : at + 16].split(b"\0")[0].decode("ascii", "replace")
              for at in range(0, len(names) - 15, 16)}  # fmt: skip
     bounds = numbers[6:].reshape(3, 2).T[::-1]
-    return LasHeader(offset, number, width, count, compressed, scale, shift, bounds, extra, table, laszip)
+    return LasHeader(offset, number, width, count, compressed, scale, shift, bounds, extra, table, laszip, found)
 
 
 def _most_records(count: int) -> int:
@@ -186,35 +211,74 @@ def _extra_dimensions(path: Path, data: bytes, base: int, width: int) -> dict[st
     return found
 
 
-def _decode(path: Path, raw: Path, offset: int, header: LasHeader) -> Scan:
-    """Turn the bytes of the points, which are all there, into columns, some at a time."""
-    rows = np.memmap(raw, np.uint8, "r", offset, (header.count, header.size))
+class LasRows:
+    """The points of a LAS file as bytes on the disk, decoded some at a time.
 
-    def column(at: int, kind: str) -> NDArray[Any]:
+    Attributes:
+        header: What the file says of them.
+        rows: Bytes of each point, shape (N, size), uint8.
+    """
+
+    def __init__(self, path: Path, header: LasHeader, rows: NDArray[np.uint8]) -> None:
+        """Take the bytes as they are.
+
+        Args:
+            path: File, for errors.
+            header: Header of the file.
+            rows: Bytes of each point, shape (N, size), uint8.
+        """
+        self.path, self.header, self.rows = path, header, rows
+
+    @cached_property
+    def _wide(self) -> bool:
+        """Whether colours fill 16 bits; some programs write 8 bits into 16."""
+        at = _COLOURS[self.header.format]
+        return any(
+            self._column(at + 2 * band, "<u2", first, min(first + _BLOCK, self.header.count)).max() > 255
+            for first in range(0, self.header.count, _BLOCK)
+            for band in range(3)
+        )
+
+    def _column(self, at: int, kind: str, first: int, last: int) -> NDArray[Any]:
         width = np.dtype(kind).itemsize
-        parts = [np.ascontiguousarray(rows[first : first + _BLOCK, at : at + width]).view(kind)[:, 0]
-                 for first in range(0, header.count, _BLOCK)]  # fmt: skip
+        parts = [np.ascontiguousarray(self.rows[start : min(start + _BLOCK, last), at : at + width]).view(kind)[:, 0]
+                 for start in range(first, last, _BLOCK)]  # fmt: skip
         return np.concatenate(parts)
 
-    coord = np.empty((header.count, 3))
-    for axis in range(3):
-        coord[:, axis] = column(4 * axis, "<i4") * header.scale[axis] + header.shift[axis]
-    check_coordinates(path, coord)
-    _check_bounds(path, coord, header.bounds)
-    color = None
-    if header.format in _COLOURS:
-        bands = np.column_stack([column(_COLOURS[header.format] + 2 * band, "<u2") for band in range(3)])
-        color = (bands >> 8 if bands.max() > 255 else bands).astype(np.uint8)  # some programs write 8 bits into 16
-    codes = column(16, "u1") if header.format >= _NEW_FORMATS else np.bitwise_and(column(15, "u1"), 0x1F)
-    labels: dict[str, NDArray[Any]] = {}
-    for field, names, kind in (("segment", _LABELS, np.uint8), ("instance", _INSTANCES, np.uint32)):
-        known = next((name for name in names if name in header.extra), None)
-        if known is not None:
-            labels[field] = as_ids(path, known, column(*header.extra[known]), kind)
-    return Scan(
-        coord, color, intensity=column(12, "<u2").astype(np.float32), classification=codes,
-        class_names=header.class_names, **labels,
-    )  # fmt: skip
+    def decode(self, first: int, last: int) -> Scan:
+        """Turn some points into columns.
+
+        Args:
+            first: First point.
+            last: Point behind the last one.
+
+        Raises:
+            InputError: A position that cannot be, or outside the bounds that the header states.
+        """
+        header = self.header
+        coord = np.empty((last - first, 3))
+        for axis in range(3):
+            coord[:, axis] = self._column(4 * axis, "<i4", first, last) * header.scale[axis] + header.shift[axis]
+        check_coordinates(self.path, coord)
+        _check_bounds(self.path, coord, header.bounds)
+        color = None
+        if header.format in _COLOURS:
+            at = _COLOURS[header.format]
+            bands = np.column_stack([self._column(at + 2 * band, "<u2", first, last) for band in range(3)])
+            color = (bands >> 8 if self._wide else bands).astype(np.uint8)
+        new = header.format >= _NEW_FORMATS
+        codes = (
+            self._column(16, "u1", first, last) if new else np.bitwise_and(self._column(15, "u1", first, last), 0x1F)
+        )
+        labels: dict[str, NDArray[Any]] = {}
+        for field, names, kind in (("segment", _LABELS, np.uint8), ("instance", _INSTANCES, np.uint32)):
+            known = next((name for name in names if name in header.extra), None)
+            if known is not None:
+                labels[field] = as_ids(self.path, known, self._column(*header.extra[known], first, last), kind)
+        return Scan(
+            coord, color, intensity=self._column(12, "<u2", first, last).astype(np.float32), classification=codes,
+            class_names=header.class_names, **labels,
+        )  # fmt: skip
 
 
 def _check_bounds(path: Path, coord: F64, bounds: F64) -> None:

@@ -55,7 +55,7 @@ def read_ply(path: Path, most_points: int) -> Scan:
     Raises:
         InputError: Damaged, cut off, lying about its contents, without points, or too large.
     """
-    order, elements, start = _read_header(path)
+    order, elements, start = read_ply_header(path)
     vertex = next((element for element in elements if element.name == "vertex"), elements[0] if elements else None)
     if vertex is None:
         raise InputError("has no element vertex", where=path)
@@ -79,8 +79,18 @@ def read_ply(path: Path, most_points: int) -> Scan:
     return _scan(path, columns)
 
 
-def _read_header(path: Path) -> tuple[str, list[Element], int]:
-    """Byte order, elements, and the first byte behind the header."""
+def read_ply_header(path: Path) -> tuple[str, list[Element], int]:
+    """Read and check the header.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Byte order as numpy writes it, empty for text; the elements; and the first byte behind the header.
+
+    Raises:
+        InputError: Not the header of a PLY file.
+    """
     with path.open("rb") as file:
         head = file.read(_HEADER)
     end = head.find(b"end_header")

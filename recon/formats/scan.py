@@ -1,22 +1,39 @@
-"""Scans from elsewhere: one reader for LAS, LAZ, PLY and our own clouds, which trusts no file."""
+"""Scans from elsewhere: one reader for LAS, LAZ, PLY, E57, text, arrays and our own clouds, which trusts no file."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from groundwork.errors import InputError, MissingError
 from groundwork.progress import SILENT, Progress
 from recon.cloud import read_cloud
-from recon.formats import read_las, read_ply
+from recon.formats import read_e57, read_las, read_numpy, read_ply, read_text
+from recon.formats.crs_unit import meters_per_unit
+from recon.formats.labelled_copy import check_copy, write_labelled_copy
+from recon.formats.labels import Labels
 from recon.formats.scan_points import MOST_POINTS, Scan, check_coordinates
+from recon.formats.scan_stream import ScanStream
+
+__all__ = [
+    "MOST_POINTS",
+    "Labels",
+    "Scan",
+    "ScanStream",
+    "check_copy",
+    "open_scan",
+    "read_scan",
+    "write_labelled_copy",
+]
 
 
 def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT) -> Scan:
-    """Read a scan; what kind it is its first bytes say, not its name.
+    """Read a scan; what kind it is its first bytes say, not its name, save for text.
 
-    Counts, sizes, finiteness and bounds are checked before anything is allocated; LAZ is unpacked in a child process
-    with limits of memory and time.
+    Counts, sizes, finiteness and bounds are checked before anything is allocated; LAZ and E57 are unpacked in a child
+    process with limits of memory and time.
 
     Args:
-        path: LAS, LAZ or PLY file, or the folder of a cloud.
+        path: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
         most_points: Points above which a file is refused.
         progress: Listener.
 
@@ -34,13 +51,60 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
     if not path.is_file():
         raise MissingError("no such file", where=path, mend="Name a .las, .laz or .ply file, or the folder of a cloud")
     try:
-        with path.open("rb") as file:
-            magic = file.read(4)
+        magic = magic_of(path)
         if magic == read_las.MAGIC:
             return read_las.read_las(path, most_points, progress)
         if magic[:3] == read_ply.MAGIC:
             return read_ply.read_ply(path, most_points)
+        if magic == read_e57.MAGIC:
+            return read_e57.read_e57(path, most_points, progress)
+        if magic == read_numpy.MAGIC:
+            return read_numpy.read_numpy(path, most_points)
+        if path.suffix.lower() in read_text.SUFFIXES:
+            return read_text.read_text(path, most_points)
     except OSError as error:
         raise InputError(f"not readable: {error.strerror}", where=path) from None
-    raise InputError("neither LAS, LAZ nor PLY", where=path, value=magic, allowed="a file that begins with LASF or ply",
-                     mend="Convert it to LAZ")  # fmt: skip
+    raise InputError(
+        "neither LAS, LAZ, PLY, E57, NPY nor text", where=path, value=magic,
+        allowed=f"a file of these kinds; text is known by its name: {' '.join(read_text.SUFFIXES)}",
+        mend="Convert it to LAZ",
+    )  # fmt: skip
+
+
+@contextmanager
+def open_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT) -> Iterator[ScanStream]:
+    """Open a scan so that its points can be had some at a time, and more than once.
+
+    Args:
+        path: As for `read_scan`.
+        most_points: Points above which a file is refused.
+        progress: Listener.
+
+    Yields:
+        The points; of LAS and LAZ they stay on the disk.
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: As for `read_scan`.
+    """
+    if path.is_file() and magic_of(path) == read_las.MAGIC:
+        with read_las.open_las(path, most_points, progress) as rows:
+            yield ScanStream(rows, meters_per_unit(rows.header.records))
+    else:
+        yield ScanStream(read_scan(path, most_points, progress), 1.0 if path.is_dir() else None)
+
+
+def magic_of(path: Path) -> bytes:
+    """Read the first four bytes of a file.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return file.read(4)
+    except OSError as error:
+        raise InputError(f"not readable: {error.strerror}", where=path) from None

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from recon.cloud import Cloud, without_observations
 from recon.sampling.scene_surface import SceneSurface
+from recon.truth.bridge_digest import bridge_digest
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.raycast import RayScene
 
@@ -88,7 +89,7 @@ def annotate_samples(
     note = "sampled from the stage: labels are those of the surface that each point comes from"
     return Cloud(
         columns, without_observations(count), components, scene.classes, {"target": "stage", "note": note}, (),
-        statistics, source,
+        statistics, source, bridge_digest(surface.corners, surface.instances, surface.labels, scene.instances),
     )  # fmt: skip
 
 

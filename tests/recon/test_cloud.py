@@ -199,10 +199,13 @@ def test_only_samplers_make_points_that_nobody_observed(cloud: Cloud, tmp_path: 
 
 
 def test_clouds_of_the_first_version_are_read(cloud: Cloud, tmp_path: Path) -> None:
-    """They say no source: all of them were sparse reconstructions."""
-    write_cloud(tmp_path, dataclasses.replace(cloud, source="sfm-dense"))
+    """They say no source, as all were sparse reconstructions; those of the second version say no bridge."""
+    write_cloud(tmp_path, dataclasses.replace(cloud, source="sfm-dense", bridge="ab"))
     stored = json.loads((tmp_path / "cloud.json").read_text())
-    assert (stored.pop("source"), stored["format_version"]) == ("sfm-dense", 2)
+    assert (stored.pop("bridge"), stored["format_version"]) == ("ab", 3)
+    (tmp_path / "cloud.json").write_text(json.dumps({**stored, "format_version": 2}))
+    assert (read_cloud(tmp_path).source, read_cloud(tmp_path).bridge) == ("sfm-dense", "")
+    assert stored.pop("source") == "sfm-dense"
     (tmp_path / "cloud.json").write_text(json.dumps({**stored, "format_version": 1}))
     assert read_cloud(tmp_path).source == "sfm-sparse"
 

@@ -237,8 +237,11 @@ def test_labels_must_be_labels(tmp_path: Path) -> None:
         (tmp_path / "l.ply").write_text(f"{head}property float label\nend_header\n1 2 3 {value}\n")
         with pytest.raises(InputError, match="not a label"):
             read_scan(tmp_path / "l.ply")
-    (tmp_path / "n.txt").write_text("hello")
+    (tmp_path / "n").write_text("hello")
     with pytest.raises(InputError, match="neither"):
+        read_scan(tmp_path / "n")
+    (tmp_path / "n.txt").write_text("hello")
+    with pytest.raises(InputError, match="not lines of numbers"):
         read_scan(tmp_path / "n.txt")
     (tmp_path / "empty").write_text("")
     with pytest.raises(InputError, match="neither"):

@@ -1,0 +1,147 @@
+"""The verbs of `falsework dataset`: clouds become training sets, and these become files of other programs."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_settings import given_settings
+from groundwork.errors import InputError
+from groundwork.files import fresh_output
+
+Sources = tyro.conf.Positional[tuple[Path, ...]]
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+Given = tyro.conf.UseAppendAction[tuple[str, ...]]
+
+
+def local(
+    sources: Sources,
+    output: Output,
+    *,
+    mode: Literal["metric", "paper"] = "metric",
+    table: str = "kim2023",
+    split: Literal["bridge", "random"] = "bridge",
+    class_map: str = "",
+    bridge: Given = (),
+    seed: int = 0,
+    set: Given = (),
+) -> int:
+    """Cut clouds into pieces of some meters.
+
+    Args:
+        sources: Folders of clouds, output folders of runs, or scans from elsewhere (these with --class-map).
+        output: Folder to write: a data set.
+        mode: Metric tiles, as in prediction; or the paper's windows along the bridge.
+        table: Table of classes, one of those in docs/classes.md.
+        split: Hold out whole bridges, or pieces at random as in the paper.
+        class_map: What the numbers of a scan mean: a map of the package, or a .toml or .json file.
+        bridge: Name of the bridge of each source, where they do not know it; once for each source, in their order.
+        seed: Seed of splits and draws.
+        set: A further setting, such as `points=2048` or `tile.size=8.0`; may be given more than once.
+    """
+    return _build("local", sources, output, {"mode": mode, "table": table, "split": split, "seed": seed},
+                  class_map, bridge, set)  # fmt: skip
+
+
+def whole(
+    sources: Sources,
+    output: Output,
+    *,
+    mode: Literal["metric", "paper"] = "metric",
+    table: str = "falsework",
+    split: Literal["bridge", "random"] = "bridge",
+    stratified: int = 0,
+    class_map: str = "",
+    bridge: Given = (),
+    seed: int = 0,
+    set: Given = (),
+) -> int:
+    """Take whole bridges, or large parts of them, with noisy points as a class.
+
+    Args:
+        sources: Folders of clouds, output folders of runs, or scans from elsewhere (these with --class-map).
+        output: Folder to write: a data set.
+        mode: Large metric tiles, as in prediction; or one draw from each cloud, as in the paper.
+        table: Table of classes, one of those in docs/classes.md.
+        split: Hold out whole bridges, or clouds at random.
+        stratified: Points of each class that a training draw keeps where it has them; 0 draws without regard to class.
+        class_map: What the numbers of a scan mean: a map of the package, or a .toml or .json file.
+        bridge: Name of the bridge of each source, where they do not know it; once for each source, in their order.
+        seed: Seed of splits and draws.
+        set: A further setting, such as `points=32768` or `noisy=0.03`; may be given more than once.
+    """
+    values = {"mode": mode, "table": table, "split": split, "seed": seed, "stratified": stratified}
+    return _build("global", sources, output, values, class_map, bridge, set)
+
+
+def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["s3dis", "hdf5", "parquet"]) -> int:
+    """Write a data set for other training code.
+
+    Its own folders are those that Pointcept reads already.
+
+    Args:
+        dataset: A data set.
+        output: Folder to write.
+        to: Format.
+    """
+    from learn.datasets.export import export_dataset
+
+    def write(folder: Path) -> None:
+        export_dataset(dataset, to, folder)
+
+    fresh_output(output, "export", write)
+    sys.stdout.write(f"export  {output}\n")
+    return 0
+
+
+def _build(
+    kind: str, sources: tuple[Path, ...], output: Path, values: dict[str, Any], class_map: str,
+    bridges: tuple[str, ...], given: tuple[str, ...],
+) -> int:  # fmt: skip
+    from learn.datasets.build import Source, build_dataset
+    from learn.datasets.class_map import read_class_map
+    from learn.datasets.settings import dataset_settings
+
+    settings = dataset_settings(kind, values | _nested(given_settings(given)), "--set")
+    paths = [path for source in sources for path in clouds_in(source)]
+    if bridges and len(bridges) != len(paths):
+        raise InputError("not one name for each source", field="--bridge", value=len(bridges), allowed=str(len(paths)))
+    known = read_class_map(class_map) if class_map else None
+    named = [Source(path, None if path.is_dir() else known, name)
+             for path, name in zip(paths, bridges or [""] * len(paths), strict=True)]  # fmt: skip
+
+    def write(folder: Path) -> None:
+        build_dataset(named, folder, settings, progress)
+
+    with ConsoleProgress() as progress:
+        fresh_output(output, "dataset", write)
+    sys.stdout.write(f"dataset {output}\n")
+    return 0
+
+
+def _nested(given: dict[str, Any]) -> dict[str, Any]:
+    """Turn `tile.size` into a table with a key."""
+    whole: dict[str, Any] = {}
+    for key, value in given.items():
+        group, point, inner = key.partition(".")
+        if point:
+            whole[group] = {**(whole[group] if isinstance(whole.get(group), dict) else {}), inner: value}
+        else:
+            whole[group] = value
+    return whole
+
+
+def clouds_in(source: Path) -> list[Path]:
+    """List the clouds of a run; anything else stands for itself.
+
+    Args:
+        source: Output folder of a run, a cloud, or a scan.
+    """
+    if (source / "scenes").is_dir() and not (source / "cloud.json").is_file():
+        return sorted(path for path in (source / "scenes").glob("*/cloud/*") if (path / "cloud.json").is_file())
+    return [source]
+
+
+DATASET_VERBS = {"local": local, "global": whole, "export": export}

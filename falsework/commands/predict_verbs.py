@@ -1,0 +1,65 @@
+"""The verb `falsework predict`: class, confidence and instance for every point of a scan, in a copy of it."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from falsework.commands.console import ConsoleProgress
+from groundwork.errors import InputError, MissingError
+from groundwork.settings import parse_settings
+from learn.predict.settings import Unit, Up
+
+
+def predict(
+    scan: tyro.conf.Positional[Path],
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    *,
+    model: str,
+    unit: Unit | None = None,
+    scale: float | None = None,
+    up: Up = "z",
+    table: str = "",
+    classes: tuple[str, ...] = (),
+    min_confidence: float = 0.0,
+    link: float = 0.3,
+    chunk: int = 2_000_000,
+) -> int:
+    """Label a scan: every point gets a class, a confidence and an instance, in a copy that keeps all that it held.
+
+    Args:
+        scan: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
+        output: File to write, of the same format, or .las or .laz; boxes of the instances go into a .json beside it.
+        model: What knows the classes: module:function of a model of your own.
+        unit: Unit of the coordinates, where the scan does not say it.
+        scale: Metres that one unit of a cloud without scale stands for.
+        up: Axis of the scan that points up.
+        table: Table of classes to sum into, one of those in docs/classes.md; left out: the model's own.
+        classes: Classes to keep; the others become 255.
+        min_confidence: Less sure points become 255.
+        link: Points of a class in touching cubes of this side are one instance [m].
+        chunk: Points of the scan in memory at once.
+    """
+    from learn.predict.model import named_model
+    from learn.predict.predict import predict_scan
+    from learn.predict.settings import PredictSettings
+
+    if not scan.exists():
+        raise MissingError("no such file", where=scan, mend="Name a scan, or the folder of a cloud")
+    values: dict[str, Any] = {
+        "unit": unit, "scale": scale, "up": up, "table": table, "classes": classes, "min_confidence": min_confidence,
+        "link": link, "chunk": chunk,
+    }  # fmt: skip
+    settings = parse_settings(PredictSettings, values, "predict")
+    if not output.suffix:
+        raise InputError("says no format", where=output, field="-o", mend="Give it a suffix such as .laz")
+    with ConsoleProgress() as progress:
+        made = predict_scan(scan, output, named_model(model), settings, progress)
+    for name, count in made.counts.items():
+        sys.stdout.write(f"{name:<16} {count:>10} points  {count / made.points:6.1%}\n")
+    if made.unlabelled:
+        sys.stdout.write(f"{'no class':<16} {made.unlabelled:>10} points  {made.unlabelled / made.points:6.1%}\n")
+    sys.stdout.write(f"{made.instances} instances; the model saw {made.thinned} of {made.points} points\n")
+    sys.stdout.write(f"labelled {output}\n")
+    return 0

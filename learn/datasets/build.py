@@ -1,0 +1,191 @@
+"""The conductor: from clouds to a data set, one source at a time."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from groundwork.files import write_manifest, write_text
+from groundwork.progress import SILENT, Progress
+from learn.datasets.card import card_text
+from learn.datasets.class_map import ClassMap
+from learn.datasets.class_tables import NOISY_CLASS, ClassTable, class_table
+from learn.datasets.draws import count_draws, random_draw
+from learn.datasets.labelled_cloud import INPUTS, LabelledCloud, SourceFacts, identify, read_labelled
+from learn.datasets.layout import MANIFEST, DatasetFacts, PieceRow, manifest_record, write_piece
+from learn.datasets.patch import Patch, Scaling
+from learn.datasets.settings import DatasetSettings
+from learn.datasets.split import TRAIN, split_at_random, split_bridges
+from learn.datasets.tiles import cut_tiles, thin
+from learn.datasets.windows import cut_windows
+
+I64 = NDArray[np.int64]
+CARD = "README.md"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A cloud or a scan that goes into a data set.
+
+    Attributes:
+        path: Folder of a cloud, or file of a scan.
+        class_map: What the numbers of a scan mean; None for a cloud.
+        bridge: Name of its bridge, where it cannot know it.
+    """
+
+    path: Path
+    class_map: ClassMap | None = None
+    bridge: str = ""
+
+
+def build_dataset(
+    sources: Sequence[Source], folder: Path, settings: DatasetSettings, progress: Progress = SILENT
+) -> DatasetFacts:
+    """Cut clouds into pieces, share them out, and write them.
+
+    Args:
+        sources: Clouds and scans.
+        folder: Empty folder to fill.
+        settings: How.
+        progress: Listener.
+
+    Returns:
+        What was written.
+
+    Raises:
+        InputError: A source is no source, or nothing is left to train on.
+    """
+    table = class_table(settings.table, settings.noisy_class)
+    known = [identify(source.path, source.class_map, source.bridge) for source in sources]
+    _check_sources(sources, known)
+    splits = split_bridges(known, settings)
+    progress.stage("data set", len(sources))
+    pieces: list[PieceRow] = []
+    counts: dict[str, NDArray[np.int64]] = {}
+    present = set(INPUTS)
+    for number, (source, facts) in enumerate(zip(sources, known, strict=True)):
+        cloud = read_labelled(source.path, source.class_map, table, progress)
+        cloud = _with_noise(cloud, table, settings)
+        present &= set(cloud.inputs)
+        for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, splits.get(facts.bridge, ""))):
+            split = _split_of(facts, place, settings, splits)
+            patch = _for_split(patch, split, settings)
+            if len(patch) < settings.fewest:
+                continue
+            row = PieceRow(
+                f"{number:04d}_{place:06d}",
+                split,
+                facts.bridge,
+                number,
+                len(patch),
+                min(draws, count_draws(len(patch), settings.points)),
+                patch.seed,
+                _three(patch.origin),
+            )
+            write_piece(folder / split / row.name, patch)
+            pieces.append(row)
+            seen = np.bincount(patch.labels, minlength=256)
+            counts[split] = counts.get(split, np.zeros(256, np.int64)) + seen
+        progress.advance(number + 1)
+    if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
+        raise InputError("no piece is left to train on", field="fewest", value=settings.fewest,
+                         mend="Give more clouds, or lower fewest")  # fmt: skip
+    whole = DatasetFacts(settings, table.names, tuple(name for name in INPUTS if name in present), _scaling(settings),
+                         tuple(pieces), tuple(vars(facts) for facts in known))  # fmt: skip
+    write_text(folder / CARD, card_text(whole, counts))
+    write_manifest(folder, manifest_record(whole), MANIFEST)
+    return whole
+
+
+def _check_sources(sources: Sequence[Source], known: Sequence[SourceFacts]) -> None:
+    if not sources:
+        raise InputError("no cloud is named", mend="Name the folders of clouds, or scans with --class-map")
+    digests: dict[str, str] = {}
+    for source, facts in zip(sources, known, strict=True):
+        if facts.digest in digests:
+            raise InputError("the same points twice", where=source.path, value=digests[facts.digest],
+                             mend="Name each cloud once")  # fmt: skip
+        digests[facts.digest] = facts.name
+
+
+def _with_noise(cloud: LabelledCloud, table: ClassTable, settings: DatasetSettings) -> LabelledCloud:
+    """Make uncertain points a class of their own, where that is wanted."""
+    if not settings.noisy_class:
+        return cloud
+    labels = np.where(cloud.uncertainty > settings.noisy, table.index(NOISY_CLASS), cloud.labels).astype(np.uint8)
+    return LabelledCloud(cloud.coord, cloud.inputs, labels, cloud.uncertainty, cloud.base)
+
+
+def _pieces(
+    cloud: LabelledCloud, facts: SourceFacts, settings: DatasetSettings, split: str
+) -> Iterator[tuple[Patch, int]]:
+    """Cut a cloud, whatever becomes of its pieces; with each, how many draws of it there may be."""
+    if not len(cloud):
+        return
+    if settings.mode == "metric":
+        columns = {**cloud.inputs, "labels": cloud.labels, "uncertainty": cloud.uncertainty}
+        voxels = thin(cloud.coord, columns, settings.tile)
+        for tile in cut_tiles(voxels, settings.tile):
+            yield tile_patch(voxels.coord, voxels.columns, tile.rows, tile.origin, tile.seed), 1 << 30
+    elif settings.kind == "local":
+        for window in cut_windows(cloud, settings.window, facts.name):
+            yield _patch(cloud, window.rows, window.origin, window.number), 1 << 30
+    else:
+        seed = int(facts.digest[:8], 16)
+        rows = random_draw(len(cloud), settings.points, np.random.default_rng([settings.seed, seed]))
+        if settings.stratified and split == TRAIN:
+            rows = np.arange(len(cloud))  # drawn by class from all points, anew each time
+        middle = cloud.coord.mean(axis=0)
+        yield _patch(cloud, rows, np.array([*middle[:2], cloud.coord[:, 2].min()]), seed), 1
+
+
+def tile_patch(
+    coord: NDArray[np.float64], columns: Mapping[str, NDArray[Any]], rows: I64, origin: NDArray[np.float64], seed: int
+) -> Patch:
+    """Take the points of a tile out of a thinned cloud.
+
+    Args:
+        coord: Positions of the cloud [m], shape (V, 3), float64.
+        columns: Inputs and, where they are known, `labels` and `uncertainty`, shape (V,) or (V, C) each.
+        rows: Points of the tile, shape (N,), int64.
+        origin: Where its positions count from [m], shape (3,), float64.
+        seed: Seed of its draws.
+    """
+    labels = columns["labels"][rows] if "labels" in columns else np.full(len(rows), 255, np.uint8)
+    unknown = np.full(len(rows), np.nan, np.float32)
+    uncertainty = columns["uncertainty"][rows] if "uncertainty" in columns else unknown
+    inputs = {name: columns[name][rows] for name in INPUTS if name in columns}
+    return Patch((coord[rows] - origin).astype(np.float32), inputs, labels, uncertainty, origin, seed)
+
+
+def _patch(cloud: LabelledCloud, rows: I64, origin: NDArray[np.float64], seed: int) -> Patch:
+    columns = {**cloud.inputs, "labels": cloud.labels, "uncertainty": cloud.uncertainty}
+    return tile_patch(cloud.coord, columns, rows, origin, seed)
+
+
+def _split_of(facts: SourceFacts, place: int, settings: DatasetSettings, splits: Mapping[str, str]) -> str:
+    return split_at_random(facts, place, settings) if settings.split == "random" else splits[facts.bridge]
+
+
+def _for_split(patch: Patch, split: str, settings: DatasetSettings) -> Patch:
+    """Leave noisy points out of what is trained on, unless they are a class; nothing is left out of the rest."""
+    if split != TRAIN or settings.noisy_class:
+        return patch
+    kept = ~(patch.uncertainty > settings.noisy)
+    inputs = {name: values[kept] for name, values in patch.inputs.items()}
+    return Patch(patch.coord[kept], inputs, patch.labels[kept], patch.uncertainty[kept], patch.origin, patch.seed)
+
+
+def _scaling(settings: DatasetSettings) -> Scaling:
+    if settings.mode == "metric":
+        return Scaling("constant", settings.tile.scale)
+    return Scaling("extent") if settings.kind == "local" else Scaling("constant", 1.0)
+
+
+def _three(origin: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = origin.tolist()
+    return x, y, z

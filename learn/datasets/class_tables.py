@@ -1,0 +1,106 @@
+"""The classes that a data set has, and how the labels of a cloud of ours become their numbers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.cloud import Cloud
+from usd_schemas.components import NOISY_POINT, UNLABELLED, component_classes
+from usd_schemas.taxonomies import BASE, RESERVED, Taxonomy, taxonomy
+
+U8 = NDArray[np.uint8]
+BACKGROUND_CLASS = "background"
+NOISY_CLASS = "noisy_point"
+
+
+@dataclass(frozen=True)
+class ClassTable:
+    """The classes of a data set; a point's label is the place of its class in the list.
+
+    Attributes:
+        name: Name of the table.
+        names: Class names in the order of the table.
+        ids: Id of each class in the table, as label images and files have it.
+        colors: sRGB colour of each, for people.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    ids: tuple[int, ...]
+    colors: tuple[tuple[int, int, int], ...]
+
+    def index(self, name: str) -> int:
+        """Give the label of a class, 255 where the table has none of that name.
+
+        Args:
+            name: Class name.
+        """
+        return self.names.index(name) if name in self.names else UNLABELLED
+
+
+def class_table(name: str, noisy: bool = False) -> ClassTable:
+    """List the classes of one of the project's tables.
+
+    Args:
+        name: One of `usd_schemas.taxonomies.TAXONOMIES`.
+        noisy: Whether `noisy_point` is a class too.
+
+    Raises:
+        InputError: There is no such table.
+    """
+    left_out = set(RESERVED) - ({NOISY_POINT} if noisy else set())
+    rows = [row for row in taxonomy(name).rows if row.id not in left_out]
+    return ClassTable(
+        name, tuple(row.name for row in rows), tuple(row.id for row in rows), tuple(row.color for row in rows)
+    )
+
+
+def labels_of_cloud(cloud: Cloud, table: ClassTable) -> U8:
+    """Turn the labels of a cloud of ours into those of a data set.
+
+    The component counts where it is known, since it is finer than the class; a class that the table in force does not
+    know becomes 255.
+
+    Args:
+        cloud: A cloud, whatever table its stage had in force.
+        table: The classes.
+
+    Returns:
+        Labels, shape (N,), uint8.
+    """
+    segment = cloud.columns["segment"].astype(np.int64)
+    pair = segment * len(cloud.components) + cloud.columns["component"].astype(np.int64)
+    values, inverse = np.unique(pair, return_inverse=True)
+    names = {row.id: row.name for row in cloud.classes}
+    based = {row.name for row in cloud.classes} == {row.name for row in taxonomy(BASE).rows}
+    found = [
+        _label(names.get(int(value) // len(cloud.components), ""), cloud.components[int(value) % len(cloud.components)],
+               based, table)
+        for value in values
+    ]  # fmt: skip
+    return np.array(found, np.uint8)[inverse.reshape(-1)] if len(values) else np.zeros(0, np.uint8)
+
+
+def _label(class_name: str, component: str, based: bool, table: ClassTable) -> int:
+    """The label of a class in the cloud's own table and a component kind."""
+    target = taxonomy(table.name)
+    if class_name in ("", "unlabelled"):
+        return UNLABELLED
+    if not based:
+        if component in component_classes():
+            return table.index(target.classes[component])
+        return table.index(class_name) if class_name in table.names else UNLABELLED
+    return table.index(class_of(target, component, class_name))
+
+
+def class_of(target: Taxonomy, component: str, base_class: str) -> str:
+    """Find the class of a component kind and a class of the base table; empty where the target knows neither.
+
+    Args:
+        target: Table.
+        component: Component kind, or empty.
+        base_class: Class of the base table, or empty.
+    """
+    name = target.class_of(component, base_class)
+    return name if name in {row.name for row in target.rows} else ""

@@ -1,0 +1,162 @@
+"""Clouds of ours and scans from elsewhere in one form: positions, allowed inputs, labels, and the bridge's name."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.canonical import digest, file_digest
+from groundwork.errors import InputError, MissingError
+from groundwork.files import read_json
+from groundwork.progress import SILENT, Progress
+from learn.datasets.class_map import ClassMap
+from learn.datasets.class_tables import ClassTable, class_table, labels_of_cloud
+from recon.cloud import Cloud, read_cloud
+from recon.formats.scan import read_scan
+from usd_schemas.components import UNLABELLED
+
+F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
+
+INPUTS = ("color", "normal", "n_views")  # beside coord, all that a network may see of a point
+_READ = ("coord", *INPUTS, "segment", "component", "uncertainty")  # columns of a cloud that a data set depends on
+_DECK = ("deck", "slab", "sleeper", "track", "parapet")  # classes of the base table that make up the deck's width
+
+
+@dataclass(frozen=True)
+class SourceFacts:
+    """What is known of a source before its points are read.
+
+    Attributes:
+        name: Its name, without its place.
+        bridge: Hash that all clouds of one bridge share.
+        digest: SHA-256 of all that the data set depends on.
+        kind: How its points were made, or `scan`.
+        evaluate_only: Whether it must not be trained on.
+        licence: Terms, as its class map states them.
+        test: Whether its publishers keep it for the test.
+    """
+
+    name: str
+    bridge: str
+    digest: str
+    kind: str
+    evaluate_only: bool = False
+    licence: str = ""
+    test: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledCloud:
+    """Points with what a network may see of them, and what it should say.
+
+    Attributes:
+        coord: Positions [m], shape (N, 3), float64.
+        inputs: Those of `INPUTS` that the source has, shape (N,) or (N, 3) each.
+        labels: Place of each point's class in the table, 255 where unknown, shape (N,), uint8.
+        uncertainty: Uncertainty of each point, NaN where unknown [m], shape (N,), float32; never an input.
+        base: Label of each point in the base table, 255 where unknown, shape (N,), uint8.
+    """
+
+    coord: F64
+    inputs: Mapping[str, NDArray[Any]]
+    labels: U8
+    uncertainty: NDArray[np.float32]
+    base: U8
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return len(self.coord)
+
+    @property
+    def deck(self) -> NDArray[np.bool_]:
+        """Whether each point is on the deck, shape (N,), bool."""
+        table = class_table("falsework")
+        return np.isin(self.base, [table.index(name) for name in _DECK])
+
+    @property
+    def bridge(self) -> NDArray[np.bool_]:
+        """Whether each point is on the bridge, shape (N,), bool."""
+        return (self.base != class_table("falsework").index("background")) & (self.base != UNLABELLED)
+
+
+def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> SourceFacts:
+    """Find out which bridge a source shows, and hash what the data set takes from it.
+
+    Args:
+        path: Folder of a cloud, or file of a scan.
+        class_map: What the numbers of a scan mean.
+        bridge: Name of the bridge, where the source cannot know it.
+
+    Raises:
+        MissingError: There is no such source.
+        InputError: A scan without a class map, or a cloud that does not say which bridge it shows.
+    """
+    if path.is_dir():
+        stored = read_json(path / "cloud.json") if (path / "cloud.json").is_file() else None
+        if not isinstance(stored, dict):
+            raise MissingError("not a cloud: no cloud.json", where=path, mend="Name the folder that holds cloud.json")
+        found = bridge or stored.get("bridge", "")
+        if not isinstance(found, str) or not found:
+            raise InputError(
+                "does not say which bridge it shows, so that no bridge can be kept for the test", where=path,
+                field="bridge", mend="Make the cloud again, or name it with --bridge",
+            )  # fmt: skip
+        parts = {name: file_digest(path / f"{name}.npy") for name in _READ if (path / f"{name}.npy").is_file()}
+        facts = {key: stored.get(key) for key in ("classes", "components", "source")}
+        return SourceFacts(path.name, found, digest([parts, facts]), str(stored.get("source", "")))
+    if not path.is_file():
+        raise MissingError("no such file", where=path, mend="Name the folder of a cloud, or a scan")
+    if class_map is None:
+        raise InputError("a scan from elsewhere needs a class map", where=path, field="--class-map",
+                         mend="Name one of the package, or a .toml file of your own")  # fmt: skip
+    whole = file_digest(path)
+    number = (re.findall(r"\d+", path.stem) or [""])[-1].lstrip("0")
+    return SourceFacts(
+        path.name, bridge or whole, whole, "scan", class_map.facts.use == "evaluate", class_map.facts.licence,
+        number in class_map.facts.test,
+    )  # fmt: skip
+
+
+def read_labelled(
+    path: Path, class_map: ClassMap | None, table: ClassTable, progress: Progress = SILENT
+) -> LabelledCloud:
+    """Read a source and give its points the labels of a data set.
+
+    Args:
+        path: Folder of a cloud, or file of a scan.
+        class_map: What the numbers of a scan mean; None for a cloud of ours.
+        table: Classes of the data set.
+        progress: Told what is odd.
+
+    Raises:
+        MissingError: There is no such source.
+        InputError: It is damaged, or has no labels.
+    """
+    base = class_table("falsework")
+    if path.is_dir():
+        cloud = read_cloud(path)
+        inputs = {name: cloud.columns[name] for name in INPUTS if _known(cloud, name)}
+        return LabelledCloud(cloud.columns["coord"], inputs, labels_of_cloud(cloud, table),
+                             cloud.columns["uncertainty"], labels_of_cloud(cloud, base))  # fmt: skip
+    assert class_map is not None
+    scan = read_scan(path, progress=progress)
+    codes = scan.classification if class_map.facts.column == "classification" else scan.segment
+    if codes is None:
+        raise InputError("has no labels", where=path, field=class_map.facts.column,
+                         mend="Name another class map, or write the column into the file")  # fmt: skip
+    unknown = sorted({int(code) for code in np.unique(codes)} - class_map.codes.keys())
+    if unknown:
+        progress.note(f"{path.name}: numbers that the class map {class_map.name} lacks count as unlabelled: {unknown}")
+    inputs = {name: values for name, values in (("color", scan.color), ("normal", scan.normal)) if values is not None}
+    nothing = np.full(len(scan), np.nan, np.float32)
+    return LabelledCloud(scan.coord, inputs, class_map.labels(codes, table), nothing, class_map.labels(codes, base))
+
+
+def _known(cloud: Cloud, name: str) -> bool:
+    """A column of a cloud counts as an input unless it is zero throughout: sampled clouds may know no views."""
+    return bool(cloud.columns[name].any())

@@ -1,0 +1,177 @@
+"""The data set on disk: Pointcept's folders of arrays, and `dataset.json`, which says what they are."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError, MissingError
+from groundwork.files import read_json, space_errors
+from groundwork.settings import parse_settings
+from learn.datasets.labelled_cloud import INPUTS
+from learn.datasets.patch import Patch, Scaling
+from learn.datasets.settings import DatasetSettings
+from usd_schemas.components import UNLABELLED
+
+FORMAT = "falsework.dataset"
+FORMAT_VERSION = 1
+MANIFEST = "dataset.json"
+_IGNORED = -1  # Pointcept's number for what no loss is computed on
+_KINDS = {"coord": ("float32", 3), "color": ("uint8", 3), "normal": ("float32", 3), "n_views": ("uint16", 1),
+          "segment": ("int32", 1), "uncertainty": ("float32", 1)}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PieceRow:
+    """What the manifest says of one piece.
+
+    Attributes:
+        name: Folder, from its split's.
+        split: train, val or test.
+        bridge: Hash of its bridge.
+        source: Row in the list of sources.
+        points: Points that it holds.
+        draws: Draws after which all of them were seen.
+        seed: Seed of these draws.
+        origin: Where its positions count from [m].
+    """
+
+    name: str
+    split: str
+    bridge: str
+    source: int
+    points: int
+    draws: int
+    seed: int
+    origin: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class DatasetFacts:
+    """What the manifest says of the whole.
+
+    Attributes:
+        settings: How it was made.
+        classes: Class names in the order of the labels.
+        inputs: Columns that every piece has beside its positions.
+        scaling: How positions become numbers for a network.
+        pieces: All pieces, in the order in which they were cut.
+        sources: JSON facts of each source.
+    """
+
+    settings: DatasetSettings
+    classes: tuple[str, ...]
+    inputs: tuple[str, ...]
+    scaling: Scaling
+    pieces: tuple[PieceRow, ...]
+    sources: tuple[Mapping[str, Any], ...]
+
+
+def write_piece(folder: Path, patch: Patch) -> None:
+    """Write the arrays of one piece.
+
+    Args:
+        folder: Folder to make, inside one that the caller makes whole.
+        patch: What to write.
+    """
+    segment = patch.labels.astype(np.int32)
+    arrays = {"coord": patch.coord, **patch.inputs, "uncertainty": patch.uncertainty,
+              "segment": np.where(segment == UNLABELLED, _IGNORED, segment)}  # fmt: skip
+    folder.mkdir(parents=True)
+    with space_errors(folder):
+        for name, values in arrays.items():
+            np.save(folder / f"{name}.npy", values.astype(_KINDS[name][0]))  # inside an atomic folder
+
+
+def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str]) -> Patch:
+    """Read the arrays of one piece.
+
+    Args:
+        folder: Root of the data set.
+        row: Which piece.
+        inputs: Columns to read beside positions, labels and uncertainty.
+
+    Raises:
+        InputError: A column is missing, damaged, or of a wrong length or type.
+    """
+    place = folder / row.split / row.name
+    columns = {name: _column(place / f"{name}.npy", name, row.points)
+               for name in ("coord", "segment", "uncertainty", *inputs)}  # fmt: skip
+    segment = columns["segment"]
+    labels = np.where(segment == _IGNORED, UNLABELLED, segment).astype(np.uint8)
+    return Patch(columns["coord"], {name: columns[name] for name in inputs}, labels, columns["uncertainty"],
+                 np.array(row.origin), row.seed)  # fmt: skip
+
+
+def _column(path: Path, name: str, count: int) -> NDArray[Any]:
+    dtype, width = _KINDS[name]
+    shape = (count,) if width == 1 else (count, width)
+    try:
+        mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+    except FileNotFoundError:
+        raise MissingError("a column is missing", where=path, mend="Make the data set again") from None
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"damaged: {error}", where=path, mend="Make the data set again") from None
+    if not isinstance(mapped, np.ndarray) or mapped.shape != shape or mapped.dtype != np.dtype(dtype):
+        raise InputError("a column of a wrong shape or type", where=path, allowed=f"{dtype} {shape}",
+                         mend="Make the data set again")  # fmt: skip
+    return np.array(mapped)
+
+
+def manifest_record(facts: DatasetFacts) -> dict[str, Any]:
+    """Spell the manifest.
+
+    Args:
+        facts: What it says.
+    """
+    return {
+        "format": FORMAT, "format_version": FORMAT_VERSION, "settings": facts.settings.model_dump(mode="json"),
+        "classes": list(facts.classes), "inputs": list(facts.inputs), "scaling": vars(facts.scaling),
+        "pieces": [vars(row) for row in facts.pieces], "sources": [dict(source) for source in facts.sources],
+    }  # fmt: skip
+
+
+def read_facts(folder: Path) -> DatasetFacts:
+    """Read the manifest of a data set and check it.
+
+    Args:
+        folder: Root of a data set.
+
+    Raises:
+        MissingError: Not a data set.
+        InputError: Of another version, or a key is missing or of a wrong kind.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise MissingError(f"not a data set: no {MANIFEST}", where=folder, mend="Name a folder of falsework dataset")
+    stored = read_json(path)
+    found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
+    if found != (FORMAT, FORMAT_VERSION):
+        raise InputError("not a data set of this version", where=path, field="format", value=found,
+                         allowed=f"{FORMAT}, version {FORMAT_VERSION}")  # fmt: skip
+    try:
+        facts = DatasetFacts(
+            parse_settings(DatasetSettings, stored["settings"], path), tuple(stored["classes"]),
+            tuple(stored["inputs"]),
+            Scaling(**stored["scaling"]), tuple(_row(path, row) for row in stored["pieces"]), tuple(stored["sources"]),
+        )  # fmt: skip
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
+    if not set(facts.inputs) <= set(INPUTS) or not all(isinstance(name, str) for name in facts.classes):
+        raise InputError("inputs or classes that cannot be", where=path, field="inputs", value=facts.inputs,
+                         allowed=", ".join(INPUTS))  # fmt: skip
+    return facts
+
+
+def _row(path: Path, stored: Mapping[str, Any]) -> PieceRow:
+    row = PieceRow(**{**stored, "origin": tuple(stored["origin"])})
+    numbers = (row.points, row.draws, row.seed, row.source)
+    if not all(type(number) is int and number >= 0 for number in numbers) or row.points < 1 or row.draws < 1:
+        raise InputError("a piece that cannot be", where=path, field="pieces", value=row.name)
+    for name in (row.name, row.split):
+        if not isinstance(name, str) or Path(name).name != name or name in ("", ".", ".."):
+            raise InputError("a name that leaves the data set", where=path, field="pieces", value=name)
+    return row

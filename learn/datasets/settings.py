@@ -1,0 +1,118 @@
+"""What the data sets understand: how clouds are cut, drawn and split."""
+
+from collections.abc import Mapping
+from typing import Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from groundwork.settings import Settings, parse_settings
+
+MOST_TILES_ACROSS = 16  # tiles that cover one place along one axis
+
+
+class TileSettings(Settings):
+    """Metric tiles: squares of one size, all brought to scale by one constant."""
+
+    size: float = Field(default=10.0, gt=0.0, le=1000.0, description="Side of a tile [m]")
+    stride: float = Field(default=5.0, gt=0.0, le=1000.0, description="Distance of neighbouring tiles [m]")
+    scale: float = Field(default=10.0, gt=0.0, le=1000.0, description="Length that becomes 1 for the network [m]")
+    voxel: float = Field(default=0.05, ge=0.001, le=10.0, description="One point is kept in each cube of this side [m]")
+    ground_reach: float = Field(
+        default=30.0, gt=0.0, le=1000.0, description="Distance within which the ground below a tile is looked for [m]"
+    )
+
+    @model_validator(mode="after")
+    def _whole_strides(self) -> Self:
+        times = self.size / self.stride
+        if abs(times - round(times)) > 1e-9 or not 1 <= round(times) <= MOST_TILES_ACROSS:
+            raise ValueError(f"size must be 1 to {MOST_TILES_ACROSS} whole strides")
+        return self
+
+
+class WindowSettings(Settings):
+    """The paper's windows along a bridge; their boxes are read off the labels."""
+
+    length: float = Field(default=10.0, gt=0.0, le=1000.0, description="Length along the bridge [m]")
+    overlap: float = Field(default=0.8, ge=0.0, lt=1.0, description="Share of a window that the next one covers [1]")
+    beside: float = Field(default=12.0, ge=0.0, le=1000.0, description="Added to the width of the deck [m]")
+    below: float = Field(default=1.0, ge=0.0, le=1000.0, description="Depth below the ground [m]")
+    above: float = Field(default=2.0, ge=0.0, le=1000.0, description="Height above the bridge [m]")
+
+
+class AugmentSettings(Settings):
+    """Random changes of a training sample; validation and test samples stay as they are."""
+
+    flip: bool = Field(default=True, description="Mirror half of the samples")
+    rotate: bool = Field(default=True, description="Turn about the vertical axis by any angle")
+    scale: tuple[float, float] = Field(default=(0.8, 1.25), description="Range of a uniform factor [1]")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not 0.1 <= self.scale[0] <= self.scale[1] <= 10.0:
+            raise ValueError("scale must be two factors from 0.1 to 10, the smaller one first")
+        return self
+
+
+class DatasetSettings(Settings):
+    """What both kinds of data set share."""
+
+    kind: Literal["local", "global"] = Field(default="local", description="Pieces of bridges, or whole ones")
+    mode: Literal["metric", "paper"] = Field(
+        default="metric", description="Tiles that need no truth, as in prediction; or the paper's windows and draws"
+    )
+    table: str = Field(default="kim2023", description="Table of classes, one of those in docs/classes.md")
+    points: int = Field(default=4096, ge=16, le=1_000_000, description="Points of a draw")
+    fewest: int = Field(default=1024, ge=1, le=1_000_000, description="Pieces with fewer points are left out")
+    noisy: float = Field(default=0.1, gt=0.0, le=1000.0, description="Uncertainty above which a point is noisy [m]")
+    noisy_class: bool = Field(
+        default=False, description="Noisy points are a class; otherwise they are left out of training"
+    )
+    stratified: int = Field(
+        default=0, ge=0, le=100_000, description="Points of each class that a training draw keeps where it has them"
+    )
+    split: Literal["bridge", "random"] = Field(
+        default="bridge", description="Whole bridges are held out, or pieces at random as in the paper"
+    )
+    shares: tuple[float, float, float] = Field(
+        default=(0.6, 0.2, 0.2), description="Shares of training, validation and test [1]"
+    )
+    test: tuple[str, ...] = Field(default=(), description="Bridges (first digits of their hash) that are for the test")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of splits and draws")
+    tile: TileSettings = Field(default_factory=TileSettings, description="Metric tiles")
+    window: WindowSettings = Field(default_factory=WindowSettings, description="The paper's windows")
+    augment: AugmentSettings = Field(default_factory=AugmentSettings, description="Changes of training samples")
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if min(self.shares) < 0.0 or abs(sum(self.shares) - 1.0) > 1e-6:
+            raise ValueError("shares must be three numbers from 0 that add up to 1")
+        if self.noisy_class and self.kind == "local" and self.mode == "paper":
+            raise ValueError("noisy_class: the paper's local data set leaves noisy points out")
+        return self
+
+
+_OF_KIND: Mapping[str, Mapping[str, Any]] = {
+    "local": {},
+    "global": {
+        "table": "falsework", "points": 65_536, "noisy_class": True,
+        "tile": {"size": 60.0, "stride": 30.0, "scale": 1.0, "voxel": 0.1, "ground_reach": 60.0},
+    },
+}  # fmt: skip
+
+
+def dataset_settings(kind: str, values: Mapping[str, Any], where: object) -> DatasetSettings:
+    """Validate settings over the defaults of their kind.
+
+    Args:
+        kind: `local` or `global`.
+        values: What the user wrote, nested.
+        where: Name for the error message.
+
+    Raises:
+        InputError: The first thing wrong.
+    """
+    whole: dict[str, Any] = {"kind": kind, **_OF_KIND.get(kind, {})}
+    for key, value in values.items():
+        before = whole.get(key)
+        whole[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value
+    return parse_settings(DatasetSettings, whole, where)

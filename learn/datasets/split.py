@@ -1,0 +1,73 @@
+"""Which part of a data set is for what: by whole bridges, or at random as in the paper."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from groundwork.canonical import digest
+from groundwork.errors import InputError
+from learn.datasets.labelled_cloud import SourceFacts
+from learn.datasets.settings import DatasetSettings
+
+TRAIN, VAL, TEST = SPLITS = ("train", "val", "test")
+
+
+def split_bridges(sources: Sequence[SourceFacts], settings: DatasetSettings) -> dict[str, str]:
+    """Give every bridge one split, by the hash of its shape: looks, worlds, lights and sensors of it stay together.
+
+    Bridges are put in an order that depends on their hash and the seed alone, and cut by the shares; with three or
+    more, none of the wanted splits stays empty. Bridges that are for the test, or must not be trained on, go there
+    first.
+
+    Args:
+        sources: All sources.
+        settings: Shares, seed and bridges for the test.
+
+    Returns:
+        Split of each bridge.
+
+    Raises:
+        InputError: A bridge that is named for the test is not there, or one is both trained on and kept for the test.
+    """
+    bridges = sorted({source.bridge for source in sources}, key=lambda bridge: digest([settings.seed, bridge]))
+    held = {source.bridge for source in sources if source.evaluate_only or source.test}
+    for name in settings.test:
+        found = [bridge for bridge in bridges if bridge.startswith(name)]
+        if not name or len(found) != 1:
+            raise InputError("does not begin the name of exactly one bridge", field="test", value=name,
+                             allowed=", ".join(bridge[:12] for bridge in bridges))  # fmt: skip
+        held.update(found)
+    free = [bridge for bridge in bridges if bridge not in held]
+    train, val, test = settings.shares
+    if held:  # the test is there already: the rest is shared between the other two
+        train, val, test = train / max(train + val, 1e-9), val / max(train + val, 1e-9), 0.0
+    counts = _counts(len(free), (train, val, test))
+    names = [name for name, count in zip(SPLITS, counts, strict=True) for _ in range(count)]
+    return {**dict(zip(free, names, strict=True)), **dict.fromkeys(sorted(held), TEST)}
+
+
+def _counts(total: int, shares: tuple[float, float, float]) -> list[int]:
+    """Whole numbers near the shares; one at least where a share is wanted and there are enough bridges."""
+    exact = np.array(shares) * total
+    counts = np.floor(exact).astype(int)
+    for place in np.argsort(-(exact - counts), kind="stable")[: total - counts.sum()]:
+        counts[place] += 1
+    for place in range(3):
+        if shares[place] > 0 and counts[place] == 0 and counts.max() > 1:
+            counts[np.argmax(counts)] -= 1
+            counts[place] = 1
+    return counts.tolist()
+
+
+def split_at_random(source: SourceFacts, number: int, settings: DatasetSettings) -> str:
+    """Give a piece of a cloud a split by a draw of its own: overlapping pieces of one bridge land in all of them.
+
+    Args:
+        source: Where it comes from.
+        number: Which piece of the source.
+        settings: Shares and seed.
+    """
+    if source.evaluate_only or source.test:
+        return TEST
+    drawn = int(digest([settings.seed, source.digest, number])[:12], 16) / 16**12
+    return SPLITS[int(np.searchsorted(np.cumsum(settings.shares)[:2], drawn, side="right"))]

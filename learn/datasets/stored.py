@@ -1,0 +1,99 @@
+"""One split of a data set on disk as a source of samples."""
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from groundwork.errors import InputError
+from learn.datasets.augment import draw_change
+from learn.datasets.draws import exhaustive_draw, random_draw, stratified_draw
+from learn.datasets.layout import PieceRow, read_facts, read_piece
+from learn.datasets.patch import CHANNELS, Patch, check_channels, make_sample
+from learn.datasets.split import SPLITS, TRAIN
+from learn.sample import Sample
+
+XYZ = ("x", "y", "z")
+
+
+class StoredSplit:
+    """The samples of one split.
+
+    A training sample is drawn and changed at random from the seed. Those of validation and test are always the same:
+    they visit every point of every piece, unchanged, and neither labels nor uncertainty have a part in them.
+    """
+
+    def __init__(self, folder: Path, split: str, channels: tuple[str, ...] = XYZ, *, augment: bool = True) -> None:
+        """Open a split.
+
+        Args:
+            folder: Root of a data set.
+            split: train, val or test.
+            channels: What a network gets to see of a point.
+            augment: Whether training samples are changed at random.
+
+        Raises:
+            InputError: Not a data set, an unknown split, or channels that the data set lacks.
+        """
+        if split not in SPLITS:
+            raise InputError("an unknown split", where=folder, field="split", value=split, allowed=", ".join(SPLITS))
+        self.folder, self.split, self.channels = folder, split, channels
+        self.facts = read_facts(folder)
+        check_channels(channels, self.facts.inputs, folder)
+        self._changes = augment and split == TRAIN
+
+    @cached_property
+    def _items(self) -> list[tuple[PieceRow, int]]:
+        rows = (row for row in self.facts.pieces if row.split == self.split)
+        return [(row, number) for row in rows for number in range(row.draws)]
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Name of each class, in the order of the labels."""
+        return self.facts.classes
+
+    def __len__(self) -> int:
+        """Count the samples of one pass."""
+        return len(self._items)
+
+    def bridge(self, index: int) -> str:
+        """Name the bridge of a sample.
+
+        Args:
+            index: Number of the sample.
+        """
+        return self._items[index][0].bridge
+
+    def piece(self, index: int) -> tuple[Patch, np.ndarray]:
+        """Give the piece that a sample of validation or test is drawn from, and which of its points it holds.
+
+        Args:
+            index: Number of the sample.
+
+        Returns:
+            The piece, and rows in it in the order of the sample, shape (points,), int64.
+        """
+        row, number = self._items[index]
+        needed = {CHANNELS[name] for name in self.channels} - {"coord"}
+        patch = read_piece(self.folder, row, [name for name in self.facts.inputs if name in needed])
+        return patch, exhaustive_draw(len(patch), self.facts.settings.points, number, patch.seed)
+
+    def sample(self, index: int, seed: int) -> Sample:
+        """Draw one sample.
+
+        Args:
+            index: Number of the sample, 0 to `len` - 1.
+            seed: Seed of a training sample; the others are always the same.
+        """
+        patch, rows = self.piece(index)
+        change = None
+        settings = self.facts.settings
+        if self.split == TRAIN:
+            rng = np.random.default_rng([seed, index])
+            if settings.stratified:
+                rows = stratified_draw(patch.labels, settings.points, settings.stratified, rng)
+            else:
+                rows = random_draw(len(patch), settings.points, rng)
+            if self._changes:
+                change = draw_change(settings.augment, rng)
+        return make_sample(patch, rows, self.channels, self.facts.scaling, change)

@@ -1,0 +1,100 @@
+"""The paper's windows along a bridge; their boxes are read off the labels, so that only labelled clouds have them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from learn.datasets.labelled_cloud import LabelledCloud
+from learn.datasets.settings import WindowSettings
+from usd_schemas.components import UNLABELLED
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+_EDGES = 0.5, 99.5  # percentiles between which the deck lies: a few stray points shall not widen it
+_GROUND, _TOP = 1.0, 99.9  # percentiles of the heights of background and bridge
+_FEWEST_DECK = 10  # points of the deck without which a window has no width
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A box across the bridge.
+
+    Attributes:
+        number: Which one along the bridge.
+        rows: Its points, ascending, shape (N,), int64.
+        origin: Centre of its box, at the lower end [m], shape (3,), float64.
+    """
+
+    number: int
+    rows: I64
+    origin: F64
+
+
+def cut_windows(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Iterator[Window]:
+    """Cut boxes one after the other along the bridge.
+
+    The axis is the longer horizontal direction of the deck. Each box is as wide as the deck there and a margin, and
+    reaches from below the ground to above the bridge.
+
+    Args:
+        cloud: Labelled points.
+        settings: Sizes.
+        where: Source, for the error.
+
+    Yields:
+        The windows that hold deck and points.
+
+    Raises:
+        InputError: No point of the deck is labelled.
+
+    Source: the local data set of the method; margins as in its text.
+    """
+    deck = np.flatnonzero(cloud.deck)
+    if len(deck) < _FEWEST_DECK:
+        raise InputError("has no labelled deck to lay windows along", where=where, value=len(deck),
+                         allowed=f"at least {_FEWEST_DECK} points of the deck", mend="Use mode metric")  # fmt: skip
+    axis = _long_axis(cloud.coord[deck, :2])
+    across = np.array([-axis[1], axis[0]])
+    along, beside, height = cloud.coord[:, :2] @ axis, cloud.coord[:, :2] @ across, cloud.coord[:, 2]
+    low, high = np.percentile(along[deck], _EDGES)
+    step = settings.length * (1.0 - settings.overlap)
+    order = np.argsort(along, kind="stable")
+    deck_order = deck[np.argsort(along[deck], kind="stable")]
+    for number in range(int(max(high - low - settings.length, 0.0) / step + 1e-9) + 1):
+        start = low + number * step
+        mine = _between(along, deck_order, start, start + settings.length)
+        rows = _between(along, order, start, start + settings.length)
+        if len(mine) < _FEWEST_DECK:
+            continue
+        left, right = np.percentile(beside[mine], _EDGES)
+        middle, half = 0.5 * (left + right), 0.5 * (right - left + settings.beside)
+        rows = rows[np.abs(beside[rows] - middle) <= half]
+        bottom, top = _heights(cloud, rows, height)
+        bottom, top = bottom - settings.below, top + settings.above
+        rows = np.sort(rows[(height[rows] >= bottom) & (height[rows] <= top)])
+        centre = (start + 0.5 * settings.length) * axis + middle * across
+        yield Window(number, rows, np.array([*centre, bottom]))
+
+
+def _long_axis(points: F64) -> F64:
+    """Longer horizontal direction, towards +x (or +y), shape (2,)."""
+    _, vectors = np.linalg.eigh(np.cov(points.T))
+    axis = vectors[:, 1]
+    return axis if (axis[0] > 0 or (axis[0] == 0 and axis[1] > 0)) else -axis
+
+
+def _between(along: F64, order: I64, start: float, end: float) -> I64:
+    first, last = np.searchsorted(along[order], [start, end])
+    return order[first:last]
+
+
+def _heights(cloud: LabelledCloud, rows: I64, height: F64) -> tuple[float, float]:
+    """Height of the ground and of the bridge's top among some points."""
+    bridge = cloud.bridge[rows]
+    rest = rows[~bridge & (cloud.base[rows] != UNLABELLED)]
+    lowest = np.percentile(height[rest], _GROUND) if len(rest) else height[rows].min()
+    return float(min(lowest, height[rows[bridge]].min())), float(np.percentile(height[rows[bridge]], _TOP))

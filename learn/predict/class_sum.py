@@ -1,0 +1,92 @@
+"""Probabilities of a model's classes summed into the classes of another table."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from learn.datasets.class_tables import BACKGROUND_CLASS, class_of
+from usd_schemas.components import UNLABELLED, component_classes
+from usd_schemas.taxonomies import BASE, TAXONOMIES, taxonomy
+
+F32 = NDArray[np.float32]
+_BLOCK = 1_000_000  # points whose sums are in memory at once
+
+
+@dataclass(frozen=True, eq=False)
+class ClassSum:
+    """How classes of a model become classes of a file.
+
+    Attributes:
+        names: Classes of the file.
+        ids: Id of each in the file, shape (T,), uint8.
+        matrix: Which class of the model goes into which [1], shape (K, T), float32, one 1 in each row.
+        kept: Whether each class is written; others become 255, shape (T,), bool.
+    """
+
+    names: tuple[str, ...]
+    ids: NDArray[np.uint8]
+    matrix: F32
+    kept: NDArray[np.bool_]
+
+    def decide(self, probabilities: F32, least: float) -> tuple[NDArray[np.uint8], F32]:
+        """Choose the likeliest class of each point.
+
+        Args:
+            probabilities: Of the model's classes [1], shape (N, K), float32.
+            least: Confidence below which no class is given [1].
+
+        Returns:
+            Class ids, 255 for none, shape (N,), uint8; summed probability of the likeliest class [1], shape (N,),
+            float32.
+        """
+        best, sure = np.empty(len(probabilities), np.int64), np.empty(len(probabilities), np.float32)
+        for first in range(0, len(probabilities), _BLOCK):
+            part = slice(first, first + _BLOCK)
+            summed = probabilities[part] @ self.matrix
+            best[part] = summed.argmax(axis=1)
+            sure[part] = summed.max(axis=1)
+        ids = np.where((sure >= least) & self.kept[best], self.ids[best], UNLABELLED)
+        return ids.astype(np.uint8), sure
+
+    @property
+    def background(self) -> tuple[int, ...]:
+        """Ids of what is no part of a bridge, and has no instances."""
+        rest = (BACKGROUND_CLASS, "noisy_point")
+        return tuple(int(i) for i, name in zip(self.ids, self.names, strict=True) if i == 0 or name in rest)
+
+
+def sum_classes(classes: tuple[str, ...], own: str, table: str, kept: tuple[str, ...]) -> ClassSum:
+    """Lead the classes of a model into a table.
+
+    Args:
+        classes: Classes of the model: component kinds or classes of the base table, or classes of another table.
+        own: Table of these.
+        table: Table to sum into; empty for the model's own.
+        kept: Classes of it to write; none for all.
+
+    Raises:
+        InputError: No such table, one that the model's classes do not settle, or a class that it lacks.
+    """
+    wanted = table or own
+    if wanted not in TAXONOMIES:
+        raise InputError("unknown table", field="--table", value=wanted, allowed=", ".join(TAXONOMIES))
+    if own not in (wanted, BASE):
+        raise InputError(f"the model's classes are those of {own}, too coarse for another table", field="--table",
+                         value=wanted, allowed=own)  # fmt: skip
+    rows = [row for row in taxonomy(wanted).rows if row.id != UNLABELLED]
+    names, known = tuple(row.name for row in rows), taxonomy(wanted)
+    matrix = np.zeros((len(classes), len(rows)), np.float32)
+    for place, name in enumerate(classes):
+        found = name if name in names and own == wanted else class_of(known, name, component_classes().get(name, name))
+        if found not in names:
+            raise InputError("a class of the model that the table does not know", field="--table", value=name,
+                             allowed=", ".join(names))  # fmt: skip
+        matrix[place, names.index(found)] = 1.0
+    for name in kept:
+        if name not in names:
+            raise InputError("no such class", field="--classes", value=name, allowed=", ".join(names))
+    reached = matrix.any(axis=0)
+    chosen = np.array([row.name in kept or not kept for row in rows])
+    return ClassSum(names, np.array([row.id for row in rows], np.uint8), matrix, chosen & reached)

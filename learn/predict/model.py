@@ -1,0 +1,86 @@
+"""What a prediction needs of a model, and how one is found by its name."""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from learn.datasets.settings import TileSettings
+from learn.sample import Sample
+
+F32 = NDArray[np.float32]
+
+
+class PointModel(Protocol):
+    """A trained model, whatever is inside."""
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Name of each class, in the order of the probabilities."""
+        ...
+
+    @property
+    def table(self) -> str:
+        """Table that the classes are of; `falsework` also for component kinds."""
+        ...
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of `learn.datasets.patch.CHANNELS` that it sees."""
+        ...
+
+    @property
+    def tile(self) -> TileSettings:
+        """The tiles that it was trained on."""
+        ...
+
+    @property
+    def points(self) -> int:
+        """Points of a draw."""
+        ...
+
+    def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
+        """Say how likely each class is at each point.
+
+        Args:
+            samples: Clouds as in training.
+
+        Returns:
+            For each sample probabilities [1], shape (N, K), float32.
+        """
+        ...
+
+
+def named_model(name: str) -> PointModel:
+    """Call a function of the user's own that makes a model.
+
+    Args:
+        name: `module:function`; the module is looked for in the folder that the command is called in, too.
+
+    Raises:
+        InputError: No such module or function, or what it gives is not a model.
+    """
+    module, colon, function = name.partition(":")
+    if not colon or not function:
+        raise InputError("not a model", field="--model", value=name, allowed="module:function")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        found: Any = getattr(import_module(module), function)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"no such model: {error}", field="--model", value=name) from None
+    try:
+        model = found()
+    except TypeError as error:
+        raise InputError(f"not called without arguments: {error}", field="--model", value=name) from None
+    lacking = [word for word in ("classes", "table", "channels", "tile", "points", "probabilities")
+               if not hasattr(model, word)]  # fmt: skip
+    if lacking:
+        raise InputError("what it makes is not a model", field="--model", value=name, allowed=f"with {lacking[0]}")
+    return model

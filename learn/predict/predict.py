@@ -1,0 +1,220 @@
+"""The conductor: a scan, tile by tile through a model, and back to every one of its points."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from groundwork.files import read_json, write_json
+from groundwork.progress import SILENT, Progress
+from learn.datasets.build import tile_patch
+from learn.datasets.draws import count_draws, exhaustive_draw
+from learn.datasets.patch import CHANNELS, Scaling, check_channels, make_sample
+from learn.datasets.tiles import cut_tiles
+from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
+from learn.predict.class_sum import sum_classes
+from learn.predict.frame import Frame, choose_frame
+from learn.predict.instances import Boxes, connected_parts
+from learn.predict.model import PointModel
+from learn.predict.settings import PredictSettings
+from learn.sample import Sample
+from recon.formats.scan import Labels, Scan, ScanStream, check_copy, open_scan, write_labelled_copy
+
+F32 = NDArray[np.float32]
+
+_OWN_FILES = {".laz": "cloud.laz", ".las": "cloud.laz", ".ply": "cloud.ply"}  # what lies beside a cloud's columns
+_ASPRS = "asprs"  # of this table, and of no other, the ids are those of LAS' own field
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What became of a scan.
+
+    Attributes:
+        points: Number of points.
+        thinned: Points that the model saw.
+        counts: Points of each class that was given, by name.
+        unlabelled: Points that got no class.
+        instances: Number of instances.
+    """
+
+    points: int
+    thinned: int
+    counts: dict[str, int]
+    unlabelled: int
+    instances: int
+
+
+def predict_scan(
+    source: Path, out: Path, model: PointModel, settings: PredictSettings, progress: Progress = SILENT
+) -> Prediction:
+    """Label every point of a scan, and write a copy of it with class, confidence and instance.
+
+    The scan is gone through three times, some points at a time: for its box, for one point in each small cube, and to
+    hand the labels of the cubes to all their points. Beside the copy stands a JSON file with the instances' boxes.
+
+    Args:
+        source: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
+        out: File to write.
+        model: What knows the classes.
+        settings: Units, classes, and how far apart instances are.
+        progress: Listener.
+
+    Raises:
+        InputError: The scan cannot be read, says no unit, or lacks a channel of the model.
+    """
+    file, said = _file_of(source, out)
+    check_copy(file, out)
+    if settings.link < model.tile.voxel:
+        raise InputError("smaller than the cubes of which the model sees one point each", field="--link",
+                         value=settings.link, allowed=f"at least {model.tile.voxel:g} m")  # fmt: skip
+    summing = sum_classes(model.classes, model.table, settings.table, settings.classes)
+    with open_scan(file, progress=progress) as stream:
+        frame = choose_frame(stream.unit if said is None else said or None, settings, source)
+        cloud = thin_stream(stream, frame, model, settings.chunk, source)
+        classes, sure = summing.decide(vote(cloud, model, settings.batch, progress), settings.min_confidence)
+        instance = connected_parts(cloud.coord, classes, settings.link, settings.fewest, summing.background)
+        boxes = Boxes(int(instance.max(initial=0)))
+        counts = np.zeros(256, np.int64)
+
+        def labels() -> Iterator[Labels]:
+            progress.stage("write", stream.count)
+            done = 0
+            for scan in stream.chunks(settings.chunk):
+                rows = cloud.find(frame.apply(scan.coord))
+                part = Labels(classes[rows], sure[rows], instance[rows].astype(np.uint32))
+                boxes.add(scan.coord, instance[rows], part.classes, part.confidence)
+                np.add(counts, np.bincount(part.classes, minlength=256), out=counts)
+                done += len(scan)
+                progress.advance(done)
+                yield part
+
+        table = settings.table or model.table
+        write_labelled_copy(file, stream, out, labels, settings.chunk, table == _ASPRS)
+        names = {int(i): name for i, name in zip(summing.ids, summing.names, strict=True)}
+        found = boxes.rows(names, frame.meters)
+        write_json(out.with_suffix(".instances.json"), {
+            "format": "falsework.instances", "format_version": 1, "table": table, "meters_per_unit": frame.meters,
+            "classes": {str(i): name for i, name in names.items()}, "instances": found,
+        })  # fmt: skip
+        given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
+        return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found))
+
+
+def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int, where: object) -> VoxelCloud:
+    """Keep one point in each cube of a scan: the first of the file, in whatever pieces it is read.
+
+    Args:
+        stream: The scan.
+        frame: How its coordinates become metres.
+        model: What columns are needed for, and how large the cubes are.
+        chunk: Points at a time.
+        where: Scan, for the error.
+
+    Raises:
+        InputError: The scan lacks a channel of the model, or reaches too far.
+    """
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for scan in stream.chunks(chunk):
+        coord = frame.apply(scan.coord)
+        low, high = np.minimum(low, coord.min(axis=0)), np.maximum(high, coord.max(axis=0))
+    cloud = empty_cloud(lay_grid(low, high, model.tile.voxel))
+    for scan in stream.chunks(chunk):
+        columns = _inputs(scan, frame)
+        check_channels(model.channels, columns, where)
+        needed = {CHANNELS[name] for name in model.channels}
+        kept = {name: values for name, values in columns.items() if name in needed}
+        cloud = add_points(cloud, frame.apply(scan.coord), kept)
+    return cloud
+
+
+def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = SILENT) -> F32:
+    """Let the model see every tile until all of its points were drawn, and take the mean of what it says of each.
+
+    Args:
+        cloud: Thinned points.
+        model: What knows the classes.
+        batch: Samples that it gets at once.
+        progress: Listener.
+
+    Returns:
+        Probabilities of the model's classes [1], shape (V, K), float32.
+    """
+    total = np.zeros((len(cloud), len(model.classes)), np.float32)
+    seen = np.zeros(len(cloud), np.float32)
+    overlap = round(model.tile.size / model.tile.stride) ** 2  # tiles that hold each point
+    progress.stage("predict", overlap * len(cloud))
+    done = 0
+    waiting: list[tuple[NDArray[np.int64], Sample]] = []
+
+    def ask() -> None:
+        for (rows, _), told in zip(waiting, model.probabilities([sample for _, sample in waiting]), strict=True):
+            if told.shape != (len(rows), len(model.classes)):
+                raise InputError("the model answers in another shape", field="probabilities", value=told.shape,
+                                 allowed=str((len(rows), len(model.classes))))  # fmt: skip
+            np.add.at(total, rows, told)
+            np.add.at(seen, rows, np.float32(1.0))
+        waiting.clear()
+
+    for tile in cut_tiles(cloud, model.tile):
+        for rows, sample in tile_samples(cloud, tile.rows, tile.origin, tile.seed, model):
+            waiting.append((rows, sample))
+            if len(waiting) == batch:
+                ask()
+        done += len(tile.rows)
+        progress.advance(done)
+    if waiting:
+        ask()
+    total /= seen[:, None]
+    return total
+
+
+def tile_samples(
+    cloud: VoxelCloud, rows: NDArray[np.int64], origin: NDArray[np.float64], seed: int, model: PointModel
+) -> Iterator[tuple[NDArray[np.int64], Sample]]:
+    """Draw a tile until all of its points were drawn, as the samples of a test split are drawn.
+
+    Args:
+        cloud: Thinned points.
+        rows: Points of the tile, shape (N,), int64.
+        origin: Where its positions count from [m], shape (3,), float64.
+        seed: Seed of its draws.
+        model: Channels, size of a draw, and scale.
+
+    Yields:
+        Rows of the points in the thinned cloud, shape (points,), int64, and the sample.
+    """
+    patch = tile_patch(cloud.coord, cloud.columns, rows, origin, seed)
+    for number in range(count_draws(len(patch), model.points)):
+        drawn = exhaustive_draw(len(patch), model.points, number, seed)
+        yield rows[drawn], make_sample(patch, drawn, model.channels, Scaling("constant", model.tile.scale))
+
+
+def _inputs(scan: Scan, frame: Frame) -> dict[str, NDArray[Any]]:
+    found: dict[str, NDArray[Any]] = {}
+    if scan.color is not None:
+        found["color"] = scan.color
+    if scan.normal is not None:
+        found["normal"] = frame.rotate(scan.normal)
+    return found
+
+
+def _file_of(source: Path, out: Path) -> tuple[Path, float | None]:
+    """The file to copy, and the unit where it is known: a cloud's folder holds its points as LAZ and PLY too.
+
+    A cloud that no alignment brought into the world has no unit: 0 then.
+    """
+    if not source.is_dir():
+        return source, None
+    if not (source / "cloud.json").is_file():
+        raise InputError("not a cloud: no cloud.json", where=source, mend="Name a scan, or the folder of a cloud")
+    name = _OWN_FILES.get(out.suffix.lower())
+    if name is None or not (source / name).is_file():
+        raise InputError("a cloud can be copied as LAZ, LAS or PLY", where=out, field="-o", value=out.suffix,
+                         allowed=", ".join(_OWN_FILES))  # fmt: skip
+    alignment = read_json(source / "cloud.json").get("alignment", {})
+    return source / name, 0.0 if alignment.get("target") == "none" else 1.0

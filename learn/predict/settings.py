@@ -1,0 +1,33 @@
+"""What a prediction understands."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from groundwork.settings import Settings
+
+Up = Literal["x", "-x", "y", "-y", "z", "-z"]
+Unit = Literal["m", "cm", "mm", "ft", "us-ft"]
+UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}  # [m]
+
+
+class PredictSettings(Settings):
+    """How a scan is labelled."""
+
+    unit: Unit | None = Field(default=None, description="Unit of the coordinates; left out: as the scan says")
+    scale: float | None = Field(
+        default=None, gt=0.0, allow_inf_nan=False, description="Length of one unit of a scan without any scale [m]"
+    )
+    up: Up = Field(default="z", description="Axis of the scan that points up")
+    table: str = Field(default="", description="Table of classes to sum into; empty for the model's own")
+    classes: tuple[str, ...] = Field(default=(), description="Classes to keep; the others become 255; empty for all")
+    min_confidence: float = Field(default=0.0, ge=0.0, le=1.0, description="Less sure points become 255 [1]")
+    link: float = Field(
+        default=0.3,
+        gt=0.0,
+        le=100.0,
+        description="Points of a class in touching cubes of this side are connected [m]",
+    )
+    fewest: int = Field(default=20, ge=1, description="Thinned points without which a connected part is no instance")
+    batch: int = Field(default=8, ge=1, le=1024, description="Samples that the model gets at once")
+    chunk: int = Field(default=2_000_000, ge=1, description="Points of the scan in memory at once")

@@ -1,0 +1,142 @@
+"""A copy of a LAS or LAZ file with labels beside everything that it held, and new LAZ files for other sources."""
+
+import copy
+import ctypes
+from collections.abc import Iterable, Iterator
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from groundwork.errors import InputError
+from groundwork.files import fresh_file
+from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labelled
+from recon.formats.read_las import LasRows
+from recon.formats.scan_points import Scan
+
+_DESCRIPTIONS = ("class id, 255 for none", "confidence of the class", "connected part of a class")
+_NEW_FORMATS = 6
+_STEP = 0.0001  # [m] of a new file
+_CREATED = date(2000, 1, 1)
+_COUNTS = 2**31 - 1
+
+
+def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], classify: bool) -> None:
+    """Copy a file point by point and append three extra dimensions; bytes of the points stay as they are.
+
+    Args:
+        source: LAS or LAZ file.
+        rows: Its points.
+        out: .las or .laz file to write.
+        labels: Labels of the points, in their order, in pieces of any size.
+        classify: Write the class into `classification` too; 255 becomes 1, unclassified.
+
+    Raises:
+        InputError: The header cannot be copied, or it holds predictions already.
+    """
+    import laspy
+    from laspy.vlrs.vlrlist import VLRList
+
+    refuse_labelled(source, tuple(rows.header.extra))
+    try:
+        with laspy.open(source) as reader:
+            header, appended = copy.deepcopy(reader.header), list(reader.evlrs or ())
+    except Exception as error:  # the library raises whatever its parser does
+        raise InputError(f"its header cannot be copied: {str(error)[:80]}", where=source) from None
+    known: Any = header.vlrs.get("ExtraBytesVlr")
+    said = [bytes(row) for record in known for row in record.extra_bytes_structs]
+    header.add_extra_dims([
+        laspy.ExtraBytesParams(name, DTYPES[name], text) for name, text in zip(NAMES, _DESCRIPTIONS, strict=True)
+    ])  # fmt: skip
+    dtype = header.point_format.dtype()
+    if dtype.itemsize != rows.header.size + sum(kind.itemsize for kind in DTYPES.values()):
+        raise InputError("has bytes in its points that cannot be copied", where=source, value=rows.header.size,
+                         mend="Write it anew with another program")  # fmt: skip
+    with fresh_file(out) as partial, _writer(partial, header, out, said) as writer:
+        for first, part in _pieces(labels):
+            last = first + len(part.classes)
+            table = np.zeros(last - first, dtype)
+            table.view(np.uint8).reshape(last - first, -1)[:, : rows.header.size] = rows.rows[first:last]
+            for name, values in part.columns.items():
+                table[name] = values
+            if classify:
+                _set_classification(table, part.classes, rows.header.format)
+            writer.write_points(_record(table, writer.header))
+        if appended:
+            writer.write_evlrs(VLRList(appended))
+
+
+def new_las(out: Path, scans: Iterable[Scan], labels: Iterable[Labels], low: np.ndarray, high: np.ndarray) -> None:
+    """Write a new LAS or LAZ file, point format 7, of a source that is neither.
+
+    Args:
+        out: .las or .laz file to write.
+        scans: The points, in pieces of any size.
+        labels: Labels of these points, in the same pieces.
+        low: Lower corner of all points [m], shape (3,), float64.
+        high: Upper corner [m], shape (3,), float64.
+    """
+    import laspy
+
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    header.creation_date = _CREATED
+    header.system_identifier = header.generating_software = "Falsework"
+    header.global_encoding.wkt = True
+    coarsest = float((high - low).max() + 1.0) / _COUNTS
+    header.scales, header.offsets = np.full(3, max(_STEP, 10.0 ** np.ceil(np.log10(coarsest)))), np.floor(low)
+    header.add_extra_dims([
+        laspy.ExtraBytesParams(name, DTYPES[name], text) for name, text in zip(NAMES, _DESCRIPTIONS, strict=True)
+    ])  # fmt: skip
+    with fresh_file(out) as partial, _writer(partial, header, out, []) as writer:
+        for scan, part in zip(scans, labels, strict=True):
+            record = laspy.ScaleAwarePointRecord.zeros(len(scan), header=writer.header)
+            record["x"], record["y"], record["z"] = scan.coord.T
+            if scan.color is not None:
+                for name, values in zip(("red", "green", "blue"), scan.color.T, strict=True):
+                    record[name] = values.astype(np.uint16) * 257
+            for name, values in part.columns.items():
+                record[name] = values
+            writer.write_points(record)
+
+
+def _writer(partial: Path, header: Any, out: Path, said: list[bytes]) -> Any:
+    import laspy
+
+    packed = out.suffix.lower() == ".laz"
+    backend = laspy.LazBackend.Lazrs if packed else None
+    # not atomic: the caller renames it when it is whole
+    writer = laspy.open(partial, mode="w", header=header, do_compress=packed, laz_backend=backend)
+    # The library would write the bounds of the last piece of points over those that the source states.
+    known: Any = writer.header.vlrs.get("ExtraBytesVlr")
+    for record in known:
+        record.grow = _leave_alone
+        for row, before in zip(record.extra_bytes_structs, said, strict=False):
+            ctypes.memmove(ctypes.addressof(row), before, len(before))
+    return writer
+
+
+def _leave_alone(points: object) -> None:
+    del points
+
+
+def _record(table: np.ndarray, header: Any) -> Any:
+    import laspy
+
+    return laspy.ScaleAwarePointRecord(table, header.point_format, scales=header.scales, offsets=header.offsets)
+
+
+def _pieces(labels: Iterable[Labels]) -> Iterator[tuple[int, Labels]]:
+    first = 0
+    for part in labels:
+        yield first, part
+        first += len(part.classes)
+
+
+def _set_classification(table: np.ndarray, classes: np.ndarray, number: int) -> None:
+    """Old point formats keep the class in the lower five bits of a byte that holds three flags."""
+    codes = np.where(classes == 255, 1, classes).astype(np.uint8)
+    if number >= _NEW_FORMATS:
+        table["classification"] = codes
+    else:
+        table["raw_classification"] = (table["raw_classification"] & 0xE0) | np.where(codes > 31, 1, codes)

@@ -1,0 +1,79 @@
+"""Labels written beside everything that a scan held: one copy a format, points in their order."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from groundwork.errors import InputError
+from recon.formats import read_e57, read_las, read_numpy, read_ply
+from recon.formats.copy_las import copy_las, new_las
+from recon.formats.copy_ply import copy_ply
+from recon.formats.copy_table import copy_array, copy_text
+from recon.formats.labels import Labels
+from recon.formats.read_text import SUFFIXES
+from recon.formats.scan_stream import ScanStream
+
+_LAS = (".las", ".laz")
+_KINDS = {read_las.MAGIC: _LAS, read_ply.MAGIC + b"\n": (".ply",), read_ply.MAGIC + b"\r": (".ply",),
+          read_numpy.MAGIC: (".npy",), read_e57.MAGIC: ()}  # fmt: skip
+
+
+def check_copy(source: Path, out: Path) -> None:
+    """Refuse a copy that cannot be made, before any work is done.
+
+    Args:
+        source: Scan.
+        out: File to write.
+
+    Raises:
+        InputError: A suffix that does not fit, the source itself, or a folder that is not there.
+    """
+    allowed = (*_KINDS.get(_magic(source), SUFFIXES), *_LAS)
+    if out.suffix.lower() not in allowed:
+        raise InputError("another format than the scan", where=out, field="-o", value=out.suffix,
+                         allowed=", ".join(dict.fromkeys(allowed)))  # fmt: skip
+    if out.exists() and (out.is_dir() or out.samefile(source)):
+        raise InputError("is a folder, or the scan itself", where=out, field="-o", mend="Choose another name")
+    if not out.parent.is_dir():
+        raise InputError("no such folder", where=out.parent, field="-o", mend="Make it first")
+
+
+def write_labelled_copy(
+    source: Path, stream: ScanStream, out: Path, labels: Callable[[], Iterator[Labels]], chunk: int, classify: bool
+) -> None:
+    """Write a copy of a scan with `predicted_class`, `predicted_confidence` and `predicted_instance` for each point.
+
+    Order, coordinates, reference system, records and every other column stay as they are. Where the source is no LAS
+    file and the copy is one, a new file with positions and colours is written.
+
+    Args:
+        source: The scan.
+        stream: The same, opened.
+        out: File to write; its suffix says the format.
+        labels: Gives the labels of the points in their order, in the pieces of `stream.chunks(chunk)`.
+        chunk: Points at a time.
+        classify: Write the class into the `classification` of LAS too.
+
+    Raises:
+        InputError: The formats do not go together, or the source holds predictions already.
+    """
+    check_copy(source, out)
+    kind = out.suffix.lower()
+    if kind in _LAS and stream.las is not None:
+        copy_las(source, stream.las, out, labels(), classify)
+    elif kind in _LAS:
+        corners = [(scan.coord.min(axis=0), scan.coord.max(axis=0)) for scan in stream.chunks(chunk)]
+        low, high = np.min([a for a, _ in corners], axis=0), np.max([b for _, b in corners], axis=0)
+        new_las(out, stream.chunks(chunk), labels(), low, high)
+    elif kind == ".ply":
+        copy_ply(source, out, labels())
+    elif kind == ".npy":
+        copy_array(source, out, labels())
+    else:
+        copy_text(source, out, labels())
+
+
+def _magic(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(4)

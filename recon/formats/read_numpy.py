@@ -1,0 +1,57 @@
+"""Points as one NumPy array: a table of numbers, or a record with named fields; nothing in it is executed."""
+
+from pathlib import Path
+
+import numpy as np
+
+from groundwork.errors import InputError
+from recon.formats.read_text import LAYOUTS, scan_of_columns
+from recon.formats.scan_points import Scan, check_count
+
+MAGIC = b"\x93NUM"
+
+
+def open_array(path: Path) -> np.ndarray:
+    """Map an array without reading it; its header must agree with the length of the file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Numbers, shape (N, C), or records, shape (N,).
+
+    Raises:
+        InputError: Damaged, of another shape, or one that would have to be unpickled.
+    """
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError, SyntaxError) as error:
+        raise InputError(f"not readable as an array: {str(error)[:80]}", where=path, mend="Write it again") from None
+    if not isinstance(array, np.ndarray):
+        raise InputError("an archive, not an array", where=path)
+    plain = array.ndim == 2 and array.dtype.kind in "fiu" and array.shape[1] in LAYOUTS
+    named = array.ndim == 1 and array.dtype.names is not None
+    if not plain and not named:
+        raise InputError("not a table of points", where=path, value=f"{array.dtype} {array.shape}"[:80],
+                         allowed=f"shape (N, C) with C of {', '.join(map(str, LAYOUTS))}, or named fields")  # fmt: skip
+    return array
+
+
+def read_numpy(path: Path, most_points: int) -> Scan:
+    """Read the points of an array; its columns are taken as those of a text, its fields by their names.
+
+    Args:
+        path: The file.
+        most_points: Points above which it is refused.
+
+    Raises:
+        InputError: Damaged, not a table of points, or too many.
+    """
+    array = open_array(path)
+    check_count(path, len(array), most_points)
+    if array.dtype.names is None:
+        names = LAYOUTS[array.shape[1]]
+        return scan_of_columns(path, {name: np.asarray(array[:, place]) for place, name in enumerate(names)})
+    fields = {name: np.asarray(array[name]) for name in array.dtype.names if array.dtype[name].kind in "fiu"}
+    flat = {name: values for name, values in fields.items() if values.ndim == 1}
+    return scan_of_columns(path, flat)

@@ -1,0 +1,128 @@
+"""Points as lines of numbers: XYZ files, and the text form of S3DIS (x y z r g b and, where there is one, a label)."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count
+
+SUFFIXES = (".xyz", ".txt", ".csv", ".asc", ".pts")
+_MOST_TEXT = 2_000_000_000  # [bytes]
+_LONGEST_LINE = 4096  # [bytes]
+_SHORTEST_LINE = 6  # [bytes] three digits, two blanks and a line end
+_NAMES = {
+    "r": "red", "g": "green", "b": "blue", "label": "segment", "class": "segment", "scalar_label": "segment",
+    "classification": "segment", "scalar_classification": "segment", "i": "intensity", "reflectance": "intensity",
+}  # fmt: skip
+# What nameless columns are taken for, by their number.
+LAYOUTS: dict[int, tuple[str, ...]] = {
+    3: ("x", "y", "z"), 4: ("x", "y", "z", "intensity"), 6: ("x", "y", "z", "red", "green", "blue"),
+    7: ("x", "y", "z", "red", "green", "blue", "segment"),
+    8: ("x", "y", "z", "red", "green", "blue", "segment", "instance"),
+}  # fmt: skip
+
+
+def read_text(path: Path, most_points: int) -> Scan:
+    """Read lines of numbers, parted by blanks, tabs, commas or semicolons.
+
+    A first line of names says what the columns are; without one their number does: three are x y z, four have
+    intensity, six a colour, seven a colour and a label, eight an instance too.
+
+    Args:
+        path: The file.
+        most_points: Points above which it is refused.
+
+    Raises:
+        InputError: Not lines of numbers, or too many.
+    """
+    length = path.stat().st_size
+    if length > _MOST_TEXT or length // _SHORTEST_LINE > most_points * 100:
+        raise InputError("too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes",
+                         mend="Convert it to LAZ")  # fmt: skip
+    if not length:
+        raise InputError("holds no points", where=path)
+    with path.open("rb") as file:
+        head = [file.readline(_LONGEST_LINE) for _ in range(2)]
+    skipped, names, mark = first_line(path, head)
+    try:
+        with path.open(encoding="ascii") as text:
+            table = np.loadtxt(text, np.float64, comments="#", delimiter=mark, skiprows=skipped, ndmin=2)
+    except (ValueError, UnicodeDecodeError) as error:
+        reason = re.sub(r"\s+", " ", str(error))[:80]
+        raise InputError(f"not lines of numbers: {reason}", where=path, mend="Write x y z on each line") from None
+    check_count(path, len(table), most_points)
+    width = table.shape[1]
+    columns = names or LAYOUTS.get(width)
+    if columns is None or len(columns) != width:
+        raise InputError("columns that say no names", where=path, value=width,
+                         allowed=f"{', '.join(map(str, LAYOUTS))} columns, or a first line of names")  # fmt: skip
+    return scan_of_columns(path, {name: table[:, place] for place, name in enumerate(columns)})
+
+
+def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str | None]:
+    """Find out how a text begins.
+
+    Args:
+        path: File, for the error.
+        head: Its first two lines.
+
+    Returns:
+        Lines to skip; names of the columns, none where the text does not say them; what parts them, None for blanks.
+
+    Raises:
+        InputError: No text, or a name twice.
+    """
+    if b"\0" in head[0] or len(head[0]) >= _LONGEST_LINE:
+        raise InputError("neither text nor another format that is known", where=path)
+    first = head[0].decode("ascii", "replace").strip()
+    words = re.split(r"[,;\s]+", first.lstrip("/# "))
+    second = head[1].decode("ascii", "replace")
+    mark = next((sign for sign in ",;" if sign in (second or first)), None)
+    if all(re.fullmatch(r"[A-Za-z_]\w*", word) for word in words):
+        names = tuple(_NAMES.get(word.lower(), word.lower()) for word in words)
+        if len(set(names)) < len(names) and not first.startswith("#"):
+            raise InputError("a column twice", where=path, value=first[:80])
+        if {"x", "y", "z"} <= set(names):
+            return 1, names, mark
+    return int(len(words) == 1 and words[0].isdigit() and len(second.split()) > 1), (), mark  # .pts: a count
+
+
+def scan_of_columns(path: Path, columns: dict[str, NDArray[Any]]) -> Scan:
+    """Make a scan of named columns.
+
+    Args:
+        path: File, for the error.
+        columns: Columns by name, shape (N,) each: x, y, z, and of red, green, blue, nx, ny, nz, segment, instance,
+            intensity those that there are; others are left aside.
+
+    Raises:
+        InputError: No position, or a column that cannot be what its name says.
+    """
+    missing = [name for name in "xyz" if name not in columns]
+    if missing:
+        raise InputError("a point without a position", where=path, field=missing[0], allowed="x, y and z")
+    coord = np.column_stack([columns[name] for name in "xyz"]).astype(np.float64)
+    check_coordinates(path, coord)
+    found: dict[str, Any] = {}
+    if all(name in columns for name in ("red", "green", "blue")):
+        found["color"] = _color(path, np.column_stack([columns[name] for name in ("red", "green", "blue")]))
+    if all(name in columns for name in ("nx", "ny", "nz")):
+        found["normal"] = np.column_stack([columns[name] for name in ("nx", "ny", "nz")]).astype(np.float32)
+    for name, kind in (("segment", np.uint8), ("instance", np.uint32)):
+        if name in columns:
+            found[name] = as_ids(path, name, columns[name], kind)
+    if "intensity" in columns:
+        found["intensity"] = columns["intensity"].astype(np.float32)
+    return Scan(coord, **found)
+
+
+def _color(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
+    if not np.isfinite(values).all() or values.min() < 0 or values.max() > 65535:
+        raise InputError("not a colour", where=path, field="red, green, blue", allowed="0 to 1, 0 to 255 or 0 to 65535")
+    if values.max() <= 1.0 and (values != np.floor(values)).any():
+        return np.rint(values * 255).astype(np.uint8)
+    return (values if values.max() <= 255 else values / 257).astype(np.uint8)

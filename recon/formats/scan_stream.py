@@ -1,0 +1,54 @@
+"""A scan some points at a time: LAS and LAZ stay on the disk, the other formats are held in memory."""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from recon.formats.read_las import LasRows
+from recon.formats.scan_points import Scan
+
+
+class ScanStream:
+    """The points of a scan in the order of its file.
+
+    Attributes:
+        count: Number of points.
+        unit: Length of one step of the coordinates [m]; None where the file does not say, 0 where they are angles.
+        las: The bytes of the points, of LAS and LAZ only.
+    """
+
+    def __init__(self, source: LasRows | Scan, unit: float | None) -> None:
+        """Take what was opened.
+
+        Args:
+            source: Points on the disk or in memory.
+            unit: Length of one step of the coordinates [m].
+        """
+        self.las = source if isinstance(source, LasRows) else None
+        self._scan = source if isinstance(source, Scan) else None
+        self.unit = unit
+        self.count = source.header.count if isinstance(source, LasRows) else len(source)
+
+    def chunks(self, size: int) -> Iterator[Scan]:
+        """Go through the points once; may be called again.
+
+        Args:
+            size: Most points at a time.
+
+        Yields:
+            The next points.
+        """
+        for first in range(0, self.count, size):
+            last = min(first + size, self.count)
+            if self.las is not None:
+                yield self.las.decode(first, last)
+            elif self._scan is not None:
+                yield _part(self._scan, slice(first, last))
+
+
+def _part(scan: Scan, rows: slice) -> Scan:
+    values: dict[str, Any] = {field.name: getattr(scan, field.name) for field in fields(scan)}
+    cut: dict[str, Any] = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in values.items()}
+    return Scan(**cut)

@@ -1,0 +1,191 @@
+"""Data sets for other training code hold the same points and labels, and scans from elsewhere become data sets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import laspy
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from groundwork.errors import InputError, MissingError
+from learn.datasets.build import Source, build_dataset
+from learn.datasets.class_map import map_names, read_class_map
+from learn.datasets.class_tables import class_table
+from learn.datasets.export import export_dataset
+from learn.datasets.labelled_cloud import identify, read_labelled
+from learn.datasets.layout import read_facts, read_piece
+from learn.datasets.settings import dataset_settings
+from learn.datasets.stored import StoredSplit
+from recon.formats.scan import read_scan
+from tests.learn.toy_bridge import write_toy
+
+SMALL = {"points": 256, "fewest": 64, "tile": {"voxel": 0.3}}
+ALL_READ = ("x", "y", "z", "red", "green", "blue")
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build a small data set of three bridges."""
+    folder = tmp_path_factory.mktemp("exports")
+    clouds = [write_toy(folder / f"{i}", i, 3000, f"b{i}") for i in range(3)]
+    (folder / "set").mkdir()
+    build_dataset([Source(path) for path in clouds], folder / "set", dataset_settings("local", SMALL, "test"))
+    return folder / "set"
+
+
+def test_hdf5_and_parquet_hold_the_draws(dataset: Path, tmp_path: Path) -> None:
+    """Row by row the samples of the splits, bit for bit: coordinates, colours, labels and bridges."""
+    for kind in ("hdf5", "parquet"):
+        (tmp_path / kind).mkdir()
+        export_dataset(dataset, kind, tmp_path / kind)
+    for split, name in (("val", "validation"), ("test", "test")):
+        source = StoredSplit(dataset, split, ALL_READ)
+        with h5py.File(tmp_path / "hdf5" / f"{split}.h5") as file:
+            data, label, bridge = (np.asarray(file[key]) for key in ("data", "label", "bridge"))
+        (shard,) = (tmp_path / "parquet/data").glob(f"{name}-*.parquet")
+        table = pq.read_table(shard).to_pydict()
+        assert len(source) == len(data) == len(table["coord"]) > 5
+        for index in range(len(source)):
+            sample = source.sample(index, 0)
+            np.testing.assert_array_equal(data[index], sample.features)
+            np.testing.assert_array_equal(label[index], sample.labels)
+            assert bridge[index].decode() == table["bridge"][index] == source.bridge(index)
+            scaled = np.array(table["coord"][index], np.float32) * np.float32(0.1)
+            np.testing.assert_array_equal(scaled, sample.coord)
+            np.testing.assert_array_equal(table["label"][index], sample.labels)
+            np.testing.assert_allclose(np.array(table["color"][index]) / 255.0, sample.features[:, 3:], atol=1e-6)
+    card = (tmp_path / "parquet/README.md").read_text()
+    assert card.startswith("---\nconfigs:\n- config_name: default\n  data_files:\n  - split: train\n")
+
+
+def test_s3dis_holds_the_pieces(dataset: Path, tmp_path: Path) -> None:
+    """A room has the points of its piece, and its annotations are these points, sorted by class."""
+    export_dataset(dataset, "s3dis", tmp_path)
+    row = next(row for row in read_facts(dataset).pieces if row.split == "test")
+    patch = read_piece(dataset, row, ("color",))
+    room = tmp_path / "Area_3" / row.name
+    whole = np.loadtxt(room / f"{row.name}.txt")
+    np.testing.assert_allclose(whole[:, :3], patch.coord, atol=0.51e-4)
+    np.testing.assert_array_equal(whole[:, 3:], patch.inputs["color"])
+    for label, name in enumerate(("background", "column", "piercap", "deck")):
+        path, mine = room / "Annotations" / f"{name}_1.txt", patch.labels == label
+        assert path.is_file() == mine.any()
+        if mine.any():
+            np.testing.assert_array_equal(np.loadtxt(path, ndmin=2), whole[mine])
+
+
+def semantic_ply(path: Path, points: np.ndarray, colors: np.ndarray, labels: np.ndarray) -> Path:
+    """Write PLY as SemanticBridge does: positions, colours and labels in an element each."""
+    count = len(points)
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {count}\n"
+    head += "".join(f"property double {name}\n" for name in "xyz") + f"element color {count}\n"
+    head += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+    head += f"element label {count}\nproperty int label\nend_header\n"
+    path.write_bytes(head.encode() + points.tobytes() + colors.tobytes() + labels.astype("<i4").tobytes())
+    return path
+
+
+def test_semanticbridge(tmp_path: Path) -> None:
+    """Its PLY and its LAS are read alike, its test bridges are known, it is never trained on, far places stay exact."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, 20, (2000, 3)) + np.array([5e5, 5.2e6, 400.0])
+    points = np.round(points, 3)
+    colors, labels = rng.integers(0, 256, (2000, 3)).astype(np.uint8), rng.integers(0, 9, 2000)
+    ply = semantic_ply(tmp_path / "bridge_07.ply", points, colors, labels)
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    header.scales, header.offsets = np.full(3, 0.001), np.array([5e5, 5.2e6, 0.0])
+    header.add_extra_dim(laspy.ExtraBytesParams("label", np.dtype("u1")))
+    record = laspy.LasData(header)
+    record.x, record.y, record.z = points.T
+    record.red, record.green, record.blue = (colors.astype(np.uint16) * 256).T
+    record["label"] = labels
+    record.write(str(tmp_path / "bridge_08.las"))
+    known = read_class_map("semanticbridge")
+    facts = [identify(path, known) for path in (ply, tmp_path / "bridge_08.las")]
+    assert [(row.test, row.evaluate_only, row.licence) for row in facts] == [
+        (True, True, "CC BY-NC 4.0"), (False, True, "CC BY-NC 4.0"),
+    ]  # fmt: skip
+    table = class_table("semanticbridge")
+    clouds = [read_labelled(path, known, table) for path in (ply, tmp_path / "bridge_08.las")]
+    for cloud in clouds:
+        np.testing.assert_allclose(cloud.coord, points, atol=1e-6)
+        np.testing.assert_array_equal(cloud.inputs["color"], colors)
+        np.testing.assert_array_equal(cloud.labels, np.where(labels == 0, 255, labels))
+    few = read_labelled(ply, known, class_table("kim2023"))
+    names = {int(code): set(few.labels[labels == code].tolist()) for code in range(9)}
+    assert (names[4], names[8], names[1], names[3], names[0]) == ({3}, {1}, {0}, {0}, {255})
+    ours = [Source(write_toy(tmp_path / f"{i}", i, 3000, f"b{i}")) for i in range(2)]
+    (tmp_path / "set").mkdir()
+    settings = dataset_settings("local", {**SMALL, "split": "random"}, "test")
+    made = build_dataset([*ours, Source(ply, known)], tmp_path / "set", settings)
+    assert {row.split for row in made.pieces if row.source == 2} == {"test"}
+    assert "evaluate only" in (tmp_path / "set/README.md").read_text()
+
+
+def test_text_and_asprs(tmp_path: Path) -> None:
+    """Seven numbers a line are a labelled scan, named columns too; LAS codes 17 and 26 are the bridge."""
+    rng = np.random.default_rng(1)
+    places = np.round(rng.uniform(0, 9, (60, 3)) + np.array([4e5, 5e6, 3.0]), 3)
+    rows = np.column_stack([places, rng.integers(0, 256, (60, 3)), rng.integers(0, 4, 60)])
+    np.savetxt(tmp_path / "korea_1.txt", rows, "%.3f %.3f %.3f %d %d %d %d")
+    np.savetxt(tmp_path / "named.csv", rows[:, [6, 0, 1, 2]], "%.3f", ",", header="Label,X,Y,Z", comments="")
+    for name in ("korea_1.txt", "named.csv"):
+        cloud = read_labelled(tmp_path / name, read_class_map("kim2023"), class_table("kim2023"))
+        np.testing.assert_array_equal(cloud.coord, rows[:, :3])
+        np.testing.assert_array_equal(cloud.labels, rows[:, 6])
+    record = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    codes = rng.choice([0, 1, 2, 3, 5, 9, 17, 26, 99], 300).astype(np.uint8)
+    record.x, record.y, record.z = rng.uniform(0, 9, (3, 300))
+    record.classification = codes
+    record.write(str(tmp_path / "ahn.laz"))
+    for table, deck, ground in (("kim2023", "deck", "background"), ("falsework", "deck", "background")):
+        cloud = read_labelled(tmp_path / "ahn.laz", read_class_map("asprs"), class_table(table))
+        names = class_table(table).names
+        found = {int(code): {names[k] if k < 255 else "" for k in cloud.labels[codes == code]} for code in set(codes)}
+        assert found[17] == found[26] == {deck}
+        assert found[2] == found[5] == found[9] == found[3] == {ground}
+        assert found[0] == found[1] == found[99] == {""}
+
+
+def test_maps_of_the_package_and_of_users(tmp_path: Path) -> None:
+    """Every map of the package is whole; what a user's map gets wrong is one line."""
+    assert set(map_names()) == {"asprs", "kim2023", "parts5", "semanticbridge"}
+    for name in map_names():
+        assert read_class_map(name).codes
+    good = '{"title": "x", "code": [{"id": 3, "name": "pillar", "parts": ["column"]}]}'
+    (tmp_path / "m.json").write_text(good)
+    assert read_class_map(str(tmp_path / "m.json")).label(3, class_table("kim2023")) == 1
+    for text, words in (
+        (good.replace("column", "colum"), "unknown part"), (good.replace('"id": 3', '"id": 300'), "less than or equal"),
+        (good.replace('"parts"', '"part"'), "Did you mean"), ("[]", "not a class map"), ("{", "not readable as JSON"),
+        ('{"title": "x"}', "names no number"), ('{"table": "kim"}', "unknown table"),
+    ):  # fmt: skip
+        (tmp_path / "m.json").write_text(text)
+        with pytest.raises(InputError, match=words):
+            read_class_map(str(tmp_path / "m.json"))
+    with pytest.raises(MissingError, match=r"no such class map .*semanticbridge"):
+        read_class_map("sematicbridge")
+
+
+def test_hostile_tables_are_one_line(tmp_path: Path) -> None:
+    """Arrays that would have to be unpickled, lie about their length, or are no points; text that is none."""
+    np.save(tmp_path / "p.npy", np.array([{"a": 1}], object), allow_pickle=True)
+    np.save(tmp_path / "w.npy", np.zeros((5, 2)))
+    np.save(tmp_path / "n.npy", np.full((5, 3), np.nan))
+    np.save(tmp_path / "t.npy", np.zeros((500, 3)))
+    whole = (tmp_path / "t.npy").read_bytes()
+    (tmp_path / "t.npy").write_bytes(whole.replace(b"(500, 3)", b"(9999999999, 3)").replace(b" " * 9 + b"\n", b" \n"))
+    (tmp_path / "l.npy").write_bytes(whole[:-9])
+    (tmp_path / "a.xyz").write_text("1 2 3\n1 2\n")
+    (tmp_path / "b.xyz").write_bytes(b"\0\1\2\n")
+    (tmp_path / "c.xyz").write_text("1 2 3 4 5\n")
+    (tmp_path / "d.xyz").write_text("x y q\n1 2 3\n")
+    (tmp_path / "e.xyz").write_text("")
+    for path in sorted([*tmp_path.glob("*.npy"), *tmp_path.glob("*.xyz")]):
+        with pytest.raises(InputError) as caught:
+            read_scan(path)
+        assert path.name in str(caught.value)
+        assert "\n" not in str(caught.value)
