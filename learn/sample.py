@@ -1,0 +1,75 @@
+"""What a data set hands to a network: one sample, and the source that draws samples."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+
+F32 = NDArray[np.float32]
+I64 = NDArray[np.int64]
+
+UNLABELLED = 255
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One cloud as a network sees it.
+
+    Attributes:
+        coord: Positions about the cloud's own centre, metric or scaled by one constant [m or 1], shape (N, 3), float32.
+        features: The network's inputs [1], shape (N, C), float32; positions are among them where the network is to see
+            them as features.
+        labels: Class of each point, 255 where unknown, shape (N,), int64.
+        channels: Name of each column of `features`, C of them.
+    """
+
+    coord: F32
+    features: F32
+    labels: I64
+    channels: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        count = len(self.coord)
+        shapes = (self.coord.shape, self.features.shape, self.labels.shape)
+        if shapes != ((count, 3), (count, len(self.channels)), (count,)):
+            raise InputError("the columns of a sample do not fit together", field="sample", value=shapes,
+                             allowed="coord (N, 3), features (N, C), labels (N,), C channels")  # fmt: skip
+
+
+class SampleSource(Protocol):
+    """A data set, or one split of it."""
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Name of each class, in the order of the labels."""
+        ...
+
+    def __len__(self) -> int:
+        """Count the samples."""
+        ...
+
+    def sample(self, index: int, seed: int) -> Sample:
+        """Draw one sample.
+
+        Args:
+            index: Number of the sample, 0 to `len` - 1.
+            seed: Seed of whatever is random in the draw; the same seed gives the same sample.
+
+        Returns:
+            The sample.
+        """
+        ...
+
+    def bridge(self, index: int) -> str:
+        """Name the bridge of a sample.
+
+        Args:
+            index: Number of the sample.
+
+        Returns:
+            A name that all samples of one bridge share.
+        """
+        ...
