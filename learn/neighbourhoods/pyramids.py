@@ -30,7 +30,7 @@ def farthest_pyramid(coord: F32, counts: Sequence[int], balls: Sequence[Sequence
 
     Returns:
         For level l: `kept{l}`, shape (counts[l],), rows of the level above; `ball{l}_{j}`, shape (counts[l],
-        neighbours), rows of the level above; `up{l}`, shape (points above, 3), rows of level l, nearest first. All int32.
+        neighbours), rows of the level above; `up{l}`, shape (points above, 3), rows of level l, nearest first; int32.
     """
     arrays: dict[str, NDArray[np.int32]] = {}
     above = coord
