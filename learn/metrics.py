@@ -93,7 +93,7 @@ def mean_iou(matrices: F64 | I64) -> F64:
     """Give the mean IoU of many confusion matrices at once.
 
     Args:
-        matrices: Shape (…, C, C).
+        matrices: Confusion matrices, shape (…, C, C).
 
     Returns:
         Mean over the classes that occur [1], shape (…), float64; NaN where none does.
