@@ -9,11 +9,11 @@ from types import MappingProxyType
 import numpy as np
 from pxr import Sdf
 
-from authoring.alignment import Layout
-from authoring.assets import Pieces, bake_site, write_asset
+from authoring.axis.alignment import Layout
 from authoring.backgrounds.registry import BACKGROUNDS
+from authoring.families.bridge_settings import DrawnBridge, draw_layout
 from authoring.families.registry import build_bridge
-from authoring.labels import write_labels
+from authoring.layers.assets import Pieces, bake_site, write_asset
 from authoring.layers.bridge import bridge_layer, payload_layer
 from authoring.layers.geometry import BRIDGE, SITE
 from authoring.layers.layer import export
@@ -25,11 +25,11 @@ from authoring.layers.site import site_layer
 from authoring.layers.surveys import survey_layer, surveys_layer
 from authoring.layers.taxonomy import taxonomy_layer
 from authoring.layers.variant import variant_layer
-from authoring.layout import DrawnBridge, draw_layout
 from authoring.looks.roles import LOOKS
-from authoring.manifest import SceneRecipe, write_scene_manifest
+from authoring.scenes.labels import write_labels
+from authoring.scenes.manifest import SceneRecipe, write_scene_manifest
 from authoring.settings import AuthoringSettings
-from authoring.site import draw_site
+from authoring.site.site import draw_site
 from authoring.streams import stream
 from authoring.surveys.path import CameraPath
 from authoring.surveys.registry import plan_survey

@@ -5,13 +5,13 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from authoring.backgrounds.registry import BackgroundSettings
-from authoring.layout import BridgeSettings
-from authoring.lighting import LightSettings
+from authoring.families.bridge_settings import BridgeSettings
+from authoring.layers.variant_settings import VariantSettings
+from authoring.light.daylight import LightSettings
 from authoring.looks.bake import LookSettings
 from authoring.looks.roles import LOOKS
-from authoring.site import SiteSettings
+from authoring.site.site import SiteSettings
 from authoring.surveys.settings import AnySurvey, GlobalSettings
-from authoring.variants.settings import VariantSettings
 from groundwork.settings import Settings
 
 

@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from authoring.alignment import Layout
-from authoring.component import F64, Component, Scatter
+from authoring.axis.alignment import Layout
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import build_bridge
 from authoring.layers.geometry import BRIDGE, geometry_layer
 from authoring.layers.layer import export
 from authoring.layers.semantics import semantics_layer
-from authoring.layout import BridgeSettings, draw_layout
+from authoring.shapes.component import F64, Component, Scatter
 from authoring.streams import stream
 from falsework.platform import processor
 from groundwork.errors import InputError

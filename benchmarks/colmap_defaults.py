@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from groundwork.child import answer_parent, run_child
 from groundwork.progress import Progress
-from recon.colmap_model import SparseModel, read_model
+from recon.sfm.colmap_model import SparseModel, read_model
 from render.capture import Capture
 
 TIME_LIMIT = 6 * 3600.0  # [s]

@@ -24,16 +24,16 @@ from benchmarks.plain_vote import plain_verdict
 from falsework.platform import processor
 from groundwork.files import write_text
 from groundwork.progress import SILENT
-from recon.annotate import ObservedTruth, annotate, gather
-from recon.colmap_model import SparseModel, read_model
-from recon.completeness import Completeness, measure_completeness, visible_surface
-from recon.dense import run_dense
-from recon.dense_points import DensePoints
-from recon.observations import Observations
+from recon.dense.dense import run_dense
+from recon.dense.points import DensePoints
+from recon.points.observations import Observations
 from recon.settings import DenseSettings, ReconSettings
-from recon.sparse import Sparse
-from recon.surface_distance import nearest_surface
-from recon.uncertainty import depths, measure
+from recon.sfm.colmap_model import SparseModel, read_model
+from recon.sfm.sparse import Sparse
+from recon.truth.annotate import ObservedTruth, annotate, gather
+from recon.truth.completeness import Completeness, measure_completeness, visible_surface
+from recon.truth.surface_distance import nearest_surface
+from recon.truth.uncertainty import depths, measure
 from render.capture import Capture, Truth, read_capture, read_truth
 
 F64 = NDArray[np.float64]

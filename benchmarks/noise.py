@@ -50,8 +50,8 @@ def noise_of(folder: Path) -> dict[str, Any]:
         folder: Cloud folder.
 
     Returns:
-        What `recon.noise_figures.describe_noise` found, `points` and `mode` of the cloud, and `same_class`: of the
-        noisy points that are not off the surface, the share with the class of that surface [1].
+        What `recon.truth.noise_figures.describe_noise` found, `points` and `mode` of the cloud, and `same_class`: of
+        the noisy points that are not off the surface, the share with the class of that surface [1].
 
     Raises:
         InputError: The cloud has no truth.

@@ -1,8 +1,8 @@
-"""The vote of one point as one would write it down: what `recon.annotate` must equal, and is timed against."""
+"""The vote of one point as one would write it down: what `recon.truth.annotate` must equal, and is timed against."""
 
 from collections.abc import Sequence
 
-from recon.noise_figures import THRESHOLD
+from recon.truth.noise_figures import THRESHOLD
 
 
 def plain_verdict(

@@ -30,7 +30,7 @@ from groundwork.canonical import digest, file_digest
 from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.files import read_json, write_json, write_text
 from groundwork.progress import SILENT
-from recon.align import Target, align
+from recon.placing.align import Target, align
 from recon.settings import AlignmentSettings
 from render.capture import CAMERAS, Capture, Truth, read_capture, read_truth
 

@@ -13,12 +13,12 @@ from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.files import read_json, write_json
 from groundwork.progress import Silent
 from recon.settings import ReconSettings, SparseSettings
-from recon.sparse import run_sparse
+from recon.sfm.sparse import run_sparse
 from render.capture import Capture
 
 Run = Callable[[Capture, Path], Found]
 
-_FOLDERS = dict(zip(STEPS, ("features", "matches", "model"), strict=True))  # as `recon.sparse` names the steps
+_FOLDERS = dict(zip(STEPS, ("features", "matches", "model"), strict=True))  # as `recon.sfm.sparse` names the steps
 _COST = "processor_seconds.json"  # in the folder of a finished step: what it cost
 _LIMITS = {"seconds_per_image": 3600.0, "memory_limit": 24.0}  # every pair of 400 images takes hours
 

@@ -26,12 +26,12 @@ from falsework.stages import STAGES
 from groundwork.errors import RejectedSceneError
 from groundwork.files import write_text
 from groundwork.progress import SILENT
-from recon.align import OK, Target, align
+from recon.placing.align import OK, Target, align
 from recon.settings import ReconSettings
-from recon.sparse import run_sparse
+from recon.sfm.sparse import run_sparse
 from render.capture import read_capture, read_truth
 from usd_schemas.pinhole import pinhole_from_lens
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "registration.md"
 SIZE: dict[str, Any] = {"width": 640, "height": 480}

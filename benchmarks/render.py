@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-import authoring.blender
+import authoring.exchange.blender
 import benchmarks.peers
 from benchmarks.frame_meter import WARM, FrameMeter, processor_time
 from benchmarks.render_scene import CAMERA, IMAGES, SEED, SURVEY, VIEWS, author_bench, view_pairs
@@ -31,14 +31,14 @@ from falsework.platform import processor, render_platform
 from falsework.stages import STAGES
 from groundwork.files import write_bytes, write_text
 from groundwork.progress import SILENT
-from render.camera import visible_boxes
 from render.capture import load_image, read_capture, read_truth
+from render.detail.surveyed_scene import survey_scene
 from render.frames import render_scene
-from render.gpu_scene import draw_boxes
+from render.gpu.camera import visible_boxes
+from render.gpu.gpu_scene import draw_boxes
 from render.settings import RenderSettings
-from render.surveyed_scene import survey_scene
 from usd_schemas.flat_scene import FlatScene, world_triangles
-from usd_schemas.scene_cache import load_scene
+from usd_schemas.reading.scene_cache import load_scene
 
 U8 = NDArray[np.uint8]
 
@@ -139,7 +139,8 @@ def measure_blender(work: Path) -> list[Cost]:
     found = []
     for name, engine, samples in ENGINES:
         rows = _ask(python, "in_blender.py", work, {
-            "script": str(Path(authoring.blender.__file__).parent), "scene": str(work / "stage" / "scene.usda"),
+            "script": str(Path(authoring.exchange.blender.__file__).parent),
+            "scene": str(work / "stage" / "scene.usda"),
             "survey": SURVEY, "engine": engine, "samples": samples, "frames": FRAMES, "folder": str(work),
         })  # fmt: skip
         found.append(Cost(f"Blender {name}", rows[-1]["cpu"], rows[-1]["wall"]))

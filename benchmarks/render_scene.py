@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.alignment import Layout
-from authoring.layout import draw_layout
+from authoring.axis.alignment import Layout
+from authoring.families.bridge_settings import draw_layout
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from authoring.streams import stream

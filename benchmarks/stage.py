@@ -12,8 +12,6 @@ from typing import TypeVar
 import numpy as np
 from pxr import Sdf, Usd, Vt
 
-from authoring.component import Component, Mesh
-from authoring.diff import diff_scenes
 from authoring.layers.bridge import bridge_layer, payload_layer
 from authoring.layers.geometry import BRIDGE, geometry_layer, roles_of
 from authoring.layers.layer import export, new_layer
@@ -21,6 +19,8 @@ from authoring.layers.looks import look_layer
 from authoring.layers.root import edits_layer, root_layer
 from authoring.layers.semantics import semantics_layer
 from authoring.looks.material import MaterialRecipe
+from authoring.scenes.diff import diff_scenes
+from authoring.shapes.component import Component, Mesh
 from falsework.platform import processor
 from groundwork.files import write_text
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import build_bridge
-from authoring.layout import BridgeSettings, draw_layout
-from authoring.site import SiteSettings, draw_site
+from authoring.site.site import SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.camera_models import calibration, camera_models
 from authoring.surveys.framing import eye_of

@@ -13,7 +13,7 @@ from pydantic_core import PydanticUndefined
 from falsework.scenario import Scenario
 from groundwork.files import write_text
 from groundwork.settings import Settings
-from recon.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
+from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
 from usd_schemas.components import ClassRow, component_classes
 from usd_schemas.taxonomies import TAXONOMIES, Taxonomy, taxonomy
 

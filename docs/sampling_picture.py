@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from groundwork.files import write_bytes
 from groundwork.progress import SILENT
 from recon.cloud import Cloud, read_cloud
-from recon.sample_lidar import sample_lidar
-from recon.sample_mesh import sample_mesh
-from recon.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
+from recon.sampling.sample_lidar import sample_lidar
+from recon.sampling.sample_mesh import sample_mesh
+from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole, look_at, project
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from recon.reconstruct import reconstruct
     from render.capture import Capture, read_capture
     from usd_schemas.flat_scene import FlatScene
-    from usd_schemas.stage_reader import read_stage
+    from usd_schemas.reading.stage_reader import read_stage
 
 __all__ = [
     "Capture",
@@ -40,7 +40,7 @@ _HOME = {
     "load_scenario": "falsework.scenario",
     "read_capture": "render.capture",
     "read_cloud": "recon.cloud",
-    "read_stage": "usd_schemas.stage_reader",
+    "read_stage": "usd_schemas.reading.stage_reader",
     "reconstruct": "recon.reconstruct",
     "run_scenario": "falsework.pipeline",
 }

@@ -1,17 +1,20 @@
 """The command line: one verb per room, one line for every error, and exit codes that scripts can rely on."""
 
+import difflib
 import json
 import os
 import signal
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from falsework.console import ConsoleProgress
-from groundwork.errors import FalseworkError, MissingError, RejectedSceneError
+from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import files_first
+from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
 TERMINATED = 143
@@ -88,7 +91,7 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
         output: Folder to write: the scene folder itself.
         scene: Number of the scene.
     """
-    from authoring.manifest import edits_since
+    from authoring.scenes.manifest import edits_since
     from falsework.scenario import given_files, load_scenario, scene_seed, values_of
     from falsework.stages import STAGES
     from groundwork.errors import InputError
@@ -115,7 +118,7 @@ def render(
     *,
     survey: str | None = None,
     quality: Literal["fast", "standard", "fine"] = "standard",
-    noise: bool = True,
+    noise: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with noise)")] = True,
     seed: int = 7,
     workers: int = 1,
     allow_root: tuple[Path, ...] = (),
@@ -134,7 +137,7 @@ def render(
         workers: Processes that share the frames of a survey; the bytes do not depend on them.
         allow_root: Folders beside that of the stage from which it may take layers and textures.
     """
-    from falsework.verbs import render_file
+    from falsework.commands.verbs import render_file
 
     settings = {"quality": quality, "sensor": {"noise": noise}, "workers": workers}
     with ConsoleProgress() as progress:
@@ -154,7 +157,7 @@ def reconstruct(capture: File, output: Output, *, settings: Path | None = None) 
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
     """
-    from falsework.verbs import reconstruct_folder
+    from falsework.commands.verbs import reconstruct_folder
 
     with ConsoleProgress() as progress:
         reconstruct_folder(capture, output, settings, progress)
@@ -180,7 +183,7 @@ def export(
         to: Format.
         photographs: Capture of a cloud: its photographs are copied beside the cameras (colmap, nerfstudio).
     """
-    from falsework.verbs import export_folder
+    from falsework.commands.verbs import export_folder
 
     with ConsoleProgress() as progress:
         files = export_folder(source, to, output, progress, photographs)
@@ -196,7 +199,7 @@ def report(scene: File, output: Output) -> int:
         scene: Folder such as `OUT/scenes/0000`.
         output: HTML file to write.
     """
-    from falsework.verbs import report_scene
+    from falsework.commands.verbs import report_scene
 
     report_scene(scene, output)
     _say(f"report  {output}")
@@ -319,9 +322,7 @@ def main(arguments: list[str] | None = None) -> None:
         if words[:1] and words[0] in GROUPS:
             code = _group(words[0], words[1:])
         else:
-            code = tyro.extras.subcommand_cli_from_dict(
-                VERBS, prog="falsework", description=ABOUT, args=words, config=(tyro.conf.FlagCreatePairsOff,)
-            )
+            code = _call(VERBS, words, "falsework", ABOUT)
     except FalseworkError as error:
         reason = f"{error.reason}: " if isinstance(error, RejectedSceneError) else ""
         sys.stderr.write(f"falsework: {reason}{error}\n")
@@ -346,9 +347,20 @@ def _check_here() -> None:
 
 def _group(name: str, words: list[str]) -> int:
     """Hand the words on to a group of verbs, whose module is loaded only then."""
-    module = import_module(f"falsework.{name}_verbs")
-    verbs = getattr(module, f"{name.upper()}_VERBS")
-    return tyro.extras.subcommand_cli_from_dict(verbs, prog=f"falsework {name}", description=module.__doc__, args=words)
+    module = import_module(f"falsework.commands.{name}_verbs")
+    return _call(getattr(module, f"{name.upper()}_VERBS"), words, f"falsework {name}", module.__doc__ or "")
+
+
+def _call(verbs: dict[str, Callable[..., int]], words: list[str], program: str, about: str) -> int:
+    """Call the verb that the first word names."""
+    if words[:1] and not words[0].startswith("-") and words[0] not in verbs:
+        near = difflib.get_close_matches(words[0], verbs, n=1, cutoff=0.5)
+        raise InputError("no such verb", where=program, value=words[0], allowed=", ".join(verbs),
+                         mend=f"Did you mean {near[0]!r}?" if near else f"See {program} --help")  # fmt: skip
+    checked = {name: files_first(verb) for name, verb in verbs.items()}
+    return tyro.extras.subcommand_cli_from_dict(
+        checked, prog=program, description=about, args=words, config=(tyro.conf.FlagCreatePairsOff,)
+    )
 
 
 def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:

@@ -81,7 +81,9 @@ def _open3d() -> Check:
 
 def _graphics() -> list[Check]:
     try:
-        answer = run_child("render.probe", {"frame": True}, time_limit=FRAME_TIME_LIMIT, memory_limit=MEMORY_NEEDED)
+        answer = run_child(
+            "render.views.probe", {"frame": True}, time_limit=FRAME_TIME_LIMIT, memory_limit=MEMORY_NEEDED
+        )
     except FalseworkError as error:
         return [
             Check("gl", "FAIL", str(error), "apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri")

@@ -9,9 +9,9 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from falsework.children.products import surveys_of
 from falsework.platform import recon_platform, render_platform
-from falsework.products import surveys_of
-from falsework.scenario import Scenario, given_files, scene_seed
+from falsework.scenario import Scenario, given_files, scene_seed, scene_title
 from falsework.stages import STAGES
 from falsework.store import Store, Task, link_result
 from groundwork.canonical import file_digest, folder_digest
@@ -135,7 +135,8 @@ def _run_scene(scenario: Scenario, index: int, out: Path, progress: Progress, ou
             if not variant:
                 raise
             outcome.rejected[f"{index:04d}/{name}"] = f"{rejection.reason}: {rejection}"  # the other variants go on
-    maker.make(new_task("report", {"title": f"Scene {index:04d}"}, keys), paths, "report.html", "report.html")
+    title = scene_title(index, scenario.seed)
+    maker.make(new_task("report", {"title": title}, keys), paths, "report.html", "report.html")
     outcome.reports.append(scene / "report.html")
 
 

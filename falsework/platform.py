@@ -27,7 +27,7 @@ def render_platform(device: str = "auto") -> dict[str, str]:
         InputError: No GL driver works here; the text holds the mend.
     """
     request = {"device": device}
-    driver = run_child("render.probe", request, time_limit=PROBE_TIME_LIMIT, memory_limit=PROBE_MEMORY_LIMIT)
+    driver = run_child("render.views.probe", request, time_limit=PROBE_TIME_LIMIT, memory_limit=PROBE_MEMORY_LIMIT)
     strings = {f"gl_{key}": str(driver[key]) for key in ("renderer", "version")}
     packages = {name: version(name) for name in RENDER_PACKAGES}
     return {**packages, "cpu": processor(), **strings}

@@ -201,6 +201,16 @@ def scene_seed(seed: int, index: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed}/{index}".encode()).digest()[:4], "little") >> 1
 
 
+def scene_title(index: int, seed: int) -> str:
+    """Name a scene as its user knows it: by its number, and the seed that stands in the scenario.
+
+    Args:
+        index: Number of the scene.
+        seed: Seed of the scenario.
+    """
+    return f"Scene {index:04d} of seed {seed}"
+
+
 def scene_range(text: str | None, count: int) -> range:
     """Read a part of the scenes.
 

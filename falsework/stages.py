@@ -98,7 +98,7 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
         folder: Empty folder to fill.
         progress: Listener.
     """
-    from falsework.report import write_report
+    from falsework.report.report import write_report
 
     progress.stage("report", 0)
     surveys = sorted(name.partition("/")[2] for name in inputs if name.startswith("capture/"))

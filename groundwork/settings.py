@@ -20,6 +20,7 @@ class Settings(BaseModel):
 
 
 S = TypeVar("S", bound=Settings)
+MANY = 8  # things wrong in one file that are named before the rest is counted
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -51,12 +52,18 @@ def parse_settings(model: type[S], values: dict[str, Any], where: object) -> S:
         where: File name for the error message.
 
     Raises:
-        InputError: The first thing wrong: unknown key (with the nearest known one), wrong type, out of range.
+        InputError: Everything that is wrong: unknown keys (each with the nearest known one), wrong types, values out
+            of range.
     """
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise _as_input_error(model, error.errors()[0], where) from None
+        details = error.errors()
+        if len(details) == 1:
+            raise _as_input_error(model, details[0], where) from None
+        found = [f"({number}) {_as_input_error(model, detail, None)}" for number, detail in enumerate(details, 1)]
+        shown = "; ".join(found[:MANY]) + (f"; and {len(found) - MANY} more" if len(found) > MANY else "")
+        raise InputError(f"{len(found)} things are wrong: {shown}", where=where) from None
 
 
 def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) -> InputError:

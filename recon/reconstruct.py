@@ -8,23 +8,23 @@ from numpy.typing import NDArray
 
 from groundwork.files import write_json
 from groundwork.progress import Progress
-from recon.align import OK
-from recon.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.cloud import Cloud, write_cloud
-from recon.colmap_model import SparseModel
-from recon.dense import run_dense
-from recon.export import write_laz, write_ply
-from recon.noise_figures import describe_noise
-from recon.observations import Observations
-from recon.photos import open_photographs
-from recon.place import alignment_facts, camera_rows, place, similarity_facts
-from recon.placed_points import PlacedPoints, place_dense, place_sparse
+from recon.dense.dense import run_dense
+from recon.formats.export import write_laz, write_ply
+from recon.photos.photos import open_photographs
+from recon.placing.align import OK
+from recon.placing.place import alignment_facts, camera_rows, place, similarity_facts
+from recon.points.observations import Observations
+from recon.points.placed_points import PlacedPoints, place_dense, place_sparse
 from recon.settings import AGREEMENT, ReconSettings
-from recon.sparse import run_sparse, write_world_model
-from recon.statistics import describe, verdict_in_words
+from recon.sfm.colmap_model import SparseModel
+from recon.sfm.sparse import run_sparse, write_world_model
 from recon.steps import enter_work, leave_work
-from recon.surface_distance import nearest_surface
-from recon.uncertainty import Uncertainty, depths, measure
+from recon.truth.annotate import Annotation, ObservedTruth, annotate, gather
+from recon.truth.noise_figures import describe_noise
+from recon.truth.statistics import describe, verdict_in_words
+from recon.truth.surface_distance import nearest_surface
+from recon.truth.uncertainty import Uncertainty, depths, measure
 from render.capture import Capture, Truth, read_truth
 from usd_schemas.components import UNLABELLED, class_rows
 

@@ -12,7 +12,7 @@ from pydantic import Field
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 from groundwork.settings import Settings, parse_settings
-from render import image_files
+from render.images import image_files
 from usd_schemas.components import ClassRow
 from usd_schemas.distortion import NO_DISTORTION, Distortion
 from usd_schemas.flat_scene import InstanceRow

@@ -18,22 +18,22 @@ from groundwork.child import answer_parent
 from groundwork.files import folder_lock
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
-from render import image_files
 from render.capture import CalibrationPrior, Readout
-from render.capture_writer import FrameTruth, encode_frame_truth, make_folders, write_cameras, write_truth
-from render.context import Driver, Gl, open_context
-from render.exif import insert_exif
-from render.illumination import BRIGHTEST
-from render.journal import Journal
-from render.light_volume import LightVolume
-from render.passes import View
-from render.preparation_child import cast_volume_apart, survey_scene_apart
-from render.prepare import Prepared, prepare
-from render.records import capture_record, draw_prior, note_shot, write_render_record
-from render.sensor import Exposure, Sensor, meter
+from render.detail.surveyed_scene import SurveyedScene, survey_scene
+from render.gpu.context import Driver, Gl, open_context
+from render.images import image_files
+from render.images.exif import insert_exif
+from render.light.illumination import BRIGHTEST
+from render.light.light_volume import LightVolume
+from render.sensor.sensor import Exposure, Sensor, meter
+from render.sensor.shutter import read_out
 from render.settings import RenderSettings
-from render.shutter import read_out
-from render.surveyed_scene import SurveyedScene, survey_scene
+from render.views.passes import View
+from render.views.preparation_child import cast_volume_apart, survey_scene_apart
+from render.views.prepare import Prepared, prepare
+from render.writing.capture_writer import FrameTruth, encode_frame_truth, make_folders, write_cameras, write_truth
+from render.writing.journal import Journal
+from render.writing.records import capture_record, draw_prior, note_shot, write_render_record
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole
 

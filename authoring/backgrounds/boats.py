@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.solids import Frame, box
-from authoring.component import Mesh
-from authoring.site_growth import faceted
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh
+from authoring.site.growth import faceted
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 Vessel = tuple[tuple[str, Mesh], ...]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.solids import Frame, box, gabled_walls, roof_slab
-from authoring.component import Mesh
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 STOREY = 2.8

@@ -18,12 +18,12 @@ from authoring.backgrounds.terrain import Cell, Terrain, distance_beyond, grow_t
 from authoring.backgrounds.tower_fittings import roof_runs, window_runs
 from authoring.backgrounds.towers import WALK, Tower, draw_towers
 from authoring.backgrounds.traffic import traffic
-from authoring.component import FIRST_BACKGROUND_ID, Component, Mesh, Scatter
-from authoring.site import Site
-from authoring.site_covers import Cover, chunked, covered, drape
-from authoring.site_land import FIRST_STEP
-from authoring.site_relief import Relief, smoothstep
-from authoring.site_shape import Hills, Land
+from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Mesh, Scatter
+from authoring.site.covers import Cover, chunked, covered, drape
+from authoring.site.land import FIRST_STEP
+from authoring.site.relief import Relief, smoothstep
+from authoring.site.shape import Hills, Land
+from authoring.site.site import Site
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]

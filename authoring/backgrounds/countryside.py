@@ -11,9 +11,9 @@ from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.terrain import grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import plant_trees
 from authoring.backgrounds.wayside import drive_cars, plant_fences
-from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
-from authoring.site import Site
-from authoring.site_covers import chunked, covered, drape
+from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
+from authoring.site.covers import chunked, covered, drape
+from authoring.site.site import Site
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]

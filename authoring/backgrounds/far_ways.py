@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.terrain import Terrain
-from authoring.component import Mesh
-from authoring.site_roads import Piece, approach_pieces, crossing_pieces, spread
+from authoring.shapes.component import Mesh
+from authoring.site.roads import Piece, approach_pieces, crossing_pieces, spread
 
 FAR_STEP = 8.0  # distance between cross-sections of far roads and rivers [m]
 TRACK = 300.0  # distance from the site up to which a railway has rails and sleepers [m]

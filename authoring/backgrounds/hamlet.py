@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from authoring.backgrounds.buildings import House, draw_house, house_pieces
 from authoring.backgrounds.parcels import open_land
 from authoring.backgrounds.terrain import Terrain
-from authoring.component import Component, Mesh
-from authoring.site_covers import to_world, turn
+from authoring.shapes.component import Component, Mesh
+from authoring.site.covers import to_world, turn
 
 F64 = NDArray[np.float64]
 RADIUS = 12.5  # circle that holds any building [m]

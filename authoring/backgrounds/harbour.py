@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.dwellings import DEEP, Design, Parts, repeated
 from authoring.backgrounds.solids import Frame, box, gabled_walls, roof_slab
-from authoring.component import Mesh
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 HOME = Frame(0.0, 0.0, 0.0, 0.0)

@@ -19,10 +19,10 @@ from authoring.backgrounds.slope_plants import Woods, draw_stands, green_runs, m
 from authoring.backgrounds.terrain import Terrain, grow_terrain
 from authoring.backgrounds.waters import Basin, level_shore, shore_pieces, ways_to_water
 from authoring.backgrounds.woods import LIME, OAK, SPRUCE
-from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
-from authoring.site import Site
-from authoring.site_covers import Cover, to_world
-from authoring.site_relief import Relief, draw_relief
+from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
+from authoring.site.covers import Cover, to_world
+from authoring.site.relief import Relief, draw_relief
+from authoring.site.site import Site
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from authoring.backgrounds.pavements import KERB
 from authoring.backgrounds.streets import KERB_GAP, TownPlan
 from authoring.backgrounds.terrain import Terrain
-from authoring.component import Mesh, Scatter
-from authoring.site_covers import to_world
+from authoring.shapes.component import Mesh, Scatter
+from authoring.site.covers import to_world
 
 F64 = NDArray[np.float64]
 Models = tuple[tuple[tuple[str, Mesh], ...], ...]

@@ -18,8 +18,8 @@ from authoring.backgrounds.slope_plants import Woods, draw_stands, green_runs, m
 from authoring.backgrounds.terrain import Terrain, grow_terrain
 from authoring.backgrounds.waters import Basin, level_shore, shore_pieces, ways_to_water
 from authoring.backgrounds.woods import CYPRESS, LIME, OAK, PALM
-from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
-from authoring.site import Site
+from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
+from authoring.site.site import Site
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.terrain import Cell, distance_beyond
 from authoring.backgrounds.waters import Basin, bathed, water_level
-from authoring.site_land import FIRST_STEP
-from authoring.site_relief import draw_relief, smoothstep
-from authoring.site_shape import Hills, Land
+from authoring.site.land import FIRST_STEP
+from authoring.site.relief import draw_relief, smoothstep
+from authoring.site.shape import Hills, Land
 
 F64 = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.terrain import Terrain
-from authoring.component import Mesh
-from authoring.site_relief import draw_relief
-from authoring.site_roads import spread
-from authoring.site_ways import Line, merged, ribbon
+from authoring.shapes.component import Mesh
+from authoring.site.relief import draw_relief
+from authoring.site.roads import spread
+from authoring.site.ways import Line, merged, ribbon
 
 F64 = NDArray[np.float64]
 GroundPiece = tuple[str, str, str, str, Mesh]

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment
+from authoring.axis.alignment import Alignment
 from authoring.backgrounds.terrain import Terrain
-from authoring.site_covers import Cover
+from authoring.site.covers import Cover
 
 F64 = NDArray[np.float64]
 BALK = 1.0  # half the uncultivated strip between two fields [m]

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.quads import quad_mesh
 from authoring.backgrounds.streets import Block, Street, TownPlan
-from authoring.component import Mesh
-from authoring.site_covers import Soup, cut
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh
+from authoring.site.covers import Soup, cut
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

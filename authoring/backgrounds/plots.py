@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.terrain import Terrain
-from authoring.site_covers import to_world
+from authoring.site.covers import to_world
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]

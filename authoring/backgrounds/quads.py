@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from authoring.component import Mesh
+from authoring.shapes.component import Mesh
 
 F64 = NDArray[np.float64]
 

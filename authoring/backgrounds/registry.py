@@ -10,8 +10,8 @@ from authoring.backgrounds.city import CitySettings, build_city
 from authoring.backgrounds.countryside import CountrysideSettings, build_countryside
 from authoring.backgrounds.hillside import HillsideSettings, build_hillside
 from authoring.backgrounds.lakeside import LakesideSettings, build_lakeside
-from authoring.component import Component, Scatter
-from authoring.site import Site
+from authoring.shapes.component import Component, Scatter
+from authoring.site.site import Site
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from authoring.backgrounds.quads import quad_mesh
 from authoring.backgrounds.streets import QUAY
 from authoring.backgrounds.terrain import Terrain
-from authoring.component import Mesh
-from authoring.site_covers import to_world
-from authoring.site_roads import spread
-from authoring.site_ways import Line, merged, ribbon
+from authoring.shapes.component import Mesh
+from authoring.site.covers import to_world
+from authoring.site.roads import spread
+from authoring.site.ways import Line, merged, ribbon
 
 F64 = NDArray[np.float64]
 

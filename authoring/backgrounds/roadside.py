@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from authoring.backgrounds.parcels import Parcel, clear_of, open_land
 from authoring.backgrounds.solids import Frame, box
 from authoring.backgrounds.terrain import Terrain
-from authoring.component import Mesh, Scatter
-from authoring.site_covers import to_world
-from authoring.site_growth import leaf_bush, stem
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh, Scatter
+from authoring.site.covers import to_world
+from authoring.site.growth import leaf_bush, stem
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 POLE_STEP = 42.0  # distance between poles [m]

@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from authoring.backgrounds.solids import Frame, box
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.waters import Basin
-from authoring.component import Mesh, Scatter
-from authoring.site_covers import to_world
-from authoring.site_roads import DASHES, spread
-from authoring.site_ways import Line, carriageway, dashes, merged, ribbon
+from authoring.shapes.component import Mesh, Scatter
+from authoring.site.covers import to_world
+from authoring.site.roads import DASHES, spread
+from authoring.site.ways import Line, carriageway, dashes, merged, ribbon
 
 F64 = NDArray[np.float64]
 GroundPiece = tuple[str, str, str, str, Mesh]

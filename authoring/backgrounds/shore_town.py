@@ -11,8 +11,8 @@ from authoring.backgrounds.shore_quay import street_places
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import vehicle_models
 from authoring.backgrounds.waters import Basin
-from authoring.component import Scatter
-from authoring.site_covers import to_world
+from authoring.shapes.component import Scatter
+from authoring.site.covers import to_world
 
 F64 = NDArray[np.float64]
 MOST = 150  # cars

@@ -12,10 +12,10 @@ from authoring.backgrounds.plots import Plots
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.waters import Basin
 from authoring.backgrounds.woods import CYPRESS, LIME, SPRUCE, clear_ground, shrub_run, spaced, tree_runs
-from authoring.component import Scatter
-from authoring.site_covers import Cover
-from authoring.site_growth import leaf_bush
-from authoring.site_relief import Relief, draw_relief, smoothstep
+from authoring.shapes.component import Scatter
+from authoring.site.covers import Cover
+from authoring.site.growth import leaf_bush
+from authoring.site.relief import Relief, draw_relief, smoothstep
 
 F64 = NDArray[np.float64]
 WOOD = Cover("woodland", "Woodland", "vegetation", "woodland")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.component import Mesh
+from authoring.shapes.component import Mesh
 
 F64 = NDArray[np.float64]
 

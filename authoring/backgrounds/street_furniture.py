@@ -8,8 +8,8 @@ from authoring.backgrounds.river_quays import START, has_quays, quay_line
 from authoring.backgrounds.street_models import PANEL, fence_panels, lamp, signs, traffic_light
 from authoring.backgrounds.streets import KERB_GAP, TownPlan
 from authoring.backgrounds.terrain import Terrain
-from authoring.component import Scatter
-from authoring.site_covers import to_world
+from authoring.shapes.component import Scatter
+from authoring.site.covers import to_world
 
 F64 = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.quads import boxes, prism, quad_mesh
 from authoring.backgrounds.vehicles import BLACK, BLUE, GREEN, RED, WHITE, YELLOW, shade
-from authoring.component import Mesh
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 Model = tuple[tuple[str, Mesh], ...]

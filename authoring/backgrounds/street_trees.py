@@ -8,8 +8,8 @@ from authoring.backgrounds.pavements import KERB
 from authoring.backgrounds.streets import KERB_GAP, STRIP, Block, TownPlan
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vegetation import graded, species
-from authoring.component import Scatter
-from authoring.site_covers import to_world
+from authoring.shapes.component import Scatter
+from authoring.site.covers import to_world
 
 F64 = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from authoring.backgrounds.terrain import Terrain
-from authoring.site_land import no_hills
+from authoring.site.land import no_hills
 
 F64 = NDArray[np.float64]
 

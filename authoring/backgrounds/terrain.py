@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.terrain_lines import Demands, Middle, outer_triangles, settled, thin_out
-from authoring.site import Site
-from authoring.site_covers import COVERS, Cover, Soup, soup_of
-from authoring.site_extent import Box
-from authoring.site_grid import HeightField, growing_steps, surface_normals
-from authoring.site_land import FIRST_STEP
-from authoring.site_relief import Relief, draw_relief, smoothstep
-from authoring.site_shape import Hills, Land
+from authoring.site.covers import COVERS, Cover, Soup, soup_of
+from authoring.site.extent import Box
+from authoring.site.grid import HeightField, growing_steps, surface_normals
+from authoring.site.land import FIRST_STEP
+from authoring.site.relief import Relief, draw_relief, smoothstep
+from authoring.site.shape import Hills, Land
+from authoring.site.site import Site
 
 F64 = NDArray[np.float64]
 WIDEST_STEP = 55.0  # largest spacing of grid lines [m]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.site_grid import HeightField
+from authoring.site.grid import HeightField
 
 B = NDArray[np.bool_]
 F64 = NDArray[np.float64]

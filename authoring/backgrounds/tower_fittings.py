@@ -7,7 +7,7 @@ from authoring.backgrounds.facades import MIDDLE, NEAR, openings
 from authoring.backgrounds.quads import placed
 from authoring.backgrounds.street_models import roof_plant, shop_fronts, window_models
 from authoring.backgrounds.towers import Tower
-from authoring.component import Scatter
+from authoring.shapes.component import Scatter
 
 F64 = NDArray[np.float64]
 

@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment
+from authoring.axis.alignment import Alignment
 from authoring.backgrounds.kerbs import Spots, joined, kerbside, scatter
 from authoring.backgrounds.pavements import KERB
 from authoring.backgrounds.streets import Block, TownPlan
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import CARS, LENGTHS, vehicle_models
-from authoring.component import Scatter
-from authoring.site_covers import to_world
+from authoring.shapes.component import Scatter
+from authoring.site.covers import to_world
 
 F64 = NDArray[np.float64]
 

@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.parcels import Parcel, clear_of, open_land
 from authoring.backgrounds.terrain import Terrain
-from authoring.component import Mesh, Scatter
-from authoring.site_covers import to_world
-from authoring.site_growth import faceted, leaf_mass, stem
-from authoring.site_relief import draw_relief
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh, Scatter
+from authoring.site.covers import to_world
+from authoring.site.growth import faceted, leaf_mass, stem
+from authoring.site.relief import draw_relief
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 Tree = tuple[tuple[str, Mesh], ...]

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.quads import ALL, boxes, prism, quad_mesh, ring
-from authoring.component import Mesh
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 Model = tuple[tuple[str, Mesh], ...]

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.far_ways import far_ways, without
 from authoring.backgrounds.terrain import Terrain
-from authoring.component import Mesh
-from authoring.site_covers import Cover, Soup, chunked, covered, drape
-from authoring.site_relief import smoothstep
-from authoring.site_roads import Piece
-from authoring.site_shape import SHOULDER, Hills, Land
+from authoring.shapes.component import Mesh
+from authoring.site.covers import Cover, Soup, chunked, covered, drape
+from authoring.site.relief import smoothstep
+from authoring.site.roads import Piece
+from authoring.site.shape import SHOULDER, Hills, Land
 
 F64 = NDArray[np.float64]
 GroundPiece = tuple[str, str, str, str, Mesh]

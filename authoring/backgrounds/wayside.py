@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from authoring.backgrounds.solids import Frame, box
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import vehicle_models
-from authoring.component import Mesh, Scatter
-from authoring.site_covers import to_world
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh, Scatter
+from authoring.site.covers import to_world
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 

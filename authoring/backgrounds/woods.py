@@ -8,10 +8,10 @@ from authoring.backgrounds.parcels import open_land
 from authoring.backgrounds.plots import Plots
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vegetation import SUNK, Tree, broadleaf, conifer
-from authoring.component import Scatter
-from authoring.site_covers import to_world
-from authoring.site_growth import faceted, leaf_mass, stem
-from authoring.site_ways import merged
+from authoring.shapes.component import Scatter
+from authoring.site.covers import to_world
+from authoring.site.growth import faceted, leaf_mass, stem
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 B = NDArray[np.bool_]

@@ -15,8 +15,8 @@ from groundwork.errors import InputError
 from usd_schemas import tokens
 from usd_schemas.apis import ComponentFacts, apply_component, apply_labels, direct_label
 from usd_schemas.components import class_rows, component_classes
-from usd_schemas.read_materials import asset_file
-from usd_schemas.stage_reader import stage_to_world
+from usd_schemas.reading.materials import asset_file
+from usd_schemas.reading.stage_reader import stage_to_world
 
 F64 = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from authoring.edits.matching import free_name, object_name
 from usd_schemas import tokens
 from usd_schemas.flat_scene import CameraTrack
 from usd_schemas.pinhole import USD_FROM_CAMERA
-from usd_schemas.read_cameras import read_cameras
-from usd_schemas.stage_reader import stage_to_world
+from usd_schemas.reading.cameras import read_cameras
+from usd_schemas.reading.stage_reader import stage_to_world
 
 F64 = NDArray[np.float64]
 _TYPES = Sdf.ValueTypeNames

@@ -7,7 +7,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 from authoring.edits.matching import object_name
 from authoring.edits.placements import write_transform
 from usd_schemas import tokens
-from usd_schemas.stage_reader import stage_to_world
+from usd_schemas.reading.stage_reader import stage_to_world
 
 F64 = NDArray[np.float64]
 _TYPES = Sdf.ValueTypeNames

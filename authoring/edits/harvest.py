@@ -17,7 +17,7 @@ from authoring.edits.placements import moved_prims, write_transform
 from authoring.edits.shapes import read_surface, write_reshaped
 from authoring.layers.change import change_layer, check_editable
 from authoring.layers.root import edits_layer
-from authoring.manifest import refresh_manifest
+from authoring.scenes.manifest import refresh_manifest
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes
 from usd_schemas import tokens

@@ -8,8 +8,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 from authoring.edits.matching import free_name, object_name
 from groundwork.errors import InputError
 from usd_schemas import tokens
-from usd_schemas.read_materials import asset_file
-from usd_schemas.stage_reader import stage_to_world
+from usd_schemas.reading.materials import asset_file
+from usd_schemas.reading.stage_reader import stage_to_world
 
 _DECIMALS = 6
 

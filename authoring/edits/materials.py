@@ -8,7 +8,7 @@ from pxr import Gf, Sdf, Usd, UsdShade
 
 from authoring.edits.matching import DATA_NAME
 from groundwork.canonical import file_digest
-from usd_schemas.read_materials import asset_file
+from usd_schemas.reading.materials import asset_file
 
 Place = Callable[[Sdf.Path], Sdf.Path]
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
-from usd_schemas.stage_reader import stage_to_world
+from usd_schemas.reading.stage_reader import stage_to_world
 
 F64 = NDArray[np.float64]
 

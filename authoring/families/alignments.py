@@ -5,10 +5,10 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment, Crest
+from authoring.axis.alignment import Alignment, Crest
+from authoring.axis.plan_curve import Element, PlanCurve, sine_elements
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.spans import ABUTMENT_BACK
-from authoring.plan_curve import Element, PlanCurve, sine_elements
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 

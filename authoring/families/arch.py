@@ -7,7 +7,7 @@ wide and 2 m deep, columns every 10 m, box deck 3 m deep).
 
 from dataclasses import dataclass
 
-from authoring.alignment import Layout
+from authoring.axis.alignment import Layout
 from authoring.families.arch_deck import DrawnDeckArch, build_deck_arch, draw_deck_arch
 from authoring.families.arch_masonry import DrawnMasonry, build_masonry, draw_masonry
 from authoring.families.arch_settings import ArchSettings as ArchSettings

@@ -4,8 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Alignment, Layout
-from authoring.component import F64
+from authoring.axis.alignment import Alignment, Layout
 from authoring.families.arch_settings import ArchChoice
 from authoring.families.shared import SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
@@ -20,6 +19,7 @@ from authoring.parts.piers import Ground
 from authoring.parts.spandrel_decks import SpandrelDeck, deck_beam_parts, draw_spandrel_deck, spandrel_deck_parts
 from authoring.parts.spandrels import Bents, bent_footing, foot_on, pier_bent_parts, spandrel_parts
 from authoring.parts.spans import Levels, Spans, level_at
+from authoring.shapes.component import F64
 
 FOUNDING = 1.2  # [m] blocks and footings below the lowest ground at them
 _SHOWS = 0.4  # [m] of a springing's block above the land

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Layout
+from authoring.axis.alignment import Layout
 from authoring.families.arch_deck import FOUNDING, raised
 from authoring.families.arch_settings import ArchSettings
 from authoring.families.shared import SharedSettings, draw_layout_of

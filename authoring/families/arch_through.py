@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Alignment, Layout
+from authoring.axis.alignment import Alignment, Layout
 from authoring.families.arch_deck import FOUNDING, footed, raised
 from authoring.families.arch_settings import ArchChoice, ArchSettings
 from authoring.families.shared import SharedSettings, draw_layout_of

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Layout
+from authoring.axis.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
 from authoring.families.stayed_choices import (
     CableStayedSettings,

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from authoring.alignment import Layout
-from authoring.component import Component, Scatter
+from authoring.axis.alignment import Layout
 from authoring.families.arch import ArchSettings, build_arch, draw_arch
 from authoring.families.beam import BeamSettings, build_beam, draw_beam
 from authoring.families.cable_stayed import CableStayedSettings, build_cable_stayed, draw_cable_stayed
@@ -15,6 +14,7 @@ from authoring.families.slab import SlabSettings, build_slab, draw_slab
 from authoring.families.suspension import SuspensionSettings, build_suspension, draw_suspension
 from authoring.parts.part import Part, number_parts
 from authoring.parts.piers import Ground
+from authoring.shapes.component import Component, Scatter
 from groundwork.settings import Settings
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment, Layout
+from authoring.axis.alignment import Alignment, Layout
 from authoring.families.alignments import AlignmentSettings, draw_alignment
 from authoring.parts.abutments import AbutmentSettings
 from authoring.parts.bearings import BearingSettings

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Layout
+from authoring.axis.alignment import Layout
 from authoring.families.shared import SharedSettings, draw_layout_of
 from authoring.families.stayed_elevation import GAUGE
 from authoring.families.suspension_choices import (

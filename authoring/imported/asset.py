@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Tf, Usd, UsdGeom
 
-from authoring.assets import bake_surfaces, write_asset
-from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh
+from authoring.foreign.usd_file import safe_name
 from authoring.imported.model import Building, CityModel, Textured, face_normals
 from authoring.imported.skin import Skin, skin_recipes
+from authoring.layers.assets import bake_surfaces, write_asset
 from authoring.layers.background import background_layer
 from authoring.layers.geometry import BACKGROUND
 from authoring.layers.layer import export
 from authoring.layers.provenance import author_provenance
-from authoring.variants.foreign_file import safe_name
+from authoring.shapes.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh
 from groundwork.errors import InputError, MissingError
 from usd_schemas.apis import read_component
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from authoring.imported.model import Building, CityModel, sound_triangles, split_faces
 from authoring.imported.rings import ring_triangles
 from groundwork.errors import InputError, MissingError
-from usd_schemas.layer_walk import Warn
+from usd_schemas.guard.layer_walk import Warn
 
 F64 = NDArray[np.float64]
 

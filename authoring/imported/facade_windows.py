@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.solids import Frame, box
-from authoring.component import Mesh, Scatter
 from authoring.imported.model import Building, face_normals
-from authoring.site_ways import merged
+from authoring.shapes.component import Mesh, Scatter
+from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.foreign.model_files import read_beside
 from authoring.imported.mesh_soup import check_count
-from authoring.imported.model_files import read_beside
 from authoring.imported.skin import Skin, image_skin
 from groundwork.errors import InputError
 

@@ -9,7 +9,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates, minimum_filte
 
 from authoring.imported.mesh_ground import lowest
 from authoring.imported.model import CityModel
-from authoring.site_relief import smoothstep
+from authoring.site.relief import smoothstep
 
 F64 = NDArray[np.float64]
 

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.foreign.model_files import check_file, read_beside, unpack
 from authoring.imported.gltf import GltfFile
 from authoring.imported.mesh_city import city_of
 from authoring.imported.mesh_soup import MeshSoup, centred, check_count, joined_soup, y_up_to_z_up
 from authoring.imported.model import CityModel
-from authoring.imported.model_files import check_file, read_beside, unpack
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
 from groundwork.errors import InputError
-from usd_schemas.layer_walk import Warn
+from usd_schemas.guard.layer_walk import Warn
 
 F64 = NDArray[np.float64]
 

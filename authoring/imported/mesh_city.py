@@ -13,7 +13,7 @@ from authoring.imported.model import (
     sound_triangles,
     split_faces,
 )
-from usd_schemas.layer_walk import Warn
+from usd_schemas.guard.layer_walk import Warn
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]

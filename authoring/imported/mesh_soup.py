@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from authoring.imported.skin import Skin
 from groundwork.errors import InputError
-from usd_schemas.layer_walk import Warn
+from usd_schemas.guard.layer_walk import Warn
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]

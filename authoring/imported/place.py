@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.imported.model import CityModel
-from authoring.site import Site
-from authoring.site_covers import to_world
+from authoring.site.covers import to_world
+from authoring.site.site import Site
 from groundwork.errors import InputError
 
 F64 = NDArray[np.float64]

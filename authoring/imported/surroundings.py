@@ -9,18 +9,18 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from authoring.backgrounds.far_ways import far_ways
 from authoring.backgrounds.terrain import Terrain, distance_beyond, grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import plant_trees
-from authoring.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.imported.asset import city_components, textured_components
 from authoring.imported.facade_windows import window_runs
 from authoring.imported.ground import CityGround, city_ground
 from authoring.imported.model import Building, CityModel
 from authoring.imported.place import CELL, BuiltMap, CityPlace, built_map, choose_place
 from authoring.imported.textured_place import Clearance, place_textured
-from authoring.site import Site
-from authoring.site_covers import Cover, chunked, covered, drape, to_world
-from authoring.site_land import FIRST_STEP
-from authoring.site_relief import smoothstep
-from authoring.site_shape import Hills
+from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
+from authoring.site.covers import Cover, chunked, covered, drape, to_world
+from authoring.site.land import FIRST_STEP
+from authoring.site.relief import smoothstep
+from authoring.site.shape import Hills
+from authoring.site.site import Site
 
 F64 = NDArray[np.float64]
 

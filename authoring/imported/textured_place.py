@@ -17,9 +17,9 @@ from authoring.imported.mesh_city import LOOSE
 from authoring.imported.model import CityModel, Textured
 from authoring.imported.place import CityPlace
 from authoring.imported.triangle_cuts import cut_free, split_long
-from authoring.site import Site
-from authoring.site_relief import smoothstep
-from authoring.site_shape import Land
+from authoring.site.relief import smoothstep
+from authoring.site.shape import Land
+from authoring.site.site import Site
 
 F64 = NDArray[np.float64]
 

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
+from authoring.foreign.model_files import check_archive, check_file
 from authoring.imported.mesh_city import city_of
 from authoring.imported.mesh_soup import MeshSoup, centred, check_count, joined_soup
 from authoring.imported.model import CityModel
-from authoring.imported.model_files import check_archive, check_file
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
 from groundwork.errors import InputError, MissingError
 from usd_schemas.flat_scene import FlatScene, Material, Texture
-from usd_schemas.guard import check_stage
-from usd_schemas.layer_walk import Warn
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.guard.guard import check_stage
+from usd_schemas.guard.layer_walk import Warn
+from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from authoring.component import Component, Mesh, Scatter
 from authoring.layers.layer import new_layer
 from authoring.layers.mesh_arrays import IndexedUV, MeshArrays, mesh_arrays, snapped
 from authoring.layers.specs import apply_schemas, attribute, author, prim_spec
 from authoring.looks.roles import sheet_material, sheet_numbers
+from authoring.shapes.component import Component, Mesh, Scatter
 from usd_schemas import tokens
 from usd_schemas.apis import COMPONENT_API, ComponentFacts, apply_component, component_opinions
 

@@ -3,7 +3,7 @@
 from pxr import Sdf, UsdGeom
 
 from authoring.layers.layer import new_layer, new_stage
-from authoring.lighting import Lighting, author_lighting
+from authoring.light.daylight import Lighting, author_lighting
 from usd_schemas import tokens
 
 

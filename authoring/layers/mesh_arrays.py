@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.component import F32, F64, I32, Mesh
+from authoring.shapes.component import F32, F64, I32, Mesh
 
 GRID = 1e-6  # [m], [1]: values are rounded to it before they are written, so that every CPU writes the same
 

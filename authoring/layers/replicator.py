@@ -5,7 +5,7 @@ from pxr import Sdf, Usd
 from authoring.layers.layer import new_layer
 from usd_schemas import tokens
 from usd_schemas.apis import direct_label
-from usd_schemas.read_labels import read_taxonomy
+from usd_schemas.reading.labels import read_taxonomy
 from usd_schemas.taxonomies import Taxonomy
 
 _LABELS = "SemanticsLabelsAPI:"

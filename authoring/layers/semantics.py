@@ -2,10 +2,10 @@
 
 from pxr import Sdf
 
-from authoring.component import Component, Scatter
 from authoring.layers.geometry import Asset
 from authoring.layers.layer import new_layer
 from authoring.layers.specs import apply_schemas, author, prim_spec
+from authoring.shapes.component import Component, Scatter
 from usd_schemas.apis import LABEL_APIS, label_opinions
 
 

@@ -2,7 +2,7 @@
 
 from pxr import Sdf
 
-from authoring.variants.selection import select_in
+from authoring.layers.selection import select_in
 
 
 def variant_layer(scene: Sdf.Layer, name: str, selections: dict[str, str]) -> Sdf.Layer:

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.component import Component, Mesh
 from authoring.looks.noise import Floats
+from authoring.shapes.component import Component, Mesh
 
 _SHARP = 0.85  # cosine of the angle between two faces, some 30 degrees
 _WELD = 1e-3  # [m]; faces that meet may have vertices of their own

@@ -7,7 +7,6 @@ from types import MappingProxyType
 import numpy as np
 from pydantic import Field
 
-from authoring.component import Component, Scatter
 from authoring.looks.encode import U8, encode_raw, png
 from authoring.looks.library import SheetFiles, SheetName, bake_sheets, link_detail, link_sheet
 from authoring.looks.material import MaterialRecipe
@@ -17,6 +16,7 @@ from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, fill_roles, sheet_numbers
 from authoring.looks.user_sets import place_set, read_sets
 from authoring.looks.weathering import ground_patches, weather
+from authoring.shapes.component import Component, Scatter
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
 from groundwork.settings import Settings

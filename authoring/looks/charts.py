@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.component import Component, triangles
 from authoring.looks.noise import I32, Floats
+from authoring.shapes.component import Component, triangles
 
 _SUBTEXEL = 4  # bits behind the point in the rasteriser's coordinates
 

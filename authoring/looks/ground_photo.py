@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.looks.noise import Bank, Floats, Tile, fractal, ramp
-from authoring.site import Site
-from authoring.site_land import no_hills
-from authoring.site_photo import PhotoSquare
+from authoring.site.land import no_hills
+from authoring.site.photo import PhotoSquare
+from authoring.site.site import Site
 
 F64 = NDArray[np.float64]
 B = NDArray[np.bool_]

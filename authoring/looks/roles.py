@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.component import Component, Scatter
 from authoring.looks.library import SHEETS
 from authoring.looks.structural import AGED, CLEAN, PAINTS
+from authoring.shapes.component import Component, Scatter
 from usd_schemas.tokens import ROLES
 
 RANDOM = "random"

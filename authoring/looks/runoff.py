@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.component import Component, Scatter
 from authoring.looks.noise import Floats, ramp
+from authoring.shapes.component import Component, Scatter
 
 _CELL = 0.15  # [m]
 _NOWHERE = -1e4  # [m], below everything

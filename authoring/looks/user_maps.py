@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from authoring.imported.model_files import check_archive, check_file
+from authoring.foreign.model_files import check_archive, check_file
 from groundwork.errors import InputError, MissingError
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".exr")

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.component import Component, Scatter
 from authoring.looks.arrises import arris_distance
 from authoring.looks.charts import Charts, draw_charts, spread
 from authoring.looks.noise import I32, Floats, Tile, draw, fractal, ramp
 from authoring.looks.runoff import Stains, direction, map_stains
+from authoring.shapes.component import Component, Scatter
 
 _FIELD_METRES = 32.0
 _FIELD_PIXELS = 1024

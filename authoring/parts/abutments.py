@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
 from authoring.parts.wedges import wedge
-from authoring.sections import area, cut_corners, rectangle
+from authoring.shapes.component import F64
+from authoring.shapes.sections import area, cut_corners, rectangle
+from authoring.solids.extrusion import Prism
 from groundwork.settings import Settings
 
 _SIDE_STEP = 0.012  # [m] backwall behind the wall's side faces

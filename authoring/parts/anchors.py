@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.cables import STAY_SIDES, Plane, tubes
-from authoring.sections import cut_corners
-from authoring.sweep import Surface, joined
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners
+from authoring.solids.extrusion import prism
+from authoring.solids.sweep import Surface, joined
 
 SUNK = 0.010  # [m] sleeves and saddles into what they stand on
 HELD = 0.12  # [m] of a cable's end inside the body that holds it

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from authoring.component import F64
+from authoring.shapes.component import F64
 
 NODE_PITCH = 1.0  # [m] along the axis, at most
 

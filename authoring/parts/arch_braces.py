@@ -4,12 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from authoring.alignment import Alignment
+from authoring.axis.alignment import Alignment
 from authoring.parts.arch_axis import Rib
 from authoring.parts.arches import EMBEDDED, RibSection, facetted, rib_direction
 from authoring.parts.part import SUPERSTRUCTURE, Part
-from authoring.sections import rectangle
-from authoring.sweep import sweep
+from authoring.shapes.sections import rectangle
+from authoring.solids.sweep import sweep
 
 _APART = 0.02  # [m] from the axis to either diagonal's end at a strut
 _INTO_STRUT = 0.06  # [m]

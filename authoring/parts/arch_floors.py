@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.extrusion import Prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.arches import ground_under
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spandrel_decks import i_outline
 from authoring.parts.spans import ABUTMENT_BACK, Levels, level_at
-from authoring.sections import cut_corners, rectangle
+from authoring.shapes.sections import cut_corners, rectangle
+from authoring.solids.extrusion import Prism
 
 EMBEDDED = 0.008  # [m] floor beam into slab
 _FLANGE = (0.45, 0.035)  # [m] width and thickness of a steel floor beam's flanges

@@ -4,15 +4,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism
-from authoring.faces import corner_normals
+from authoring.axis.alignment import Alignment
 from authoring.parts.arch_axis import Rib
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.piers import Ground
-from authoring.sections import cut_corners, mirrored, rectangle
-from authoring.sweep import Surface, sweep
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, mirrored, rectangle
+from authoring.shapes.topology import corner_normals
+from authoring.solids.extrusion import Prism
+from authoring.solids.sweep import Surface, sweep
 
 EMBEDDED = 0.010  # [m] rib into its block, strut into rib
 _FLAT = 1e-8  # [m] that a face may leave its plane

@@ -7,16 +7,16 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.copies import LOCAL, copied
-from authoring.extrusion import Prism, extruded
+from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.parts.wedges import Slope, road_slope, seat_slope, wedge
-from authoring.sections import circle, inset, rectangle
-from authoring.sweep import Surface, joined, sweep
+from authoring.shapes.component import F64
+from authoring.shapes.sections import circle, inset, rectangle
+from authoring.solids.copies import LOCAL, copied
+from authoring.solids.extrusion import Prism, extruded
+from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
 PAD_EMBEDDED = 0.002  # [m] into plinth and girder: loaded rubber leaves no gap

@@ -6,13 +6,13 @@ from typing import Literal
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism, prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels
-from authoring.sections import cut_corners, mirrored, rectangle
-from authoring.sweep import turned
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, mirrored, rectangle
+from authoring.solids.extrusion import Prism, prism
+from authoring.solids.sweep import turned
 
 DeckKind = Literal["edge_beam", "concrete_box", "steel_box", "plate_girder"]
 

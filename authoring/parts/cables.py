@@ -5,9 +5,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from authoring.component import F64, I32, I64
-from authoring.faces import cross
-from authoring.sweep import Surface
+from authoring.shapes.component import F64, I32, I64
+from authoring.shapes.topology import cross
+from authoring.solids.sweep import Surface
 
 MAIN_SIDES, STAY_SIDES, HANGER_SIDES = 16, 12, 8
 CHORD_SAG = 0.010  # [m] that a cable's chords may leave its curve

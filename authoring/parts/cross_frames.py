@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
+from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.frame_shapes import (
     angle_frame,
@@ -23,8 +23,8 @@ from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.splices import HALF_LENGTH
 from authoring.parts.stiffeners import stiffener_width
-from authoring.setting_out import in_one_chart, set_out, shifted
-from authoring.sweep import Surface
+from authoring.solids.setting_out import in_one_chart, set_out, shifted
+from authoring.solids.sweep import Surface
 from groundwork.settings import Settings
 
 _FRAMES = {"x": 42.0, "k": 36.0, "solid": 22.0}

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from authoring.alignment import Alignment
+from authoring.axis.alignment import Alignment
 from authoring.parts.abutments import Abutments, approach_range
 from authoring.parts.drawing import Draws
 from authoring.parts.fittings import Fittings, FittingSettings, draw_fittings

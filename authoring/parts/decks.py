@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.girder_sections import HAUNCH_LEDGE
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
-from authoring.sections import cut_corners, mirrored
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, mirrored
+from authoring.solids.extrusion import Prism
 from groundwork.settings import Settings
 
 EDGE_CHAMFER = 0.025  # [m]

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.copies import LOCAL, copied, frames_along
-from authoring.extrusion import Prism, prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import FURNITURE, Part
 from authoring.parts.roadway import Roadway
 from authoring.parts.spans import Spans
-from authoring.sections import circle, rectangle
-from authoring.sweep import Surface, joined, sweep
+from authoring.shapes.component import F64
+from authoring.shapes.sections import circle, rectangle
+from authoring.solids.copies import LOCAL, copied, frames_along
+from authoring.solids.extrusion import Prism, prism
+from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
 _EMBEDDED = 0.005  # [m] grates into asphalt, conduits and pipes into the deck's edge

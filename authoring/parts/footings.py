@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import prism
-from authoring.sections import cut_corners, rectangle
-from authoring.sweep import Surface
+from authoring.axis.alignment import Alignment
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, rectangle
+from authoring.solids.extrusion import prism
+from authoring.solids.sweep import Surface
 
 Ground = Callable[[F64], F64]
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from authoring.component import F64
 from authoring.parts.plate_girders import EMBEDDED, PlateGirders
-from authoring.sections import rectangle
-from authoring.setting_out import plates, prisms
-from authoring.sweep import Surface, joined
+from authoring.shapes.component import F64
+from authoring.shapes.sections import rectangle
+from authoring.solids.setting_out import plates, prisms
+from authoring.solids.sweep import Surface, joined
 
 _INTO = 0.004  # [m] plates into webs and flanges
 _LEG, _ANGLE = 0.10, 0.010  # [m] leg and thickness of an angle

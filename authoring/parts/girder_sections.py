@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.component import F64
-from authoring.sections import cut_corners, mirrored
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, mirrored
 
 EMBEDDED = 0.010  # [m] how far girders reach into the slab, and diaphragms into both
 HAUNCH_LEDGE = 0.02  # [m] of a girder's top that a haunch leaves free

@@ -7,15 +7,15 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.extrusion import Prism, prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, check_depth, draw, drawn
 from authoring.parts.girder_sections import EMBEDDED as EMBEDDED
 from authoring.parts.girder_sections import Girders as Girders
 from authoring.parts.girder_sections import diaphragm_heights, diaphragm_outline, girder_outline, u_top_width
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
-from authoring.sweep import Surface, sweep
+from authoring.solids.extrusion import Prism, prism
+from authoring.solids.sweep import Surface, sweep
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 

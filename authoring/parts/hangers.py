@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism, prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.arch_axis import Rib
 from authoring.parts.part import SUPERSTRUCTURE, Part
-from authoring.sections import circle
-from authoring.sweep import Surface
+from authoring.shapes.component import F64
+from authoring.shapes.sections import circle
+from authoring.solids.extrusion import Prism, prism
+from authoring.solids.sweep import Surface
 
 GRIP = 0.020  # [m] rod into socket and anchorage
 EMBEDDED = 0.005  # [m] socket into what it stands on, anchorage into the rib

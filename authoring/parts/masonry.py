@@ -4,16 +4,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism, prism
-from authoring.faces import corner_normals
+from authoring.axis.alignment import Alignment
 from authoring.parts.arch_axis import ArchAxis, Rib
 from authoring.parts.arches import RibSection, facetted, ground_under, rib_surface
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.piers import Ground
-from authoring.sections import rectangle
-from authoring.sweep import Surface, sweep
+from authoring.shapes.component import F64
+from authoring.shapes.sections import rectangle
+from authoring.shapes.topology import corner_normals
+from authoring.solids.extrusion import Prism, prism
+from authoring.solids.sweep import Surface, sweep
 
 ROLE = "Role_Masonry"
 PROUD = 0.02  # [m] ring in front of the spandrel walls

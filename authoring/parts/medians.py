@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.extrusion import Prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.roadway import EMBEDDED, Roadway
-from authoring.sections import cut_corners, rectangle
+from authoring.shapes.sections import cut_corners, rectangle
+from authoring.solids.extrusion import Prism
 
 _BESIDE = 0.20  # [m] from its kerb to the inner edge lines
 _APART = 0.02  # [m] from a mast

@@ -6,13 +6,13 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import FURNITURE, Part
 from authoring.parts.railings import Railings, RailingSettings, draw_railings, railing_parts
-from authoring.sections import cut_corners, rectangle
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, rectangle
+from authoring.solids.extrusion import Prism
 
 LEDGE = 0.03  # [m] of slab that shows outside a parapet
 EMBEDDED = 0.010  # [m] parapet into slab, coping onto parapet

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from authoring.atlas import pack_atlas
-from authoring.component import F64, FIRST_BRIDGE_ID, I64, Component, Mesh
-from authoring.extrusion import Prism, extruded
-from authoring.sweep import Surface
+from authoring.shapes.component import F64, FIRST_BRIDGE_ID, I64, Component, Mesh
+from authoring.solids.atlas import pack_atlas
+from authoring.solids.extrusion import Prism, extruded
+from authoring.solids.sweep import Surface
 
 SUPERSTRUCTURE = "Superstructure"
 SUBSTRUCTURE = "Substructure"

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import prism
-from authoring.sections import cut_corners, mirrored
-from authoring.sweep import Surface, turned
+from authoring.axis.alignment import Alignment
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, mirrored
+from authoring.solids.extrusion import prism
+from authoring.solids.sweep import Surface, turned
 
 _KNEE = 0.35  # haunch between leg and beam of a frame, over the beam's depth
 _INTO_LEG = 0.005  # [m] that a haunch reaches into its leg

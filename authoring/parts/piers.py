@@ -6,8 +6,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.component import F64
+from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.footings import Ground as Ground
@@ -17,6 +16,7 @@ from authoring.parts.pier_caps import CapShape, cap_surface
 from authoring.parts.pier_choice import CapKind, PierKind, choose_kind
 from authoring.parts.shafts import EMBEDDED, Shafts, shaft_base, shaft_surfaces, stout_shafts
 from authoring.parts.spans import Levels, Spans, level_at
+from authoring.shapes.component import F64
 from groundwork.settings import Settings
 
 _COLUMN_PITCH = 7.0  # [m] no two columns stand further apart

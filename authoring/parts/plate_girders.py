@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
+from authoring.axis.alignment import Alignment
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
-from authoring.sections import mirrored
-from authoring.sweep import sweep
+from authoring.shapes.component import F64
+from authoring.shapes.sections import mirrored
+from authoring.solids.sweep import sweep
 
 EMBEDDED = 0.010  # [m] how far girders reach into the concrete on them, and that into the slab
 _SHORTER = 0.012  # [m] than the slab at either end, so that their end faces do not lie in one plane

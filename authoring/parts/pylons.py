@@ -5,14 +5,14 @@ from typing import Literal
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.footings import Ground, footing_surface
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import level_at
-from authoring.sections import cut_corners, mirrored, rectangle
-from authoring.sweep import Surface, sweep, turned
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, mirrored, rectangle
+from authoring.solids.extrusion import prism
+from authoring.solids.sweep import Surface, sweep, turned
 
 PylonShape = Literal["a", "h", "portal", "diamond", "mast"]
 

@@ -7,14 +7,14 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.copies import LOCAL, copied_together, frames_along
-from authoring.extrusion import Prism, extruded, prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, draw, draw_whole, drawn
 from authoring.parts.part import FURNITURE, Part
-from authoring.sections import circle, rectangle
-from authoring.sweep import Surface, joined
+from authoring.shapes.component import F64
+from authoring.shapes.sections import circle, rectangle
+from authoring.solids.copies import LOCAL, copied_together, frames_along
+from authoring.solids.extrusion import Prism, extruded, prism
+from authoring.solids.sweep import Surface, joined
 from groundwork.settings import Settings
 
 _PLATE = (0.16, 0.18, 0.015)  # [m] base plate along, across, up

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism, extruded
+from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
-from authoring.sections import cut_corners, rectangle
-from authoring.sweep import joined
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, rectangle
+from authoring.solids.extrusion import Prism, extruded
+from authoring.solids.sweep import joined
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 

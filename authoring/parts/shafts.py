@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.wedges import seat_slope, wedge
-from authoring.sections import circle, cut_corners, mirrored, rectangle
-from authoring.sweep import Surface, sweep, turned
+from authoring.shapes.component import F64
+from authoring.shapes.sections import circle, cut_corners, mirrored, rectangle
+from authoring.solids.extrusion import prism
+from authoring.solids.sweep import Surface, sweep, turned
 
 EMBEDDED = 0.010  # [m] into cap and footing
 APART = 0.3  # [m] between neighbouring shafts at their bases

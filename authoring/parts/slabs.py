@@ -6,14 +6,14 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
-from authoring.sections import cut_corners, mirrored
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, mirrored
+from authoring.solids.extrusion import Prism
 from groundwork.settings import Settings
 
 LEAST_DEPTH = 0.25  # [m]

@@ -4,16 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism
+from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
 from authoring.parts.deck_top import DeckTop
 from authoring.parts.decks import deck_parts
 from authoring.parts.drawing import Draws
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
-from authoring.sections import cut_corners, mirrored, rectangle
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, mirrored, rectangle
+from authoring.solids.extrusion import Prism
 
 _EMBEDDED = 0.010  # [m] beam into slab
 _SHORTER = 0.008  # [m] beam than slab

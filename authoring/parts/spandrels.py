@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import Prism, prism
-from authoring.faces import corner_normals
+from authoring.axis.alignment import Alignment
 from authoring.parts.arches import ground_under
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import level_at
-from authoring.sections import circle, cut_corners, rectangle
-from authoring.sweep import Surface, turned
+from authoring.shapes.component import F64
+from authoring.shapes.sections import circle, cut_corners, rectangle
+from authoring.shapes.topology import corner_normals
+from authoring.solids.extrusion import Prism, prism
+from authoring.solids.sweep import Surface, turned
 
 EMBEDDED = 0.010  # [m] column into cross-head, arch and footing
 _SIDES = 32  # of a round column

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from authoring.alignment import Alignment
+from authoring.axis.alignment import Alignment
 
 ABUTMENT_BACK = 1.2  # [m] from the bearing line to the abutment's back face: where the approach begins
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
+from authoring.axis.alignment import Alignment
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
-from authoring.setting_out import bolts, in_one_chart, plates, set_out, shifted
-from authoring.sweep import Surface, joined
+from authoring.shapes.component import F64
+from authoring.solids.setting_out import bolts, in_one_chart, plates, set_out, shifted
+from authoring.solids.sweep import Surface, joined
 
 HALF_LENGTH = 0.42  # [m] of a splice, from the joint to the ends of its plates
 _PLATE = 0.014  # [m]

@@ -7,14 +7,14 @@ from typing import Literal
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.faces import cross
+from authoring.axis.alignment import Alignment
 from authoring.parts.anchors import sleeves
 from authoring.parts.cables import STAY_SIDES, tubes
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.pylons import Pylon, anchor_faces
 from authoring.parts.spans import level_at
+from authoring.shapes.component import F64
+from authoring.shapes.topology import cross
 
 Run = tuple[float, float]
 Arrangement = Literal["fan", "semi_fan", "harp"]

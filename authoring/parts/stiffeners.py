@@ -4,14 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
+from authoring.axis.alignment import Alignment
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.splices import HALF_LENGTH
-from authoring.setting_out import in_one_chart, plates, set_out, shifted
-from authoring.sweep import Surface
+from authoring.shapes.component import F64
+from authoring.solids.setting_out import in_one_chart, plates, set_out, shifted
+from authoring.solids.sweep import Surface
 
 INTO = 0.004  # [m] plates into web and flanges
 _FROM_EDGE = 0.015  # [m] from a stiffener's free edge to the narrower flange's edge

@@ -5,14 +5,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
+from authoring.axis.alignment import Alignment
 from authoring.parts.anchors import HELD, anchor_block, clamps, hanger_sockets, saddle, sleeves
 from authoring.parts.cables import HANGER_SIDES, MAIN_SIDES, chords, tube, tubes
 from authoring.parts.footings import Ground
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.pylons import Pylon
 from authoring.parts.spans import level_at
+from authoring.shapes.component import F64
 
 _LUG = 0.16  # [m] of a clamp below the ring
 _BLOCK_SIDE = 0.9  # [m] of an anchor block outside the cable's plane

@@ -11,16 +11,16 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.copies import LOCAL, copied, frames_along
-from authoring.extrusion import Prism, prism
+from authoring.axis.alignment import Alignment
+from authoring.axis.track_section import APPROACH_TRACK, CLEARANCE, GAUGE, TrackSection
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
-from authoring.sections import cut_corners, rectangle
-from authoring.sweep import Surface, joined, sweep
-from authoring.track_section import APPROACH_TRACK, CLEARANCE, GAUGE, TrackSection
+from authoring.shapes.component import F64
+from authoring.shapes.sections import cut_corners, rectangle
+from authoring.solids.copies import LOCAL, copied, frames_along
+from authoring.solids.extrusion import Prism, prism
+from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
 EMBEDDED = 0.005  # [m] ballast, slab and upstands into the deck

@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from authoring.alignment import Alignment
-from authoring.component import F64
+from authoring.axis.alignment import Alignment
+from authoring.shapes.component import F64
 
 Slope = tuple[float, float]
 """Rise per metre along and across a frame [1]."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.component import Component, Mesh, Scatter, triangle_corners, triangles
+from authoring.shapes.component import Component, Mesh, Scatter, triangle_corners, triangles
 from usd_schemas.components import class_of
 from usd_schemas.raycast import RayScene
 

@@ -6,28 +6,28 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd
 
-from authoring.assets import Pieces
 from authoring.backgrounds.registry import BACKGROUNDS
+from authoring.families.bridge_settings import draw_layout
 from authoring.families.registry import build_bridge
 from authoring.imported.asset import is_city, world_name
-from authoring.labels import write_taxonomy_layer
+from authoring.layers.assets import Pieces
 from authoring.layers.change import check_editable
+from authoring.layers.selection import AXES, choose, offered, unknown_choice
 from authoring.layers.variant import variant_layer
-from authoring.layout import draw_layout
-from authoring.lighting_panorama import PANORAMAS
+from authoring.light.panorama import PANORAMAS
 from authoring.looks.roles import LOOKS
-from authoring.manifest import SceneRecipe, read_recipe, refresh_manifest
-from authoring.site import Site, draw_site
+from authoring.scenes.labels import write_taxonomy_layer
+from authoring.scenes.manifest import SceneRecipe, read_recipe, refresh_manifest
+from authoring.site.site import Site, draw_site
 from authoring.streams import stream
 from authoring.variants.arcs import add_background, add_light, add_look
 from authoring.variants.foreign_background import import_background
 from authoring.variants.foreign_look import import_look
 from authoring.variants.foreign_place import HERE, Point
-from authoring.variants.selection import AXES, choose, offered, unknown_choice
 from authoring.variants.write import write_background, write_light, write_look
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_text
-from usd_schemas.layer_walk import Warn
+from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.taxonomies import taxonomy
 
 TAXONOMY = "taxonomy"

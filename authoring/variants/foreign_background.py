@@ -5,15 +5,15 @@ from pathlib import Path
 
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdRender
 
+from authoring.foreign.usd_file import adopt, flatten_foreign, open_foreign, safe_name
 from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
 from authoring.variants.arcs import add_background
-from authoring.variants.foreign_file import adopt, flatten_foreign, open_foreign, safe_name
 from authoring.variants.foreign_place import HERE, Point, check_place
 from groundwork.canonical import file_digest
 from usd_schemas import tokens
 from usd_schemas.components import component_classes
-from usd_schemas.layer_walk import Warn
+from usd_schemas.guard.layer_walk import Warn
 
 # The ids of another scene would collide with those of this one.
 _IDS = (

@@ -5,15 +5,15 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
+from authoring.foreign.usd_file import flatten_foreign, open_foreign, safe_name
 from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
 from authoring.looks.roles import sheet_role
 from authoring.variants.arcs import add_look
-from authoring.variants.foreign_file import flatten_foreign, open_foreign, safe_name
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from usd_schemas import tokens
-from usd_schemas.layer_walk import Warn
+from usd_schemas.guard.layer_walk import Warn
 
 
 def import_look(scene: Path, file: Path, warn: Warn) -> str:

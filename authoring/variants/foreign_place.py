@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
-from authoring.site_extent import AIR
+from authoring.site.extent import AIR
 from groundwork.errors import InputError
 from usd_schemas import tokens
-from usd_schemas.layer_walk import Warn
-from usd_schemas.stage_reader import stage_to_world
+from usd_schemas.guard.layer_walk import Warn
+from usd_schemas.reading.stage_reader import stage_to_world
 
 F64 = NDArray[np.float64]
 Point = tuple[float, float, float]

@@ -3,22 +3,22 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from authoring.assets import Pieces, bake_surfaces, write_asset
 from authoring.backgrounds.registry import build_background
-from authoring.component import Component
 from authoring.imported.asset import read_city
 from authoring.imported.skin import skin_recipes
 from authoring.imported.surroundings import build_city_world
+from authoring.layers.assets import Pieces, bake_surfaces, write_asset
 from authoring.layers.background import background_layer
 from authoring.layers.geometry import BACKGROUND, roles_of
 from authoring.layers.layer import export
 from authoring.layers.lighting import light_layer
 from authoring.layers.looks import look_layer
 from authoring.layers.provenance import author_provenance
-from authoring.lighting import LightSettings, bake_light
+from authoring.light.daylight import LightSettings, bake_light
 from authoring.looks.bake import NO_FOLDERS, bake_look
 from authoring.settings import AuthoringSettings
-from authoring.site import Site
+from authoring.shapes.component import Component
+from authoring.site.site import Site
 from authoring.streams import stream
 from groundwork.canonical import digest
 

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.alignment import Layout
-from authoring.component import Component, Scatter
+from authoring.axis.alignment import Layout
+from authoring.families.bridge_settings import draw_layout
 from authoring.families.registry import FAMILIES, build_bridge
-from authoring.layout import draw_layout
 from authoring.parts.piers import Ground
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
-from authoring.site import draw_site
+from authoring.shapes.component import Component, Scatter
+from authoring.site.site import draw_site
 from authoring.streams import stream
 from falsework.gallery.camera import seen_from
 from falsework.gallery.contact_sheet import contact_sheet
-from falsework.report_figures import paint_labels
+from falsework.report.figures import paint_labels
 from groundwork.errors import InputError
 from groundwork.files import write_bytes, write_text
 from groundwork.progress import SILENT, Progress
@@ -27,7 +27,7 @@ from render.capture import load_image, read_capture, read_truth
 from render.frames import render_scene
 from render.settings import RenderSettings
 from usd_schemas.pinhole import Pinhole, look_at
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]

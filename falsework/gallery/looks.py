@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.layout import draw_layout
+from authoring.families.bridge_settings import draw_layout
 from authoring.looks.roles import LOOKS
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
-from authoring.site import draw_site
+from authoring.site.site import draw_site
 from authoring.streams import stream
 from falsework.gallery.camera import seen_from
 from falsework.gallery.contact_sheet import contact_sheet
@@ -24,7 +24,7 @@ from render.settings import RenderSettings
 from usd_schemas.flat_scene import FlatScene, world_triangles
 from usd_schemas.pinhole import Pinhole, look_at
 from usd_schemas.raycast import RayScene
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.camera import visible_boxes
-from render.gpu_scene import draw_boxes
+from render.gpu.camera import visible_boxes
+from render.gpu.gpu_scene import draw_boxes
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole
 

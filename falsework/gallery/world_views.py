@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.alignment import Layout
-from authoring.site import Site
+from authoring.axis.alignment import Layout
+from authoring.site.site import Site
 from usd_schemas.pinhole import look_at
 
 F64 = NDArray[np.float64]

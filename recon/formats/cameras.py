@@ -8,8 +8,8 @@ from typing import Any
 from groundwork.errors import InputError, MissingError
 from groundwork.files import space_errors, write_bytes, write_json
 from recon.cloud import SFM_DENSE, Cloud
-from recon.colmap_model import read_model
 from recon.formats.ply import write_colored_points
+from recon.sfm.colmap_model import read_model
 from usd_schemas.pinhole import USD_FROM_CAMERA
 
 SPARSE = "sparse"

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from pxr import UsdGeom, UsdLux
 
-from authoring.component import Component
 from authoring.layers.background import background_layer
 from authoring.layers.bridge import bridge_layer, payload_layer
 from authoring.layers.geometry import BACKGROUND, BRIDGE, SITE, geometry_layer, roles_of
@@ -17,6 +16,7 @@ from authoring.layers.site import site_layer
 from authoring.layers.surveys import survey_layer, surveys_layer
 from authoring.layers.taxonomy import taxonomy_layer
 from authoring.looks.material import MaterialRecipe
+from authoring.shapes.component import Component
 from authoring.surveys.registry import plan_survey
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import make_subject

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from authoring.component import Component, Mesh, Scatter
+from authoring.shapes.component import Component, Mesh, Scatter
 
 FACES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 NORMALS = ((0, 0, -1), (0, 0, 1), (0, -1, 0), (0, 1, 0), (-1, 0, 0), (1, 0, 0))

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from authoring.looks.material import MaterialRecipe
 from groundwork.progress import SILENT
-from render.context import open_context
-from render.prepare import Prepared, prepare
+from render.gpu.context import open_context
 from render.settings import RenderSettings
+from render.views.prepare import Prepared, prepare
 from tests.render.scenes import SceneBuilder, placed
 from usd_schemas.flat_scene import Detail, Dome, Material, Sun, Texture
 from usd_schemas.pinhole import Pinhole, look_at

@@ -6,12 +6,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment, Layout
+from authoring.axis.alignment import Alignment, Layout
 from authoring.backgrounds.registry import BACKGROUNDS, BackgroundSettings, build_background
 from authoring.backgrounds.terrain import grow_terrain, rolling_hills
-from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh, Scatter, triangle_corners, triangles
 from authoring.layers.geometry import BACKGROUND, SITE, geometry_layer
-from authoring.site import Site, SiteSettings, draw_site
+from authoring.shapes.component import (
+    FIRST_BACKGROUND_ID,
+    LAST_ID,
+    Component,
+    Mesh,
+    Scatter,
+    triangle_corners,
+    triangles,
+)
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from groundwork.errors import InputError
 from usd_schemas.components import class_of

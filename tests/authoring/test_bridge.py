@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from authoring.alignment import Layout
-from authoring.component import F64, FIRST_BRIDGE_ID, FIRST_SITE_ID, Component, triangles
+from authoring.axis.alignment import Layout
 from authoring.families.beam import DrawnBeam
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import DrawnBridge, build_bridge
-from authoring.layout import BridgeSettings, draw_layout
 from authoring.parts.drawing import drawn_range
+from authoring.shapes.component import F64, FIRST_BRIDGE_ID, FIRST_SITE_ID, Component, triangles
 from authoring.streams import stream
 from groundwork.errors import InputError
 from groundwork.settings import Settings, parse_settings

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment, Layout
+from authoring.axis.alignment import Alignment, Layout
+from authoring.axis.plan_curve import Element
 from authoring.backgrounds.city import CitySettings, Town, build_city, draw_town
 from authoring.backgrounds.facades import MIDDLE, NEAR, openings, sides_of, tower_faces
 from authoring.backgrounds.pavements import KERB
@@ -17,11 +18,18 @@ from authoring.backgrounds.quads import boxes, placed, prism, quad_mesh, ring
 from authoring.backgrounds.registry import BackgroundSettings, build_background
 from authoring.backgrounds.towers import Tower
 from authoring.backgrounds.vehicles import vehicle_models
-from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh, Scatter, triangle_corners, triangles
 from authoring.looks.recipes import RECIPES
-from authoring.plan_curve import Element
-from authoring.site import Site, SiteSettings, draw_site
-from authoring.site_crossing import CrossingKind
+from authoring.shapes.component import (
+    FIRST_BACKGROUND_ID,
+    LAST_ID,
+    Component,
+    Mesh,
+    Scatter,
+    triangle_corners,
+    triangles,
+)
+from authoring.site.crossing import CrossingKind
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from usd_schemas.components import class_of
 

@@ -13,14 +13,14 @@ from authoring.edits.harvest import EDITS, Harvest, harvest_edits
 from authoring.edits.shapes import flat_normals, read_surface
 from authoring.layers.layer import export
 from authoring.layers.root import edits_layer
+from authoring.scenes.validate import validate_scene
 from authoring.surveys.existing import existing_flight
 from authoring.surveys.settings import StageSettings
-from authoring.validate import validate_scene
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST
 from tests.authoring.box_scene import write_box_scene
-from usd_schemas.read_lights import read_lights
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.lights import read_lights
+from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
 

@@ -7,14 +7,14 @@ import cv2
 import numpy as np
 import pytest
 
-from authoring.alignment import Alignment, Layout
-from authoring.assets import bake_site
-from authoring.component import Component
+from authoring.axis.alignment import Alignment, Layout
+from authoring.layers.assets import bake_site
 from authoring.looks.bake import bake_surface, open_ground
 from authoring.looks.ground_photo import enlarged, ground_photo
 from authoring.looks.noise import Bank, Floats
-from authoring.site import Site, SiteSettings, draw_site
-from authoring.site_photo import MARK, surface_of
+from authoring.shapes.component import Component
+from authoring.site.photo import MARK, surface_of
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from tests.authoring.test_looks_seen import orthophoto, peak
 from tests.conftest import Count, RecordProof

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment, Layout
+from authoring.axis.alignment import Alignment, Layout
 from authoring.backgrounds.hillside import HillsideSettings
 from authoring.backgrounds.lakeside import LakesideSettings
 from authoring.backgrounds.registry import BackgroundSettings, build_background
-from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh, Scatter, triangles
-from authoring.site import Site, SiteSettings, draw_site
+from authoring.shapes.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh, Scatter, triangles
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from usd_schemas.components import class_of
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment, Layout
-from authoring.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Scatter, triangle_corners
+from authoring.axis.alignment import Alignment, Layout
 from authoring.imported.asset import city_components, is_city, read_city, write_city
 from authoring.imported.cityjson import read_cityjson
 from authoring.imported.model import Building, CityModel
 from authoring.imported.place import BESIDE, MOST_BUILT, built_map, choose_place
 from authoring.imported.rings import ring_triangles
 from authoring.imported.surroundings import CLEAR, build_city_world
-from authoring.site import Site, SiteSettings, draw_site
+from authoring.shapes.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Scatter, triangle_corners
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from groundwork.errors import InputError
 from tests.conftest import Count, RecordProof

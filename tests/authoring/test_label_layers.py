@@ -7,19 +7,19 @@ from typing import get_args
 import pytest
 from pxr import Sdf, Usd, UsdSemantics
 
-from authoring.labels import write_replicator_layer, write_taxonomy_layer
 from authoring.layers.change import change_layer
 from authoring.layers.root import SUBLAYERS
-from authoring.manifest import changed_files
 from authoring.scene import author_scene
+from authoring.scenes.labels import write_replicator_layer, write_taxonomy_layer
+from authoring.scenes.manifest import changed_files
+from authoring.scenes.validate import validate_scene
 from authoring.settings import AuthoringSettings, LabelSettings
-from authoring.validate import validate_scene
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from usd_schemas import tokens
 from usd_schemas.apis import apply_labels
 from usd_schemas.flat_scene import FlatScene
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 from usd_schemas.taxonomies import BASE, TAXONOMIES, taxonomy
 
 SMALL: dict[str, object] = {

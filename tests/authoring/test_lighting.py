@@ -9,10 +9,10 @@ import OpenEXR
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdValidation
 
-from authoring.lighting import LightSettings, author_lighting, bake_light, clear_view, encode_exr
-from authoring.lighting_panorama import part_sun, read_panorama, reduce_panorama, turned
-from authoring.lighting_sky import clear_sky, sky_directions, solid_angles
-from authoring.lighting_sun import air_mass, direction, sun_illuminance, sun_position
+from authoring.light.daylight import LightSettings, author_lighting, bake_light, clear_view, encode_exr
+from authoring.light.panorama import part_sun, read_panorama, reduce_panorama, turned
+from authoring.light.sky import clear_sky, sky_directions, solid_angles
+from authoring.light.sun import air_mass, direction, sun_illuminance, sun_position
 from groundwork.errors import InputError
 from usd_schemas import tokens
 from usd_schemas.apis import ENVIRONMENT_API, read_visibility

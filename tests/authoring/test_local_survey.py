@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from authoring.component import Component
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import build_bridge
-from authoring.layout import BridgeSettings, draw_layout
-from authoring.site import SiteSettings, draw_site
+from authoring.shapes.component import Component
+from authoring.site.site import SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.box import OrientedBox, oriented_box
 from authoring.surveys.camera_models import calibration, camera_models

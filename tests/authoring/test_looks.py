@@ -14,7 +14,6 @@ import pytest
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
 
-from authoring.component import Component, Mesh
 from authoring.looks.bake import LookSettings, bake_look, bake_surface
 from authoring.looks.charts import draw_charts, spread
 from authoring.looks.detail import detail_texture
@@ -23,6 +22,7 @@ from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, SUITS, fill_roles
 from authoring.looks.scenery import SURFACES
 from authoring.looks.weathering import ground_patches, weather
+from authoring.shapes.component import Component, Mesh
 from groundwork.errors import InputError
 from tests.conftest import RecordProof
 from usd_schemas.tokens import ROLES
@@ -207,7 +207,7 @@ def test_unknown_names_say_what_is_allowed(tmp_path: Path) -> None:
 _BAKE = """
 import sys; from pathlib import Path; import numpy as np
 from authoring.looks.bake import bake_surface
-from authoring.lighting import LightSettings, bake_light
+from authoring.light.daylight import LightSettings, bake_light
 folder = Path(sys.argv[1])
 for name in ("board_concrete", "grass", "gravel", "painted_steel", "foliage", "road_marking"):
     bake_surface(name, folder, 256, library=folder / "library")

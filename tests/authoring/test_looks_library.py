@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdShade
 
-from authoring.component import Component
 from authoring.layers.geometry import BRIDGE, geometry_layer
 from authoring.layers.looks import look_layer
 from authoring.looks import library
@@ -19,6 +18,7 @@ from authoring.looks.bake import LookSettings, bake_look
 from authoring.looks.library import SHEETS, SheetName, bake_sheets, draw_sheet, link_sheet
 from authoring.looks.noise import Bank
 from authoring.looks.roles import sheet_material, sheet_numbers
+from authoring.shapes.component import Component
 from groundwork.errors import InputError
 from tests.authoring.boxes import box
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.component import Component
 from authoring.looks.bake import LookSettings, bake_look, bake_surface
 from authoring.looks.encode import encode_raw
 from authoring.looks.material import MaterialRecipe
 from authoring.looks.roles import fill_roles
 from authoring.looks.weathering import weather
+from authoring.shapes.component import Component
 from tests.authoring.boxes import box
 from tests.authoring.seen_surfaces import contrast, flat_material, keypoints, photograph, plates, right_matches
 from tests.conftest import Count, RecordProof

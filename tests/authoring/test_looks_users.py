@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from authoring.component import Component
 from authoring.looks.bake import LookSettings, bake_look
 from authoring.looks.user_maps import find_sets
 from authoring.looks.user_sets import place_set, read_sets
+from authoring.shapes.component import Component
 from groundwork.errors import InputError
 from tests.authoring.boxes import box
 

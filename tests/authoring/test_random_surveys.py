@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import FAMILIES, build_bridge
-from authoring.layout import BridgeSettings, draw_layout
-from authoring.site import SiteSettings, draw_site
+from authoring.site.site import SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.registry import plan_survey
 from authoring.surveys.settings import AnySurvey, GlobalSettings, GridSettings, LocalSettings

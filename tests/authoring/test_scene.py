@@ -10,10 +10,10 @@ import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
 from authoring.layers.geometry import BRIDGE
-from authoring.manifest import changed_files
 from authoring.scene import author_scene
+from authoring.scenes.manifest import changed_files
+from authoring.scenes.validate import validate_scene
 from authoring.settings import AuthoringSettings
-from authoring.validate import validate_scene
 from groundwork.errors import InputError
 from groundwork.files import read_json
 from groundwork.progress import SILENT

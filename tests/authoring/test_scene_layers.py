@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, UsdSemantics, UsdShade
 
-from authoring.component import Component, Mesh, Scatter
 from authoring.layers.bridge import bridge_layer, payload_layer
 from authoring.layers.geometry import BRIDGE, geometry_layer, roles_of
 from authoring.layers.layer import export
@@ -14,6 +13,7 @@ from authoring.layers.looks import look_layer
 from authoring.layers.semantics import semantics_layer
 from authoring.layers.surveys import camera_path, survey_layer
 from authoring.looks.material import MaterialRecipe
+from authoring.shapes.component import Component, Mesh, Scatter
 from authoring.surveys.camera_models import DEFAULT, calibration, camera_models
 from authoring.surveys.gaze import aim
 from authoring.surveys.path import CameraPath

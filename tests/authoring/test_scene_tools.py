@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
-from authoring.checkout import checkout_scene
-from authoring.diff import diff_scenes
-from authoring.export import export_scene
-from authoring.flatten import flatten_scene
-from authoring.inventory import take_inventory
-from authoring.package import ALIGNMENT, package_scene
-from authoring.validate import surfaces, validate_scene
+from authoring.exchange.export import export_scene
+from authoring.exchange.flatten import flatten_scene
+from authoring.exchange.package import ALIGNMENT, package_scene
+from authoring.scenes.checkout import checkout_scene
+from authoring.scenes.diff import diff_scenes
+from authoring.scenes.inventory import take_inventory
+from authoring.scenes.validate import surfaces, validate_scene
 from authoring.variants.add import set_choices
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import sole_writer
 from tests.authoring.small_scene import file_bytes
 from usd_schemas.flat_scene import world_triangles
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 DECK = "/World/Bridge/BridgeGeom/Superstructure/Deck_000"
 WALL = "/World/Bridge/BridgeGeom/Substructure/Abutment_000_Wall"

@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment, Layout
-from authoring.component import FIRST_BACKGROUND_ID, FIRST_SITE_ID, Component, Scatter, triangle_corners, triangles
-from authoring.site import Site, SiteSettings, draw_site
-from authoring.site_photo import surface_of
-from authoring.site_shape import ABUTMENT_BACK
+from authoring.axis.alignment import Alignment, Layout
+from authoring.shapes.component import (
+    FIRST_BACKGROUND_ID,
+    FIRST_SITE_ID,
+    Component,
+    Scatter,
+    triangle_corners,
+    triangles,
+)
+from authoring.site.photo import surface_of
+from authoring.site.shape import ABUTMENT_BACK
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from groundwork.errors import InputError
 from usd_schemas.components import class_of

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from authoring.alignment import Alignment, Layout
-from authoring.component import Component
-from authoring.site import Site, SiteSettings, draw_site
-from authoring.site_crossing import CrossingKind, choose_crossing
-from authoring.site_land import draw_land
-from authoring.site_valley import HIGH, STEEPEST
+from authoring.axis.alignment import Alignment, Layout
+from authoring.axis.track_section import GAUGE
+from authoring.shapes.component import Component
+from authoring.site.crossing import CrossingKind, choose_crossing
+from authoring.site.land import draw_land
+from authoring.site.site import Site, SiteSettings, draw_site
+from authoring.site.valley import HIGH, STEEPEST
 from authoring.streams import stream
-from authoring.track_section import GAUGE
 from groundwork.errors import InputError
 from tests.conftest import Count
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from authoring.site_covers import Cover, cut, soup_of
-from authoring.site_grid import HeightField, graded_lines, growing_steps, surface_normals
-from authoring.site_relief import draw_relief, smooth_minimum
-from authoring.site_shape import Shape
+from authoring.site.covers import Cover, cut, soup_of
+from authoring.site.grid import HeightField, graded_lines, growing_steps, surface_normals
+from authoring.site.relief import draw_relief, smooth_minimum
+from authoring.site.shape import Shape
 
 
 @given(

@@ -6,10 +6,10 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from authoring.component import Component, Scatter
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import build_bridge
-from authoring.layout import BridgeSettings, draw_layout
-from authoring.site import SiteSettings, draw_site
+from authoring.shapes.component import Component, Scatter
+from authoring.site.site import SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.attitude import attitude_of, measured_attitude
 from authoring.surveys.box import oriented_box

@@ -6,11 +6,11 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from authoring.alignment import Alignment
-from authoring.component import F64
-from authoring.extrusion import GROOVE_DEPTH, prism
-from authoring.sections import area, circle, cut_corners, inset, is_convex, mirrored, rectangle, triangulate
-from authoring.sweep import Axis, Surface, joined, sweep, turned
+from authoring.axis.alignment import Alignment
+from authoring.shapes.component import F64
+from authoring.shapes.sections import area, circle, cut_corners, inset, is_convex, mirrored, rectangle, triangulate
+from authoring.solids.extrusion import GROOVE_DEPTH, prism
+from authoring.solids.sweep import Axis, Surface, joined, sweep, turned
 
 LEVEL = Alignment(7.0, 0.0, 0.4)
 GRADED = Alignment(7.0, 0.03, -0.7)

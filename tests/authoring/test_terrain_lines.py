@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment, Layout
+from authoring.axis.alignment import Alignment, Layout
 from authoring.backgrounds.terrain import SLACK, Terrain, grow_terrain, rolling_hills
 from authoring.backgrounds.terrain_lines import Demands, Middle, outer_triangles, settled, thin_out
-from authoring.site import SiteSettings, draw_site
-from authoring.site_grid import HeightField
+from authoring.site.grid import HeightField
+from authoring.site.site import SiteSettings, draw_site
 from authoring.streams import stream
 
 F64 = NDArray[np.float64]

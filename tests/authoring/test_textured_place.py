@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment, Layout
-from authoring.component import Component, Scatter, triangle_corners
+from authoring.axis.alignment import Alignment, Layout
+from authoring.axis.plan_curve import Element
 from authoring.imported.mesh_city import city_of
 from authoring.imported.mesh_soup import MeshSoup
 from authoring.imported.model import CityModel
@@ -14,8 +14,8 @@ from authoring.imported.skin import image_skin
 from authoring.imported.surroundings import build_city_world
 from authoring.imported.textured_place import Clearance
 from authoring.looks.encode import png
-from authoring.plan_curve import Element
-from authoring.site import Site, SiteSettings, draw_site
+from authoring.shapes.component import Component, Scatter, triangle_corners
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from usd_schemas.components import class_of
 

@@ -8,7 +8,7 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 
 from authoring.layers.surveys import camera_path
-from authoring.validate import surfaces, validate_scene
+from authoring.scenes.validate import surfaces, validate_scene
 from groundwork.errors import InputError
 from tests.authoring.box_scene import write_box_scene
 

@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdMedia, UsdShade
 
 from authoring.layers.change import change_layer
+from authoring.layers.selection import offered, selected
 from authoring.looks.material import MaterialRecipe, author_material
-from authoring.manifest import changed_files
+from authoring.scenes.manifest import changed_files
+from authoring.scenes.validate import validate_scene
 from authoring.settings import AuthoringSettings
-from authoring.validate import validate_scene
 from authoring.variants.add import set_choices, write_variant
-from authoring.variants.selection import offered, selected
 from benchmarks.stage import measure
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.authoring.small_scene import SEED, SMALL, file_bytes, write_small_scene
 from tests.conftest import Count, RecordProof
 from usd_schemas import tokens
-from usd_schemas.read_labels import Warn
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.labels import Warn
+from usd_schemas.reading.stage_reader import read_stage
 
 
 def _said() -> tuple[list[str], Warn]:

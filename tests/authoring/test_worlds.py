@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.alignment import Alignment, Layout
+from authoring.axis.alignment import Alignment, Layout
+from authoring.axis.plan_curve import Element
 from authoring.backgrounds.city import CitySettings
 from authoring.backgrounds.countryside import CountrysideSettings
 from authoring.backgrounds.hillside import HillsideSettings
 from authoring.backgrounds.lakeside import LakesideSettings
 from authoring.backgrounds.registry import BackgroundSettings, build_background
 from authoring.backgrounds.terrain import grow_terrain, rolling_hills
-from authoring.component import Component, Scatter, triangles
-from authoring.layout import BridgeSettings, draw_layout
-from authoring.plan_curve import Element
-from authoring.site import Site, SiteSettings, draw_site
-from authoring.site_covers import CHUNK, Soup, chunked, to_world
-from authoring.site_crossing import CrossingKind
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
+from authoring.shapes.component import Component, Scatter, triangles
+from authoring.site.covers import CHUNK, Soup, chunked, to_world
+from authoring.site.crossing import CrossingKind
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from tests.conftest import Count, RecordProof
 from usd_schemas.components import class_of

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy  # pyright: ignore[reportMissingImports]
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "authoring" / "blender"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "authoring" / "exchange" / "blender"))
 from open_scene import open_scene  # pyright: ignore[reportMissingImports]
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import docs
 from authoring.variants.add import set_choices
 from falsework.gallery.camera import seen_from
-from falsework.report_figures import paint_labels
+from falsework.report.figures import paint_labels
 from groundwork.files import write_bytes
 from groundwork.progress import SILENT
 from render.capture import load_image, read_capture, read_truth
@@ -24,7 +24,7 @@ from tests.dcc.blender import run_in_blender
 from tests.dcc.round_trip import SMALL, Edit, copy_scene, harvest, small_scene, trip
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole, look_at
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 U8 = NDArray[np.uint8]
 

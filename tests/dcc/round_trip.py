@@ -8,7 +8,7 @@ from typing import Any
 
 from pxr import Sdf
 
-import authoring.blender
+import authoring.exchange.blender
 from authoring.edits.additions import Labelling
 from authoring.edits.harvest import EDITS, Harvest, harvest_edits
 from authoring.scene import author_scene
@@ -16,7 +16,7 @@ from authoring.settings import AuthoringSettings
 from groundwork.progress import SILENT
 from tests.dcc.blender import run_in_blender
 
-SCRIPT = str(Path(authoring.blender.__file__).parent)
+SCRIPT = str(Path(authoring.exchange.blender.__file__).parent)
 SMALL: dict[str, object] = {
     "look": {"texels": 256},
     "background": {"name": "none"},

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from authoring.validate import validate_scene
+from authoring.scenes.validate import validate_scene
 from authoring.variants.add import set_choices
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
@@ -16,8 +16,8 @@ from tests.conftest import RecordProof
 from tests.dcc.blender import run_in_blender
 from tests.dcc.round_trip import SMALL, copy_scene, harvest, small_scene, trip
 from usd_schemas.flat_scene import FlatScene, world_triangles
-from usd_schemas.guard import check_stage
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.guard.guard import check_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 pytestmark = pytest.mark.dcc
 

@@ -10,7 +10,7 @@ from tests.dcc.blender import export_scene
 from tests.usd_schemas.stages import bounds, volume
 from usd_schemas.flat_scene import FlatScene, world_triangles
 from usd_schemas.pinhole import USD_FROM_CAMERA, pinhole_from_lens, project
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 pytestmark = pytest.mark.dcc
 

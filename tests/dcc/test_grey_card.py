@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, UsdShade
 
-from authoring.lighting import LightSettings, author_lighting, bake_light, encode_exr
-from authoring.lighting_sky import sky_directions
-from authoring.lighting_sun import LUMINANCE, direction
+from authoring.light.daylight import LightSettings, author_lighting, bake_light, encode_exr
+from authoring.light.sky import sky_directions
+from authoring.light.sun import LUMINANCE, direction
 from tests.dcc.blender import run_in_blender
 
 _LIGHTS = {

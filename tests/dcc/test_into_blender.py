@@ -14,7 +14,7 @@ from tests.conftest import RecordProof
 from tests.dcc.blender import run_in_blender
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import USD_FROM_CAMERA
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 pytestmark = pytest.mark.dcc
 

@@ -12,14 +12,14 @@ from pxr import Usd, UsdGeom, UsdLux, UsdShade
 from authoring.edits.harvest import EDITS, Harvest
 from authoring.layers.layer import export
 from authoring.layers.root import edits_layer
-from authoring.validate import validate_scene
+from authoring.scenes.validate import validate_scene
 from falsework.pipeline import run_scenario
 from falsework.scenario import load_scenario, scene_seed
 from groundwork.progress import SILENT
 from recon.cloud import read_cloud
 from tests.conftest import RecordProof
 from tests.dcc.round_trip import CHAIN, SMALL, Edit, copy_scene, harvest, opinions, small_scene, trip
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 pytestmark = pytest.mark.dcc
 

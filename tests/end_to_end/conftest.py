@@ -1,12 +1,13 @@
-"""One tiny chain that every end-to-end test shares."""
+"""One tiny chain that every end-to-end test shares, whichever process runs it."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from falsework.pipeline import Outcome, run_scenario
+from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario
+from groundwork.files import folder_lock
 from groundwork.progress import SILENT
 from groundwork.settings import parse_settings
 
@@ -19,7 +20,10 @@ TINY = {
         "beam": {"spans": [12.0]},
     },
     "background": {"name": "none"},
-    "survey": [{"kind": "global", "images": 24, "width": 480, "height": 360}],
+    "look": {"texels": 512},
+    "light": {"sky_height": 64},
+    "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 200, "stones": 100, "shrubs": 10, "reeds": 5}},
+    "survey": [{"kind": "global", "images": 24, "spacing": 4.0, "width": 480, "height": 360}],
     "render": {"quality": "fast"},
 }
 
@@ -31,17 +35,23 @@ class Chain:
     Attributes:
         scenario: What was asked for.
         out: Its output folder.
-        outcome: What came of the first run.
+        made: How many results the first run made.
     """
 
     scenario: Scenario
     out: Path
-    outcome: Outcome
+    made: int
 
 
 @pytest.fixture(scope="session")
-def chain(tmp_path_factory: pytest.TempPathFactory) -> Chain:
-    """Run the whole chain once, on real parts, as small as it goes."""
+def chain(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Chain:
+    """Run the whole chain once, on real parts, as small as it goes; the first process that needs it runs it."""
     scenario = parse_settings(Scenario, TINY, "tiny")
-    out = tmp_path_factory.mktemp("chain") / "out"
-    return Chain(scenario, out, run_scenario(scenario, out, SILENT))
+    base = tmp_path_factory.getbasetemp()
+    shared = (base if worker_id == "master" else base.parent) / "chain"
+    shared.mkdir(exist_ok=True)
+    out, made = shared / "out", shared / "made"
+    with folder_lock(shared / "lock"):
+        if not made.exists():
+            made.write_text(str(run_scenario(scenario, out, SILENT).made))
+    return Chain(scenario, out, int(made.read_text()))

@@ -1,15 +1,20 @@
 """The chain from a scenario to an annotated cloud: what it makes, what it makes again, and what it promises."""
 
 import re
+import shutil
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from falsework.pipeline import Outcome, run_scenario
 from falsework.scenario import Scenario, demo_scenario
+from falsework.stages import STAGES
 from falsework.store import Store
-from groundwork.progress import SILENT
+from groundwork.files import MANIFEST
+from groundwork.progress import SILENT, Progress
 from recon.cloud import read_cloud
 from tests.conftest import RecordProof
 from tests.end_to_end.conftest import Chain
@@ -21,7 +26,7 @@ DEMO_SEEDS = (7, 11, 23, 42)
 
 def test_chain_makes_an_annotated_cloud(chain: Chain) -> None:
     """Stage, capture, cloud and report exist, are whole, and the points carry the class of the nearest surface."""
-    assert chain.outcome.made == 4
+    assert chain.made == 4
     assert Store(chain.out).verify() == []
     scene = chain.out / "scenes" / "0000"
     assert (scene / "stage" / "scene.usda").is_file()
@@ -37,8 +42,18 @@ def test_second_run_makes_nothing(chain: Chain) -> None:
     assert (outcome.made, outcome.reused) == (0, 4)
 
 
-def test_changed_section_redoes_what_depends_on_it(chain: Chain) -> None:
+def test_changed_section_redoes_what_depends_on_it(chain: Chain, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another reconstruction keeps stage and capture; the former results stay in the store."""
+    former = chain.out / "scenes" / "0000" / "cloud" / "global"
+
+    def copy_former(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+        assert settings["recon"]["min_views"] == 3
+        assert (inputs["capture"] / "cameras.json").is_file()
+        names = [path.name for path in former.iterdir() if path.name != MANIFEST]
+        for name in names:  # what is tested is which results are made, not once more how
+            (shutil.copytree if (former / name).is_dir() else shutil.copyfile)(former / name, folder / name)
+
+    monkeypatch.setitem(STAGES, "cloud", replace(STAGES["cloud"], run=copy_former))
     recon = chain.scenario.recon.model_copy(update={"min_views": 3})
     outcome = run_scenario(chain.scenario.model_copy(update={"recon": recon}), chain.out, SILENT)
     assert (outcome.made, outcome.reused) == (2, 2)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from pxr import Usd
 
-from authoring.bake_down import bake_down
+from authoring.exchange.bake_down import bake_down
 from authoring.looks.material import MaterialRecipe, author_material
 from authoring.variants.add import set_choices
 from groundwork.progress import SILENT
@@ -20,7 +20,7 @@ from render.settings import RenderSettings, SensorSettings
 from tests.authoring.small_scene import SEED, file_bytes, write_small_scene
 from tests.conftest import Count, RecordProof
 from usd_schemas import tokens
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 IDEAL = RenderSettings(
     quality="fast", shadow_size=512, haze_distance=1e9, sensor=SensorSettings(noise=False, image_format="png")

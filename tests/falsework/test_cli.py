@@ -1,6 +1,8 @@
 """The command line: bad input costs one line and exit code 2, never a traceback, and loses nothing."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -35,6 +37,45 @@ def test_unknown_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     scenario.write_text("[sitte]\ncrossing = 'river'\n")
     line = _fails(["run", scenario, "-o", tmp_path / "out"], capsys)
     assert all(part in line for part in ("s.toml", "sitte", "Did you mean 'site'"))
+
+
+def test_every_typo_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two wrong keys and a wrong value are one line that names all three, each with its mend."""
+    scenario = tmp_path / "s.toml"
+    scenario.write_text("sceens = 2\n[sitte]\ncrossing = 'river'\n[look]\nname = 3\n")
+    line = _fails(["run", scenario, "-o", tmp_path / "out"], capsys)
+    assert "3 things are wrong: (1) " in line
+    assert all(
+        part in line for part in ("sceens", "Did you mean 'scenes'", "sitte", "Did you mean 'site'", "look.name")
+    )
+    assert line.count("s.toml") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "near"), [(["rum", "x"], "run"), (["scene", "chekout"], "checkout"), (["survey", "scores"], "score")]
+)
+def test_an_unknown_verb_names_the_nearest(words: list[str], near: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mistyped verb, of a group too, is one line with what there is and the nearest one."""
+    line = _fails([*words], capsys)
+    assert "no such verb" in line
+    assert f"Did you mean {near!r}?" in line
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["run", "@", "-o", "out"], ["render", "@", "-o", "out"], ["reconstruct", "@", "-o", "out"], ["scene", "info", "@"],
+     ["survey", "score", "@"], ["sample", "mesh", "@", "-o", "out"], ["background", "import", "@", "-o", "out"],
+     ["export", "@", "--to", "ply", "-o", "out"], ["report", "@", "-o", "page.html"], ["verify", "@"]],
+)  # fmt: skip
+def test_a_missing_file_is_said_before_any_room_is_loaded(words: list[str], tmp_path: Path) -> None:
+    """One line, exit code 2, and neither the renderer, nor the networks, nor NumPy has been imported by then."""
+    given = [str(tmp_path / "nowhere") if word == "@" else word for word in words]
+    script = "import sys, falsework.cli\ntry:\n    falsework.cli.main(sys.argv[1:])\nfinally:\n    print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script, *given], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2, done.stderr
+    assert "nowhere: no such file or folder" in done.stderr
+    assert not {"numpy", "render.capture", "authoring.settings", "recon.settings", "cv2"} & set(done.stdout.split())
+    assert not any(tmp_path.iterdir())
 
 
 def test_what_cannot_be_drawn_names_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from authoring.alignment import Alignment, Layout
-from authoring.site import SiteSettings, draw_site
+from authoring.axis.alignment import Alignment, Layout
+from authoring.site.site import SiteSettings, draw_site
 from authoring.streams import stream
 from falsework.cli import main
 from falsework.gallery.measures import dead_share, horizon_dip, measure_picture

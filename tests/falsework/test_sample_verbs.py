@@ -7,7 +7,7 @@ import pytest
 
 from falsework.cli import main
 from recon.cloud import read_cloud
-from recon.scan import read_scan
+from recon.formats.scan import read_scan
 from tests.usd_schemas.stages import write_stage
 
 BODY = """

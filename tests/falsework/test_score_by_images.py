@@ -16,7 +16,7 @@ from render.settings import RenderSettings, SensorSettings
 from tests.authoring.small_scene import write_small_scene
 from tests.conftest import Count, RecordProof
 from usd_schemas.pinhole import project
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
 SLACK = (

@@ -11,7 +11,7 @@ from falsework.cli import main
 from groundwork.files import write_text
 from tests.authoring.small_scene import write_small_scene
 from tests.conftest import RecordProof
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 
 @pytest.fixture(scope="module")

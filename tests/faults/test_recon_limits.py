@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
-import recon.sparse
+import recon.sfm.sparse
 from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
 from groundwork.progress import SILENT
-from recon.photos import open_photographs
+from recon.photos.photos import open_photographs
 from recon.settings import ReconSettings, SparseSettings
-from recon.sparse import run_sparse
+from recon.sfm.sparse import run_sparse
 from render.capture import read_capture
 from tests.conftest import Count
 from tests.faults.conftest import MAX_FEATURES, PATIENCE, Start, contents
@@ -85,7 +85,7 @@ def test_limits_name_their_setting(
     """A step that takes too long or too much is stopped, and the line names the setting that allows more."""
     sparse = SparseSettings(max_features=MAX_FEATURES, seconds_per_image=1.0)
     if limit == "time":
-        monkeypatch.setattr(recon.sparse, "_SLACK", -4.5)
+        monkeypatch.setattr(recon.sfm.sparse, "_SLACK", -4.5)
     else:
         sparse = sparse.model_copy(update={"memory_limit": 0.03, "memory_per_image": 0.0})
     with pytest.raises(ChildError, match=rf"stopped because it .*\[recon\.sparse\] {words}"):
@@ -104,7 +104,7 @@ def test_more_and_larger_images_may_take_more(
         allowed.append(memory_limit)
         raise ChildError("stopped")
 
-    monkeypatch.setattr(recon.sparse, "run_child", stop)
+    monkeypatch.setattr(recon.sfm.sparse, "run_child", stop)
     capture = replace(read_capture(few_planes), size=size)
     sparse = SparseSettings(memory_limit=2.0, memory_per_image=0.5, memory_per_megapixel=0.4, threads=3)
     with pytest.raises(ChildError, match="stopped"):

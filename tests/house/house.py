@@ -38,7 +38,7 @@ def findings(rule: Rule, files: list[Path]) -> list[str]:
         files: The files to read.
 
     Returns:
-        One line per finding: "render/passes.py:12: what is wrong".
+        One line per finding: "render/views/passes.py:12: what is wrong".
     """
     return [f"{path.relative_to(ROOT)}:{line}" for path in files for line in rule(path.read_text(encoding="utf-8"))]
 

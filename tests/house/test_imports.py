@@ -70,7 +70,7 @@ def test_imports_point_to_lower_rooms(room: str) -> None:
         ("authoring", "def f():\n    from render.capture import read_capture"),
         ("render", "import authoring"),
         ("recon", "from render import passes"),
-        ("recon", "from render.context import open_context"),
+        ("recon", "from render.gpu.context import open_context"),
         ("recon", "import render"),
         ("learn", "from recon.sparse import mapper"),
         ("learn", "import falsework.cli"),

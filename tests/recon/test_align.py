@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from groundwork.errors import RejectedSceneError
-from recon.align import (
+from recon.placing.align import (
     CENTRE_OUTLIER,
     OK,
     ROTATION_OUTLIER,
@@ -17,8 +17,8 @@ from recon.align import (
     check_share,
     stand_upright,
 )  # fmt: skip
+from recon.placing.similarity import Similarity, angles, camera_up, fit_similarity, turn_upright
 from recon.settings import AlignmentSettings
-from recon.similarity import Similarity, angles, camera_up, fit_similarity, turn_upright
 from usd_schemas.pinhole import look_at
 
 F64 = NDArray[np.float64]

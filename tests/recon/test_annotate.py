@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from benchmarks.plain_vote import plain_verdict
 from groundwork.errors import InputError
-from recon.annotate import ObservedTruth, annotate, gather
-from recon.colmap_model import SparseModel
-from recon.label_margin import edge_distance
-from recon.observations import Observations, median_per_point, select_points
-from recon.uncertainty import depths, measure
+from recon.points.observations import Observations, median_per_point, select_points
+from recon.sfm.colmap_model import SparseModel
+from recon.truth.annotate import ObservedTruth, annotate, gather
+from recon.truth.label_margin import edge_distance
+from recon.truth.uncertainty import depths, measure
 from render.capture import Truth
-from render.capture_writer import FrameTruth, make_folders, write_frame_truth
+from render.writing.capture_writer import FrameTruth, make_folders, write_frame_truth
 from usd_schemas.pinhole import Pinhole, look_at, project
 
 CAMERA = Pinhole(16, 12, 20.0, 20.0, 8.0, 6.0)

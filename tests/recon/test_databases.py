@@ -16,12 +16,12 @@ import pytest
 from groundwork.child import run_child
 from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.progress import SILENT
-from recon import matching, sparse
-from recon.database import DATABASE, empty_journal, paired
-from recon.extraction import extract
-from recon.matching import choose_pairing, match
-from recon.photos import open_photographs
+from recon.photos.photos import open_photographs
 from recon.settings import ReconSettings, SparseSettings
+from recon.sfm import matching, sparse
+from recon.sfm.database import DATABASE, empty_journal, paired
+from recon.sfm.extraction import extract
+from recon.sfm.matching import choose_pairing, match
 from render.capture import CalibrationPrior, Capture, CaptureImage
 
 TABLES = ("cameras", "images", "keypoints", "descriptors", "pose_priors", "matches", "two_view_geometries")

@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from groundwork.canonical import folder_digest
 from groundwork.errors import OutOfSpaceError, RejectedSceneError
 from groundwork.progress import SILENT, Silent
-from recon import dense_child
 from recon.cloud import Cloud, read_cloud
-from recon.colmap_model import read_model
-from recon.completeness import count_cameras, measure_completeness, visible_surface
-from recon.dense import run_dense
-from recon.dense_points import read_points
-from recon.depth_sgm import PosedImage
+from recon.dense import dense_child
+from recon.dense.dense import run_dense
+from recon.dense.depth_sgm import PosedImage
+from recon.dense.points import read_points
 from recon.reconstruct import reconstruct
 from recon.settings import DenseSettings, ReconSettings
-from recon.sparse import Sparse
+from recon.sfm.colmap_model import read_model
+from recon.sfm.sparse import Sparse
+from recon.truth.completeness import count_cameras, measure_completeness, visible_surface
 from render.capture import Truth, read_capture, read_truth
 from tests.conftest import Count
 
@@ -179,7 +179,7 @@ def test_patchmatch_compares_views_ahead_too(
         counts.append(len(others))
         return np.zeros(reference.gray.shape, np.float32)
 
-    monkeypatch.setattr("recon.neighbours.rectify", lambda *_pair: None)
+    monkeypatch.setattr("recon.dense.neighbours.rectify", lambda *_pair: None)
     monkeypatch.setattr(dense_child, "measure_slanted", count)
     monkeypatch.setattr(dense_child, "measure_depth", count)
     for method, expected in (("patchmatch", 3), ("sgm", 0)):
@@ -204,7 +204,7 @@ def test_limits_grow_with_the_depth_maps(
         given.update(limits)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("recon.dense.run_child", stop)
+    monkeypatch.setattr("recon.dense.dense.run_child", stop)
     capture = read_capture(bare)
     for memory, threads in ((0.0, 1), (100.0, 3)):
         dense = SETTINGS.dense.model_copy(update={"memory_per_megapixel": memory, "threads": threads})

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.dense_child import choose_method
-from recon.depth_colmap import has_cuda, measure_with_colmap, onto, read_depth_map
-from recon.depth_patchmatch import measure_slanted
-from recon.depth_sgm import PosedImage, measure_depth
+from recon.dense.dense_child import choose_method
+from recon.dense.depth_colmap import has_cuda, measure_with_colmap, onto, read_depth_map
+from recon.dense.depth_patchmatch import measure_slanted
+from recon.dense.depth_sgm import PosedImage, measure_depth
 from recon.settings import DenseSettings
 from tests.recon.wavy_plane import WavyPlane
 from usd_schemas.pinhole import Pinhole, look_at

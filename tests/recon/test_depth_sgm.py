@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon import depth_sgm
-from recon.depth_sgm import PosedImage, agree, carry_depth, match, measure_depth, textured
-from recon.rectify import rectify
+from recon.dense import depth_sgm
+from recon.dense.depth_sgm import PosedImage, agree, carry_depth, match, measure_depth, textured
+from recon.dense.rectify import rectify
 from tests.recon.wavy_plane import WavyPlane
 from usd_schemas.pinhole import Pinhole, look_at
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
 from recon.cloud import COLUMNS, Cloud, read_cloud, without_observations, write_cloud
-from recon.export import EXPORTS, export_cloud
+from recon.formats.export import EXPORTS, export_cloud
 from usd_schemas.components import class_rows
 from usd_schemas.raycast import load_open3d
 

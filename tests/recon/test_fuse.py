@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.fuse import DepthView, fuse_view
-from recon.smooth import smooth
+from recon.dense.fuse import DepthView, fuse_view
+from recon.dense.smooth import smooth
 from tests.recon.wavy_plane import WavyPlane
 from usd_schemas.pinhole import Pinhole, look_at, project, unproject
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.colmap_model import SparseModel
-from recon.neighbours import View, angle_weight, choose_sources, choose_views, covisibility
+from recon.dense.neighbours import View, angle_weight, choose_sources, choose_views, covisibility
 from recon.settings import DenseSettings
+from recon.sfm.colmap_model import SparseModel
 from usd_schemas.pinhole import Pinhole, look_at
 
 F64 = NDArray[np.float64]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.noise import noise_page
-from recon.noise_figures import describe_noise
+from recon.truth.noise_figures import describe_noise
 
 
 def columns_of(uncertainty: list[float], surface: list[float], displacement: list[float]) -> dict[str, np.ndarray]:

@@ -12,18 +12,18 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.photographs import figures_of, photographs_page
-from falsework.verbs import reconstruct_folder
+from falsework.commands.verbs import reconstruct_folder
 from groundwork.errors import InputError, MissingError, RejectedSceneError
 from groundwork.progress import SILENT, Silent
 from recon.cloud import read_cloud
-from recon.photo_header import read_header
-from recon.photos import local_position, open_photographs
+from recon.photos.photo_header import read_header
+from recon.photos.photos import local_position, open_photographs
+from recon.placing.similarity import turn_upright
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
-from recon.similarity import turn_upright
-from recon.statistics import verdict_in_words
+from recon.truth.statistics import verdict_in_words
 from render.capture import load_image
-from render.exif import Shot, geodetic, insert_exif
+from render.images.exif import Shot, geodetic, insert_exif
 
 ORIGIN = (46.2, -7.5, 420.0)
 LARGER = 20.0  # photographs do not tell the size of what they show: GPS says that the planes are 200 m long

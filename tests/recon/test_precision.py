@@ -5,13 +5,13 @@ import pytest
 from numpy.typing import NDArray
 
 from groundwork.errors import RejectedSceneError
-from recon import precision
-from recon.colmap_model import SparseModel
-from recon.observations import Observations
-from recon.placed_points import PlacedPoints, place_sparse
-from recon.precision import deviations
+from recon.placing.similarity import Similarity
+from recon.points import precision
+from recon.points.observations import Observations
+from recon.points.placed_points import PlacedPoints, place_sparse
+from recon.points.precision import deviations
 from recon.settings import ReconSettings
-from recon.similarity import Similarity
+from recon.sfm.colmap_model import SparseModel
 
 F64 = NDArray[np.float64]
 FOCAL = 800.0

@@ -12,7 +12,7 @@ from benchmarks.recon_page import Row, crossing, equally_accurate, exponent, ren
 from benchmarks.recon_ways import Meter, Run, paid, with_settings
 from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.files import read_json, write_json
-from recon.photos import open_photographs
+from recon.photos.photos import open_photographs
 from render.capture import Capture, read_capture, read_truth
 
 

@@ -13,11 +13,11 @@ from groundwork.errors import InputError
 from groundwork.files import read_json
 from groundwork.progress import SILENT
 from recon.cloud import Cloud, read_cloud
-from recon.colmap_model import read_model
-from recon.observations import Observations
+from recon.points.observations import Observations
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
-from recon.sparse import run_sparse
+from recon.sfm.colmap_model import read_model
+from recon.sfm.sparse import run_sparse
 from render.capture import CalibrationPrior, Capture, CaptureImage, read_capture, read_truth
 from tests.conftest import Count, RecordProof
 from usd_schemas.pinhole import Pinhole, look_at, project
@@ -157,7 +157,7 @@ def test_a_cut_image_is_named(left: int, plane_capture: Path, tmp_path: Path) ->
 ])  # fmt: skip
 def test_pairing_is_chosen_by_what_is_known(gps: bool, step: float, count: int, pairing: str) -> None:
     """GPS for every image: spatial; else, and with one fix for all, exhaustive up to 40 images, sequential above."""
-    from recon.matching import choose_pairing
+    from recon.sfm.matching import choose_pairing
 
     images = tuple(
         CaptureImage(name=str(i), file=f"{i}.jpg", gps=(i % 5 * step, 0.0, 0.0) if gps else None) for i in range(count)

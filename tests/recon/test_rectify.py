@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.rectify import rectify, source_maps
+from recon.dense.rectify import rectify, source_maps
 from usd_schemas.pinhole import Pinhole, look_at, project
 
 F64 = NDArray[np.float64]

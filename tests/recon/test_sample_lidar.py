@@ -14,11 +14,11 @@ from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from recon.cloud import Cloud, read_cloud
-from recon.sample_lidar import meets_box, sample_lidar
-from recon.sampler_settings import MobileSettings, TerrestrialSettings
-from recon.scan_pattern import Rays, mobile_rays, tripod_rays
-from recon.scan_places import deck_way, place_stations
-from recon.scene_surface import lay_out
+from recon.sampling.sample_lidar import meets_box, sample_lidar
+from recon.sampling.sampler_settings import MobileSettings, TerrestrialSettings
+from recon.sampling.scan_pattern import Rays, mobile_rays, tripod_rays
+from recon.sampling.scan_places import deck_way, place_stations
+from recon.sampling.scene_surface import lay_out
 from tests.conftest import Count, RecordProof
 from tests.render.scenes import SceneBuilder, placed
 from usd_schemas.flat_scene import FlatScene, InstanceRow, Material, Texture

@@ -14,12 +14,12 @@ from trimesh.triangles import area
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
-from recon.camera_views import TOUCH, count_views
 from recon.cloud import Cloud, read_cloud
-from recon.sample_mesh import draw_uniform, sample_mesh
-from recon.sampler_settings import MeshSettings
-from recon.scene_surface import clip, lay_out, whole
-from recon.surface_look import SurfaceLook
+from recon.sampling.camera_views import TOUCH, count_views
+from recon.sampling.sample_mesh import draw_uniform, sample_mesh
+from recon.sampling.sampler_settings import MeshSettings
+from recon.sampling.scene_surface import clip, lay_out, whole
+from recon.sampling.surface_look import SurfaceLook
 from tests.conftest import Count, RecordProof
 from tests.render.scenes import SceneBuilder, placed, random_scene, with_materials
 from tests.usd_schemas.stages import read_body

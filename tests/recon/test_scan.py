@@ -15,7 +15,7 @@ from groundwork.errors import InputError, MissingError
 from recon.cloud import COLUMNS, Cloud, without_observations, write_cloud
 from recon.formats.laz import write_laz
 from recon.formats.ply import write_ply
-from recon.scan import read_scan
+from recon.formats.scan import read_scan
 from tests.conftest import Count, RecordProof
 from usd_schemas.components import class_rows
 from usd_schemas.raycast import load_open3d

@@ -8,11 +8,11 @@ import pycolmap
 import pytest
 
 from groundwork.progress import SILENT
-from recon.colmap_model import SparseModel, read_model
-from recon.database import DATABASE
-from recon.mapping import MODEL, map_images
 from recon.settings import SparseSettings
-from recon.tie_points import Matches, choose_tie_points, write_tie_points
+from recon.sfm.colmap_model import SparseModel, read_model
+from recon.sfm.database import DATABASE
+from recon.sfm.mapping import MODEL, map_images
+from recon.sfm.tie_points import Matches, choose_tie_points, write_tie_points
 from render.capture import CalibrationPrior, Capture, CaptureImage
 
 _CELLS = 4

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from groundwork.errors import RejectedSceneError
-from recon.colmap_model import SparseModel
-from recon.undistort import covered, undistort, working_camera
+from recon.dense.undistort import covered, undistort, working_camera
+from recon.sfm.colmap_model import SparseModel
 
 SIZE = (200, 150)
 

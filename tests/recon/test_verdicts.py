@@ -13,13 +13,13 @@ from groundwork.canonical import folder_digest
 from groundwork.errors import RejectedSceneError
 from groundwork.files import write_json
 from groundwork.progress import SILENT
-from recon.align import CENTRE_OUTLIER, OK, ROTATION_OUTLIER, UNREGISTERED
-from recon.colmap_model import read_model
-from recon.database import DATABASE
-from recon.mapping import MODEL, adjust_robustly, choose_mapper, map_images
-from recon.place import alignment_facts, place
+from recon.placing.align import CENTRE_OUTLIER, OK, ROTATION_OUTLIER, UNREGISTERED
+from recon.placing.place import alignment_facts, place
 from recon.settings import AlignmentSettings, ReconSettings, SparseSettings
-from recon.sparse import NO_OVERLAP, NO_TEXTURE, NOT_IN_LARGEST, absent_reasons, run_sparse
+from recon.sfm.colmap_model import read_model
+from recon.sfm.database import DATABASE
+from recon.sfm.mapping import MODEL, adjust_robustly, choose_mapper, map_images
+from recon.sfm.sparse import NO_OVERLAP, NO_TEXTURE, NOT_IN_LARGEST, absent_reasons, run_sparse
 from render.capture import CalibrationPrior, Capture, CaptureImage, Truth, read_capture
 from tests.recon.conftest import write_capture
 from usd_schemas.pinhole import Pinhole, look_at

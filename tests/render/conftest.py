@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from render.context import Gl, open_context
+from render.gpu.context import Gl, open_context
 from render.settings import RenderSettings, SensorSettings
 
 

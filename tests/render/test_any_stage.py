@@ -12,17 +12,17 @@ import pytest
 from numpy.typing import NDArray
 
 from groundwork.progress import SILENT
-from render.context import Gl
-from render.passes import View
-from render.prepare import prepare
+from render.gpu.context import Gl
 from render.settings import RenderSettings
+from render.views.passes import View
+from render.views.prepare import prepare
 from tests.render.scenes import CAMERA
 from tests.usd_schemas.stages import SQUARE, Z_UP, write_stage
 from tests.usd_schemas.test_foreign_materials import omni, standard
 from tests.usd_schemas.test_materials import network, texture
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import project
-from usd_schemas.scene_cache import load_scene
+from usd_schemas.reading.scene_cache import load_scene
 
 F64 = NDArray[np.float64]
 Color = tuple[float, float, float]

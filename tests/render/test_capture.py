@@ -9,11 +9,11 @@ import pytest
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes
-from render import image_files
 from render.capture import CalibrationPrior, Capture, CaptureImage, Readout, load_image, read_capture, read_truth
-from render.capture_writer import FrameTruth, make_folders, write_cameras, write_frame_truth, write_truth
-from render.depth_tiff import encode_depth_tiff
-from render.grey_png import decode_grey_png
+from render.images import image_files
+from render.images.depth_tiff import encode_depth_tiff
+from render.images.grey_png import decode_grey_png
+from render.writing.capture_writer import FrameTruth, make_folders, write_cameras, write_frame_truth, write_truth
 from tests.render.scenes import CAMERA, random_scene
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene, world_triangles

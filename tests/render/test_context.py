@@ -8,10 +8,10 @@ import pytest
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
-from render import context
-from render.context import Driver, egl_devices, open_context
 from render.frames import render_scene
-from render.osmesa import osmesa_folder
+from render.gpu import context
+from render.gpu.context import Driver, egl_devices, open_context
+from render.gpu.osmesa import osmesa_folder
 from render.settings import RenderSettings
 from tests.render.scenes import random_scene
 

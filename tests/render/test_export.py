@@ -11,8 +11,8 @@ import pytest
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from render.capture import Truth, read_capture, read_truth
-from render.capture_writer import write_truth
-from render.export import export_capture
+from render.writing.capture_writer import write_truth
+from render.writing.export import export_capture
 from tests.render.scenes import CAMERA
 from tests.render.test_capture import write_example
 from usd_schemas.distortion import NO_DISTORTION, Distortion

@@ -11,11 +11,11 @@ import pytest
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from render.capture import read_capture, read_truth
-from render.context import Gl
 from render.frames import render_scene, render_stage
-from render.prepare import prepare
+from render.gpu.context import Gl
+from render.gpu.textures import TextureKey, load_textures
 from render.settings import RenderSettings
-from render.textures import TextureKey, load_textures
+from render.views.prepare import prepare
 from tests.conftest import RecordProof
 from tests.render.oracle import Oracle, judge
 from tests.render.scenes import CAMERA, SceneBuilder, box_corners, placed

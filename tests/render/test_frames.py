@@ -11,11 +11,11 @@ from groundwork.child import run_child
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from render.capture import load_image, read_capture, read_truth
+from render.detail.surveyed_scene import product_camera
 from render.frames import render_scene, render_stage
 from render.settings import RenderSettings
-from render.surveyed_scene import product_camera
 from tests.render.scenes import random_scene
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 STAGE = """#usda 1.0
 (

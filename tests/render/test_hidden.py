@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from groundwork.progress import SILENT
-from render.context import Gl
-from render.passes import Painter
-from render.prepare import prepare
+from render.gpu.context import Gl
 from render.settings import RenderSettings
+from render.views.passes import Painter
+from render.views.prepare import prepare
 from tests.render.scenes import CAMERA, random_scene
 from usd_schemas.flat_scene import Dome
 
@@ -35,7 +35,7 @@ def test_every_pixel_is_shaded_once_and_all_images_stay(
     monkeypatch.setattr(Painter, "_draw_surfaces", counted)
     shaded, images = [], []
     for large in (0.0, 30.0, np.inf):
-        monkeypatch.setattr("render.passes._LARGE", large)
+        monkeypatch.setattr("render.views.passes._LARGE", large)
         counts.clear()
         images.append([painter.draw(pose, 0.1) for pose in scene.cameras[0].poses])
         shaded.append(sum(counts))

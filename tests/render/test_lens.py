@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from groundwork.progress import SILENT
 from render.capture import image_files, load_image, read_capture, read_truth
-from render.context import Gl
 from render.frames import render_scene
-from render.prepare import prepare
+from render.gpu.context import Gl
 from render.settings import RenderSettings
+from render.views.prepare import prepare
 from tests.conftest import Count, RecordProof
 from tests.render.oracle import Oracle, judge
 from tests.render.scenes import SceneBuilder, placed, random_scene
@@ -169,7 +169,7 @@ def test_photograph_and_truth_share_pixels_through_the_lens(tmp_path: Path, idea
 
 def test_the_shutter_moves_as_the_flight_does(tmp_path: Path, small: RenderSettings) -> None:
     """Poses of the bands run along the flight, their middle is the image's pose, and the seed draws the trembling."""
-    from render.shutter import flight_velocity, read_out
+    from render.sensor.shutter import flight_velocity, read_out
 
     poses = np.stack([look_at(np.array([2.0 * row, -9.0, 4.0]), np.array([2.0 * row, 0.0, 2.0])) for row in range(5)])
     scene = random_scene(1, np.zeros(3), count=4)

@@ -12,16 +12,16 @@ from scipy.spatial import KDTree
 
 from groundwork.canonical import folder_digest
 from groundwork.progress import SILENT
-from render.camera import visible_boxes
 from render.capture import read_capture, read_truth
-from render.context import Gl
+from render.detail.level_of_detail import level_of_detail, repeated
+from render.detail.mesh_decimation import Soup, coarser_levels, deviation
+from render.detail.texel_need import survey_sight
 from render.frames import render_scene
-from render.gpu_scene import draw_boxes
-from render.level_of_detail import level_of_detail, repeated
-from render.mesh_decimation import Soup, coarser_levels, deviation
-from render.prepare import prepare
+from render.gpu.camera import visible_boxes
+from render.gpu.context import Gl
+from render.gpu.gpu_scene import draw_boxes
 from render.settings import RenderSettings
-from render.texel_need import survey_sight
+from render.views.prepare import prepare
 from tests.render.oracle import Oracle, judge
 from tests.render.scenes import SceneBuilder, placed
 from usd_schemas.components import class_id

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from authoring.lighting import LightSettings, bake_light
-from authoring.lighting_sun import LUMINANCE
+from authoring.light.daylight import LightSettings, bake_light
+from authoring.light.sun import LUMINANCE
 from groundwork.progress import SILENT
-from render.context import Gl
-from render.daylight import irradiance_coefficients, read_daylight, sphere
-from render.illumination import BRIGHTEST, CLEAR_DAY, haze_distance
-from render.light_volume import cast_light_volume
-from render.prepare import prepare
+from render.gpu.context import Gl
+from render.light.daylight import irradiance_coefficients, read_daylight, sphere
+from render.light.illumination import BRIGHTEST, CLEAR_DAY, haze_distance
+from render.light.light_volume import cast_light_volume
 from render.settings import RenderSettings
+from render.views.prepare import prepare
 from tests.render.scenes import CAMERA, SceneBuilder, placed
 from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Sun, Texture, world_triangles
 from usd_schemas.pinhole import look_at, unproject

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from groundwork.progress import SILENT
-from render.context import Gl
-from render.light_level import dimmed
-from render.local_lights import MOST, choose_local_lights
-from render.prepare import prepare
+from render.gpu.context import Gl
+from render.light.light_level import dimmed
+from render.light.local_lights import MOST, choose_local_lights
 from render.settings import RenderSettings
+from render.views.prepare import prepare
 from tests.conftest import RecordProof
 from tests.render.scenes import CAMERA, SceneBuilder
 from tests.render.test_light import DOWN, plate, radiance

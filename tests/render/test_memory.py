@@ -14,26 +14,26 @@ import pytest
 
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
-from render import image_files
-from render.context import Gl
-from render.daylight import read_daylight
+from render.detail.surveyed_scene import survey_scene
+from render.detail.texel_need import Sight, survey_sight, texel_needs
 from render.frames import render_scene
-from render.gpu_scene import run_commands
-from render.illumination import BRIGHTEST
-from render.light_volume import cast_light_volume
-from render.materials import layer_mates, texture_keys
-from render.passes import Painter, View
-from render.preparation_child import cast_volume_apart, survey_scene_apart
-from render.prepare import prepare
+from render.gpu.context import Gl
+from render.gpu.gpu_scene import run_commands
+from render.gpu.materials import layer_mates, texture_keys
+from render.gpu.textures import TextureKey, load_textures, sufficient_side
+from render.images import image_files
+from render.light.daylight import read_daylight
+from render.light.illumination import BRIGHTEST
+from render.light.light_volume import cast_light_volume
 from render.settings import RenderSettings
-from render.surveyed_scene import survey_scene
-from render.texel_need import Sight, survey_sight, texel_needs
-from render.textures import TextureKey, load_textures, sufficient_side
+from render.views.passes import Painter, View
+from render.views.preparation_child import cast_volume_apart, survey_scene_apart
+from render.views.prepare import prepare
 from tests.conftest import RecordProof
 from tests.render.scenes import CAMERA, SceneBuilder, placed, random_scene
 from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Sun, Texture
 from usd_schemas.pinhole import look_at
-from usd_schemas.scene_cache import load_scene
+from usd_schemas.reading.scene_cache import load_scene
 
 SQUARE = np.array([[[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0]], [[-0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]])
 SIDE, BLOTCH, PLATE = 1024, 64, 20.0  # [px], [px], [m]
@@ -161,7 +161,7 @@ def test_roughness_in_a_colours_opacity_looks_the_same(
     for material, apart in ((rough, False), (rough, True), (Material("m", base_texture=color, roughness=0.9), False)):
         scene = replace(plate_from(20.0, material), sun=Sun((0.1, 0.1, 1.0), (3.0, 3.0, 3.0)))
         if apart:
-            monkeypatch.setattr("render.prepare.layer_mates", lambda _: [])
+            monkeypatch.setattr("render.views.prepare.layer_mates", lambda _: [])
         prepared = prepare(gl, scene, settings, SILENT)
         pictures.append(prepared.painter(CAMERA, sharp=True).draw(scene.cameras[0].poses[0], 0.1).code)
         features.append(set(prepared.gpu.variants[0].features) & {"HAS_ROUGHNESS", "ROUGHNESS_IN_ALBEDO"})
@@ -217,8 +217,8 @@ def test_no_pixel_depends_on_how_much_waits_for_the_driver(
     settings = small.model_copy(update={"quality": quality})
     images = []
     for waiting, resolved in ((30_000, 64), (1, 7), (50, 1000)):
-        monkeypatch.setattr("render.gpu_scene._WAITING", waiting)
-        monkeypatch.setattr("render.passes._RESOLVED", resolved)
+        monkeypatch.setattr("render.gpu.gpu_scene._WAITING", waiting)
+        monkeypatch.setattr("render.views.passes._RESOLVED", resolved)
         painter = prepare(gl, scene, settings, SILENT).painter(CAMERA, sharp=True)
         view = painter.draw(scene.cameras[0].poses[0], 0.1)
         images.append((view.code, view.draw, view.depth, view.normal))
@@ -231,7 +231,7 @@ def test_no_pixel_depends_on_how_much_waits_for_the_driver(
 
 def test_commands_wait_for_the_driver_until_they_are_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each is run once, in order; the driver begins at every multiple of the limit."""
-    monkeypatch.setattr("render.gpu_scene._WAITING", 10)
+    monkeypatch.setattr("render.gpu.gpu_scene._WAITING", 10)
     triangles, log, waiting = np.array([4, 4, 4, 25, 1, 1, 9, 1]), [], 0
     vertices = SimpleNamespace(render_indirect=lambda _, __, count, *, first: log.append((first, count)))
     for start, end in ((0, 2), (2, 3), (3, 8)):

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.exif import Shot, geodetic, insert_exif
-from render.illumination import BRIGHTEST
-from render.image_files import encode_jpeg
-from render.sensor import Sensor, meter
+from render.images.exif import Shot, geodetic, insert_exif
+from render.images.image_files import encode_jpeg
+from render.light.illumination import BRIGHTEST
+from render.sensor.sensor import Sensor, meter
 from render.settings import SensorSettings
 
 SHAPE = (240, 320)
@@ -74,7 +74,7 @@ def test_developing_in_bands_leaves_no_seam(monkeypatch: pytest.MonkeyPatch) -> 
     frame = np.random.default_rng(3).integers(0, 65536, (*SHAPE, 3), np.uint16)
     pictures = []
     for rows in (64, 37, 10_000):
-        monkeypatch.setattr("render.sensor._BAND", rows)
+        monkeypatch.setattr("render.sensor.sensor._BAND", rows)
         sensor = Sensor(settings, 1.0, BRIGHTEST, SHAPE, 5)
         pictures.append(sensor.develop(frame, sensor.expose(0, frame)))
     for banded in pictures[:2]:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from groundwork.canonical import folder_digest
 from groundwork.progress import SILENT
-from render.context import Gl
 from render.frames import render_scene
-from render.illumination import BRIGHTEST
-from render.prepare import Prepared, prepare
+from render.gpu.context import Gl
+from render.light.illumination import BRIGHTEST
+from render.light.shadow_squares import SHARP_TEXEL, near_reach, share_squares
 from render.settings import RenderSettings
-from render.shadow_squares import SHARP_TEXEL, near_reach, share_squares
+from render.views.prepare import Prepared, prepare
 from tests.conftest import Count, RecordProof
 from tests.render.scenes import CAMERA, SceneBuilder, placed
 from usd_schemas.flat_scene import FlatScene, Material, Sun, Texture

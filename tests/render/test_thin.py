@@ -5,11 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from groundwork.progress import SILENT
-from render.context import Gl
-from render.facets import find_facets
-from render.passes import Painter
-from render.prepare import prepare
+from render.gpu.context import Gl
+from render.gpu.facets import find_facets
 from render.settings import RenderSettings
+from render.views.passes import Painter
+from render.views.prepare import prepare
 from tests.render.scenes import SceneBuilder, placed
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole, look_at

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usd_schemas.flat_scene import FlatScene, world_triangles
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from usd_schemas.apis import SurveyFacts, apply_survey
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole, lens_from_pinhole, look_at, pinhole_from_lens, project
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 GROUND = f'def Mesh "Ground" {{\n{SQUARE}}}\n'
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from pxr import Usd, UsdGeom, Vt
 
-from falsework.products import surveys_of
+from falsework.children.products import surveys_of
 from groundwork.errors import InputError, MissingError
 from groundwork.progress import Progress
 from tests.conftest import RecordProof
-from usd_schemas.guard import check_stage
+from usd_schemas.guard.guard import check_stage
 
 HUGE = 120_000_000  # integers, 0.48 GB
 HEAD = '#usda 1.0\n(\n    defaultPrim = "A"\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
@@ -169,7 +169,7 @@ def test_huge_arrays_end_in_one_line(
     del stage, mesh
     size = (tmp_path / "huge.usdc").stat().st_size
     assert size < 1_000_000
-    monkeypatch.setattr("falsework.products.MEMORY_LIMIT", 0.6)
+    monkeypatch.setattr("falsework.children.products.MEMORY_LIMIT", 0.6)
     with pytest.raises(InputError, match=r"huge.usdc: .*memory"):
         surveys_of(tmp_path / "huge.usdc")
     record_proof("stage/guard: a huge array ends in one line", HUGE, 0, {"file_bytes": size})
@@ -179,11 +179,11 @@ def test_whatever_kills_the_child_is_the_fault_of_the_stage(tmp_path: Path, monk
     """Over the limits, reading ends in one line that names the stage."""
     scene = write(tmp_path / "scene.usda", MESH)
     assert len(surveys_of(scene)) == 1
-    monkeypatch.setattr("falsework.products.MEMORY_LIMIT", 0.01)
+    monkeypatch.setattr("falsework.children.products.MEMORY_LIMIT", 0.01)
     with pytest.raises(InputError, match=r"scene.usda: cannot be read .* it used more than 0.0 GB of memory"):
         surveys_of(scene)
-    monkeypatch.setattr("falsework.products.MEMORY_LIMIT", 4.0)
-    monkeypatch.setattr("falsework.products.TIME_LIMIT", 0.1)
+    monkeypatch.setattr("falsework.children.products.MEMORY_LIMIT", 4.0)
+    monkeypatch.setattr("falsework.children.products.TIME_LIMIT", 0.1)
     with pytest.raises(InputError, match=r"scene.usda: cannot be read within 0 s and 4 GB: stopped because it ran"):
         surveys_of(scene)
 

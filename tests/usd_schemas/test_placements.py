@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom
 
 from groundwork.errors import InputError
 from tests.usd_schemas.stages import SQUARE, area, bounds, read_body, volume, write_stage
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
 

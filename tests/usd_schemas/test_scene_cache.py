@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from pxr import Sdf, UsdUtils
 
-import usd_schemas.scene_cache as scene_cache
+import usd_schemas.reading.scene_cache as scene_cache
 from groundwork.errors import InputError, MissingError
 from groundwork.user_cache import cache_folder
 from tests.usd_schemas.stages import SQUARE, write_stage
 from usd_schemas.flat_scene import FlatScene
-from usd_schemas.layer_contents import layer_contents
-from usd_schemas.scene_cache import load_scene
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.layer_contents import layer_contents
+from usd_schemas.reading.scene_cache import load_scene
+from usd_schemas.reading.stage_reader import read_stage
 
 CAMERA = """def Camera "{}" {{
     double3 xformOp:translate.timeSamples = {{ 1: (0, 0, 5), 2: (1, 0, 5) }}
@@ -138,7 +138,7 @@ def test_the_same_bytes_elsewhere_are_the_same_scene(stage: Path, tmp_path: Path
     assert scene.materials[2].base_texture.file == str(tmp_path.resolve() / "there/skins/a.png")
     assert_same(scene, read_stage(tmp_path / "there/stage.usda"))
     script = (
-        "import sys, usd_schemas.scene_cache as c\nfrom pathlib import Path\nc.compose_stage = None\n"
+        "import sys, usd_schemas.reading.scene_cache as c\nfrom pathlib import Path\nc.compose_stage = None\n"
         "print(c.load_scene(Path(sys.argv[1])).origin)"
     )
     environment = {**os.environ, "FALSEWORK_CACHE": str(tmp_path)}
@@ -195,7 +195,7 @@ def test_a_damaged_file_is_made_anew(damage: str, stage: Path, tmp_path: Path, c
 def test_who_comes_second_waits(stage: Path, tmp_path: Path) -> None:
     """Four processes that begin at once compose the stage once between them."""
     script = (
-        "import sys, usd_schemas.scene_cache as c\nfrom pathlib import Path\nkept = c.compose_stage\n"
+        "import sys, usd_schemas.reading.scene_cache as c\nfrom pathlib import Path\nkept = c.compose_stage\n"
         "c.compose_stage = lambda path: print('composed') or kept(path)\nprint(c.load_scene(Path(sys.argv[1])).origin)"
     )
     environment = {**os.environ, "FALSEWORK_CACHE": str(tmp_path)}

@@ -11,7 +11,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils, Vt
 from groundwork.errors import InputError, MissingError
 from tests.usd_schemas.stages import SQUARE, area, read_body, write_stage
 from usd_schemas.flat_scene import world_triangles
-from usd_schemas.stage_reader import read_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 GROUND = f'def Mesh "Ground" {{\n{SQUARE}}}\n'
 

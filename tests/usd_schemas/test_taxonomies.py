@@ -11,7 +11,7 @@ from tests.usd_schemas.stages import SQUARE, read_body
 from usd_schemas import tokens
 from usd_schemas.apis import apply_taxonomy
 from usd_schemas.components import BACKGROUND, NOISY_POINT, UNLABELLED, class_of, class_rows, component_classes
-from usd_schemas.read_labels import read_taxonomy
+from usd_schemas.reading.labels import read_taxonomy
 from usd_schemas.taxonomies import BASE, TAXONOMIES, Taxonomy, taxonomy
 
 FOLDER = Path(__file__).parents[2] / "usd_schemas/tables/taxonomies"

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from authoring.alignment import Layout
-from authoring.component import F64, Component, triangles
+from authoring.axis.alignment import Layout
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import FAMILIES, DrawnBridge, build_bridge
-from authoring.layout import BridgeSettings, draw_layout
 from authoring.parts.piers import Ground
+from authoring.shapes.component import F64, Component, triangles
 from authoring.streams import stream
 from groundwork.settings import parse_settings
 from tests.authoring.bridges.kernels import I64, Bools, touching

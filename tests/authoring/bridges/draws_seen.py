@@ -8,8 +8,8 @@ from typing import Any, Literal, get_args, get_origin
 
 import pytest
 
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import FAMILIES
-from authoring.layout import BridgeSettings, draw_layout
 from authoring.parts import drawing
 from authoring.streams import stream
 from groundwork.settings import Settings, parse_settings

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from authoring.component import F64, FIRST_BRIDGE_ID, FIRST_SITE_ID
+from authoring.shapes.component import F64, FIRST_BRIDGE_ID, FIRST_SITE_ID
 from groundwork.canonical import canonical_json
 from tests.authoring.bridges.built import OPEN_KINDS, Bridge
 from tests.authoring.bridges.kernels import common_faces, covered_twice, depth_in, winding

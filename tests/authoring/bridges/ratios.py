@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from authoring.component import F64
+from authoring.shapes.component import F64
 from tests.authoring.bridges.built import Bridge
 
 _ROUNDED = 0.02  # [1] of a band's ends that rounding to centimetres may take

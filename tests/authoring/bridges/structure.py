@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from authoring.component import F64
 from authoring.families.shared import SharedSettings
 from authoring.parts.drawing import drawn_range
+from authoring.shapes.component import F64
 from tests.authoring.bridges.built import Bridge
 from usd_schemas.components import class_of
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from scipy.special import fresnel
 
-from authoring.alignment import FAR, NEAR, Alignment, Crest
-from authoring.component import F64
-from authoring.extrusion import prism
+from authoring.axis.alignment import FAR, NEAR, Alignment, Crest
+from authoring.axis.plan_curve import Element, PlanCurve, sine_elements
 from authoring.families.alignments import LARGEST_TURN
-from authoring.layout import BridgeSettings, draw_layout
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.parts.spans import level_at
-from authoring.plan_curve import Element, PlanCurve, sine_elements
-from authoring.sections import rectangle
+from authoring.shapes.component import F64
+from authoring.shapes.sections import rectangle
+from authoring.solids.extrusion import prism
+from authoring.solids.sweep import sweep
 from authoring.streams import stream
-from authoring.sweep import sweep
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.conftest import Count

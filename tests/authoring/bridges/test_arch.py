@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from authoring.alignment import Alignment
-from authoring.component import F64, Component
+from authoring.axis.alignment import Alignment
 from authoring.families.arch import ArchSettings
 from authoring.families.arch_settings import ARRANGEMENTS, MasonrySettings, draw_choice
 from authoring.families.arch_through import GAUGE
@@ -16,6 +15,7 @@ from authoring.parts.arch_axis import ArchAxis, Rib
 from authoring.parts.arches import EMBEDDED, RibSection, rib_parts, rib_surface
 from authoring.parts.drawing import Draws, drawn_range
 from authoring.parts.masonry import ring_of
+from authoring.shapes.component import F64, Component
 from authoring.streams import stream
 from groundwork.errors import InputError
 from tests.authoring.bridges.built import Bridge, make_bridge

@@ -6,17 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from authoring.component import F64, Component, triangles
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.cable_stayed import CableStayedSettings, DrawnCableStayed
 from authoring.families.stayed_elevation import FLATTEST, GAUGE
 from authoring.families.suspension import DrawnSuspension
-from authoring.layout import BridgeSettings, draw_layout
 from authoring.parts.anchors import clamps, hanger_sockets, sleeves
 from authoring.parts.cables import CHORD_SAG, Plane, chords, tube
 from authoring.parts.drawing import drawn_range
 from authoring.parts.stays import head_heights
+from authoring.shapes.component import F64, Component, triangles
+from authoring.solids.sweep import Surface
 from authoring.streams import stream
-from authoring.sweep import Surface
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.authoring.bridges.built import Bridge, make_bridge

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from authoring.alignment import Alignment
-from authoring.component import Component, triangles
-from authoring.layout import BridgeSettings, draw_layout
+from authoring.axis.alignment import Alignment
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.parts.decks import DeckEdge, Haunches, deck_outline, deck_parts
 from authoring.parts.girder_sections import Girders, diaphragm_outline, girder_outline, u_top_width
 from authoring.parts.girders import diaphragm_stations, girder_parts, girder_surface
 from authoring.parts.spans import Levels, Spans
-from authoring.sections import area
+from authoring.shapes.component import Component, triangles
+from authoring.shapes.sections import area
+from authoring.solids.sweep import Surface
 from authoring.streams import stream
-from authoring.sweep import Surface
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.authoring.bridges.built import STRAIGHT, make_bridge

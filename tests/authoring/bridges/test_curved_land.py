@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from authoring.alignment import Alignment, Layout
+from authoring.axis.alignment import Alignment, Layout
+from authoring.axis.plan_curve import Element
 from authoring.backgrounds.countryside import CountrysideSettings, build_countryside
 from authoring.backgrounds.hamlet import RADIUS
-from authoring.component import Component, Scatter, triangles
-from authoring.plan_curve import Element
-from authoring.site import Site, SiteSettings, draw_site
+from authoring.shapes.component import Component, Scatter, triangles
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from authoring.alignment import Layout
-from authoring.component import F64, Component, triangle_corners, triangles
+from authoring.axis.alignment import Layout
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import build_bridge
-from authoring.layout import BridgeSettings, draw_layout
-from authoring.site import Site, SiteSettings, draw_site
-from authoring.site_covers import to_world, turn
-from authoring.site_shape import ABUTMENT_BACK, WING_WALL
+from authoring.shapes.component import F64, Component, triangle_corners, triangles
+from authoring.site.covers import to_world, turn
+from authoring.site.shape import ABUTMENT_BACK, WING_WALL
+from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.subject import LAND, piece_corners
 from groundwork.settings import parse_settings

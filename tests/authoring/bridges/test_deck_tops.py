@@ -7,22 +7,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from authoring.alignment import Alignment
-from authoring.component import F64, Component
-from authoring.copies import LOCAL, copied_together, frames_along
-from authoring.extrusion import prism
-from authoring.layout import BridgeSettings, draw_layout
+from authoring.axis.alignment import Alignment
+from authoring.axis.track_section import CLEARANCE, GAUGE
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.parts.deck_top import DeckTop, DeckTopSettings, Runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws
 from authoring.parts.part import Part
 from authoring.parts.railings import post_stations
 from authoring.parts.spans import Spans
 from authoring.parts.tracks import ballast_outline, sleeper_solid, track_range
-from authoring.sections import area, rectangle
-from authoring.site import SiteSettings, draw_site
+from authoring.shapes.component import F64, Component
+from authoring.shapes.sections import area, rectangle
+from authoring.site.site import SiteSettings, draw_site
+from authoring.solids.copies import LOCAL, copied_together, frames_along
+from authoring.solids.extrusion import prism
+from authoring.solids.sweep import Surface
 from authoring.streams import stream
-from authoring.sweep import Surface
-from authoring.track_section import CLEARANCE, GAUGE
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.conftest import Count

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from authoring.alignment import Layout
+from authoring.axis.alignment import Layout
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import FAMILIES, DrawnBridge
-from authoring.layout import BridgeSettings, draw_layout
 from authoring.streams import stream
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings

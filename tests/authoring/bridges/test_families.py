@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from authoring.families.bridge_settings import draw_layout
 from authoring.families.registry import FAMILIES
-from authoring.layout import draw_layout
 from authoring.settings import AuthoringSettings
-from authoring.site import draw_site
+from authoring.site.site import draw_site
 from authoring.streams import stream
 from tests.authoring.bridges import invariants, structure
 from tests.authoring.bridges.built import STRAIGHT, build_on, make_bridge, settings_of

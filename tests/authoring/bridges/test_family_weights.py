@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from authoring.layout import BridgeSettings, draw_layout
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.streams import stream
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from authoring.alignment import Alignment
-from authoring.component import F64
+from authoring.axis.alignment import Alignment
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.girder import DrawnGirder, build_girder
-from authoring.layout import BridgeSettings, draw_layout
 from authoring.parts.frame_shapes import pierced_plate
 from authoring.parts.part import Part
 from authoring.parts.plate_girders import EMBEDDED, section
 from authoring.parts.splices import HALF_LENGTH
-from authoring.sections import area
-from authoring.setting_out import bolts, in_one_chart, plates, set_out
+from authoring.shapes.component import F64
+from authoring.shapes.sections import area
+from authoring.solids.setting_out import bolts, in_one_chart, plates, set_out
+from authoring.solids.sweep import Surface
 from authoring.streams import stream
-from authoring.sweep import Surface
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 

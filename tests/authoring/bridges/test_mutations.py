@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from authoring.component import Component
+from authoring.shapes.component import Component
 from tests.authoring.bridges.built import STRAIGHT, Bridge, make_bridge
 from tests.authoring.bridges.conftest import INVARIANTS, judge
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import FAMILIES, build_bridge
-from authoring.layout import BridgeSettings, draw_layout
 from authoring.streams import stream
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings

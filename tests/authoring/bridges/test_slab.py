@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from authoring.families.bridge_settings import draw_layout
 from authoring.families.slab import DrawnSlab
-from authoring.layout import draw_layout
 from authoring.parts.slabs import LEAST_DEPTH, Slab, slab_outline, usual_slenderness
-from authoring.sections import area, is_convex
+from authoring.shapes.sections import area, is_convex
 from authoring.streams import stream
 from groundwork.errors import InputError
 from tests.authoring.bridges.built import STRAIGHT, Bridge, make_bridge, settings_of

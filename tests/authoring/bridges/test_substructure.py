@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from authoring.alignment import Alignment, Layout
-from authoring.component import F64, Component, triangles
-from authoring.layout import BridgeSettings, draw_layout
+from authoring.axis.alignment import Alignment, Layout
+from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.parts.pier_caps import CapShape, cap_surface
 from authoring.parts.shafts import Shafts, fork_outline, shaft_base, shaft_outline, shaft_surfaces, stout_shafts
 from authoring.parts.wedges import road_slope, seat_slope
-from authoring.sections import area
+from authoring.shapes.component import F64, Component, triangles
+from authoring.shapes.sections import area
+from authoring.solids.sweep import Surface
 from authoring.streams import stream
-from authoring.sweep import Surface
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.authoring.bridges.built import STRAIGHT, Bridge, make_bridge

@@ -1,0 +1,121 @@
+"""Burning fine detail into tiled textures: a tile grows until it holds the periods of the detail nearly whole times."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdShade
+
+from authoring.exchange.bake_lookup import sample
+from authoring.looks.encode import encode_srgb, png
+from groundwork.files import write_bytes
+from usd_schemas.flat_scene import Detail, Texture
+from usd_schemas.guard.layer_walk import Warn
+from usd_schemas.reading.materials import read_material
+
+F32 = NDArray[np.float32]
+
+DETAIL = "FalseworkDetailAPI"
+LONGEST = 26.0  # [m] side of a tile: two or three times the longest period of our detail bends that by a few per cent
+PATCHES = 130.0  # [m] side of a tile with patches, as wide as those of the land beside the site
+_BRIGHTEST = np.float32(0.95)  # albedo, as in our renderer
+
+
+def bake_tile(stage: Usd.Stage, path: Sdf.Path, folder: Path, texels: int, patched: bool, warn: Warn) -> None:
+    """Give a material a larger tile with its detail burnt in; one without a tiled base texture stays as it is.
+
+    Args:
+        stage: Flattened stage; its root layer is changed.
+        path: A material with detail.
+        folder: Folder of that layer; receives the texture.
+        texels: Texels along a side of the tile [px].
+        patched: Its macro texture is repeated in tiles, too, and goes into this one.
+        warn: Called with one line for each thing about the material that is not read.
+    """
+    material = UsdShade.Material(stage.GetPrimAtPath(path))
+    flat = read_material(material, warn).material
+    surface, _, _ = material.ComputeSurfaceSource()
+    texture = flat.base_texture if flat is not None else None
+    reader = _source(surface, "diffuseColor") if surface else None
+    placement = _source(reader, "st") if reader else None
+    if flat is None or texture is None or texture.uv_set or reader is None or placement is None:
+        return
+    if placement.GetShaderId() != "UsdTransform2d" or texture.rotation or any(texture.translation):
+        return
+    repeats = _repeats(1 / max(texture.scale), flat.detail.periods, PATCHES if patched else 0.0)
+    image = _tile(flat.detail, texture, repeats, texels, patched)
+    file = f"./{path.GetParentPath().name}_{path.name}_baked.png"
+    write_bytes(folder / file, png(encode_srgb(image)))
+    larger = path.AppendChild("BakedPlacement")
+    Sdf.CopySpec(stage.GetRootLayer(), placement.GetPath(), stage.GetRootLayer(), larger)
+    place = UsdShade.Shader(stage.GetPrimAtPath(larger))
+    place.CreateInput("scale", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*(value / repeats for value in texture.scale)))
+    reader.GetInput("st").ConnectToSource(place.CreateOutput("result", Sdf.ValueTypeNames.Float2))
+    reader.GetInput("file").Set(Sdf.AssetPath(file))
+    mean = [round(float(value), 4) for value in image.mean(axis=(0, 1))]
+    reader.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*mean, 1.0))
+    remove_detail(material.GetPrim())
+
+
+def remove_detail(prim: Usd.Prim) -> None:
+    """Take the detail off a material.
+
+    Args:
+        prim: A material.
+    """
+    prim.RemoveAPI(DETAIL)
+    for attribute in prim.GetPropertiesInNamespace("falsework:detail"):
+        prim.RemoveProperty(attribute.GetName())
+
+
+def bent_periods(periods: tuple[float, ...], side: float) -> tuple[int, ...]:
+    """Count how many times each period goes into a tile, rounded.
+
+    Args:
+        periods: Periods of the detail [m].
+        side: Side of the tile [m].
+    """
+    return tuple(max(round(side / period), 1) for period in periods)
+
+
+def _repeats(sheet: float, periods: tuple[float, ...], wanted: float) -> int:
+    """Choose how many sheets a tile has along a side: what comes close to a side, else what bends periods least."""
+    if wanted:
+        return max(round(wanted / sheet), 1)
+
+    def bend(repeats: int) -> float:
+        side = repeats * sheet
+        counts = bent_periods(periods, side)
+        return max((abs(side / count / period - 1) for count, period in zip(counts, periods, strict=True)), default=0.0)
+
+    return min(range(1, max(int(LONGEST / sheet), 1) + 1), key=bend)
+
+
+def _tile(detail: Detail, texture: Texture, repeats: int, texels: int, patched: bool) -> F32:
+    """Multiply base texture, detail and patches over one tile, linear, shape (H, H, 3), float32."""
+    steps = (np.arange(texels, dtype=np.float32) + np.float32(0.5)) / np.float32(texels)
+    across, up = np.meshgrid(steps, 1 - steps)
+    unit = np.stack([across, up], axis=-1).reshape(-1, 2)
+    color = sample(texture.file, unit * np.float32(repeats), repeats / texels, texture.srgb)
+    color *= _detail(detail, unit, texture.scale, repeats, texels)
+    if patched and detail.macro_file:
+        color *= 2 * sample(detail.macro_file, unit, 1 / texels, False)
+    return np.minimum(color, _BRIGHTEST).reshape(texels, texels, 3)
+
+
+def _detail(detail: Detail, unit: F32, scale: tuple[float, float], repeats: int, texels: int) -> F32:
+    factor = np.ones((len(unit), 1), np.float32)
+    counts = [bent_periods(detail.periods, repeats / one) for one in scale]
+    octaves = zip(*counts, detail.amplitudes, strict=True) if detail.file else ()
+    for across, up, amplitude in octaves:
+        grey = sample(detail.file, unit * np.array([across, up], np.float32), max(across, up) / texels, False)[:, :1]
+        factor *= 1 + np.float32(amplitude) * (2 * grey - 1)
+    return factor
+
+
+def _source(shader: UsdShade.Shader, name: str) -> UsdShade.Shader | None:
+    """Find the shader that feeds an input."""
+    entry = shader.GetInput(name)
+    attributes = entry.GetValueProducingAttributes() if entry else []
+    fed = attributes and UsdShade.Output.IsOutput(attributes[0])
+    return UsdShade.Shader(attributes[0].GetPrim()) if fed else None

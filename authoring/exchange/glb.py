@@ -1,0 +1,136 @@
+"""A stage as GLB, for the web and for tools without USD: nodes named like prims, labels as extras."""
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from groundwork.files import write_bytes
+from usd_schemas.flat_scene import FlatScene, Material, Texture
+from usd_schemas.guard.layer_walk import Warn
+from usd_schemas.reading.stage_reader import read_stage
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # glTF's vertical is y
+MOST_TEXELS = 1024  # [px] along a side of a tiled texture: a web page is not a print
+
+
+def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
+    """Write what a stage shows, with its base colours, roughness and labels.
+
+    Args:
+        stage: Any USD stage.
+        out: File to write.
+        warn: Called with one line for each thing that the stage or GLB cannot say.
+
+    Returns:
+        Names of the nodes.
+    """
+    import trimesh
+    from trimesh.exchange.gltf import export_glb
+
+    scene = read_stage(stage)
+    for line in scene.warnings:
+        warn(line)
+    if any(material.detail.file or material.detail.macro_file for material in scene.materials):
+        warn("GLB knows no detail or macro textures: --bake burns them in")
+    result = trimesh.Scene(base_frame="world")
+    pictures: dict[Texture, _Picture] = {}
+    meshes: dict[tuple[int, int], str] = {}
+    rows = {row.id: row for row in scene.instances}
+    classes = {row.id: row.name for row in scene.classes}
+    used: Counter[str] = Counter()
+    for draw, part in enumerate(scene.draws.part.tolist()):
+        number = int(scene.draws.material[draw])
+        row = rows.get(int(scene.draws.instance[draw]))
+        stem = row.path.rpartition("/")[2] if row else "unnumbered"
+        node = f"{stem}_{used[stem]}" if used[stem] else stem
+        used[stem] += 1
+        facts = {"class": classes.get(int(scene.draws.label[draw]), ""), "instance": int(scene.draws.instance[draw])}
+        if row:
+            facts |= {"component": row.component, "path": row.path}
+        matrix = Y_UP @ scene.draws.transform[draw]
+        known = meshes.get((part, number))
+        if known is None:
+            meshes[part, number] = f"mesh_{len(meshes):05d}"
+            mesh = _mesh(scene, part, scene.materials[number], pictures)
+            result.add_geometry(mesh, node, meshes[part, number], transform=matrix, metadata=facts)
+        else:
+            result.graph.update(node, "world", matrix=matrix, geometry=known, metadata=facts)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(out, export_glb(result, include_normals=True))
+    return sorted(result.graph.nodes_geometry)
+
+
+def _mesh(scene: FlatScene, part: int, material: Material, pictures: "dict[Texture, _Picture]") -> "Trimesh":
+    import trimesh
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    geometry = scene.geometry
+    first = int(geometry.part_first[part])
+    corners = geometry.triangles[first : first + int(geometry.part_count[part])]
+    vertices, faces = np.unique(corners, return_inverse=True)
+    texture = material.base_texture
+    metallic = float(material.metallic)
+    settings: dict[str, Any] = {
+        "name": material.name.rpartition("/")[2], "metallicFactor": metallic, "roughnessFactor": material.roughness,
+        "doubleSided": bool(geometry.part_double_sided[part]),
+    }  # fmt: skip
+    uv = geometry.st[vertices]
+    if texture is None:
+        settings["baseColorFactor"] = [*(round(value * 255) for value in material.base_color), 255]
+    else:
+        if texture not in pictures:
+            pictures[texture] = _Picture(texture)
+        settings["baseColorTexture"] = pictures[texture]
+        if not texture.is_plain:  # GLB multiplies, and adds nothing
+            settings["baseColorFactor"] = [*(round(min(value, 1.0) * 255) for value in texture.gain), 255]
+        uv = _placed((geometry.st1 if texture.uv_set else geometry.st)[vertices], texture)
+    visual = TextureVisuals(uv=uv, material=PBRMaterial(**settings))
+    return trimesh.Trimesh(
+        geometry.positions[vertices], faces.reshape(-1, 3), vertex_normals=geometry.normals[vertices], visual=visual,
+        process=False,
+    )  # fmt: skip
+
+
+def _placed(uv: NDArray[np.float32], texture: Texture) -> NDArray[np.float64]:
+    """Apply UsdTransform2d: scale, then rotation, then translation."""
+    scaled = uv.astype(np.float64) * texture.scale
+    angle = np.radians(texture.rotation)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return scaled @ turn.T + texture.translation
+
+
+class _Picture:
+    """A JPEG file in memory, as much of an image as trimesh's GLB writer asks for."""
+
+    format = "JPEG"
+
+    def __init__(self, texture: Texture) -> None:
+        import cv2
+
+        image = cv2.imread(texture.file, cv2.IMREAD_COLOR)
+        if image is None:
+            raise InputError("not readable as an image", where=texture.file)
+        if texture.uv_set == 0 and max(image.shape) > MOST_TEXELS:
+            image = cv2.resize(image, (MOST_TEXELS, MOST_TEXELS), interpolation=cv2.INTER_AREA)
+        self._data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
+
+    def tobytes(self) -> bytes:
+        """Give the bytes that the material is told apart by."""
+        return self._data
+
+    def save(self, file: BinaryIO, format: str) -> None:
+        """Write the file.
+
+        Args:
+            file: Where to.
+            format: Always JPEG.
+        """
+        file.write(self._data)

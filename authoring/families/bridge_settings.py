@@ -1,0 +1,87 @@
+"""What a scenario says about its bridge, and the draw of everything that it leaves open."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+from pydantic import ValidationInfo, field_validator
+
+from authoring.axis.alignment import Layout
+from authoring.families.arch import ArchSettings
+from authoring.families.beam import BeamSettings
+from authoring.families.cable_stayed import CableStayedSettings
+from authoring.families.girder import SteelGirderSettings
+from authoring.families.registry import FAMILIES, DrawnBridge
+from authoring.families.shared import SharedSettings
+from authoring.families.slab import SlabSettings
+from authoring.families.suspension import SuspensionSettings
+from authoring.parts.drawing import Draws
+from groundwork.settings import Settings
+
+FamilyName = Literal["arch", "beam", "cable_stayed", "girder", "slab", "suspension"]
+
+
+class BridgeSettings(SharedSettings):
+    """The section `[bridge]` of a scenario."""
+
+    family: FamilyName | dict[FamilyName, float] = "beam"
+    """Family of bridges, a key of the registry; or how often each is drawn, e.g. `{beam = 2.0, arch = 1.0}`."""
+    profile: Literal["default", "paper"] = "default"
+    """Ranges that open parameters are drawn from."""
+    arch: ArchSettings = ArchSettings()
+    beam: BeamSettings = BeamSettings()
+    cable_stayed: CableStayedSettings = CableStayedSettings()
+    girder: SteelGirderSettings = SteelGirderSettings()
+    slab: SlabSettings = SlabSettings()
+    suspension: SuspensionSettings = SuspensionSettings()
+
+    @field_validator("family", mode="before")
+    @classmethod
+    def _known_families(cls, value: object) -> object:
+        names = list(value) if isinstance(value, dict) else [value]
+        unknown = [name for name in names if name not in FAMILIES]
+        if unknown or not names:
+            raise ValueError(f"not a family of bridges: {unknown or 'nothing'}; allowed: {', '.join(sorted(FAMILIES))}")
+        if isinstance(value, dict):
+            for name, weight in value.items():
+                if not isinstance(weight, int | float) or isinstance(weight, bool) or not 0.0 <= weight < float("inf"):
+                    raise ValueError(f"the weight of {name} is {weight!r}; allowed: numbers from 0 on")
+            if not sum(value.values()) > 0.0:
+                raise ValueError("all weights are 0; allowed: at least one above 0")
+        return value
+
+    @field_validator(*FAMILIES)
+    @classmethod
+    def _of_a_drawn_family(cls, section: Settings, info: ValidationInfo) -> Settings:
+        """Refuse values for a family that is never drawn: they would be without effect."""
+        family, name = info.data.get("family"), info.field_name or ""
+        drawn = family is None or name in ([family] if isinstance(family, str) else family)
+        if not drawn and section != type(section)():
+            told = repr(family) if isinstance(family, str) else "a table without it"
+            raise ValueError(
+                f"the settings of family {name!r} have no effect, because bridge.family is {told}; "
+                f"allowed: this section with family = {name!r}, or with a table of weights that names it"
+            )
+        return section
+
+
+def draw_layout(settings: BridgeSettings, rng: np.random.Generator) -> tuple[Layout, DrawnBridge]:
+    """Draw a bridge before its site exists.
+
+    Args:
+        settings: What the user fixed.
+        rng: Random stream of the bridge.
+
+    Returns:
+        What the site has to know, and the record that `build_bridge` builds from.
+    """
+    # The family has a stream of its own, so that weights change which bridge is drawn and nothing within it.
+    family = _draw_family(settings.family, rng.spawn(1)[0])
+    layout, record = FAMILIES[family].draw(getattr(settings, family), settings, Draws(rng, settings.profile))
+    return layout, DrawnBridge(family, record)
+
+
+def _draw_family(family: FamilyName | Mapping[FamilyName, float], rng: np.random.Generator) -> str:
+    if isinstance(family, str):
+        return family
+    return Draws(rng).choose({str(name): family[name] for name in sorted(family)})

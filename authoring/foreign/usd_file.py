@@ -1,0 +1,135 @@
+"""A USD file of the user's as one layer and its textures, ready to lie in a scene folder."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pxr import Sdf, Usd, UsdShade, UsdUtils
+
+from authoring.foreign.textures import copy_texture
+from groundwork.errors import InputError, MissingError
+
+
+def open_foreign(file: Path) -> Usd.Stage:
+    """Open a file of the user's whole.
+
+    Args:
+        file: USD file, looked through by `usd_schemas.guard.guard.check_stage` where its origin is unknown.
+
+    Raises:
+        InputError: Missing, not USD, or a prim is bound to a material that is not there.
+    """
+    if not file.is_file():
+        raise MissingError("no such file", where=file, mend="Check the path")
+    try:
+        stage = Usd.Stage.Open(str(file.resolve()), Usd.Stage.LoadAll)
+    except Exception as error:
+        raise InputError("not readable as USD", where=file, allowed="usda, usdc, usd, usdz") from error
+    for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
+        for target in UsdShade.MaterialBindingAPI(prim).GetDirectBindingRel().GetTargets():
+            if not stage.GetPrimAtPath(target):
+                raise InputError(
+                    "is bound to a material that is not in the file", where=file, field=str(prim.GetPath()),
+                    value=str(target), mend="Export it with its materials, below one root prim",
+                )  # fmt: skip
+    return stage
+
+
+def flatten_foreign(stage: Usd.Stage, file: Path, folder: Path) -> Sdf.Layer:
+    """Flatten a stage, its selected variants and references included, and copy its textures.
+
+    Args:
+        stage: The stage.
+        file: Its file, for errors.
+        folder: Existing folder that will hold the layer; receives `textures/`.
+
+    Returns:
+        A layer in memory whose asset paths start with `./textures/`.
+
+    Raises:
+        InputError: A texture is missing.
+    """
+    flat = stage.Flatten(addSourceFileComment=False)
+    missing: list[str] = []
+    names: dict[str, str] = {}
+
+    def move(path: str) -> str:
+        if path and path not in names:
+            found = copy_texture(path, folder / "textures")
+            if not found:
+                missing.append(path)
+            names[path] = f"./textures/{found}"
+        return names.get(path, "")
+
+    UsdUtils.ModifyAssetPaths(flat, move)
+    if missing:
+        holder = _holder(stage, missing[0])
+        raise InputError(
+            "texture not found", where=file, field=holder, value=_short(missing[0], file),
+            mend="Export it again with its textures beside it",
+        )  # fmt: skip
+    return flat
+
+
+def adopt(source: Sdf.Layer, target: Sdf.Layer, place: Sdf.Path) -> None:
+    """Copy every root prim of a layer below a prim of another, with all targets pointing there.
+
+    Args:
+        source: Flattened layer.
+        target: Layer that receives the prims.
+        place: Prim of it.
+    """
+    roots = {prim.path for prim in source.rootPrims}
+    for path in sorted(roots):
+        Sdf.CopySpec(source, path, target, place.AppendChild(path.name))
+
+    def moved(path: Sdf.Path) -> Sdf.Path:
+        outside = not path.HasPrefix(place) and path.GetPrefixes()[:1] and path.GetPrefixes()[0] in roots
+        return path.ReplacePrefix(Sdf.Path.absoluteRootPath, place) if outside else path
+
+    def repoint(path: Sdf.Path) -> None:
+        spec = target.GetObjectAtPath(path)
+        if isinstance(spec, Sdf.RelationshipSpec):
+            _replace(spec.targetPathList, moved)
+        elif isinstance(spec, Sdf.AttributeSpec):
+            _replace(spec.connectionPathList, moved)
+        elif isinstance(spec, Sdf.PrimSpec):
+            _replace(spec.referenceList, lambda arc: arc if arc.assetPath else Sdf.Reference("", moved(arc.primPath)))
+
+    target.Traverse(place, repoint)
+
+
+def safe_name(stem: str) -> str:
+    """Spell a file's stem as a prim or variant name.
+
+    Args:
+        stem: Any text.
+    """
+    name = re.sub(r"[^A-Za-z0-9_]", "_", stem)[:60]
+    return name if name[:1].isalpha() else f"user_{name}"
+
+
+def _replace(listing: Any, moved: Callable[[Any], Any]) -> None:
+    items = list(listing.GetAppliedItems())
+    if items:
+        listing.ClearEditsAndMakeExplicit()
+        for item in items:
+            listing.explicitItems.append(moved(item))
+
+
+def _holder(stage: Usd.Stage, path: str) -> str:
+    """Find the material that names a file."""
+    for prim in stage.Traverse():
+        for attribute in prim.GetAttributes():
+            value = attribute.Get()
+            if isinstance(value, Sdf.AssetPath) and value.path and path.endswith(value.path.removeprefix("./")):
+                while prim and not prim.IsA(UsdShade.Material) and not prim.GetParent().IsPseudoRoot():
+                    prim = prim.GetParent()
+                return str(prim.GetPath())
+    return ""
+
+
+def _short(path: str, file: Path) -> str:
+    home = f"{file.resolve().parent}/"
+    return path.removeprefix(home)

@@ -1,0 +1,90 @@
+"""One asset on disk: geometry, labels, and the materials that its pieces name."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from authoring.layers.geometry import Asset, geometry_layer, roles_of
+from authoring.layers.layer import export
+from authoring.layers.semantics import semantics_layer
+from authoring.looks.bake import bake_surface, open_ground
+from authoring.looks.encode import encode_raw, jpeg
+from authoring.looks.ground_photo import ground_photo
+from authoring.looks.library import SHEETS, SheetName, bake_sheets
+from authoring.looks.material import MaterialRecipe
+from authoring.looks.noise import Bank
+from authoring.shapes.component import Component, Scatter
+from authoring.site.photo import surface_of
+from authoring.site.site import Site
+from authoring.streams import stream
+from groundwork.files import write_bytes
+
+Pieces = tuple[Component | Scatter, ...]
+
+
+def write_asset(asset: Asset, pieces: Pieces, folder: Path) -> None:
+    """Write the geometry and the labels of an asset.
+
+    Args:
+        asset: Where its parts stand.
+        pieces: Components and scatters.
+        folder: Folder of the asset.
+    """
+    export(geometry_layer(asset, pieces), folder / "geometry.usdc")
+    export(semantics_layer(asset, pieces), folder / "semantics.usdc")
+
+
+def bake_surfaces(pieces: Pieces, folder: Path, texels: int, seed: int) -> dict[str, MaterialRecipe]:
+    """Bake the materials of a background, or of a site but for the pictures of its ground.
+
+    Args:
+        pieces: Its components and scatters.
+        folder: Folder of the asset; receives `textures/`.
+        texels: Texels along a side of a sheet [px].
+        seed: Seed of the scene.
+
+    Returns:
+        One recipe for each material that the pieces name.
+    """
+    # One number a surface, the same for site and background: their grass is one grass, and goes on over the border.
+    names = sorted({surface_of(role)[0] for role in roles_of(pieces)})
+    numbers = {name: int(stream(seed, f"surface/{name}").integers(SHEETS)) for name in names}
+    bake_sheets(SheetName(name, number, texels) for name, number in numbers.items())
+    patches = patches_of(seed)
+    return {
+        name: bake_surface(name, folder, texels, f"{folder.name}_", number, patches=patches)
+        for name, number in numbers.items()
+    }
+
+
+def bake_site(site: Site, folder: Path, texels: int, seed: int) -> dict[str, MaterialRecipe]:
+    """Bake the materials of a site, with the pictures of the ground near the bridge.
+
+    Args:
+        site: The site.
+        folder: Its folder; receives `textures/`.
+        texels: Texels along a side of a sheet and of a picture [px].
+        seed: Seed of the scene.
+    """
+    recipes = bake_surfaces(site.pieces, folder, texels, seed)
+    patches = open_ground(texels, patches_of(seed))
+    bank, drawn = Bank(), int(stream(seed, "surface/photo").integers(2**31))
+    photos = {}
+    for square in site.squares:
+        factors = ground_photo(site, square, len(site.squares), patches, texels, drawn, bank)
+        file = f"./textures/{folder.name}_photo{square.number}.jpg"
+        write_bytes(folder / file, jpeg(encode_raw(factors / 2)))
+        photos[square.number] = file
+    for role in roles_of(site.pieces):
+        surface, number = surface_of(role)
+        if number is not None:
+            recipes[role] = replace(recipes[surface], macro_file=photos[number])
+    return recipes
+
+
+def patches_of(seed: int) -> int:
+    """Draw which patches lie on the open ground of a scene.
+
+    Args:
+        seed: Seed of the scene.
+    """
+    return int(stream(seed, "surface/patches").integers(2**31))

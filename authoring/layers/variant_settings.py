@@ -1,0 +1,66 @@
+"""The section `[variants]` of a scenario: looks, backgrounds and lights whose product is made from one bridge."""
+
+from itertools import product
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from authoring.light.daylight import LightSettings
+from authoring.looks.roles import LOOKS
+from groundwork.settings import Settings
+
+BASE_LIGHT = "default"
+NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
+
+Selections = dict[str, str]
+
+
+class LightVariant(LightSettings):
+    """Another light; what it leaves out is as in `[light]`."""
+
+    name: str = Field(pattern=NAME, max_length=40, description="Name of the light")
+
+
+class VariantSettings(Settings):
+    """Variants of one scene: the product of these lists."""
+
+    look: tuple[str, ...] = Field(default=(), description="Looks of the bridge; empty: the one of [look]")
+    background: tuple[str, ...] = Field(
+        default=(), description="Backgrounds, or paths of imported worlds; empty: the one of [background]"
+    )
+    light: tuple[LightVariant, ...] = Field(
+        default=(), description="Lights, each a table with a name; empty: the one of [light], which is called default"
+    )
+
+    @model_validator(mode="after")
+    def _names_are_known_and_differ(self) -> Self:
+        for name in self.look:
+            if name not in LOOKS:
+                raise ValueError(f"unknown look {name!r}; allowed: {', '.join(LOOKS)}")
+        for axis, names in self.names().items():
+            if len(set(names)) < len(names):
+                raise ValueError(f"{axis} names one variant twice: {', '.join(names)}")
+        return self
+
+    def names(self) -> dict[str, tuple[str, ...]]:
+        """List the names of each axis, `look`, `background` and `light`."""
+        lights = tuple(light.name for light in self.light)
+        return {"look": self.look, "background": self.background, "light": lights}
+
+    def combinations(self) -> dict[str, Selections]:
+        """List the variants: each name, such as `clean_none`, and what it selects on each axis that is varied."""
+        axes = {axis: names for axis, names in self.names().items() if names}
+        chosen = [dict(zip(axes, names, strict=True)) for names in product(*axes.values())] if axes else []
+        return {"_".join(selection.values()): selection for selection in chosen}
+
+    def lights(self, base: LightSettings) -> dict[str, LightSettings]:
+        """List every light of the scene, the base light among them.
+
+        Args:
+            base: The section `[light]`.
+        """
+        lights = {BASE_LIGHT: base}
+        for light in self.light:
+            said = {name: getattr(light, name) for name in light.model_fields_set - {"name"}}
+            lights[light.name] = base.model_copy(update=said)
+        return lights

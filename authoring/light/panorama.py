@@ -1,0 +1,165 @@
+"""A photographed sky: read, and parted into a sun and the rest."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.light.sky import sky_directions, solid_angles
+from authoring.light.sun import LUMINANCE
+from groundwork.errors import InputError, MissingError
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+PANORAMAS = (".exr", ".hdr")
+_MOST_ROWS = 4096
+_BRIGHTEST = 6.0e4  # half floats end at 65,504
+_DISC, _RING = 4.0, (5.0, 9.0)  # [deg] from the brightest texel: where the sun may be, and the sky beside it
+_OVER_THE_SKY = 4.0  # a texel this much brighter than the sky beside it belongs to the sun
+_LEAST_SUN = 0.05  # share of the light on level ground below which a sun casts no shadow worth a light of its own
+
+
+@dataclass(frozen=True)
+class PartedSky:
+    """A panorama without its sun, and the sun.
+
+    Attributes:
+        sky: Linear radiance [1], shape (R, 2 R, 3), float64, oriented as `sky_directions`.
+        direction: Unit vector towards the sun [1], shape (3,), float64; up where there is none.
+        irradiance: What was cut out, on a surface that faces it [1], shape (3,), float64; zeros where there is none.
+    """
+
+    sky: F64
+    direction: F64
+    irradiance: F64
+
+
+def read_panorama(path: Path) -> F32:
+    """Read a latitude-longitude picture of linear light.
+
+    Args:
+        path: OpenEXR or Radiance file, twice as wide as high, the zenith in its top row.
+
+    Returns:
+        Linear radiance [1], shape (R, 2 R, 3), float32; finite and not negative.
+
+    Raises:
+        InputError: Missing, unreadable, of another shape, too large, or without light.
+    """
+    if not path.is_file():
+        raise MissingError("no such sky", field="light.sky", value=path.name)
+    if path.suffix.lower() not in PANORAMAS:
+        raise InputError("not a sky", field="light.sky", value=path.name, allowed=", ".join(PANORAMAS))
+    pixels = _read_exr(path) if path.suffix.lower() == ".exr" else _read_radiance(path)
+    if np.isnan(pixels).any():
+        raise InputError("holds values that are no numbers", field="light.sky", value=path.name)
+    pixels = np.clip(pixels, 0.0, _BRIGHTEST)
+    if not pixels.any():
+        raise InputError("is black", field="light.sky", value=path.name)
+    return np.ascontiguousarray(pixels, np.float32)
+
+
+def reduce_panorama(panorama: F32, rows: int) -> F32:
+    """Average a panorama down to a number of rows; a smaller one stays as it is.
+
+    Args:
+        panorama: Linear radiance [1], shape (R, 2 R, 3), float32.
+        rows: Rows wanted.
+
+    Returns:
+        Linear radiance [1], shape (rows, 2 * rows, 3), float32.
+    """
+    import cv2
+
+    if len(panorama) <= rows:
+        return panorama
+    return cv2.resize(panorama, (2 * rows, rows), interpolation=cv2.INTER_AREA).astype(np.float32)
+
+
+def turned(panorama: F32, turn: float) -> F32:
+    """Turn a panorama about the vertical, counter-clockwise seen from above, by whole texels.
+
+    Args:
+        panorama: Linear radiance [1], shape (R, 2 R, 3), float32.
+        turn: Angle [deg].
+
+    Returns:
+        The same texels [1], shape (R, 2 R, 3), float32.
+    """
+    return np.roll(panorama, -round(turn / 360.0 * panorama.shape[1]), axis=1)
+
+
+def part_sun(panorama: F64) -> PartedSky:
+    """Cut the sun out of a sky, where one shines, and put the sky beside it in its place.
+
+    The sun is what lies within 4 degrees of the brightest texel and is four times as bright as the sky beside it. What
+    is taken away is the irradiance of a distant light: a surface that faces the sun receives as much as before. A sun
+    that gives less than 5 % of the light on level ground casts no shadow to speak of: it stays in the picture.
+
+    Args:
+        panorama: Linear radiance [1], shape (R, 2 R, 3), float64.
+    """
+    rows = len(panorama)
+    directions, solid = sky_directions(rows), solid_angles(rows)
+    luminance = panorama @ LUMINANCE
+    peak = directions[np.unravel_index(int(luminance.argmax()), luminance.shape)]
+    angle = np.degrees(np.arccos(np.clip(directions @ peak, -1, 1)))
+    ring = (angle > _RING[0]) & (angle < _RING[1]) & (directions[..., 2] > 0)
+    beside = np.median(panorama[ring], axis=0) if ring.any() else np.zeros(3)
+    disc = (angle <= _DISC) & (luminance > _OVER_THE_SKY * max(float(beside @ LUMINANCE), 1e-6))
+    excess = np.where(disc[..., None], np.maximum(panorama - beside, 0.0), 0.0) * solid[..., None]
+    pull = np.einsum("rc,rcd->d", excess @ LUMINANCE, directions)
+    strength = float(np.linalg.norm(pull))
+    level = float((luminance * np.maximum(directions[..., 2], 0) * solid).sum())
+    if pull[2] < _LEAST_SUN * level:
+        return PartedSky(panorama, np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    sun = pull / strength
+    irradiance = np.einsum("rc,rck->k", directions @ sun, excess)
+    return PartedSky(np.where(disc[..., None], np.minimum(panorama, beside), panorama), sun, irradiance)
+
+
+def _read_exr(path: Path) -> F32:
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(str(path), header_only=True) as file:
+            low, high = file.header()["dataWindow"]
+        _check_shape(path, int(high[0] - low[0] + 1), int(high[1] - low[1] + 1))
+        with OpenEXR.File(str(path)) as file:
+            channels = file.channels()
+            name = next(name for name in ("RGB", "RGBA") if name in channels)
+            return np.array(channels[name].pixels[..., :3], np.float32)
+    except (RuntimeError, OSError, StopIteration, ValueError, KeyError, TypeError) as error:
+        what = "has no channels R, G, B" if isinstance(error, StopIteration) else "not readable as OpenEXR"
+        raise InputError(what, field="light.sky", value=path.name) from None
+
+
+def _read_radiance(path: Path) -> F32:
+    import cv2
+
+    with path.open("rb") as file:
+        head = file.read(4096)
+    size = re.search(rb"\n-Y (\d{1,6}) \+X (\d{1,6})\n", head)
+    if not head.startswith((b"#?RADIANCE", b"#?RGBE")) or size is None:
+        raise InputError("not readable as a Radiance picture", field="light.sky", value=path.name)
+    _check_shape(path, int(size[2]), int(size[1]))
+    pixels = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None or pixels.ndim != 3:
+        raise InputError("not readable as a Radiance picture", field="light.sky", value=path.name)
+    return pixels[..., 2::-1].astype(np.float32)
+
+
+def _check_shape(path: Path, width: int, height: int) -> None:
+    if width != 2 * height or height < 16:
+        raise InputError(
+            "not a latitude-longitude picture", field="light.sky", value=f"{path.name}: {width} x {height}",
+            allowed="twice as wide as high",
+        )  # fmt: skip
+    if height > _MOST_ROWS:
+        raise InputError(
+            "too large", field="light.sky", value=f"{path.name}: {width} x {height}",
+            allowed=f"up to {2 * _MOST_ROWS} x {_MOST_ROWS}", mend="Reduce it; a scene keeps at most 2048 rows",
+        )  # fmt: skip

@@ -1,0 +1,233 @@
+"""Is a scene sound? USD's own validators and our rules, in every variant."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from pxr import Kind, Sdf, Usd, UsdGeom, UsdUtils, UsdValidation
+
+from groundwork.errors import InputError
+from usd_schemas import tokens
+from usd_schemas.apis import direct_label, read_component, read_survey
+from usd_schemas.components import class_rows, component_classes
+from usd_schemas.pinhole import UsdLens, lens_from_pinhole
+from usd_schemas.reading.labels import read_taxonomy
+
+LENS_TOLERANCE = 1e-4  # relative
+
+Rule = Callable[[Usd.Stage], Iterator[str]]
+
+
+def validate_scene(path: Path) -> list[str]:
+    """Look for everything that is wrong with a scene.
+
+    Args:
+        path: `scene.usda` or any other stage.
+
+    Returns:
+        One line for each finding, naming the prim or layer; empty when the scene is sound in every variant.
+
+    Raises:
+        InputError: USD cannot open the file.
+    """
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Exception as error:
+        raise InputError("not readable as a USD stage", where=path, mend="Check the file") from error
+    findings = Counter(list(_assets(path)))
+    selections = [(), *_selections(stage)]
+    stage.SetEditTarget(stage.GetSessionLayer())
+    for selection in selections:
+        stage.GetSessionLayer().Clear()
+        if selection:
+            prim, name, variant = selection
+            stage.GetPrimAtPath(prim).GetVariantSet(name).SetVariantSelection(variant)
+        label = f" ({selection[1]}={selection[2]})" if selection else ""
+        for line in sorted({line for rule in RULES for line in rule(stage)}):
+            if line not in findings:  # what the scene has as it is need not be said again for each variant
+                findings[line + label] += 1
+    return sorted(findings)
+
+
+def usd_findings(stage: Usd.Stage) -> Iterator[str]:
+    """Run USD's own validators, but for those of packages and physics.
+
+    Args:
+        stage: Stage to look at.
+    """
+    registry = UsdValidation.ValidationRegistry()
+    names = [metadata.name for metadata in registry.GetAllValidatorMetadata()]
+    chosen = [name for name in names if not any(word in name for word in ("Package", "FileExtension", "Physics"))]
+    context = UsdValidation.ValidationContext([registry.GetOrLoadValidatorByName(name) for name in sorted(chosen)])
+    for error in context.Validate(stage):
+        sites = [str(site.GetPrim().GetPath()) for site in error.GetSites() if site.IsPrim()]
+        yield f"{sites[0] if sites else 'stage'}: {error.GetMessage()} [{error.GetName()}]"
+
+
+def label_findings(stage: Usd.Stage) -> Iterator[str]:
+    """Every visible surface has one component and one class, both in the tables and in agreement.
+
+    The class that a prim carries is always that of the base table; a taxonomy that the stage brings must be usable and
+    have a row for each component.
+
+    Args:
+        stage: Stage to look at.
+    """
+    table, names = component_classes(), {row.name for row in class_rows()}
+    unusable: list[str] = []
+    in_force = read_taxonomy(stage, unusable.append)
+    yield from unusable
+    for prim in surfaces(stage):
+        component = _inherited(prim, tokens.COMPONENT_TAXONOMY)
+        label = _inherited(prim, tokens.CLASS_TAXONOMY)
+        if label not in names:
+            yield f"{prim.GetPath()}: class {label!r} is not in the class table"
+        if component and component not in table:
+            yield f"{prim.GetPath()}: component {component!r} is not in the component table"
+        elif component and table[component] != label:
+            yield f"{prim.GetPath()}: component {component!r} belongs to class {table[component]!r}, not {label!r}"
+        elif not component and not str(prim.GetPath()).startswith((tokens.BACKGROUND, tokens.ADDITIONS)):
+            yield f"{prim.GetPath()}: has no component label"
+        if component and in_force.classes and component not in in_force.classes:
+            yield f"{prim.GetPath()}: component {component!r} has no row in the taxonomy {in_force.name!r}"
+
+
+def id_findings(stage: Usd.Stage) -> Iterator[str]:
+    """Instance ids are over 0 and unique; leaf names and stable ids are unique, so that a DCC keeps them.
+
+    Args:
+        stage: Stage to look at.
+    """
+    ids: Counter[int] = Counter()
+    for prim in surfaces(stage):
+        facts = read_component(prim)
+        own = facts.instance_ids or ((facts.instance_id,) if facts.instance_id else ())
+        if not own and not str(prim.GetPath()).startswith(tokens.BACKGROUND):
+            yield f"{prim.GetPath()}: has no instance id"
+        if min(own, default=1) < 1:
+            yield f"{prim.GetPath()}: instance ids must be over 0"
+        ids.update(set(own))
+    yield from (f"instance id {number}: used by {count} prims" for number, count in ids.items() if count > 1)
+    xforms = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Xformable)]
+    # A world from elsewhere has names of its own, and nothing in it is matched by name.
+    named = [prim for prim in xforms if _known(prim) or not str(prim.GetPath()).startswith(tokens.BACKGROUND)]
+    names = Counter(prim.GetName() for prim in named)
+    yield from (f"prim name {name}: used {count} times" for name, count in names.items() if count > 1)
+    stable = Counter(str(prim.GetAttribute(tokens.USER_FALSEWORK_ID).Get() or "") for prim in xforms)
+    yield from (f"falseworkId {name}: used {count} times" for name, count in stable.items() if name and count > 1)
+
+
+def kind_findings(stage: Usd.Stage) -> Iterator[str]:
+    """Model kinds leave no gap: a group or component stands under groups only.
+
+    Args:
+        stage: Stage to look at.
+    """
+    for prim in stage.Traverse():
+        kind = Usd.ModelAPI(prim).GetKind()
+        if kind and Kind.Registry.IsA(kind, Kind.Tokens.model) and not prim.IsModel():
+            yield f"{prim.GetPath()}: kind {kind!r} below a prim that is no group"
+
+
+def camera_findings(stage: Usd.Stage) -> Iterator[str]:
+    """Poses lie at the integer codes 0 to N - 1, and the lens says what the calibration says.
+
+    Args:
+        stage: Stage to look at.
+    """
+    for prim in stage.Traverse():
+        if not prim.HasAPI("FalseworkSurveyAPI"):
+            continue
+        camera = UsdGeom.Camera(prim)
+        samples = [sample for op in camera.GetOrderedXformOps() for sample in op.GetTimeSamples()]
+        facts = read_survey(prim, 0)
+        if samples != [float(code) for code in range(len(samples))] or len(samples) != len(facts.image_names):
+            yield f"{prim.GetPath()}: time samples are not 0 to N - 1 for the N names of its images"
+        if facts.calibration is None:
+            yield f"{prim.GetPath()}: has no calibration"
+            continue
+        expected = lens_from_pinhole(facts.calibration, facts.sensor_width, UsdGeom.GetStageMetersPerUnit(stage))
+        found = UsdLens(
+            camera.GetFocalLengthAttr().Get(), camera.GetHorizontalApertureAttr().Get(),
+            camera.GetVerticalApertureAttr().Get(), camera.GetHorizontalApertureOffsetAttr().Get(),
+            camera.GetVerticalApertureOffsetAttr().Get(),
+        )  # fmt: skip
+        ours, theirs = np.array(vars_of(expected)), np.array(vars_of(found))
+        if np.abs(ours - theirs).max() > LENS_TOLERANCE * expected.focal_length:
+            yield f"{prim.GetPath()}: lens {vars_of(found)} disagrees with the calibration {vars_of(expected)}"
+
+
+RULES: tuple[Rule, ...] = (usd_findings, label_findings, id_findings, kind_findings, camera_findings)
+
+
+def surfaces(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """Walk the visible Gprims and PointInstancers of a stage, instance proxies included, prototypes left out.
+
+    Args:
+        stage: Stage to walk.
+    """
+    walk = iter(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()))
+    for prim in walk:
+        if prim.IsA(UsdGeom.PointInstancer):
+            walk.PruneChildren()
+        elif not prim.IsA(UsdGeom.Gprim):
+            continue
+        if UsdGeom.Imageable(prim).ComputeVisibility() != UsdGeom.Tokens.invisible:
+            yield prim
+
+
+def vars_of(lens: UsdLens) -> tuple[float, float, float, float, float]:
+    """List the values of a lens.
+
+    Args:
+        lens: Lens attributes.
+    """
+    return (
+        lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture, lens.horizontal_offset,
+        lens.vertical_offset,
+    )  # fmt: skip
+
+
+def _known(prim: Usd.Prim) -> bool:
+    return bool(prim.GetAttribute(tokens.USER_FALSEWORK_ID).Get())
+
+
+def _inherited(prim: Usd.Prim, taxonomy: str) -> str:
+    while prim and not prim.IsPseudoRoot():
+        label = direct_label(prim, taxonomy)
+        if label:
+            return label
+        prim = prim.GetParent()
+    return ""
+
+
+def _selections(stage: Usd.Stage) -> list[tuple[Sdf.Path, str, str]]:
+    chosen = []
+    for prim in stage.Traverse():
+        for name in prim.GetVariantSets().GetNames():
+            variants = prim.GetVariantSet(name)
+            current = variants.GetVariantSelection()
+            chosen += [(prim.GetPath(), name, one) for one in sorted(variants.GetVariantNames()) if one != current]
+    return chosen
+
+
+def _assets(path: Path) -> Iterator[str]:
+    """Every arc and file that any layer names, in any variant, starts with ./ , never climbs, and exists."""
+    root = path.resolve().parent
+    pending, seen = [path.resolve()], set()
+    while pending:
+        layer = pending.pop()
+        if layer in seen:
+            continue
+        seen.add(layer)
+        for group in UsdUtils.ExtractExternalReferences(str(layer)):
+            for name in group:
+                target = (layer.parent / name).resolve()
+                where = f"{layer.relative_to(root).as_posix()}: {name}"
+                if not name.startswith("./") or ".." in Path(name).parts:
+                    yield f"{where}: must start with ./ and never climb"
+                elif not target.is_file():
+                    yield f"{where}: there is no such file"
+                elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):
+                    pending.append(target)

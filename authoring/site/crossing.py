@@ -1,0 +1,178 @@
+"""What a bridge leads over: a river, a road, a railway, a valley or a harbour, chosen to suit the bridge."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from authoring.axis.alignment import Layout
+from authoring.site.shape import Crossing
+from authoring.site.valley import Valley, draw_valley, floor_room
+from groundwork.errors import InputError
+
+CrossingKind = Literal["river", "road", "rail", "valley", "harbour"]
+
+MIN_SPAN_SHARE, MAX_SPAN_SHARE = 0.52, 0.66  # of the longest span that water covers [1]
+HARBOUR_SHARE = (0.72, 0.86)  # of the longest span that a harbour's water covers [1]
+NARROWEST = 3.0  # narrowest crossing [m]
+ROOM = 4.0  # between a crossing road and the supports beside it, both together [m]
+LANE = 3.25  # width of a lane of the crossing road [m]
+RAIL_TOP = 0.95  # rails' top over the land [m]
+RAIL_HALF = 4.1  # half the ground that a double track's ballast covers [m]
+_BESIDE = 3.0  # [m] beside a crossing and the nearest support
+_BANK = 4.5  # [m] beside water, carriageway or ballast before a valley's side rises
+
+
+@dataclass(frozen=True)
+class _Rule:
+    """When a crossing suits a bridge.
+
+    Attributes:
+        weight: How often it is drawn among those that suit.
+        spans: Least and largest longest span [m].
+        headroom: Least height of the bearing seats over the land [m].
+    """
+
+    weight: float
+    spans: tuple[float, float]
+    headroom: float
+
+
+_RULES: dict[CrossingKind, _Rule] = {
+    "river": _Rule(35.0, (7.0, 110.0), 2.5),
+    "road": _Rule(25.0, (11.0, 60.0), 4.6),
+    "rail": _Rule(20.0, (15.0, 60.0), 6.0),
+    "valley": _Rule(30.0, (14.0, 400.0), 8.0),
+    "harbour": _Rule(40.0, (60.0, 2000.0), 5.0),
+}
+SPARED: CrossingKind = "river"  # where nothing else suits
+
+
+def choose_crossing(layout: Layout, rng: np.random.Generator) -> CrossingKind:
+    """Draw a crossing among those that suit the bridge's longest span and height.
+
+    Args:
+        layout: The bridge.
+        rng: Random stream.
+    """
+    span = _longest(layout)[1]
+    room = float(layout.alignment.height(np.array(layout.supports)).min()) - layout.depth
+    fits: list[CrossingKind] = [
+        kind for kind, rule in _RULES.items() if rule.spans[0] <= span <= rule.spans[1] and room >= rule.headroom
+    ]
+    fits = fits or [SPARED]
+    edges = np.cumsum([_RULES[kind].weight for kind in fits])
+    return fits[int(np.searchsorted(edges[:-1], rng.random() * edges[-1], side="right"))]
+
+
+def draw_crossing(
+    kind: CrossingKind, layout: Layout, rng: np.random.Generator, sides: np.random.Generator
+) -> tuple[Crossing, Valley | None]:
+    """Let the crossing pass under the middle of the longest span, nearly square to the axis.
+
+    Args:
+        kind: What to lead over.
+        layout: The bridge.
+        rng: Random stream.
+        sides: Random stream of a valley's sides.
+
+    Returns:
+        The crossing, and the valley that it lies in, None on level land.
+
+    Raises:
+        InputError: It does not fit under this bridge.
+    """
+    station, span = _longest(layout)
+    _check(kind, layout)
+    swing, wavelength = rng.uniform(24.0, 34.0), rng.uniform(130.0, 170.0)
+    phase = rng.uniform(0.3 * np.pi, 0.7 * np.pi) * rng.choice((-1.0, 1.0))
+    bottom, width, level, depth = _BOTTOMS[kind](span, rng)
+    if bottom == "river":  # water leaves the sides room to rise
+        width = min(width, max(2.0 * (floor_room(layout, _inward(layout, station, width)) - _BANK), NARROWEST))
+        depth = min(depth, width / 6)
+    if width < NARROWEST:
+        raise InputError(
+            "no room for it under the longest span", field="site.crossing", value=kind,
+            allowed=f"a {kind} under spans of {NARROWEST + ROOM:g} m and more", mend="Give the bridge a longer span",
+        )  # fmt: skip
+    station = _inward(layout, station, width)
+    crossing = Crossing(
+        bottom, station, float(swing), float(wavelength), float(phase), float(width / 2), float(level), float(depth),
+        layout.alignment,
+    )  # fmt: skip
+    return crossing, draw_valley(layout, station, 0.5 * width + _BANK, kind == "valley", sides)
+
+
+def _longest(layout: Layout) -> tuple[float, float]:
+    """Find the middle of the longest span, and its length from support line to support line, square to both [m]."""
+    spans = np.diff(layout.supports)
+    longest = int(np.argmax(spans))
+    middle = float(np.mean(layout.supports[longest : longest + 2]))
+    return middle, float(spans[longest]) * float(np.cos(layout.alignment.skew))
+
+
+def _inward(layout: Layout, station: float, width: float) -> float:
+    """Move a crossing of a high bridge towards the bridge's middle, as far as the supports beside it allow [m].
+
+    Args:
+        layout: The bridge.
+        station: Middle of its longest span [m].
+        width: Of the crossing [m].
+    """
+    if not np.isfinite(floor_room(layout, station)):
+        return station
+    supports = np.array(layout.supports)
+    before, behind = float(supports[supports < station].max()), float(supports[supports > station].min())
+    room = 0.6 * width / float(np.cos(layout.alignment.skew)) + _BESIDE
+    middle = 0.5 * (layout.supports[0] + layout.supports[-1])
+    return float(np.clip(middle, min(before + room, station), max(behind - room, station)))
+
+
+def _check(kind: CrossingKind, layout: Layout) -> None:
+    rule, room = _RULES[kind], float(layout.alignment.height(np.array(layout.supports)).min()) - layout.depth
+    if kind in ("valley", "harbour") and _longest(layout)[1] < rule.spans[0]:
+        raise InputError(
+            "no room for it under the longest span", field="site.crossing", value=kind,
+            allowed=f"a {kind} under spans of {rule.spans[0]:g} m and more", mend="Give the bridge a longer span",
+        )  # fmt: skip
+    if kind in ("valley", "rail") and room < rule.headroom - 1.0:
+        raise InputError(
+            f"the bearing seats lie only {room:.1f} m over the land", field="site.crossing", value=kind,
+            allowed=f"a {kind} under seats {rule.headroom - 1.0:g} m high and more", mend="Raise bridge.clearance",
+        )  # fmt: skip
+
+
+Bottom = tuple[str, float, float, float]  # kind of what lies there, its width, level and depth [m]
+
+
+def _river(span: float, rng: np.random.Generator) -> Bottom:
+    width = min(rng.uniform(MIN_SPAN_SHARE, MAX_SPAN_SHARE) * span, 60.0)
+    return "river", width, -rng.uniform(1.4, 1.8), min(rng.uniform(0.9, 1.4), width / 6)
+
+
+def _road(span: float, rng: np.random.Generator) -> Bottom:
+    return "road", min(2 * LANE + 1.0, span - ROOM), 0.05, 0.0
+
+
+def _rail(span: float, rng: np.random.Generator) -> Bottom:
+    return "rail", 2.0 * RAIL_HALF if span >= 2.0 * RAIL_HALF + ROOM else 0.0, RAIL_TOP, 0.0
+
+
+def _valley(span: float, rng: np.random.Generator) -> Bottom:
+    """Let a brook or a road run along a valley's bottom."""
+    brook, width = rng.random() < 0.6, min(rng.uniform(4.0, 9.0), 0.4 * span)
+    return ("river", width, -rng.uniform(1.0, 1.4), min(0.6, width / 6)) if brook else _road(span, rng)
+
+
+def _harbour(span: float, rng: np.random.Generator) -> Bottom:
+    return "river", rng.uniform(*HARBOUR_SHARE) * span, -rng.uniform(1.6, 2.2), min(rng.uniform(5.0, 9.0), span / 12)
+
+
+_BOTTOMS: dict[CrossingKind, Callable[[float, np.random.Generator], Bottom]] = {
+    "river": _river,
+    "road": _road,
+    "rail": _rail,
+    "valley": _valley,
+    "harbour": _harbour,
+}

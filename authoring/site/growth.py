@@ -1,0 +1,225 @@
+"""Small natural shapes of unit size, around their own origin: pebbles, tufts of grass, leafy bushes and crowns."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.shapes.component import Mesh
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+OCTAHEDRON = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
+OCTANTS = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
+TETRAHEDRON = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [2, 1, 3]])
+ICOSAHEDRON = (
+    *(0, 11, 5, 0, 5, 1, 0, 1, 7, 0, 7, 10, 0, 10, 11, 1, 5, 9, 5, 11, 4, 11, 10, 2, 10, 7, 6, 7, 1, 8),
+    *(3, 9, 4, 3, 4, 2, 3, 2, 6, 3, 6, 8, 3, 8, 9, 4, 9, 5, 2, 4, 11, 6, 2, 10, 8, 6, 7, 9, 8, 1),
+)
+
+
+def pebble(rng: np.random.Generator, level: int = 1) -> Mesh:
+    """Make a stone about 1 m wide, half sunk in the ground.
+
+    Args:
+        rng: Random stream.
+        level: How finely it is divided, as in `icosphere`.
+
+    Returns:
+        A closed mesh.
+    """
+    points, faces = icosphere(level)
+    points = _bulge(points, 0.22, rng) * np.array([0.5, rng.uniform(0.34, 0.48), rng.uniform(0.22, 0.36)])
+    points[:, 2] += 0.08
+    return faceted(points, faces)
+
+
+def blade_tuft(rng: np.random.Generator, blades: int = 9) -> Mesh:
+    """Make a tuft of grass about 1 m high; each blade is a slim three-sided spike, so that no face needs a back.
+
+    Args:
+        rng: Random stream.
+        blades: How many.
+
+    Returns:
+        Spikes whose open feet stand in the ground.
+    """
+    around = rng.uniform(0.0, 2 * np.pi, blades)
+    root = rng.uniform(0.0, 0.14, blades)[:, None] * np.stack([np.cos(around), np.sin(around)], 1)
+    lean = rng.uniform(0.1, 0.55, blades)[:, None] * np.stack([np.cos(around), np.sin(around)], 1)
+    height, width = rng.uniform(0.55, 1.0, blades), rng.uniform(0.02, 0.045, blades)
+    points = []
+    for blade in range(blades):
+        turned = around[blade] + np.array([0.0, 2.1, 4.2])
+        foot = root[blade] + width[blade] * np.stack([np.cos(turned), np.sin(turned)], 1)
+        points.append(
+            np.vstack([np.column_stack([foot, np.full(3, -0.05)]), [*(root[blade] + lean[blade]), height[blade]]])
+        )
+    sides = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    return faceted(np.concatenate(points), np.concatenate([sides + 4 * blade for blade in range(blades)]))
+
+
+def leaf_bush(rng: np.random.Generator, leaves: int = 42) -> Mesh:
+    """Make a bush about 1 m high and wide: a rounded core, and sprays of leaves that break its outline.
+
+    Args:
+        rng: Random stream.
+        leaves: Sprays, each a slim closed leaf of four faces.
+
+    Returns:
+        A closed core and closed sprays, shaded as one round mass.
+    """
+    middle, size = np.array([0.0, 0.0, 0.42]), np.array([0.46, 0.46, 0.48])
+    points, faces = icosphere(0)
+    pieces = [(middle + 0.72 * size * _bulge(points, 0.15, rng), faces)]
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * (np.arange(leaves) + rng.uniform(0.0, 0.4, leaves))
+    height = 1.0 - 1.8 * (np.arange(leaves) + rng.uniform(0.2, 0.8, leaves)) / leaves
+    ring = np.sqrt(np.maximum(1.0 - height * height, 0.0))
+    outward = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], 1)
+    for spot in outward:
+        along = spot + rng.uniform(-0.9, 0.9, 3) + np.array([0.0, 0.0, 0.3])
+        along /= np.linalg.norm(along)
+        across = np.cross(along, spot + rng.uniform(-0.4, 0.4, 3))
+        across /= max(float(np.linalg.norm(across)), 1e-6)
+        length, width = rng.uniform(0.16, 0.27), rng.uniform(0.07, 0.12)
+        root = middle + size * spot * rng.uniform(0.58, 0.80)
+        tip, waist = root + length * along, root + 0.45 * length * along + 0.04 * spot
+        corners = np.stack([root, waist + width * across, tip, waist - width * across])
+        inside_out = np.linalg.det(corners[1:] - corners[0]) > 0
+        pieces.append((corners, TETRAHEDRON[:, ::-1] if inside_out else TETRAHEDRON))
+    return _massed(pieces, middle, size)
+
+
+def leaf_mass(
+    rng: np.random.Generator, middle: F64, size: F64, clumps: int, core: int, clump: float, ragged: float = 0.3
+) -> Mesh:
+    """Make a mass of foliage: a core, and clumps of leaves that break its outline; shaded as one round mass.
+
+    Args:
+        rng: Random stream.
+        middle: Its middle [m], shape (3,), float64.
+        size: Its half axes [m], shape (3,), float64.
+        clumps: How many clumps.
+        core: How finely the core is divided, as in `icosphere`.
+        clump: Radius of a clump [m].
+        ragged: How unevenly the clumps are strewn [1].
+
+    Returns:
+        Closed masses that run into each other.
+    """
+    points, faces = icosphere(core)
+    pieces = [(middle + 0.78 * size * _bulge(points, 0.12, rng), faces)]
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * (np.arange(clumps) + rng.uniform(0.0, 1.0, clumps) * ragged)
+    height = 1.0 - 1.75 * (np.arange(clumps) + rng.uniform(0.2, 0.8, clumps)) / clumps
+    round_ = np.sqrt(np.maximum(1.0 - height * height, 0.0))
+    spots = np.stack([round_ * np.cos(turn), round_ * np.sin(turn), height], 1) * rng.uniform(0.68, 0.95, (clumps, 1))
+    for spot in spots:
+        body = OCTAHEDRON + rng.uniform(-0.3, 0.3, (6, 3))
+        pieces.append((middle + size * spot + clump * rng.uniform(0.75, 1.35) * body * [1.0, 1.0, 0.8], OCTANTS))
+    return _massed(pieces, middle, size)
+
+
+def _massed(pieces: list[tuple[F64, I64]], middle: F64, size: F64) -> Mesh:
+    """Join points and faces of foliage; its normals lean outwards, so that light falls on it as on one round mass."""
+    starts = np.cumsum([0, *(len(points) for points, _ in pieces[:-1])])
+    faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts, strict=True)])
+    points = np.concatenate([points for points, _ in pieces])
+    mesh = faceted(points, faces, 0.5)
+    outward = ((points - middle) / size)[faces.reshape(-1)]
+    normals = mesh.normals + 0.9 * outward / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 0.05)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+    return replace(mesh, normals=normals.astype(np.float32))
+
+
+def stem(height: float, radius: float, sides: int, rng: np.random.Generator) -> Mesh:
+    """Make a tapered trunk or pole with a slight lean, closed at the top, its foot at height 0.
+
+    Args:
+        height: Height [m].
+        radius: Radius a little above the foot [m].
+        sides: Corners of its section.
+        rng: Random stream.
+
+    Returns:
+        The mesh; its foot is open and belongs into the ground.
+    """
+    angle = 2 * np.pi * np.arange(sides) / sides
+    rings, lean = [], rng.uniform(-0.02, 0.02, 2) * height
+    for share, width in ((0.0, 1.35), (0.12, 0.95), (1.0, 0.45)):
+        ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(sides)]) * radius * width
+        rings.append(ring + np.array([*(lean * share), share * height]))
+    points = np.vstack([*rings, [*lean, height]])
+    ahead = np.arange(sides)
+    behind = (ahead + 1) % sides
+    faces = []
+    for low in (0, sides):
+        high = low + sides
+        faces += [np.column_stack([low + ahead, low + behind, high + behind])]
+        faces += [np.column_stack([low + ahead, high + behind, high + ahead])]
+    faces.append(np.column_stack([2 * sides + ahead, 2 * sides + behind, np.full(sides, 3 * sides)]))
+    return faceted(points, np.concatenate(faces), 0.9)
+
+
+def icosphere(level: int) -> tuple[F64, I64]:
+    """Divide an icosahedron.
+
+    Args:
+        level: How often every triangle is divided into four.
+
+    Returns:
+        Unit positions, shape (V, 3), float64, and triangles seen counter-clockwise from outside, shape (T, 3), int64.
+    """
+    golden = (1.0 + np.sqrt(5.0)) / 2.0
+    plane = [[-1.0, golden], [1.0, golden], [-1.0, -golden], [1.0, -golden]]
+    turns = ((0, 1, 2), (2, 0, 1), (1, 2, 0))
+    points = np.concatenate([np.column_stack([plane, np.zeros(4)])[:, turn] for turn in turns])
+    faces = np.array(ICOSAHEDRON).reshape(-1, 3)
+    for _ in range(level):
+        ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+        edges, inverse = np.unique(ends, axis=0, return_inverse=True)
+        ab, bc, ca = (len(points) + inverse.reshape(3, -1))[:3]
+        points = np.vstack([points, points[edges].mean(axis=1)])
+        a, b, c = faces.T
+        corners = ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))
+        faces = np.concatenate([np.stack(corner, axis=1) for corner in corners])
+    return points / np.linalg.norm(points, axis=1, keepdims=True), faces
+
+
+def faceted(points: F64, faces: I64, smooth: float = 0.6) -> Mesh:
+    """Finish a natural shape: normals between flat and smooth, and box-projected `st` in metres.
+
+    Args:
+        points: Positions [m], shape (V, 3), float64.
+        faces: Triangles, shape (T, 3), int64.
+        smooth: Share of the smooth normal [1].
+
+    Returns:
+        The mesh.
+    """
+    corner = points[faces]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    total = np.zeros_like(points)
+    for vertex in range(3):
+        for axis in range(3):
+            total[:, axis] += np.bincount(faces[:, vertex], normal[:, axis], len(points))
+    flat = np.repeat(normal / np.linalg.norm(normal, axis=1, keepdims=True), 3, axis=0)
+    size = np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
+    round_normals = (total / size)[faces.reshape(-1)]
+    mixed = smooth * round_normals + (1.0 - smooth) * flat
+    plane = np.repeat(np.argmax(np.abs(normal), axis=1), 3)
+    at = points[faces.reshape(-1)]
+    st = np.where((plane == 0)[:, None], at[:, [1, 2]], np.where((plane == 1)[:, None], at[:, [0, 2]], at[:, [0, 1]]))
+    return Mesh(
+        points=points,
+        face_counts=np.full(len(faces), 3, np.int32),
+        corners=faces.reshape(-1).astype(np.int32),
+        normals=(mixed / np.linalg.norm(mixed, axis=1, keepdims=True)).astype(np.float32),
+        st=st.astype(np.float32),
+    )
+
+
+def _bulge(points: F64, amount: float, rng: np.random.Generator) -> F64:
+    """Push the points of a unit sphere in and out with a few random waves."""
+    ways = rng.normal(size=(7, 3))
+    waves = np.sin(points @ (2.4 * ways.T) + rng.uniform(0.0, 2 * np.pi, 7)).sum(axis=1) / np.sqrt(7.0)
+    return points * (1.0 + amount * (0.6 * waves + 0.4 * rng.uniform(-1, 1, len(points))))[:, None]

@@ -1,0 +1,181 @@
+"""The railway on the approaches: where the bridge's track ends, ballast, sleepers and rails go on through the land.
+
+All of it is of the kind `rail_bed`, background: the classes of track and sleeper belong to the bridge.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.axis.track_section import APPROACH_TRACK, GAUGE, TrackSection
+from authoring.shapes.component import Mesh
+from authoring.site.covers import to_world
+from authoring.site.shape import RAIL_UNDERLAY, Land
+from authoring.site.ways import Line, merged, ribbon
+
+F64 = NDArray[np.float64]
+Piece = tuple[str, str, str, Mesh]
+_BALLAST, _DEEPER = 0.30, 0.30  # [m] ballast under the sleepers, and its flanks below the ground
+_CLEAR = 0.05  # [m] ballast above the ground of a far background
+_SLOPE = 1.5  # horizontal metres for each metre of height of the ballast's flanks
+_SHOULDER = 0.40  # [m] ballast beyond the sleepers' ends
+MAIN_LINE = TrackSection(
+    lines=(-2.0, 2.0), gauge=GAUGE, rail_height=0.172, rail_foot=0.150, rail_head=0.072, bed="ballast",
+    sleeper="concrete", sleeper_length=2.6, sleeper_width=0.26, sleeper_height=0.20, pitch=0.60, bed_depth=0.30,
+    shoulder=0.40, embedded=0.0,
+)  # fmt: skip
+_TOP = np.array([(0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)])  # faces, no bottom
+
+
+def railway_pieces(
+    land: Land, number: int, line: Line, crown: F64, suffix: str, lift: Callable[[F64, F64], F64] | None = None
+) -> list[Piece]:
+    """Build a stretch of railway along an approach, beginning where the bridge's track ends.
+
+    Args:
+        land: The land.
+        number: 0 before the first abutment, 1 behind the last.
+        line: Its axis, leading away from the bridge; from the abutment's back face, or farther out.
+        crown: World height of the rails' top on the axis [m], shape (N,), float64.
+        suffix: Ending of the prim names.
+        lift: Height of ground that the ballast must not sink into [m], shape (N,), from station and left, or None.
+
+    Returns:
+        Leaf prim name, component kind, material recipe and mesh of each piece; none where the line ends before.
+    """
+    track = land.layout.track
+    assert track is not None
+    approach = land.approaches[number]
+    line, crown = _beyond(line, crown, approach.along(line.station), APPROACH_TRACK)
+    if len(crown) < 2:
+        return []
+    if lift is not None:
+        for left, above in bed_profile(track, land.layout.underlay)[1:3]:
+            crown = np.maximum(crown, lift(*line.offset(left).T) - above + _CLEAR)
+    names = (f"RailBed_{number}{suffix}", f"ApproachRails_{number}{suffix}", f"ApproachSleepers_{number}{suffix}")
+    return _railway(land, track, line, crown, land.layout.underlay, names)
+
+
+def crossing_railway(land: Land, line: Line, crown: F64, suffix: str) -> list[Piece]:
+    """Build a stretch of the double track that a bridge leads over.
+
+    Args:
+        land: The land.
+        line: Its axis.
+        crown: World height of the rails' top on the axis [m], shape (N,), float64.
+        suffix: Ending of the prim names.
+
+    Returns:
+        Leaf prim name, component kind, material recipe and mesh of each piece.
+    """
+    names = (f"RailBed{suffix}", f"Rails{suffix}", f"Sleepers{suffix}")
+    return _railway(land, MAIN_LINE, line, crown, RAIL_UNDERLAY, names)
+
+
+def _railway(
+    land: Land, track: TrackSection, line: Line, crown: F64, underlay: float, names: tuple[str, str, str]
+) -> list[Piece]:
+    axis, along = land.layout.alignment, line.length()
+    profile = bed_profile(track, underlay)
+    bed = ribbon(axis, [_row(land, line, crown, *corner) for corner in profile], along, tuple(range(4)))
+    rails = []
+    for left in track.rails:
+        ring = track.rail_outline(left)
+        ring = np.concatenate([ring, ring[:1]])
+        girth = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
+        rows = [_row(land, line, crown, float(x), float(z)) for x, z in ring]
+        rails.append(ribbon(axis, rows, along, tuple(girth.tolist())))
+    timber = "timber" if track.sleeper == "timber" else "deck_concrete"
+    return [
+        (names[0], "rail_bed", "ballast", bed),
+        (names[1], "rail_bed", "rail_steel", merged(rails)),
+        (names[2], "rail_bed", timber, _sleepers(land, track, line, crown)),
+    ]
+
+
+def bed_profile(track: TrackSection, underlay: float) -> list[tuple[float, float]]:
+    """Draw the ballast's surface across the line, from left to right: flank, level top, flank.
+
+    Args:
+        track: Cross-section of the railway.
+        underlay: From the rails' top down to the ground [m].
+
+    Returns:
+        Distance to the left of the axis and height above the rails' top [m] of each edge.
+    """
+    top = track.sleeper_top - 0.045
+    crown = track.lines[-1] + 0.5 * track.sleeper_length + _SHOULDER
+    bottom = min(-underlay, track.sleeper_top - track.sleeper_height - _BALLAST) - _DEEPER
+    foot = crown + _SLOPE * (top - bottom)
+    return [(foot, bottom), (crown, top), (-crown, top), (-foot, bottom)]
+
+
+def _beyond(line: Line, crown: F64, along: F64, begin: float) -> tuple[Line, F64]:
+    """Cut off what lies nearer to the abutment than the end of the bridge's track."""
+    keep = along > begin + 1e-6
+    if keep.all():
+        return line, crown
+    if not keep.any():
+        return Line(line.station[:0], line.left[:0], line.across[:0]), crown[:0]
+
+    def cut(values: F64) -> F64:
+        return np.concatenate([[np.interp(begin, along, values)], values[keep]])
+
+    across = np.column_stack([cut(line.across[:, 0]), cut(line.across[:, 1])])
+    return Line(cut(line.station), cut(line.left), across), cut(crown)
+
+
+def _row(land: Land, line: Line, crown: F64, left: float, above: float) -> F64:
+    """Shift the line aside and up, with the cant of the bridge's end: station, left, height [m], shape (N, 3)."""
+    place = line.offset(left)
+    cant = land.layout.alignment.crossfall(line.station) * (place[:, 1] - line.left)
+    return np.column_stack([place, crown + cant + above])
+
+
+def _sleepers(land: Land, track: TrackSection, line: Line, crown: F64) -> Mesh:
+    """Build right-angled boxes without undersides, evenly spaced, the first half a pitch behind the beginning."""
+    total = line.length()
+    middles = track.sleepers(0.0, float(total[-1]))
+    frames = []
+    for centre in track.lines:
+        row = _row(land, line, crown, centre, track.sleeper_top)
+        world = to_world(land.layout.alignment, row)
+        edges = (
+            to_world(land.layout.alignment, _row(land, line, crown, centre + x, track.sleeper_top)) for x in (1, -1)
+        )
+        lean = np.subtract(*edges)
+        frames.append([_at(values, middles, total) for values in (world, np.gradient(world, total, axis=0), lean)])
+    place, ahead, lean = (np.concatenate(values) for values in zip(*frames, strict=True))
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    up = np.cross(ahead, lean)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    return _boxes(place, ahead, np.cross(up, ahead), up, track)
+
+
+def _at(values: F64, places: F64, along: F64) -> F64:
+    return np.column_stack([np.interp(places, along, values[:, k]) for k in range(3)])
+
+
+def _boxes(place: F64, ahead: F64, left: F64, up: F64, track: TrackSection) -> Mesh:
+    """Make sleepers from the middles of their tops and their axes, each of shape (N, 3), float64."""
+    half = 0.5 * np.array([track.sleeper_width, track.sleeper_length])
+    signs = np.array([(-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0)]) * half
+    top = place[:, None] + signs[:, :1] * ahead[:, None] + signs[:, 1:] * left[:, None]
+    world = np.concatenate([top, top - track.sleeper_height * up[:, None]], axis=1).reshape(-1, 3)
+    faces = (_TOP[None] + 8 * np.arange(len(place))[:, None, None]).reshape(-1, 4)
+    p = world[faces]
+    normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    square = np.array([(0.0, 1.0), (0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
+    first = np.linalg.norm(p[:, 1] - p[:, 0], axis=1)
+    second = np.linalg.norm(p[:, 2] - p[:, 1], axis=1)
+    start = 0.37 * (np.arange(len(faces)) % 97)
+    st = square[None] * np.stack([second, first], axis=1)[:, None] + start[:, None, None]
+    return Mesh(
+        points=world,
+        face_counts=np.full(len(faces), 4, np.int32),
+        corners=faces.reshape(-1).astype(np.int32),
+        normals=np.repeat(normal, 4, axis=0).astype(np.float32),
+        st=st.reshape(-1, 2).astype(np.float32),
+    )

@@ -1,0 +1,144 @@
+"""Stones, shrubs and tufts of grass: small repeats strewn over the site, denser near the bridge."""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from authoring.shapes.component import Scatter
+from authoring.site.covers import to_world
+from authoring.site.grid import HeightField
+from authoring.site.growth import blade_tuft, leaf_bush, pebble
+from authoring.site.shape import SHOULDER, WING_WALL, Land
+from groundwork.settings import Settings
+
+F64 = NDArray[np.float64]
+B = NDArray[np.bool_]
+DETAILED = 22.0  # distance from the bridge's edge up to which plants are modelled in detail [m]
+SMALL = 0.2  # size of stones that need no detail [m]
+NEAR = 28.0  # distance from the axis or the crossing at which density has fallen to about a third [m]
+
+
+class ScatterSettings(Settings):
+    """How much is strewn over the site."""
+
+    stones: int = Field(default=420, ge=0, le=20_000, description="stones tried [1]")
+    shrubs: int = Field(default=190, ge=0, le=5_000, description="shrubs tried [1]")
+    reeds: int = Field(default=260, ge=0, le=20_000, description="clumps of reed tried at a river [1]")
+    tufts: int = Field(default=1250, ge=0, le=50_000, description="tufts of grass tried [1]")
+
+
+def scatter_plants(
+    settings: ScatterSettings, land: Land, ground: HeightField, rng: np.random.Generator, first_id: int
+) -> tuple[Scatter, ...]:
+    """Strew stones, shrubs and tufts; none on roads, in water or where the bridge stands.
+
+    Args:
+        settings: How many of each.
+        land: The land.
+        ground: The strip.
+        rng: Random stream.
+        first_id: Instance id of the first run.
+
+    Returns:
+        One run of each that has any.
+    """
+    stones = tuple((("rock", pebble(rng)),) for _ in range(4))
+    shrubs = tuple((("foliage", leaf_bush(rng)),) for _ in range(3))
+    tufts = tuple((("meadow", blade_tuft(rng)),) for _ in range(3))
+    more = rng.spawn(1)[0]
+    plain_stones = tuple((("rock", pebble(more, 0)),) for _ in stones)
+    plain_shrubs = tuple((("foliage", leaf_bush(more, 16)),) for _ in shrubs)
+    plain_tufts = tuple((("meadow", blade_tuft(more, 4)),) for _ in tufts)
+    runs = (
+        ("Site_Stones", "rock", (stones, plain_stones), (0.08, 0.55),
+         _places(land, ground, settings.stones, 0.3, 0.4, rng, 0.75)),
+        ("Site_Shrubs", "shrub", (shrubs, plain_shrubs), (0.7, 1.9),
+         _places(land, ground, settings.shrubs, 3.0, 1.4, rng)),
+        ("Site_Tufts", "vegetation", (tufts, plain_tufts), (0.25, 0.7),
+         _places(land, ground, settings.tufts, 0.5, 0.3, rng)),
+        ("Site_Reeds", "vegetation", (tufts, plain_tufts), (0.8, 1.7),
+         _shore_places(land, ground, settings.reeds, rng)),
+    )  # fmt: skip
+    scatters = []
+    for name, kind, (detailed, plain), size, places in runs:
+        scale = np.exp(rng.uniform(np.log(size[0]), np.log(size[1]), len(places)))
+        scales = scale[:, None] * rng.uniform(0.8, 1.2, (len(places), 3))
+        yaw, chosen = rng.uniform(0.0, 2 * np.pi, len(places)), rng.integers(0, len(detailed), len(places))
+        far = np.abs(places[:, 1]) > 0.5 * land.layout.width + DETAILED
+        far |= (scale < SMALL) if kind == "rock" else False
+        chosen, prototypes = np.where(far, chosen + len(detailed), chosen), (*detailed, *plain)
+        if len(places):
+            positions = to_world(land.layout.alignment, places)
+            number = first_id + len(scatters)
+            scatters.append(
+                Scatter(name, kind, "Plants", prototypes, chosen.astype(np.int32), positions, yaw, scales, (number,))
+            )
+    return tuple(scatters)
+
+
+def _places(
+    land: Land,
+    ground: HeightField,
+    count: int,
+    bridge_gap: float,
+    edge_gap: float,
+    rng: np.random.Generator,
+    by_crossing: float = 0.0,
+) -> F64:
+    """Draw bridge coordinates with ground heights, shape (N, 3), more of them near the axis and the crossing.
+
+    `by_crossing` is the share of the places far from the crossing that is given up [1].
+    """
+    border = edge_gap + 0.5
+    station = rng.uniform(ground.stations[0] + border, ground.stations[-1] - border, 6 * count)
+    left = rng.uniform(ground.lefts[0] + border, ground.lefts[-1] - border, 6 * count)
+    beside = np.abs(left) - land.layout.width / 2
+    nearest = np.maximum(np.minimum(beside, 1.5 * land.crossing.distance(station, left)), 0.0)
+    wanted = rng.uniform(0.0, 1.0, 6 * count) < np.exp(-nearest / NEAR)
+    free = wanted & clear(land, station, left, bridge_gap, edge_gap)
+    if by_crossing > 0:
+        shore = land.crossing.distance(station, left) < land.crossing.half_width + 5.0
+        free &= shore | (rng.uniform(0.0, 1.0, 6 * count) > by_crossing)
+    rows = np.flatnonzero(free)[:count]
+    height = ground(station[rows], left[rows])
+    return np.column_stack([station[rows], left[rows], height])
+
+
+def _shore_places(land: Land, ground: HeightField, count: int, rng: np.random.Generator) -> F64:
+    """Draw places in clusters along both banks of a river, shape (N, 3)."""
+    crossing = land.crossing
+    if crossing.kind != "river":
+        return np.zeros((0, 3))
+    clusters = rng.uniform(ground.lefts[0] + 4.0, ground.lefts[-1] - 4.0, max(count // 14, 1))
+    left = clusters[rng.integers(0, len(clusters), count)] + rng.normal(0.0, 1.3, count)
+    bank = np.where(np.sin(7.0 * clusters[rng.integers(0, len(clusters), count)]) > 0, 1.0, -1.0)
+    away = crossing.half_width + rng.uniform(0.1, 1.0, count)
+    station = crossing.centre(left) + bank * away * crossing.stretch(left)
+    free = clear(land, station, left, 1.0, -0.45) & (np.abs(left) < ground.lefts[-1] - 0.5)
+    return np.column_stack([station, left, ground(station, left)])[free]
+
+
+def clear(land: Land, station: F64, left: F64, bridge_gap: float, edge_gap: float) -> B:
+    """Tell where nothing stands in the way: no road, no water, no bridge.
+
+    Args:
+        land: The land.
+        station: Distance along the axis [m], shape (N,), float64.
+        left: Distance to the left of the axis [m], shape (N,), float64.
+        bridge_gap: Distance to keep from the bridge's outline [m].
+        edge_gap: Distance to keep from roads, their shoulders and the water's edge [m].
+
+    Returns:
+        Whether it is so, shape (N,), bool.
+    """
+    half = land.layout.width / 2
+    first, last = (approach.back for approach in land.approaches)
+    beside = np.maximum(np.abs(left) - half, 0.0)
+    beyond = np.maximum(np.maximum(first - WING_WALL - station, station - last - WING_WALL), 0.0)
+    free = np.hypot(beside, beyond) > bridge_gap
+    verge = SHOULDER if land.crossing.kind == "road" else 0.5
+    free &= land.crossing.distance(station, left) > land.crossing.half_width + verge + edge_gap
+    for approach in land.approaches:
+        across = np.abs(left - approach.centre(station))
+        free &= (approach.along(station) < -1.0) | (across > approach.half_width + SHOULDER + edge_gap)
+    return free

@@ -1,0 +1,153 @@
+"""The site: the strip of ground that bridge and surveys depend on, with its crossing, fills, roads and plants."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from authoring.axis.alignment import Layout
+from authoring.shapes.component import FIRST_SITE_ID, Component, Mesh, Scatter
+from authoring.site.covers import Soup, chunked, covered, drape, strip_atlas
+from authoring.site.crossing import CrossingKind
+from authoring.site.extent import Box, keep_out, strip_corners, strip_edge
+from authoring.site.grid import HeightField
+from authoring.site.land import draw_land, strip_ground, strip_lines
+from authoring.site.photo import PhotoSquare, by_square, photo_role, photo_squares
+from authoring.site.roads import way_pieces
+from authoring.site.scatter import ScatterSettings, scatter_plants
+from authoring.site.shape import Land
+from groundwork.errors import InputError
+from groundwork.settings import Settings
+
+F64 = NDArray[np.float64]
+
+
+LONG = 250.0  # [m] of bridge from which the fine mesh grows coarser
+
+
+class SiteSettings(Settings):
+    """What the site looks like."""
+
+    crossing: CrossingKind | None = Field(
+        default=None,
+        description="what the bridge leads over; drawn among what suits its longest span and height: river 35, "
+        "road 25, rail 20 (seats 6 m high), valley 30 (seats 8 m high), harbour 40 (spans of 60 m and more). Under "
+        "decks over 9 m the land rises towards the abutments",
+    )
+    half_width: float = Field(default=80.0, ge=40.0, le=200.0, description="reach to either side of the axis [m]")
+    run_out: float = Field(default=60.0, ge=30.0, le=200.0, description="reach beyond the abutments [m]")
+    fine_reach: float = Field(default=30.0, ge=5.0, le=60.0, description="reach of the fine mesh round the bridge [m]")
+    fine_spacing: float = Field(
+        default=0.5, ge=0.2, le=2.0, description="spacing of the ground mesh there, more under bridges over 250 m [m]"
+    )
+    coarse_spacing: float = Field(default=4.0, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
+    photo_reach: float = Field(
+        default=30.0, ge=5.0, le=38.0,
+        description="reach round the bridge of the ground that has a picture of its own, 4 cm a texel [m]",
+    )  # fmt: skip
+    relief: float = Field(default=1.0, ge=0.0, le=1.5, description="scale of the natural relief, 1 = about 0.5 m [1]")
+    scatter: ScatterSettings = Field(default_factory=ScatterSettings, description="stones, shrubs and tufts")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Site:
+    """The ground strip and all that belongs to it.
+
+    Attributes:
+        land: What shapes the ground, here and beyond the strip.
+        field: The ground of the strip before any bridge part.
+        pieces: Its components and scatters, ids from `FIRST_SITE_ID`.
+        extent: Corners of the strip in plan, counter-clockwise [m], shape (4, 2), float64.
+        edge: Ground nodes along the strip's border, counter-clockwise from the first corner [m], shape (B, 3), float64.
+        keep_out: Boxes that backgrounds leave empty.
+        squares: Squares of ground near the bridge that have a picture of their own.
+    """
+
+    land: Land
+    field: HeightField
+    pieces: tuple[Component | Scatter, ...]
+    extent: F64
+    edge: F64
+    keep_out: tuple[Box, ...]
+    squares: tuple[PhotoSquare, ...] = ()
+
+    def ground(self, xy: F64) -> F64:
+        """Find the height of the ground mesh; beyond the strip its edge goes on level.
+
+        Args:
+            xy: World positions in plan [m], shape (N, 2), float64.
+
+        Returns:
+            World heights [m], shape (N,), float64.
+        """
+        return self.field(*self.land.layout.alignment.locate(xy))
+
+
+def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) -> Site:
+    """Draw a site for a bridge.
+
+    Args:
+        settings: What the site looks like.
+        layout: The bridge's axis, supports, width and depth.
+        rng: Random stream `site`.
+
+    Returns:
+        The site.
+    """
+    land = draw_land(settings.crossing, settings.relief, layout, settings.run_out, rng)
+    length = layout.supports[-1] - layout.supports[0]
+    fine = (settings.fine_reach, settings.fine_spacing * max(length / LONG, 1.0), settings.coarse_spacing)
+    stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)
+    ground, soup = strip_ground(land, stations, lefts)
+    _refuse_hill(layout, ground)
+    ends = (land.approaches[0].back, land.approaches[1].back)
+    squares = photo_squares(ground, layout.width / 2, ends, settings.photo_reach)
+    parts = _ground(soup, ground, squares, layout)
+    parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in way_pieces(land, ground)]
+    components = [
+        Component(f"Site_{prim}", kind, role, group, mesh, FIRST_SITE_ID + number)
+        for number, (prim, kind, role, group, mesh) in enumerate(parts)
+    ]
+    plants = scatter_plants(settings.scatter, land, ground, rng, FIRST_SITE_ID + len(components))
+    axis = layout.alignment
+    return Site(
+        land,
+        ground,
+        (*components, *plants),
+        strip_corners(axis, ground),
+        strip_edge(axis, ground),
+        (keep_out(axis, ground),),
+        squares,
+    )
+
+
+def _ground(
+    soup: Soup, field: HeightField, squares: tuple[PhotoSquare, ...], layout: Layout
+) -> list[tuple[str, str, str, str, Mesh]]:
+    """Cut the ground into pieces: name, component kind, material recipe, group and mesh of each."""
+    parts = []
+    for cover, whole in covered(soup):
+        for square, piece in by_square(whole, squares):
+            prim = cover.prim if square is None else f"{cover.prim}_Near{square.number}"
+            role = cover.role if square is None else photo_role(cover.role, square)
+            for name, chunk in chunked(prim, piece):
+                atlas = strip_atlas(chunk, field) if square is None else square.atlas(chunk)
+                parts.append((name, cover.kind, role, "Ground", drape(chunk, layout.alignment, atlas)))
+    return parts
+
+
+def _refuse_hill(layout: Layout, ground: HeightField) -> None:
+    """Refuse ground that reaches the road between the abutments."""
+    inside = (ground.stations > layout.supports[0] + 1.0) & (ground.stations < layout.supports[-1] - 1.0)
+    under = np.abs(ground.lefts) < layout.width / 2
+    axis, stations = layout.alignment, ground.stations[inside]
+    heights = ground.heights[np.ix_(inside, under)]
+    road = axis.height(stations)[:, None] + axis.crossfall(stations)[:, None] * ground.lefts[under]
+    over = float((heights - road).max(initial=-1.0))
+    if over > 0.0:
+        raise InputError(
+            f"the ground lies {over:.1f} m above the deck", field="bridge.clearance",
+            allowed="ground below the deck between the abutments",
+            mend=f"Raise bridge.clearance by {over + 1.0:.1f} m, or make site.relief smaller",
+        )  # fmt: skip

@@ -1,0 +1,90 @@
+"""What `falsework background import` does, in a child process: the file may come from anywhere."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from groundwork.child import answer_parent
+from groundwork.errors import InputError
+from groundwork.progress import Progress
+
+if TYPE_CHECKING:
+    from authoring.imported.model import CityModel
+
+ADDRESS_LIMIT = 16.0  # [GB]
+
+
+def import_world(request: dict[str, Any], progress: Progress) -> dict[str, str]:
+    """Read a city and write it as a world.
+
+    Args:
+        request: `{file, folder, name, said, up, scale}`.
+        progress: Told what is left out.
+
+    Returns:
+        What was found: counts, extent, attribution.
+    """
+    from authoring.imported.asset import write_city
+    from groundwork.files import space_errors
+    from usd_schemas.guard.guard import limit_memory
+
+    limit_memory(ADDRESS_LIMIT)
+    progress.stage("read", 0)
+    model = _read(Path(request["file"]), request["up"], request["scale"], progress)
+    progress.stage("write", 0)
+    model = replace(model, attribution={**model.attribution, **request["said"]})
+    folder = Path(request["folder"])
+    with space_errors(folder):
+        write_city(model, folder, request["name"])
+    return _facts(model)
+
+
+def _read(file: Path, up: str, scale: float, progress: Progress) -> "CityModel":
+    """Choose the reader by the file's suffix."""
+    from authoring.imported.cityjson import read_cityjson
+    from authoring.imported.mesh import MESH_SUFFIXES, read_mesh
+    from authoring.imported.usd import USD_SUFFIXES, read_usd
+
+    suffix = file.suffix.lower()
+    if suffix in (*MESH_SUFFIXES, ".zip"):
+        return read_mesh(file, progress.note, up, scale)
+    if up:
+        raise InputError("says itself which axis is up", where=file, field="--up", value=up, mend="Leave it out")
+    if suffix in USD_SUFFIXES:
+        return read_usd(file, progress.note, scale)
+    if scale != 1.0:
+        raise InputError("is in metres", where=file, field="--scale", value=scale, mend="Leave it out")
+    return read_cityjson(file, progress.note)
+
+
+def describe_world(request: dict[str, Any], progress: Progress) -> dict[str, str]:
+    """Read a world back.
+
+    Args:
+        request: `{world}`.
+        progress: Listener.
+    """
+    from authoring.imported.asset import read_city
+    from usd_schemas.guard.guard import limit_memory
+
+    limit_memory(ADDRESS_LIMIT)
+    return _facts(read_city(Path(request["world"])))
+
+
+def _facts(model: "CityModel") -> dict[str, str]:
+    size = model.extent[1] - model.extent[0]
+    objects = {piece.owner for piece in model.textured if not piece.is_ground} | {b.name for b in model.buildings}
+    counts = {
+        "buildings": f"{len(objects)}", "triangles": f"{len(model.built) + len(model.ground)}",
+        "ground": f"{len(model.ground)} triangles", "textured": f"{sum(len(p.triangles) for p in model.textured)}",
+        "images": f"{len(model.skins)}, {sum(len(skin.image) for skin in model.skins) / 1e6:.1f} MB",
+    }  # fmt: skip
+    return {**counts, "extent": f"{size[0]:.0f} x {size[1]:.0f} m", **model.attribution}
+
+
+def _answer(request: dict[str, Any], progress: Progress) -> dict[str, str]:
+    return (describe_world if "world" in request else import_world)(request, progress)
+
+
+if __name__ == "__main__":
+    answer_parent(_answer)

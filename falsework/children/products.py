@@ -1,0 +1,79 @@
+"""Which surveys a stage offers; a stage from elsewhere is looked through and opened in a child, with limits."""
+
+from pathlib import Path
+from typing import Any
+
+from groundwork.child import answer_parent, run_child
+from groundwork.errors import ChildError, InputError
+from groundwork.progress import SILENT, Progress
+
+TIME_LIMIT = 120.0  # [s] composing a hostile stage may never end
+MEMORY_LIMIT = 4.0  # [GB]
+ADDRESS_LIMIT = 32.0  # [GB] one array that claims more fails at once; threads of many cores reserve some
+
+
+def surveys_of(stage: Path, allow_roots: tuple[Path, ...] = (), progress: Progress = SILENT) -> list[str]:
+    """Name the products of a stage, or its cameras where it has none.
+
+    Args:
+        stage: USD file.
+        allow_roots: Folders beside that of the stage from which it may take files.
+        progress: Told what is odd about the stage.
+
+    Returns:
+        Names, in the order of the stage.
+
+    Raises:
+        InputError: Not a stage, nothing in it to render, files from elsewhere, or more than can be read safely.
+    """
+    request = {"stage": str(stage), "allow_roots": [str(root) for root in allow_roots]}
+    return read_safely("falsework.children.products", request, stage, progress)
+
+
+def read_safely(
+    module: str, request: dict[str, Any], stage: Path, progress: Progress, time_limit: float | None = None,
+    memory_limit: float | None = None,
+) -> Any:  # fmt: skip
+    """Run a child that reads a stage from elsewhere; whatever kills it is the fault of that stage.
+
+    Args:
+        module: Module that serves the request.
+        request: JSON for it.
+        stage: The stage, for the error.
+        progress: Listener.
+        time_limit: Wall time after which it is killed [s]; `TIME_LIMIT` when None.
+        memory_limit: Resident memory above which it is killed [GB]; `MEMORY_LIMIT` when None.
+
+    Returns:
+        The child's answer.
+
+    Raises:
+        InputError: The child found bad input, crashed, or went over a limit.
+    """
+    time_limit = TIME_LIMIT if time_limit is None else time_limit
+    memory_limit = MEMORY_LIMIT if memory_limit is None else memory_limit
+    try:
+        return run_child(module, request, time_limit=time_limit, memory_limit=memory_limit, progress=progress)
+    except ChildError as error:
+        reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
+        raise InputError(
+            f"cannot be read within {time_limit:.0f} s and {memory_limit:.0f} GB: {reason}", where=stage,
+            mend="Make it smaller, or flatten it where it was made",
+        ) from error  # fmt: skip
+
+
+def _answer(request: dict[str, Any], progress: Progress) -> list[str]:
+    from usd_schemas.guard.guard import check_stage, limit_memory
+    from usd_schemas.reading.scene_cache import load_scene
+
+    limit_memory(ADDRESS_LIMIT)
+    stage = Path(request["stage"])
+    said: dict[str, None] = {}
+    check_stage(stage, tuple(Path(root) for root in request["allow_roots"]), said.setdefault)
+    for line in said:
+        progress.note(line)
+    return [product.name for product in load_scene(stage).products]  # what the reader leaves out, the renderer notes
+
+
+if __name__ == "__main__":
+    answer_parent(_answer)

@@ -1,0 +1,136 @@
+"""The verb that brings a DCC's edits home: `falsework scene import-edits`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from falsework.children.products import ADDRESS_LIMIT, read_safely
+from falsework.commands.console import ConsoleProgress
+from groundwork.child import answer_parent
+from groundwork.errors import MissingError
+from groundwork.progress import Progress
+
+JSON_VERSION = 1
+_SAID = {"moved": "moved", "reshaped": "reshaped", "recoloured": "recoloured", "removed": "removed"}
+
+
+def import_edits(
+    edited: tyro.conf.Positional[Path],
+    scene: tyro.conf.Positional[Path],
+    *,
+    label: tuple[str, ...] = (),
+    remove: bool = False,
+    allow_root: tuple[Path, ...] = (),
+    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> int:
+    """Compare what Blender or another DCC exported with the scene it came from; write the changes as edits/user.usda.
+
+    Moved parts, changed meshes, recoloured materials, new objects, cameras and lights, and the sun are taken over;
+    plants and other instances are not. A camera is a flight for a survey of kind "stage".
+
+    Args:
+        edited: USD file that the DCC exported, with custom properties.
+        scene: The scene's folder or root layer, with the look and background that it had when it was opened in the DCC.
+        label: What new objects are called: a component kind or class, or `pattern=kind` by name; else what their
+            custom property `component` says; else background.
+        remove: Switch off the parts that were deleted; without it they are only named.
+        allow_root: Folders beside those of both files from which they may take layers and textures.
+        as_json: Print one JSON object instead of lines.
+    """
+    with ConsoleProgress() as progress:
+        found = harvest(edited, root_layer_of(scene), label, remove, allow_root, progress)
+    if as_json:
+        sys.stdout.write(json.dumps({"version": JSON_VERSION, **found}) + "\n")
+        return 0
+    for line in report_lines(found):
+        sys.stdout.write(line + "\n")
+    return 0
+
+
+def root_layer_of(scene: Path) -> Path:
+    """Find the root layer of a scene that is named by its folder; a file is taken as it is.
+
+    Args:
+        scene: Scene folder, a folder of a run such as `OUT/scenes/0000`, or a USD file.
+
+    Raises:
+        MissingError: A folder without a scene.
+    """
+    if not scene.is_dir():
+        return scene
+    from authoring.scenes.checkout import find_root_layer
+
+    return find_root_layer(scene)
+
+
+def harvest(
+    edited: Path, scene: Path, label: tuple[str, ...], remove: bool, allow_roots: tuple[Path, ...], progress: Progress
+) -> dict[str, Any]:
+    """Write the edits layer of a scene in a child process, with limits.
+
+    Args:
+        edited: USD file that a DCC exported.
+        scene: Root layer of the scene.
+        label: Labels of new objects.
+        remove: Switch deleted parts off.
+        allow_roots: Folders beside those of both files from which they may take files.
+        progress: Told what is odd about the edited file.
+
+    Returns:
+        Names by kind of change: `moved`, `reshaped`, `recoloured`, `added` (name to label), `removed`, `missing`,
+        `cameras` (name to number of poses), `lights`, `left_out`.
+
+    Raises:
+        InputError: Missing, not readable, not of this scene, or the scene is a stored one.
+    """
+    for path in (edited, scene):
+        if not path.is_file():
+            raise MissingError("no such file", where=path)
+    request = {
+        "edited": str(edited), "scene": str(scene), "label": list(label), "remove": remove,
+        "allow_roots": [str(root) for root in allow_roots],
+    }  # fmt: skip
+    return read_safely("falsework.commands.edit_verbs", request, edited, progress)
+
+
+def report_lines(found: dict[str, Any]) -> list[str]:
+    """Say what was found, one line a kind of change.
+
+    Args:
+        found: Answer of `harvest`.
+    """
+    lines = [f"{kind:<11} {', '.join(found[kind])}" for kind in _SAID if found[kind]]
+    if found["added"]:
+        lines.append(f"{'added':<11} {', '.join(f'{name} ({label})' for name, label in found['added'].items())}")
+    for name, poses in found["cameras"].items():
+        lines.append(f'{"camera":<11} {name}, {poses} pose{"s" * (poses > 1)}: a flight for a survey of kind "stage"')
+    if found["lights"]:
+        lines.append(f"{'light':<11} {', '.join(found['lights'])}: for other renderers; ours shows sun and sky")
+    lines = lines or ["no changes: edits/user.usda is empty"]
+    if found["missing"]:
+        lines.append(f"{'missing':<11} {', '.join(found['missing'])}: still there; --remove switches them off")
+    return lines + [f"{'left out':<11} {line}" for line in found["left_out"]]
+
+
+def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from authoring.edits.additions import Labelling
+    from authoring.edits.harvest import harvest_edits
+    from usd_schemas.guard.guard import check_stage, limit_memory
+
+    limit_memory(ADDRESS_LIMIT)
+    edited, scene = Path(request["edited"]), Path(request["scene"])
+    said: dict[str, None] = {}
+    for stage in (scene, edited):
+        check_stage(stage, tuple(Path(root) for root in request["allow_roots"]), said.setdefault)
+    for line in said:
+        progress.note(line)
+    return asdict(harvest_edits(edited, scene, Labelling.parse(request["label"]), request["remove"]))
+
+
+if __name__ == "__main__":
+    answer_parent(_answer)

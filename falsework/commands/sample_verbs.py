@@ -1,0 +1,109 @@
+"""The verbs of `falsework sample`: clouds from a stage without any image, with the labels of the surface itself."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from falsework.children.products import read_safely
+from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_settings import given_settings
+from groundwork.errors import MissingError
+from groundwork.files import fresh_output
+from groundwork.settings import Settings, parse_settings
+
+WORKER = "falsework.children.sample_work"
+TIME_LIMIT = 6 * 3600.0  # [s]
+MEMORY_LIMIT = 16.0  # [GB]
+
+File = tyro.conf.Positional[Path]
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+Given = tyro.conf.UseAppendAction[tuple[str, ...]]
+
+
+def mesh(
+    stage: File,
+    output: Output,
+    *,
+    points: int | None = None,
+    density: float = 100.0,
+    scope: Literal["bridge", "near"] = "near",
+    reach: float = 10.0,
+    visible: bool = False,
+    seed: int = 0,
+    set: Given = (),
+    allow_root: tuple[Path, ...] = (),
+) -> int:
+    """Spread points over the surface of a stage, uniformly by area.
+
+    Args:
+        stage: USD file.
+        output: Folder to write: a cloud.
+        points: Number of points; by density when left out.
+        density: Points on each square meter.
+        scope: The bridge alone, or everything near it.
+        reach: How far `near` goes beyond the bridge's box [m].
+        visible: Only what at least one camera of the stage's surveys sees.
+        seed: Seed of every random draw.
+        set: A further setting, such as `noise=0.005` or `min_views=3`; may be given more than once.
+        allow_root: Folders beside that of the stage from which it may take files.
+    """
+    from recon.sampling.sampler_settings import MeshSettings
+
+    settings: dict[str, Any] = {"density": density, "scope": scope, "reach": reach, "seed": seed}
+    settings |= {"points": points} if points is not None else {}
+    settings |= {"min_views": 1} if visible else {}
+    return _sample("mesh", MeshSettings, settings | given_settings(set), stage, output, allow_root)
+
+
+def lidar(
+    stage: File,
+    output: Output,
+    *,
+    kind: Literal["terrestrial", "mobile"] = "terrestrial",
+    scope: Literal["bridge", "near"] = "near",
+    reach: float = 10.0,
+    seed: int = 0,
+    set: Given = (),
+    allow_root: tuple[Path, ...] = (),
+) -> int:
+    """Scan a stage with a laser: from a tripod at stations, or moving along the deck or along a survey's path.
+
+    Args:
+        stage: USD file.
+        output: Folder to write: a cloud.
+        kind: Kind of scanner.
+        scope: Keep the points on the bridge alone, or on everything near it.
+        reach: How far `near` goes beyond the bridge's box [m].
+        seed: Seed of every random draw.
+        set: A further setting, such as `angular_step=0.1`, `positions=[[5, -12, 1.8]]` or `path=global`; may be given
+            more than once.
+        allow_root: Folders beside that of the stage from which it may take files.
+    """
+    from recon.sampling.sampler_settings import MobileSettings, TerrestrialSettings
+
+    settings: dict[str, Any] = {"scope": scope, "reach": reach, "seed": seed} | given_settings(set)
+    model = TerrestrialSettings if kind == "terrestrial" else MobileSettings
+    return _sample("lidar", model, settings | {"kind": kind}, stage, output, allow_root)
+
+
+def _sample(
+    how: str, model: type[Settings], settings: dict[str, Any], stage: Path, output: Path, roots: tuple[Path, ...]
+) -> int:
+    checked = parse_settings(model, settings, "--set")
+    if not stage.is_file():
+        raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
+    request = {
+        "how": how, "settings": checked.model_dump(mode="json"), "stage": str(stage.absolute()),
+        "allow_roots": [str(root.absolute()) for root in roots],
+    }  # fmt: skip
+    with ConsoleProgress() as progress:
+        fresh_output(output, "cloud", lambda folder: read_safely(
+            WORKER, request | {"folder": str(folder.absolute())}, stage, progress, TIME_LIMIT, MEMORY_LIMIT
+        ))  # fmt: skip
+    sys.stdout.write(f"cloud   {output}\n")
+    return 0
+
+
+SAMPLE_VERBS = {"mesh": mesh, "lidar": lidar}

@@ -1,0 +1,242 @@
+"""The verbs of `falsework scene`: look into a scene, choose, compare, copy, and pass it on."""
+
+import json
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from falsework.children.products import read_safely
+from falsework.commands.console import ConsoleProgress
+from falsework.commands.edit_verbs import import_edits, root_layer_of
+from groundwork.child import run_child
+from groundwork.errors import InputError
+
+JSON_VERSION = 1
+WORKER = "falsework.children.scene_work"
+LONG_WORK = ("choose", "flatten", "package")  # they author and bake, as long as it takes
+TIME_LIMIT = 3600.0  # [s]
+MEMORY_LIMIT = 16.0  # [GB]
+
+File = tyro.conf.Positional[Path]
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+AsJson = Annotated[bool, tyro.conf.arg(name="json")]
+Roots = tuple[Path, ...]
+
+
+def info(scene: File, *, depth: int = 4, files: bool = False, allow_root: Roots = (), as_json: AsJson = False) -> int:
+    """Show what is in a scene: its tree, choices, counts per component and class, surveys, hashes.
+
+    Args:
+        scene: Scene folder, its root layer, or any other USD file.
+        depth: Levels of the tree.
+        files: List every layer and texture with its hash.
+        allow_root: Folders beside that of the scene from which it may take files.
+        as_json: Print one JSON object instead of lines.
+    """
+    found = _work("info", scene, {"depth": depth}, allow_root)
+    if as_json:
+        return _answer(found)
+    for row in found["tree"]:
+        indent = "  " * (row["path"].count("/") - 1)
+        surfaces = f"  {row['surfaces']} surfaces" if row["surfaces"] else ""
+        _say(f"{indent}{row['path'].rpartition('/')[2]}  {row['type'] or '-'}{surfaces}")
+    for axis, names in found["choices"].items():
+        marked = " ".join(f"[{name}]" if name == found["selected"][axis] else name for name in names)
+        _say(f"choice      {axis}: {marked}")
+    for name, survey in found["surveys"].items():
+        _say(f"survey      {name}: {survey['images']} images of {survey['width']} x {survey['height']}")
+    for title in ("classes", "components"):
+        _say(f"{title:<11} " + ", ".join(f"{name} {count}" for name, count in found[title].items()))
+    _say(f"triangles   {found['triangles']:,}")
+    for name, code in found["layers"].items() if files else ():
+        _say(f"{code}  {name}")
+    _say(f"files       {len(found['layers'])}, hash {found['scene_hash']}, as chosen {found['variant_hash']}")
+    for line in found["changed"]:
+        _say(f"since it was authored  {line}")
+    return 0
+
+
+def validate(scene: File, *, allow_root: Roots = (), as_json: AsJson = False) -> int:
+    """Look for everything that is wrong with a scene, in every variant; exit code 1 where something is.
+
+    Args:
+        scene: Scene folder, its root layer, or any other USD file.
+        allow_root: Folders beside that of the scene from which it may take files.
+        as_json: Print one JSON object instead of lines.
+    """
+    findings = _work("validate", scene, {}, allow_root)
+    if as_json:
+        _answer({"findings": findings})
+    else:
+        for line in findings:
+            _say(line)
+        _say(f"{len(findings)} findings" if findings else "sound in every variant")
+    return int(bool(findings))
+
+
+def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson = False) -> int:
+    """Tell how two scenes differ: what moved, changed shape or look, was relabelled, came and went.
+
+    Args:
+        first: Scene folder or root layer before.
+        second: Scene folder or root layer after.
+        allow_root: Folders beside those of the scenes from which they may take files.
+        as_json: Print one JSON object instead of lines.
+    """
+    other = root_layer_of(second)
+    found = _work("diff", first, {"second": str(other)}, allow_root, other)
+    if as_json:
+        return _answer(found)
+    lines = [f"selection   {axis}: {before} -> {after}" for axis, (before, after) in found["selections"].items()]
+    lines += [f"moved       {path}  {metres:.6g} m" for path, metres in found["moved"].items()]
+    lines += [f"reshaped    {path}" for path in found["reshaped"]]
+    lines += [f"look        {line}" for line in _looks(found["look"])]
+    for path, (before, after) in found["relabelled"].items():
+        lines.append(f"relabelled  {path}  {' '.join(filter(None, before))} -> {' '.join(filter(None, after))}")
+    lines += [f"{word:<11} {path}" for word in ("light", "added", "removed") for path in found[word]]
+    folders = Counter((name.rpartition("/")[0] or ".", what) for name, what in found["layers"].items())
+    lines += [f"files       {folder}: {count} {what}" for (folder, what), count in sorted(folders.items())]
+    for line in lines:
+        _say(line)
+    if found["same"]:
+        _say("the scenes compose to the same" if lines else "no difference")
+    return 0
+
+
+def set_(
+    scene: File,
+    choices: tyro.conf.Positional[tuple[str, ...]],
+    *,
+    variant: str = "",
+    re_origin: tuple[float, float, float] | None = None,
+    allow_root: Roots = (),
+    as_json: AsJson = False,
+) -> int:
+    """Choose look, background, light or class table of a scene; what it does not offer yet is made or brought in first.
+
+    Args:
+        scene: Scene folder, or its root layer.
+        choices: look=NAME background=NAME light=NAME, or a USD file of yours as NAME (its materials are named like
+            the roles, or it is a world), or for the light a date and hour, 2024-12-21T10:00; taxonomy=kim2023 puts
+            another table of classes in force.
+        variant: Leave the scene as it is, and write variant_NAME.usda beside it.
+        re_origin: X Y Z of the point of your own background that becomes the scene's origin, where the bridge begins,
+            in metres with z up; for a world in map coordinates.
+        allow_root: Folders beside that of your own file from which it may take layers and textures.
+        as_json: Print one JSON object instead of lines.
+    """
+    pairs = [choice.partition("=") for choice in choices]
+    for axis, _, value in pairs:
+        if not axis or not value:
+            raise InputError("not a choice", field="set", value=axis, allowed="look=… background=… light=… taxonomy=…")
+    wanted = {axis: value for axis, _, value in pairs}
+    own = [Path(value) for value in wanted.values() if Path(value).suffix.startswith(".usd")]
+    chosen = _work("choose", scene, {"choices": wanted, "variant": variant, "origin": re_origin}, allow_root, *own)
+    if as_json:
+        return _answer(chosen)
+    for axis, name in chosen.items():
+        _say(f"{axis:<11} {name}")
+    return 0
+
+
+def checkout(source: File, output: Output) -> int:
+    """Copy a scene out of the read-only store, free to be edited.
+
+    Args:
+        source: Scene folder, its root layer, or a folder such as `OUT/scenes/0000`.
+        output: Folder to make; what is there already is never replaced.
+    """
+    from authoring.scenes.checkout import checkout_scene
+
+    _say(f"scene   {checkout_scene(source, output)}")
+    return 0
+
+
+def flatten(scene: File, output: Output, *, allow_root: Roots = ()) -> int:
+    """Write a scene as one layer, with the variants that it selects; texture paths stay relative.
+
+    Args:
+        scene: Scene folder, or its root layer.
+        output: File to write, .usda or .usdc.
+        allow_root: Folders beside that of the scene from which it may take files.
+    """
+    for path in _work("flatten", scene, {"out": str(output)}, allow_root):
+        sys.stderr.write(f"texture not found: {path}\n")
+    _say(f"layer   {output}")
+    return 0
+
+
+def package(scene: File, output: Output, *, bake: bool = False, texels: int = 4096, allow_root: Roots = ()) -> int:
+    """Put a scene into one file: usdz with all variants, or GLB for the web with those that are selected.
+
+    Args:
+        scene: Scene folder, or its root layer.
+        output: File to write, .usdz or .glb.
+        bake: Burn weathering and fine detail into the textures, for renderers that do not know them; the file then
+            holds the selected variants only.
+        texels: Texels along a side of each baked texture.
+        allow_root: Folders beside that of the scene from which it may take files.
+    """
+    names = _work("package", scene, {"out": str(output), "bake": bake, "texels": texels}, allow_root)
+    _say(f"package {output}  {output.stat().st_size / 1e6:.1f} MB, {len(names)} entries")
+    return 0
+
+
+def schemas(*, path: bool = False) -> int:
+    """Say where the schema plugin lies, for other hosts.
+
+    Args:
+        path: Print the folder only, for PXR_PLUGINPATH_NAME.
+    """
+    from usd_schemas.registration import register_schemas
+
+    folder = register_schemas()
+    _say(folder if path else f'export PXR_PLUGINPATH_NAME="{folder}"')
+    return 0
+
+
+SCENE_VERBS = {
+    "info": info,
+    "validate": validate,
+    "diff": diff,
+    "set": set_,
+    "checkout": checkout,
+    "import-edits": import_edits,
+    "flatten": flatten,
+    "package": package,
+    "schemas": schemas,
+}
+
+
+def _looks(changed: dict[str, list[str]]) -> list[str]:
+    """One line a material, with those that wear it."""
+    wearers: dict[str, list[str]] = {}
+    for path, (before, after) in changed.items():
+        line = after if before == after else f"{before or 'none'} -> {after or 'none'}"
+        wearers.setdefault(line, []).append(path.rpartition("/")[2])
+    return [
+        f"{line}: {', '.join(names[:3])}" + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        for line, names in sorted(wearers.items())
+    ]
+
+
+def _work(work: str, scene: Path, request: dict[str, Any], roots: Roots, *others: Path) -> Any:
+    scene = root_layer_of(scene)
+    stages = [str(stage) for stage in (scene, *others)]
+    request = {**request, "work": work, "scene": str(scene), "stages": stages, "allow_roots": [str(r) for r in roots]}
+    with ConsoleProgress() as progress:
+        if work in LONG_WORK:
+            return run_child(WORKER, request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT, progress=progress)
+        return read_safely(WORKER, request, scene, progress)
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+
+
+def _answer(value: dict[str, Any]) -> int:
+    sys.stdout.write(json.dumps({"version": JSON_VERSION, **value}) + "\n")
+    return 0

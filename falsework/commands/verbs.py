@@ -1,0 +1,143 @@
+"""The verbs that write one plain folder, with the same functions that the pipeline's stages call."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from falsework.children.products import surveys_of
+from falsework.report.report import write_report
+from falsework.scenario import load_scenario, scene_title
+from falsework.stages import STAGES
+from groundwork.errors import InputError, MissingError, RejectedSceneError
+from groundwork.files import claim_output, fresh_output
+from groundwork.progress import Progress
+from groundwork.settings import read_toml
+from recon.settings import ReconSettings
+
+
+def render_file(
+    stage: Path, out: Path, survey: str | None, settings: dict[str, Any], seed: int, progress: Progress,
+    allow_roots: tuple[Path, ...] = (),
+) -> list[str]:  # fmt: skip
+    """Render the products of any stage, each into a capture of its own.
+
+    Args:
+        stage: USD file.
+        out: Folder to write; a former one of ours is replaced.
+        survey: Only this product, or None for all.
+        settings: JSON of `RenderSettings`.
+        seed: Seed of the sensor.
+        progress: Listener.
+        allow_roots: Folders beside that of the stage from which it may take files.
+
+    Returns:
+        Names of the captures.
+
+    Raises:
+        InputError: No such file or product, nothing to render, or an output folder that is not ours.
+    """
+    if not stage.is_file():
+        raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
+    claim_output(out, "captures")
+    names = surveys_of(stage, allow_roots, progress)
+    if survey is not None and survey not in names:
+        raise InputError("no such product or camera", where=stage, value=survey, allowed=", ".join(names))
+    chosen = names if survey is None else [survey]
+
+    def write(folder: Path) -> None:
+        for other in folder.iterdir():
+            if other.name not in chosen:  # an interrupted run was asked for other surveys
+                shutil.rmtree(other, ignore_errors=True)
+        for name in chosen:
+            (folder / name).mkdir(exist_ok=True)
+            request = {"seed": seed, "survey": name, "render": settings}
+            STAGES["capture"].run(request, {"stage": stage}, folder / name, progress)
+
+    fresh_output(out, "captures", write, resume=True)
+    return chosen
+
+
+def reconstruct_folder(capture: Path, out: Path, scenario: Path | None, progress: Progress) -> None:
+    """Reconstruct one capture, or a folder of photographs, into a plain folder; goes on where it was interrupted.
+
+    Args:
+        capture: Capture folder, or one of plain photographs.
+        out: Folder to write; a former one of ours is replaced.
+        scenario: File whose `[recon]` section applies, or None for the defaults.
+        progress: Listener.
+    """
+    if not capture.is_dir():
+        raise MissingError("no such folder", where=capture, mend="Name a capture, or a folder of photographs")
+    settings = ReconSettings() if scenario is None else load_scenario(scenario).recon
+    request = {"recon": settings.model_dump(mode="json")}
+
+    def write(folder: Path) -> None:
+        try:
+            STAGES["cloud"].run(request, {"capture": capture}, folder, progress)
+        except RejectedSceneError:
+            shutil.rmtree(folder)  # nothing of it would go on
+            raise
+
+    fresh_output(out, "cloud", write, resume=True)
+
+
+def report_scene(scene: Path, page: Path) -> None:
+    """Write the page of a finished scene of a run.
+
+    Args:
+        scene: Folder such as `OUT/scenes/0000`.
+        page: HTML file to write.
+    """
+    captures = sorted(path for path in scene.glob("capture/*") if path.is_dir())
+    if not captures:
+        raise MissingError("holds no capture", where=scene, mend="Name a folder such as OUT/scenes/0000")
+    clouds = {path.name: path for path in scene.glob("cloud/*") if path.is_dir()}
+    surveys = {path.name: (path, clouds.get(path.name)) for path in captures}
+    write_report(page, _title(scene), scene / "stage", surveys)
+
+
+def _title(scene: Path) -> str:
+    """Name a scene of a run with the scenario's seed; any other folder by its own name."""
+    scenario = scene.absolute().parents[1] / "scenario.toml"
+    if not scenario.is_file() or not scene.name.isdecimal():
+        return f"Scene {scene.name}"
+    return scene_title(int(scene.name), int(read_toml(scenario).get("seed", 0)))
+
+
+CAPTURE_FORMATS = ("colmap", "nerfstudio", "video")
+
+
+def export_folder(source: Path, to: str, out: Path, progress: Progress, photographs: Path | None = None) -> list[Path]:
+    """Write a capture or a cloud for another program.
+
+    Args:
+        source: A capture, or a cloud.
+        to: One of `CAPTURE_FORMATS`, or a row of `recon.formats.export.EXPORTS` for a cloud.
+        out: Folder to write; a former one of ours is replaced.
+        progress: Listener.
+        photographs: Capture whose photographs go with the cameras of a cloud.
+
+    Returns:
+        Files for people to open.
+
+    Raises:
+        InputError: Neither of them, or a format for which it lacks something.
+    """
+    is_cloud = (source / "cloud.json").is_file()
+    if not is_cloud and to not in CAPTURE_FORMATS:
+        raise InputError("a format of clouds, and this is none", where=source, field="--to", value=to,
+                         allowed=", ".join(CAPTURE_FORMATS), mend="Name the folder that holds cloud.json")  # fmt: skip
+
+    def write(folder: Path) -> None:
+        if is_cloud:
+            from recon.formats.export import export_cloud
+
+            files.extend(export_cloud(source, to, folder, photographs))
+        else:
+            from render.writing.export import export_capture
+
+            files.extend(export_capture(source, to, folder, progress))
+
+    files: list[str] = []
+    fresh_output(out, f"export to {to}", write)
+    return [out / file for file in files]

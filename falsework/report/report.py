@@ -1,0 +1,185 @@
+"""One self-contained page about a scene: its frames, its flight, its reconstruction and its cloud."""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+import numpy as np
+import plotly.graph_objects as go
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from falsework.report.figures import (
+    class_figure,
+    cloud_figure,
+    contact_sheet,
+    flight_figure,
+    uncertainty_figure,
+)
+from groundwork.files import read_json, write_text
+from render.capture import Capture, Truth, read_capture, read_truth
+
+if TYPE_CHECKING:
+    from recon.cloud import Cloud
+
+NOISE_THRESHOLD = 0.1  # [m] Shi 2024 calls points above it noisy
+NEAR = 0.1  # [m]
+OUTLINE_POINTS = 4000
+UNITS = {
+    "center_error": "m",
+    "rotation_error": "°",
+    "surface_distance": "m",
+    "uncertainty": "m",
+    "mean_reprojection_error": "px",
+}  # by the beginning of a statistic's name
+
+
+def write_report(path: Path, title: str, stage: Path, surveys: dict[str, tuple[Path, Path | None]]) -> None:
+    """Write the page of one scene.
+
+    Args:
+        path: HTML file to write.
+        title: Heading.
+        stage: Scene folder or USD file; the manifest beside it gives the lead line.
+        surveys: Survey id to its capture folder and its cloud folder, or None.
+    """
+    template = files("falsework.report").joinpath("templates/report.html.j2").read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    page = environment.from_string(template).render(
+        title=title,
+        lead=_lead(stage),
+        plotly=Markup(get_plotlyjs()),
+        surveys=[_survey(name, capture, cloud) for name, (capture, cloud) in sorted(surveys.items())],
+    )
+    write_text(path, page)
+
+
+def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[str, Any]:
+    from recon.cloud import read_cloud
+
+    capture = read_capture(capture_folder)
+    truth = read_truth(capture)
+    cloud = None if cloud_folder is None else read_cloud(cloud_folder)
+    centres = _centres(capture, truth)
+    bridge = np.zeros((0, 3)) if truth is None else _bridge_outline(truth)
+    statuses = ["ok"] * len(centres) if cloud is None else [camera["status"] for camera in cloud.cameras]
+    noise = None if cloud is None else cloud.statistics.get("noise")
+    seen = {row.class_name for row in truth.instances} if truth is not None else set()
+    shown = {
+        "name": name,
+        "tiles": _tiles(capture, cloud),
+        "frames": contact_sheet(capture, truth),
+        "flight": _html(flight_figure(centres, statuses, bridge), f"flight-{name}"),
+        "legend": [row for row in truth.classes if row.name in seen] if truth is not None else [],
+        "facts": [] if cloud is None else _facts(cloud),
+        "threshold": None if noise is None else f"{noise['threshold']:g} m",
+        "noise": _noise(noise),
+        "cloud": "",
+    }
+    if cloud is None:
+        return shown
+    columns = {key: cloud.columns[key] for key in ("coord", "color", "segment", "uncertainty")}
+    figures = {
+        "cloud": cloud_figure(columns, cloud.classes, centres),
+        "classes": class_figure(cloud.columns["segment"], cloud.classes),
+        "uncertainty": uncertainty_figure(cloud.columns["uncertainty"], NOISE_THRESHOLD),
+    }
+    return shown | {key: _html(figure, f"{key}-{name}") for key, figure in figures.items()}
+
+
+def _tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:
+    tiles = [{"label": "images", "value": f"{len(capture.images)}"}]
+    if cloud is None:
+        return tiles
+    good = [camera for camera in cloud.cameras if camera["status"] == "ok"]
+    tiles[0] = {"label": "cameras registered", "value": f"{len(good)} of {len(cloud.cameras)}"}
+    tiles.append({"label": "points", "value": f"{len(cloud):,}"})
+    errors = np.array([camera["center_error"] for camera in good], dtype=np.float64)
+    if np.isfinite(errors).any():
+        tiles.append({"label": "median camera-centre error", "value": f"{np.nanmedian(errors) * 1000:.0f} mm"})
+    if np.isfinite(cloud.columns["surface_distance"]).any():
+        near = cloud.columns["surface_distance"] <= NEAR
+        right = (
+            float(np.mean(cloud.columns["segment"][near] == cloud.columns["surface_class"][near]))
+            if near.any()
+            else 0.0
+        )
+        quiet = float(np.mean(cloud.columns["uncertainty"] <= NOISE_THRESHOLD))
+        tiles.append(
+            {"label": f"of the points lie within {NEAR:g} m of the true surface", "value": f"{near.mean():.1%}"}
+        )
+        tiles.append({"label": f"have an uncertainty of at most {NOISE_THRESHOLD:g} m", "value": f"{quiet:.1%}"})
+        tiles.append({"label": "of the near points carry the surface's class", "value": f"{right:.1%}"})
+    return tiles
+
+
+def _facts(cloud: "Cloud") -> list[tuple[str, str]]:
+    plain = sorted((key, value) for key, value in cloud.statistics.items() if isinstance(value, int | float | str))
+    return [(key.replace("_", " "), _number(value) + _unit(key)) for key, value in plain]
+
+
+def _noise(noise: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """Say how many points are noisy at which distance, and how far their uncertainty finds what is off."""
+    if noise is None:
+        return []
+    rows = []
+    for band in noise["by_distance"]:
+        span = f"from {band['from']:g} m" if band["to"] is None else f"{band['from']:g} to {band['to']:g} m"
+        rows.append((f"noisy of the {band['points']:,} seen {span} away", _share(band["noisy_share"])))
+    for name, place in (("displacement", "where their pixels look"), ("surface_distance", "the true surface")):
+        found, limit = noise[f"against_{name}"], f"{noise['threshold']:g} m"
+        rows.append((f"of the noisy, off by more than {limit} from {place}", _share(found["precision"])))
+        rows.append((f"of those off by more than {limit} from {place}, noisy", _share(found["recall"])))
+    return rows
+
+
+def _share(value: float | None) -> str:
+    return "none" if value is None else f"{value:.1%}"
+
+
+def _number(value: float | str) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return f"{value:,}" if isinstance(value, int) else value
+
+
+def _unit(key: str) -> str:
+    return next((f" {unit}" for start, unit in UNITS.items() if key.startswith(start)), "")
+
+
+def _centres(capture: Capture, truth: Truth | None) -> np.ndarray:
+    if truth is not None:
+        return truth.poses[:, :3, 3]
+    return np.array([image.gps for image in capture.images if image.gps is not None]).reshape(-1, 3)
+
+
+def _bridge_outline(truth: Truth) -> np.ndarray:
+    """Scatter points evenly over what is neither background nor unlabelled."""
+    corners, ids, _ = truth.surface()
+    bridge = [row.id for row in truth.instances if row.class_name not in ("background", "unlabelled")]
+    first, second, third = np.moveaxis(corners[np.isin(ids, bridge)], 1, 0)
+    if not len(first):
+        return first
+    area = np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    draw = np.random.default_rng(0)
+    pick = draw.choice(len(area), OUTLINE_POINTS, p=area / area.sum())
+    u, v = draw.random((2, OUTLINE_POINTS, 1))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    return first[pick] + u * (second - first)[pick] + v * (third - first)[pick]
+
+
+def _lead(stage: Path) -> str:
+    manifest = (stage if stage.is_dir() else stage.parent) / "manifest.json"
+    if not manifest.is_file():
+        return stage.name
+    recipe = read_json(manifest)
+    settings = recipe["settings"]
+    names = [f"{section} {settings[section]['name']}" for section in ("background", "look")]
+    return ", ".join([f"{settings['bridge']['family']} bridge", *names, f"random streams of {recipe['seed']}"])
+
+
+def _html(figure: go.Figure, name: str) -> Any:
+    options = {"displaylogo": False, "displayModeBar": False}
+    text = figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=options)
+    return Markup(text)

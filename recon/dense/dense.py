@@ -1,0 +1,62 @@
+"""The dense step as seen from outside: one child process, and the points that it leaves in a folder."""
+
+from pathlib import Path
+from typing import Any
+
+from groundwork.canonical import folder_digest
+from groundwork.child import run_child
+from groundwork.progress import Progress
+from recon.dense.points import FOLDER, DensePoints, read_points
+from recon.settings import DOWNSCALE, ReconSettings
+from recon.sfm.sparse import Sparse
+from recon.shortage import check_space, plain_shortage
+from recon.steps import take_step
+from render.capture import Capture
+
+_VERSION = 3  # of what the step writes
+_CHILD = "recon.dense.dense_child"
+_SLACK = 120.0  # [s] beside the time per image
+_BYTES_PER_PIXEL = 12  # on the disk: working image, depth, and the points' share
+
+
+def run_dense(
+    capture: Capture, sparse: Sparse, work: Path, settings: ReconSettings, progress: Progress
+) -> tuple[DensePoints, dict[str, Any]]:
+    """Measure a depth for nearly every pixel and fuse the depth maps; never looks at the truth.
+
+    Args:
+        capture: Photographs.
+        sparse: The model, as structure from motion left it.
+        work: Existing work folder; a finished step there is taken over, and depth maps of an interrupted one, too.
+        settings: What to do.
+        progress: Listener.
+
+    Returns:
+        The points, in the model's own units, and JSON figures of the step.
+
+    Raises:
+        RejectedSceneError: `bad_lens` or `no_depth`.
+        OutOfSpaceError: The disk is full; finished depth maps stay.
+    """
+    dense = settings.dense
+    limits = {"threads", "seconds_per_image", "memory_limit", "memory_per_megapixel"}
+    recipe = [_VERSION, sparse.recipe, settings.quality, settings.filter, dense.model_dump(exclude=limits)]
+
+    def make(folder: Path) -> Any:
+        width, height = (side // DOWNSCALE[settings.quality] for side in capture.size)
+        check_space(folder, len(capture.images) * width * height * _BYTES_PER_PIXEL, "the dense step")
+        request = {
+            "capture": str(capture.folder), "model": str(sparse.folder), "out": str(folder), "settings": settings,
+        }  # fmt: skip
+        with plain_shortage(folder, "recon.dense", ", or a lower quality"):
+            return run_child(
+                _CHILD,
+                request,
+                time_limit=_SLACK + dense.seconds_per_image * len(capture.images),
+                memory_limit=dense.memory_limit + dense.memory_per_megapixel * dense.threads * width * height / 1e6,
+                progress=progress,
+                environment={"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            )
+
+    step = take_step(work, "dense", recipe, make)
+    return read_points(step.folder), {**step.result, "points_sha256": folder_digest(step.folder / FOLDER)}

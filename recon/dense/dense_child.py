@@ -1,0 +1,235 @@
+"""The dense step in a child, in the model's own units and without truth: `python -m recon.dense.dense_child`."""
+
+import shutil
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.child import answer_parent
+from groundwork.errors import RejectedSceneError
+from groundwork.progress import Progress
+from recon.dense.depth_colmap import has_cuda, measure_with_colmap
+from recon.dense.depth_patchmatch import measure_slanted
+from recon.dense.depth_sgm import PosedImage, measure_depth
+from recon.dense.fuse import DepthView, fuse_view
+from recon.dense.neighbours import View, choose_sources, choose_views
+from recon.dense.points import DensePoints, save_array, write_points
+from recon.dense.smooth import smooth
+from recon.dense.undistort import WorkingCamera, covered, undistort, working_camera
+from recon.photos.photos import open_photographs
+from recon.settings import AGREEMENT, DOWNSCALE, DenseSettings, ReconSettings
+from recon.sfm.colmap_model import SparseModel, read_model
+from render.capture import Capture, load_image
+
+Mask = NDArray[np.bool_]
+
+_CACHE = 400e6  # [bytes] of depth maps that the fusion keeps at hand
+
+
+def serve(request: dict[str, Any], progress: Progress) -> object:
+    """Measure depth maps and fuse them.
+
+    Args:
+        request: `capture`, `model` and `out` (folders), `settings`.
+        progress: Listener.
+
+    Returns:
+        JSON figures.
+
+    Raises:
+        RejectedSceneError: `bad_lens`, or `no_depth`: no pixel's depth is seen alike by enough images.
+    """
+    cv2.setNumThreads(1)  # the views are measured side by side
+    settings = ReconSettings.model_validate(request["settings"])
+    capture, model = open_photographs(Path(request["capture"])), read_model(Path(request["model"]))
+    out = Path(request["out"])
+    camera = working_camera(model, capture.size, DOWNSCALE[settings.quality])
+    views = choose_views(model, settings.dense)
+    maps = DepthMaps(out, model, camera)
+    _undistort_all(capture, model, maps, settings, progress)
+    method = choose_method(settings.dense)
+    if method == "colmap":
+        depths = measure_with_colmap(capture.folder, Path(request["model"]), out / "colmap", model.names, camera)
+        for row, depth in enumerate(depths):
+            maps.put_depth(row, depth)
+    known = _measure_all(views, maps, method, settings, progress)
+    count = write_points(out, _fuse_all(views, maps, settings, progress))
+    if not count:
+        raise RejectedSceneError("no_depth", _why_nothing(views, known, settings))
+    maps.clear()
+    return {
+        "method": method, "reproducible": method != "colmap", "quality": settings.quality, "filter": settings.filter,
+        "depth_size": [camera.pinhole.width, camera.pinhole.height], "points": count,
+        "depth_maps": sum(len(view.sources) > 0 for view in views), "known_share": float(np.mean(known)),
+    }  # fmt: skip
+
+
+def choose_method(settings: DenseSettings) -> str:
+    """Settle what `auto` means on this machine.
+
+    Args:
+        settings: Names the method.
+
+    Returns:
+        `sgm`, `patchmatch` or `colmap`.
+    """
+    if settings.method != "auto":
+        return settings.method
+    return "colmap" if has_cuda() else "sgm"
+
+
+class DepthMaps:
+    """Working images and depth maps on disk; those in use lately stay in memory."""
+
+    def __init__(self, folder: Path, model: SparseModel, camera: WorkingCamera) -> None:
+        """Make the folders.
+
+        Args:
+            folder: Where to keep them.
+            model: Names the images, knows their poses.
+            camera: Their camera.
+        """
+        self.camera, self._model = camera, model
+        self._images, self._depths = folder / "images", folder / "depth"
+        for path in (self._images, self._depths):
+            path.mkdir(parents=True, exist_ok=True)
+        shape = (camera.pinhole.height, camera.pinhole.width)
+        self._used = np.zeros((len(model.names), *shape), bool)
+        self._views: OrderedDict[int, DepthView] = OrderedDict()
+        self._room = max(1, int(_CACHE // (shape[0] * shape[1] * 19)))
+
+    def clear(self) -> None:
+        """Take all of them from the disk."""
+        for path in (self._images, self._depths):
+            shutil.rmtree(path)
+
+    def has(self, row: int) -> bool:
+        """Tell whether a depth map is there, perhaps from a run that was interrupted."""
+        return (self._depths / f"{row:06d}.npy").is_file()
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """Return camera_to_world of every image, shape (I, 4, 4), float64."""
+        return self._model.poses
+
+    def put_image(self, row: int, image: NDArray[np.uint8]) -> None:
+        """Keep a working image, shape (H, W, 3), uint8."""
+        save_array(self._images / f"{row:06d}.npy", image)
+
+    def image(self, row: int) -> NDArray[np.uint8]:
+        """Read a working image, shape (H, W, 3), uint8."""
+        return np.load(self._images / f"{row:06d}.npy")
+
+    def put_depth(self, row: int, depth: NDArray[np.float32]) -> None:
+        """Keep a depth map [model units], shape (H, W), float32."""
+        save_array(self._depths / f"{row:06d}.npy", depth)
+
+    def depth(self, row: int) -> NDArray[np.float32]:
+        """Read a depth map, 0 where unknown [model units], shape (H, W), float32."""
+        return np.load(self._depths / f"{row:06d}.npy")
+
+    def depth_view(self, row: int) -> DepthView:
+        """Read a depth map with its normals; what was used longest ago makes room."""
+        if row in self._views:
+            self._views.move_to_end(row)
+            return self._views[row]
+        depth, normal = smooth(self.depth(row), intrinsics(self.camera))
+        view = DepthView(row, depth, normal, self.image(row), self._used[row], self.poses[row])
+        self._views[row] = view
+        while len(self._views) > self._room:
+            self._views.popitem(last=False)
+        return view
+
+
+def intrinsics(camera: WorkingCamera) -> NDArray[np.float64]:
+    """List fx, fy, cx, cy of the working camera [px], shape (4,), float64."""
+    pinhole = camera.pinhole
+    return np.array([pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy])
+
+
+def _undistort_all(
+    capture: Capture, model: SparseModel, maps: DepthMaps, settings: ReconSettings, progress: Progress
+) -> None:
+    row_of = {image.file: row for row, image in enumerate(capture.images)}
+
+    def one(row: int) -> None:
+        maps.put_image(row, undistort(load_image(capture, row_of[model.names[row]]), maps.camera))
+
+    _for_each(one, len(model.names), "undistort", settings.dense.threads, progress)
+
+
+def _measure_all(
+    views: tuple[View, ...], maps: DepthMaps, method: str, settings: ReconSettings, progress: Progress
+) -> list[float]:
+    """Measure all depth maps that are not there yet; returns the share of each that is known."""
+    _, tolerance = AGREEMENT[settings.filter]
+    measure = measure_slanted if method == "patchmatch" else measure_depth
+    mask = covered(maps.camera)
+
+    def posed(row: int) -> PosedImage:
+        gray = cv2.cvtColor(maps.image(row), cv2.COLOR_RGB2GRAY).astype(np.uint8, copy=False)
+        return PosedImage(gray, maps.poses[row])
+
+    def one(row: int) -> float:
+        if maps.has(row):
+            return float((maps.depth(row) > 0).mean())
+        view = views[row]
+        pinhole = maps.camera.pinhole
+        if method == "patchmatch":  # compares whole pictures, whichever way the camera moved
+            sources = tuple(view.sources[: settings.dense.sources].tolist())
+        else:
+            sources = choose_sources(view, maps.poses, pinhole, settings.dense.sources)
+        others = [posed(source) for source in sources]
+        depth = measure(posed(row), others, pinhole, mask, (view.near, view.far), tolerance)
+        maps.put_depth(row, depth)
+        return float((depth > 0).mean())
+
+    return _for_each(one, len(views), "depth", settings.dense.threads, progress)
+
+
+def _fuse_all(
+    views: tuple[View, ...], maps: DepthMaps, settings: ReconSettings, progress: Progress
+) -> Iterator[DensePoints]:
+    """Give the points of one view after the other."""
+    min_views, tolerance = AGREEMENT[settings.filter]
+    camera, dense = intrinsics(maps.camera), settings.dense
+    progress.stage("fuse", len(views))
+    for view in views:
+        if len(view.sources):
+            others = [maps.depth_view(int(row)) for row in view.sources]
+            found = fuse_view(
+                maps.depth_view(view.row), others, camera, min_views, tolerance, dense.min_point_angle
+            )  # fmt: skip
+            uv = maps.camera.to_photograph(found.uv.astype(np.float64)).astype(np.float32)
+            yield replace(found, uv=uv)
+        progress.advance(view.row + 1)
+
+
+def _for_each(work: Callable[[int], Any], count: int, name: str, threads: int, progress: Progress) -> list[Any]:
+    """Work on every image, several at once; results and progress in the images' order."""
+    progress.stage(name, count)
+    results = []
+    with ThreadPoolExecutor(threads) as pool:
+        for done, result in enumerate(pool.map(work, range(count))):
+            results.append(result)
+            progress.advance(done + 1)
+    return results
+
+
+def _why_nothing(views: tuple[View, ...], known: list[float], settings: ReconSettings) -> str:
+    if not any(len(view.sources) for view in views):
+        return "no two images share enough sparse points under a useful angle"
+    least, _ = AGREEMENT[settings.filter]
+    share = float(np.mean(known))
+    return f"depth is known for {share:.1%} of the pixels, and {least} views agree on none of it"
+
+
+if __name__ == "__main__":
+    answer_parent(serve)

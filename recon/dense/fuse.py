@@ -1,0 +1,236 @@
+"""Depth maps into one cloud: a point is what several maps agree on, and every map's pixel is used once.
+
+Compiled loops over pixels; the tests hold their plain twins.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from recon.dense.points import DensePoints
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+_FREE_SPACE = 0.02  # [1] a map that sees this much farther than a point sees through it
+_BLENDED = 0.05  # [1] share of the depth by which neighbours of one surface may differ, steep ones too
+_RIM_OFF = 0.01  # [px] so that no pixel beyond the image comes of rounding
+
+
+@dataclass(frozen=True)
+class DepthView:
+    """One view's depth map and what belongs to it.
+
+    Attributes:
+        image: Row in the model.
+        depth: Planar depth, 0 where unknown [model units], shape (H, W), float32.
+        normal: Unit normals in camera axes, towards the camera, shape (H, W, 3), float32.
+        color: Working image, shape (H, W, 3), uint8.
+        used: Pixels that are part of a point already, shape (H, W), bool; fusion sets them.
+        pose: camera_to_world, shape (4, 4), float64.
+    """
+
+    image: int
+    depth: F32
+    normal: F32
+    color: U8
+    used: Mask
+    pose: F64
+
+
+def fuse_view(
+    reference: DepthView, others: list[DepthView], camera: F64, min_views: int, tolerance: float, min_angle: float
+) -> DensePoints:
+    """Make points of the pixels of one view that are no part of a point yet.
+
+    Args:
+        reference: The view.
+        others: The views that it is checked against; their used pixels are marked, and so are its own.
+        camera: fx, fy, cx, cy of the working camera [px], shape (4,), float64.
+        min_views: Views that must agree, this one among them.
+        tolerance: Largest difference of depths, as a share of the depth [1].
+        min_angle: Smallest of the largest angles between a point's rays [deg].
+
+    Returns:
+        The points, in the order of the view's pixels.
+    """
+    poses = np.stack([view.pose for view in others])
+    to_other = np.linalg.inv(poses) @ reference.pose
+    depths = np.stack([view.depth for view in others])
+    used = np.stack([view.used for view in others])
+    points, counts, seen, uv = _agreeing(
+        reference.depth, reference.used, to_other, depths, used, camera, min_views, tolerance,
+        float(np.cos(np.radians(min_angle))),
+    )  # fmt: skip
+    for view, mask in zip(others, used, strict=True):
+        view.used[:] = mask
+    world = points @ reference.pose[:3, :3].T + reference.pose[:3, 3]
+    normals, colors = _blend(
+        counts, seen, uv, np.stack([reference.normal, *(view.normal for view in others)]),
+        np.stack([reference.color, *(view.color for view in others)]),
+        np.stack([reference.pose[:3, :3], *poses[:, :3, :3]]),
+    )  # fmt: skip
+    images = np.array([reference.image, *(view.image for view in others)])
+    image = images[seen]
+    point = np.repeat(np.arange(len(counts)), counts)
+    order = np.lexsort((image, point))
+    return DensePoints(
+        world, normals, colors, counts, image[order].astype(np.uint32), uv[order].astype(np.float32)
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _agreeing(
+    depth: F32, taken: Mask, to_other: F64, depths: F32, used: Mask, camera: F64, min_views: int, tolerance: float,
+    max_cosine: float,
+) -> tuple[F64, I64, U8, F32]:  # fmt: skip
+    """Find what agrees: points in the view's axes, view counts, view numbers (0 is it), their pixels."""
+    height, width = depth.shape
+    count = to_other.shape[0]
+    room = height * width
+    points, counts = np.empty((room, 3)), np.empty(room, np.int64)
+    # For the worst case: what is never written takes no memory.
+    seen, uv = np.empty(room * (count + 1), np.uint8), np.empty((room * (count + 1), 2), np.float32)
+    made = filled = 0
+    views, place, mean = np.empty(count + 1, np.int64), np.empty((count + 1, 2), np.int64), np.empty(3)
+    for i in range(height):
+        for j in range(width):
+            z = np.float64(depth[i, j])
+            if z <= 0.0 or taken[i, j]:
+                continue
+            x, y = (j + 0.5 - camera[2]) / camera[0] * z, (i + 0.5 - camera[3]) / camera[1] * z
+            views[0], place[0, 0], place[0, 1] = 0, i, j
+            agreeing, through = _ask(x, y, z, to_other, depths, camera, tolerance, views, place, mean)
+            if agreeing < min_views or 2 * through >= agreeing:
+                continue
+            x, y, z = mean[0], mean[1], mean[2]
+            if _narrowest(to_other, views, agreeing, x, y, z) > max_cosine:
+                continue
+            first = filled
+            for n in range(agreeing):
+                k = views[n]
+                s, t, pz = x / z * camera[0] + camera[2], y / z * camera[1] + camera[3], z
+                if k > 0:
+                    s, t, pz = _seen(to_other[k - 1], x, y, z, camera)
+                    used[k - 1, place[n, 0], place[n, 1]] = True
+                else:
+                    taken[i, j] = True
+                if pz > 0.0 and 0.0 <= s < width - _RIM_OFF and 0.0 <= t < height - _RIM_OFF:
+                    seen[filled], uv[filled, 0], uv[filled, 1] = k, s, t
+                    filled += 1
+            if filled - first < min_views:
+                filled = first
+                continue
+            counts[made] = filled - first
+            points[made, 0], points[made, 1], points[made, 2] = x, y, z
+            made += 1
+    return points[:made], counts[:made], seen[:filled], uv[:filled]
+
+
+@njit(cache=True, nogil=True)
+def _ask(
+    x: float, y: float, z: float, to_other: F64, depths: F32, camera: F64, tolerance: float, views: I64, place: I64,
+    mean: F64,
+) -> tuple[int, int]:  # fmt: skip
+    """Ask every view about a point: how many agree, itself among them, and how many see through it.
+
+    Fills in which views agree, at which row and column, and the mean of what they say, each weighted as it measures.
+    """
+    _, height, width = depths.shape
+    total = 1.0 / (z * z)
+    mean[0], mean[1], mean[2] = total * x, total * y, total * z
+    agreeing, through = 1, 0
+    for k in range(len(to_other)):
+        turn = to_other[k]
+        s, t, pz = _seen(turn, x, y, z, camera)
+        if pz <= 0.0 or not (0.0 <= s < width and 0.0 <= t < height):
+            continue
+        there = _depth_at(depths[k], s, t)
+        if there > pz * (1.0 + _FREE_SPACE):
+            through += 1
+        if there <= 0.0 or abs(there - pz) > tolerance * pz:
+            continue
+        bx = (s - camera[2]) / camera[0] * there - turn[0, 3]
+        by = (t - camera[3]) / camera[1] * there - turn[1, 3]
+        bz = there - turn[2, 3]
+        weight = 1.0 / (there * there)
+        total += weight
+        for axis in range(3):
+            mean[axis] += weight * (turn[0, axis] * bx + turn[1, axis] * by + turn[2, axis] * bz)
+        views[agreeing], place[agreeing, 0], place[agreeing, 1] = k + 1, int(t), int(s)
+        agreeing += 1
+    for axis in range(3):
+        mean[axis] /= total
+    return agreeing, through
+
+
+@njit(cache=True, nogil=True)
+def _seen(turn: F64, x: float, y: float, z: float, camera: F64) -> tuple[float, float, float]:
+    """Project a point into another view: column, row [px], depth."""
+    px = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z + turn[0, 3]
+    py = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + turn[1, 3]
+    pz = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + turn[2, 3]
+    if pz <= 0.0:
+        return 0.0, 0.0, -1.0
+    return px / pz * camera[0] + camera[2], py / pz * camera[1] + camera[3], pz
+
+
+@njit(cache=True, nogil=True)
+def _depth_at(depth: F32, s: float, t: float) -> float:
+    """Read a depth between pixel centres: inverse depths blended where all four are one surface, else the nearest."""
+    height, width = depth.shape
+    u, v = s - 0.5, t - 0.5
+    x, y = int(np.floor(u)), int(np.floor(v))
+    if x >= 0 and x + 1 < width and y >= 0 and y + 1 < height:
+        p, q, r, w = depth[y, x], depth[y, x + 1], depth[y + 1, x], depth[y + 1, x + 1]
+        least, most = min(min(p, q), min(r, w)), max(max(p, q), max(r, w))
+        if least > 0.0 and most - least <= _BLENDED * least:
+            a, b = u - x, v - y
+            return 1.0 / ((1 - b) * ((1 - a) / p + a / q) + b * ((1 - a) / r + a / w))
+    return np.float64(depth[int(t), int(s)])
+
+
+@njit(cache=True, nogil=True)
+def _narrowest(to_other: F64, views: I64, count: int, x: float, y: float, z: float) -> float:
+    """Find the cosine of the widest angle between the rays of a point."""
+    rays = np.empty((count, 3))
+    for n in range(count):
+        rays[n, 0], rays[n, 1], rays[n, 2] = x, y, z
+        if views[n] > 0:
+            turn = to_other[views[n] - 1]
+            for axis in range(3):  # the other's centre in these axes is -R^T t
+                rays[n, axis] += turn[0, axis] * turn[0, 3] + turn[1, axis] * turn[1, 3] + turn[2, axis] * turn[2, 3]
+        length = np.sqrt(rays[n, 0] ** 2 + rays[n, 1] ** 2 + rays[n, 2] ** 2)
+        for axis in range(3):
+            rays[n, axis] /= length
+    least = 1.0
+    for n in range(count):
+        for m in range(n):
+            least = min(least, rays[n, 0] * rays[m, 0] + rays[n, 1] * rays[m, 1] + rays[n, 2] * rays[m, 2])
+    return least
+
+
+@njit(cache=True, nogil=True)
+def _blend(counts: I64, seen: U8, uv: F32, normals: F32, colors: U8, turns: F64) -> tuple[F32, U8]:
+    """Average normals (in the world's axes) and colours over the views of each point."""
+    normal, color = np.empty((len(counts), 3), np.float32), np.empty((len(counts), 3), np.uint8)
+    at = 0
+    for row in range(len(counts)):
+        n, c = np.zeros(3), np.zeros(3)
+        for _ in range(counts[row]):
+            k, x, y = seen[at], int(uv[at, 0]), int(uv[at, 1])
+            for axis in range(3):
+                c[axis] += colors[k, y, x, axis]
+                for part in range(3):
+                    n[axis] += turns[k, axis, part] * normals[k, y, x, part]
+            at += 1
+        length = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
+        for axis in range(3):
+            color[row, axis] = np.uint8(c[axis] / counts[row] + 0.5)
+            normal[row, axis] = n[axis] / length if length > 0.0 else 0.0
+    return normal, color

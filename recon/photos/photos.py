@@ -1,0 +1,147 @@
+"""A folder of photographs as a capture: ours with its `cameras.json`, or anybody's with what their EXIF says."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError, MissingError
+from recon.photos.photo_header import PhotoHeader, read_header
+from render.capture import CAMERAS, CalibrationPrior, Capture, CaptureImage, read_capture
+
+F64 = NDArray[np.float64]
+
+PHOTOGRAPHS = "photographs"  # the survey id of a folder without cameras.json
+FOCAL_GUESSED, FOCAL_FROM_EXIF = "guessed", "exif"
+_SUFFIXES = (".jpg", ".jpeg", ".png")
+_GUESS = 1.2  # focal length over the longer side: 55 degrees; COLMAP's own guess, too
+_SIGMA = (2.0, 2.0, 3.0)  # [m] of a receiver that does not tell: a consumer drone during one flight
+_SAME_LENS = 0.1  # greatest relative difference of focal lengths that one calibration can stand for
+_EARTH_A, _EARTH_E2 = 6_378_137.0, 6.694_379_990_14e-3  # WGS 84
+
+
+def open_photographs(folder: Path) -> Capture:
+    """Open a capture, or a folder of plain photographs.
+
+    Of plain photographs, those in the folder itself count; where there are none, those in its `images`. Positions
+    become metres east, north and up of the first photograph that has one; `facts` keeps that origin.
+
+    Args:
+        folder: With `cameras.json`, or with JPEG or PNG files.
+
+    Raises:
+        MissingError: Neither.
+        InputError: Photographs of different sizes or lenses, two of one name, or one that is cut off in its header.
+    """
+    if (folder / CAMERAS).is_file():
+        return read_capture(folder)
+    paths = _photographs(folder) or _photographs(folder / "images")
+    if not paths:
+        raise MissingError(
+            "neither a capture nor photographs: no cameras.json, no .jpg, .jpeg or .png", where=folder,
+            mend="Name the folder that holds the photographs",
+        )  # fmt: skip
+    headers = [read_header(path) for path in paths]
+    size = _common_size(folder, paths, headers)
+    prior, source = _prior(folder, paths, headers, size)
+    facts: dict[str, object] = {"kind": PHOTOGRAPHS, "focal": source}
+    places, origin = _local_places(headers)
+    if any(header.quarter_turns for header in headers):
+        facts["quarter_turns"] = {path.stem: header.quarter_turns for path, header in zip(paths, headers, strict=True)}
+    if origin is not None:
+        facts["origin"] = {"latitude": origin[0], "longitude": origin[1], "height": origin[2]}
+    images = tuple(
+        CaptureImage(name=path.stem, file=path.relative_to(folder).as_posix(), gps=place)
+        for path, place in zip(paths, places, strict=True)
+    )
+    return Capture(folder, PHOTOGRAPHS, size, prior, _sigma(headers), facts, images)
+
+
+def local_position(place: tuple[float, float, float], origin: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Turn a position on the earth into metres east, north and up of an origin.
+
+    Source: the rotation between geocentric and topocentric axes, EPSG Guidance Note 7-2, 4.1.2.
+
+    Args:
+        place: Latitude [deg], longitude [deg], height above the ellipsoid [m].
+        origin: The same of the local zero.
+
+    Returns:
+        East, north, up [m].
+    """
+    latitude, longitude = np.deg2rad(origin[:2])
+    sin_lat, cos_lat, sin_lon, cos_lon = np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)
+    axes = np.array([
+        [-sin_lon, cos_lon, 0.0],
+        [-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat],
+        [cos_lat * cos_lon, cos_lat * sin_lon, sin_lat],
+    ])  # fmt: skip
+    east, north, up = axes @ (_geocentric(place) - _geocentric(origin))
+    return float(east), float(north), float(up)
+
+
+def _geocentric(place: tuple[float, float, float]) -> F64:
+    latitude, longitude = np.deg2rad(place[:2])
+    radius = _EARTH_A / np.sqrt(1.0 - _EARTH_E2 * np.sin(latitude) ** 2)
+    flat = (radius + place[2]) * np.cos(latitude)
+    return np.array([
+        flat * np.cos(longitude), flat * np.sin(longitude),
+        (radius * (1.0 - _EARTH_E2) + place[2]) * np.sin(latitude),
+    ])  # fmt: skip
+
+
+def _photographs(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES and not p.name.startswith("."))
+    stems = [path.stem for path in found]
+    for stem, path in zip(stems, found, strict=True):
+        if stems.count(stem) > 1:
+            raise InputError("two photographs of one name", where=folder, value=path.name, mend="Rename one")
+    return found
+
+
+def _common_size(folder: Path, paths: list[Path], headers: list[PhotoHeader]) -> tuple[int, int]:
+    sizes = [header.size for header in headers]
+    usual = max(sorted(set(sizes)), key=sizes.count)
+    for path, size in zip(paths, sizes, strict=True):
+        if size != usual:
+            raise InputError(
+                f"{len(sizes) - sizes.count(usual)} of {len(sizes)} photographs are not {usual[0]} x {usual[1]} pixels",
+                where=folder, field=path.name, value=size, mend="Put the photographs of each size into a folder of "
+                "their own, and those of one camera into one",
+            )  # fmt: skip
+    return usual
+
+
+def _prior(
+    folder: Path, paths: list[Path], headers: list[PhotoHeader], size: tuple[int, int]
+) -> tuple[CalibrationPrior, str]:
+    told = [header.focal_px for header in headers if header.focal_px is not None]
+    focal = float(np.median(told)) if told else _GUESS * max(size)
+    for path, header in zip(paths, headers, strict=True):
+        if header.focal_px is not None and abs(header.focal_px / focal - 1.0) > _SAME_LENS:
+            raise InputError(
+                "photographs of different focal lengths", where=folder, field=path.name,
+                value=f"{header.focal_px:.0f} px", allowed=f"{focal:.0f} px as most of the others, within 10 %",
+                mend="Put those of each focal length into a folder of their own",
+            )  # fmt: skip
+    prior = CalibrationPrior(focal_px=focal, cx=size[0] / 2.0, cy=size[1] / 2.0)
+    return prior, FOCAL_FROM_EXIF if told else FOCAL_GUESSED
+
+
+def _local_places(
+    headers: list[PhotoHeader],
+) -> tuple[list[tuple[float, float, float] | None], tuple[float, float, float] | None]:
+    origin = next((header.place for header in headers if header.place is not None), None)
+    if origin is None:
+        return [None] * len(headers), None
+    return [local_position(header.place, origin) if header.place else None for header in headers], origin
+
+
+def _sigma(headers: list[PhotoHeader]) -> tuple[float, float, float]:
+    told = [header.place_sigma for header in headers if header.place_sigma is not None]
+    if not told:
+        return _SIGMA
+    along = float(np.median(told))
+    return along, along, 1.5 * along

@@ -1,0 +1,268 @@
+"""The similarity that carries a reconstruction into the world, and the verdict on every camera."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import RejectedSceneError
+from recon.placing.similarity import Similarity, angles, fit_similarity, heading_rotation, level_rotation, turn_upright
+from recon.settings import AlignmentSettings
+
+F64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+OK, UNREGISTERED, CENTRE_OUTLIER, ROTATION_OUTLIER = "ok", "unregistered", "centre_outlier", "rotation_outlier"
+REGISTERED = (OK, CENTRE_OUTLIER, ROTATION_OUTLIER)
+_MIN_CAMERAS = 3
+_STRAIGHT = 1e-3  # second over first singular value below which centres fix no rotation
+_ROUNDS = 10
+_SWAY = 5.0  # a path that sways less than so many standard deviations of its centres leaves its roll open
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where the cameras really were.
+
+    Attributes:
+        kind: `truth`, `gps` or `none`.
+        centres: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
+        rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
+        centre_limit: Distance above which a centre is an outlier [m].
+        centre_sigma: Standard deviation of a centre along the ground [m].
+        quarter_turns: Turns by 90 degrees clockwise that make each picture upright, shape (N,), int64; None for none.
+    """
+
+    kind: str
+    centres: F64
+    rotations: F64 | None
+    centre_limit: float
+    centre_sigma: float = 0.0
+    quarter_turns: NDArray[np.int64] | None = None
+
+    def level(self, poses: F64, rows: NDArray[np.int64]) -> F64:
+        """Take the rotations of cameras as if each had been held as its picture is looked at.
+
+        Args:
+            poses: camera_to_world in model units, shape (I, 4, 4), float64.
+            rows: Their rows in the capture, shape (I,), int64.
+
+        Returns:
+            Rotations, shape (I, 3, 3), float64.
+        """
+        turns = np.zeros(len(rows), np.int64) if self.quarter_turns is None else self.quarter_turns[rows]
+        return turn_upright(poses[:, :3, :3], turns)
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The similarity and what it left over.
+
+    Attributes:
+        similarity: From the model into the world.
+        method: How its rotation was found: `centres+rotations`, `centres`, `centres+up`, or `up` alone.
+        status: Reason code of every image of the capture, `ok` for valid ones.
+        centre_errors: Distance between aligned and target centre [m], shape (N,), float64; NaN when unregistered.
+        rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.
+        singular_values: Of the centred target centres of valid cameras [m], shape (3,), float64, descending.
+    """
+
+    similarity: Similarity
+    method: str
+    status: tuple[str, ...]
+    centre_errors: F64
+    rotation_errors: F64
+    singular_values: F64
+
+
+def centre_limit(centres: F64, survey_kind: object, settings: AlignmentSettings) -> float:
+    """Settle the distance above which a camera centre is an outlier.
+
+    Args:
+        centres: Target camera centres [m], shape (N, 3), float64.
+        survey_kind: The survey's kind; `local` has its own limit.
+        settings: May fix the limit.
+
+    Returns:
+        Limit [m].
+    """
+    if settings.centre_limit is not None:
+        return settings.centre_limit
+    if survey_kind == "local":
+        return 0.25
+    return float(min(0.005 * np.linalg.norm(np.nanmax(centres, axis=0) - np.nanmin(centres, axis=0)), 0.5))
+
+
+def align(
+    poses: F64, rows: NDArray[np.int64], target: Target, settings: AlignmentSettings, rng: np.random.Generator
+) -> Alignment:
+    """Find the similarity on the cameras that agree with it, and judge every camera.
+
+    RANSAC over the centres finds the cameras that agree. By default the rotation is then the mean rotation between
+    the cameras' own frames: on a nearly straight flight the centres alone leave the roll about the path open. Where
+    the target has no rotations, such a flight stands as upright as its photographs were level, and takes only its
+    heading, scale and place from the centres.
+    Source: the paper aligns by RANSAC over centres (method `paper`).
+
+    Args:
+        poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
+        rows: Their rows in the capture, shape (I,), int64.
+        target: Where they were.
+        settings: Method and limits.
+        rng: Draws RANSAC's samples.
+
+    Returns:
+        The alignment.
+
+    Raises:
+        RejectedSceneError: `alignment_failed`, or `straight_path` where centres alone cannot fix the rotation.
+    """
+    known = np.asarray(np.isfinite(target.centres[rows]).all(axis=1))
+    source, goal = poses[:, :3, 3], np.nan_to_num(target.centres[rows])
+    turned = None  # from the model into the world, as each camera by itself would have it
+    if target.rotations is not None:
+        turned = target.rotations[rows] @ poses[:, :3, :3].transpose(0, 2, 1)
+    by_rotations = settings.method != "paper" and turned is not None
+    ruling = turned if by_rotations else None
+    inliers = find_inliers(source, goal, known, target.centre_limit, settings.iterations, rng)
+    if ruling is not None:
+        inliers &= angles(ruling, _central_rotation(ruling, inliers)) <= settings.rotation_limit
+    similarity = _fit(source, goal, ruling, inliers)
+    far, twist = _misfit(similarity, source, goal, turned)
+    for _ in range(_ROUNDS):
+        agreeing = known & (far <= target.centre_limit) & ~(by_rotations & (twist > settings.rotation_limit))
+        if (agreeing == inliers).all():
+            break
+        inliers = agreeing
+        similarity = _fit(source, goal, ruling, inliers)
+        far, twist = _misfit(similarity, source, goal, turned)
+    spread = np.linalg.svd(goal[inliers] - goal[inliers].mean(axis=0), compute_uv=False).astype(np.float64)
+    method = "centres+rotations" if by_rotations else "centres"
+    if not by_rotations and _leaves_roll_open(spread, int(inliers.sum()), target.centre_sigma):
+        similarity, method = _with_up(source, target.level(poses, rows), goal, inliers, target), "centres+up"
+        far, twist = _misfit(similarity, source, goal, turned)
+    straying = ~known | (far > target.centre_limit)
+    twisted = by_rotations & (twist > settings.rotation_limit)
+    count = len(target.centres)
+    status = np.full(count, UNREGISTERED, dtype=object)
+    status[rows] = np.where(straying, CENTRE_OUTLIER, np.where(twisted, ROTATION_OUTLIER, OK))
+    centre_errors, rotation_errors = np.full(count, np.nan), np.full(count, np.nan)
+    centre_errors[rows], rotation_errors[rows] = np.where(known, far, np.nan), twist
+    return Alignment(similarity, method, tuple(status), centre_errors, rotation_errors, spread)
+
+
+def stand_upright(poses: F64, rows: NDArray[np.int64], target: Target) -> Alignment:
+    """Leave a model in its own units, and only stand it upright, its cameras round the origin.
+
+    Args:
+        poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
+        rows: Their rows in the capture, shape (I,), int64.
+        target: For the number of images, and how each was held.
+
+    Returns:
+        An alignment of scale 1 that finds no fault with any registered camera.
+    """
+    rotation, centres, count = level_rotation(target.level(poses, rows)), poses[:, :3, 3], len(target.centres)
+    status, unknown = np.full(count, UNREGISTERED, dtype=object), np.full(count, np.nan)
+    status[rows] = OK
+    spread = np.linalg.svd(centres - centres.mean(axis=0), compute_uv=False).astype(np.float64)
+    upright = Similarity(1.0, rotation, -rotation @ centres.mean(axis=0))
+    return Alignment(upright, "up", tuple(status), unknown, unknown, spread)
+
+
+def check_share(status: tuple[str, ...], settings: AlignmentSettings) -> None:
+    """Reject a scene with too many invalid cameras.
+
+    Args:
+        status: Reason code of every image of the capture.
+        settings: Names the greatest share allowed.
+
+    Raises:
+        RejectedSceneError: `too_few_cameras`.
+    """
+    invalid, count = sum(code != OK for code in status), len(status)
+    if invalid > settings.max_invalid_share * count + 1e-9:
+        raise RejectedSceneError(
+            "too_few_cameras",
+            f"{invalid} of {count} cameras are invalid (unregistered or outliers), more than "
+            f"{settings.max_invalid_share:.0%}. Take more images, or raise [recon.alignment] max_invalid_share",
+        )
+
+
+def find_inliers(source: F64, goal: F64, known: Mask, limit: float, iterations: int, rng: np.random.Generator) -> Mask:
+    """Find the points that one similarity explains, by RANSAC over triples.
+
+    Args:
+        source: Points, shape (N, 3), float64.
+        goal: Matching points [m], shape (N, 3), float64.
+        known: Points that may take part, shape (N,), bool.
+        limit: Largest distance of an inlier [m].
+        iterations: Triples tried.
+        rng: Draws them.
+
+    Returns:
+        Inliers, shape (N,), bool.
+
+    Raises:
+        RejectedSceneError: `alignment_failed`: no similarity explains three points.
+    """
+    candidates = np.flatnonzero(known)
+    if len(candidates) >= _MIN_CAMERAS:
+        keys = rng.random((iterations, len(candidates)))
+        triples = candidates[np.argpartition(keys, _MIN_CAMERAS - 1, axis=1)[:, :_MIN_CAMERAS]]
+        scale, rotation, translation = fit_similarity(source[triples], goal[triples])
+        moved = scale[:, None, None] * (source @ rotation.transpose(0, 2, 1)) + translation[:, None, :]
+        far = np.nan_to_num(np.linalg.norm(moved - goal, axis=2), nan=np.inf, posinf=np.inf)
+        far[:, ~known] = np.inf
+        cost = np.minimum(far, limit).sum(axis=1)  # truncated: among equal counts the tighter fit wins
+        inliers = far[np.argmin(cost)] <= limit
+        if inliers.sum() >= _MIN_CAMERAS:
+            return inliers
+    raise RejectedSceneError("alignment_failed", "no similarity brings three cameras to where they were")
+
+
+def _central_rotation(rotations: F64, inliers: Mask) -> F64:
+    """Take the rotation whose median distance to the others is smallest: up to half of them may be wrong."""
+    chosen = rotations[inliers]
+    closeness = np.einsum("aij,bij->ab", chosen, chosen)  # trace of A^T B: grows as the angle shrinks
+    return chosen[np.argmax(np.median(closeness, axis=1))]
+
+
+def _misfit(similarity: Similarity, source: F64, goal: F64, turned: F64 | None) -> tuple[F64, F64]:
+    """Measure what a similarity leaves over: distances of centres [m] and angles [deg], both of shape (I,)."""
+    far = np.linalg.norm(similarity.move(source) - goal, axis=1).astype(np.float64)
+    return far, angles(turned, similarity.rotation) if turned is not None else np.full(len(source), np.nan)
+
+
+def _leaves_roll_open(spread: F64, count: int, sigma: float) -> bool:
+    """Tell whether the centres' own error, rather than the path, would decide how the model lies round the path."""
+    return spread[1] < max(_STRAIGHT * spread[0], _SWAY * sigma * np.sqrt(count))
+
+
+def _with_up(source: F64, level: F64, goal: F64, inliers: Mask, target: Target) -> Similarity:
+    """Fit a similarity that stands as upright as level photographs say."""
+    source, goal = source[inliers], goal[inliers]
+    plan = np.linalg.norm(goal[:, :2] - goal[:, :2].mean(axis=0))
+    if target.rotations is not None or plan < max(_STRAIGHT, target.centre_sigma) * np.sqrt(len(goal)):
+        raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
+    return _with_rotation(heading_rotation(level[inliers], source, goal), source, goal)
+
+
+def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarity:
+    if inliers.sum() < _MIN_CAMERAS:
+        raise RejectedSceneError("alignment_failed", "fewer than three cameras agree on where they were")
+    source, goal = source[inliers], goal[inliers]
+    if turned is None:
+        scale, rotation, translation = fit_similarity(source, goal)
+        return Similarity(float(scale), rotation, translation)
+    left, _, right = np.linalg.svd(turned[inliers].sum(axis=0))
+    return _with_rotation(left @ right, source, goal)  # no reflection: the rotations lie within 45 degrees
+
+
+def _with_rotation(rotation: F64, source: F64, goal: F64) -> Similarity:
+    source_mean, goal_mean = source.mean(axis=0), goal.mean(axis=0)
+    spread = np.linalg.norm(source - source_mean)
+    if spread == 0.0:
+        raise RejectedSceneError("alignment_failed", "all cameras stand in one place, and nothing fixes the scale")
+    scale = float(np.linalg.norm(goal - goal_mean) / spread)
+    return Similarity(scale, rotation, goal_mean - scale * rotation @ source_mean)

@@ -1,0 +1,179 @@
+"""The conductor of laser scanning: rays cast from a tripod or a vehicle against a stage, as a labelled cloud."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from groundwork.progress import Progress
+from recon.cloud import LIDAR_MOBILE, LIDAR_TERRESTRIAL, Cloud, write_cloud
+from recon.formats.laz import write_laz
+from recon.formats.ply import write_ply
+from recon.sampling.echoes import Target
+from recon.sampling.sampled_cloud import Samples, annotate_samples
+from recon.sampling.sampler_settings import MobileSettings, TerrestrialSettings
+from recon.sampling.scan_pattern import Rays, mobile_rays, tripod_rays
+from recon.sampling.scan_places import deck_way, place_stations
+from recon.sampling.scene_surface import SceneSurface, bounds_of, bridge_triangles, lay_out
+from recon.sampling.surface_look import SurfaceLook, encode_srgb
+from usd_schemas.flat_scene import FlatScene
+from usd_schemas.raycast import RayScene
+
+F64 = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+MOST_RAYS = 2_000_000_000
+MOST_POINTS = 20_000_000
+
+
+def sample_lidar(
+    scene: FlatScene, folder: Path, settings: TerrestrialSettings | MobileSettings, progress: Progress
+) -> Cloud:
+    """Scan a stage and write what comes back as a cloud.
+
+    Args:
+        scene: A composed stage.
+        folder: Existing empty folder.
+        settings: The scanner.
+        progress: Listener.
+
+    Raises:
+        InputError: No place for the scanner, an unknown path, too many rays, or nothing that was measured.
+    """
+    progress.stage("places", 0)
+    surface = lay_out(scene)
+    look = SurfaceLook(scene, surface)
+    rays = RayScene(surface.corners, surface.instances)
+    bridge = bridge_triangles(scene, surface)
+    rng = np.random.default_rng(settings.seed)
+    shots, total, facts = _pattern(scene, surface, bridge, rays, settings, rng)
+    if total > MOST_RAYS:
+        raise InputError(f"the scan has {total} rays", field="angular_step", value=settings.angular_step,
+                         allowed=f"at most {MOST_RAYS} rays", mend="Take wider steps or fewer stations")  # fmt: skip
+    water = np.isin(surface.instances, [row.id for row in scene.instances if row.component == "water"])
+    target = Target(surface, look, rays, water)
+    box = bounds_of(surface, bridge, settings.reach if settings.scope == "near" else 0.0)
+    inside = bridge if settings.scope == "bridge" else None
+
+    progress.stage("scan", total)
+    parts: list[dict[str, NDArray[Any]]] = []
+    done = points = 0
+    for chunk in shots:
+        parts.append(_scan(chunk, target, surface, box, inside, settings, rng))
+        done, points = done + len(chunk.origins), points + len(parts[-1]["rows"])
+        progress.advance(done)
+        if points > MOST_POINTS:
+            raise InputError(f"the scan gives more than {MOST_POINTS} points", field="angular_step",
+                             value=settings.angular_step, mend="Take wider steps or fewer stations")  # fmt: skip
+    if not points:
+        raise InputError("the scanner measures nothing of it", field="scope", value=settings.scope)
+    for name in look.unread:
+        progress.note(f"{name}: not readable as a texture; its points have the colour below it")
+    progress.stage("write", 0)
+    mixed = sum(int(part.pop("mixed").sum()) for part in parts)
+    facts |= {"rays": total, "mixed_share": mixed / points, "settings": settings.model_dump(mode="json")}
+    samples = _joined(parts, settings.kind == "terrestrial")
+    source = LIDAR_TERRESTRIAL if settings.kind == "terrestrial" else LIDAR_MOBILE
+    cloud = annotate_samples(samples, scene, surface, rays, source, facts)
+    write_cloud(folder, cloud)
+    write_laz(folder / "cloud.laz", cloud)
+    write_ply(folder / "cloud.ply", cloud)
+    return cloud
+
+
+def _pattern(
+    scene: FlatScene, surface: SceneSurface, bridge: Bool, rays: RayScene,
+    settings: TerrestrialSettings | MobileSettings, rng: np.random.Generator,
+) -> tuple[Iterator[Rays], int, dict[str, Any]]:  # fmt: skip
+    """Place the scanner: its shots, how many they are, and facts for the statistics."""
+    if isinstance(settings, TerrestrialSettings):
+        stations = np.array(settings.positions, np.float64).reshape(-1, 3)
+        if not len(stations):
+            stations = place_stations(scene, surface, bridge, rays, settings, rng)
+        heights = int((settings.highest - settings.lowest) / settings.angular_step + 0.5) + 1
+        if heights < 1:
+            raise InputError("the highest ray lies below the lowest", field="highest", value=settings.highest)
+        total = len(stations) * max(1, round(360.0 / settings.angular_step)) * heights
+        return tripod_rays(stations, settings, rng), total, {"stations": np.round(stations, 4).tolist()}
+    if settings.path == "deck":
+        way = deck_way(scene, surface, settings.height, settings.run_up)
+    else:
+        way = _survey_way(scene, settings.path)
+    length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+    turns = length / settings.speed * settings.rate
+    total = (int(turns * max(1, round(360.0 / settings.angular_step))) + 1) * settings.beams
+    facts = {"path": np.round(way, 4).tolist(), "path_length": length, "duration": length / settings.speed}
+    return mobile_rays(way, settings, rng), total, facts
+
+
+def _survey_way(scene: FlatScene, survey: str) -> F64:
+    """Take the camera centres of a survey, without stops."""
+    for product in scene.products:
+        if product.name == survey and scene.cameras[product.camera].path:
+            centres = scene.cameras[product.camera].poses[:, :3, 3]
+            moved = np.linalg.norm(np.diff(centres, axis=0), axis=1) > 1e-6
+            way = centres[np.concatenate([[True], moved])]
+            if len(way) > 1:
+                return way
+            raise InputError("stands still", field="path", value=survey, mend="Name another survey, or deck")
+    names = ", ".join(product.name for product in scene.products if scene.cameras[product.camera].path)
+    raise InputError("no such survey on the stage", field="path", value=survey, allowed=f"deck, {names}")
+
+
+def _scan(
+    chunk: Rays, target: Target, surface: SceneSurface, box: F64, only: Bool | None,
+    settings: TerrestrialSettings | MobileSettings, rng: np.random.Generator,
+) -> dict[str, NDArray[Any]]:  # fmt: skip
+    """Measure along the rays that can meet what is wanted; columns of what was measured of it."""
+    aimed = meets_box(chunk, box)
+    chunk = Rays(chunk.origins[aimed], chunk.directions[aimed], chunk.errors[aimed], chunk.station[aimed])
+    found = target.echoes(chunk, settings, rng)
+    origins, directions = chunk.origins[found.shots], chunk.directions[found.shots]
+    true_points = origins + found.distances[:, None] * directions
+    wanted = ((true_points >= box[0]) & (true_points <= box[1])).all(axis=1)
+    if only is not None:
+        wanted &= only[found.rows]
+    points = origins + chunk.errors[found.shots] + found.measured[:, None] * directions
+    normals = surface.normals[found.rows]
+    turned = np.einsum("ni,ni->n", normals, directions) > 0  # towards the scanner, whichever side it saw
+    columns = {
+        "points": points, "true_points": true_points, "rows": found.rows, "mixed": found.mixed,
+        "normals": np.where(turned[:, None], -normals, normals).astype(np.float32),
+        "colors": encode_srgb(found.colors), "uncertainty": np.abs(found.measured - found.distances),
+        "distances": found.distances, "intensity": found.intensities.astype(np.float32),
+        "range": found.measured.astype(np.float32), "station": chunk.station[found.shots],
+    }  # fmt: skip
+    return {name: values[wanted] for name, values in columns.items()}
+
+
+def meets_box(rays: Rays, box: F64) -> Bool:
+    """Tell which rays pass through a box; the others need not be cast.
+
+    Args:
+        rays: Shots.
+        box: Lower and upper corner [m], shape (2, 3), float64.
+
+    Returns:
+        Whether each does, shape (N,), bool.
+
+    Source: T. Kay and J. Kajiya, Ray tracing complex scenes, SIGGRAPH 1986 (slabs).
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cuts = (box[:, None] - rays.origins) / rays.directions
+    first = np.fmax.reduce(np.fmin(cuts[0], cuts[1]), axis=1)
+    last = np.fmin.reduce(np.fmax(cuts[0], cuts[1]), axis=1)
+    return (first <= last) & (last >= 0.0)
+
+
+def _joined(parts: list[dict[str, NDArray[Any]]], stations: bool) -> Samples:
+    """Put the chunks behind each other, one column after the other, so that nothing lies there twice for long."""
+    columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
+    further = {name: columns[name] for name in ("intensity", "range", *(("station",) if stations else ()))}
+    return Samples(
+        columns["points"], columns["true_points"], columns["rows"], columns["normals"], columns["colors"],
+        columns["uncertainty"], columns["uncertainty"] / columns["distances"],
+        np.zeros(len(columns["rows"]), np.uint16), further,
+    )  # fmt: skip

@@ -1,0 +1,241 @@
+"""Camera poses and points from verified matches, by COLMAP's incremental or global mapper; runs in a child.
+
+The mapper works with tie points; when its cameras stand, all other matches become points too.
+"""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycolmap
+
+from groundwork.errors import InputError, OutOfSpaceError
+from groundwork.progress import Progress
+from recon.photos.photos import FOCAL_GUESSED
+from recon.settings import SparseSettings
+from recon.sfm.colmap_model import read_model
+from recon.sfm.database import DATABASE
+from recon.sfm.tie_points import write_tie_points
+from render.capture import Capture
+
+MODEL = "model"
+_MODELS = "models"
+_LOSS_SCALE = 0.5  # [px] error from which on a match counts less and less
+_ROUNDS = 10  # of the last adjustment, which begins where the mapper's ended
+_TIES = "ties.db"
+# What the first two images may be where COLMAP's own demands find none: views of a walk straight ahead, which meet at
+# small angles. 28 of 29 photographs of such a walk along a street have a model then.
+_STRAIGHT_AHEAD = {"init_max_forward_motion": 1.0, "init_min_tri_angle": 8.0}  # [1], [deg]; COLMAP: 0.95 and 16
+_POINT_ROUNDS = 5  # of the adjustment of points whose cameras stand: each is a problem of three unknowns
+
+
+def map_images(
+    capture: Capture, matches: Path, folder: Path, settings: SparseSettings, seed: int, progress: Progress
+) -> dict[str, Any]:
+    """Run the mapper and keep its largest model.
+
+    Args:
+        capture: Photographs.
+        matches: Folder of the database of matches.
+        folder: Receives the model; what an interrupted run left is cleared away.
+        settings: Mapper.
+        seed: Seed of every draw.
+        progress: Listener.
+
+    Returns:
+        `mapper`; `tie_points`: whether the mapper worked with these instead of all matches; `models`: number of images
+        and points of each, largest first (of those that are not kept, of tie points alone); `elsewhere`: files of the
+        images that are in another model than the largest.
+    """
+    models, final, ties = folder / _MODELS, folder / MODEL, folder / _TIES
+    for path in (models, final):
+        shutil.rmtree(path, ignore_errors=True)
+        path.mkdir()
+    _clear_ties(folder)
+    kind = choose_mapper(capture, settings)
+    run = _map_globally if kind == "global" else _map_incrementally
+    progress.stage("tie points", 0)
+    thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed)
+    found = run(capture, ties if thinned else matches / DATABASE, models, settings, seed, progress)
+    _clear_ties(folder)
+    ranked = sorted(found.items(), key=lambda row: (-row[1].num_reg_images(), -row[1].num_points3D(), row[0]))
+    in_largest: set[str] = set()
+    in_any = {image.name for _, model in ranked for image in model.images.values() if image.has_pose}
+    if ranked:
+        largest = ranked[0][1]
+        progress.stage("last adjustment", 0)
+        adjust_robustly(largest, _threads(settings))
+        if thinned:
+            progress.stage("points of all matches", 0)
+            largest = _triangulate_all(capture, largest, matches / DATABASE, models, settings, seed)
+            adjust_robustly(largest, _threads(settings))
+            ranked[0] = (ranked[0][0], largest)
+        largest.write_binary(final)
+        _check_whole(final)
+        in_largest = {image.name for image in largest.images.values() if image.has_pose}
+    shutil.rmtree(models)
+    return {
+        "mapper": kind,
+        "tie_points": thinned,
+        "models": [{"images": model.num_reg_images(), "points": model.num_points3D()} for _, model in ranked],
+        "elsewhere": sorted(in_any - in_largest),
+    }
+
+
+def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
+    """Settle what `auto` means for a capture.
+
+    The global mapper bears no focal length that is far off, and knows nothing of GPS.
+
+    Args:
+        capture: Photographs.
+        settings: Mapper.
+
+    Returns:
+        `incremental` or `global`.
+    """
+    if settings.mapper != "auto":
+        return settings.mapper
+    many, guessed = len(capture.images) >= settings.global_from, capture.facts.get("focal") == FOCAL_GUESSED
+    return "global" if many and not guessed and not settings.use_gps_in_mapping else "incremental"
+
+
+def adjust_robustly(model: pycolmap.Reconstruction, threads: int) -> None:
+    """Adjust cameras and points once more, with a loss by which wrong matches hardly count.
+
+    COLMAP's incremental mapper minimises squares: the few matches that are off by pixels pull at every camera.
+    This halves the distance between the demo's cameras and the truth.
+    Source: Triggs et al., Bundle Adjustment: A Modern Synthesis (2000), on robust cost functions; Cauchy's.
+
+    Args:
+        model: What a mapper made; changed in place.
+        threads: Of the solver; one for the same bytes each time.
+    """
+    options = pycolmap.BundleAdjustmentOptions(print_summary=False)
+    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    options.ceres.loss_function_scale = _LOSS_SCALE
+    options.ceres.use_gpu = False
+    options.ceres.solver_options.max_num_iterations = _ROUNDS
+    options.ceres.solver_options.num_threads = threads
+    pycolmap.bundle_adjustment(model, options)
+    model.update_point_3d_errors()
+
+
+def transform(model: Path, out: Path, similarity: dict[str, Any]) -> int:
+    """Write a model in world units.
+
+    Args:
+        model: Folder that holds the model.
+        out: Folder to write it to.
+        similarity: `scale`, `rotation` 3x3 row-major, `translation` [m].
+
+    Returns:
+        Number of points.
+    """
+    moved = pycolmap.Reconstruction(model)
+    rotation = pycolmap.Rotation3d(np.array(similarity["rotation"]))
+    moved.transform(pycolmap.Sim3d(similarity["scale"], rotation, np.array(similarity["translation"])))
+    out.mkdir()
+    moved.write_binary(out)
+    _check_whole(out)
+    return moved.num_points3D()
+
+
+def _map_incrementally(
+    capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
+) -> dict[int, pycolmap.Reconstruction]:
+    total, done = len(capture.images), 0
+
+    def count(images: int) -> None:
+        nonlocal done
+        done += images
+        progress.advance(min(done, total))
+
+    found: dict[int, pycolmap.Reconstruction] = {}
+    for stage, motion in (("mapping", {}), ("mapping, from views straight ahead", _STRAIGHT_AHEAD)):
+        options = _incremental_options(settings, seed)
+        options.use_prior_position = settings.use_gps_in_mapping
+        for name, value in motion.items():
+            setattr(options.mapper, name, value)
+        done = 0
+        progress.stage(stage, total)
+        found = pycolmap.incremental_mapping(
+            database, capture.folder, models, options,
+            initial_image_pair_callback=lambda: count(2), next_image_callback=lambda: count(1),
+        )  # fmt: skip
+        if any(model.num_reg_images() > 2 and model.num_points3D() for model in found.values()):
+            break
+    return found
+
+
+def _triangulate_all(
+    capture: Capture,
+    model: pycolmap.Reconstruction,
+    database: Path,
+    scratch: Path,
+    settings: SparseSettings,
+    seed: int,
+) -> pycolmap.Reconstruction:
+    """Make points of all matches, with the cameras as they stand."""
+    options = _incremental_options(settings, seed)
+    options.ba_global_max_refinements = 1
+    options.ba_global_max_num_iterations = _POINT_ROUNDS
+    return pycolmap.triangulate_points(model, database, capture.folder, scratch, options=options)
+
+
+def _incremental_options(settings: SparseSettings, seed: int) -> pycolmap.IncrementalPipelineOptions:
+    options = pycolmap.IncrementalPipelineOptions(random_seed=seed, min_model_size=3)
+    options.num_threads = options.mapper.num_threads = _threads(settings)
+    options.mapper.random_seed = options.triangulation.random_seed = seed
+    options.triangulation.ignore_two_view_tracks = not settings.two_view_tracks
+    options.triangulation.min_angle = options.mapper.filter_min_tri_angle = settings.min_triangulation_angle
+    return options
+
+
+def _map_globally(
+    capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
+) -> dict[int, pycolmap.Reconstruction]:
+    options = pycolmap.GlobalPipelineOptions(random_seed=seed, min_model_size=3)
+    mapper = options.mapper
+    options.num_threads = mapper.num_threads = _threads(settings)
+    mapper.bundle_adjustment.ceres.solver_options.num_threads = _threads(settings)
+    mapper.random_seed = mapper.rotation_averaging.random_seed = seed
+    mapper.global_positioning.random_seed = mapper.retriangulation.random_seed = seed
+    mapper.global_positioning.use_gpu = mapper.bundle_adjustment.ceres.use_gpu = False
+    mapper.retriangulation.ignore_two_view_tracks = not settings.two_view_tracks
+    mapper.retriangulation.min_angle = mapper.min_tri_angle_deg = settings.min_triangulation_angle
+    options.image_path = str(capture.folder)  # where it takes the points' colours from
+    progress.stage("mapping, all images at once", 0)
+    done = 0
+
+    def count_one() -> None:
+        nonlocal done
+        done += 1
+        progress.advance(done)
+
+    manager = pycolmap.ReconstructionManager()
+    with pycolmap.Database.open(database) as opened:
+        pipeline = pycolmap.GlobalPipeline(options, opened, manager)
+        pipeline.add_callback(pycolmap.GlobalPipelineCallback.MODEL_UPDATE_CALLBACK, count_one)
+        pipeline.run()
+    return {number: manager.get(number) for number in range(manager.size())}
+
+
+def _clear_ties(folder: Path) -> None:
+    for left in folder.glob(f"{_TIES}*"):  # a killed run leaves its journal, too
+        left.unlink()
+
+
+def _check_whole(model: Path) -> None:
+    """Read a model back: COLMAP writes it through streams that say nothing when the disk is full."""
+    try:
+        read_model(model)
+    except InputError:
+        raise OutOfSpaceError(
+            f"{model.parent}: no space left on the disk. Free some, then run the same command again"
+        ) from None
+
+
+def _threads(settings: SparseSettings) -> int:
+    return 1 if settings.deterministic else settings.threads

@@ -1,0 +1,244 @@
+"""Which images show the same thing: pairs, their matches, and the geometry that verifies them; runs in children."""
+
+import math
+import shutil
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycolmap
+
+from groundwork.child import run_child
+from groundwork.files import write_text
+from groundwork.progress import Progress
+from recon.settings import SparseSettings
+from recon.sfm.database import DATABASE, copy_images, count_rows, paired, take_pairs
+from render.capture import Capture
+
+SHARE = "match_share"
+"""Name of the stage of a child that matches a share of the pairs."""
+
+_CHILD = "recon.sfm.sparse_child"
+_NAMES = "pairs.txt"  # in the folder of a share that is at work
+# Pairs of a share. COLMAP makes an index of each image that a share names, for as much time as it takes to match one
+# and a half pairs, and a child's start costs a second: so shares are few, large, and as many for each process.
+_SHARE, _LEAST_SHARE = 512, 64
+_LOOK = 0.5  # [s] how often the shares are asked how far they are
+_LEAP = 32  # [images] the first one; each further one is twice as far
+_LEAPER = 4  # every fourth image leaps: as exact as if all did, and most of what is that far off matches nothing
+_SAME_PLACE = 2  # decimals [m] to which two fixes are the same
+_NO_LIMIT = 1e9  # [m] spatial pairing drops pairs that are farther apart than this
+
+
+def match(
+    capture: Capture, features: Path, folder: Path, settings: SparseSettings, seed: int, progress: Progress
+) -> dict[str, Any]:
+    """Match image pairs and verify them geometrically, in a copy of the database of features.
+
+    COLMAP's linear algebra does not bear two callers at once: with two threads each of 28 runs on 53 images matched 2
+    to 12 of the 547 pairs otherwise, some to nothing (COLMAP 4.2.1). So the pairs are dealt out in shares to as many
+    processes as there are to be threads, one thread each, and a share is safe as soon as it is done.
+
+    Args:
+        capture: Photographs.
+        features: Folder of the database of features.
+        folder: Receives the database of matches; shares that an interrupted run has finished are in it.
+        settings: Pairing, and the number of processes.
+        seed: Seed of the verification.
+        progress: Listener.
+
+    Returns:
+        `pairing` used, number of `pairs` tried, `verified` ones, and `overlapping`: whether each image is in one.
+
+    Raises:
+        ChildError: A share ran into a limit or died; the others stay.
+    """
+    path = folder / DATABASE
+    done = _take_over(features / DATABASE, path)
+    kind = choose_pairing(capture, settings)
+    pairs = _name_pairs(path, kind, settings)
+    progress.stage("matching", len(pairs))
+    left = [pair for pair in pairs if pycolmap.image_pair_to_pair_id(*pair) not in done]
+    for failure in _match_shares(left, len(pairs) - len(left), features, folder, settings, seed, progress)[:1]:
+        raise failure
+    progress.advance(len(pairs))
+    return {"pairing": kind, "pairs": len(pairs), **_verified(capture, path)}
+
+
+def match_share(pairs: Iterable[tuple[int, int]], features: Path, folder: Path, seed: int) -> None:
+    """Match and verify some pairs, in a small database of their own.
+
+    Args:
+        pairs: Ids of the images of each.
+        features: Folder of the database of features.
+        folder: Existing folder that receives the database of these images and matches.
+        seed: Seed of the verification.
+    """
+    pairs = tuple(pairs)
+    path, names = folder / DATABASE, folder / _NAMES
+    pycolmap.Database.open(path).close()
+    copy_images(features / DATABASE, path, {image for pair in pairs for image in pair})
+    write_text(names, "".join(f"{one} {other}\n" for one, other in pairs))
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = seed
+    pycolmap.match_image_pairs(
+        path, pycolmap.FeatureMatchingOptions(num_threads=1), pycolmap.ImportedPairingOptions(match_list_path=names),
+        verification, pycolmap.Device.cpu,
+    )  # fmt: skip
+
+
+def _take_over(features: Path, path: Path) -> set[int]:
+    """Go on with the database of matches that an interrupted run left, or copy that of the features; give its pairs."""
+    done = paired(path)
+    if not done:
+        for left in path.parent.glob(f"{path.name}*"):
+            left.unlink()
+        shutil.copyfile(features, path)  # not atomic: nothing is paired in half of it
+    return done
+
+
+def _match_shares(
+    left: list[tuple[int, int]], finished: int, features: Path, folder: Path, settings: SparseSettings, seed: int,
+    progress: Progress,
+) -> list[BaseException]:  # fmt: skip
+    """Deal the pairs that are left out to children, and bring home what each found, whatever happens to the others."""
+    whole, seen, failures = folder / DATABASE, 0, list[BaseException]()
+    for unfinished in folder.glob("share*"):
+        shutil.rmtree(unfinished)
+    rounds = max(1, math.ceil(len(left) / (_SHARE * settings.threads)))
+    size = max(_LEAST_SHARE, math.ceil(len(left) / (rounds * settings.threads)))
+    with ThreadPoolExecutor(settings.threads) as pool:
+        waiting = {
+            pool.submit(_run_share, left[first : first + size], features, folder / f"share{first}", settings, seed)
+            for first in range(0, len(left), size)
+        }
+        try:
+            while waiting:
+                seen = max(seen, finished + _begun(folder))
+                progress.advance(seen)
+                ended, waiting = wait(waiting, _LOOK, FIRST_COMPLETED)
+                for future in ended:
+                    failure = future.exception()
+                    if failure is not None:
+                        failures.append(failure)
+                        waiting = {other for other in waiting if not other.cancel()}  # those that run still come home
+                        continue
+                    share = future.result()
+                    take_pairs(share / DATABASE, whole)
+                    finished += count_rows(share / DATABASE, "two_view_geometries")
+                    shutil.rmtree(share)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return failures
+
+
+def _run_share(
+    pairs: list[tuple[int, int]], features: Path, share: Path, settings: SparseSettings, seed: int
+) -> Path:  # fmt: skip
+    """Match a share in a child, on one thread; its parent's parent watches the time."""
+    share.mkdir()
+    images = len({image for pair in pairs for image in pair})
+    run_child(
+        _CHILD,
+        {"stage": SHARE, "pairs": pairs, "before": str(features), "folder": str(share), "seed": seed},
+        time_limit=math.inf,
+        memory_limit=settings.memory_limit + settings.memory_per_image * images,
+        environment={"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    )
+    return share
+
+
+def _begun(folder: Path) -> int:
+    """Count the pairs of the shares at work; one that is still being filled is left alone, COLMAP waits for nobody."""
+    return sum(
+        count_rows(names.parent / DATABASE, "two_view_geometries") for names in folder.glob(f"share*/{_NAMES}")
+    )  # fmt: skip
+
+
+def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tuple[int, int]]:
+    """List the pairs as COLMAP names them, each once; spatial pairing names most of them from both sides."""
+    named: dict[frozenset[int], tuple[int, int]] = {}
+    with pycolmap.Database.open(database) as opened:
+        for generator, options in _ways(kind, settings):
+            for pair in generator(options, opened).all_pairs():
+                named.setdefault(frozenset(pair), pair)
+        images = sorted(image.image_id for image in opened.read_all_images())
+        if kind == "spatial" and named and not _hang_together(named.values(), len(images)):
+            for generator, options in _ways("sequential", settings):  # two stations far apart: the way between them
+                for pair in generator(options, opened).all_pairs():
+                    named.setdefault(frozenset(pair), pair)
+    if kind == "spatial" and named and len(images) >= settings.leaps_from:
+        for pair in _leaps(images):
+            named.setdefault(frozenset(pair), pair)
+    return list(named.values())
+
+
+def _hang_together(pairs: Iterable[tuple[int, int]], count: int) -> bool:
+    """Tell whether pairs lead from each of some images to every other."""
+    partners: dict[int, list[int]] = {}
+    for one, other in pairs:
+        partners.setdefault(one, []).append(other)
+        partners.setdefault(other, []).append(one)
+    front = [next(iter(partners))]
+    reached = set(front)
+    while front:
+        found = set(partners[front.pop()]) - reached
+        reached |= found
+        front.extend(found)
+    return len(reached) == count
+
+
+def _leaps(images: list[int]) -> Iterator[tuple[int, int]]:
+    """Pair every fourth image with some far along the way: by its nearest images alone, a long flight bends."""
+    leap = _LEAP
+    while leap < len(images):
+        yield from zip(images[::_LEAPER], images[leap::_LEAPER], strict=False)
+        leap *= 2
+
+
+def _ways(kind: str, settings: SparseSettings) -> list[tuple[Any, Any]]:
+    """Give COLMAP's generators of pairs and their options."""
+    if kind == "spatial":
+        spatial = pycolmap.SpatialPairingOptions(
+            ignore_z=False, max_num_neighbors=settings.neighbours, max_distance=_NO_LIMIT, num_threads=1
+        )
+        return [(pycolmap.SpatialPairGenerator, spatial)]
+    if kind == "sequential":  # the next ones; and those 2, 4, 8 … further on, for flights that come back
+        following, leaps = (
+            pycolmap.SequentialPairingOptions(overlap=settings.overlap, quadratic_overlap=far, num_threads=1)
+            for far in (False, True)
+        )
+        return [(pycolmap.SequentialPairGenerator, following), (pycolmap.SequentialPairGenerator, leaps)]
+    return [(pycolmap.ExhaustivePairGenerator, pycolmap.ExhaustivePairingOptions())]
+
+
+def choose_pairing(capture: Capture, settings: SparseSettings) -> str:
+    """Settle what `auto` means for a capture.
+
+    Args:
+        capture: Photographs.
+        settings: Pairing.
+
+    Returns:
+        `spatial`, `sequential` or `exhaustive`.
+    """
+    if settings.pairing != "auto":
+        return settings.pairing
+    places = [image.gps for image in capture.images]
+    if all(place is not None for place in places):
+        _, alike = np.unique(np.round(np.array(places, float), _SAME_PLACE), axis=0, return_counts=True)
+        if alike.max() <= settings.neighbours:  # one fix for many photographs says of none which are near
+            return "spatial"
+    return "exhaustive" if len(capture.images) <= settings.exhaustive_below else "sequential"
+
+
+def _verified(capture: Capture, path: Path) -> dict[str, Any]:
+    with pycolmap.Database.open(path) as database:
+        names = {image.image_id: image.name for image in database.read_all_images()}
+        pairs, inliers = database.read_two_view_geometry_num_inliers()
+    good = [pycolmap.pair_id_to_image_pair(pair) for pair, number in zip(pairs, inliers, strict=True) if number]
+    overlapping = {names[image] for pair in good for image in pair}
+    return {"verified": len(good), "overlapping": [image.file in overlapping for image in capture.images]}

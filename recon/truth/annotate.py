@@ -1,0 +1,163 @@
+"""Labels of reconstructed points: what the true label images show at the keypoints that made them, put to the vote."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from recon.points.observations import Observations
+from recon.truth.label_margin import edge_distance
+from recon.truth.noise_figures import THRESHOLD
+from render.capture import Truth
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+U32 = NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class ObservedTruth:
+    """The truth at each observation's pixel.
+
+    Attributes:
+        label: Class id, shape (M,), uint8.
+        instance: Instance id, 0 for sky, shape (M,), uint32.
+        depth: True planar depth [m], +inf for sky, shape (M,), float32.
+        margin: Distance of the pixel's centre to the next label edge [px], shape (M,), float32.
+    """
+
+    label: U8
+    instance: U32
+    depth: F32
+    margin: F32
+
+
+@dataclass(frozen=True)
+class Annotation:
+    """The verdict on each point.
+
+    Attributes:
+        label: Class id, shape (N,), uint8.
+        instance: Instance id, shape (N,), uint32.
+        confidence: Share of the observations that show the class [1], shape (N,), float32.
+        margin: Largest distance of an observation to a label edge [px], shape (N,), float32.
+    """
+
+    label: U8
+    instance: U32
+    confidence: F32
+    margin: F32
+
+
+def gather(truth: Truth, observations: Observations, threads: int = 1) -> ObservedTruth:
+    """Look up the truth at each keypoint's pixel, one image at a time.
+
+    The pixel is that of the keypoint as it was found, not of the reprojected point: the images and their truth share
+    pixels exactly, whatever the reconstruction thinks of its lens.
+
+    Args:
+        truth: True label and depth images.
+        observations: Keypoints.
+        threads: How many images are read at a time.
+
+    Returns:
+        What is there.
+
+    Raises:
+        InputError: A truth image is missing, damaged, or of another size; names it.
+    """
+    count = len(observations.image)
+    found = ObservedTruth(
+        np.zeros(count, np.uint8), np.zeros(count, np.uint32), np.zeros(count, np.float32), np.zeros(count, np.float32)
+    )
+    height, width = truth.camera.height, truth.camera.width
+
+    def read(image: int, rows: I64) -> None:
+        pixel = np.floor(observations.uv[rows]).astype(np.int64)
+        pixel = np.clip(pixel, 0, [width - 1, height - 1])  # a keypoint may lie on the image's very edge
+        column, row = np.ascontiguousarray(pixel.T)
+        labels, instances, depth = truth.semantic(image), truth.instance(image), truth.depth(image)
+        for kind, values in (("semantic", labels), ("instance", instances), ("depth", depth)):
+            if values.shape != (height, width):
+                where = truth.folder / kind / truth.names[image]
+                raise InputError("not the size of its photograph", where=where, value=values.shape,
+                                 allowed=f"{height} rows, {width} columns", mend="Render the survey again")  # fmt: skip
+        found.label[rows] = labels[row, column]
+        found.instance[rows], found.depth[rows] = instances[row, column], depth[row, column]
+        found.margin[rows] = edge_distance(labels, row, column)
+
+    observations.for_each_image(read, threads)
+    return found
+
+
+def annotate(observed: ObservedTruth, depth_error: F64, observations: Observations) -> Annotation:
+    """Put labels to the vote: the class first, then the instance among the observations of that class.
+
+    An observation votes when the surface that it shows lies within 0.1 m of the point in depth; for a point that none
+    shows as near, the nearest does. The others look past the point: at the sky behind a cable, at the rail in front of
+    its sleeper. On a suspension bridge that mends one wrong label in six.
+
+    The class goes first because a class may be many instances: three shrubs outvote two views of one parapet, and
+    the instance must belong to the class that won. Of labels with equally many votes, that with the smallest depth
+    error wins, then the smaller one.
+
+    Args:
+        observed: Truth at the observations.
+        depth_error: Depth error of each observation [m], shape (M,), float64; the smallest settles a tie.
+        observations: Their points.
+
+    Returns:
+        The verdict on each point.
+    """
+    return Annotation(
+        *_verdicts(
+            observations.start, observed.label, observed.instance, observed.margin, np.asarray(depth_error, np.float64)
+        )
+    )
+
+
+@njit(cache=True, nogil=True)
+def _verdicts(start: I64, label: U8, instance: U32, margin: F32, depth_error: F64) -> tuple[U8, U32, F32, F32]:
+    count, most = len(start) - 1, np.diff(start).max() if len(start) > 1 else 0
+    winner, part = np.empty(count, np.uint8), np.empty(count, np.uint32)
+    share, clear = np.empty(count, np.float32), np.empty(count, np.float32)
+    votes, errors, owner = np.empty(most, np.int64), np.empty(most), np.empty(most, np.int64)
+    for point in range(count):
+        first, end = start[point], start[point + 1]
+        near = max(THRESHOLD, depth_error[first:end].min())
+        voting = 0
+        for row in range(first, end):
+            if depth_error[row] <= near:
+                votes[voting], owner[voting], errors[voting] = label[row], instance[row], depth_error[row]
+                voting += 1
+        best = _most_frequent(votes[:voting], errors[:voting])
+        agreeing = 0
+        for vote in range(voting):
+            if votes[vote] == best:
+                owner[agreeing], errors[agreeing] = owner[vote], errors[vote]
+                agreeing += 1
+        winner[point], part[point] = best, _most_frequent(owner[:agreeing], errors[:agreeing])
+        share[point] = np.float32((label[first:end] == best).sum()) / np.float32(end - first)
+        clear[point] = margin[first:end].max()
+    return winner, part, share, clear
+
+
+@njit(cache=True, nogil=True)
+def _most_frequent(label: I64, depth_error: F64) -> np.int64:
+    best, most, best_error = np.int64(0), 0, np.inf
+    for first in range(len(label)):
+        votes, least, counted = 0, np.inf, False
+        for other in range(len(label)):
+            if label[other] == label[first]:
+                counted |= other < first
+                votes, least = votes + 1, min(least, depth_error[other])
+        if counted:
+            continue
+        closer = least < best_error or (least == best_error and label[first] < best)
+        if votes > most or (votes == most and closer):
+            best, most, best_error = label[first], votes, least
+    return best

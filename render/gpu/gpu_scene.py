@@ -1,0 +1,265 @@
+"""A scene in OpenGL buffers: all vertices in one, all draws in another, and the draw commands of one view."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from render.gpu.facets import Facets
+from render.gpu.materials import ROW, MaterialTable, Variant
+from render.gpu.row_texture import DRAW_UNIT, row_texture
+from usd_schemas.flat_scene import FlatScene
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+VERTEX_NAMES = ("in_position", "in_normal", "in_st", "in_st1", "in_color")
+_ATTRIBUTES = dict(zip(VERTEX_NAMES, (("3f", 12), ("3f", 12), ("2f", 8), ("2f", 8), ("4f2", 8)), strict=True))
+_VERTEX = np.dtype([("p", "3f4"), ("n", "3f4"), ("st", "2f4"), ("st1", "2f4"), ("color", "4f2")])
+# One row of the shader's draws: rows of the linear map, then of its cofactors; beside the second, whether it mirrors.
+_DRAW = np.dtype([("linear", "(3,4)f4"), ("cofactor", "(3,4)f4")])
+# DrawElementsIndirectCommand
+COMMAND = np.dtype([("count", "u4"), ("instances", "u4"), ("first", "u4"), ("vertex", "u4"), ("draw", "u4")])
+_WAITING = 30_000  # triangles; a driver on the CPU takes 0.5 kB for each that it has not drawn yet, up to 36 MB
+_APART = 256  # [bytes] from one material to the next: where a driver lets a uniform block begin
+
+
+@dataclass(frozen=True)
+class GpuScene:
+    """What is uploaded once, and what a view needs to know of it on the CPU.
+
+    Attributes:
+        vertices: Vertex buffer.
+        indices: Triangle buffer.
+        draw_numbers: Instanced attribute 0, 1, 2 …; a command's base instance picks its draw.
+        draws: Draw rows, as `row_texture` lays them.
+        materials: Material rows, `_APART` bytes from one to the next.
+        offsets: Instanced attribute: camera-relative origin of each draw [m], written anew for each view.
+        origins: Origin of each draw's mesh in the world [m], shape (D, 3), float64.
+        lower: Lower corner of each draw's box [m], shape (D, 3), float64.
+        upper: Upper corner of each draw's box [m], shape (D, 3), float64.
+        commands: Draw command of each draw, shape (D,), dtype `COMMAND`.
+        variants: Material variants in use.
+        variant_rows: Row in `variants` of each draw, shape (D,), int64.
+        material_rows: Row of the material of each draw, shape (D,), int64.
+        anchor: Point that shading counts positions from [m], shape (3,), float64.
+        facets: Triangles whose depth may have to be drawn anew.
+    """
+
+    vertices: moderngl.Buffer
+    indices: moderngl.Buffer
+    draw_numbers: moderngl.Buffer
+    draws: moderngl.Texture
+    materials: moderngl.Buffer
+    offsets: moderngl.Buffer
+    origins: F64
+    lower: F64
+    upper: F64
+    commands: NDArray[np.void]
+    variants: tuple[Variant, ...]
+    variant_rows: I64
+    material_rows: I64
+    anchor: F64
+    facets: Facets
+
+    def place(self, eye: F64) -> None:
+        """Count every draw's origin from a point, subtracted in float64.
+
+        Args:
+            eye: The point [m], shape (3,), float64.
+        """
+        self.offsets.write((self.origins - eye).astype(np.float32).tobytes())
+
+    def bind(self) -> None:
+        """Bind the rows of draws that the shaders read."""
+        self.draws.use(DRAW_UNIT)
+
+    def wear(self, material: int) -> None:
+        """Let what is drawn next look like a material.
+
+        Args:
+            material: Its row.
+        """
+        self.materials.bind_to_uniform_block(0, offset=_APART * material, size=ROW.itemsize)
+
+    def grouped(self, rows: I64) -> list[tuple[int, I64]]:
+        """Split ordered draws by material, each in the order given.
+
+        Args:
+            rows: Draws in the order in which they should be drawn, shape (N,), int64.
+
+        Returns:
+            Material and rows of its draws, shape (M,), int64, of each group; the first draws' groups first.
+        """
+        kinds = self.material_rows[rows]
+        present, first = np.unique(kinds, return_index=True)
+        return [(int(kind), rows[kinds == kind]) for kind in present[np.argsort(first)]]
+
+    def triangles(self, rows: I64) -> I64:
+        """Count the triangles of some draws, shape (N,), int64.
+
+        Args:
+            rows: Draws, shape (N,), int64.
+        """
+        return self.commands["count"][rows].astype(np.int64) // 3
+
+    def vertex_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
+        """Connect a program to the buffers; attributes that it does not use are skipped.
+
+        Args:
+            context: Open context.
+            program: Compiled program.
+
+        Returns:
+            OpenGL's vertex array over the vertex buffer, shape (V,).
+        """
+        used = [name for name in VERTEX_NAMES if name in program]
+        formats = [code if name in used else f"{size}x" for name, (code, size) in _ATTRIBUTES.items()]
+        content = [(self.vertices, " ".join(formats), *used), (self.draw_numbers, "1u4/i", "in_draw"),
+                   (self.offsets, "3f4/i", "in_offset")]  # fmt: skip
+        return context.vertex_array(program, content, self.indices)
+
+
+def upload_scene(
+    context: moderngl.Context, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets
+) -> GpuScene:
+    """Check a scene and put it into buffers.
+
+    Args:
+        context: Open context.
+        scene: Scene to upload.
+        table: Its materials.
+        anchor: Point that shading counts positions from [m], shape (3,), float64.
+        facets: Triangles whose depth may have to be drawn anew.
+
+    Raises:
+        InputError: Nothing to draw, an index out of range, or a number that is not finite.
+    """
+    check_scene(scene)
+    geometry, draws = scene.geometry, scene.draws
+    vertices = np.zeros(len(geometry.positions), _VERTEX)
+    vertices["p"], vertices["n"] = geometry.positions, geometry.normals
+    vertices["st"], vertices["st1"] = geometry.st, geometry.st1
+    vertices["color"][:, :3] = geometry.colors
+    count = len(draws.part)
+    linear = draws.transform[:, :3, :3]
+    rows = np.zeros(count, _DRAW)
+    rows["linear"][..., :3] = linear
+    mirrored = np.linalg.det(linear) < 0
+    rows["cofactor"][..., :3] = _cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
+    rows["linear"][:, 1, 3] = mirrored
+    commands = np.zeros(count, COMMAND)
+    commands["count"], commands["first"] = geometry.part_count[draws.part] * 3, geometry.part_first[draws.part] * 3
+    commands["instances"], commands["draw"] = 1, np.arange(count)
+    lower, upper = draw_boxes(scene)
+    materials = np.zeros((len(table.rows), _APART // 4), np.float32)
+    materials[:, : ROW.itemsize // 4] = _numbers(table.rows)
+    variants = tuple(dict.fromkeys(table.variants))
+    number = {variant: row for row, variant in enumerate(variants)}
+    of_material = np.array([number[variant] for variant in table.variants], np.int64)
+    return GpuScene(
+        vertices=context.buffer(vertices.tobytes()),
+        indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
+        draw_numbers=context.buffer(np.arange(count, dtype=np.uint32).tobytes()),
+        draws=row_texture(context, _numbers(rows)),
+        materials=context.buffer(materials.tobytes()),
+        offsets=context.buffer(reserve=count * 12, dynamic=True),
+        origins=draws.transform[:, :3, 3].copy(), lower=lower, upper=upper, commands=commands,
+        variants=variants, variant_rows=of_material[draws.material],
+        material_rows=draws.material.astype(np.int64), anchor=anchor, facets=facets,
+    )  # fmt: skip
+
+
+def run_commands(
+    flush: Callable[[], None], vertices: moderngl.VertexArray, commands: moderngl.Buffer, triangles: I64, first: int,
+    waiting: int,
+) -> int:  # fmt: skip
+    """Run draw commands, and let the driver begin whenever many triangles wait; no pixel changes by it.
+
+    Args:
+        flush: OpenGL's.
+        vertices: What they draw, shape (V,).
+        commands: Draw commands, of which some are run.
+        triangles: Number of triangles of each of these, shape (N,), int64.
+        first: Number of the first of them.
+        waiting: Triangles that wait already.
+
+    Returns:
+        Triangles that wait now.
+    """
+    total = waiting + np.cumsum(triangles)
+    ends = np.flatnonzero(np.diff(total // _WAITING, prepend=0)) + 1
+    for start, end in pairwise([0, *ends.tolist()]):
+        vertices.render_indirect(commands, moderngl.TRIANGLES, end - start, first=first + start)
+        flush()
+    done = int(ends[-1]) if len(ends) else 0
+    if done < len(total):
+        vertices.render_indirect(commands, moderngl.TRIANGLES, len(total) - done, first=first + done)
+    return int(total[-1]) % _WAITING
+
+
+def check_scene(scene: FlatScene) -> None:
+    """Refuse what a driver would draw wrongly without a word.
+
+    Args:
+        scene: Scene to check.
+
+    Raises:
+        InputError: Nothing to draw, an index out of range, or a number that is not finite.
+    """
+    geometry, draws = scene.geometry, scene.draws
+    if not len(draws.part) or not len(geometry.triangles):
+        raise InputError("the stage has no visible geometry", mend="Check visibility, purpose and loaded payloads")
+    finite = np.isfinite(draws.transform).all(axis=(1, 2))
+    if not finite.all():
+        ids = {row.id: row.path for row in scene.instances}
+        bad = int(draws.instance[np.argmin(finite)])
+        raise InputError("a transform is not finite", field=ids.get(bad, f"instance {bad}"), mend="Mend its xformOps")
+    if not np.isfinite(geometry.positions).all():
+        raise InputError("a mesh has positions that are not finite", mend="Mend its points")
+    last = geometry.part_first.astype(np.int64) + geometry.part_count
+    tables = (
+        (geometry.triangles, len(geometry.positions)), (draws.part, len(geometry.part_first)),
+        (draws.material, len(scene.materials)), (last, len(geometry.triangles) + 1),
+    )  # fmt: skip
+    if any(len(rows) and not 0 <= int(rows.min()) <= int(rows.max()) < limit for rows, limit in tables):
+        raise InputError("the flat scene has an index out of range", mend="Read the stage again")
+
+
+def draw_boxes(scene: FlatScene) -> tuple[F64, F64]:
+    """Find the axis-aligned box of each draw.
+
+    Args:
+        scene: A scene.
+
+    Returns:
+        Lower and upper corners [m], each of shape (D, 3), float64.
+    """
+    geometry, draws = scene.geometry, scene.draws
+    low, high = np.zeros((len(geometry.part_first), 3)), np.zeros((len(geometry.part_first), 3))
+    for part in np.unique(draws.part):
+        first, count = geometry.part_first[part], geometry.part_count[part]
+        corners = geometry.positions[geometry.triangles[first : first + count].ravel()]
+        if len(corners):
+            low[part], high[part] = corners.min(axis=0), corners.max(axis=0)
+    center, half = (low + high)[draws.part] / 2, (high - low)[draws.part] / 2
+    linear = draws.transform[:, :3, :3]
+    middle = np.einsum("dij,dj->di", linear, center) + draws.transform[:, :3, 3]
+    reach = np.einsum("dij,dj->di", np.abs(linear), half)
+    return middle - reach, middle + reach
+
+
+def _numbers(rows: NDArray[np.void]) -> NDArray[np.float32]:
+    """Flatten rows whose fields are all float32; shape (N, numbers)."""
+    return rows.view(np.float32).reshape(len(rows), -1)
+
+
+def _cofactors(linear: F64) -> F64:
+    """Normals turn with the cofactors, which exist where an inverse does not; shape (D, 3, 3)."""
+    rows = np.cross(np.roll(linear, -1, axis=1), np.roll(linear, -2, axis=1))
+    size = np.abs(rows).max(axis=(1, 2), keepdims=True)
+    return rows / np.where(size > 0, size, 1.0)

@@ -1,0 +1,208 @@
+"""Materials as the shader reads them, and which shader each of them needs."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from render.gpu.textures import Mates, TextureKey, TextureSlot
+from usd_schemas.flat_scene import MOST_OCTAVES, Material, Texture
+
+F32 = NDArray[np.float32]
+
+_MIRROR_ROUGHNESS = 0.35  # rougher surfaces show no image of the sky
+
+# One row of the shader's materials; the order of material_row.glsl.
+ROW = np.dtype(
+    [
+        ("base", "4f4"),  # colour, roughness
+        ("emissive", "4f4"),  # colour, metallic
+        ("albedo", "(2,4)f4"),  # rows of the affine map of (s, t, 1) and (layer, uv set)
+        ("roughness", "(2,4)f4"),
+        ("normal", "(2,4)f4"),
+        ("metallic", "(2,4)f4"),
+        ("frequencies", "4f4"),  # detail: tiles per metre of each octave, layer
+        ("amplitudes", "4f4"),  # detail: contrast of each octave, macro layer
+        ("options", "4f4"),  # opacity threshold, takes the vertex colour
+    ]
+)
+_AVERAGED = {"fast": ("roughness", "metallic"), "standard": ("roughness",), "fine": ()}
+_KINDS: dict[str, Literal["color", "vector", "number"]] = {
+    "albedo": "color", "roughness": "number", "normal": "vector", "metallic": "number",
+}  # fmt: skip
+_UNREAD = {"fast": ("normal",), "standard": (), "fine": ()}
+SLOTS = ("albedo", "roughness", "normal", "detail", "macro", "metallic")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What a material needs of the shader; materials of one variant are drawn together.
+
+    Attributes:
+        features: Names that the shader is compiled with.
+        arrays: Texture array of each of `SLOTS`, shape (side, side, layers), uint8, or None.
+    """
+
+    features: tuple[str, ...]
+    arrays: tuple[moderngl.TextureArray | None, ...]
+
+
+@dataclass(frozen=True)
+class MaterialTable:
+    """Every material of a scene, ready for the shader.
+
+    Attributes:
+        rows: Shader rows, shape (M,), dtype `ROW`.
+        variants: Variant of each material.
+        means: Mean linear base colour of each material [1], shape (M, 3), float64.
+    """
+
+    rows: NDArray[np.void]
+    variants: tuple[Variant, ...]
+    means: NDArray[np.float64]
+
+
+def texture_keys(materials: tuple[Material, ...], quality: str) -> tuple[list[TextureKey], list[TextureKey]]:
+    """List the textures that materials name.
+
+    Args:
+        materials: Materials.
+        quality: As for `tabulate_materials`.
+
+    Returns:
+        Those that are looked up at pixels, and those of which only the mean counts.
+    """
+    named = [item for material in materials for item in _keys(material).items() if item[0] not in _UNREAD[quality]]
+    return (
+        [key for name, key in named if name not in _AVERAGED[quality]],
+        [key for name, key in named if name in _AVERAGED[quality]],
+    )
+
+
+def layer_mates(materials: tuple[Material, ...]) -> list[Mates]:
+    """List which roughness may lie in the opacity of which colour, as `load_textures` takes it: one look-up finds both.
+
+    Args:
+        materials: Materials.
+    """
+    mates: list[Mates] = []
+    for material in materials:
+        keys, albedo, roughness = _keys(material), material.base_texture, material.roughness_texture
+        cut_out = material.opacity_threshold > 0
+        if "albedo" in keys and cut_out:
+            mates.append((keys["albedo"], None))
+        mates += [(None, keys[name]) for name in ("metallic", "detail") if name in keys]
+        if "roughness" in keys and roughness is not None:
+            alike = albedo is not None and np.array_equal(_placement(albedo, 0), _placement(roughness, 0))
+            mates.append((keys.get("albedo") if alike and not cut_out else None, keys["roughness"]))
+    return mates
+
+
+def tabulate_materials(
+    materials: tuple[Material, ...], slots: dict[TextureKey, TextureSlot], quality: str
+) -> MaterialTable:
+    """Turn materials into shader rows and variants.
+
+    Args:
+        materials: Materials.
+        slots: Textures that could be loaded; a missing one leaves the constant.
+        quality: `fast` leaves out normal maps and images of the sky, and takes the mean of metallic textures; only
+            `fine` looks the roughness up at each pixel, else its mean serves: concrete, soil and grass shine too little
+            to show the difference.
+    """
+    rows = np.zeros(len(materials), ROW)
+    variants = []
+    means = np.zeros((len(materials), 3))
+    for number, material in enumerate(materials):
+        found = {name: slots[key] for name, key in _keys(material).items() if key in slots}
+        roughness = found["roughness"].mean[0] if "roughness" in found else material.roughness
+        _fill(rows[number], material, found)
+        metallic = found["metallic"].mean[0] if "metallic" in found else material.metallic
+        rows[number]["base"][3], rows[number]["emissive"][3] = roughness, metallic
+        found = {name: slot for name, slot in found.items() if slot.array is not None}
+        features = []
+        if "roughness" in found and found["roughness"].channel:
+            features.append("ROUGHNESS_IN_ALBEDO")
+            found.pop("roughness")
+        for name in _AVERAGED[quality]:
+            found.pop(name, None)
+        features += [f"HAS_{name.upper()}" for name in SLOTS if name in found]
+        if "albedo" in found and material.opacity_threshold > 0 and found["albedo"].cut_out:
+            features.append("CUT_OUT")
+        if quality != "fast" and (roughness < _MIRROR_ROUGHNESS or metallic > 0.5 or "metallic" in found):
+            features.append("MIRROR")
+        arrays = tuple(found[name].array if name in found else None for name in SLOTS)
+        variants.append(Variant(tuple(features), arrays))
+        means[number] = found["albedo"].mean if "albedo" in found else material.base_color
+    return MaterialTable(rows, tuple(variants), means)
+
+
+def _maps(material: Material) -> dict[str, Texture | None]:
+    return {
+        "albedo": material.base_texture,
+        "roughness": material.roughness_texture,
+        "normal": material.normal_texture,
+        "metallic": material.metallic_texture,
+    }
+
+
+def _keys(material: Material) -> dict[str, TextureKey]:
+    keys: dict[str, TextureKey] = {}
+    for name, texture in _maps(material).items():
+        if texture is not None and texture.file:
+            channel = texture.channel if _KINDS[name] == "number" else 0
+            keys[name] = TextureKey(texture.file, texture.srgb, _KINDS[name], channel, texture.gain, texture.bias)
+    if material.detail.file and material.detail.periods:
+        keys["detail"] = TextureKey(material.detail.file, False, "number")
+    if material.detail.macro_file:
+        keys["macro"] = TextureKey(material.detail.macro_file, False, "vector")
+    return keys
+
+
+def placed_textures(material: Material) -> Iterator[tuple[TextureKey, float, int]]:
+    """List the textures of a material by how they lie on it.
+
+    Args:
+        material: A material.
+
+    Yields:
+        Key, least number of times that the texture repeats along a unit of its UV set, and the number of that set.
+    """
+    maps = _maps(material)
+    for name, key in _keys(material).items():
+        texture = maps.get(name)
+        if texture is not None:
+            yield key, min(abs(scale) for scale in texture.scale), texture.uv_set
+        elif name == "macro":
+            yield key, 1.0, 1
+        else:
+            yield key, 1.0 / max(material.detail.periods[:MOST_OCTAVES]), 0
+
+
+def _fill(row: NDArray[np.void], material: Material, found: dict[str, TextureSlot]) -> None:
+    row["base"] = (*material.base_color, material.roughness)
+    row["emissive"] = (*material.emissive, material.metallic)
+    for name, texture in _maps(material).items():
+        if texture is not None and name in found:
+            row[name] = _placement(texture, found[name].layer)
+    octaves = min(MOST_OCTAVES, len(material.detail.periods), len(material.detail.amplitudes))
+    for octave in range(octaves):
+        row["frequencies"][octave] = 1.0 / material.detail.periods[octave]
+        row["amplitudes"][octave] = material.detail.amplitudes[octave]
+    row["frequencies"][3] = found["detail"].layer if "detail" in found else 0
+    row["amplitudes"][3] = found["macro"].layer if "macro" in found else 0
+    row["options"] = (material.opacity_threshold, float(material.use_display_color), 0, 0)
+
+
+def _placement(texture: Texture, layer: int) -> F32:
+    """Scale, then turn, then move (s, t), as UsdTransform2d does; shape (2, 4), float32."""
+    angle = np.deg2rad(texture.rotation)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    placement = np.zeros((2, 4), np.float32)
+    placement[:, :2] = turn @ np.diag(texture.scale)
+    placement[:, 2] = texture.translation
+    placement[:, 3] = (layer, texture.uv_set)
+    return placement

@@ -1,0 +1,165 @@
+"""Image files of a capture: lossless labels and depth, photographs, and decoding that refuses a damaged file."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError, MissingError
+from render.images.grey_png import SIGNATURE, decode_grey_png, encode_grey_png
+
+_DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
+_JPEG_END = b"\xff\xd9"
+_JPEG_SCAN = 0xDA
+_JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # what ends a scan: neither a stuffed byte nor a restart
+_HEADER = 1 << 16  # bytes in which the size of an image stands
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that begin a frame: its size follows
+_RUN_LENGTH = 3  # PNG strategy: half the time of the default at the same size
+WIDE_ID = 0x10000
+
+
+def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
+    """Encode a photograph as JPEG with full colour resolution (4:4:4).
+
+    Args:
+        pixels: sRGB colours [0 to 255], shape (H, W, 3), uint8.
+        quality: JPEG quality, 1 to 100.
+
+    Returns:
+        The file's bytes, without EXIF.
+    """
+    options = [
+        cv2.IMWRITE_JPEG_QUALITY, quality,
+        cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+    ]  # fmt: skip
+    return _encode(".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)
+
+
+def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
+    """Encode grey values or sRGB colours as PNG.
+
+    Args:
+        pixels: Grey, shape (H, W), uint8 or uint16; or red, green, blue, shape (H, W, 3), uint8 [0 to 255].
+
+    Returns:
+        The file's bytes.
+    """
+    if pixels.ndim == 2:
+        return encode_grey_png(pixels)
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, _RUN_LENGTH]
+    return _encode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)
+
+
+def encode_wide_ids(ids: NDArray[np.uint32]) -> bytes:
+    """Encode ids above 65,535 as TIFF without loss.
+
+    Args:
+        ids: Instance ids, shape (H, W), uint32.
+
+    Returns:
+        The file's bytes.
+    """
+    return _encode(".tiff", ids, [cv2.IMWRITE_TIFF_COMPRESSION, _DEFLATE])
+
+
+def read_ids(folder: Path, name: str) -> NDArray[np.uint32]:
+    """Read instance ids: a 16-bit PNG, or a 32-bit TIFF.
+
+    Args:
+        folder: Where they lie.
+        name: Stem of the file.
+
+    Returns:
+        Instance ids, shape (H, W), uint32.
+    """
+    wide = folder / f"{name}.tiff"
+    return decode(wide if wide.exists() else folder / f"{name}.png").astype(np.uint32)
+
+
+def decode(path: Path) -> NDArray[Any]:
+    """Decode an image file as it is: channels, depth and values unchanged, colours in the order red, green, blue.
+
+    Args:
+        path: JPEG, PNG or TIFF.
+
+    Returns:
+        Values, shape (H, W), (H, W, 3), or (H, W, 4) with opacity last.
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: The file is cut off, or not an image.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError:
+        raise MissingError("no such image", where=path, mend="Put it back") from None
+    grey = decode_grey_png(data)
+    if grey is not None:
+        return grey
+    jpeg = data[:2] == b"\xff\xd8"
+    whole = bool(data) and (not jpeg or data.rstrip(b"\x00")[-2:] == _JPEG_END or _reaches_its_end(data))
+    pixels = _decode(data, jpeg=jpeg) if whole else None
+    if pixels is None:
+        raise InputError("the image is cut off or damaged", where=path, mend="Copy it again, or leave it out")
+    if pixels.ndim == 2:
+        return pixels
+    return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB)
+
+
+def size(path: Path) -> tuple[int, int] | None:
+    """Read the size of an image from its first bytes.
+
+    Args:
+        path: JPEG or PNG.
+
+    Returns:
+        Width and height [px], as stored; None where only decoding can tell.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(_HEADER)
+    except OSError:
+        return None
+    if data[:8] == SIGNATURE and len(data) >= 24:
+        return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
+    place = 2
+    while data[:2] == b"\xff\xd8" and place + 9 <= len(data) and data[place] == 0xFF:
+        if data[place + 1] in _FRAMES:
+            return int.from_bytes(data[place + 7 : place + 9]), int.from_bytes(data[place + 5 : place + 7])
+        place += 2 + int.from_bytes(data[place + 2 : place + 4])
+    return None
+
+
+def _reaches_its_end(jpeg: bytes) -> bool:
+    """Walk to the end of the picture: behind it, telephones keep a film, and drones a preview."""
+    place = 2
+    while place + 4 <= len(jpeg) and jpeg[place] == 0xFF:
+        kind = jpeg[place + 1]
+        if kind == _JPEG_END[1]:
+            return True
+        place += 1 if kind == 0xFF else 2 + int.from_bytes(jpeg[place + 2 : place + 4])
+        if kind == _JPEG_SCAN:
+            found = _JPEG_MARKER.search(jpeg, place)
+            if found is None:
+                return False
+            place = found.start()
+    return False
+
+
+def _decode(data: bytes, *, jpeg: bool) -> NDArray[Any] | None:
+    # A photograph is turned upright by its EXIF nowhere here: the calibration belongs to the stored pixels.
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if jpeg else cv2.IMREAD_UNCHANGED
+    former = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our error says it in our words
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        return None
+    finally:
+        cv2.utils.logging.setLogLevel(former)
+
+
+def _encode(suffix: str, pixels: NDArray[Any], options: list[int]) -> bytes:
+    return cv2.imencode(suffix, np.ascontiguousarray(pixels), options)[1].tobytes()

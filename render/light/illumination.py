@@ -1,0 +1,149 @@
+"""What lights a scene, and how the shaders come to know it."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from render.gpu.programs import set_uniform
+from render.light.daylight import Daylight
+from render.light.light_volume import LightVolume
+from render.light.local_lights import LocalLights
+from render.light.shadows import Shadows
+from render.settings import ShadingSettings
+from usd_schemas.flat_scene import FlatScene
+
+F64 = NDArray[np.float64]
+
+CLEAR_DAY = 6000.0  # distance at which haze takes 63 % of the contrast where nobody says [m]
+LEAST_CONTRAST = 0.02  # contrast that is left at the visibility [1]
+BRIGHTEST = 16.0  # radiance that the 16-bit code of a pixel ends at
+_SHADOW_UNIT, _VOLUME_UNIT, _PANORAMA_UNIT, FIRST_FREE_UNIT = 0, 1, 4, 5
+
+
+@dataclass(frozen=True)
+class Illumination:
+    """Everything that lights a scene.
+
+    Attributes:
+        daylight: Sun and sky.
+        shadow: The sun's shadow maps, or None without a sun.
+        volume: The light volume, or None.
+        haze_distance: Distance at which haze takes 63 % of the contrast [m].
+        local: Lights that stand in the scene.
+    """
+
+    daylight: Daylight
+    shadow: Shadows | None
+    volume: LightVolume | None
+    haze_distance: float
+    local: LocalLights
+
+    def features(self) -> tuple[str, ...]:
+        """Name what the surface shader must be compiled with."""
+        sun, volume = self.shadow is not None, self.volume is not None
+        return (*(("SUN",) if sun else ()), *(("VOLUME",) if volume else ()), *self.local.features())
+
+
+def haze_distance(scene: FlatScene, settings: ShadingSettings) -> float:
+    """Find the distance at which haze takes 63 % of the contrast [m]: as the settings say, else the stage.
+
+    Source: Koschmieder, Theorie der horizontalen Sichtweite, 1924: contrast falls with exp(-3.912 distance /
+    visibility), to 2 % at the visibility.
+
+    Args:
+        scene: The scene.
+        settings: How it is drawn.
+    """
+    if settings.haze_distance is not None:
+        return settings.haze_distance
+    return scene.visibility / -np.log(LEAST_CONTRAST) if scene.visibility is not None else CLEAR_DAY
+
+
+class Lamps:
+    """The light of a scene as textures and uniforms.
+
+    Attributes:
+        features: What the surface shader must be compiled with.
+        shadow: The sun's shadow maps, or None without a sun.
+    """
+
+    def __init__(self, context: moderngl.Context, light: Illumination, anchor: F64) -> None:
+        """Upload the light.
+
+        Args:
+            context: Open context.
+            light: What lights the scene.
+            anchor: Point that shading counts positions from [m], shape (3,), float64.
+        """
+        self.features, self.shadow = light.features(), light.shadow
+        panorama = light.daylight.panorama
+        self._panorama = context.texture(panorama.shape[1::-1], 3, panorama.astype(np.float16).tobytes(), dtype="f2")
+        self._panorama.build_mipmaps()
+        self._panorama.repeat_y = False
+        self._volume = _volume_textures(context, light.volume) if light.volume is not None else []
+        self._values = _uniforms(light, anchor)
+
+    def shine_on(self, program: moderngl.Program) -> None:
+        """Set a program's uniforms, and bind the textures that they name.
+
+        Args:
+            program: Compiled program.
+        """
+        self._panorama.use(_PANORAMA_UNIT)
+        if self.shadow is not None:
+            self.shadow.texture.use(_SHADOW_UNIT)
+        for unit, texture in enumerate(self._volume, _VOLUME_UNIT):
+            texture.use(unit)
+        for name, value in self._values.items():
+            set_uniform(program, name, value)
+
+    def aim(self, program: moderngl.Program, eye: F64) -> None:
+        """Tell a program where the camera stands and which square has sharp shadows now.
+
+        Args:
+            program: Compiled program.
+            eye: Camera centre, counted from the anchor [m], shape (3,), float64.
+        """
+        set_uniform(program, "eye", tuple(eye.tolist()))
+        if self.shadow is not None:
+            for name, value in self.shadow.seen_from(eye).items():
+                set_uniform(program, name, value)
+
+
+def _volume_textures(context: moderngl.Context, volume: LightVolume) -> list[moderngl.Texture3D]:
+    """One texture a colour channel; its four channels are the coefficients."""
+    coefficients = volume.coefficients.astype(np.float32)  # halves would take a processor longer to read
+    textures = []
+    for channel in range(3):
+        texture = context.texture3d(coefficients.shape[2::-1], 4, coefficients[..., channel].tobytes(), dtype="f4")
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = texture.repeat_z = False
+        textures.append(texture)
+    return textures
+
+
+def _uniforms(light: Illumination, anchor: F64) -> dict[str, object]:
+    daylight = light.daylight
+    values: dict[str, object] = {
+        "to_sun": tuple(daylight.sun_direction.tolist()),
+        "sun_irradiance": tuple(daylight.sun_irradiance.tolist()),
+        "open_sky": daylight.open_sky.astype(np.float32).tobytes(),
+        "haze": tuple(daylight.haze.tolist()),
+        "haze_density": 1.0 / (np.log(2.0) * light.haze_distance),  # the shader counts in powers of two
+        "code_scale": 1.0 / BRIGHTEST,
+        "panorama": _PANORAMA_UNIT,
+        "dome_from_world": daylight.dome_from_world.T.astype(np.float32).tobytes(),
+    }
+    if light.shadow is not None:
+        values |= {"shadow_map": _SHADOW_UNIT, **light.shadow.uniforms()}
+    if light.volume is not None:
+        cell, counts = light.volume.cell, np.array(light.volume.coefficients.shape[2::-1])
+        values |= {
+            "volume_red": _VOLUME_UNIT, "volume_green": _VOLUME_UNIT + 1, "volume_blue": _VOLUME_UNIT + 2,
+            "volume_lower": tuple((light.volume.lower - cell / 2 - anchor).tolist()),
+            "volume_scale": tuple((1.0 / (cell * counts)).tolist()),
+            "volume_cell": cell,
+        }  # fmt: skip
+    return values | light.local.uniforms(anchor)

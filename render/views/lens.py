@@ -1,0 +1,307 @@
+"""A lens that distorts: views are drawn through a wider one that does not, then every pixel is looked up anew.
+
+The photograph is resampled. The truth is not: the ray of each pixel, as the distorted lens bends it, is cut with the
+triangles that the wider view shows around its place, in double precision, and the nearest one that it meets gives id,
+depth and normal. Nothing is blended across an edge.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from render.views.adjacency import edge_neighbours
+from render.views.passes import View
+from usd_schemas.distortion import Distortion
+from usd_schemas.flat_scene import FlatScene
+from usd_schemas.pinhole import Pinhole
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+U16 = NDArray[np.uint16]
+U32 = NDArray[np.uint32]
+
+_MARGIN = 3  # [px] around the wider view
+_FINEST = (5, 4, 3, 2)  # finer pixels to one, along rows and columns: railings and grass are thinner than a pixel
+_MOST_FINE = 24_000_000  # finer pixels of one view; each takes 16 bytes
+_SMALL = 4.0  # [px^2] the ray may have missed a smaller triangle and still have met its neighbour
+Window = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What a ray may meet, as the kernel reads it.
+
+    Attributes:
+        positions: Mesh-local positions, shape (V, 3), float32.
+        normals: Mesh-local normals [1], shape (V, 3), float32.
+        triangles: Vertex numbers, shape (T, 3), uint32.
+        first: First triangle of each draw, shape (D,), int64.
+        transform: Mesh to world, shape (D, 4, 4), float64.
+        cofactor: What turns each draw's normals, shape (D, 3, 3), float64.
+        mirrored: Whether a draw is mirrored, shape (D,), bool.
+        cut_out: Whether a draw has holes that only its texture knows, shape (D,), bool.
+        neighbours: Triangles that share an edge, counted within the part, shape (T, 3), int32.
+    """
+
+    positions: F32
+    normals: F32
+    triangles: U32
+    first: NDArray[np.int64]
+    transform: F64
+    cofactor: F64
+    mirrored: NDArray[np.bool_]
+    cut_out: NDArray[np.bool_]
+    neighbours: NDArray[np.int32]
+
+
+def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
+    """Lay a scene out for the kernel.
+
+    Args:
+        scene: A scene.
+        cut_out: Whether each draw has holes that only its texture knows, shape (D,), bool.
+    """
+    geometry, draws = scene.geometry, scene.draws
+    linear = draws.transform[:, :3, :3]
+    mirrored = np.linalg.det(linear) < 0
+    cofactor = np.cross(np.roll(linear, -1, axis=1), np.roll(linear, -2, axis=1))
+    cofactor /= np.maximum(np.abs(cofactor).max(axis=(1, 2), keepdims=True), 1e-300)
+    cofactor *= np.where(mirrored, -1.0, 1.0)[:, None, None]
+    return Geometry(
+        geometry.positions, geometry.normals, geometry.triangles, geometry.part_first.astype(np.int64)[draws.part],
+        draws.transform, cofactor, mirrored, cut_out, edge_neighbours(geometry),
+    )  # fmt: skip
+
+
+class Lens:
+    """A distorted camera: which wider view it needs, and what it makes of it."""
+
+    def __init__(self, camera: Pinhole, distortion: Distortion, geometry: Geometry, *, normals: bool) -> None:
+        """Find each pixel's place in the wider view.
+
+        Args:
+            camera: Intrinsics of the distorted image.
+            distortion: Distortion of the lens.
+            geometry: What a ray may meet.
+            normals: Whether normals are wanted.
+
+        Raises:
+            InputError: The distortion folds inside the image.
+        """
+        self._geometry, self._normals = geometry, normals
+        rows, columns = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+        bent = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy], axis=-1)
+        rays = distortion.undistort(bent)
+        place = rays * [camera.fx, camera.fy]
+        low = np.floor(place.min(axis=(0, 1))).astype(int) - _MARGIN
+        high = np.ceil(place.max(axis=(0, 1))).astype(int) + _MARGIN
+        width, height = (high - low).tolist()
+        self.wide = Pinhole(width, height, camera.fx, camera.fy, float(-low[0]), float(-low[1]))
+        self.finer = next((n for n in _FINEST if n * n * width * height <= _MOST_FINE), _FINEST[-1])
+        self._rays, self._place = rays, place - low
+
+    def window(self, band: Window) -> Window:
+        """Find the rows of the wider view that a band of the image needs.
+
+        Args:
+            band: First row of the image and the row after the last.
+        """
+        rows = self._place[band[0] : band[1], :, 1]
+        return max(int(rows.min()) - 2, 0), min(int(rows.max()) + 3, self.wide.height)
+
+    def look(self, views: list[View], poses: F64, bands: tuple[Window, ...], near: float) -> View:
+        """Make the image of a distorted lens from wider views.
+
+        Args:
+            views: The window of each band.
+            poses: Camera pose of each band, shape (B, 4, 4), float64.
+            bands: First row of each band of the image and the row after its last.
+            near: Near plane [m].
+        """
+        shape = self._rays.shape[:2]
+        code = np.empty((*shape, 3), np.uint16)
+        draw, depth = np.empty(shape, np.uint32), np.empty(shape, np.float32)
+        normal = np.zeros((*shape, 3) if self._normals else (1, 1, 3), np.float32)
+        for view, pose, band in zip(views, poses, bands, strict=True):
+            top, (first, end) = self.window(band)[0], band
+            rows = slice(first, end)
+            place = self._place[rows] - [0.0, top]
+            code[rows] = _resample(view.code, place)
+            assert view.triangle is not None
+            met = normal[rows] if self._normals else normal
+            images = (view.draw, view.triangle, self.finer * place, self._rays[rows], near, 2 * self.finer + 1)
+            _meet(*images, *self._from_camera(pose), draw[rows], depth[rows], met, self._normals)  # pyright: ignore
+        return View(code, draw, depth, normal if self._normals else None)
+
+    def _from_camera(self, pose: F64) -> tuple[Any, ...]:
+        """What the kernel reads of the geometry, its transforms seen from a camera."""
+        geometry = self._geometry
+        linear = pose[:3, :3].T @ geometry.transform[:, :3, :3]
+        shift = (geometry.transform[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
+        seen = np.concatenate([linear, shift[:, :, None]], axis=2)
+        focal = self.wide.fx * self.wide.fy * self.finer**2
+        return (
+            geometry.positions, geometry.normals, geometry.triangles, geometry.first, np.ascontiguousarray(seen),
+            geometry.cofactor, geometry.mirrored, geometry.cut_out, geometry.neighbours, focal,
+        )  # fmt: skip
+
+
+def _resample(code: U16, place: F64) -> U16:
+    """Look the photograph up between pixels; a cubic keeps what a lens would keep."""
+    across, down = (np.ascontiguousarray(place[..., axis] - 0.5, np.float32) for axis in (0, 1))
+    image = np.ascontiguousarray(code)
+    found = cv2.remap(image, across, down, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return found.astype(np.uint16, copy=False)
+
+
+@njit(nogil=True)
+def _meet(
+    draws: U32, parts: U32, place: F64, rays: F64, near: float, around: int, positions: F32, normals: F32,
+    triangles: U32, first: NDArray[np.int64], seen: F64, cofactor: F64, mirrored: NDArray[np.bool_],
+    cut_out: NDArray[np.bool_], neighbours: NDArray[np.int32], focal: float, draw_out: U32, depth_out: F32,
+    normal_out: F32, wants_normals: bool,
+) -> None:  # fmt: skip
+    """Cut the ray of each pixel with the triangles in the square of `around` finer pixels about its place."""
+    height, width = draws.shape
+    corners, known, chosen = np.empty((3, 3)), np.empty((4 * around * around, 2), np.int64), np.empty(3)
+    for row in range(place.shape[0]):
+        for column in range(place.shape[1]):
+            x, y = rays[row, column, 0], rays[row, column, 1]
+            left = min(max(int(place[row, column, 0]), 0), width - 1)
+            top = min(max(int(place[row, column, 1]), 0), height - 1)
+            count, sky = _candidates(known, draws, parts, left, top, around, first, cut_out, neighbours)
+            best, best_draw, best_part = np.inf, 0, 0
+            for number in range(count):
+                draw, part = known[number]
+                _corners(corners, positions, triangles, first[draw - 1] + part, seen[draw - 1])
+                depth, inside, a, b, c = _hit(corners, x, y)
+                if (inside or cut_out[draw - 1]) and near <= depth < best:
+                    best, best_draw, best_part = depth, draw, part
+                    chosen[0], chosen[1], chosen[2] = a, b, c
+            if best_draw == 0 and draws[top, left] != 0:
+                draw, part = np.int64(draws[top, left]), np.int64(parts[top, left])
+                _corners(corners, positions, triangles, first[draw - 1] + part, seen[draw - 1])
+                if not (sky and _area(corners, near) * focal > _SMALL):
+                    best, best_draw, best_part = _beside(corners, x, y), draw, part
+                    chosen[:] = 1.0 / 3.0
+            draw_out[row, column], depth_out[row, column] = best_draw, best
+            if wants_normals and best_draw != 0:
+                triangle = first[best_draw - 1] + best_part
+                _corners(corners, positions, triangles, triangle, seen[best_draw - 1])
+                flip = _faces_away(corners, x, y) != mirrored[best_draw - 1]
+                _normal(normal_out[row, column], normals, triangles, triangle, cofactor[best_draw - 1], chosen, flip)
+
+
+@njit(nogil=True)
+def _candidates(
+    known: NDArray[np.int64], draws: U32, parts: U32, left: int, top: int, around: int, first: NDArray[np.int64],
+    cut_out: NDArray[np.bool_], neighbours: NDArray[np.int32],
+) -> tuple[int, bool]:  # fmt: skip
+    """List the triangles that the pixels around show, the middle one's first, then those that share their edges."""
+    height, width = draws.shape
+    count, sky = 0, False
+    for step in range(around * around):
+        shift = (around * around // 2 + step) % (around * around)
+        down = min(max(top + shift // around - around // 2, 0), height - 1)
+        across = min(max(left + shift % around - around // 2, 0), width - 1)
+        draw = np.int64(draws[down, across])
+        sky = sky or draw == 0
+        if draw == 0 or (step > 0 and cut_out[draw - 1]):
+            continue
+        count = _add(known, count, draw, np.int64(parts[down, across]))
+    if count <= 1 and not sky:
+        return count, sky
+    for number in range(count):
+        draw, part = known[number]
+        if not cut_out[draw - 1]:
+            for edge in range(3):
+                beside = np.int64(neighbours[first[draw - 1] + part, edge])
+                if beside >= 0:
+                    count = _add(known, count, draw, beside)
+    return count, sky
+
+
+@njit(nogil=True)
+def _add(known: NDArray[np.int64], count: int, draw: np.int64, part: np.int64) -> int:
+    for other in range(count):
+        if known[other, 0] == draw and known[other, 1] == part:
+            return count
+    known[count, 0], known[count, 1] = draw, part
+    return count + 1
+
+
+@njit(nogil=True)
+def _corners(corners: F64, positions: F32, triangles: U32, triangle: int, seen: F64) -> None:
+    """Fill in a triangle's corners as the camera sees them, shape (3, 3)."""
+    for corner in range(3):
+        vertex = triangles[triangle, corner]
+        x, y, z = np.float64(positions[vertex, 0]), np.float64(positions[vertex, 1]), np.float64(positions[vertex, 2])
+        for axis in range(3):
+            corners[corner, axis] = seen[axis, 0] * x + seen[axis, 1] * y + seen[axis, 2] * z + seen[axis, 3]
+
+
+@njit(nogil=True)
+def _volume(a: F64, b: F64, x: float, y: float) -> float:
+    """Volume between the ray (x, y, 1) and two corners; its sign says on which side of their edge the ray goes."""
+    return x * (a[1] * b[2] - a[2] * b[1]) + y * (a[2] * b[0] - a[0] * b[2]) + (a[0] * b[1] - a[1] * b[0])
+
+
+@njit(nogil=True)
+def _hit(corners: F64, x: float, y: float) -> tuple[float, bool, float, float, float]:
+    """Depth at which the ray meets the triangle's plane, whether inside it, and the weights of its corners there."""
+    a, b, c = (
+        _volume(corners[1], corners[2], x, y), _volume(corners[2], corners[0], x, y),
+        _volume(corners[0], corners[1], x, y),
+    )  # fmt: skip
+    total = a + b + c
+    if total == 0.0:
+        return np.nan, False, 0.0, 0.0, 0.0
+    a, b, c = a / total, b / total, c / total
+    return a * corners[0, 2] + b * corners[1, 2] + c * corners[2, 2], a >= 0 and b >= 0 and c >= 0, a, b, c
+
+
+@njit(nogil=True)
+def _beside(corners: F64, x: float, y: float) -> float:
+    """Depth of a ray that passes just beside a triangle: that of its plane, but no farther than its corners."""
+    depth = _hit(corners, x, y)[0]
+    low, high = min(corners[0, 2], corners[1, 2], corners[2, 2]), max(corners[0, 2], corners[1, 2], corners[2, 2])
+    return min(max(depth, low), high) if depth == depth else 0.5 * (low + high)
+
+
+@njit(nogil=True)
+def _area(corners: F64, near: float) -> float:
+    """Area of a triangle in the image plane at distance 1; infinite where it passes the camera."""
+    if min(corners[0, 2], corners[1, 2], corners[2, 2]) < near:
+        return np.inf
+    x0, y0 = corners[0, 0] / corners[0, 2], corners[0, 1] / corners[0, 2]
+    x1, y1 = corners[1, 0] / corners[1, 2] - x0, corners[1, 1] / corners[1, 2] - y0
+    x2, y2 = corners[2, 0] / corners[2, 2] - x0, corners[2, 1] / corners[2, 2] - y0
+    return 0.5 * abs(x1 * y2 - x2 * y1)
+
+
+@njit(nogil=True)
+def _faces_away(corners: F64, x: float, y: float) -> bool:
+    a, b, c = corners[0], corners[1], corners[2]
+    ux, uy, uz, vx, vy, vz = b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    return x * (uy * vz - uz * vy) + y * (uz * vx - ux * vz) + (ux * vy - uy * vx) > 0.0
+
+
+@njit(nogil=True)
+def _normal(out: F32, normals: F32, triangles: U32, triangle: int, cofactor: F64, weight: F64, flip: bool) -> None:
+    local = np.zeros(3)
+    for corner in range(3):
+        vertex = triangles[triangle, corner]
+        for axis in range(3):
+            local[axis] += weight[corner] * normals[vertex, axis]
+    length = 0.0
+    turned = np.empty(3)
+    for axis in range(3):
+        turned[axis] = cofactor[axis, 0] * local[0] + cofactor[axis, 1] * local[1] + cofactor[axis, 2] * local[2]
+        length += turned[axis] * turned[axis]
+    length = max(np.sqrt(length), 1e-30) * (-1.0 if flip else 1.0)
+    for axis in range(3):
+        out[axis] = turned[axis] / length

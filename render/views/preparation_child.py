@@ -1,0 +1,71 @@
+"""Work that needs much memory for a short time, done in a process of its own: what it takes is given back at once.
+
+`python -m render.views.preparation_child` serves one request {task, work, answer} of a parent process; USD and the ray
+caster are loaded there alone.
+"""
+
+import pickle
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from groundwork.child import answer_parent, run_child
+from groundwork.files import write_bytes
+from groundwork.progress import Progress
+from render.detail.surveyed_scene import SurveyedScene, survey_scene
+from render.light.light_volume import LightVolume, cast_light_volume
+
+_CHILD = "render.views.preparation_child"
+_TIME_LIMIT = 8 * 3600.0  # [s]; who watches the parent has a tighter one, and this process dies with it
+_MEMORY_LIMIT = 16.0  # [GB] who watches the parent does not see what its children take
+
+
+def survey_scene_apart(path: Path, survey: str | None, triangle_budget: int, progress: Progress) -> SurveyedScene:
+    """Take a stage over as `load_scene` and `survey_scene` do, without USD in this process.
+
+    Args:
+        path: A USD file.
+        survey: Name of the one product to keep; the first when None.
+        triangle_budget: Most triangles in view; 0 leaves all of them.
+        progress: Listener.
+    """
+    return _apart("survey", (path, survey, triangle_budget), progress)
+
+
+def cast_volume_apart(*work: Any) -> LightVolume:
+    """Cast a light volume as `cast_light_volume` does, without the ray caster in this process.
+
+    Args:
+        *work: What `cast_light_volume` takes; the last is told how far it is.
+
+    Returns:
+        The light volume.
+    """
+    *arguments, progress = work
+    return _apart("light", tuple(arguments), progress)
+
+
+def _apart(task: str, arguments: tuple[Any, ...], progress: Progress) -> Any:
+    with tempfile.TemporaryDirectory() as scratch:
+        work, answer = Path(scratch) / "work", Path(scratch) / "answer"
+        write_bytes(work, pickle.dumps(arguments, pickle.HIGHEST_PROTOCOL), durable=False)
+        request = {"task": task, "work": str(work), "answer": str(answer)}
+        run_child(_CHILD, request, time_limit=_TIME_LIMIT, memory_limit=_MEMORY_LIMIT, progress=progress)
+        return pickle.loads(answer.read_bytes())
+
+
+def _serve(request: dict[str, Any], progress: Progress) -> None:
+    arguments = pickle.loads(Path(request["work"]).read_bytes())
+    if request["task"] == "light":
+        scene, daylight, albedo, box, probes, rays = arguments
+        result: object = cast_light_volume(scene, daylight, albedo, box, probes, rays, progress)
+    else:
+        from usd_schemas.reading.scene_cache import load_scene
+
+        path, survey, triangle_budget = arguments
+        result = survey_scene(load_scene(path, survey=survey), triangle_budget)
+    write_bytes(Path(request["answer"]), pickle.dumps(result, pickle.HIGHEST_PROTOCOL), durable=False)
+
+
+if __name__ == "__main__":
+    answer_parent(_serve)

@@ -1,0 +1,154 @@
+"""From a flat scene to something that draws views: textures, materials, light and buffers, made once per survey."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.progress import Progress
+from render.gpu.context import Gl
+from render.gpu.facets import find_facets
+from render.gpu.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
+from render.gpu.materials import layer_mates, tabulate_materials, texture_keys
+from render.gpu.programs import Programs
+from render.gpu.textures import TextureKey, load_textures, sufficient_side
+from render.light.daylight import read_daylight
+from render.light.illumination import Illumination, Lamps, haze_distance
+from render.light.light_level import dimmed, halvings
+from render.light.light_volume import LightVolume, cast_light_volume
+from render.light.local_lights import choose_local_lights
+from render.light.region import region_of_interest
+from render.light.shadow_squares import ShadowSquares
+from render.light.shadows import Shadows
+from render.settings import RenderSettings
+from render.views.passes import Painter
+from usd_schemas.distortion import Distortion
+from usd_schemas.flat_scene import FlatScene
+from usd_schemas.pinhole import Pinhole
+
+if TYPE_CHECKING:
+    from render.views.lens import Lens  # numba takes long to load, and most lenses do not distort
+
+CastVolume = Callable[..., LightVolume]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scene ready to draw.
+
+    Attributes:
+        gl: Open context.
+        programs: Shader programs.
+        gpu: Uploaded scene.
+        lamps: What lights it.
+        settings: How to draw it.
+        warnings: One line for each thing that is drawn otherwise than authored.
+    """
+
+    gl: Gl
+    programs: Programs
+    gpu: GpuScene
+    lamps: Lamps
+    settings: RenderSettings
+    warnings: tuple[str, ...]
+
+    def painter(self, camera: Pinhole, *, sharp: bool) -> Painter:
+        """Make what draws views of one size.
+
+        Args:
+            camera: Intrinsics of every view.
+            sharp: Draw as the settings say; else with one sample a pixel, which is enough for metering.
+        """
+        quality, extra = self.settings.quality, "NORMALS" if self.settings.normals else ""
+        if not sharp:
+            quality, extra = "standard" if quality == "fine" else quality, ""
+        return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, quality, extra)
+
+    def shadow_squares(self, poses: NDArray[np.float64], camera: Pinhole) -> ShadowSquares:
+        """Choose which squares the cameras of a survey need sharp shadows in.
+
+        Args:
+            poses: camera_to_world, shape (N, 4, 4), float64.
+            camera: Intrinsics of every view.
+        """
+        if self.lamps.shadow is None:
+            return ShadowSquares(np.zeros((1, 2)), np.zeros(len(poses), np.int64))
+        return self.lamps.shadow.squares(poses, camera)
+
+    def sharpen_shadows(self, squares: ShadowSquares, row: int) -> None:
+        """Draw the sharp shadow map that a camera needs, unless it is there.
+
+        Args:
+            squares: The squares of the survey.
+            row: Which camera.
+        """
+        if self.lamps.shadow is not None:
+            self.lamps.shadow.sharpen(squares.centers[squares.of_pose[row]])
+
+    def lens(self, scene: FlatScene, camera: Pinhole, distortion: Distortion) -> "tuple[Lens, Painter]":
+        """Make what draws views through a lens that distorts.
+
+        Args:
+            scene: The scene that was prepared.
+            camera: Intrinsics of every view.
+            distortion: Distortion of the lens.
+
+        Returns:
+            The lens, and what draws the wider views that it looks at.
+        """
+        from render.views.lens import Lens, ray_geometry
+
+        cut_out = np.array(["CUT_OUT" in variant.features for variant in self.gpu.variants])[self.gpu.variant_rows]
+        lens = Lens(camera, distortion, ray_geometry(scene, cut_out), normals=self.settings.normals)
+        lamps, quality = self.lamps, self.settings.quality
+        return lens, Painter(self.gl, self.programs, self.gpu, lamps, lens.wide, quality, "TRIANGLES", lens.finer)
+
+
+def prepare(
+    gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress, cast: CastVolume = cast_light_volume,
+    needs: Mapping[TextureKey, float] | None = None, flight: tuple[NDArray[np.float64], float] | None = None,
+) -> Prepared:  # fmt: skip
+    """Upload a scene and light it.
+
+    Args:
+        gl: Open context.
+        scene: What to draw.
+        settings: How to draw it.
+        progress: Told about the light volume.
+        cast: Casts the light volume, or finds the one that was cast before.
+        needs: Least width of a pixel in widths of each texture; None for every texel.
+        flight: Centres of all cameras that will be drawn [m], shape (N, 3), float64, and how far one may stray from
+            its own [m]; None for cameras anywhere.
+
+    Raises:
+        InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
+    """
+    check_scene(scene)
+    lower, upper = draw_boxes(scene)
+    box = region_of_interest(scene, lower, upper)
+    daylight, dark = read_daylight(scene)
+    times = halvings(scene, daylight, box)
+    if times:
+        dark = [*dark, f"the light of the stage is drawn at 2^{-times} of its strength: it has no unit, and is metered"]
+        scene = dimmed(scene, times)
+        daylight, _ = read_daylight(scene)
+    slots, warnings = load_textures(
+        gl, *texture_keys(scene.materials, settings.quality), settings.texture_side, gl.driver.anisotropy(),
+        lambda key, side: sufficient_side(side, needs.get(key, 0.0) if needs else 0.0), layer_mates(scene.materials),
+    )  # fmt: skip
+    table = tabulate_materials(scene.materials, slots, settings.quality)
+    anchor = (box[0] + box[1]) / 2
+    facets = find_facets(scene, anchor)
+    gpu = upload_scene(gl.context, scene, table, anchor, facets.near(*flight) if flight is not None else facets)
+    programs = Programs(gl.context)
+    sunny = bool(daylight.sun_irradiance.any())
+    shadow = Shadows(gl, programs, gpu, daylight, box, settings.shadow_size) if sunny else None
+    volume = None
+    if settings.quality != "fast":
+        volume = cast(scene, daylight, table.means, box, settings.volume_probes, settings.volume_rays, progress)
+    local, unlit = choose_local_lights(scene, box)
+    light = Illumination(daylight, shadow, volume, haze_distance(scene, settings), local)
+    lamps = Lamps(gl.context, light, gpu.anchor)
+    return Prepared(gl, programs, gpu, lamps, settings, (*scene.warnings, *warnings, *dark, *unlit))

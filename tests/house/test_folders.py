@@ -1,0 +1,110 @@
+"""Inside a room, too, imports point one way: from folder to folder, and no module lies loose that is not meant to."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.house.house import ROOT, python_files
+from tests.house.test_imports import imported_names
+
+# The order of each room, lowest first: folders, and the modules beside them, which end in `.py`. Each imports only from
+# those before it. Beside the folders stand the conductor, the settings, and what several folders share.
+FLOORS: dict[str, tuple[str, ...]] = {
+    "usd_schemas": (
+        "tokens.py", "components.py", "taxonomies.py", "pinhole.py", "distortion.py", "registration.py", "apis.py",
+        "flat_scene.py", "raycast.py", "triangulate.py", "reading", "guard",
+    ),
+    "authoring": (
+        "streams.py", "foreign", "shapes", "axis", "solids", "site", "parts", "families", "looks", "light",
+        "backgrounds", "surveys", "layers", "imported", "settings.py", "scenes", "variants", "edits", "exchange",
+        "scene.py",
+    ),
+    "render": (
+        "settings.py", "images", "capture.py", "gpu", "light", "detail", "views", "sensor", "writing", "frames.py",
+        "workers.py",
+    ),
+    "recon": (
+        "settings.py", "cloud.py", "steps.py", "shortage.py", "photos", "sfm", "dense", "placing", "points", "truth",
+        "formats", "sampling", "reconstruct.py",
+    ),
+    "learn": (
+        "settings.py", "sample.py", "neighbourhoods", "datasets", "models", "losses.py", "metrics.py", "statistics.py",
+        "panoptic.py", "training.py", "compare.py", "predict",
+    ),
+    "falsework": (
+        "platform.py", "scenario.py", "store.py", "report", "stages.py", "children", "pipeline.py", "gallery",
+        "doctor.py", "commands", "cli.py", "__main__.py",
+    ),
+}  # fmt: skip
+
+
+def wrong_arrows(room: str, place: str, source: str) -> list[str]:
+    """Name the imports of a module that lead upwards within its room.
+
+    Args:
+        room: Name of the room.
+        place: The folder that the module lies in, or the name of its file.
+        source: Its text.
+    """
+    floors = [name.removesuffix(".py") for name in FLOORS[room]]
+    here = place.removesuffix(".py")
+    if place not in FLOORS[room]:
+        return [f"1: {place} has no floor in {room}"]
+    found = []
+    for line, name in imported_names(source):
+        first, *rest = name.split(".")
+        if first != room or not rest or rest[0] == here:
+            continue
+        if rest[0] not in floors:
+            found.append(f"{line}: {name} has no floor in {room}")
+        elif floors.index(rest[0]) > floors.index(here):
+            found.append(f"{line}: {here} may not import {name}")
+    return found
+
+
+@pytest.mark.parametrize("room", FLOORS)
+def test_imports_point_to_lower_folders(room: str) -> None:
+    """No folder of a room imports one above it, and no module lies beside the folders unless it has a floor there."""
+    found = []
+    for path in python_files(room):
+        place = path.relative_to(ROOT / room).parts[0]
+        if place != "__init__.py":
+            text = path.read_text(encoding="utf-8")
+            found += [f"{path.relative_to(ROOT)}:{line}" for line in wrong_arrows(room, place, text)]
+    assert found == []
+
+
+@pytest.mark.parametrize("room", sorted(set(FLOORS) - {"learn"}))
+def test_every_floor_is_there(room: str) -> None:
+    """The table names nothing that the room does not have; learn has its floors before it has its modules."""
+    assert [name for name in FLOORS[room] if not (ROOT / room / name).exists()] == []
+
+
+@pytest.mark.parametrize(
+    ("room", "place", "source"),
+    [
+        ("authoring", "site", "from authoring.parts.piers import Pier"),
+        ("authoring", "shapes", "def f():\n    from authoring.axis import alignment"),
+        ("authoring", "surveys", "import authoring.settings"),
+        ("recon", "sfm", "from recon import reconstruct"),
+        ("recon", "misc", ""),
+        ("recon", "loose.py", ""),
+        ("render", "gpu", "from render.nowhere import x"),
+    ],
+)
+def test_an_arrow_upwards_is_found(room: str, place: str, source: str) -> None:
+    """Each import of a higher folder, and each name without a floor, is one finding."""
+    assert len(wrong_arrows(room, place, source)) == 1
+
+
+@pytest.mark.parametrize(
+    ("room", "place", "source"),
+    [
+        ("authoring", "site", "from authoring.axis.alignment import Alignment\nfrom authoring.site import grid"),
+        ("authoring", "scene.py", "from authoring.settings import AuthoringSettings"),
+        ("recon", "reconstruct.py", "import recon.sfm.sparse\nfrom render.capture import read_capture"),
+    ],
+)
+def test_an_arrow_downwards_passes(room: str, place: str, source: str) -> None:
+    """Imports of lower folders, of the same folder, and of other rooms are no findings."""
+    assert wrong_arrows(room, place, source) == []

@@ -1,0 +1,86 @@
+"""Opening a stage from elsewhere: what it reads and how large it grows is known before it is composed."""
+
+import resource
+from pathlib import Path
+
+from pxr import Usd, UsdGeom, UsdUtils
+
+from groundwork.errors import InputError, MissingError
+from usd_schemas.guard.composed_size import ComposedSize
+from usd_schemas.guard.layer_walk import Bounds, Warn, walk_layers
+from usd_schemas.reading.traversal import EARLIEST
+from usd_schemas.registration import register_schemas
+
+register_schemas()
+
+MOST_PRIMS = 1_000_000  # a bridge has some thousands; reading takes about 0.1 ms a prim
+MOST_INSTANCES = 10_000_000  # of PointInstancers
+MOST_BYTES = 4_000_000_000  # of layer files
+
+
+def check_stage(path: Path, allow_roots: tuple[Path, ...], warn: Warn, most_prims: int = MOST_PRIMS) -> None:
+    """Look through a stage from elsewhere before anything composes it.
+
+    Call it in a child process with limits: even to read a layer may take more than there is.
+
+    Args:
+        path: USD file.
+        allow_roots: Folders beside that of the root layer from which the stage may take files.
+        warn: Called with one line for each thing that is odd but not forbidden.
+        most_prims: Number of composed prims that is too many.
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: It takes files from elsewhere, is not readable, leads in a circle, or is too large.
+    """
+    if not path.is_file():
+        raise MissingError("no such file", where=path, mend="Name a .usda, .usdc, .usd or .usdz file")
+    file = path.resolve()
+    bounds = Bounds(file.parent, (file.parent, *(root.resolve() for root in allow_roots)))
+    quiet = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        layers = walk_layers(file, bounds, warn)
+        size = sum(layer.stat().st_size for layer in layers)
+        if size > MOST_BYTES:
+            raise InputError(f"its layers hold {size / 1e9:.1f} GB", where=path, allowed=f"{MOST_BYTES / 1e9:.0f} GB")
+        if file.suffix != ".usdz":
+            ComposedSize(bounds, most_prims, warn).count(file)
+        _check_composed(Usd.Stage.Open(str(file)), most_prims, warn)
+    except RecursionError:
+        raise InputError("prims or references are nested too deep", where=path, mend="Flatten the stage") from None
+    finally:
+        del quiet
+
+
+def limit_memory(gigabytes: float) -> None:
+    """Bound what this process may allocate, so that one huge array fails at once instead of filling the machine.
+
+    Args:
+        gigabytes: Address space [GB].
+    """
+    most = int(gigabytes * 1e9)
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def _check_composed(stage: Usd.Stage, most_prims: int, warn: Warn) -> None:
+    """Name prims whose type or chosen variant nobody here knows; packages are counted only here."""
+    instances = 0
+    for number, prim in enumerate(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
+        if number >= most_prims:
+            raise InputError(f"composes to more than {most_prims} prims", where=prim.GetPath())
+        if prim.IsA(UsdGeom.PointInstancer):
+            instances += len(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr().Get(EARLIEST) or ())
+            if instances > MOST_INSTANCES:
+                raise InputError(f"draws more than {MOST_INSTANCES} instances", where=prim.GetPath())
+        kind = prim.GetTypeName()
+        if kind and Usd.SchemaRegistry.GetTypeFromSchemaTypeName(kind).isUnknown:
+            warn(
+                f"{prim.GetPath()}: type {kind} needs a schema plugin that is not here: it is not drawn, and neither "
+                f"is its transform applied to what is below"
+            )
+        sets = prim.GetVariantSets()
+        for name in sets.GetNames():
+            chosen = sets.GetVariantSelection(name)
+            if chosen and chosen not in (known := sets.GetVariantSet(name).GetVariantNames()):
+                warn(f"{prim.GetPath()}: no variant {chosen!r} in {name}; there are {', '.join(sorted(known))}")

@@ -1,0 +1,270 @@
+"""Cameras with their poses, and the products that shall be rendered from them."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom, UsdRender
+
+from groundwork.errors import InputError
+from usd_schemas import tokens
+from usd_schemas.apis import read_survey
+from usd_schemas.flat_scene import CameraTrack, Product
+from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
+from usd_schemas.reading.labels import Warn
+from usd_schemas.reading.traversal import EARLIEST, composed_prims
+
+F64 = NDArray[np.float64]
+
+CAMERA_MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV")  # of COLMAP, that the calibration schema may name
+DEFAULT_WIDTH = 1280  # [px], where a stage names no resolution
+FRAMING_HEIGHT = 960  # [px]
+FRAMING_LENS = UsdLens(0.24, 0.36, 0.27)  # 24 mm on 36 x 27 mm
+_WHOLE_WINDOW = (0.0, 0.0, 1.0, 1.0)
+_SAME_ASPECT = 1e-3  # difference of aspects that is none [1]
+FRAMING_MARGIN = 0.9  # share of the picture that the scene may fill [1]
+DEFAULT_NEAR = 0.1  # [m]
+
+
+def read_cameras(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[CameraTrack, ...]:
+    """Read every perspective camera.
+
+    A survey's camera has one image for each integer time code at which it is sampled, and so has any other that is
+    sampled at every frame from its first to its last. Any other camera that moves, by itself or with a parent, has one
+    for each whole frame of the stage between its first and last key; one that stands still has one.
+
+    Args:
+        stage: Composed stage.
+        stage_to_world: Stage units to metres with z up, shape (4, 4), float64.
+        warn: Called with one line for each camera that is left out.
+    """
+    tracks = []
+    for prim in composed_prims(stage):
+        if not prim.IsA(UsdGeom.Camera):
+            continue
+        camera = UsdGeom.Camera(prim)
+        if camera.GetProjectionAttr().Get(EARLIEST) != UsdGeom.Tokens.perspective:
+            warn(f"{prim.GetPath()}: only perspective cameras are rendered")
+            continue
+        lens = _read_lens(camera)
+        if not min(lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture) > 0.0:
+            warn(f"{prim.GetPath()}: a lens without focal length or aperture")
+            continue
+        track = _read_track(camera, lens, stage_to_world)
+        if not np.isfinite(track.poses).all():
+            warn(f"{prim.GetPath()}: its poses are not finite")
+            continue
+        fault = _lens_fault(prim, track)
+        if fault:
+            warn(f"{prim.GetPath()}: {fault}")
+            continue
+        tracks.append(track)
+    return tuple(tracks)
+
+
+def _lens_fault(prim: Usd.Prim, track: CameraTrack) -> str:
+    """Say what is wrong with a stated calibration; empty when nothing is."""
+    stated = prim.GetAttribute("falsework:cal:model")
+    model = str(stated.Get()) if stated and stated.HasAuthoredValue() else "PINHOLE"
+    if model not in CAMERA_MODELS:
+        return f"falsework:cal:model {model} is none of {', '.join(CAMERA_MODELS)}"
+    camera = track.calibration
+    if camera is None or track.distortion.is_identity:
+        return ""
+    across, down = np.meshgrid(np.linspace(0, camera.width, 9), np.linspace(0, camera.height, 9))
+    try:
+        track.distortion.undistort(
+            np.column_stack([(across.ravel() - camera.cx) / camera.fx, (down.ravel() - camera.cy) / camera.fy])
+        )
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _read_lens(camera: UsdGeom.Camera) -> UsdLens:
+    values = (
+        camera.GetFocalLengthAttr(), camera.GetHorizontalApertureAttr(), camera.GetVerticalApertureAttr(),
+        camera.GetHorizontalApertureOffsetAttr(), camera.GetVerticalApertureOffsetAttr(),
+    )  # fmt: skip
+    return UsdLens(*(float(value.Get(EARLIEST)) for value in values))
+
+
+def _read_track(camera: UsdGeom.Camera, lens: UsdLens, stage_to_world: F64) -> CameraTrack:
+    prim = camera.GetPrim()
+    unit = float(np.linalg.norm(stage_to_world[:3, 0]))
+    survey = read_survey(prim, 0)
+    is_survey = bool(survey.kind or survey.image_names)
+    codes = _codes(prim, is_survey)
+    names = survey.image_names
+    facts: dict[str, object] = {}
+    if is_survey:
+        facts = {"kind": survey.kind, "seed": survey.seed, "spacing": survey.spacing}
+    times = _sampled(prim, "falsework:survey:captureTime", codes)
+    if times is not None:
+        facts["capture_times"] = times.tolist()
+    gps = _sampled(prim, "falsework:gps:localPosition", codes)
+    near = float(camera.GetClippingRangeAttr().Get(EARLIEST)[0]) * unit
+    sensor = prim.GetAttribute("falsework:cal:sensorWidth")
+    has_sensor = sensor and sensor.HasAuthoredValue()
+    return CameraTrack(
+        name=survey.id or prim.GetName(),
+        path=str(prim.GetPath()),
+        lens=lens,
+        poses=np.array([_pose(prim, code, stage_to_world) for code in codes]),
+        image_names=names if len(names) == len(codes) else tuple(f"{row:06d}" for row in range(len(codes))),
+        calibration=survey.calibration,
+        sensor_width=survey.sensor_width if has_sensor else lens.horizontal_aperture * TENTH * unit,
+        near=near if near > 0.0 else DEFAULT_NEAR,
+        gps=gps @ (stage_to_world[:3, :3] / unit).T if gps is not None else None,
+        gps_sigma=survey.gps_sigma,
+        facts=facts,
+        distortion=survey.distortion,
+        readout_time=survey.readout_time,
+        make=survey.camera_make,
+        model=survey.camera_model,
+        attitude=_sampled(prim, "falsework:gps:attitude", codes),
+        attitude_sigma=survey.attitude_sigma,
+    )
+
+
+def _sampled(prim: Usd.Prim, name: str, codes: list[Usd.TimeCode]) -> F64 | None:
+    """Values of a time-sampled attribute at given codes, or None where it has no samples."""
+    attribute = prim.GetAttribute(name)
+    if not attribute or not attribute.GetNumTimeSamples():
+        return None
+    return np.array([attribute.Get(code) for code in codes], np.float64)
+
+
+def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
+    """Time codes of a camera's images."""
+    sampled: set[float] = set()
+    above = prim
+    while above and not above.IsPseudoRoot():
+        if above.IsA(UsdGeom.Xformable):
+            sampled |= set(UsdGeom.Xformable(above).GetTimeSamples())
+            if UsdGeom.Xformable(above).GetResetXformStack():
+                break
+        above = above.GetParent()
+    if len(sampled) < 2:
+        return [Usd.TimeCode(value) for value in sampled] or [EARLIEST]
+    whole = [Usd.TimeCode(value) for value in sorted(sampled) if value.is_integer()]
+    every_frame = len(whole) == len(sampled) == max(sampled) - min(sampled) + 1
+    if whole and (is_survey or every_frame):
+        return whole
+    stage = prim.GetStage()
+    first, last = min(sampled), max(sampled)
+    if stage.HasAuthoredTimeCodeRange():  # outside its own keys a camera stands still: nothing new is seen there
+        start, end = max(first, stage.GetStartTimeCode()), min(last, stage.GetEndTimeCode())
+        first, last = (start, end) if start <= end else (first, last)
+    return [Usd.TimeCode(value) for value in range(math.ceil(first), max(math.floor(last), math.ceil(first)) + 1)]
+
+
+def _pose(prim: Usd.Prim, code: Usd.TimeCode, stage_to_world: F64) -> F64:
+    """camera_to_world in metres, without the scale that parents may bring in, shape (4, 4)."""
+    matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(code)).T
+    placed = stage_to_world @ matrix @ USD_FROM_CAMERA
+    pose = np.eye(4)
+    forward = placed[:3, 2] / np.linalg.norm(placed[:3, 2])
+    down = placed[:3, 1] - forward * (placed[:3, 1] @ forward)
+    down /= np.linalg.norm(down)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = np.cross(down, forward), down, forward, placed[:3, 3]
+    return pose
+
+
+def read_products(stage: Usd.Stage, cameras: tuple[CameraTrack, ...], warn: Warn) -> tuple[Product, ...]:
+    """Read the render products; a stage without any gets one for each camera.
+
+    Args:
+        stage: Composed stage.
+        cameras: Cameras that were read.
+        warn: Called with one line for each product that is left out.
+    """
+    rows = {camera.path: row for row, camera in enumerate(cameras)}
+    settings = UsdRender.Settings.GetStageRenderSettings(stage)
+    targets = settings.GetProductsRel().GetForwardedTargets() if settings else []
+    prims = [stage.GetPrimAtPath(path) for path in targets] or [
+        prim for prim in composed_prims(stage) if prim.IsA(UsdRender.Product)
+    ]
+    products: list[Product] = []
+    for prim in prims:
+        if not prim or not prim.IsA(UsdRender.Product):
+            continue
+        base = UsdRender.SettingsBase(prim)
+        seen_by = base.GetCameraRel().GetForwardedTargets()
+        if not seen_by and settings:
+            seen_by = settings.GetCameraRel().GetForwardedTargets()
+        row = rows.get(str(seen_by[0])) if seen_by else None
+        if row is None:
+            warn(f"{prim.GetPath()}: a RenderProduct without a camera")
+            continue
+        resolution = base.GetResolutionAttr()
+        if not resolution.HasAuthoredValue() and settings:
+            resolution = settings.GetResolutionAttr()
+        width, height = (int(value) for value in resolution.Get())
+        if min(width, height) <= 0:
+            warn(f"{prim.GetPath()}: a RenderProduct of {width} x {height} pixels")
+            continue
+        _note_unread(prim, settings, cameras[row].lens, width / height, warn)
+        products.append(Product(_free_name(cameras[row].name, prim.GetName(), products), row, width, height))
+    return tuple(products) or tuple(_default_product(cameras, row) for row in range(len(cameras)))
+
+
+def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, aspect: float, warn: Warn) -> None:
+    """Name what a product asks for beyond camera, resolution and our outputs."""
+
+    def told(name: str) -> Any:
+        holders = [prim, settings.GetPrim()] if settings else [prim]
+        attributes = [holder.GetAttribute(name) for holder in holders]
+        found = next((one for one in attributes if one and one.HasAuthoredValue()), None)
+        return found.Get(EARLIEST) if found else None
+
+    policy, window, stretch = told("aspectRatioConformPolicy"), told("dataWindowNDC"), told("pixelAspectRatio")
+    differs = abs(lens.horizontal_aperture / lens.vertical_aperture / aspect - 1.0) > _SAME_ASPECT
+    if differs and policy not in (None, UsdRender.Tokens.expandAperture):
+        warn(f"{prim.GetPath()}: aspectRatioConformPolicy {policy} is read as expandAperture")
+    if window is not None and tuple(float(side) for side in window) != _WHOLE_WINDOW:
+        warn(f"{prim.GetPath()}: dataWindowNDC is left out: the whole image is rendered")
+    if stretch is not None and stretch != 1.0:
+        warn(f"{prim.GetPath()}: pixelAspectRatio {stretch:g} is left out: pixels are square")
+    targets = UsdRender.Product(prim).GetOrderedVarsRel().GetForwardedTargets()
+    variables = [UsdRender.Var(prim.GetStage().GetPrimAtPath(target)) for target in targets]
+    named = [str(variable.GetSourceNameAttr().Get(EARLIEST)) for variable in variables if variable]
+    unknown = ", ".join(name for name in named if name not in tokens.RENDER_VAR_NAMES)
+    if unknown:
+        warn(f"{prim.GetPath()}: RenderVars {unknown} are not among {', '.join(tokens.RENDER_VAR_NAMES)}: not written")
+
+
+def _free_name(wanted: str, other: str, products: list[Product]) -> str:
+    taken = {product.name for product in products}
+    numbered = (f"{other}_{number}" for number in range(2, len(taken) + 3))
+    return next(name for name in (wanted, other, *numbered) if name not in taken)
+
+
+def _default_product(cameras: tuple[CameraTrack, ...], row: int) -> Product:
+    camera = cameras[row]
+    if camera.calibration is not None:
+        return Product(camera.name, row, camera.calibration.width, camera.calibration.height)
+    height = round(DEFAULT_WIDTH * camera.lens.vertical_aperture / camera.lens.horizontal_aperture)
+    same = [other.name for other in cameras[:row]].count(camera.name)
+    return Product(f"{camera.name}_{same + 1}" if same else camera.name, row, DEFAULT_WIDTH, max(height, 1))
+
+
+def framing_camera(low: F64, high: F64) -> tuple[CameraTrack, Product]:
+    """Make a camera that sees a whole box from the south-west and above.
+
+    Args:
+        low: Lower corner [m], shape (3,), float64.
+        high: Upper corner [m], shape (3,), float64.
+    """
+    centre = (low + high) / 2
+    pose = look_at(centre + np.array([-1.0, -1.0, 0.7]), centre)
+    corners = np.array([[(low, high)[bit][axis] for axis, bit in enumerate(bits)] for bits in np.ndindex(2, 2, 2)])
+    local = (corners - centre) @ pose[:3, :3]
+    lens = FRAMING_LENS
+    half = np.array([lens.horizontal_aperture, lens.vertical_aperture]) / 2 / lens.focal_length * FRAMING_MARGIN
+    distance = max(float(np.max(abs(local[:, :2]) / half - local[:, 2:])), 1e-3)
+    pose[:3, 3] = centre - distance * pose[:3, 2]
+    near = min(DEFAULT_NEAR, distance / 100)
+    track = CameraTrack("framing", "", lens, pose[None], ("000000",), near=near)
+    return track, Product("framing", 0, DEFAULT_WIDTH, FRAMING_HEIGHT)

@@ -1,0 +1,249 @@
+"""Placed prims into the arrays of a flat scene: each mesh once, one draw for each visible part of each instance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom, UsdShade
+
+from usd_schemas.flat_scene import Draws, FlatScene, Geometry, InstanceRow, Material
+from usd_schemas.reading.geometry_pile import GeometryPile
+from usd_schemas.reading.labels import Label, Register, Warn, inherit_label
+from usd_schemas.reading.materials import GREY, ReadMaterial, read_material
+from usd_schemas.reading.meshes import FlatMesh, UnreadableMeshError, read_mesh, subset_faces
+from usd_schemas.reading.placements import Placement
+from usd_schemas.reading.traversal import EARLIEST
+from usd_schemas.taxonomies import Taxonomy
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+FALLBACK, DISPLAY_COLOR = 0, 1  # the first two materials
+_BIND_FAMILY = "materialBind"
+_LEAST_SCALE = 1e-9  # [1], below which an instance is taken for hidden
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Faces of a mesh with one material and one label: names of the GeomSubsets, empty for the mesh itself."""
+
+    material_subset: str
+    label_subset: str
+
+
+@dataclass(frozen=True)
+class _Split:
+    """How GeomSubsets cut up a mesh: `face` gives the group of each face, or None where all faces are one group."""
+
+    groups: tuple[_Group, ...]
+    face: I64 | None
+
+
+@dataclass(frozen=True)
+class Flattened:
+    """What the placements of a stage come to.
+
+    Attributes:
+        geometry: Unique meshes.
+        draws: Their visible instances.
+        materials: Materials.
+        instances: Instance rows in ascending order.
+    """
+
+    geometry: Geometry
+    draws: Draws
+    materials: tuple[Material, ...]
+    instances: tuple[InstanceRow, ...]
+
+
+def flatten(placements: list[Placement], stage_to_world: F64, table: Taxonomy, warn: Warn) -> Flattened:
+    """Read every placed mesh once and list its draws.
+
+    Args:
+        placements: What is drawn.
+        stage_to_world: Stage units to metres with z up, shape (4, 4), float64.
+        table: Class table in force.
+        warn: Called with one line for each thing that could not be read as authored.
+    """
+    splits: dict[object, _Split] = {}
+    for placement in placements:
+        key = mesh_key(placement.prim)
+        if key not in splits:
+            splits[key] = _split(placement.prim, warn)
+    materials = _Materials(placements, splits, warn)
+    register = Register(table, warn)
+    register.reserve(_authored_ids(placements, splits))
+    pile = GeometryPile()
+    parts = _Parts(pile, warn)
+    for number, placement in enumerate(placements):
+        key = mesh_key(placement.prim)
+        mesh = parts.mesh(key, placement.prim, materials.uv_names(number))
+        transforms, rows = _usable(placement, stage_to_world @ placement.transforms, warn)
+        if mesh is None or not len(rows):
+            continue
+        numbers = placement.numbers[rows] if placement.numbers is not None else None
+        for group, names in enumerate(splits[key].groups):
+            label = _group_label(placement, names)
+            own_numbers = numbers if label.instance_id == placement.label.instance_id else None
+            ids = register.instance_ids(label, placement.owner.GetPath(), own_numbers, len(rows))
+            material, class_id = materials.row(number, group, mesh.colored), register.class_id(label)
+            part = parts.row(key, group, splits[key].face)
+            if part is not None:
+                pile.add_draws(part, transforms, material, ids, class_id)
+    instances = tuple(register.rows[number] for number in sorted(register.rows))
+    return Flattened(pile.geometry(), pile.draws(), tuple(materials.flat), instances)
+
+
+def mesh_key(prim: Usd.Prim) -> object:
+    """Tell which mesh a prim shares with other instances.
+
+    Args:
+        prim: A drawn prim, maybe an instance proxy.
+    """
+    return (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
+
+
+def world_bounds(scene: FlatScene | Flattened) -> tuple[F64, F64]:
+    """Find an axis-aligned box that holds everything that is drawn; turned meshes count with their own boxes.
+
+    Args:
+        scene: Scene with at least one draw.
+
+    Returns:
+        Lower and upper corner [m], shape (3,), float64.
+    """
+    geometry, draws = scene.geometry, scene.draws
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for part in np.unique(draws.part).tolist():
+        first, count = geometry.part_first[part], geometry.part_count[part]
+        used = geometry.positions[np.unique(geometry.triangles[first : first + count])].astype(np.float64)
+        ends = np.stack([used.min(axis=0), used.max(axis=0)])
+        corners = np.array([[ends[bit, axis] for axis, bit in enumerate(bits)] for bits in np.ndindex(2, 2, 2)])
+        transforms = draws.transform[draws.part == part]
+        placed = np.einsum("nij,cj->nci", transforms[:, :3, :3], corners) + transforms[:, None, :3, 3]
+        low, high = np.minimum(low, placed.min(axis=(0, 1))), np.maximum(high, placed.max(axis=(0, 1)))
+    return low, high
+
+
+def _split(prim: Usd.Prim, warn: Warn) -> _Split:
+    whole = _Split((_Group("", ""),), None)
+    subsets = subset_faces(prim) if prim.IsA(UsdGeom.Mesh) else []
+    if not subsets:
+        return whole
+    count = len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(EARLIEST) or [])
+    names = ["", *(subset.GetName() for subset, _, _ in subsets)]
+    bound, labelled = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    for row, (subset, family, faces) in enumerate(subsets, start=1):
+        if len(faces) and not 0 <= faces.min() <= faces.max() < count:
+            warn(f"{subset.GetPath()}: indices name faces that do not exist: ignored")
+            faces = faces[(faces >= 0) & (faces < count)]
+        if family == _BIND_FAMILY:
+            bound[faces] = row
+        if inherit_label(subset, Label()) != Label():
+            labelled[faces] = row
+    pairs, face = np.unique(bound * len(names) + labelled, return_inverse=True)
+    groups = tuple(_Group(names[pair // len(names)], names[pair % len(names)]) for pair in pairs.tolist())
+    return _Split(groups, face) if count else whole
+
+
+def _group_label(placement: Placement, group: _Group) -> Label:
+    if not group.label_subset:
+        return placement.label
+    return inherit_label(placement.prim.GetChild(group.label_subset), placement.label)
+
+
+def _authored_ids(placements: list[Placement], splits: dict[object, _Split]) -> set[int]:
+    ids: set[int] = set()
+    for placement in placements:
+        if placement.numbers is not None:
+            ids |= set(placement.numbers.tolist())
+        for group in splits[mesh_key(placement.prim)].groups:
+            ids.add(_group_label(placement, group).instance_id)
+    return ids
+
+
+def _usable(placement: Placement, transforms: F64, warn: Warn) -> tuple[F64, I64]:
+    """Leave out instances that stand nowhere or are flat; returns the others and their row numbers."""
+    finite = np.isfinite(transforms).all(axis=(1, 2))
+    if not finite.all():
+        warn(f"{placement.prim.GetPath()}: its transform is not finite: not drawn")
+    size = np.linalg.norm(transforms[:, :3, :3], axis=1).min(axis=1)
+    rows = np.flatnonzero(finite & (size > _LEAST_SCALE))
+    return transforms[rows], rows
+
+
+class _Materials:
+    """Materials of every group of every placement, each read once."""
+
+    def __init__(self, placements: list[Placement], splits: dict[object, _Split], warn: Warn) -> None:
+        self.flat = [Material("fallback", base_color=GREY), Material("displayColor", use_display_color=True)]
+        prims, self._starts = [], []
+        for placement in placements:
+            self._starts.append(len(prims))
+            for group in splits[mesh_key(placement.prim)].groups:
+                name = group.material_subset
+                prims.append(placement.prim.GetChild(name) if name else placement.prim)
+        bound, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, UsdShade.Tokens.full)
+        known: dict[object, tuple[int | None, ReadMaterial]] = {None: (None, ReadMaterial(None))}
+        self._found = []
+        for material in bound:
+            key = material.GetPath() if material else None
+            if key not in known:
+                read = read_material(material, warn)
+                known[key] = (None if read.material is None else len(self.flat), read)
+                self.flat += [read.material] if read.material is not None else []
+            self._found.append(known[key])
+        unbound = sum(1 for material in bound if not material)
+        if unbound:
+            warn(f"{unbound} parts have no material: drawn in displayColor or grey")
+
+    def row(self, placement: int, group: int, colored: bool) -> int:
+        found = self._found[self._starts[placement] + group][0]
+        return found if found is not None else (DISPLAY_COLOR if colored else FALLBACK)
+
+    def uv_names(self, placement: int) -> tuple[str, str]:
+        last = self._starts[placement + 1] if placement + 1 < len(self._starts) else len(self._found)
+        named = [read.uv_names for _, read in self._found[self._starts[placement] : last]]
+        first, second = (next((name for name in column if name), "") for column in zip(*named, strict=True))
+        return first, second
+
+
+class _Parts:
+    """Meshes already read, and the parts that their groups became."""
+
+    def __init__(self, pile: GeometryPile, warn: Warn) -> None:
+        self._pile = pile
+        self._warn = warn
+        self._meshes: dict[object, tuple[FlatMesh, int] | None] = {}
+        self._rows: dict[tuple[object, int], int] = {}
+
+    def mesh(self, key: object, prim: Usd.Prim, uv_names: tuple[str, str]) -> FlatMesh | None:
+        """Read a mesh, unless that was done; None where it cannot be drawn."""
+        if key not in self._meshes:
+            self._meshes[key] = self._read(prim, uv_names)
+        known = self._meshes[key]
+        return known[0] if known else None
+
+    def _read(self, prim: Usd.Prim, uv_names: tuple[str, str]) -> tuple[FlatMesh, int] | None:
+        try:
+            mesh = read_mesh(prim, uv_names)
+        except UnreadableMeshError as error:
+            self._warn(f"{prim.GetPath()}: {error}: not drawn")
+            return None
+        for note in mesh.notes:
+            self._warn(f"{prim.GetPath()}: {note}")
+        return (mesh, self._pile.add_mesh(mesh)) if len(mesh.triangles) else None
+
+    def row(self, key: object, group: int, face: I64 | None) -> int | None:
+        """Find the part of a group of faces."""
+        if (key, group) not in self._rows:
+            known = self._meshes[key]
+            mesh, first = known if known else (None, 0)
+            if mesh is None:
+                return None
+            chosen = slice(None) if face is None else face[mesh.face] == group
+            triangles = mesh.triangles[chosen] + first
+            if not len(triangles):
+                return None
+            self._rows[key, group] = self._pile.add_part(triangles, mesh.double_sided)
+        return self._rows[key, group]

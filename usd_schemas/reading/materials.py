@@ -1,0 +1,238 @@
+"""UsdPreviewSurface networks as flat materials; what they cannot hold falls back visibly, with one warning each."""
+
+from dataclasses import dataclass, replace
+
+from pxr import Sdf, Usd, UsdShade
+
+from usd_schemas.flat_scene import MOST_OCTAVES, Detail, Material, Texture
+from usd_schemas.reading.foreign_materials import read_foreign_material
+from usd_schemas.reading.labels import Warn
+from usd_schemas.reading.meshes import ATLAS_ST
+from usd_schemas.reading.shader_inputs import Source, asset_file, channel_of, find_source, number_of, pair_of, triple_of
+
+GREY = (0.5, 0.5, 0.5)
+_DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)
+_DEFAULT_ROUGHNESS = 0.5
+_WRAPS = ("mirror", "clamp", "black")  # how a texture goes on beyond its edge, other than by repeating
+_CODED_NORMAL = ((2.0, 2.0, 2.0), (-1.0, -1.0, -1.0))  # from a picture's 0 to 1 to a vector's -1 to 1
+_CONTEXTS = ("mtlx", "mdl", "ri", "glslfx", "arnold", "cycles")
+
+
+_Four = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class ReadMaterial:
+    """A material and the primvars that it reads.
+
+    Attributes:
+        material: The flat material; None where only displayColor or grey can stand in for it.
+        uv_names: Primvar names of its first and second UV set; empty where it names none.
+    """
+
+    material: Material | None
+    uv_names: tuple[str, str] = ("", "")
+
+
+@dataclass(frozen=True)
+class _Sampled:
+    """A texture before its UV set is known by number."""
+
+    texture: Texture
+    varname: str
+    output: str
+
+
+def read_material(material: UsdShade.Material, warn: Warn) -> ReadMaterial:
+    """Read one material.
+
+    Args:
+        material: Bound material.
+        warn: Called with one line for each thing that is left out.
+    """
+    path = str(material.GetPath())
+    surface, _, _ = material.ComputeSurfaceSource()
+    kind = surface.GetShaderId() if surface else ""
+    if kind != "UsdPreviewSurface":
+        foreign = read_foreign_material(material, warn)
+        if foreign is not None:
+            return ReadMaterial(*foreign)
+        others = (material.ComputeSurfaceSource(context)[0] for context in _CONTEXTS)
+        names = (other.GetShaderId() or other.GetPrim().GetName() for other in others if other)
+        named = kind or next(names, "no surface")
+        warn(f"{path}: a material that is no UsdPreviewSurface ({named}): drawn in displayColor or grey")
+        return ReadMaterial(None)
+    return _read_preview(path, material, surface, warn)
+
+
+def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shader, warn: Warn) -> ReadMaterial:
+    def note(text: str) -> None:
+        warn(f"{path}: {text}")
+
+    base, color, by_vertex = _read_color(find_source(surface, "diffuseColor"), note)
+    rough, metal = (_read_number(surface, name, note) for name in ("roughness", "metallic"))
+    normal = _read_normal(find_source(surface, "normal"), note)
+    _note_unread(surface, note)
+    detail = _read_detail(material.GetPrim(), note)
+    names = _uv_names([sampled.varname for sampled in (base, rough, metal, normal) if sampled])
+
+    def numbered(sampled: _Sampled | None) -> Texture | None:
+        return replace(sampled.texture, uv_set=int(sampled.varname == names[1] != "")) if sampled else None
+
+    return ReadMaterial(
+        Material(
+            name=path,
+            base_color=color,
+            use_display_color=by_vertex,
+            base_texture=numbered(base),
+            roughness=number_of(find_source(surface, "roughness"), _DEFAULT_ROUGHNESS),
+            roughness_texture=numbered(rough),
+            metallic=number_of(find_source(surface, "metallic"), 0.0),
+            metallic_texture=numbered(metal),
+            normal_texture=numbered(normal),
+            emissive=triple_of(find_source(surface, "emissiveColor"), (0.0, 0.0, 0.0)),
+            opacity_threshold=_read_opacity(surface, base, note),
+            detail=detail,
+        ),
+        names,
+    )
+
+
+def _uv_names(used: list[str]) -> tuple[str, str]:
+    """Give the primvars that textures read to the two UV sets: `st1` is always the second."""
+    first = [name for name in dict.fromkeys(used) if name and name != ATLAS_ST]
+    second = ATLAS_ST if ATLAS_ST in used else (first[1] if len(first) > 1 else "")
+    return (first[0] if first else ""), second
+
+
+def _read_color(source: Source, note: Warn) -> tuple[_Sampled | None, tuple[float, float, float], bool]:
+    """Diffuse colour: its texture, else a constant, else the vertex colour."""
+    if source.shader is None:
+        return None, triple_of(source, _DEFAULT_DIFFUSE), False
+    if source.shader.GetShaderId() == "UsdPrimvarReader_float3":
+        if str(find_source(source.shader, "varname").value) == "displayColor":
+            return None, GREY, True
+        note("diffuseColor reads a primvar other than displayColor: drawn grey")
+        return None, GREY, False
+    sampled = _read_texture(source, True, "diffuseColor", note)
+    if sampled and sampled.output in ("rgb", ""):
+        return sampled, GREY, False
+    if sampled:
+        note(f"diffuseColor from output {sampled.output} of a texture is left out: drawn plain grey")
+    return None, GREY, False
+
+
+def _read_number(surface: UsdShade.Shader, name: str, note: Warn) -> _Sampled | None:
+    sampled = _read_texture(find_source(surface, name), False, name, note)
+    if sampled is None:
+        return None
+    channel = channel_of(sampled.output)
+    if channel is None:
+        note(f"{name} from output {sampled.output} of a texture is left out")
+        return None
+    gain, bias = (values[channel] for values in _gain_and_bias(find_source(surface, name).shader))
+    texture = replace(sampled.texture, channel=channel, gain=(gain,) * 3, bias=(bias,) * 3)
+    return replace(sampled, texture=texture)
+
+
+def _read_normal(source: Source, note: Warn) -> _Sampled | None:
+    sampled = _read_texture(source, False, "normal", note)
+    if sampled:
+        told = tuple(values[:3] for values in _gain_and_bias(source.shader))
+        if told not in (_CODED_NORMAL, ((1.0,) * 3, (0.0,) * 3)):
+            note("scale and bias of the normal texture are read as 2 and -1")
+    return sampled and replace(sampled, texture=replace(sampled.texture, gain=(1.0,) * 3, bias=(0.0,) * 3))
+
+
+def _note_unread(surface: UsdShade.Shader, note: Warn) -> None:
+    """Name the inputs of a preview surface that change its look and have no place in a flat material."""
+    if find_source(surface, "emissiveColor").shader:
+        note("a texture of emissiveColor is left out")
+    if number_of(find_source(surface, "useSpecularWorkflow"), 0.0):
+        note("useSpecularWorkflow is left out: drawn by its metallic")
+    for name in ("clearcoat", "displacement"):
+        source = find_source(surface, name)
+        if source.shader or number_of(source, 0.0) != 0.0:
+            note(f"{name} is left out")
+
+
+def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sampled | None:
+    shader = source.shader
+    if shader is None:
+        return None
+    if shader.GetShaderId() != "UsdUVTexture":
+        note(f"{name} is fed by {shader.GetShaderId() or 'an unknown node'}, which is not read")
+        return None
+    value = find_source(shader, "file").value
+    file = asset_file(value)
+    if not file:
+        note(f"no texture {value.path if isinstance(value, Sdf.AssetPath) else '(none)'} for {name}: drawn plain grey")
+        return None
+    gain, bias = _gain_and_bias(shader)
+    wraps = {str(find_source(shader, edge).value or "") for edge in ("wrapS", "wrapT")}
+    for wrap in sorted(wraps & set(_WRAPS)):
+        note(f"the {name} texture repeats beyond its edge, not {wrap}")
+    space = str(find_source(shader, "sourceColorSpace").value or "auto")
+    placed = find_source(shader, "st")
+    scale, rotation, translation = (1.0, 1.0), 0.0, (0.0, 0.0)
+    if placed.shader and placed.shader.GetShaderId() == "UsdTransform2d":
+        scale = pair_of(find_source(placed.shader, "scale"), scale)
+        rotation = number_of(find_source(placed.shader, "rotation"), 0.0)
+        translation = pair_of(find_source(placed.shader, "translation"), translation)
+        placed = find_source(placed.shader, "in")
+    varname = ""
+    if placed.shader and placed.shader.GetShaderId() == "UsdPrimvarReader_float2":
+        varname = str(find_source(placed.shader, "varname").value or "")
+    # `auto` asks the file; files of colours are sRGB and files of data are not, whatever their header says.
+    srgb = space == "sRGB" or (space == "auto" and is_color)
+    placed_texture = Texture(file, srgb, scale, rotation, translation, gain=gain[:3], bias=bias[:3])
+    return _Sampled(placed_texture, varname, source.output)
+
+
+def _gain_and_bias(texture: UsdShade.Shader | None) -> tuple[_Four, _Four]:
+    """`scale` and `bias` of a UsdUVTexture, red to alpha."""
+    found: list[_Four] = []
+    for name, default in (("scale", 1.0), ("bias", 0.0)):
+        value = find_source(texture, name).value if texture else None
+        red, green, blue, alpha = (default,) * 4 if value is None else (float(number) for number in value)
+        found.append((red, green, blue, alpha))
+    return found[0], found[1]
+
+
+def _read_opacity(surface: UsdShade.Shader, base: _Sampled | None, note: Warn) -> float:
+    """Threshold of a cut-out whose alpha is in the base texture; anything else transparent is drawn opaque."""
+    threshold = number_of(find_source(surface, "opacityThreshold"), 0.0)
+    opacity = find_source(surface, "opacity")
+    if opacity.shader is None:
+        if number_of(opacity, 1.0) < 1.0:
+            note("is transparent: drawn opaque")
+        return 0.0
+    file = asset_file(find_source(opacity.shader, "file").value) if opacity.shader.GetInput("file") else ""
+    if base is None or file != base.texture.file or opacity.output != "a":
+        note("opacity that is not the alpha of the diffuse texture is left out")
+        return 0.0
+    if threshold <= 0.0:
+        note("is blended by its alpha: drawn as a cut-out at 0.5")
+        return 0.5
+    return threshold
+
+
+def _read_detail(prim: Usd.Prim, note: Warn) -> Detail:
+    files = []
+    for name in ("falsework:detail:texture", "falsework:detail:macroTexture"):
+        attribute = prim.GetAttribute(name)
+        value = attribute.Get() if attribute else None
+        files.append(asset_file(value))
+        if value is not None and value.path and not files[-1]:
+            note(f"no texture {value.path} for {name}: left out")
+    periods, amplitudes = (
+        tuple(float(value) for value in (attribute.Get() if attribute else None) or ())
+        for attribute in map(prim.GetAttribute, ("falsework:detail:periods", "falsework:detail:amplitudes"))
+    )
+    if len(periods) != len(amplitudes):
+        note("detail:periods and detail:amplitudes differ in number: fine detail is left out")
+    if not files[0] or len(periods) != len(amplitudes):
+        return Detail(macro_file=files[1])
+    if len(periods) > MOST_OCTAVES:
+        note(f"detail beyond {MOST_OCTAVES} octaves is left out")
+    return Detail(files[0], periods[:MOST_OCTAVES], amplitudes[:MOST_OCTAVES], files[1])

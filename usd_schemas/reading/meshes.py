@@ -1,0 +1,279 @@
+"""One mesh or native gprim of a stage as triangles with values on welded vertices."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom
+
+from usd_schemas.reading.shapes import SHAPES, read_shape
+from usd_schemas.reading.traversal import COMPOSED, EARLIEST
+from usd_schemas.triangulate import cross, face_normals, triangulate
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+PLAIN_ST = "st"
+ATLAS_ST = "st1"
+_SMOOTH = ("catmullClark", "loop")
+_SHORT = 1e-12  # a normal of this length or less points nowhere [1]
+_UV_TYPES = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
+_UV_LIKE = (*_UV_TYPES, "float2[]", "double2[]", "half2[]")
+
+
+class UnreadableMeshError(Exception):
+    """A mesh whose arrays contradict each other; the text says how."""
+
+
+@dataclass(frozen=True)
+class FlatMesh:
+    """One mesh in its own space.
+
+    Attributes:
+        positions: Positions [stage units], shape (V, 3), float32.
+        normals: Unit normals [1], shape (V, 3), float32.
+        st: First UV set, shape (V, 2), float32.
+        st1: Second UV set, shape (V, 2), float32.
+        colors: Linear displayColor [1], shape (V, 3), float32.
+        triangles: Vertex numbers, counter-clockwise from outside, shape (T, 3), int64.
+        face: Face of each triangle, shape (T,), int64.
+        face_count: Number of faces.
+        double_sided: Back faces are visible.
+        colored: displayColor is authored.
+        notes: What could not be read as authored.
+    """
+
+    positions: F32
+    normals: F32
+    st: F32
+    st1: F32
+    colors: F32
+    triangles: I64
+    face: I64
+    face_count: int
+    double_sided: bool
+    colored: bool
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Values:
+    """Values on face corners: `data[index]`, shapes (K, W) and (C,)."""
+
+    data: F64
+    index: I64
+
+
+@dataclass(frozen=True)
+class _Faces:
+    """Topology: `owner` is the face of each corner, shape (C,)."""
+
+    points: F64
+    counts: I64
+    corners: I64
+    owner: I64
+
+
+def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str]) -> FlatMesh:
+    """Read a mesh or a native gprim.
+
+    Args:
+        prim: A Mesh, or a gprim out of `SHAPES`.
+        uv_names: Primvars that the bound material reads as first and second UV set; either may be empty.
+
+    Raises:
+        UnreadableMeshError: Points or face arrays are wrong.
+    """
+    notes: list[str] = []
+    if prim.GetTypeName() in SHAPES:
+        shape = read_shape(prim, EARLIEST)
+        faces = _Faces(shape.points, shape.face_counts, shape.corners, _owners(shape.face_counts))
+        number = np.arange(len(shape.corners))
+        normals, st, st1 = _Values(shape.normals, number), _Values(shape.st, number), None
+    else:
+        faces = _read_faces(UsdGeom.Mesh(prim))
+        normals = _read_normals(UsdGeom.Mesh(prim), faces, notes)
+        st, st1 = (_read_primvar(prim, name, faces, 2, notes) for name in choose_uv(prim, uv_names))
+    colors = _read_primvar(prim, "displayColor", faces, 3, notes)
+    left_handed = UsdGeom.Gprim(prim).GetOrientationAttr().Get(EARLIEST) == UsdGeom.Tokens.leftHanded
+    normals = _complete_normals(prim, normals, faces, left_handed)
+    triangles, face = triangulate(faces.points, faces.counts, faces.corners)
+    corner = faces.points[faces.corners[triangles]]
+    area = cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    solid = np.any(area != 0.0, axis=1) & ~_holes(prim, faces, face)
+    triangles, face = triangles[solid], face[solid]
+    nothing = np.zeros((1, 2)), np.zeros(len(faces.corners), np.int64)
+    white = _Values(np.ones((1, 3)), nothing[1])
+    uv = [values or _Values(*nothing) for values in (st, st1)]
+    vertex, (points, normal, first, second, color) = _weld(faces, [normals, *uv, colors or white])
+    return FlatMesh(
+        points, normal, first, second, color,
+        vertex[triangles[:, ::-1] if left_handed else triangles], face, len(faces.counts),
+        bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(EARLIEST)), colors is not None, tuple(notes),
+    )  # fmt: skip
+
+
+def choose_uv(prim: Usd.Prim, uv_names: tuple[str, str]) -> tuple[str, str]:
+    """Decide which primvars are the two UV sets of a mesh.
+
+    Args:
+        prim: The mesh.
+        uv_names: Primvars that the bound material reads; either may be empty.
+
+    Returns:
+        Names of the first and second set: what the material reads, else `st` and `st1`, and for the first set else
+        the first texture coordinates that there are; empty for none.
+    """
+    api = UsdGeom.PrimvarsAPI(prim)
+    known = {str(p.GetPrimvarName()): str(p.GetTypeName()) for p in api.GetPrimvarsWithValues()}
+    known = {name: kind for name, kind in known.items() if kind in _UV_LIKE}
+    others = [name for name in sorted(known) if name != ATLAS_ST and known[name] in _UV_TYPES]
+    first = next((name for name in (uv_names[0], PLAIN_ST, *others) if name in known), "")
+    second = next((name for name in (uv_names[1], ATLAS_ST) if name in known), "")
+    return first, second
+
+
+def _read_faces(mesh: UsdGeom.Mesh) -> _Faces:
+    points = np.array(mesh.GetPointsAttr().Get(EARLIEST) or [], np.float64).reshape(-1, 3)
+    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(EARLIEST) or [], np.int64)
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(EARLIEST) or [], np.int64)
+    if not np.isfinite(points).all():
+        raise UnreadableMeshError("its points are not finite")
+    if np.any(counts < 0) or counts.sum() != len(corners):
+        raise UnreadableMeshError("faceVertexCounts and faceVertexIndices do not fit together")
+    if len(corners) and not 0 <= corners.min() <= corners.max() < len(points):
+        raise UnreadableMeshError("faceVertexIndices name points that do not exist")
+    return _Faces(points, counts, corners, _owners(counts))
+
+
+def _owners(counts: I64) -> I64:
+    return np.repeat(np.arange(len(counts)), counts)
+
+
+def _read_normals(mesh: UsdGeom.Mesh, faces: _Faces, notes: list[str]) -> _Values | None:
+    # primvars:normals wins where both are authored, as UsdGeomPointBased says.
+    found = _read_primvar(mesh.GetPrim(), "normals", faces, 3, notes)
+    attribute = mesh.GetNormalsAttr()
+    if found is not None or not attribute.HasAuthoredValue():
+        return found
+    values = np.array(attribute.Get(EARLIEST) or [], np.float64).reshape(-1, 3)
+    return _on_corners("normals", values, None, str(mesh.GetNormalsInterpolation()), faces, notes)
+
+
+def _read_primvar(prim: Usd.Prim, name: str, faces: _Faces, width: int, notes: list[str]) -> _Values | None:
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if name else None
+    if not primvar or not primvar.HasValue():
+        return None
+    value = primvar.Get(EARLIEST)
+    data = np.array(value if value is not None else [], np.float64)
+    if data.size == 0 or data.size % width:
+        notes.append(f"primvars:{name} is empty or of another type: ignored")
+        return None
+    indices = primvar.GetIndices(EARLIEST) if primvar.IsIndexed() else None
+    index = np.array(indices, np.int64) if indices is not None else None
+    return _on_corners(
+        f"primvars:{name}", data.reshape(-1, width), index, str(primvar.GetInterpolation()), faces, notes
+    )
+
+
+def _on_corners(
+    name: str, data: F64, index: I64 | None, interpolation: str, faces: _Faces, notes: list[str]
+) -> _Values | None:
+    """Bring values of any interpolation on the face corners; None where sizes do not fit."""
+    corner = {
+        UsdGeom.Tokens.constant: np.zeros(len(faces.corners), np.int64),
+        UsdGeom.Tokens.uniform: faces.owner,
+        UsdGeom.Tokens.vertex: faces.corners,
+        UsdGeom.Tokens.varying: faces.corners,
+        UsdGeom.Tokens.faceVarying: np.arange(len(faces.corners)),
+    }[interpolation]
+    rows = len(data) if index is None else len(index)
+    if (len(corner) and corner.max() >= rows) or (index is not None and (index.min() < 0 or index.max() >= len(data))):
+        notes.append(f"{name} has too few values for interpolation {interpolation}: ignored")
+        return None
+    if not np.isfinite(data).all():
+        notes.append(f"{name} is not finite: ignored")
+        return None
+    return _Values(data, corner if index is None else index[corner])
+
+
+def _complete_normals(prim: Usd.Prim, normals: _Values | None, faces: _Faces, left_handed: bool) -> _Values:
+    """Compute normals where there are none: flat for polygons, smooth for subdivision cages; mend zero ones."""
+    if normals is not None and np.einsum("ki,ki->k", normals.data, normals.data).min(initial=1.0) > _SHORT**2:
+        return _Values(_unit(normals.data), normals.index)
+    areas = face_normals(faces.points, faces.counts, faces.corners) * (-1.0 if left_handed else 1.0)
+    if normals is None and prim.IsA(UsdGeom.Mesh) and _scheme(prim) in _SMOOTH:
+        total = [np.bincount(faces.corners, areas[faces.owner, axis], len(faces.points)) for axis in range(3)]
+        return _Values(_unit(np.array(total, np.float64).T), faces.corners)
+    if normals is None:
+        return _Values(_unit(areas), faces.owner)
+    short = np.linalg.norm(normals.data, axis=1) <= _SHORT
+    index = np.where(short[normals.index], len(normals.data) + faces.owner, normals.index)
+    return _Values(_unit(np.concatenate([normals.data, areas])), index)
+
+
+def _unit(vectors: F64) -> F64:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, length, out=np.tile([0.0, 0.0, 1.0], (len(vectors), 1)), where=length > 0)
+
+
+def _scheme(prim: Usd.Prim) -> str:
+    return str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get(EARLIEST))
+
+
+def _holes(prim: Usd.Prim, faces: _Faces, face: I64) -> NDArray[np.bool_]:
+    """Mark the triangles of faces that a subdivision surface leaves open."""
+    holes = UsdGeom.Mesh(prim).GetHoleIndicesAttr().Get(EARLIEST) if prim.IsA(UsdGeom.Mesh) else None
+    if not holes or _scheme(prim) == UsdGeom.Tokens.none:
+        return np.zeros(len(face), bool)
+    open_faces = np.zeros(len(faces.counts), bool)
+    numbers = np.array(holes, np.int64)
+    open_faces[numbers[(numbers >= 0) & (numbers < len(open_faces))]] = True
+    return open_faces[face]
+
+
+def _weld(faces: _Faces, values: list[_Values]) -> tuple[I64, list[F32]]:
+    """Give corners with equal point and equal values one vertex.
+
+    Returns:
+        Vertex of each corner, shape (C,), and the arrays of the vertices: points, then each of the values.
+    """
+    key = faces.corners
+    for value in values:
+        if len(value.data) > 1 and not np.array_equal(value.index, faces.corners):
+            key = _ranks(key * len(value.data) + _ranks_of_rows(value.data)[value.index])
+    _, representative, vertex = np.unique(key, return_index=True, return_inverse=True)
+    points = faces.points[faces.corners[representative]]
+    arrays = [points, *(value.data[value.index[representative]] for value in values)]
+    return vertex, [np.ascontiguousarray(array, np.float32) for array in arrays]
+
+
+def _ranks(keys: NDArray[np.generic]) -> I64:
+    return np.unique(keys, return_inverse=True)[1]
+
+
+def _ranks_of_rows(data: F64) -> I64:
+    """Number the rows of a table, shape (K, W), W over 1, so that equal rows, as float32, have equal numbers."""
+    plain = np.ascontiguousarray(data, np.float32) + np.float32(0.0)  # -0.0 is 0.0
+    ranks = _ranks(np.ascontiguousarray(plain[:, :2]).view(np.int64)[:, 0])
+    return ranks if plain.shape[1] == 2 else _ranks(ranks * len(plain) + _ranks(plain[:, 2]))
+
+
+def subset_faces(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, I64]]:
+    """List the face subsets of a mesh.
+
+    Args:
+        prim: A Mesh.
+
+    Returns:
+        Subset prim, family name, and face numbers, shape (K,), int64, in namespace order.
+    """
+    found = []
+    for child in prim.GetFilteredChildren(COMPOSED):
+        if child.IsA(UsdGeom.Subset):
+            subset = UsdGeom.Subset(child)
+            if subset.GetElementTypeAttr().Get() == UsdGeom.Tokens.face:
+                indices = np.array(subset.GetIndicesAttr().Get(EARLIEST) or [], np.int64)
+                found.append((child, str(subset.GetFamilyNameAttr().Get() or ""), indices))
+    return found

@@ -1,0 +1,167 @@
+"""Which prims of a stage are drawn, and where: visibility, purpose, instances and point instancers resolved."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom, UsdShade
+
+from usd_schemas.reading.labels import Label, Warn, inherit_label
+from usd_schemas.reading.shapes import SHAPES
+from usd_schemas.reading.traversal import COMPOSED, EARLIEST
+
+F64 = NDArray[np.float64]
+U32 = NDArray[np.uint32]
+
+DRAWN_PURPOSES = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
+# Prototypes of an instancer may stand under `over` or `class` prims, which the default leaves out.
+_PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
+_DEEPEST = 8  # nested instancers
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A mesh or native gprim, and where it stands.
+
+    Attributes:
+        prim: What is drawn; an instance proxy inside instances.
+        transforms: Prim to stage, for column vectors, shape (N, 4, 4), float64.
+        label: What it is called.
+        numbers: Instance id of each of its N places where an instancer gives them, shape (N,), uint32, or None.
+        owner: The prim that gets an id where none is authored: the instancer's path, or the prim's own.
+    """
+
+    prim: Usd.Prim
+    transforms: F64
+    label: Label
+    numbers: U32 | None
+    owner: Usd.Prim
+
+
+@dataclass(frozen=True)
+class _Above:
+    """What a prim takes over from its ancestors.
+
+    `base` takes the space of `root` to the stage, shape (N, 4, 4); `root` is None for the stage itself.
+    """
+
+    base: F64
+    root: Usd.Prim | None
+    purpose: str
+    label: Label
+    numbers: U32 | None
+    owner: Usd.Prim | None
+    own_id: bool
+    moves: bool
+    depth: int
+
+
+def find_placements(stage: Usd.Stage, warn: Warn) -> list[Placement]:
+    """List everything that is drawn, in namespace order.
+
+    Args:
+        stage: Composed stage.
+        warn: Called with one line for each thing that cannot be drawn.
+    """
+    walker = _Walker(warn)
+    above = _Above(np.eye(4)[None], None, UsdGeom.Tokens.default_, Label(), None, None, False, False, 0)
+    found = [item for prim in stage.GetPseudoRoot().GetFilteredChildren(COMPOSED) for item in walker.walk(prim, above)]
+    for kind, paths in sorted(walker.undrawn.items()):
+        warn(f"{paths[0]}: {kind} is not drawn" + (f" (nor {len(paths) - 1} more)" if len(paths) > 1 else ""))
+    if walker.moving:
+        warn(f"{walker.moving} parts move: drawn as they stand at the earliest time")
+    return found
+
+
+class _Walker:
+    def __init__(self, warn: Warn) -> None:
+        self.undrawn: dict[str, list[str]] = {}
+        self.moving = 0
+        self._warn = warn
+        self._cache = UsdGeom.XformCache(EARLIEST)
+
+    def walk(self, prim: Usd.Prim, above: _Above) -> Iterator[Placement]:
+        imageable = UsdGeom.Imageable(prim)
+        if prim.IsA(UsdShade.Material) or (
+            imageable and imageable.GetVisibilityAttr().Get(EARLIEST) == UsdGeom.Tokens.invisible
+        ):
+            return
+        purpose = above.purpose
+        if imageable and imageable.GetPurposeAttr().HasAuthoredValue():
+            purpose = str(imageable.GetPurposeAttr().Get())
+        label = inherit_label(prim, above.label, above.own_id)
+        # Everything inside an instance shares its prototype's ids: an id on the instance itself tells instances apart.
+        own_id = above.own_id or (prim.IsInstance() and label.carrier == prim.GetPath())
+        xformable = UsdGeom.Xformable(prim)
+        moves = above.moves or bool(xformable and xformable.TransformMightBeTimeVarying())
+        here = replace(above, purpose=purpose, label=label, own_id=own_id, moves=moves)
+        if prim.IsA(UsdGeom.PointInstancer):
+            yield from self._expand(UsdGeom.PointInstancer(prim), here)
+            return
+        if prim.IsA(UsdGeom.Gprim) and purpose in DRAWN_PURPOSES:
+            if prim.IsA(UsdGeom.Mesh) or prim.GetTypeName() in SHAPES:
+                transforms = above.base @ self._relative(prim, above.root)
+                self.moving += here.moves or _deforms(prim)
+                yield Placement(prim, transforms, label, above.numbers, above.owner or prim)
+            else:
+                self.undrawn.setdefault(str(prim.GetTypeName()), []).append(str(prim.GetPath()))
+        predicate = COMPOSED if above.root is None else _PROTOTYPE
+        for child in prim.GetFilteredChildren(predicate):
+            yield from self.walk(child, here)
+
+    def _relative(self, prim: Usd.Prim, root: Usd.Prim | None) -> F64:
+        """Transform of a prim to the space of a prototype's root, or to the stage, for column vectors: (4, 4)."""
+        if root is None:
+            return np.array(self._cache.GetLocalToWorldTransform(prim)).T
+        matrix, _ = self._cache.ComputeRelativeTransform(prim, root)
+        return np.array(matrix).T
+
+    def _expand(self, instancer: UsdGeom.PointInstancer, here: _Above) -> Iterator[Placement]:
+        prim = instancer.GetPrim()
+        path = prim.GetPath()
+        targets = [
+            prim.GetStage().GetPrimAtPath(target) for target in instancer.GetPrototypesRel().GetForwardedTargets()
+        ]
+        chosen = np.array(instancer.GetProtoIndicesAttr().Get(EARLIEST) or [], np.int64)
+        matrices = instancer.ComputeInstanceTransformsAtTime(
+            EARLIEST, EARLIEST, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+        )
+        matrices = np.array(matrices, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+        if len(matrices) != len(chosen) or here.depth >= _DEEPEST or not all(targets):
+            if len(chosen):
+                self._warn(f"{path}: a PointInstancer whose prototypes or positions are missing: not drawn")
+            return
+        if len(chosen) and not 0 <= chosen.min() <= chosen.max() < len(targets):
+            self._warn(f"{path}: protoIndices name prototypes that do not exist: those instances are not drawn")
+        mask = np.array(instancer.ComputeMaskAtTime(EARLIEST), bool)
+        seen = mask if len(mask) == len(chosen) else np.ones(len(chosen), bool)
+        numbers = self._numbers(prim, len(chosen))
+        to_stage = here.base @ self._relative(prim, here.root)
+        for number, target in enumerate(targets):
+            rows = np.flatnonzero((chosen == number) & seen)
+            if not len(rows):
+                continue
+            base = (to_stage[:, None] @ matrices[rows][None]).reshape(-1, 4, 4)
+            ids = np.tile(numbers[rows], len(to_stage)) if numbers is not None else None
+            if here.numbers is not None:  # the outermost instancer knows what was placed
+                ids = np.repeat(here.numbers, len(rows))
+            label = here.label if numbers is None or here.numbers is not None else replace(here.label, carrier=path)
+            yield from self.walk(target, _Above(
+                base, target, here.purpose, label, ids, here.owner or prim, bool(here.own_id or here.label.instance_id),
+                here.moves, here.depth + 1,
+            ))  # fmt: skip
+
+    def _numbers(self, prim: Usd.Prim, count: int) -> U32 | None:
+        attribute = prim.GetAttribute("falsework:component:instanceIds")
+        values = np.array((attribute.Get() if attribute else None) or [], np.int64)
+        if not len(values):
+            return None
+        if len(values) != count or values.min() <= 0:
+            self._warn(f"{prim.GetPath()}: instanceIds do not fit the instances: ignored")
+            return None
+        return values.astype(np.uint32)
+
+
+def _deforms(prim: Usd.Prim) -> bool:
+    return prim.IsA(UsdGeom.Mesh) and UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying()

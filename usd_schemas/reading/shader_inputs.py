@@ -1,0 +1,105 @@
+"""What feeds the inputs of a shader: constants, textures, and where a texture file lies."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pxr import Sdf, UsdShade
+
+from usd_schemas.reading.packages import unpacked
+from usd_schemas.reading.traversal import EARLIEST
+
+
+@dataclass(frozen=True)
+class Source:
+    """What feeds a shader input: a value, or an output of a shader.
+
+    Attributes:
+        value: The constant, or None.
+        shader: The shader whose output feeds it, or None.
+        output: Name of that output.
+        color_space: Colour space that the attribute states, or empty.
+    """
+
+    value: Any = None
+    shader: UsdShade.Shader | None = None
+    output: str = ""
+    color_space: str = ""
+
+
+def find_source(shader: UsdShade.Shader, name: str) -> Source:
+    """Follow an input through node graphs and material interfaces to what feeds it.
+
+    Args:
+        shader: A shader.
+        name: Name of its input.
+    """
+    source = shader.GetInput(name)
+    attributes = source.GetValueProducingAttributes() if source else []
+    if not attributes:
+        return Source()
+    if UsdShade.Output.IsOutput(attributes[0]):
+        output = UsdShade.Output(attributes[0])
+        return Source(shader=UsdShade.Shader(attributes[0].GetPrim()), output=str(output.GetBaseName()))
+    return Source(value=attributes[0].Get(EARLIEST), color_space=str(attributes[0].GetColorSpace() or ""))
+
+
+def asset_file(value: Any) -> str:
+    """Find the file that an asset path means.
+
+    Args:
+        value: Value of an asset attribute.
+
+    Returns:
+        Absolute path of an existing file, or empty; of a file inside a usdz package that of a copy.
+    """
+    resolved = str(value.resolvedPath) if isinstance(value, Sdf.AssetPath) else ""
+    if resolved.endswith("]"):
+        return unpacked(resolved)
+    return str(Path(resolved).resolve()) if resolved and Path(resolved).is_file() else ""
+
+
+def number_of(source: Source, default: float) -> float:
+    """Take a number from a constant source.
+
+    Args:
+        source: What feeds an input.
+        default: Taken where it feeds no number.
+    """
+    return float(source.value) if isinstance(source.value, int | float) else default
+
+
+def channel_of(output: str) -> int | None:
+    """Tell which channel of a texture an output hands on.
+
+    Args:
+        output: Name of an output of one number, e.g. `r` of UsdUVTexture or `outg` of MaterialX's separate nodes.
+
+    Returns:
+        0 red, 1 green, 2 blue, 3 alpha; None for another output.
+    """
+    name = output.removeprefix("out")
+    return "rgba".index(name) if name in ("r", "g", "b", "a") else None
+
+
+def pair_of(source: Source, default: tuple[float, float]) -> tuple[float, float]:
+    """Take two numbers from a constant source.
+
+    Args:
+        source: What feeds an input.
+        default: Taken where it feeds nothing.
+    """
+    return default if source.value is None else (float(source.value[0]), float(source.value[1]))
+
+
+def triple_of(source: Source, default: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Take three numbers from a constant source.
+
+    Args:
+        source: What feeds an input.
+        default: Taken where it feeds nothing.
+    """
+    if source.value is None:
+        return default
+    red, green, blue = (float(value) for value in source.value)
+    return red, green, blue

@@ -1,0 +1,198 @@
+"""Read any composed stage into a `FlatScene`: metres, z up, triangles, plain numbers."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
+
+from groundwork.canonical import digest, file_digest
+from groundwork.errors import InputError, MissingError
+from usd_schemas import tokens
+from usd_schemas.apis import read_visibility
+from usd_schemas.flat_scene import CameraTrack, Dome, FlatScene, Material, Product
+from usd_schemas.reading.cameras import framing_camera, read_cameras, read_products
+from usd_schemas.reading.flat_geometry import flatten, world_bounds
+from usd_schemas.reading.labels import Warn, read_taxonomy
+from usd_schemas.reading.lights import read_lights
+from usd_schemas.reading.placements import find_placements
+from usd_schemas.registration import register_schemas
+
+F64 = NDArray[np.float64]
+
+register_schemas()
+
+
+@dataclass(frozen=True)
+class ComposedStage:
+    """What one composition of a stage came to.
+
+    Attributes:
+        scene: The stage, its `origin` still empty.
+        layers: Hash of the content of each layer that took part, sorted.
+        files: Resolved path of each layer file, or package of layers, that took part.
+    """
+
+    scene: FlatScene
+    layers: tuple[str, ...]
+    files: tuple[Path, ...]
+
+
+def read_stage(path: Path, *, survey: str | None = None) -> FlatScene:
+    """Read a stage: everything that is drawn, its looks, lights, cameras and labels.
+
+    Args:
+        path: A USD file (usda, usdc, usd or usdz).
+        survey: Name of the one product to keep, with its camera; all when None.
+
+    Returns:
+        The stage in metres with z up, at its earliest time; only cameras keep their time samples.
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: It is not a USD file, shows nothing, or has no such product.
+    """
+    composed = compose_stage(path)
+    scene = choose_survey(composed.scene, survey, path)
+    return with_origin(scene, composed.layers)
+
+
+def compose_stage(path: Path) -> ComposedStage:
+    """Compose a stage and read it.
+
+    Args:
+        path: A USD file (usda, usdc, usd or usdz).
+
+    Raises:
+        MissingError: There is no such file.
+        InputError: It is not a USD file, or shows nothing.
+    """
+    warnings: dict[str, None] = {}
+    folder = f"{path.resolve().parent}/"
+
+    def warn(line: str) -> None:
+        warnings[" ".join(line.replace(folder, "./").split())] = None
+
+    # It holds back what USD would print; what matters comes back through `warn`.
+    quiet = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        stage = _open(path)
+        for error in stage.GetCompositionErrors():
+            warn(str(error))
+        scene = _flatten_stage(stage, warn)
+        if scene is None:
+            hint = next(iter(warnings), "Check visibility, purpose, payloads and variant selections")
+            raise InputError("the stage shows no geometry", where=path, mend=hint)
+        layers = [layer for layer in stage.GetUsedLayers() if layer != stage.GetSessionLayer()]
+        files = tuple(Path(layer.realPath.partition("[")[0]).resolve() for layer in layers if layer.realPath)
+        return ComposedStage(
+            replace(scene, warnings=tuple(warnings)), tuple(sorted(_layer_digest(layer) for layer in layers)), files
+        )
+    finally:
+        del quiet
+
+
+def choose_survey(scene: FlatScene, survey: str | None, path: Path) -> FlatScene:
+    """Keep one product of a scene, with its camera.
+
+    Args:
+        scene: A scene.
+        survey: Name of the product; all stay when None.
+        path: File of the stage, for the error.
+
+    Raises:
+        InputError: There is no such product.
+    """
+    if survey is None:
+        return scene
+    for product in scene.products:
+        if product.name == survey:
+            camera: CameraTrack = scene.cameras[product.camera]
+            kept: Product = replace(product, camera=0)
+            return replace(scene, cameras=(camera,), products=(kept,))
+    names = ", ".join(product.name for product in scene.products)
+    raise InputError("no such survey on the stage", where=path, field="survey", value=survey, allowed=names)
+
+
+def with_origin(scene: FlatScene, layers: tuple[str, ...]) -> FlatScene:
+    """Name a scene by the content of every layer and texture that it was read from, wherever they lie.
+
+    Args:
+        scene: A scene.
+        layers: Hash of each of its layers, sorted.
+    """
+    textures = {file: file_digest(Path(file)) for file in texture_files(scene)}
+    return replace(scene, origin=digest({"layers": list(layers), "textures": sorted(textures.values())}))
+
+
+def texture_files(scene: FlatScene) -> set[str]:
+    """List the pictures that a scene names.
+
+    Args:
+        scene: A scene.
+    """
+    dome: tuple[Dome, ...] = (scene.dome,) if scene.dome else ()
+    return {file for material in scene.materials for file in _files(material)} | {d.file for d in dome if d.file}
+
+
+def stage_to_world(stage: Usd.Stage) -> F64:
+    """Find the transform from stage units and the stage's up axis to metres with z up.
+
+    Args:
+        stage: Any stage.
+
+    Returns:
+        For column vectors, shape (4, 4), float64.
+    """
+    transform = np.eye(4)
+    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+        transform[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+    transform[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
+    return transform
+
+
+def _open(path: Path) -> Usd.Stage:
+    if not path.exists():
+        raise MissingError("no such file", where=path, mend="Check the path")
+    if path.is_dir():
+        raise InputError("is a folder, not a USD file", where=path, mend="Name the stage inside it, e.g. scene.usda")
+    try:
+        return Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
+    except Tf.ErrorException as error:
+        reasons = [part.commentary for part in error.args if hasattr(part, "commentary")]
+        raise InputError(
+            "not readable as USD" + (f": {reasons[0]}" if reasons else ""), where=path, allowed="usda, usdc, usd, usdz"
+        ) from None
+
+
+def _flatten_stage(stage: Usd.Stage, warn: Warn) -> FlatScene | None:
+    """Everything but warnings and origin; None where nothing is drawn."""
+    transform = stage_to_world(stage)
+    table = read_taxonomy(stage, warn)
+    placements = find_placements(stage, warn)
+    flat = flatten(placements, transform, table, warn) if placements else None
+    if flat is None or not len(flat.draws.part):
+        return None
+    cameras = read_cameras(stage, transform, warn)
+    products = read_products(stage, cameras, warn)
+    if not cameras:
+        track, product = framing_camera(*world_bounds(flat))
+        cameras, products = (track,), (product,)
+    lights = read_lights(stage, transform, warn)
+    visibility = read_visibility(stage.GetPrimAtPath(tokens.ENVIRONMENT))
+    return FlatScene(
+        flat.geometry, flat.draws, flat.materials, lights.sun, lights.dome, cameras, products, flat.instances,
+        table.rows, (), "", visibility, lights.spheres,
+    )  # fmt: skip
+
+
+def _layer_digest(layer: Sdf.Layer) -> str:
+    file = Path(layer.realPath) if layer.realPath else None
+    return file_digest(file) if file and file.is_file() else digest(layer.ExportToString())
+
+
+def _files(material: Material) -> list[str]:
+    maps = (material.base_texture, material.roughness_texture, material.metallic_texture, material.normal_texture)
+    files = [texture.file for texture in maps if texture] + [material.detail.file, material.detail.macro_file]
+    return [file for file in files if file]
