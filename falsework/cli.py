@@ -14,6 +14,7 @@ import tyro
 
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import files_first
+from falsework.commands.train_verbs import evaluate, train
 from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
@@ -303,6 +304,8 @@ VERBS = {
     "background": background,
     "survey": survey,
     "sample": sample,
+    "train": train,
+    "evaluate": evaluate,
 }
 
 
