@@ -17,6 +17,8 @@ from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_bytes, write_json
 from learn.losses import merge_noise
 from learn.models.backbone import batched, geometry_of
+from learn.models.covariance import covariance_features
+from learn.models.forest import forest_probabilities
 from learn.models.registry import build_network
 from learn.sample import Sample
 
@@ -25,6 +27,8 @@ F32 = NDArray[np.float32]
 FORMAT = "falsework.model"
 FORMAT_VERSION = 1
 FACTS, WEIGHTS = "model.json", "model.safetensors"
+FOREST = "forest"
+_POSITIONS = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,78 @@ class TrainedNetwork:
                 logits = self.module(torch.from_numpy(sample.features)[None], geometry)[0]
             found.append(as_probabilities(logits, self.facts.noisy, self.facts.temperature).numpy())
         return found
+
+
+@dataclass(frozen=True)
+class TrainedForest:
+    """A forest that predicts.
+
+    Attributes:
+        facts: What it is.
+        arrays: As `learn.models.forest.grow_forest`, shapes as there.
+    """
+
+    facts: ModelFacts
+    arrays: Mapping[str, NDArray[Any]]
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Name of each class, in the order of the probabilities."""
+        return self.facts.classes
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Name of each input."""
+        return self.facts.channels
+
+    def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
+        """Say how likely each class is at each point.
+
+        Args:
+            samples: Clouds as in training.
+
+        Returns:
+            For each sample probabilities [1], shape (N, K), float32.
+        """
+        for sample in samples:
+            check_channels(sample, self.facts.channels)
+        scales = tuple(int(scale) for scale in self.facts.settings["scales"])
+        return [forest_probabilities(self.arrays, forest_inputs(sample, scales)) for sample in samples]
+
+
+def forest_inputs(sample: Sample, scales: Sequence[int]) -> F32:
+    """Describe the points of a sample for a forest: covariances, and the inputs that are no positions.
+
+    Args:
+        sample: A cloud.
+        scales: Numbers of neighbours.
+
+    Returns:
+        One row a point [m or 1], shape (N, C), float32.
+    """
+    others = [number for number, name in enumerate(sample.channels) if name not in _POSITIONS]
+    return np.concatenate([covariance_features(sample.coord, scales), sample.features[:, others]], axis=1)
+
+
+def read_model(folder: Path) -> TrainedNetwork | TrainedForest:
+    """Read a trained model of any kind.
+
+    Args:
+        folder: A model.
+
+    Raises:
+        InputError: Not a model, or weights that do not fit it.
+    """
+    facts = read_facts(folder)
+    if facts.network != FOREST:
+        return read_network(folder)
+    arrays = {name: value.numpy() for name, value in read_weights(folder).items()}
+    scales = facts.settings.get("scales")
+    if not isinstance(scales, list) or not all(isinstance(scale, int) and scale > 0 for scale in scales):
+        raise InputError("a torn model", where=folder / FACTS, field="settings.scales", value=scales)
+    if "share" not in arrays or arrays["share"].shape[-1] != len(facts.classes):
+        raise InputError("a torn forest, or one of other classes", where=folder / WEIGHTS, field="share")
+    return TrainedForest(facts, arrays)
 
 
 def as_probabilities(logits: Tensor, noisy: int | None, temperature: float) -> Tensor:

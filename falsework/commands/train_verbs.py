@@ -45,7 +45,7 @@ def train(
     Args:
         dataset: Folder that falsework dataset has written.
         output: Folder to write: a model.
-        model: Network: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b or randlanet.
+        model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which takes no epochs.
         recipe: paper: what is known of the paper's training. modern: what has been learnt since.
         epochs: Passes over the training samples.
         batch: Samples of a step.
@@ -70,9 +70,16 @@ def train(
     names = _words(channels)
     source, held = _split(dataset, "train", names), _split(dataset, "val", names)
     with ConsoleProgress() as progress:
-        fresh_output(output, "model", lambda folder: train_network(
-            source, held if len(held) else None, settings, folder, progress, data=_facts(source), init=init,
-        ), resume=True)  # fmt: skip
+        if model == "forest":
+            from learn.training.forest import train_forest
+
+            fresh_output(output, "model", lambda folder: train_forest(
+                source, settings, folder, progress, _facts(source)
+            ))  # fmt: skip
+        else:
+            fresh_output(output, "model", lambda folder: train_network(
+                source, held if len(held) else None, settings, folder, progress, data=_facts(source), init=init,
+            ), resume=True)  # fmt: skip
     sys.stdout.write(f"model   {output}\n")
     return 0
 
@@ -95,9 +102,9 @@ def evaluate(
         as_json: Print one JSON object instead of a table.
     """
     from learn.evaluate import evaluate_model, score_lines
-    from learn.trained import read_network
+    from learn.trained import read_model
 
-    trained = read_network(model)
+    trained = read_model(model)
     source = _split(dataset, split, trained.channels)
     if source.classes != trained.classes:
         raise InputError("the data set has other classes than the model", where=dataset, field="classes",

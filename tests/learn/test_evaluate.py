@@ -98,6 +98,12 @@ def test_the_command_line_trains_and_evaluates(tmp_path: Path, capsys: pytest.Ca
     record = json.loads((tmp_path / "scores.json").read_text())
     assert printed == {"version": 1, **record}
     assert record == evaluate_model(read_network(model), ToyBridges(2, first=40), Silent())
+    forest = tmp_path / "forest"
+    assert call("train", data, "-o", forest, "--model", "forest", "--set", "network.trees=10") == 0
+    assert call("evaluate", forest, data, "-o", tmp_path / "forest.json") == 0
+    assert json.loads((tmp_path / "forest.json").read_text())["mean_iou"] > 0.8
+    assert call("train", data, "-o", tmp_path / "other", "--model", "forest", "--set", "network.counts=1") == 2
+    capsys.readouterr()
     assert call("train", data, "-o", tmp_path / "other", "--model", "pointnet3") == 2
     assert "pointnet2-ssg" in capsys.readouterr().err
     assert call("evaluate", tmp_path, data) == 2
