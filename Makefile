@@ -1,5 +1,5 @@
-# Two commands do all the set-up: `make demo` (the core) and `make test` (the core and the development tools), in either
-# order. Each extra leaves one stamp, so that a second call sets nothing up again.
+# Two commands do all the set-up: `make demo` (the core) and `make test` (the core, the development tools and learning),
+# in either order. Each extra leaves one stamp, so that a second call sets nothing up again.
 
 PYTHON ?= python3
 PYTHON_DCC ?= python3.11
@@ -23,7 +23,7 @@ help:
 	@echo "make test-faults  only the tests that kill, corrupt and fill disks"
 	@echo "make bench docs   regenerate the tables measured in minutes, and the generated pages"
 
-setup: .venv/.stamp-core .venv/.stamp-dev
+setup: .venv/.stamp-core .venv/.stamp-dev .venv/.stamp-learn
 
 demo: .venv/.stamp-core
 	.venv/bin/falsework demo -o $(OUT)
@@ -31,7 +31,8 @@ demo: .venv/.stamp-core
 test: lint
 	$(PYTEST) -m "not dcc" $(PARALLEL)
 
-lint: .venv/.stamp-dev
+# The tests of learn/ need its extra, and so does pyright, which reads what torch says of its types.
+lint: .venv/.stamp-dev .venv/.stamp-learn
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/pyright
@@ -42,10 +43,10 @@ proof: lint
 test-dcc: .venv/.stamp-dev .venv-dcc/.stamp
 	FALSEWORK_BPY_PYTHON=$(CURDIR)/.venv-dcc/bin/python $(PYTEST) -m dcc
 
-test-faults: .venv/.stamp-dev
+test-faults: .venv/.stamp-dev .venv/.stamp-learn
 	$(PYTEST) -m faults
 
-bench: .venv/.stamp-dev
+bench: .venv/.stamp-dev .venv/.stamp-learn
 	.venv/bin/python -m benchmarks
 
 docs: .venv/.stamp-dev

@@ -283,8 +283,13 @@ GROUPS = {
     "sample": "Make a cloud from a stage without any image: falsework sample --help.",
     "dataset": "Make training sets from clouds: falsework dataset --help.",
 }
-# Verbs whose arguments a module of their own describes.
-SINGLE = {"predict": "Label a scan of one's own with a trained model: falsework predict --help."}
+# Verbs whose arguments a module of their own describes: the module, and what the verb does.
+SINGLE = {
+    "train": ("train_verbs", "Train a network on a data set: falsework train --help."),
+    "evaluate": ("train_verbs", "Score a model on a data set: falsework evaluate --help."),
+    "predict": ("predict_verbs", "Label a scan of one's own with a trained model: falsework predict --help."),
+}
+ELSEWHERE = {**GROUPS, **{name: about for name, (_, about) in SINGLE.items()}}
 
 
 def _elsewhere(name: str, about: str) -> Callable[[], int]:
@@ -308,7 +313,7 @@ VERBS = {
     "report": report,
     "verify": verify,
     "gallery": gallery,
-    **{name: _elsewhere(name, about) for name, about in {**GROUPS, **SINGLE}.items()},
+    **{name: _elsewhere(name, about) for name, about in ELSEWHERE.items()},
 }
 
 
@@ -370,8 +375,8 @@ def _call(verbs: dict[str, Callable[..., int]], words: list[str], program: str, 
 
 def _single(name: str, words: list[str]) -> int:
     """Hand the words on to a verb whose module is loaded only then."""
-    verb = getattr(import_module(f"falsework.commands.{name}_verbs"), name)
-    return tyro.cli(verb, prog=f"falsework {name}", args=words)
+    verb = files_first(getattr(import_module(f"falsework.commands.{SINGLE[name][0]}"), name))
+    return tyro.cli(verb, prog=f"falsework {name}", args=words, config=(tyro.conf.FlagCreatePairsOff,))
 
 
 def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:

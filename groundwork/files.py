@@ -135,7 +135,7 @@ def space_errors(where: Path) -> Iterator[None]:
 
 
 @contextmanager
-def fresh_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path) -> Iterator[Path]:
     """Write a large file piece by piece; it appears under its name when it is whole, or not at all.
 
     Args:
@@ -148,11 +148,11 @@ def fresh_file(path: Path) -> Iterator[Path]:
         OutOfSpaceError: The disk is full.
         InputError: Not writable.
     """
-    partial = path.with_name(f".{path.name}.partial")
+    partial = temporary_name(path, path.suffix)
     with space_errors(path):
         try:
             yield partial
-            _sync(partial)
+            sync(partial)
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)

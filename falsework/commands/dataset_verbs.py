@@ -9,7 +9,7 @@ import tyro
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import InputError
-from groundwork.files import fresh_output
+from groundwork.output_folder import fresh_output
 
 Sources = tyro.conf.Positional[tuple[Path, ...]]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -91,7 +91,7 @@ def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["
     def write(folder: Path) -> None:
         export_dataset(dataset, to, folder)
 
-    fresh_output(output, "export", write)
+    fresh_output(output, "export", write, inputs=[dataset])
     sys.stdout.write(f"export  {output}\n")
     return 0
 
@@ -116,7 +116,7 @@ def _build(
         build_dataset(named, folder, settings, progress)
 
     with ConsoleProgress() as progress:
-        fresh_output(output, "dataset", write)
+        fresh_output(output, "dataset", write, inputs=paths)
     sys.stdout.write(f"dataset {output}\n")
     return 0
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from groundwork.files import read_json, write_json
+from groundwork.output_file import check_output_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
 from learn.datasets.draws import count_draws, exhaustive_draw
@@ -28,6 +29,8 @@ F32 = NDArray[np.float32]
 
 _OWN_FILES = {".laz": "cloud.laz", ".las": "cloud.laz", ".ply": "cloud.ply"}  # what lies beside a cloud's columns
 _ASPRS = "asprs"  # of this table, and of no other, the ids are those of LAS' own field
+FORMAT = "falsework.instances"
+BOXES = ".instances.json"
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,9 @@ def predict_scan(
         InputError: The scan cannot be read, says no unit, or lacks a channel of the model.
     """
     file, said = _file_of(source, out)
+    boxes_file = out.with_suffix(BOXES)
+    for output in (out, boxes_file):
+        check_output_file(output, [source], lambda path: _is_former(boxes_file))
     check_copy(file, out)
     if settings.link < model.tile.voxel:
         raise InputError("smaller than the cubes of which the model sees one point each", field="--link",
@@ -97,12 +103,21 @@ def predict_scan(
         write_labelled_copy(file, stream, out, labels, settings.chunk, table == _ASPRS)
         names = {int(i): name for i, name in zip(summing.ids, summing.names, strict=True)}
         found = boxes.rows(names, frame.meters)
-        write_json(out.with_suffix(".instances.json"), {
-            "format": "falsework.instances", "format_version": 1, "table": table, "meters_per_unit": frame.meters,
+        write_json(boxes_file, {
+            "format": FORMAT, "format_version": 1, "table": table, "meters_per_unit": frame.meters,
             "classes": {str(i): name for i, name in names.items()}, "instances": found,
         })  # fmt: skip
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
         return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found))
+
+
+def _is_former(boxes_file: Path) -> bool:
+    """Tell whether a file of boxes is ours, and so the copy beside it, whose format may lack room for a signature."""
+    try:
+        record = read_json(boxes_file)
+    except InputError:
+        return False
+    return isinstance(record, dict) and record.get("format") == FORMAT
 
 
 def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int, where: object) -> VoxelCloud:

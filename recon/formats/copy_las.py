@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from groundwork.errors import InputError
-from groundwork.files import fresh_file
+from groundwork.files import whole_file
 from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labelled
 from recon.formats.read_las import LasRows
 from recon.formats.scan_points import Scan
@@ -53,7 +53,7 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
     if dtype.itemsize != rows.header.size + sum(kind.itemsize for kind in DTYPES.values()):
         raise InputError("has bytes in its points that cannot be copied", where=source, value=rows.header.size,
                          mend="Write it anew with another program")  # fmt: skip
-    with fresh_file(out) as partial, _writer(partial, header, out, said) as writer:
+    with whole_file(out) as partial, _writer(partial, header, out, said) as writer:
         for first, part in _pieces(labels):
             last = first + len(part.classes)
             table = np.zeros(last - first, dtype)
@@ -88,7 +88,7 @@ def new_las(out: Path, scans: Iterable[Scan], labels: Iterable[Labels], low: np.
     header.add_extra_dims([
         laspy.ExtraBytesParams(name, DTYPES[name], text) for name, text in zip(NAMES, _DESCRIPTIONS, strict=True)
     ])  # fmt: skip
-    with fresh_file(out) as partial, _writer(partial, header, out, []) as writer:
+    with whole_file(out) as partial, _writer(partial, header, out, []) as writer:
         for scan, part in zip(scans, labels, strict=True):
             record = laspy.ScaleAwarePointRecord.zeros(len(scan), header=writer.header)
             record["x"], record["y"], record["z"] = scan.coord.T

@@ -7,7 +7,7 @@ from typing import IO, Any
 import numpy as np
 
 from groundwork.errors import InputError
-from groundwork.files import fresh_file
+from groundwork.files import whole_file
 from recon.formats.labels import CLASS, CONFIDENCE, DTYPES, INSTANCE, Labels, refuse_labelled
 from recon.formats.read_ply import Element, read_ply_header
 
@@ -31,7 +31,7 @@ def copy_ply(source: Path, out: Path, labels: Iterable[Labels]) -> None:
     vertex = elements[place]
     refuse_labelled(source, tuple(name for name, _ in vertex.properties))
     # not atomic: renamed when it is whole
-    with source.open("rb") as file, fresh_file(out) as partial, partial.open("wb") as copy:
+    with source.open("rb") as file, whole_file(out) as partial, partial.open("wb") as copy:
         copy.write(_header(file.read(start), vertex))
         if order == "":
             _copy_text(source, file, copy, sum(element.count for element in elements[:place]), vertex, labels)

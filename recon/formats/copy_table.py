@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from groundwork.errors import InputError
-from groundwork.files import fresh_file
+from groundwork.files import whole_file
 from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labelled
 from recon.formats.read_numpy import open_array
 from recon.formats.read_text import first_line
@@ -31,7 +31,7 @@ def copy_text(source: Path, out: Path, labels: Iterable[Labels]) -> None:
     refuse_labelled(source, names)
     between = (mark or " ").encode()
     # not atomic: renamed when it is whole
-    with source.open("rb") as file, fresh_file(out) as partial, partial.open("wb") as copy:
+    with source.open("rb") as file, whole_file(out) as partial, partial.open("wb") as copy:
         for _ in range(skipped):
             line = file.readline()
             body = line.rstrip(b"\r\n")
@@ -68,7 +68,7 @@ def copy_array(source: Path, out: Path, labels: Iterable[Labels]) -> None:
     else:
         dtype = np.dtype([*((name, array.dtype[name]) for name in names), *DTYPES.items()])
         shape = (len(array),)
-    with fresh_file(out) as partial, partial.open("wb") as copy:  # not atomic: renamed when it is whole
+    with whole_file(out) as partial, partial.open("wb") as copy:  # not atomic: renamed when it is whole
         header = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
         np.lib.format.write_array_header_2_0(copy, header)
         first = 0

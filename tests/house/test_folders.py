@@ -29,7 +29,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     ),
     "learn": (
         "settings.py", "sample.py", "neighbourhoods", "datasets", "models", "losses.py", "metrics.py", "statistics.py",
-        "panoptic.py", "training.py", "compare.py", "predict",
+        "panoptic.py", "trained.py", "evaluate.py", "training", "compare.py", "predict",
     ),
     "falsework": (
         "platform.py", "scenario.py", "store.py", "report", "stages.py", "children", "pipeline.py", "gallery",

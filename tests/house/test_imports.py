@@ -26,7 +26,7 @@ OUTSIDE: dict[str, set[str]] = {
     "groundwork": {"pydantic", "pydantic_core"},
     "usd_schemas": {"pxr", "numpy", "pydantic", "open3d", "libusb_package"},
 }
-HEAVY = {"torch", "open3d", "pycolmap", "moderngl", "lightning", "dask", "distributed", "cv2", "plotly"}
+HEAVY = {"torch", "open3d", "pycolmap", "moderngl", "lightning", "dask", "distributed", "cv2", "plotly", "sklearn"}
 
 
 def imported_names(source: str) -> list[tuple[int, str]]:

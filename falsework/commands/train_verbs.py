@@ -1,0 +1,139 @@
+"""The verbs of learning: a data set becomes a model, and a model becomes a table of scores."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_settings import given_settings
+from groundwork.errors import InputError
+from groundwork.files import write_json
+from groundwork.output_folder import fresh_output
+from groundwork.settings import parse_settings
+
+if TYPE_CHECKING:
+    from learn.sample import SampleSource
+
+JSON_VERSION = 1
+
+File = tyro.conf.Positional[Path]
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+Given = tyro.conf.UseAppendAction[tuple[str, ...]]
+
+
+def train(
+    dataset: File,
+    output: Output,
+    *,
+    model: str = "pointnet2-ssg",
+    recipe: Literal["paper", "modern"] = "modern",
+    epochs: int = 50,
+    batch: int = 8,
+    seed: int = 0,
+    channels: str = "x,y,z",
+    init: Path | None = None,
+    freeze_encoder: bool = False,
+    set: Given = (),
+) -> int:
+    """Train a network on a data set; the same command goes on where it was stopped.
+
+    The epoch is picked by the mean IoU on whole bridges that were held out.
+
+    Args:
+        dataset: Folder that falsework dataset has written.
+        output: Folder to write: a model.
+        model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which takes no epochs.
+        recipe: paper: what is known of the paper's training. modern: what has been learnt since.
+        epochs: Passes over the training samples.
+        batch: Samples of a step.
+        seed: Seed of weights, order, draws and dropout.
+        channels: What the network sees of a point, with commas between.
+        init: A model to begin with; its last layer is drawn anew where the classes are others.
+        freeze_encoder: Train the way back up and the head alone.
+        set: A further setting, such as `learning_rate=0.001`, or of the network, such as `network.unit=2.0`; may be
+            given more than once.
+    """
+    from learn.training.settings import TrainSettings
+    from learn.training.train import train_network
+
+    values: dict[str, Any] = {"model": model, "recipe": recipe, "epochs": epochs, "batch": batch, "seed": seed,
+                              "freeze_encoder": freeze_encoder, "network": {}}  # fmt: skip
+    for key, value in given_settings(set).items():
+        if key.startswith("network."):
+            values["network"][key.removeprefix("network.")] = value
+        else:
+            values[key] = value
+    settings = parse_settings(TrainSettings, values, "--set")
+    names = _words(channels)
+    source, held = _split(dataset, "train", names), _split(dataset, "val", names)
+    asked = [str(dataset.resolve()), channels, str(init), settings.model_dump(mode="json")]
+    inputs = [dataset] if init is None else [dataset, init]
+    with ConsoleProgress() as progress:
+        if model == "forest":
+            from learn.training.forest import train_forest
+
+            fresh_output(output, "model", lambda folder: train_forest(
+                source, settings, folder, progress, _facts(source)
+            ), inputs=inputs, asked=asked)  # fmt: skip
+        else:
+            fresh_output(output, "model", lambda folder: train_network(
+                source, held if len(held) else None, settings, folder, progress, data=_facts(source), init=init,
+            ), inputs=inputs, asked=asked, resume=True)  # fmt: skip
+    sys.stdout.write(f"model   {output}\n")
+    return 0
+
+
+def evaluate(
+    model: File,
+    dataset: tyro.conf.Positional[Path],
+    *,
+    split: Literal["train", "val", "test"] = "test",
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> int:
+    """Score a model on one split of a data set: accuracy, IoU, precision and F1 of each class, and calibration.
+
+    Args:
+        model: Folder that falsework train has written.
+        dataset: Folder that falsework dataset has written.
+        split: Part of the data set.
+        output: JSON file for the scores, the confusion matrices of every bridge among them.
+        as_json: Print one JSON object instead of a table.
+    """
+    from learn.evaluate import evaluate_model, score_lines
+    from learn.trained import read_model
+
+    trained = read_model(model)
+    source = _split(dataset, split, trained.channels)
+    if source.classes != trained.classes:
+        raise InputError("the data set has other classes than the model", where=dataset, field="classes",
+                         value=", ".join(source.classes), allowed=", ".join(trained.classes))  # fmt: skip
+    if not len(source):
+        raise InputError("nothing in this split", where=dataset, field="--split", value=split)
+    with ConsoleProgress() as progress:
+        record = evaluate_model(trained, source, progress)
+    if output is not None:
+        write_json(output, record)
+    text = json.dumps({"version": JSON_VERSION, **record}) if as_json else "\n".join(score_lines(record))
+    sys.stdout.write(text + "\n")
+    return 0
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def _split(dataset: Path, split: str, channels: tuple[str, ...]) -> "SampleSource":
+    from learn.datasets.stored import StoredSplit
+
+    return StoredSplit(dataset, split, channels)
+
+
+def _facts(source: object) -> dict[str, Any]:
+    """Take along what the data set says of how it was made."""
+    facts = getattr(source, "facts", None)
+    settings = getattr(facts, "settings", None)
+    return {} if settings is None else {"settings": settings.model_dump(mode="json")}

@@ -1,0 +1,162 @@
+"""What training minimises: weighted cross-entropy, Lovasz-softmax, and a head of its own for noisy points."""
+
+from typing import Literal
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from learn.sample import UNLABELLED
+
+WeightRule = Literal["none", "cube-root", "randla", "sqrt"]
+
+_RANDLA_FLOOR = 0.02  # of the published rule: no class weighs more than 50
+_SQRT_FLOOR = 1e-4  # a class with fewer than one point in 10,000 weighs no more than that
+
+
+def class_weights(counts: Tensor, rule: WeightRule) -> Tensor:
+    """Weigh classes against their frequency f.
+
+    Args:
+        counts: Training points of each class, shape (C,).
+        rule: none: 1. cube-root: (largest f / f)^(1/3), of PointNet++'s usual training code. randla: 1 / (f + 0.02), of
+            RandLA-Net, and so the paper's for it. sqrt: 1 / sqrt(f + 0.0001), scaled so that the mean over the points
+            is 1.
+
+    Returns:
+        Weights [1], shape (C,), float32; a class without points weighs as much as the heaviest with points.
+    """
+    share = counts.double() / counts.sum().clamp(min=1)
+    if rule == "none":
+        weights = torch.ones_like(share)
+    elif rule == "randla":
+        weights = 1.0 / (share + _RANDLA_FLOOR)
+    elif rule == "cube-root":
+        weights = (share.max() / share.clamp(min=1e-12)).pow(1.0 / 3.0)
+    else:
+        weights = (share + _SQRT_FLOOR).rsqrt()
+        weights = weights / (weights * share).sum().clamp(min=1e-12)
+    if (counts > 0).any():
+        weights = weights.clamp(max=float(weights[counts > 0].max()))
+    return weights.float()
+
+
+def cross_entropy(
+    logits: Tensor, labels: Tensor, weights: Tensor | None = None, points: Tensor | None = None, smoothing: float = 0.0
+) -> Tensor:
+    """Average the cross-entropy over the labelled points, each times the weight of its class and its own.
+
+    The mean is over the points, as RandLA-Net has it, and not over the weights, as torch has it.
+
+    Args:
+        logits: Shape (P, C).
+        labels: Classes, 255 where unknown, shape (P,), int64.
+        weights: Of the classes [1], shape (C,), or None.
+        points: Of the points [1], shape (P,), or None.
+        smoothing: Share of the target that is spread over all classes [1].
+
+    Returns:
+        A number; 0 without a labelled point.
+    """
+    known = labels != UNLABELLED
+    target = labels.clamp(max=logits.shape[-1] - 1)
+    each = functional.cross_entropy(logits, target, reduction="none", label_smoothing=smoothing)
+    if weights is not None:
+        each = each * weights[target]
+    if points is not None:
+        each = each * points
+    return (each * known).sum() / known.sum().clamp(min=1)
+
+
+def lovasz_softmax(logits: Tensor, labels: Tensor) -> Tensor:
+    """Average the Lovasz extension of 1 - IoU over the classes that are present.
+
+    Args:
+        logits: Shape (P, C).
+        labels: Classes, 255 where unknown, shape (P,), int64.
+
+    Returns:
+        A number; 0 without a labelled point.
+
+    Source: Berman et al., The Lovasz-softmax loss, 2018, algorithm 1.
+    """
+    known = labels != UNLABELLED
+    probabilities, target = logits[known].softmax(dim=-1), labels[known]
+    losses = []
+    for number in range(logits.shape[-1]):
+        inside = (target == number).to(probabilities.dtype)
+        if not inside.any():
+            continue
+        errors, order = (inside - probabilities[:, number]).abs().sort(descending=True)
+        losses.append(errors @ _jaccard_steps(inside[order]))
+    return torch.stack(losses).mean() if losses else logits.sum() * 0.0
+
+
+def uncertainty_weights(uncertainty: Tensor, scale: float, form: Literal["gauss", "inverse"] = "gauss") -> Tensor:
+    """Let points count less the less sure their position is.
+
+    Args:
+        uncertainty: Of each point, infinite where nothing was seen [m], shape (P,).
+        scale: Uncertainty u0 at which the weight has fallen to 1/e (gauss) or 1/2 (inverse) [m].
+        form: exp(-(u / u0)^2), or 1 / (1 + u / u0).
+
+    Returns:
+        Weights [1], shape (P,).
+    """
+    ratio = uncertainty / scale
+    return torch.exp(-ratio.square()) if form == "gauss" else 1.0 / (1.0 + ratio)
+
+
+def noise_loss(logits: Tensor, labels: Tensor, noisy: int) -> Tensor:
+    """Score the head for noise: one output of its own, so that noise does not compete with the components.
+
+    Args:
+        logits: Shape (P, C); column `noisy` is the head for noise.
+        labels: Classes, 255 where unknown, shape (P,), int64.
+        noisy: Number of the class of noisy points.
+
+    Returns:
+        Mean binary cross-entropy over the labelled points; 0 without one.
+    """
+    known = labels != UNLABELLED
+    target = (labels == noisy).to(logits.dtype)
+    each = functional.binary_cross_entropy_with_logits(logits[:, noisy], target, reduction="none")
+    return (each * known).sum() / known.sum().clamp(min=1)
+
+
+def components_only(logits: Tensor, labels: Tensor, noisy: int) -> tuple[Tensor, Tensor]:
+    """Take the head for noise away: its logits fall out of the softmax, its points are nobody's.
+
+    Args:
+        logits: Shape (P, C).
+        labels: Classes, 255 where unknown, shape (P,), int64.
+        noisy: Number of the class of noisy points.
+
+    Returns:
+        Logits, shape (P, C), -1e9 in column `noisy`; labels, shape (P,), 255 for noisy points.
+    """
+    column = torch.arange(logits.shape[-1], device=logits.device) == noisy
+    return logits.masked_fill(column, -1e9), labels.masked_fill(labels == noisy, UNLABELLED)
+
+
+def merge_noise(logits: Tensor, noisy: int) -> Tensor:
+    """Turn the two heads into log-probabilities of all classes: noisy, or not noisy and then one of the others.
+
+    Args:
+        logits: Shape (…, C); column `noisy` is the head for noise.
+        noisy: Number of the class of noisy points.
+
+    Returns:
+        Log-probabilities that sum to 1 as probabilities, shape (…, C).
+    """
+    column = torch.arange(logits.shape[-1], device=logits.device) == noisy
+    head = logits[..., noisy : noisy + 1]
+    others = logits.masked_fill(column, -1e9).log_softmax(dim=-1) + functional.logsigmoid(-head)
+    return torch.where(column, functional.logsigmoid(head), others)
+
+
+def _jaccard_steps(inside: Tensor) -> Tensor:
+    """Give by how much 1 - IoU grows with each point that is taken for wrong, worst first."""
+    whole = inside.sum()
+    loss = 1.0 - (whole - inside.cumsum(0)) / (whole + (1.0 - inside).cumsum(0))
+    return torch.cat([loss[:1], loss[1:] - loss[:-1]])

@@ -1,0 +1,84 @@
+"""What every network offers: geometry for the loader, logits from features and geometry."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from learn.neighbourhoods.cache import cached_pyramid
+from learn.neighbourhoods.pyramids import Indices
+
+F32 = NDArray[np.float32]
+
+COORD = "coord"
+"""The key under which a geometry holds the positions themselves."""
+
+Geometry = Mapping[str, Tensor]
+"""`coord` (B, N, 3), float32, and the arrays of a pyramid with a batch axis in front, int64: rows within each cloud."""
+
+
+class Backbone(Protocol):
+    """A network of `learn.models`: a torch module with these two methods besides."""
+
+    def pyramid(self, coord: F32) -> Indices:
+        """Search the neighbourhoods of one cloud; what the loader does, and the cache keeps.
+
+        Args:
+            coord: Positions [m or 1], shape (N, 3), float32.
+
+        Returns:
+            Named arrays of row numbers, int32.
+        """
+        ...
+
+    def pyramid_parameters(self) -> object:
+        """Tell what decides the pyramid beside the positions: the rest of the cache's key."""
+        ...
+
+    def forward(self, features: Tensor, geometry: Geometry) -> Tensor:
+        """Score every point for every class.
+
+        Args:
+            features: Inputs [1], shape (B, N, C), float32.
+            geometry: Positions and pyramids of the B clouds.
+
+        Returns:
+            Logits [1], shape (B, N, classes), float32.
+        """
+        ...
+
+
+def geometry_of(
+    backbone: Backbone, coord: F32, cache: Path | None = None, moved: F32 | None = None
+) -> dict[str, Tensor]:
+    """Make the geometry of one cloud, without the batch axis.
+
+    Args:
+        backbone: The network.
+        coord: Positions that the neighbourhoods are searched in [m or 1], shape (N, 3), float32.
+        cache: Folder of pyramids, or None.
+        moved: The same points turned, mirrored or scaled afterwards [m or 1], shape (N, 3), float32; None: not at all.
+
+    Returns:
+        `coord` (N, 3), float32, and the pyramid, int64.
+    """
+    arrays = cached_pyramid(cache, coord, backbone.pyramid_parameters(), backbone.pyramid)
+    geometry = {name: torch.from_numpy(rows.astype(np.int64)) for name, rows in arrays.items()}
+    seen = coord if moved is None else moved
+    return {COORD: torch.from_numpy(np.ascontiguousarray(seen, dtype=np.float32)), **geometry}
+
+
+def batched(geometries: list[dict[str, Tensor]]) -> dict[str, Tensor]:
+    """Stack the geometries of clouds with the same number of points.
+
+    Args:
+        geometries: One a cloud.
+
+    Returns:
+        One geometry with a batch axis.
+    """
+    return {name: torch.stack([geometry[name] for geometry in geometries]) for name in geometries[0]}

@@ -1,0 +1,45 @@
+"""What a neighbourhood looks like at several scales: features of its covariance, for a forest."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.neighbourhoods.search import nearest
+
+F32 = NDArray[np.float32]
+
+NAMES = ("linearity", "planarity", "scatter", "curvature", "verticality", "spread", "rise", "above", "below")
+
+
+def covariance_features(coord: F32, scales: Sequence[int]) -> F32:
+    """Describe each point by the covariances of its nearest neighbours.
+
+    Args:
+        coord: Positions, z up [m or 1], shape (N, 3), float32.
+        scales: Numbers of neighbours; no more than there are points are taken.
+
+    Returns:
+        Features [m or 1], shape (N, 9 x scales + 1), float32: for each scale `NAMES`, then the height above the lowest
+        point.
+
+    Source: Weinmann et al., Semantic point cloud interpretation based on optimal neighborhoods, 2015, section 3.2.
+    """
+    points = coord.astype(np.float64)
+    rows = nearest(coord, coord, min(max(scales), len(coord)))
+    columns = []
+    for scale in scales:
+        near = points[rows[:, :scale]]
+        offset = near - near.mean(axis=1, keepdims=True)
+        covariance = np.einsum("nki,nkj->nij", offset, offset) / near.shape[1]
+        values, vectors = np.linalg.eigh(covariance)
+        third, second, first = np.maximum(values, 0.0).T
+        longest, total = np.maximum(first, 1e-12), np.maximum(first + second + third, 1e-12)
+        heights = near[:, :, 2]
+        columns += [
+            (first - second) / longest, (second - third) / longest, third / longest, third / total,
+            1.0 - np.abs(vectors[:, 2, 0]), np.sqrt(total), np.sqrt(np.maximum(covariance[:, 2, 2], 0.0)),
+            heights.max(axis=1) - points[:, 2], points[:, 2] - heights.min(axis=1),
+        ]  # fmt: skip
+    columns.append(points[:, 2] - points[:, 2].min())
+    return np.stack(columns, axis=1).astype(np.float32)

@@ -1,0 +1,69 @@
+"""Taking features of neighbours: rows within each cloud of a batch, channels last."""
+
+import torch
+from torch import Tensor, nn
+
+
+def gather(values: Tensor, index: Tensor) -> Tensor:
+    """Take rows within each cloud.
+
+    One `index_select` on the flattened batch is several times faster than `gather` along an expanded axis, forwards
+    and backwards, and has a deterministic backward on every device.
+
+    Args:
+        values: Shape (B, N, C).
+        index: Rows, shape (B, M) or (B, M, K), int64.
+
+    Returns:
+        Shape (B, M, C) or (B, M, K, C).
+    """
+    batch, count, channels = values.shape
+    first = torch.arange(batch, device=values.device) * count
+    flat = index + first.view(-1, *[1] * (index.dim() - 1))
+    return values.reshape(-1, channels).index_select(0, flat.reshape(-1)).view(*index.shape, channels)
+
+
+def interpolate(values: Tensor, index: Tensor, coord: Tensor, known: Tensor, power: int) -> Tensor:
+    """Carry features to finer points, weighted by a power of the inverse distance.
+
+    Args:
+        values: Features of the coarse points, shape (B, M, C).
+        index: Nearest coarse points of each fine one, shape (B, N, K), int64.
+        coord: Positions of the fine points [m or 1], shape (B, N, 3).
+        known: Positions of the coarse points [m or 1], shape (B, M, 3).
+        power: 2 in PointNet++, 1 in PointNeXt.
+
+    Returns:
+        Features of the fine points, shape (B, N, C).
+    """
+    squared = (coord[:, :, None] - gather(known, index)).square().sum(-1)
+    inverse = 1.0 / ((squared if power == 2 else squared.sqrt()) + 1e-8)
+    weights = inverse / inverse.sum(-1, keepdim=True)
+    return (gather(values, index) * weights[..., None]).sum(2)
+
+
+class Shared(nn.Module):
+    """One layer of a shared MLP: linear, batch normalisation, activation, the same for every point."""
+
+    def __init__(
+        self, inputs: int, outputs: int, activation: nn.Module | None, *,
+        bias: bool = True, epsilon: float = 1e-5, momentum: float = 0.1,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self.linear = nn.Linear(inputs, outputs, bias=bias)
+        self.norm = nn.BatchNorm1d(outputs, eps=epsilon, momentum=momentum)
+        self.activation = activation
+
+    def forward(self, values: Tensor) -> Tensor:
+        """Apply the layer to the last axis.
+
+        Args:
+            values: Shape (…, inputs).
+
+        Returns:
+            Shape (…, outputs).
+        """
+        flat = self.norm(self.linear(values.reshape(-1, values.shape[-1])))
+        if self.activation is not None:
+            flat = self.activation(flat)
+        return flat.view(*values.shape[:-1], flat.shape[-1])

@@ -1,0 +1,190 @@
+"""PointNeXt: PointNet++ with residual connections, inverted bottlenecks and offsets measured in radii."""
+
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from torch import Tensor, cat, nn
+
+from groundwork.settings import Settings
+from learn.models.backbone import COORD, Geometry
+from learn.models.gather import Shared, gather, interpolate
+from learn.neighbourhoods.pyramids import Indices, add_own_balls, farthest_pyramid
+
+F32 = NDArray[np.float32]
+
+STRIDE = 4
+LEVELS = 4
+EXPANSION = 4
+_BLOCKS = {"pointnext-s": (0, 0, 0, 0), "pointnext-b": (1, 2, 1, 1)}  # residual blocks after each set abstraction
+
+
+class PointNextSettings(Settings):
+    """PointNeXt."""
+
+    kind: Literal["pointnext-s", "pointnext-b"] = "pointnext-s"
+    """S: two layers and a shortcut in each set abstraction. B: one layer, and residual blocks behind it."""
+    width: int = Field(default=32, ge=4, le=256)
+    """Features of the finest level; each coarser one has twice as many."""
+    radius: float = Field(default=0.1, gt=0.0, le=1000.0)
+    """Radius of the first ball [m or 1], doubled at each level: 0.1 for points 0.04 apart, as published."""
+    neighbours: int = Field(default=32, ge=2, le=128)
+    """Points of a ball."""
+    dropout: float = Field(default=0.5, ge=0.0, lt=1.0)
+    """Share of the head's features that a training step leaves out [1]."""
+
+
+class PointNext(nn.Module):
+    """PointNeXt-S and -B for semantic segmentation, as configured for rooms.
+
+    Source: Qian et al., PointNeXt, 2022, https://doi.org/10.48550/arXiv.2206.04670, and the authors' settings.
+    """
+
+    def __init__(self, settings: PointNextSettings, inputs: int, classes: int) -> None:
+        super().__init__()
+        self.settings = settings
+        small = settings.kind == "pointnext-s"
+        widths = [settings.width * 2**level for level in range(LEVELS + 1)]
+        self.stem = nn.Linear(inputs, widths[0])
+        self.down = nn.ModuleList()
+        self.blocks = nn.ModuleList()
+        for level, (width, wider) in enumerate(pairwise(widths)):
+            radius = self.radius(level)
+            self.down.append(SetAbstraction(width, wider, radius, small))
+            count = _BLOCKS[settings.kind][level]
+            self.blocks.append(nn.ModuleList(InvertedResidual(wider, 2 * radius) for _ in range(count)))
+        self.up = nn.ModuleList()
+        for width, wider in reversed(list(pairwise(widths))):
+            self.up.append(nn.Sequential(_layer(width + wider, width), _layer(width, width)))
+        self.head = nn.Sequential(
+            _layer(widths[0], widths[0]), nn.Dropout(settings.dropout), nn.Linear(widths[0], classes)
+        )  # fmt: skip
+
+    def radius(self, level: int) -> float:
+        """Give the radius of the balls that lead to a level.
+
+        Args:
+            level: 0 for the first set abstraction.
+
+        Returns:
+            Radius [m or 1]; the residual blocks behind it look twice as far.
+        """
+        return self.settings.radius * 2**level
+
+    def pyramid(self, coord: F32) -> Indices:
+        """Choose the points of every level and search their balls.
+
+        Args:
+            coord: Positions [m or 1], shape (N, 3), float32.
+
+        Returns:
+            As `farthest_pyramid`, with `own{l}` of `add_own_balls` where residual blocks need them.
+        """
+        counts = [len(coord) // STRIDE ** (level + 1) for level in range(LEVELS)]
+        near = self.settings.neighbours
+        arrays = farthest_pyramid(coord, counts, [[(self.radius(level), near)] for level in range(LEVELS)])
+        if self.settings.kind == "pointnext-s":
+            return arrays
+        return add_own_balls(arrays, coord, LEVELS, [(2 * self.radius(level), near) for level in range(LEVELS)])
+
+    def pyramid_parameters(self) -> object:
+        """Tell what decides the pyramid beside the positions."""
+        return {
+            "pyramid": "next", "own": self.settings.kind != "pointnext-s", "radius": self.settings.radius,
+            "neighbours": self.settings.neighbours,
+        }  # fmt: skip
+
+    def forward(self, features: Tensor, geometry: Geometry) -> Tensor:
+        """Score every point for every class.
+
+        Args:
+            features: Inputs [1], shape (B, N, C), float32.
+            geometry: Positions and pyramids.
+
+        Returns:
+            Logits [1], shape (B, N, classes).
+        """
+        coords, levels = [geometry[COORD]], [self.stem(features)]
+        for level, (down, blocks) in enumerate(zip(self.down, self.blocks, strict=True)):
+            kept = geometry[f"kept{level}"]
+            coords.append(gather(coords[-1], kept))
+            values = down(levels[-1], coords[-2], kept, geometry[f"ball{level}_0"])
+            assert isinstance(blocks, nn.ModuleList)
+            for block in blocks:
+                values = block(values, coords[-1], geometry[f"own{level}"])
+            levels.append(values)
+        values = levels[-1]
+        for step, mlp in enumerate(self.up):
+            level = LEVELS - 1 - step
+            values = interpolate(values, geometry[f"up{level}"], coords[level], coords[level + 1], power=1)
+            values = mlp(cat([levels[level], values], dim=-1))
+        return self.head(values)
+
+
+class SetAbstraction(nn.Module):
+    """Fewer points, each with the maximum over a ball of a shared MLP of offsets and features."""
+
+    def __init__(self, inputs: int, outputs: int, radius: float, residual: bool) -> None:
+        super().__init__()
+        self.radius = radius
+        if residual:
+            half = outputs // 2
+            self.mlp = nn.Sequential(_layer(inputs + 3, half), _layer(half, outputs, active=False))
+            self.shortcut: nn.Linear | None = nn.Linear(inputs, outputs)
+        else:
+            self.mlp = nn.Sequential(_layer(inputs + 3, outputs))
+            self.shortcut = None
+
+    def forward(self, features: Tensor, coord: Tensor, kept: Tensor, ball: Tensor) -> Tensor:
+        """Aggregate each kept point's ball.
+
+        Args:
+            features: Shape (B, N, inputs).
+            coord: Positions [m or 1], shape (B, N, 3).
+            kept: Rows of the kept points, shape (B, M), int64.
+            ball: Rows of their balls, shape (B, M, K), int64.
+
+        Returns:
+            Features, shape (B, M, outputs).
+        """
+        values = _around(features, coord, gather(coord, kept), ball, self.radius)
+        values = self.mlp(values).amax(dim=2)
+        if self.shortcut is None:
+            return values
+        return (values + self.shortcut(gather(features, kept))).relu()
+
+
+class InvertedResidual(nn.Module):
+    """One layer over a ball, then two pointwise ones that widen and narrow again, with a shortcut about all three."""
+
+    def __init__(self, width: int, radius: float) -> None:
+        super().__init__()
+        self.radius = radius
+        self.local = _layer(width + 3, width)
+        self.widen = _layer(width, EXPANSION * width)
+        self.narrow = _layer(EXPANSION * width, width, active=False)
+
+    def forward(self, features: Tensor, coord: Tensor, ball: Tensor) -> Tensor:
+        """Aggregate each point's ball.
+
+        Args:
+            features: Shape (B, N, width).
+            coord: Positions [m or 1], shape (B, N, 3).
+            ball: Rows of the points' balls, shape (B, N, K), int64.
+
+        Returns:
+            Features, shape (B, N, width).
+        """
+        values = self.local(_around(features, coord, coord, ball, self.radius)).amax(dim=2)
+        return (self.narrow(self.widen(values)) + features).relu()
+
+
+def _around(features: Tensor, coord: Tensor, centers: Tensor, ball: Tensor, radius: float) -> Tensor:
+    offset = (gather(coord, ball) - centers[:, :, None]) / radius
+    return cat([offset, gather(features, ball)], dim=-1)
+
+
+def _layer(inputs: int, outputs: int, *, active: bool = True) -> Shared:
+    return Shared(inputs, outputs, nn.ReLU() if active else None, bias=False)

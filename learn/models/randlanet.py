@@ -1,0 +1,197 @@
+"""RandLA-Net: random sampling, local spatial encoding and attentive pooling, for clouds of 10,000 points and more."""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+from torch import Tensor, cat, nn
+
+from groundwork.settings import Settings
+from learn.models.backbone import COORD, Geometry
+from learn.models.gather import Shared, gather
+from learn.neighbourhoods.pyramids import Indices, random_pyramid
+
+F32 = NDArray[np.float32]
+
+STEM = 8
+HEAD = (64, 32)
+SLOPE = 0.2
+_EPSILON, _MOMENTUM = 1e-6, 0.01  # of the published batch normalisation; a momentum of 0.99 there is 0.01 here
+
+
+class RandlaNetSettings(Settings):
+    """RandLA-Net."""
+
+    kind: Literal["randlanet"] = "randlanet"
+    """Name of the network."""
+    widths: tuple[int, ...] = Field(default=(16, 64, 128, 256, 512), min_length=2, max_length=6)
+    """Half the features of each layer; the published network for laser scans has the first four."""
+    ratios: tuple[int, ...] = (4, 4, 4, 4, 2)
+    """By how much the cloud is thinned after each layer."""
+    neighbours: int = Field(default=16, ge=2, le=64)
+    """Nearest neighbours that a point sees."""
+    dropout: float = Field(default=0.5, ge=0.0, lt=1.0)
+    """Share of the head's features that a training step leaves out [1]."""
+    sampling_seed: int = Field(default=0, ge=0)
+    """Seed of the random sampling."""
+
+    @model_validator(mode="after")
+    def _as_many(self) -> "RandlaNetSettings":
+        if len(self.widths) != len(self.ratios) or any(width % 2 or width < 2 for width in self.widths):
+            raise ValueError("widths and ratios need the same length, and widths are even")
+        if any(ratio < 1 for ratio in self.ratios):
+            raise ValueError("a ratio is 1 or more")
+        return self
+
+
+class RandlaNet(nn.Module):
+    """RandLA-Net with its neighbourhoods taken from the loader.
+
+    Positions enter the spatial encoding as they are: centre each cloud.
+
+    Source: Hu et al., RandLA-Net, 2020, https://doi.org/10.48550/arXiv.1911.11236, and the authors' settings.
+    """
+
+    def __init__(self, settings: RandlaNetSettings, inputs: int, classes: int) -> None:
+        super().__init__()
+        self.settings = settings
+        self.stem = _shared(inputs, STEM)
+        self.down = nn.ModuleList()
+        widths = [STEM]
+        for width in settings.widths:
+            self.down.append(DilatedResidual(widths[-1], width))
+            widths.append(2 * width)
+        self.bottom = _shared(widths[-1], widths[-1])
+        skips = [widths[1], *widths[1:-1]]  # of the finest level before its sampling, then of each level after it
+        self.up = nn.ModuleList()
+        below = widths[-1]
+        for skip in reversed(skips):
+            self.up.append(_shared(below + skip, skip))
+            below = skip
+        self.head = nn.Sequential(
+            _shared(below, HEAD[0]), _shared(HEAD[0], HEAD[1]), nn.Dropout(settings.dropout),
+            nn.Linear(HEAD[1], classes),
+        )  # fmt: skip
+
+    def pyramid(self, coord: F32) -> Indices:
+        """Choose the points of every level and search their neighbours.
+
+        Args:
+            coord: Positions [m or 1], shape (N, 3), float32.
+
+        Returns:
+            As `learn.neighbourhoods.pyramids.random_pyramid`.
+        """
+        return random_pyramid(coord, self.settings.ratios, self.settings.neighbours, self.settings.sampling_seed)
+
+    def pyramid_parameters(self) -> object:
+        """Tell what decides the pyramid beside the positions."""
+        settings = self.settings
+        return {
+            "pyramid": "random", "ratios": settings.ratios, "neighbours": settings.neighbours,
+            "seed": settings.sampling_seed,
+        }  # fmt: skip
+
+    def forward(self, features: Tensor, geometry: Geometry) -> Tensor:
+        """Score every point for every class.
+
+        Args:
+            features: Inputs [1], shape (B, N, C), float32.
+            geometry: Positions and pyramids.
+
+        Returns:
+            Logits [1], shape (B, N, classes).
+        """
+        coord, values = geometry[COORD], self.stem(features)
+        skips: list[Tensor] = []
+        for level, block in enumerate(self.down):
+            near, kept = geometry[f"near{level}"], geometry[f"kept{level}"]
+            values = block(values, coord, near)
+            if level == 0:
+                skips.append(values)
+            rows = gather(near, kept)
+            values = gather(values, rows).amax(dim=2)
+            coord = gather(coord, kept)
+            skips.append(values)
+        values = self.bottom(skips.pop())
+        for step, mlp in enumerate(self.up):
+            up = geometry[f"up{len(self.up) - 1 - step}"]
+            values = mlp(cat([skips.pop(), gather(values, up[:, :, 0])], dim=-1))
+        return self.head(values)
+
+
+class DilatedResidual(nn.Module):
+    """Two local aggregations in a row, with a shortcut about both."""
+
+    def __init__(self, inputs: int, width: int) -> None:
+        super().__init__()
+        half = width // 2
+        self.enter = _shared(inputs, half)
+        self.place_first = _shared(10, half)
+        self.pool_first = AttentivePooling(width, half)
+        self.place_second = _shared(half, half)
+        self.pool_second = AttentivePooling(width, width)
+        self.leave = _shared(width, 2 * width, active=False)
+        self.shortcut = _shared(inputs, 2 * width, active=False)
+        self.activation = nn.LeakyReLU(SLOPE)
+
+    def forward(self, features: Tensor, coord: Tensor, near: Tensor) -> Tensor:
+        """Aggregate each point's neighbourhood.
+
+        Args:
+            features: Shape (B, N, inputs).
+            coord: Positions [m or 1], shape (B, N, 3).
+            near: Neighbours, shape (B, N, K), int64.
+
+        Returns:
+            Features, shape (B, N, 2 x width).
+        """
+        place = self.place_first(relative_place(coord, near))
+        values = self.enter(features)
+        values = self.pool_first(cat([gather(values, near), place], dim=-1))
+        place = self.place_second(place)
+        values = self.pool_second(cat([gather(values, near), place], dim=-1))
+        return self.activation(self.leave(values) + self.shortcut(features))
+
+
+class AttentivePooling(nn.Module):
+    """A sum over neighbours, each feature weighted by a softmax over them."""
+
+    def __init__(self, width: int, outputs: int) -> None:
+        super().__init__()
+        self.score = nn.Linear(width, width, bias=False)
+        self.mlp = _shared(width, outputs)
+
+    def forward(self, values: Tensor) -> Tensor:
+        """Pool over the neighbours.
+
+        Args:
+            values: Shape (B, N, K, width).
+
+        Returns:
+            Shape (B, N, outputs).
+        """
+        return self.mlp((values * self.score(values).softmax(dim=2)).sum(dim=2))
+
+
+def relative_place(coord: Tensor, near: Tensor) -> Tensor:
+    """Describe where each neighbour lies.
+
+    Args:
+        coord: Positions [m or 1], shape (B, N, 3).
+        near: Neighbours, shape (B, N, K), int64.
+
+    Returns:
+        Distance, centre minus neighbour, centre, neighbour [m or 1], shape (B, N, K, 10).
+    """
+    neighbour = gather(coord, near)
+    center = coord[:, :, None].expand_as(neighbour)
+    offset = center - neighbour
+    squared = offset.square().sum(-1, keepdim=True)
+    return cat([squared.sqrt(), offset, center, neighbour], dim=-1)
+
+
+def _shared(inputs: int, outputs: int, *, active: bool = True) -> Shared:
+    activation = nn.LeakyReLU(SLOPE) if active else None
+    return Shared(inputs, outputs, activation, epsilon=_EPSILON, momentum=_MOMENTUM)

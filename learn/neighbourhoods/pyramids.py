@@ -1,0 +1,96 @@
+"""Pyramids of points: which points each level keeps, and which points see which, as arrays of row numbers.
+
+Row numbers do not change when a cloud is turned, mirrored or scaled alike in all directions (with the radii), so one
+pyramid serves every such augmentation of a cloud.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from learn.neighbourhoods.farthest import farthest_points
+from learn.neighbourhoods.search import ball_query, nearest
+
+F32 = NDArray[np.float32]
+I64 = NDArray[np.int64]
+Indices = Mapping[str, NDArray[np.int32]]
+
+INTERPOLATED = 3  # known points that a finer point takes its features from
+
+
+def farthest_pyramid(coord: F32, counts: Sequence[int], balls: Sequence[Sequence[tuple[float, int]]]) -> Indices:
+    """Build the pyramid of PointNet++: farthest points, balls about them, and the way back up.
+
+    Args:
+        coord: Positions [m or 1], shape (N, 3), float32.
+        counts: Points of each coarser level.
+        balls: For each of them, (radius [m or 1], neighbours) of each ball about its points.
+
+    Returns:
+        For level l: `kept{l}`, shape (counts[l],), rows of the level above; `ball{l}_{j}`, shape (counts[l],
+        neighbours), rows of the level above; `up{l}`, shape (points above, 3), rows of level l, nearest first; int32.
+    """
+    arrays: dict[str, NDArray[np.int32]] = {}
+    above = coord
+    for level, (count, rings) in enumerate(zip(counts, balls, strict=True)):
+        kept = farthest_points(above, count)
+        below = above[kept]
+        arrays[f"kept{level}"] = kept.astype(np.int32)
+        for ring, (radius, neighbours) in enumerate(rings):
+            arrays[f"ball{level}_{ring}"] = ball_query(above, below, radius, neighbours).astype(np.int32)
+        arrays[f"up{level}"] = nearest(below, above, INTERPOLATED).astype(np.int32)
+        above = below
+    return arrays
+
+
+def add_own_balls(arrays: Indices, coord: F32, levels: int, balls: Sequence[tuple[float, int]]) -> Indices:
+    """Add to a pyramid the balls about the points of each level among the points of that same level.
+
+    Args:
+        arrays: A pyramid of `farthest_pyramid`, with its shapes.
+        coord: Positions that it was made of [m or 1], shape (N, 3), float32.
+        levels: Number of levels.
+        balls: (radius [m or 1], neighbours) at each level.
+
+    Returns:
+        The pyramid and `own{l}`, shape (points of level l, neighbours), rows of level l, int32.
+    """
+    more = dict(arrays)
+    for level in range(levels):
+        coord = coord[arrays[f"kept{level}"]]
+        more[f"own{level}"] = ball_query(coord, coord, *balls[level]).astype(np.int32)
+    return more
+
+
+def random_pyramid(coord: F32, ratios: Sequence[int], neighbours: int, seed: int) -> Indices:
+    """Build the pyramid of RandLA-Net: random points, k nearest neighbours, and the nearest kept point.
+
+    Args:
+        coord: Positions [m or 1], shape (N, 3), float32.
+        ratios: By how much each step thins the cloud.
+        neighbours: Nearest neighbours k.
+        seed: Seed of the choice; the paper takes the first points of a cloud that was shuffled beforehand.
+
+    Returns:
+        For level l: `near{l}`, shape (N_l, k), rows of level l; `kept{l}`, shape (N_l // ratio,), rows of level l that
+        are level l + 1; `up{l}`, shape (N_l, 1), rows of level l + 1. All int32.
+
+    Raises:
+        InputError: Too few points for the last level.
+    """
+    least = neighbours * int(np.prod(ratios[:-1]))
+    if len(coord) < least:
+        raise InputError("too few points for this network", field="points", value=len(coord),
+                         allowed=f"{least} or more", mend="Take larger tiles, or fewer layers")  # fmt: skip
+    arrays: dict[str, NDArray[np.int32]] = {}
+    kept = np.random.default_rng([seed, len(coord)]).permutation(len(coord))
+    for level, ratio in enumerate(ratios):
+        kept = kept[: len(coord) // ratio]
+        arrays[f"near{level}"] = nearest(coord, coord, neighbours).astype(np.int32)
+        arrays[f"kept{level}"] = kept.astype(np.int32)
+        arrays[f"up{level}"] = nearest(coord[kept], coord, 1).astype(np.int32)
+        coord = coord[kept]
+        kept = np.arange(len(coord))
+    return arrays

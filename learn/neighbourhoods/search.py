@@ -1,0 +1,57 @@
+"""Nearest points: those in a ball, and the k nearest."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from groundwork.errors import InputError
+
+F32 = NDArray[np.float32]
+I64 = NDArray[np.int64]
+
+
+def ball_query(coord: F32, centers: F32, radius: float, count: int) -> I64:
+    """Find the points within a ball about each centre.
+
+    Nearest first; where a ball holds more than `count`, the nearest are kept. (The published code keeps those with the
+    lowest numbers, which depends on the order of the file.) Where it holds fewer, the row is filled up with its first
+    entry, as published: a maximum over the row does not see the repeats.
+
+    Args:
+        coord: Positions [m or 1], shape (N, 3), float32.
+        centers: Centres [m or 1], shape (M, 3), float32.
+        radius: Of the balls, points on the surface included [m or 1].
+        count: Entries of a row.
+
+    Returns:
+        Rows of `coord`, shape (M, count), int64; the nearest point alone where a ball is empty.
+    """
+    tree = KDTree(coord)
+    bound = float(np.nextafter(radius, np.inf))
+    _, found = tree.query(centers, k=count, distance_upper_bound=bound)
+    rows = np.array(found, dtype=np.int64).reshape(len(centers), count)  # scipy drops the axis of a single neighbour
+    empty = rows[:, 0] == len(coord)
+    if empty.any():
+        rows[empty, 0] = tree.query(centers[empty], k=1)[1]
+    return np.where(rows == len(coord), rows[:, :1], rows)
+
+
+def nearest(coord: F32, centers: F32, count: int) -> I64:
+    """Find the k nearest points of each centre, nearest first.
+
+    Args:
+        coord: Positions [m or 1], shape (N, 3), float32.
+        centers: Centres [m or 1], shape (M, 3), float32.
+        count: Neighbours k; a centre that is one of the points is its own first neighbour.
+
+    Returns:
+        Rows of `coord`, shape (M, count), int64.
+
+    Raises:
+        InputError: Fewer points than neighbours.
+    """
+    if len(coord) < count:
+        raise InputError("fewer points than neighbours", field="points", value=len(coord),
+                         allowed=f"{count} or more", mend="Take larger tiles, or a smaller model")  # fmt: skip
+    _, found = KDTree(coord).query(centers, k=count)
+    return np.array(found, dtype=np.int64).reshape(len(centers), count)

@@ -1,0 +1,73 @@
+"""Panoptic quality: how well instances are found, and how well those that are found are outlined."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learn.sample import UNLABELLED
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class PanopticQuality:
+    """Quality of instances, class by class; NaN for a class of which there is neither a true nor a predicted one.
+
+    Attributes:
+        quality: Segmentation quality times recognition quality [1], shape (C,), float64.
+        segmentation: Mean IoU of the matched pairs [1], shape (C,), float64; NaN without one.
+        recognition: F1 of the instances [1], shape (C,), float64.
+        mean: Mean quality of the classes that occur [1].
+    """
+
+    quality: F64
+    segmentation: F64
+    recognition: F64
+    mean: float
+
+
+def panoptic_quality(
+    true_class: I64, true_instance: I64, found_class: I64, found_instance: I64, classes: int
+) -> PanopticQuality:
+    """Compare predicted with true instances.
+
+    A true and a predicted instance of one class match where they share more than half of their union, so that nothing
+    matches twice. Points without a true class are left out of both.
+
+    Args:
+        true_class: True classes, 255 where unknown, shape (N,), int64.
+        true_instance: True instances, numbered within the cloud, shape (N,), int64.
+        found_class: Predicted classes, shape (N,), int64.
+        found_instance: Predicted instances, shape (N,), int64.
+        classes: Number of classes.
+
+    Returns:
+        The qualities.
+
+    Source: Kirillov et al., Panoptic segmentation, 2019, section 4.
+    """
+    known = true_class != UNLABELLED
+    truth, true_of, true_size = _segments(true_class[known], true_instance[known])
+    found, found_of, found_size = _segments(found_class[known], found_instance[known])
+    pairs, shared = np.unique(np.stack([true_of, found_of]), axis=1, return_counts=True)
+    union = true_size[pairs[0]] + found_size[pairs[1]] - shared
+    matched = (2 * shared > union) & (truth[pairs[0]] == found[pairs[1]])
+    of_class = truth[pairs[0]][matched]
+    hits = np.bincount(of_class, minlength=classes)
+    overlap = np.bincount(of_class, shared[matched] / union[matched], minlength=classes)
+    either = np.bincount(truth, minlength=classes) + np.bincount(found, minlength=classes)
+    quality = np.where(either > 0, 2 * overlap / np.maximum(either, 1), np.nan)
+    return PanopticQuality(
+        quality=quality,
+        segmentation=np.where(hits > 0, overlap / np.maximum(hits, 1), np.nan),
+        recognition=np.where(either > 0, 2 * hits / np.maximum(either, 1), np.nan),
+        mean=float(np.nanmean(quality)) if (either > 0).any() else float("nan"),
+    )
+
+
+def _segments(of_class: I64, instance: I64) -> tuple[I64, I64, I64]:
+    """Give the class of each segment, the segment of each point, and the size of each segment."""
+    keys, segment, size = np.unique(np.stack([of_class, instance]), axis=1, return_inverse=True, return_counts=True)
+    return keys[0].astype(np.int64), segment.reshape(-1).astype(np.int64), size.astype(np.int64)

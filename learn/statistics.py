@@ -1,0 +1,130 @@
+"""Is one way of training better than another: paired seeds, bridges as the sampling unit, intervals before p values."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from groundwork.errors import InputError
+from learn.metrics import mean_iou
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A mean difference of paired values.
+
+    Attributes:
+        mean: First minus second [1].
+        deviation: Standard deviation of the differences [1].
+        low: Lower end of the interval [1].
+        high: Upper end of the interval [1].
+        pairs: Number of pairs.
+        wins: Pairs in which the first is better.
+    """
+
+    mean: float
+    deviation: float
+    low: float
+    high: float
+    pairs: int
+    wins: int
+
+
+def paired_difference(first: F64, second: F64, level: float = 0.95) -> Difference:
+    """Compare two arms over the same seeds, with Student's interval.
+
+    Args:
+        first: Score of each seed in one arm [1], shape (S,), float64.
+        second: Score of the same seeds in the other [1], shape (S,), float64.
+        level: Coverage of the interval [1].
+
+    Returns:
+        The difference.
+
+    Raises:
+        InputError: Fewer than two pairs.
+    """
+    if first.shape != second.shape or len(first) < 2:
+        raise InputError("an interval needs at least two pairs", field="seeds", value=len(first), allowed="2 or more")
+    differences = first - second
+    deviation = float(differences.std(ddof=1))
+    reach = float(stats.t.ppf(0.5 + level / 2, len(first) - 1)) * deviation / np.sqrt(len(first))
+    mean = float(differences.mean())
+    return Difference(mean, deviation, mean - reach, mean + reach, len(first), int((differences > 0).sum()))
+
+
+def crossed_bootstrap(
+    first: I64, second: I64, draws: int, seed: int, level: float = 0.95,
+    statistic: Callable[[F64], F64] = mean_iou,
+) -> Difference:  # fmt: skip
+    """Compare two arms with seeds and bridges drawn anew, crossed: every seed meets every bridge.
+
+    A draw takes S seeds and B bridges with replacement, the same for both arms. The score of a seed is that of the
+    confusion matrices summed over the bridges; the score of an arm is the mean over the seeds.
+
+    Args:
+        first: Confusion matrices of one arm, shape (S, B, C, C), int64.
+        second: Of the other, for the same seeds and bridges, shape (S, B, C, C), int64.
+        draws: Number of draws.
+        seed: Seed of the draws.
+        level: Coverage of the percentile interval [1].
+        statistic: Score of summed matrices, (…, C, C) → (…).
+
+    Returns:
+        The difference of the whole sample, the deviation and percentiles of the draws, and the seeds that win.
+    """
+    seeds, bridges = first.shape[:2]
+    rng = np.random.default_rng(seed)
+    arms = [matrices.astype(np.float64).transpose(1, 0, 2, 3).reshape(bridges, -1) for matrices in (first, second)]
+    whole = [statistic(matrices.sum(axis=1).astype(np.float64)) for matrices in (first, second)]
+    found = np.empty(draws)
+    for draw in range(draws):
+        of_seed = np.bincount(rng.integers(0, seeds, seeds), minlength=seeds)
+        of_bridge = np.bincount(rng.integers(0, bridges, bridges), minlength=bridges)
+        scores = [statistic((of_bridge @ arm).reshape(seeds, *first.shape[2:])) for arm in arms]
+        found[draw] = of_seed @ (scores[0] - scores[1]) / seeds
+    low, high = np.nanpercentile(found, [50 * (1 - level), 50 * (1 + level)])
+    differences = whole[0] - whole[1]
+    return Difference(
+        float(differences.mean()), float(np.nanstd(found)), float(low), float(high), seeds, int((differences > 0).sum())
+    )
+
+
+def signed_rank(first: F64, second: F64) -> float:
+    """Give Wilcoxon's two-sided p value for paired scores, of bridges for instance.
+
+    Args:
+        first: Score of each bridge in one arm [1], shape (B,), float64; NaN where it has none.
+        second: Score of the same bridges in the other [1], shape (B,), float64.
+
+    Returns:
+        p [1]; 1 where no pair differs.
+    """
+    differences = first - second
+    differences = differences[~np.isnan(differences)]
+    if not differences.any():
+        return 1.0
+    return float(np.asarray(stats.wilcoxon(differences))[1])
+
+
+def holm(p_values: Sequence[float]) -> tuple[float, ...]:
+    """Correct p values for their number.
+
+    Args:
+        p_values: One a question [1].
+
+    Returns:
+        Adjusted p values in the same order [1], at most 1.
+
+    Source: Holm, A simple sequentially rejective multiple test procedure, 1979.
+    """
+    adjusted, largest = [0.0] * len(p_values), 0.0
+    for rank, row in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[row]))
+        adjusted[row] = largest
+    return tuple(adjusted)

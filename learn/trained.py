@@ -1,0 +1,305 @@
+"""A trained model on disk: weights as safetensors, everything else as JSON; nothing in it can execute."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+from torch import Tensor, nn
+
+from groundwork.errors import InputError, MissingError
+from groundwork.files import read_json, write_bytes, write_json
+from learn.losses import merge_noise
+from learn.models.backbone import batched, geometry_of
+from learn.models.covariance import covariance_features
+from learn.models.forest import forest_probabilities
+from learn.models.registry import build_network
+from learn.sample import Sample
+
+F32 = NDArray[np.float32]
+
+FORMAT = "falsework.model"
+FORMAT_VERSION = 1
+FACTS, WEIGHTS = "model.json", "model.safetensors"
+FOREST = "forest"
+_POSITIONS = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class ModelFacts:
+    """What a model is, beside its weights.
+
+    Attributes:
+        network: Row of `learn.models.registry.NETWORKS`, or `forest`.
+        settings: Its settings.
+        classes: Name of each class, in the order of the probabilities.
+        channels: Name of each input.
+        data: How its samples were made (table, tiles, scale): whatever the data set says of itself.
+        noisy: Number of the class that has a head of its own; None where it is a class like the others.
+        temperature: What logits are divided by, fitted on validation [1].
+        training: How it was trained.
+    """
+
+    network: str
+    settings: Mapping[str, Any]
+    classes: tuple[str, ...]
+    channels: tuple[str, ...]
+    data: Mapping[str, Any]
+    noisy: int | None = None
+    temperature: float = 1.0
+    training: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class TrainedNetwork:
+    """A network that predicts.
+
+    Attributes:
+        facts: What it is.
+        module: The network, in evaluation mode.
+    """
+
+    facts: ModelFacts
+    module: nn.Module
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Name of each class, in the order of the probabilities."""
+        return self.facts.classes
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Name of each input."""
+        return self.facts.channels
+
+    def probabilities(self, samples: Sequence[Sample], cache: Path | None = None) -> list[F32]:
+        """Say how likely each class is at each point.
+
+        Args:
+            samples: Clouds as in training.
+            cache: Folder of pyramids, or None.
+
+        Returns:
+            For each sample probabilities [1], shape (N, K), float32.
+        """
+        found = []
+        for sample in samples:
+            check_channels(sample, self.facts.channels)
+            geometry = batched([geometry_of(self.module, sample.coord, cache)])  # type: ignore[arg-type]
+            with torch.no_grad():
+                logits = self.module(torch.from_numpy(sample.features)[None], geometry)[0]
+            found.append(as_probabilities(logits, self.facts.noisy, self.facts.temperature).numpy())
+        return found
+
+
+@dataclass(frozen=True)
+class TrainedForest:
+    """A forest that predicts.
+
+    Attributes:
+        facts: What it is.
+        arrays: As `learn.models.forest.grow_forest`, shapes as there.
+    """
+
+    facts: ModelFacts
+    arrays: Mapping[str, NDArray[Any]]
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Name of each class, in the order of the probabilities."""
+        return self.facts.classes
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Name of each input."""
+        return self.facts.channels
+
+    def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
+        """Say how likely each class is at each point.
+
+        Args:
+            samples: Clouds as in training.
+
+        Returns:
+            For each sample probabilities [1], shape (N, K), float32.
+        """
+        for sample in samples:
+            check_channels(sample, self.facts.channels)
+        scales = tuple(int(scale) for scale in self.facts.settings["scales"])
+        return [forest_probabilities(self.arrays, forest_inputs(sample, scales)) for sample in samples]
+
+
+def forest_inputs(sample: Sample, scales: Sequence[int]) -> F32:
+    """Describe the points of a sample for a forest: covariances, and the inputs that are no positions.
+
+    Args:
+        sample: A cloud.
+        scales: Numbers of neighbours.
+
+    Returns:
+        One row a point [m or 1], shape (N, C), float32.
+    """
+    others = [number for number, name in enumerate(sample.channels) if name not in _POSITIONS]
+    return np.concatenate([covariance_features(sample.coord, scales), sample.features[:, others]], axis=1)
+
+
+def read_model(folder: Path) -> TrainedNetwork | TrainedForest:
+    """Read a trained model of any kind.
+
+    Args:
+        folder: A model.
+
+    Raises:
+        InputError: Not a model, or weights that do not fit it.
+    """
+    facts = read_facts(folder)
+    if facts.network != FOREST:
+        return read_network(folder)
+    arrays = {name: value.numpy() for name, value in read_weights(folder).items()}
+    scales = facts.settings.get("scales")
+    if not isinstance(scales, list) or not all(isinstance(scale, int) and scale > 0 for scale in scales):
+        raise InputError("a torn model", where=folder / FACTS, field="settings.scales", value=scales)
+    if "share" not in arrays or arrays["share"].shape[-1] != len(facts.classes):
+        raise InputError("a torn forest, or one of other classes", where=folder / WEIGHTS, field="share")
+    return TrainedForest(facts, arrays)
+
+
+def as_probabilities(logits: Tensor, noisy: int | None, temperature: float) -> Tensor:
+    """Turn logits into probabilities.
+
+    Args:
+        logits: Shape (N, K).
+        noisy: Number of the class with a head of its own, or None.
+        temperature: What logits are divided by [1].
+
+    Returns:
+        Probabilities [1], shape (N, K), float32.
+    """
+    cooled = logits / temperature
+    return (merge_noise(cooled, noisy).exp() if noisy is not None else cooled.softmax(dim=-1)).float()
+
+
+def check_channels(sample: Sample, channels: tuple[str, ...]) -> None:
+    """Refuse a sample whose inputs are not those of the training.
+
+    Args:
+        sample: A cloud.
+        channels: Inputs of the model.
+
+    Raises:
+        InputError: Other channels, or another order.
+    """
+    if sample.channels != channels:
+        raise InputError("not the channels of the model", field="channels", value=", ".join(sample.channels),
+                         allowed=", ".join(channels))  # fmt: skip
+
+
+def write_model(folder: Path, facts: ModelFacts, weights: Mapping[str, Tensor]) -> None:
+    """Write a model.
+
+    Args:
+        folder: Where to; made when absent.
+        facts: What it is.
+        weights: Its arrays by name.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    # safetensors orders what it writes by type and name, so that equal weights are equal bytes
+    write_bytes(folder / WEIGHTS, save({name: value.contiguous() for name, value in weights.items()}))
+    write_json(folder / FACTS, {
+        "format": FORMAT, "format_version": FORMAT_VERSION, "network": facts.network, "settings": facts.settings,
+        "classes": facts.classes, "channels": facts.channels, "data": facts.data, "noisy": facts.noisy,
+        "temperature": facts.temperature, "training": facts.training,
+    })  # fmt: skip
+
+
+def read_facts(folder: Path) -> ModelFacts:
+    """Read what a model is.
+
+    Args:
+        folder: A model.
+
+    Raises:
+        InputError: Not a model, of another version, or torn.
+    """
+    path = folder / FACTS
+    if not path.is_file():
+        raise MissingError("no model", where=folder, mend="Name a folder that falsework train has written")
+    record = read_json(path)
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        raise InputError("not a model", where=path, allowed=FORMAT)
+    if record.get("format_version") != FORMAT_VERSION:
+        raise InputError("a model of another version", where=path, field="format_version",
+                         value=record.get("format_version"), allowed=str(FORMAT_VERSION))  # fmt: skip
+    try:
+        facts = ModelFacts(
+            network=str(record["network"]), settings=dict(record["settings"]), data=dict(record["data"]),
+            classes=tuple(map(str, record["classes"])), channels=tuple(map(str, record["channels"])),
+            noisy=record["noisy"], temperature=float(record["temperature"]), training=record["training"],
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"a torn model: {error}", where=path, mend="Train it anew, or fetch it anew") from None
+    if not facts.classes or not facts.temperature > 0 or facts.noisy not in (None, *range(len(facts.classes))):
+        raise InputError("a torn model", where=path, field="classes, noisy or temperature")
+    return facts
+
+
+def read_weights(folder: Path) -> dict[str, Tensor]:
+    """Read the arrays of a model.
+
+    Args:
+        folder: A model.
+
+    Returns:
+        Arrays by name.
+
+    Raises:
+        InputError: Missing or torn.
+    """
+    path = folder / WEIGHTS
+    try:
+        return load(path.read_bytes())
+    except FileNotFoundError:
+        raise MissingError("no weights", where=path) from None
+    except (SafetensorError, ValueError, KeyError, json.JSONDecodeError) as error:
+        raise InputError(f"not readable as safetensors: {error}", where=path, mend="Fetch it anew") from None
+
+
+def read_network(folder: Path) -> TrainedNetwork:
+    """Read a trained network.
+
+    Args:
+        folder: A model.
+
+    Raises:
+        InputError: Not a network, or weights that do not fit it.
+    """
+    facts = read_facts(folder)
+    module = build_network(facts.network, facts.settings, len(facts.channels), len(facts.classes), folder / FACTS)
+    load_weights(module, read_weights(folder), folder / WEIGHTS)
+    return TrainedNetwork(facts, module.eval())
+
+
+def load_weights(module: nn.Module, weights: Mapping[str, Tensor], where: Path) -> None:
+    """Put weights into a network.
+
+    Args:
+        module: The network.
+        weights: Arrays by name.
+        where: File that they come from.
+
+    Raises:
+        InputError: A name or a shape does not fit.
+    """
+    wanted = {name: tuple(value.shape) for name, value in module.state_dict().items()}
+    for name in sorted(wanted.keys() | weights.keys()):
+        found = tuple(weights[name].shape) if name in weights else None
+        if found != wanted.get(name):
+            raise InputError("weights that do not fit the network", where=where, field=name, value=found,
+                             allowed=str(wanted.get(name)))  # fmt: skip
+    module.load_state_dict(dict(weights))

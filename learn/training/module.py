@@ -1,0 +1,169 @@
+"""The Lightning module: one step, one validation, and what is kept of them. Nothing but `train` imports it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import lightning
+import numpy as np
+import torch
+from lightning.pytorch.callbacks import ModelCheckpoint
+from safetensors.torch import save
+from torch import Tensor, nn
+
+from groundwork.files import write_bytes, write_text
+from groundwork.progress import Progress
+from learn.losses import components_only, cross_entropy, lovasz_softmax, noise_loss
+from learn.metrics import confusion, scores
+from learn.trained import as_probabilities
+from learn.training.settings import Recipe, TrainSettings
+
+LAST, BEST = "last.ckpt", "best.safetensors"
+ENCODER = ("stem", "down", "blocks", "bottom")
+_WARM = 0.1  # share of the steps in which the learning rate of a cycle rises
+_CYCLE_START = 0.04  # learning rate at the beginning of a cycle, as a share of the largest
+
+
+class Segmentation(lightning.LightningModule):
+    """A network in training.
+
+    Attributes:
+        history: One row an epoch: epoch, mean loss, validation's mean IoU and accuracies.
+        best: Epoch with the highest mean IoU of validation, the earliest of equals; -1 before the first.
+    """
+
+    def __init__(
+        self, network: nn.Module, settings: TrainSettings, recipe: Recipe, weights: Tensor, noisy: int | None,
+        steps: int, folder: Path, progress: Progress,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self.network, self._settings, self._recipe, self._noisy = network, settings, recipe, noisy
+        self._steps, self._folder, self._listener = steps, folder, progress
+        self.register_buffer("class_weights", weights, persistent=False)
+        self.history: list[dict[str, float]] = []
+        self.best = -1
+        self._losses: list[Tensor] = []
+        self._matrix = np.zeros((len(weights), len(weights)), np.int64)
+
+    def configure_optimizers(self) -> Any:
+        """Make the recipe's optimizer and schedule."""
+        rate = self._settings.learning_rate or self._recipe.learning_rate
+        moving = [weight for weight in self.network.parameters() if weight.requires_grad]
+        if self._recipe.adamw:
+            optimizer: torch.optim.Optimizer = torch.optim.AdamW(moving, lr=rate, weight_decay=1e-2)
+        else:
+            optimizer = torch.optim.Adam(moving, lr=rate)
+        schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, self._rate_at)
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
+
+    def on_train_epoch_start(self) -> None:
+        """Begin an epoch."""
+        self._losses = []
+        if self._settings.freeze_encoder:
+            for name in ENCODER:
+                if isinstance(part := getattr(self.network, name, None), nn.Module):
+                    part.eval()  # its statistics stay, too
+
+    def training_step(self, batch: dict[str, Any], number: int) -> Tensor:
+        """Score a batch and give its loss.
+
+        Args:
+            batch: Features, labels and geometry.
+            number: Number of the batch in the epoch.
+
+        Returns:
+            The loss.
+        """
+        # Dropout depends on the seed and the step alone, so that a resumed training goes on alike.
+        torch.manual_seed(int(np.random.SeedSequence([self._settings.seed, self.global_step]).generate_state(1)[0]))
+        logits = self.network(batch["features"], batch["geometry"]).float().flatten(0, 1)
+        labels, loss = batch["labels"].flatten(), torch.zeros((), device=logits.device)
+        if self._noisy is not None:
+            loss = loss + noise_loss(logits, labels, self._noisy)
+            logits, labels = components_only(logits, labels, self._noisy)
+        assert isinstance(self.class_weights, Tensor)
+        smoothing = 0.0 if self._noisy is not None else self._recipe.smoothing  # it would reach the masked column
+        loss = loss + cross_entropy(logits, labels, self.class_weights, smoothing=smoothing)
+        if self._recipe.lovasz:
+            loss = loss + self._recipe.lovasz * lovasz_softmax(logits, labels)
+        self._losses.append(loss.detach())
+        return loss
+
+    def on_validation_epoch_start(self) -> None:
+        """Begin to count."""
+        self._matrix[:] = 0
+
+    def validation_step(self, batch: dict[str, Any], number: int) -> None:
+        """Count what a batch of validation is taken for.
+
+        Args:
+            batch: Features, labels and geometry.
+            number: Number of the batch.
+        """
+        logits = self.network(batch["features"], batch["geometry"]).flatten(0, 1)
+        found = as_probabilities(logits, self._noisy, 1.0).argmax(dim=-1).cpu().numpy()
+        self._matrix += confusion(batch["labels"].flatten().cpu().numpy(), found, len(self._matrix))
+
+    def on_validation_epoch_end(self) -> None:
+        """Log the epoch, and keep the weights where they are the best so far."""
+        loss = float(torch.stack(self._losses).mean()) if self._losses else float("nan")
+        result = scores(self._matrix)
+        ahead = max((row["miou"] for row in self.history), default=-1.0)
+        miou = 0.0 if np.isnan(result.mean_iou) else result.mean_iou
+        self.history.append({"epoch": self.current_epoch, "loss": loss, "miou": miou,
+                             "accuracy": result.overall_accuracy, "mean_accuracy": result.mean_accuracy})  # fmt: skip
+        if miou > ahead:
+            self.best = self.current_epoch
+            state = {name: value.cpu().contiguous() for name, value in self.network.state_dict().items()}
+            write_bytes(self._folder / BEST, save(state))
+        write_text(self._folder / "log.csv", log_table(self.history))
+        self._listener.advance(self.current_epoch + 1)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Keep the history.
+
+        Args:
+            checkpoint: What Lightning writes.
+        """
+        checkpoint["history"], checkpoint["best"] = json.dumps(self.history), self.best
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Go on with the history.
+
+        Args:
+            checkpoint: What Lightning has read.
+        """
+        self.history, self.best = json.loads(checkpoint["history"]), int(checkpoint["best"])
+
+    def _rate_at(self, step: int) -> float:
+        if self._recipe.schedule == "constant":
+            return 1.0
+        if self._recipe.schedule == "decay":
+            return 0.95 ** (step * self._settings.epochs // self._steps)
+        place = min(step / self._steps, 1.0)
+        if place < _WARM:
+            return _CYCLE_START + (1.0 - _CYCLE_START) * place / _WARM
+        return 0.5 * (1.0 + float(np.cos(np.pi * (place - _WARM) / (1.0 - _WARM))))
+
+
+def log_table(history: list[dict[str, float]]) -> str:
+    """Spell the history as CSV.
+
+    Args:
+        history: Rows with the same keys.
+
+    Returns:
+        A header and one line an epoch; floats as Python spells them, so that equal trainings have equal logs.
+    """
+    lines = [",".join(history[0])] if history else []
+    return "\n".join(lines + [",".join(str(value) for value in row.values()) for row in history]) + "\n"
+
+
+def keeper(folder: Path) -> ModelCheckpoint:
+    """Make the callback that keeps the state after every epoch, to go on from.
+
+    Args:
+        folder: Where to.
+    """
+    return ModelCheckpoint(dirpath=folder, filename=LAST.removesuffix(".ckpt"), save_on_train_epoch_end=True,
+                           enable_version_counter=False)  # fmt: skip

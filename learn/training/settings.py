@@ -1,0 +1,82 @@
+"""What a user may choose about a training, and what the two recipes choose."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pydantic import Field
+
+from groundwork.settings import Settings
+from learn.losses import WeightRule
+
+
+class TrainSettings(Settings):
+    """A training."""
+
+    model: str = "pointnet2-ssg"
+    """Network to train."""
+    network: dict[str, Any] = Field(default_factory=dict)
+    """Settings of the network."""
+    recipe: Literal["paper", "modern"] = "modern"
+    """paper: what is known of the paper's training. modern: AdamW, one cycle of the learning rate, class weights by the
+    root of the frequency, Lovasz-softmax, a head of its own for noisy points."""
+    epochs: int = Field(default=50, ge=1, le=10_000)
+    """Passes over the training samples."""
+    batch: int = Field(default=8, ge=1, le=1024)
+    """Samples of a step."""
+    learning_rate: float | None = Field(default=None, gt=0.0, le=1.0)
+    """Largest learning rate [1]; that of the recipe when left out."""
+    seed: int = Field(default=0, ge=0)
+    """Seed of weights, order, draws and dropout."""
+    validation: float = Field(default=0.2, gt=0.0, lt=1.0)
+    """Share of the bridges that are held out where the data set has no split for validation [1]."""
+    workers: int = Field(default=0, ge=0, le=64)
+    """Processes that load samples; 0 loads them in between."""
+    precision: Literal["32-true", "bf16-mixed"] = "32-true"
+    """Numbers of the training."""
+    accelerator: Literal["auto", "cpu", "gpu"] = "auto"
+    """What to train on; only the processor's results are the same bytes again."""
+    freeze_encoder: bool = False
+    """Train the way back up and the head alone."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a recipe decides.
+
+    Attributes:
+        adamw: AdamW instead of Adam.
+        learning_rate: Largest learning rate [1].
+        schedule: constant; decay: times 0.95 after each epoch; cycle: up over the first tenth and down to nothing.
+        weights: Rule of the class weights.
+        lovasz: Weight of the Lovasz-softmax loss beside the cross-entropy [1].
+        smoothing: Label smoothing [1].
+        noise_head: Whether noisy points get a head of their own.
+    """
+
+    adamw: bool
+    learning_rate: float
+    schedule: Literal["constant", "decay", "cycle"]
+    weights: WeightRule
+    lovasz: float
+    smoothing: float
+    noise_head: bool
+
+
+_MODERN = Recipe(True, 5e-3, "cycle", "sqrt", 1.0, 0.1, True)
+_PAPER = Recipe(False, 1e-4, "constant", "none", 0.0, 0.0, False)  # PointNet++ in the paper
+_PAPER_RANDLA = Recipe(False, 1e-2, "decay", "randla", 0.0, 0.0, False)  # the paper's table is lost: RandLA-Net's own
+
+RECIPES: Mapping[str, Recipe] = {"modern": _MODERN, "paper": _PAPER, "paper randlanet": _PAPER_RANDLA}
+
+
+def recipe_of(settings: TrainSettings) -> Recipe:
+    """Choose the recipe of a training.
+
+    Args:
+        settings: The training.
+
+    Returns:
+        The network's own where there is one.
+    """
+    return RECIPES.get(f"{settings.recipe} {settings.model}", RECIPES[settings.recipe])

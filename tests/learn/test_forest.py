@@ -1,0 +1,93 @@
+"""A forest votes as scikit-learn's does, from plain arrays; its features are those of simple shapes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file, save_file
+from scipy.spatial.transform import Rotation
+from sklearn.ensemble import RandomForestClassifier
+
+from groundwork.errors import InputError
+from learn.models.covariance import NAMES, covariance_features
+from learn.models.forest import forest_probabilities, grow_forest
+from tests.learn.toy import ToyBridges
+
+
+def toy(first: int) -> tuple[np.ndarray, np.ndarray]:
+    """Features and labels of a few toy bridges."""
+    samples = [ToyBridges(2, first=first).sample(row, 0) for row in range(4)]
+    known = np.concatenate([sample.labels for sample in samples]) != 255
+    features = np.concatenate([covariance_features(sample.coord, (10, 30)) for sample in samples])
+    return features[known], np.concatenate([sample.labels for sample in samples])[known]
+
+
+def test_the_arrays_vote_as_scikit_learn_does(tmp_path: Path) -> None:
+    """Same data, same seed: the same probabilities; and the same after a way through a file, without scikit-learn."""
+    features, labels = toy(0)
+    labels = np.where(labels == 2, 3, labels)  # a class without points between
+    arrays = grow_forest(features, labels, 4, trees=7, depth=6, seed=5)
+    peer = RandomForestClassifier(7, max_depth=6, class_weight="balanced", random_state=5, min_samples_leaf=2)
+    others, _ = toy(30)
+    wanted = np.zeros((len(others), 4))
+    wanted[:, [0, 1, 3]] = peer.fit(features, labels).predict_proba(others)
+    found = forest_probabilities(arrays, others)
+    assert np.allclose(found, wanted, atol=1e-6)
+    save_file(arrays, tmp_path / "forest.safetensors")
+    assert np.array_equal(forest_probabilities(load_file(tmp_path / "forest.safetensors"), others), found)
+    program = "import sys, learn.models.forest; print('sklearn' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_a_forest_learns_what_can_be_learnt() -> None:
+    """Bridges that it never saw: more than nine points in ten are right."""
+    features, labels = toy(0)
+    arrays = grow_forest(features, labels, 3, trees=20, depth=10, seed=0)
+    others, truth = toy(30)
+    assert (forest_probabilities(arrays, others).argmax(axis=1) == truth).mean() > 0.9
+
+
+def test_a_torn_forest_is_refused_before_it_is_walked() -> None:
+    """A circle, a child outside, a column that is not there, a missing array."""
+    features, labels = toy(0)
+    arrays = grow_forest(features, labels, 3, trees=2, depth=3, seed=0)
+    circle, outside = arrays["left"].copy(), arrays["right"].copy()
+    circle[0], outside[0] = 0, 10_000
+    for wrong in (
+        {"left": circle},
+        {"right": outside},
+        {"column": arrays["column"] + 100},
+        {"first": np.array([0, 9999, 5])},
+    ):
+        with pytest.raises(InputError, match="torn forest"):
+            forest_probabilities({**arrays, **wrong}, features)
+    with pytest.raises(InputError, match="not a forest"):
+        forest_probabilities({"first": arrays["first"]}, features)
+    with pytest.raises(InputError, match="one class"):
+        grow_forest(features, np.zeros_like(labels), 3, trees=2, depth=3, seed=0)
+
+
+def test_features_tell_lines_planes_and_walls_apart() -> None:
+    """A line is linear, a floor planar and level, a wall planar and upright; a turn about z changes nothing."""
+    rng = np.random.default_rng(0)
+    flat = np.zeros((200, 3))
+    line, floor, wall = flat.copy(), flat.copy(), flat.copy()
+    line[:, 0] = rng.random(200)
+    floor[:, :2], wall[:, ::2] = rng.random((200, 2)), rng.random((200, 2))
+    found = {
+        name: dict(zip(NAMES, covariance_features(cloud.astype(np.float32), (200,))[0], strict=False))
+        for name, cloud in {"line": line, "floor": floor, "wall": wall}.items()
+    }
+    assert found["line"]["linearity"] == pytest.approx(1.0)
+    assert found["floor"]["planarity"] > 0.7
+    assert found["floor"]["scatter"] == pytest.approx(0.0, abs=1e-6)
+    assert found["floor"]["verticality"] == pytest.approx(0.0, abs=1e-6)
+    assert found["wall"]["verticality"] == pytest.approx(1.0, abs=1e-6)
+    cloud = rng.random((300, 3)).astype(np.float32)
+    turned = (cloud @ Rotation.from_euler("z", 0.7).as_matrix().T).astype(np.float32)
+    assert np.allclose(covariance_features(cloud, (20,)), covariance_features(turned, (20,)), atol=1e-3)

@@ -1,0 +1,192 @@
+"""A training learns, gives the same bytes again, goes on where it was stopped, and writes a model that predicts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from groundwork.errors import InputError
+from groundwork.progress import Silent
+from learn.metrics import confusion, scores
+from learn.trained import FACTS, WEIGHTS, read_facts, read_network, read_weights
+from learn.training.loader import EpochOrder, hold_out
+from learn.training.settings import TrainSettings
+from learn.training.train import train_network
+from tests.learn.toy import CLASSES, ToyBridges
+
+SMALL: dict[str, Any] = {"counts": (64, 16), "unit": 2.0}
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> None:
+    """Small tensors gain nothing from threads."""
+    torch.set_num_threads(1)
+
+
+def settings(**changed: Any) -> TrainSettings:
+    """Choose a training of a second."""
+    base = {"network": SMALL, "epochs": 10, "batch": 2, "accelerator": "cpu", "seed": 3}
+    return TrainSettings(**{**base, **changed})
+
+
+def train(folder: Path, chosen: TrainSettings | None = None, source: ToyBridges | None = None, **more: Any) -> Path:
+    """Train on six toy bridges, two of them held out."""
+    folder.mkdir(exist_ok=True)
+    train_network(source or ToyBridges(6), None, chosen or settings(), folder, Silent(), **more)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One training, shared by the tests that only look at it."""
+    torch.set_num_threads(1)
+    return train(tmp_path_factory.mktemp("model"))
+
+
+def score(folder: Path) -> float:
+    """Score a model on bridges that the training never saw."""
+    model, source = read_network(folder), ToyBridges(3, first=50)
+    matrix = np.zeros((len(model.classes),) * 2, np.int64)
+    for row in range(len(source)):
+        sample = source.sample(row, 1)
+        (found,) = model.probabilities([sample])
+        assert np.allclose(found.sum(axis=1), 1.0, atol=1e-5)
+        matrix += confusion(sample.labels, found.argmax(axis=1), len(model.classes))
+    return scores(matrix).mean_iou
+
+
+def test_a_training_learns_what_can_be_learnt(trained: Path) -> None:
+    """The mean IoU on bridges never seen is far above that of chance, a fifth."""
+    assert score(trained) > 0.8
+    assert sorted(path.name for path in trained.iterdir()) == ["log.csv", FACTS, WEIGHTS]
+
+
+def test_shuffled_labels_teach_nothing(tmp_path: Path) -> None:
+    """With labels that have nothing to do with their points, a model is no better than chance."""
+    assert score(train(tmp_path, source=ToyBridges(6, shuffled=True))) < 0.35
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(trained: Path, tmp_path: Path) -> None:
+    """Weights, facts and log, bit by bit."""
+    again, other = train(tmp_path / "again"), train(tmp_path / "other", settings(seed=4))
+    for name in (WEIGHTS, FACTS, "log.csv"):
+        assert (again / name).read_bytes() == (trained / name).read_bytes()
+    assert (other / WEIGHTS).read_bytes() != (trained / WEIGHTS).read_bytes()
+
+
+def test_a_stopped_training_goes_on_to_the_same_bytes(trained: Path, tmp_path: Path) -> None:
+    """Stopped after two of ten epochs, and called again."""
+    train(tmp_path, stop_after=2)
+    assert not (tmp_path / WEIGHTS).exists()
+    assert len((tmp_path / "log.csv").read_text().splitlines()) == 3
+    train(tmp_path)
+    for name in (WEIGHTS, FACTS, "log.csv"):
+        assert (tmp_path / name).read_bytes() == (trained / name).read_bytes()
+
+
+def test_what_another_training_left_is_not_gone_on_from(tmp_path: Path, trained: Path) -> None:
+    """With other settings the training begins anew."""
+    train(tmp_path, settings(seed=4), stop_after=1)
+    train(tmp_path)
+    assert (tmp_path / WEIGHTS).read_bytes() == (trained / WEIGHTS).read_bytes()
+
+
+def test_the_earliest_of_the_best_epochs_is_picked(trained: Path) -> None:
+    """By the mean IoU of validation, as the log has it; validation shows bridges of its own."""
+    rows = [line.split(",") for line in (trained / "log.csv").read_text().splitlines()]
+    column = rows[0].index("miou")
+    values = [float(row[column]) for row in rows[1:]]
+    facts = read_facts(trained)
+    assert facts.training is not None
+    assert facts.training["picked_epoch"] == values.index(max(values))
+    held = facts.training["validation_bridges"]
+    training, _ = hold_out(ToyBridges(6), 0.2, 3)
+    assert held
+    assert not set(held) & {ToyBridges(6).bridge(row) for row in training}
+
+
+def test_noisy_points_have_a_head_of_their_own(tmp_path: Path) -> None:
+    """With a class of noisy points the modern recipe splits the heads, and says so in the model."""
+    chosen, classes = settings(epochs=1), (*CLASSES, "noisy_point")
+    facts = read_facts(train(tmp_path / "modern", chosen, ToyBridges(6, classes=classes)))
+    assert facts.noisy == 3
+    sample = ToyBridges(1).sample(0, 0)
+    assert read_network(tmp_path / "modern").probabilities([sample])[0].sum(axis=1) == pytest.approx(1.0, abs=1e-5)
+    paper = settings(epochs=1, recipe="paper")
+    assert read_facts(train(tmp_path / "paper", paper, ToyBridges(6, classes=classes))).noisy is None
+
+
+def test_a_training_begins_with_a_model_and_leaves_its_encoder_alone(trained: Path, tmp_path: Path) -> None:
+    """Frozen, the way down keeps its weights and statistics bit by bit; the head is drawn anew for other classes."""
+    classes = ("ground", "pier", "slab", "noisy_point")
+    chosen = settings(epochs=1, freeze_encoder=True)
+    train(tmp_path, chosen, ToyBridges(6, classes=classes), init=trained)
+    before, after = read_weights(trained), read_weights(tmp_path)
+    down = [name for name in before if name.startswith("down.")]
+    assert down
+    assert all(torch.equal(before[name], after[name]) for name in down)
+    assert not torch.equal(before["up.0.0.linear.weight"], after["up.0.0.linear.weight"])
+    assert after["head.2.weight"].shape[0] == 4
+
+
+def test_a_model_is_refused_where_it_does_not_fit(trained: Path, tmp_path: Path) -> None:
+    """Other channels, another version, torn weights, a pickle: one line each, and nothing executes."""
+    sample = ToyBridges(1).sample(0, 0)
+    other = type(sample)(sample.coord, sample.features, sample.labels, ("red", "green", "blue"))
+    with pytest.raises(InputError, match="channels of the model"):
+        read_network(trained).probabilities([other])
+    record = json.loads((trained / FACTS).read_text())
+    weights = (trained / WEIGHTS).read_bytes()
+    cases: list[tuple[dict[str, Any], bytes, str]] = [
+        ({"format_version": 99}, weights, "another version"),
+        ({"format": "something"}, weights, "not a model"),
+        ({"classes": None}, weights, "torn"),
+        ({"temperature": -1}, weights, "torn"),
+        ({"network": "resnet"}, weights, "no such network"),
+        ({"settings": {"counts": [64, 16, 8]}}, weights, "do not fit"),
+        ({"settings": {"nonsense": 1}}, weights, "unknown key"),
+        ({}, weights[:-10], "not readable as safetensors"),
+        ({}, b"\x80\x04cos\nsystem\n(S'true'\ntR.", "not readable as safetensors"),
+    ]
+    for number, (changes, data, said) in enumerate(cases):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / FACTS).write_text(json.dumps({**record, **changes}))
+        (folder / WEIGHTS).write_bytes(data)
+        with pytest.raises(InputError, match=said):
+            read_network(folder)
+    with pytest.raises(InputError, match="no model"):
+        read_network(tmp_path)
+
+
+def test_what_cannot_be_trained_is_refused(tmp_path: Path) -> None:
+    """One bridge alone, one class alone, bridges on both sides."""
+    with pytest.raises(InputError, match="another bridge"):
+        train(tmp_path, source=ToyBridges(1))
+    one_class = ToyBridges(3)
+    one_class.sample = lambda index, seed: _of_one_class(ToyBridges(3), index, seed)  # type: ignore[method-assign]
+    with pytest.raises(InputError, match="of one class"):
+        train(tmp_path, source=one_class)
+    with pytest.raises(InputError, match="bridges of the training"):
+        train_network(ToyBridges(3), ToyBridges(1), settings(), tmp_path, Silent())
+
+
+def _of_one_class(source: ToyBridges, index: int, seed: int) -> Any:
+    sample = source.sample(index, seed)
+    return type(sample)(sample.coord, sample.features, np.zeros_like(sample.labels), sample.channels)
+
+
+def test_every_epoch_has_its_own_order_and_every_sample_once() -> None:
+    """Decided by seed and epoch alone."""
+    order, again = EpochOrder(range(10, 20), 1), EpochOrder(range(10, 20), 1)
+    first = list(order)
+    assert sorted(row for _, row in first) == list(range(10, 20))
+    order.set_epoch(1)
+    again.set_epoch(1)
+    assert list(order) == list(again)
+    assert [row for _, row in order] != [row for _, row in first]
