@@ -60,6 +60,7 @@ def run(
     *,
     scenes: str | None = None,
     workers: Literal[0] = 0,
+    retry_failed: bool = False,
     as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> int:
     """Run the whole chain of a scenario; a second call makes only what is missing.
@@ -69,6 +70,7 @@ def run(
         output: Folder to write into.
         scenes: Part of the scenes, as `first:end`.
         workers: 0 is a plain loop in this process, the one way that there is so far.
+        retry_failed: Try again what failed in an earlier run.
         as_json: Print one JSON object at the end instead of lines.
     """
     from falsework.scenario import load_scenario, scene_range, values_of
@@ -77,7 +79,7 @@ def run(
     loaded = load_scenario(scenario)
     part = scene_range(scenes, loaded.scenes)
     with values_of(scenario):
-        return _run(loaded, output, part, as_json)
+        return _run(loaded, output, part, as_json, retry_failed)
 
 
 def author(scenario: File, output: Output, *, scene: int = 0) -> int:
@@ -351,13 +353,13 @@ def _group(name: str, words: list[str]) -> int:
     return tyro.extras.subcommand_cli_from_dict(verbs, prog=f"falsework {name}", description=module.__doc__, args=words)
 
 
-def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:
+def _run(scenario: object, output: Path, scenes: range | None, as_json: bool, retry_failed: bool = False) -> int:
     from falsework.pipeline import run_scenario
     from falsework.scenario import Scenario
 
     assert isinstance(scenario, Scenario)
     with ConsoleProgress() as progress:
-        outcome = run_scenario(scenario, output, progress, scenes)
+        outcome = run_scenario(scenario, output, progress, scenes, retry_failed=retry_failed)
     if as_json:
         paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}
         counts = {"made": outcome.made, "reused": outcome.reused}

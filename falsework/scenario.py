@@ -1,6 +1,7 @@
 """The scenario: every room's settings in one TOML file; what is not fixed there is drawn from its seed."""
 
 import hashlib
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.resources import as_file, files
@@ -55,9 +56,23 @@ class Scenario(AuthoringSettings):
         """Return what the renderer is told, as JSON."""
         return {**self.render.model_dump(mode="json"), "sensor": self.sensor.model_dump(mode="json")}
 
-    def as_toml(self) -> str:
-        """Spell the scenario as TOML, defaults included."""
-        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True))
+    def as_toml(self, folder: Path | None = None) -> str:
+        """Spell the scenario as TOML, defaults included.
+
+        Args:
+            folder: Where the file will stand, if its paths shall hold from there.
+        """
+        values = self.model_dump(mode="json", exclude_none=True)
+        if folder is not None:
+            base = os.path.realpath(folder)
+            for section in ("worlds", "skies", "surfaces"):
+                values[section] = {name: os.path.relpath(os.path.realpath(path), base)
+                                   for name, path in values[section].items()}  # fmt: skip
+            if self.stage is not None:
+                roots = [os.path.relpath(os.path.realpath(root), base) for root in self.stage.allow_root]
+                path = os.path.relpath(os.path.realpath(self.stage.path), base)
+                values["stage"] = {"path": path, "allow_root": roots}
+        return tomli_w.dumps(values)
 
 
 def load_scenario(path: Path) -> Scenario:
