@@ -10,6 +10,7 @@ from typing import Any
 from falsework.execution.artefact import Hashes, file_faults, read_manifest, seal, task_key
 from falsework.execution.failures import Failure, failure_of, read_failure, write_failure
 from falsework.execution.locks import exclusive
+from falsework.execution.textures import STAGE, share_textures
 from falsework.execution.verification import verify
 from falsework.execution.workroom import DAMAGED, LINKS, remove, sweep, work_folder
 from groundwork.errors import FalseworkError, InputError, OutOfSpaceError, RejectedSceneError
@@ -112,7 +113,9 @@ class Store:
                 if isinstance(error, RejectedSceneError) or (quarantine and _is_of_the_task(error)):
                     self._keep_failure(task, work, error, 1 if former is None else former.attempts + 1)
                 raise
-            seal(work, task.record)
+            manifest = seal(work, task.record)
+            if task.stage == STAGE:
+                share_textures(self.root, work, manifest["files"])
             self._failure_file(task).unlink(missing_ok=True)
             self._commit(task, work)
         return True

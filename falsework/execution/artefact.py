@@ -53,12 +53,15 @@ class Hashes:
         return self.known[identity]
 
 
-def seal(folder: Path, record: dict[str, Any]) -> None:
+def seal(folder: Path, record: dict[str, Any]) -> dict[str, Any]:
     """Write the manifest of a finished folder, and make every file read-only.
 
     Args:
         folder: The finished folder.
         record: The task: stage, version, settings and inputs.
+
+    Returns:
+        The manifest.
     """
     key = task_key(record["stage"], record["version"], record["settings"], record["inputs"])
     write_manifest(folder, {"format_version": FORMAT_VERSION, "key": key, **record})
@@ -67,6 +70,7 @@ def seal(folder: Path, record: dict[str, Any]) -> None:
     for path, mode in _entries(folder):
         if stat.S_ISREG(mode):
             path.chmod(0o444)  # a stored result is never edited in place
+    return manifest
 
 
 def read_manifest(path: Path) -> dict[str, Any]:

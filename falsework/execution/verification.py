@@ -8,6 +8,7 @@ from typing import Any
 
 from falsework.execution.artefact import Hashes, file_faults, read_manifest
 from falsework.execution.failures import read_failure
+from falsework.execution.textures import POOL, pool_faults
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST
 from groundwork.settings import read_toml
@@ -63,6 +64,8 @@ def inspect(root: Path) -> Findings:
     findings, hashes = Findings(), Hashes()
     for folder in _results(root, findings):
         _inspect_result(root, folder, findings, hashes)
+    for line in pool_faults(root, hashes):
+        findings.add(line)
     _inspect_inputs(root, findings)
     _inspect_links(root, findings)
     for path in _children(root / "failed"):
@@ -74,6 +77,8 @@ def inspect(root: Path) -> Findings:
 
 def _results(root: Path, findings: Findings) -> Iterator[Path]:
     for stage in _children(root / "store"):
+        if stage.name == POOL:
+            continue
         if stage.is_symlink() or not stage.is_dir():
             findings.add(f"{stage.relative_to(root)}: foreign")
             continue

@@ -216,6 +216,24 @@ def test_remade_input_of_other_bytes_is_said(run: Run, tmp_path: Path, monkeypat
     assert any("its bytes are not the former ones" in line for line in said)
 
 
+def test_scenes_of_a_run_share_their_textures(run: Run, tmp_path: Path) -> None:
+    """One file under `store/texture` for all; one that was painted on is found, and put right by the next scene."""
+    out = tmp_path / "out"
+    run(2)
+    textures = sorted(out.glob("store/stage/*/textures/steel.png"))
+    (shared,) = (out / "store/texture").iterdir()
+    assert len({path.stat().st_ino for path in (*textures, shared)}) == 1
+    assert {path.name for path in tmp_path.rglob("*") if path.is_file() and path.stat().st_nlink > 1} == {
+        "steel.png", shared.name,
+    }  # fmt: skip
+    _flip(shared, 5)
+    assert [line.split(": ")[-1] for line in Store(out).verify()] == ["changed"] * 3
+    shutil.rmtree(textures[0].parents[1])
+    shutil.rmtree(out / "store/capture")
+    assert run(2).made == 4  # the missing stage; the other one, for it is damaged and needed; both captures
+    assert Store(out).verify() == []
+
+
 @pytest.mark.faults
 @pytest.mark.parametrize("count", [2, 4])
 def test_several_processes_share_one_output(count: int, tmp_path: Path) -> None:
