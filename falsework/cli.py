@@ -205,21 +205,28 @@ def report(scene: File, output: Output) -> int:
     return 0
 
 
-def verify(output: File) -> int:
-    """Compare every stored result of a run with its checksums.
+def verify(output: File, *, repair: bool = False) -> int:
+    """Find everything in a run's folder that is not as it was written: changed, missing, misplaced, foreign.
 
     Args:
         output: Output folder of a run.
+        repair: Make it whole: what is damaged, what was made from it, and what those need, with the former bytes.
     """
     from falsework.store import Store
     from groundwork.errors import MissingError
 
     if not (output / "store").is_dir():
         raise MissingError("no store in this folder", where=output, mend="Name the output folder of a run")
-    wrong = Store(output).verify()
+    if repair:
+        from falsework.execution.repair import repair as make_whole
+
+        with ConsoleProgress() as progress:
+            wrong = make_whole(output, progress)
+    else:
+        wrong = Store(output).verify()
     for line in wrong:
         _say(line)
-    _say(f"{len(wrong)} of the stored files are not as they were written" if wrong else "all stored results are whole")
+    _say(f"{len(wrong)} things are not as they were written" if wrong else "all stored results are whole")
     return int(bool(wrong))
 
 

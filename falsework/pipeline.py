@@ -41,7 +41,7 @@ def run_scenario(
     """
     claim_run(out, scenario)
     sources = look_at_sources(scenario, progress)
-    manner = Manner(quarantine=scenario.scenes > 1, retry=retry_failed)
+    manner = Manner(quarantine=scenario.scenes > 1, retry=retry_failed, keep=scenario.keep)
     indices = list(range(scenario.scenes) if scenes is None else scenes)
     outcome = _run_here(scenario, sources, indices, out, manner, progress)
     Store(out).sweep()

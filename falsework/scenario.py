@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import tomli_w
 from pydantic import Field
@@ -31,6 +31,10 @@ class Scenario(AuthoringSettings):
 
     seed: int = Field(7, ge=0, description="Everything that is not fixed is drawn from it")
     scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
+    keep: tuple[Literal["stage", "capture", "cloud", "report"], ...] = Field(
+        ("stage", "capture", "cloud", "report"),
+        description="Stages whose results stay; the others go once what needs them is there",
+    )
     stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")
     worlds: dict[str, str] = Field(
         default_factory=dict,

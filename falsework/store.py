@@ -12,9 +12,9 @@ from falsework.execution.failures import Failure, failure_of, read_failure, writ
 from falsework.execution.locks import exclusive
 from falsework.execution.textures import STAGE, share_textures
 from falsework.execution.verification import verify
-from falsework.execution.workroom import DAMAGED, LINKS, remove, sweep, work_folder
+from falsework.execution.workroom import LINKS, remove, set_aside, sweep, work_folder
 from groundwork.errors import FalseworkError, InputError, OutOfSpaceError, RejectedSceneError
-from groundwork.files import MANIFEST, commit_folder, space_errors
+from groundwork.files import MANIFEST, commit_folder, space_errors, write_text
 
 
 @dataclass(frozen=True)
@@ -151,10 +151,7 @@ class Store:
         with work_folder(self.root, task.key) as work:
             if not os.path.lexists(folder) or not self.faults(task):
                 return False
-            aside = work.with_name(f"{task.key}.{DAMAGED}")
-            remove(aside)
-            folder.rename(aside)
-            remove(aside)
+            set_aside(folder, work)
         return True
 
     def failure(self, task: Task) -> Failure | None:
@@ -218,6 +215,32 @@ class Store:
                                      mend="Move it elsewhere") from None  # fmt: skip
                 self._replace_link(link, text)
 
+    def evict(self, task: Task, link: str) -> None:
+        """Let a result go that was only needed for others; what it was stays known.
+
+        Args:
+            task: What made it.
+            link: Readable name that leads to it, path below the run's folder.
+        """
+        folder, record = self.folder(task), self._eviction(task)
+        text = (folder / MANIFEST).read_text(encoding="utf-8")
+        with space_errors(record), work_folder(self.root, task.key) as work:
+            record.parent.mkdir(parents=True, exist_ok=True)
+            write_text(record, text)
+            (self.root / link).unlink(missing_ok=True)
+            set_aside(folder, work)
+
+    def evicted_files(self, task: Task) -> dict[str, Any] | None:
+        """Give size and hash of each file of a result that was let go; None where none was.
+
+        Args:
+            task: What made it.
+        """
+        try:
+            return read_manifest(self._eviction(task))["files"]
+        except InputError:
+            return None
+
     def sweep(self) -> None:
         """Remove what killed processes left and nobody can go on with."""
         present = {path.parent.name for path in self.root.glob(f"store/*/*/{MANIFEST}")}
@@ -259,6 +282,9 @@ class Store:
             fresh.replace(link)
             if held:
                 lock.unlink(missing_ok=True)
+
+    def _eviction(self, task: Task) -> Path:
+        return self.root / "evicted" / task.stage / f"{task.key}.json"
 
     def _failure_file(self, task: Task) -> Path:
         return self.root / "failed" / f"{task.key}.json"

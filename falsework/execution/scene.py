@@ -6,6 +6,7 @@ from pathlib import Path
 
 from falsework.execution.chain import Chain, Flight, Step
 from falsework.execution.events import write_event
+from falsework.execution.needs import consumers, needed_steps
 from falsework.execution.outcome import Outcome
 from falsework.stages import STAGES
 from falsework.store import Store
@@ -21,11 +22,13 @@ class Manner:
         quarantine: Keep records of errors, so that the next run leaves their tasks alone.
         retry: Try again what failed before.
         wait: Wait for another process that is making what we need.
+        keep: Stages whose results stay.
     """
 
     quarantine: bool = False
     retry: bool = False
     wait: bool = True
+    keep: tuple[str, ...] = tuple(STAGES)
 
 
 @dataclass
@@ -56,25 +59,35 @@ class SceneRun:
             RejectedSceneError: It can become no cloud.
             BusyError: Another process is making what we need, and we do not wait.
         """
-        if self.chain.stage is not None:
-            self._make(self.chain.stage)
-        without: set[str] = set()
         for flight in self.chain.flights:
-            self._fly(flight, without)
-        self._make(self.chain.report(frozenset(without)))
-        self.outcome.reports.append(self._scene / "report.html")
+            if not flight.variant and not self.store.has(flight.capture.task):  # nor shall it be made in vain
+                self.store.raise_former_failure(flight.cloud.task, self.manner.retry)
+        needed = needed_steps(self.chain, self.store, self.manner.keep)
+        if self.chain.stage is not None:
+            self._make(self.chain.stage, needed)
+        without: set[str] = set()
+        try:
+            for flight in self.chain.flights:
+                self._fly(flight, without, needed)
+        except RejectedSceneError:
+            self._evict(set())
+            raise
+        if "report" in self.manner.keep:
+            self._make(self.chain.report(frozenset(without)), needed)
+            self.outcome.reports.append(self._scene / "report.html")
+        self._evict(needed_steps(self.chain, self.store, self.manner.keep))
         return self.outcome
 
     @property
     def _scene(self) -> Path:
         return self.store.root / "scenes" / self.chain.name
 
-    def _fly(self, flight: Flight, without: set[str]) -> None:
+    def _fly(self, flight: Flight, without: set[str], needed: set[str]) -> None:
         """Make capture and cloud of a flight; add the links of what became no result to `without`."""
         left = [flight.capture, flight.cloud]
         try:
             while left:
-                self._make(left[0])
+                self._make(left[0], needed)
                 left.pop(0)
         except RejectedSceneError as rejection:
             if not flight.variant:
@@ -85,11 +98,25 @@ class SceneRun:
             return
         self.outcome.clouds.append(self._scene / flight.cloud.link)
 
-    def _make(self, step: Step) -> None:
+    def _make(self, step: Step, needed: set[str]) -> None:
+        if not self.store.has(step.task) and step.link not in needed:
+            self.store.raise_former_failure(step.task, self.manner.retry)
+            self.outcome.reused += 1  # it was there, and what needed it is
+            return
         made = self._ensure(step)
         self.outcome.made += made
         self.outcome.reused += not made
         self.store.link(f"scenes/{self.chain.name}/{step.link}", step.task, step.file)
+
+    def _evict(self, needed: set[str]) -> None:
+        """Let go what the run does not keep, where no needed step waits for it."""
+        stage = [] if self.chain.stage is None else [self.chain.stage]
+        for step in (*(step for flight in self.chain.flights for step in (flight.cloud, flight.capture)), *stage):
+            waited_for = consumers(self.chain, step)
+            if step.task.stage in self.manner.keep or any(link in needed for link in waited_for):
+                continue
+            if self.store.has(step.task):
+                self.store.evict(step.task, f"scenes/{self.chain.name}/{step.link}")
 
     def _ensure(self, step: Step) -> bool:
         """Make one result unless it is there; tell whether it was made now."""
@@ -111,7 +138,7 @@ class SceneRun:
 
     def _provide(self, step: Step) -> None:
         """See that an input is whole; one that is not is made again, of the same bytes."""
-        former = None
+        former = self.store.evicted_files(step.task)
         if self.store.has(step.task):
             faults = self.store.faults(step.task)
             if not faults:

@@ -46,7 +46,7 @@ def _share(file: Path, shared: Path) -> None:
         fresh.replace(file)
 
 
-def pool_faults(root: Path, hashes: Hashes) -> Iterator[str]:
+def pool_faults(root: Path, hashes: Hashes) -> Iterator[tuple[Path, str]]:
     """Compare the shared textures with their names.
 
     Args:
@@ -54,12 +54,12 @@ def pool_faults(root: Path, hashes: Hashes) -> Iterator[str]:
         hashes: What has been hashed before.
 
     Yields:
-        One line for each that is not what its name says.
+        Path of each that is not what its name says, and a line about it.
     """
     pool = root / "store" / POOL
     for path in sorted(pool.iterdir()) if pool.is_dir() else []:
         name = path.relative_to(root).as_posix()
         if path.is_symlink() or not path.is_file() or len(path.name) != 64:
-            yield f"{name}: foreign"
+            yield path, f"{name}: foreign"
         elif hashes.of(path) != path.name:
-            yield f"{name}: changed"
+            yield path, f"{name}: changed"

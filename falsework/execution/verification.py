@@ -25,11 +25,15 @@ class Findings:
         lines: One line for each fault.
         damaged: `<stage>/<key>` of each result that is missing or not as it was written.
         manifests: `<stage>/<key>` to the manifest of each result whose manifest is whole.
+        misplaced: `<stage>/<key>` of each whole manifest that stands elsewhere, to where it belongs.
+        broken: Records, links and shared textures that are of no use.
     """
 
     lines: list[str] = field(default_factory=list)
     damaged: set[str] = field(default_factory=set)
     manifests: dict[str, dict[str, Any]] = field(default_factory=dict)
+    misplaced: dict[str, str] = field(default_factory=dict)
+    broken: list[Path] = field(default_factory=list)
 
     def add(self, line: str, result: str = "") -> None:
         """Note a fault.
@@ -64,13 +68,23 @@ def inspect(root: Path) -> Findings:
     findings, hashes = Findings(), Hashes()
     for folder in _results(root, findings):
         _inspect_result(root, folder, findings, hashes)
-    for line in pool_faults(root, hashes):
+    for path, line in pool_faults(root, hashes):
         findings.add(line)
+        findings.broken += [path] if line.endswith("changed") else []
     _inspect_inputs(root, findings)
     _inspect_links(root, findings)
     for path in _children(root / "failed"):
         if path.suffix != ".json" or read_failure(path) is None:
             findings.add(f"{path.relative_to(root)}: not a record of a failure")
+            findings.broken.append(path)
+    for path in sorted((root / "evicted").glob("*/*")):
+        try:
+            told = read_manifest(path)
+            if path.name != f"{told['key']}.json" or path.parent.name != told["stage"]:
+                findings.add(f"{path.relative_to(root)}: misplaced")
+        except InputError as error:
+            findings.add(f"{path.relative_to(root)}: {str(error).removeprefix(f'{path}: ')}")
+            findings.broken.append(path)
     findings.lines = list(dict.fromkeys(findings.lines))
     return findings
 
@@ -99,6 +113,7 @@ def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes
     true = f"{manifest['stage']}/{manifest['key']}"
     if true != place:
         findings.add(f"{name}: misplaced, it is store/{true}", place)
+        findings.misplaced[place] = true
         return
     findings.manifests[place] = manifest
     for line in file_faults(folder, manifest["files"], hashes):
@@ -114,7 +129,7 @@ def _inspect_inputs(root: Path, findings: Findings) -> None:
             if stage not in REFERRED or (stage == "stage" and foreign_stage):
                 continue
             wanted = f"{stage}/{key}"
-            if not (root / "store" / wanted).is_dir():
+            if not (root / "store" / wanted).is_dir() and not _evicted(root, stage, key):
                 findings.add(f"store/{wanted}: missing, store/{place} was made from it", wanted)
 
 
@@ -131,9 +146,18 @@ def _inspect_links(root: Path, findings: Findings) -> None:
                 inside = Path(os.path.relpath(target, root / "store")).parts
                 if len(inside) < 2 or len(inside[1]) != KEY_LENGTH or ".." in inside:
                     findings.add(f"{name}: leads out of the store")
+                    findings.broken.append(path)
                 elif not path.exists():
                     place = f"{inside[0]}/{inside[1]}"
                     findings.add(f"{name}: leads to store/{place}, which is missing", place)
+
+
+def _evicted(root: Path, stage: str, key: str) -> bool:
+    """Whether a result was let go after others had been made from it."""
+    try:
+        return read_manifest(root / "evicted" / stage / f"{key}.json")["key"] == key
+    except InputError:
+        return False
 
 
 def _starts_from_a_stage(root: Path) -> bool:

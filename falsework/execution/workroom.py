@@ -10,7 +10,7 @@ from falsework.execution.locks import BusyError, exclusive
 from groundwork.errors import InputError
 
 LINKS = "link"  # stands where a key stands, for links that are about to replace others
-DAMAGED = "damaged"  # what follows the key of a result that was set aside
+DAMAGED = "aside"  # what follows the key of a result that was set aside
 
 
 @contextmanager
@@ -69,6 +69,19 @@ def _sweep_one(room: Path, key: str, finished: Callable[[str], bool]) -> None:
                 path.unlink()
     elif finished(key):
         remove(room / key)
+
+
+def set_aside(folder: Path, work: Path) -> None:
+    """Take a stored result away: gone at once, its bytes a little later.
+
+    Args:
+        folder: The result, or whatever stands in its place.
+        work: The work folder of its key, in our hands.
+    """
+    aside = work.with_name(f"{work.name}.{DAMAGED}")
+    remove(aside)
+    folder.rename(aside)
+    remove(aside)
 
 
 def remove(path: Path) -> None:

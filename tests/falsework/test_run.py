@@ -34,7 +34,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
         scenes: int = 1, out: Path = tmp_path / "out", faults: dict[str, str] | None = None, **more: Any
     ) -> Outcome:
         monkeypatch.setenv("TINY_FAULTS", json.dumps(faults or {}))
-        return run_scenario(tiny_scenario(scenes), out, SILENT, **more)
+        how = {name: more.pop(name) for name in ("retry_failed", "workers", "shard") if name in more}
+        return run_scenario(tiny_scenario(scenes, **more), out, SILENT, **how)
 
     return run
 
