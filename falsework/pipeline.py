@@ -1,19 +1,18 @@
 """The chain as the paper draws it: for every scene its stage, a capture and a cloud for each survey, and the report."""
 
+import os
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from falsework.execution.chain import Sources, look_at_sources, scene_chain
+from falsework.execution.chain import Sources, look_at_sources
 from falsework.execution.claim import claim_run
-from falsework.execution.failures import QuarantinedError, failure_of
 from falsework.execution.locks import BusyError
 from falsework.execution.outcome import Outcome
-from falsework.execution.scene import Manner, SceneRun
+from falsework.execution.scene import Manner, run_scene
 from falsework.scenario import Scenario
 from falsework.store import Store
-from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
 from groundwork.progress import Progress
 
 __all__ = ["Outcome", "run_scenario"]
@@ -21,7 +20,7 @@ __all__ = ["Outcome", "run_scenario"]
 
 def run_scenario(
     scenario: Scenario, out: Path, progress: Progress, scenes: Iterable[int] | None = None, *,
-    retry_failed: bool = False,
+    retry_failed: bool = False, workers: int = 0, cluster: str | None = None,
 ) -> Outcome:  # fmt: skip
     """Run the whole chain, or what is left of it; several processes may do so in one folder.
 
@@ -31,6 +30,8 @@ def run_scenario(
         progress: Listener.
         scenes: Which scenes; all of the scenario when None.
         retry_failed: Try again what failed in an earlier run.
+        workers: Worker processes that share the scenes; 0 runs one after the other in this process.
+        cluster: Address of a standing Dask scheduler whose workers share the scenes instead.
 
     Returns:
         Counts and paths.
@@ -43,7 +44,15 @@ def run_scenario(
     sources = look_at_sources(scenario, progress)
     manner = Manner(quarantine=scenario.scenes > 1, retry=retry_failed, keep=scenario.keep)
     indices = list(range(scenario.scenes) if scenes is None else scenes)
-    outcome = _run_here(scenario, sources, indices, out, manner, progress)
+    if indices and (workers or cluster):
+        from falsework.execution.cluster import SceneJob, run_on_cluster
+
+        place = Path(os.path.realpath(out))
+        how = replace(manner, wait=False)
+        jobs = [SceneJob(scenario, sources, index, place, how) for index in indices]
+        outcome = run_on_cluster(jobs, progress, workers, cluster).below(out, place)
+    else:
+        outcome = _run_here(scenario, sources, indices, out, manner, progress)
     Store(out).sweep()
     return outcome
 
@@ -67,42 +76,3 @@ def _run_here(
             waiting.append(index)
             busy += 1
     return outcome
-
-
-def run_scene(
-    scenario: Scenario, sources: Sources, index: int, store: Store, manner: Manner, progress: Progress
-) -> Outcome:
-    """Run one scene, and count what is wrong with it; the other scenes of a scenario go on.
-
-    Args:
-        scenario: What to make.
-        sources: What it takes from outside.
-        index: Number of the scene.
-        store: Where results are.
-        manner: How to go about it.
-        progress: Listener.
-
-    Raises:
-        InputError: What is wrong with the only scene of the scenario.
-        OutOfSpaceError: The disk is full.
-        BusyError: Another process is making what we need, and we do not wait.
-    """
-    chain = scene_chain(scenario, index, sources)
-    scene = SceneRun(store, chain, manner, progress)
-    try:
-        scene.run()
-    except RejectedSceneError as rejection:
-        scene.outcome.rejected[chain.name] = f"{rejection.reason}: {rejection}"
-    except BusyError as error:
-        error.made = scene.outcome.made
-        raise
-    except OutOfSpaceError:
-        raise
-    except (ChildError, QuarantinedError) as error:
-        scene.outcome.failed[chain.name] = str(error)
-    except Exception as error:
-        if scenario.scenes == 1:
-            raise
-        failure = failure_of(error, 1, store.root)  # what one scene draws may not go together
-        scene.outcome.failed[chain.name] = str(error) if failure is None else failure.message
-    return scene.outcome

@@ -175,6 +175,24 @@ def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
     return scenario.model_copy(update={"surfaces": surfaces, "look": look})
 
 
+def shard_of(scenes: range, text: str | None) -> list[int]:
+    """Choose one process's part of the scenes.
+
+    Args:
+        scenes: The scenes that all processes share.
+        text: `i/n`: every n-th scene from the i-th on, counted from 0; None for all.
+
+    Raises:
+        InputError: Not of this form, or i is not below n.
+    """
+    if text is None:
+        return list(scenes)
+    part, slash, count = text.partition("/")
+    if not (slash and part.isdecimal() and count.isdecimal() and len(text) < 20 and int(part) < int(count)):
+        raise InputError("no such part", field="--shard", value=text, allowed="i/n with i from 0 to n - 1")
+    return list(scenes)[int(part) :: int(count)]
+
+
 @contextmanager
 def values_of(path: Path) -> Iterator[None]:
     """Name the scenario in errors that its values meet later, such as a bridge that cannot be drawn.

@@ -1,6 +1,6 @@
 """What came of a run: counts, paths, and a reason for every scene that is not whole."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 
@@ -23,6 +23,16 @@ class Outcome:
     failed: dict[str, str] = field(default_factory=dict)
     reports: list[Path] = field(default_factory=list)
     clouds: list[Path] = field(default_factory=list)
+
+    def below(self, out: Path, place: Path) -> "Outcome":
+        """Spell its paths as the user spells the output folder.
+
+        Args:
+            out: The folder as the user names it.
+            place: The folder as its workers name it.
+        """
+        reports, clouds = ([out / path.relative_to(place) for path in paths] for paths in (self.reports, self.clouds))
+        return replace(self, reports=reports, clouds=clouds)
 
     def add(self, other: "Outcome") -> None:
         """Take in what came of another part of the run.

@@ -4,13 +4,16 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from falsework.execution.chain import Chain, Flight, Step
+from falsework.execution.chain import Chain, Flight, Sources, Step, scene_chain
 from falsework.execution.events import write_event
+from falsework.execution.failures import QuarantinedError, failure_of
+from falsework.execution.locks import BusyError
 from falsework.execution.needs import consumers, needed_steps
 from falsework.execution.outcome import Outcome
+from falsework.scenario import Scenario
 from falsework.stages import STAGES
 from falsework.store import Store
-from groundwork.errors import RejectedSceneError
+from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
 from groundwork.progress import Progress
 
 
@@ -149,3 +152,42 @@ class SceneRun:
         self.outcome.made += self._ensure(step)
         if former is not None and former != self.store.files(step.task):
             self.progress.note(f"{self.store.folder(step.task)}: its bytes are not the former ones")
+
+
+def run_scene(
+    scenario: Scenario, sources: Sources, index: int, store: Store, manner: Manner, progress: Progress
+) -> Outcome:
+    """Run one scene, and count what is wrong with it; the other scenes of a scenario go on.
+
+    Args:
+        scenario: What to make.
+        sources: What it takes from outside.
+        index: Number of the scene.
+        store: Where results are.
+        manner: How to go about it.
+        progress: Listener.
+
+    Raises:
+        InputError: What is wrong with the only scene of the scenario.
+        OutOfSpaceError: The disk is full.
+        BusyError: Another process is making what we need, and we do not wait.
+    """
+    chain = scene_chain(scenario, index, sources)
+    scene = SceneRun(store, chain, manner, progress)
+    try:
+        scene.run()
+    except RejectedSceneError as rejection:
+        scene.outcome.rejected[chain.name] = f"{rejection.reason}: {rejection}"
+    except BusyError as error:
+        error.made = scene.outcome.made
+        raise
+    except OutOfSpaceError:
+        raise
+    except (ChildError, QuarantinedError) as error:
+        scene.outcome.failed[chain.name] = str(error)
+    except Exception as error:
+        if scenario.scenes == 1:
+            raise
+        failure = failure_of(error, 1, store.root)  # what one scene draws may not go together
+        scene.outcome.failed[chain.name] = str(error) if failure is None else failure.message
+    return scene.outcome

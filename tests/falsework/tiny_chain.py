@@ -42,7 +42,7 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
 def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
     """Write some frames from the stage; goes on where it was."""
-    _go_wrong("capture", settings["seed"])
+    _go_wrong("capture", settings["seed"], folder)
     stage = inputs["stage"] if inputs["stage"].is_dir() else inputs["stage"].parent
     seen = folder_digest(stage)
     for frame in range(FRAMES):
@@ -103,7 +103,7 @@ def contents(out: Path) -> dict[str, str]:
     return found
 
 
-def _go_wrong(stage: str, seed: int) -> None:
+def _go_wrong(stage: str, seed: int, folder: Path | None = None) -> None:
     faults = json.loads(os.environ.get("TINY_FAULTS", "{}"))
     seeds = {scene_seed(SEED, index): index for index in range(100)}
     match faults.get(f"{stage}:{seeds.get(seed)}"):
@@ -125,6 +125,14 @@ def _go_wrong(stage: str, seed: int) -> None:
             raise OutOfSpaceError("no space left on the disk")
         case "hang":
             time.sleep(600)
+        case "stubborn":
+            for count in range(100):
+                try:
+                    assert folder is not None
+                    (folder / f"heard-{count}").touch()
+                    time.sleep(600)
+                except KeyboardInterrupt:
+                    continue
         case "kill":
             once = Path(os.environ["TINY_ONCE"])
             if len(list(once.iterdir())) < int(os.environ.get("TINY_KILLS", "1")):
