@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from falsework.console import ConsoleProgress
+from falsework.store_verbs import verify
 from groundwork.errors import FalseworkError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
@@ -210,31 +211,6 @@ def report(scene: File, output: Output) -> int:
     report_scene(scene, output)
     _say(f"report  {output}")
     return 0
-
-
-def verify(output: File, *, repair: bool = False) -> int:
-    """Find everything in a run's folder that is not as it was written: changed, missing, misplaced, foreign.
-
-    Args:
-        output: Output folder of a run.
-        repair: Make it whole: what is damaged, what was made from it, and what those need, with the former bytes.
-    """
-    from falsework.store import Store
-    from groundwork.errors import MissingError
-
-    if not (output / "store").is_dir():
-        raise MissingError("no store in this folder", where=output, mend="Name the output folder of a run")
-    if repair:
-        from falsework.execution.repair import repair as make_whole
-
-        with ConsoleProgress() as progress:
-            wrong = make_whole(output, progress)
-    else:
-        wrong = Store(output).verify()
-    for line in wrong:
-        _say(line)
-    _say(f"{len(wrong)} things are not as they were written" if wrong else "all stored results are whole")
-    return int(bool(wrong))
 
 
 def gallery(
