@@ -1,5 +1,6 @@
 """One spelling for every value: canonical JSON and the hashes taken from it."""
 
+import ast
 import hashlib
 import json
 from pathlib import Path
@@ -59,6 +60,38 @@ def folder_digest(folder: Path) -> str:
     """
     files = sorted(path for path in folder.rglob("*") if path.is_file())
     return digest({path.relative_to(folder).as_posix(): file_digest(path) for path in files})
+
+
+def source_digest(files: list[Path]) -> str:
+    """Hash what Python modules do: blind to where they lie, to where their imports come from, and to their docstrings.
+
+    So a module may move to another folder, and its text be put in better words, without staling what it made.
+
+    Args:
+        files: Modules to read; neither their order nor their names matter, and an empty one is as good as none.
+
+    Returns:
+        SHA-256 in 64 hexadecimal digits.
+    """
+    texts = [file.read_text(encoding="utf-8") for file in files]
+    return digest(sorted(_behaviour(ast.parse(text)) for text in texts if text.strip()))
+
+
+def _behaviour(tree: ast.Module) -> str:
+    """Dump a module without docstrings and with its imports reduced to the names that they bind."""
+    bound: set[tuple[str, str]] = set()
+    for node in ast.walk(tree):
+        for block in ("body", "orelse", "finalbody"):
+            statements = getattr(node, block, None)
+            if isinstance(statements, list):
+                imports = [one for one in statements if isinstance(one, ast.Import | ast.ImportFrom)]
+                bound |= {(name.name.rpartition(".")[2], name.asname or "") for one in imports for name in one.names}
+                setattr(node, block, [one for one in statements if one not in imports and not _is_text(one)])
+    return ast.dump(tree) + canonical_json(sorted(bound))
+
+
+def _is_text(statement: ast.stmt) -> bool:
+    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
 
 
 def _plain(value: object) -> object:

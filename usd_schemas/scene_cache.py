@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
 
 from pxr import Usd
 
-from groundwork.canonical import digest, file_digest
+from groundwork.canonical import digest, file_digest, source_digest
 from groundwork.errors import FalseworkError
 from groundwork.files import folder_lock, write_bytes
 from groundwork.user_cache import cache_folder
@@ -120,6 +121,7 @@ def _renamed(scene: FlatScene, rename: Rename) -> FlatScene:
 @cache
 def _code() -> str:
     """Hash of what reads a stage: this room with its tables and schemas, and USD itself."""
-    room = Path(__file__).parent
-    files = sorted(file for file in room.rglob("*") if file.suffix in (".py", ".toml", ".usda", ".json"))
-    return digest([Usd.GetVersion(), {file.relative_to(room).as_posix(): file_digest(file) for file in files}])
+    room = Path(str(files("usd_schemas")))
+    tables = sorted(file for file in room.rglob("*") if file.suffix in (".toml", ".usda", ".json"))
+    facts = {file.relative_to(room).as_posix(): file_digest(file) for file in tables}
+    return digest([Usd.GetVersion(), facts, source_digest([*room.rglob("*.py")])])

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
-from groundwork.canonical import canonical_json, digest, file_digest, folder_digest
+from groundwork.canonical import canonical_json, digest, file_digest, folder_digest, source_digest
 
 PLAIN = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -78,3 +78,48 @@ def test_file_and_folder_digests(tmp_path: Path) -> None:
     assert renamed != folder_digest(one)
     (two / "in" / "d").write_text("other")
     assert folder_digest(two) not in (renamed, folder_digest(one))
+
+
+SOURCE = '''"""Places."""
+
+from a.b import c, d
+
+
+def f(x: int) -> int:
+    """Do it."""
+    from a.e import g
+
+    return g(c, d) + x * 2
+'''
+MOVED = '''"""Where things lie."""
+
+from z import d
+from y.x import c
+
+
+def f(x: int) -> int:
+    """Do what is asked."""
+    from w.a.e import g
+
+    # two of each
+    return g(c, d) + x * 2
+'''
+
+
+@pytest.mark.parametrize(
+    ("source", "same"),
+    [
+        (MOVED, True),
+        (SOURCE.replace("* 2", "* 3"), False),
+        (SOURCE.replace("c, d\n", "c, h as d\n"), False),
+        (SOURCE.replace("import g", "import h as g"), False),
+        (SOURCE.replace("+ x", "+ 'x'"), False),
+    ],
+)
+def test_a_module_is_known_by_what_it_does(tmp_path: Path, source: str, same: bool) -> None:
+    """Moving a module and rewording its docstrings keeps its hash; another name, number or text changes it."""
+    before, after, empty = (tmp_path / name for name in ("a.py", "b.py", "__init__.py"))
+    before.write_text(SOURCE, encoding="utf-8")
+    after.write_text(source, encoding="utf-8")
+    empty.touch()
+    assert (source_digest([before]) == source_digest([empty, after])) is same
