@@ -6,11 +6,12 @@ import signal
 import sys
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
 from falsework.commands.console import ConsoleProgress
+from falsework.store_verbs import verify
 from groundwork.errors import FalseworkError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
@@ -59,7 +60,10 @@ def run(
     output: Output,
     *,
     scenes: str | None = None,
-    workers: Literal[0] = 0,
+    workers: int = 0,
+    cluster: str | None = None,
+    shard: str | None = None,
+    retry_failed: bool = False,
     as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> int:
     """Run the whole chain of a scenario; a second call makes only what is missing.
@@ -68,16 +72,22 @@ def run(
         scenario: TOML file.
         output: Folder to write into.
         scenes: Part of the scenes, as `first:end`.
-        workers: 0 is a plain loop in this process, the one way that there is so far.
+        workers: Worker processes that share the scenes; 0 runs them one after the other in this process.
+        cluster: Address of a Dask scheduler (tcp://HOST:PORT) whose workers share the scenes.
+        shard: Part of the scenes as i/n, i from 0 to n - 1: for arrays of jobs that share the output folder.
+        retry_failed: Try again what failed in an earlier run.
         as_json: Print one JSON object at the end instead of lines.
     """
-    from falsework.scenario import load_scenario, scene_range, values_of
+    from falsework.scenario import load_scenario, scene_range, shard_of, values_of
+    from groundwork.errors import InputError
 
-    del workers  # one choice so far
+    if workers < 0 or (workers and cluster):
+        raise InputError("no such number of workers", field="--workers", value=workers,
+                         allowed="0 or more, and none beside --cluster")  # fmt: skip
     loaded = load_scenario(scenario)
-    part = scene_range(scenes, loaded.scenes)
+    part = shard_of(scene_range(scenes, loaded.scenes), shard)
     with values_of(scenario):
-        return _run(loaded, output, part, as_json)
+        return _run(loaded, output, part, as_json, retry_failed=retry_failed, workers=workers, cluster=cluster)
 
 
 def author(scenario: File, output: Output, *, scene: int = 0) -> int:
@@ -201,24 +211,6 @@ def report(scene: File, output: Output) -> int:
     report_scene(scene, output)
     _say(f"report  {output}")
     return 0
-
-
-def verify(output: File) -> int:
-    """Compare every stored result of a run with its checksums.
-
-    Args:
-        output: Output folder of a run.
-    """
-    from falsework.store import Store
-    from groundwork.errors import MissingError
-
-    if not (output / "store").is_dir():
-        raise MissingError("no store in this folder", where=output, mend="Name the output folder of a run")
-    wrong = Store(output).verify()
-    for line in wrong:
-        _say(line)
-    _say(f"{len(wrong)} of the stored files are not as they were written" if wrong else "all stored results are whole")
-    return int(bool(wrong))
 
 
 def gallery(
@@ -351,13 +343,14 @@ def _group(name: str, words: list[str]) -> int:
     return tyro.extras.subcommand_cli_from_dict(verbs, prog=f"falsework {name}", description=module.__doc__, args=words)
 
 
-def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:
+def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool, **how: Any) -> int:
+    from falsework.execution.interrupts import prompt_ending
     from falsework.pipeline import run_scenario
     from falsework.scenario import Scenario
 
     assert isinstance(scenario, Scenario)
-    with ConsoleProgress() as progress:
-        outcome = run_scenario(scenario, output, progress, scenes)
+    with prompt_ending(), ConsoleProgress() as progress:
+        outcome = run_scenario(scenario, output, progress, scenes, **how)
     if as_json:
         paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}
         counts = {"made": outcome.made, "reused": outcome.reused}
