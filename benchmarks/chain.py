@@ -1,6 +1,5 @@
 """Time the demo stage by stage, and write `docs/benchmarks/chain.md`."""
 
-import json
 import os
 import resource
 import tempfile
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from falsework.execution.events import read_events
 from falsework.pipeline import Outcome, run_scenario
 from falsework.platform import processor, render_platform
 from falsework.scenario import demo_scenario
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def _page(out: Path, outcome: Outcome, again: Outcome, walls: tuple[float, float], size: int) -> str:
-    events = [json.loads(line) for line in (out / "run" / "events.jsonl").read_text().splitlines()]
+    events = sorted(read_events(out), key=lambda event: event["end"])
     cloud = read_cloud(outcome.clouds[0])
     statistics: dict[str, Any] = dict(cloud.statistics)
     peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1e6

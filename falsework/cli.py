@@ -44,45 +44,6 @@ def doctor(*, as_json: Annotated[bool, tyro.conf.arg(name="json")] = False) -> i
     return int(any(check.verdict == "FAIL" for check in checks))
 
 
-def demo(output: Output = Path("demo-out"), *, seed: int | None = None) -> int:
-    """Make one small bridge from nothing to an annotated point cloud and a report.
-
-    Args:
-        output: Folder to write into.
-        seed: Another bridge than the usual one.
-    """
-    from falsework.scenario import demo_scenario
-
-    scenario = demo_scenario()
-    return _run(scenario if seed is None else scenario.model_copy(update={"seed": seed}), output, None, False)
-
-
-def run(
-    scenario: File,
-    output: Output,
-    *,
-    scenes: str | None = None,
-    workers: Literal[0] = 0,
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
-) -> int:
-    """Run the whole chain of a scenario; a second call makes only what is missing.
-
-    Args:
-        scenario: TOML file.
-        output: Folder to write into.
-        scenes: Part of the scenes, as `first:end`.
-        workers: 0 is a plain loop in this process, the one way that there is so far.
-        as_json: Print one JSON object at the end instead of lines.
-    """
-    from falsework.scenario import load_scenario, scene_range, values_of
-
-    del workers  # one choice so far
-    loaded = load_scenario(scenario)
-    part = scene_range(scenes, loaded.scenes)
-    with values_of(scenario):
-        return _run(loaded, output, part, as_json)
-
-
 def author(scenario: File, output: Output, *, scene: int = 0) -> int:
     """Author the layered USD stage of one scene into a plain folder.
 
@@ -213,24 +174,6 @@ def report(scene: File, output: Output) -> int:
     return 0
 
 
-def verify(output: File) -> int:
-    """Compare every stored result of a run with its checksums.
-
-    Args:
-        output: Output folder of a run.
-    """
-    from falsework.store import Store
-    from groundwork.errors import MissingError
-
-    if not (output / "store").is_dir():
-        raise MissingError("no store in this folder", where=output, mend="Name the output folder of a run")
-    wrong = Store(output).verify()
-    for line in wrong:
-        _say(line)
-    _say(f"{len(wrong)} of the stored files are not as they were written" if wrong else "all stored results are whole")
-    return int(bool(wrong))
-
-
 def gallery(
     subject: tyro.conf.Positional[Literal["families", "worlds", "looks"]],
     output: Output,
@@ -285,6 +228,9 @@ GROUPS = {
 }
 # Verbs whose arguments a module of their own describes: the module, and what the verb does.
 SINGLE = {
+    "demo": ("run_verbs", "Make one small bridge from nothing to an annotated point cloud and a report."),
+    "run": ("run_verbs", "Run the whole chain of a scenario; a second call makes only what is missing."),
+    "verify": ("store_verbs", "Find what is not as it was written in the folder of a run: falsework verify --help."),
     "train": ("train_verbs", "Train a network on a data set: falsework train --help."),
     "evaluate": ("train_verbs", "Score a model on a data set: falsework evaluate --help."),
     "predict": ("predict_verbs", "Label a scan of one's own with a trained model: falsework predict --help."),
@@ -302,18 +248,18 @@ def _elsewhere(name: str, about: str) -> Callable[[], int]:
     return verb
 
 
+_LINES = {name: _elsewhere(name, about) for name, about in ELSEWHERE.items()}
 VERBS = {
     "doctor": doctor,
-    "demo": demo,
-    "run": run,
+    "demo": _LINES["demo"],
+    "run": _LINES["run"],
     "author": author,
     "render": render,
     "reconstruct": reconstruct,
     "export": export,
     "report": report,
-    "verify": verify,
     "gallery": gallery,
-    **{name: _elsewhere(name, about) for name, about in ELSEWHERE.items()},
+    **_LINES,
 }
 
 
@@ -377,31 +323,6 @@ def _single(name: str, words: list[str]) -> int:
     """Hand the words on to a verb whose module is loaded only then."""
     verb = files_first(getattr(import_module(f"falsework.commands.{SINGLE[name][0]}"), name))
     return tyro.cli(verb, prog=f"falsework {name}", args=words, config=(tyro.conf.FlagCreatePairsOff,))
-
-
-def _run(scenario: object, output: Path, scenes: range | None, as_json: bool) -> int:
-    from falsework.pipeline import run_scenario
-    from falsework.scenario import Scenario
-
-    assert isinstance(scenario, Scenario)
-    with ConsoleProgress() as progress:
-        outcome = run_scenario(scenario, output, progress, scenes)
-    if as_json:
-        paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}
-        counts = {"made": outcome.made, "reused": outcome.reused}
-        _answer({**counts, **paths, "rejected": outcome.rejected, "failed": outcome.failed})
-        return SOME_SCENES_FAILED if outcome.failed else 0
-    for name, reason in outcome.rejected.items():
-        _say(f"scene {name} rejected: {reason}")
-    for name, reason in outcome.failed.items():
-        _say(f"scene {name} failed: {reason}")
-    _say(f"{outcome.made} results made, {outcome.reused} were there already" if outcome.made else
-         f"nothing to do: all {outcome.reused} results were there already")  # fmt: skip
-    for cloud in outcome.clouds:
-        _say(f"cloud   {cloud}")
-    for page in outcome.reports:
-        _say(f"report  {page}")
-    return SOME_SCENES_FAILED if outcome.failed else 0
 
 
 def _say(line: str) -> None:

@@ -1,11 +1,12 @@
 """The scenario: every room's settings in one TOML file; what is not fixed there is drawn from its seed."""
 
 import hashlib
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import tomli_w
 from pydantic import Field
@@ -30,6 +31,10 @@ class Scenario(AuthoringSettings):
 
     seed: int = Field(7, ge=0, description="Everything that is not fixed is drawn from it")
     scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
+    keep: tuple[Literal["stage", "capture", "cloud", "report"], ...] = Field(
+        ("stage", "capture", "cloud", "report"),
+        description="Stages whose results stay; the others go once what needs them is there",
+    )
     stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")
     worlds: dict[str, str] = Field(
         default_factory=dict,
@@ -55,9 +60,23 @@ class Scenario(AuthoringSettings):
         """Return what the renderer is told, as JSON."""
         return {**self.render.model_dump(mode="json"), "sensor": self.sensor.model_dump(mode="json")}
 
-    def as_toml(self) -> str:
-        """Spell the scenario as TOML, defaults included."""
-        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True))
+    def as_toml(self, folder: Path | None = None) -> str:
+        """Spell the scenario as TOML, defaults included.
+
+        Args:
+            folder: Where the file will stand, if its paths shall hold from there.
+        """
+        values = self.model_dump(mode="json", exclude_none=True)
+        if folder is not None:
+            base = os.path.realpath(folder)
+            for section in ("worlds", "skies", "surfaces"):
+                values[section] = {name: os.path.relpath(os.path.realpath(path), base)
+                                   for name, path in values[section].items()}  # fmt: skip
+            if self.stage is not None:
+                roots = [os.path.relpath(os.path.realpath(root), base) for root in self.stage.allow_root]
+                path = os.path.relpath(os.path.realpath(self.stage.path), base)
+                values["stage"] = {"path": path, "allow_root": roots}
+        return tomli_w.dumps(values)
 
 
 def load_scenario(path: Path) -> Scenario:
@@ -163,6 +182,24 @@ def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
             raise MissingError("no such folder of surfaces", where=path, field="look.folders", value=place)
     look = scenario.look.model_copy(update={"folders": tuple(names)})
     return scenario.model_copy(update={"surfaces": surfaces, "look": look})
+
+
+def shard_of(scenes: range, text: str | None) -> list[int]:
+    """Choose one process's part of the scenes.
+
+    Args:
+        scenes: The scenes that all processes share.
+        text: `i/n`: every n-th scene from the i-th on, counted from 0; None for all.
+
+    Raises:
+        InputError: Not of this form, or i is not below n.
+    """
+    if text is None:
+        return list(scenes)
+    part, slash, count = text.partition("/")
+    if not (slash and part.isdecimal() and count.isdecimal() and len(text) < 20 and int(part) < int(count)):
+        raise InputError("no such part", field="--shard", value=text, allowed="i/n with i from 0 to n - 1")
+    return list(scenes)[int(part) :: int(count)]
 
 
 @contextmanager

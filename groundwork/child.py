@@ -19,6 +19,7 @@ from groundwork.progress import SILENT, Progress
 
 _POLL = 0.1  # [s] how often limits are looked at
 _STACK = ("@ ", "***", "PC: @")  # how glog begins the lines of a stack, which it prints below its last words
+_LAST_LINES = 20  # of what a child said, kept with its error
 _PREFIX = "\x1efalsework "  # marks a child's messages among whatever native libraries print
 
 
@@ -155,8 +156,12 @@ def _resident(pid: int) -> float:
 
 def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[str, Any]], errors: str) -> object:
     final = replies[-1] if replies else {"kind": "none", "value": None}
+    spoken = [line for line in errors.splitlines() if line.strip() and not line.lstrip().startswith(_STACK)]
     if verdict is not None:
-        raise ChildError(f"{module}: stopped because it {verdict}. Use fewer or smaller images, or raise the limit")
+        raise ChildError(
+            f"{module}: stopped because it {verdict}. Use fewer or smaller images, or raise the limit",
+            last_lines=tuple(spoken[-_LAST_LINES:]),
+        )
     if final["kind"] == "result" and code == 0:
         return final["value"]
     if final["kind"] == "rejected":
@@ -165,10 +170,10 @@ def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[st
         exit_code, text = final["value"]
         kinds = {InputError.exit_code: InputError, OutOfSpaceError.exit_code: OutOfSpaceError}
         raise kinds.get(exit_code, ChildError)(text)
-    spoken = [line for line in errors.splitlines() if line.strip() and not line.lstrip().startswith(_STACK)]
     last = spoken[-1] if spoken else "it printed nothing"
-    how = f"died of {signal.Signals(-code).name}" if code < 0 else f"failed with exit code {code}"
-    raise ChildError(f"{module}: {how}: {last}")
+    name = signal.Signals(-code).name if code < 0 else ""
+    how = f"died of {name}" if name else f"failed with exit code {code}"
+    raise ChildError(f"{module}: {how}: {last}", signal=name, last_lines=tuple(spoken[-_LAST_LINES:]))
 
 
 def _die_with_parent(parent: int) -> Callable[[], None]:

@@ -76,7 +76,23 @@ class OutOfSpaceError(FalseworkError, OSError):
 
 
 class ChildError(FalseworkError, RuntimeError):
-    """A child process failed, was stopped at a limit, or died of a signal."""
+    """A child process failed, was stopped at a limit, or died of a signal.
+
+    Attributes:
+        signal: Name of the signal that it died of, such as `SIGABRT`, or empty.
+        last_lines: What it said last on standard error.
+    """
+
+    def __init__(self, text: str, *, signal: str = "", last_lines: tuple[str, ...] = ()) -> None:
+        """Keep the circumstances beside the sentence.
+
+        Args:
+            text: One line for people.
+            signal: Name of the signal that it died of, or empty.
+            last_lines: What it said last on standard error.
+        """
+        super().__init__(text)
+        self.signal, self.last_lines = signal, last_lines
 
 
 class RejectedSceneError(FalseworkError):
@@ -86,7 +102,7 @@ class RejectedSceneError(FalseworkError):
         reason: Short reason code, e.g. `too_few_cameras`.
     """
 
-    exit_code: ClassVar[int] = 0
+    exit_code: ClassVar[int] = 3  # of a verb that makes one thing; `run` counts rejections and ends with 0
 
     def __init__(self, reason: str, message: str) -> None:
         """Keep the reason code beside the sentence.

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from authoring.looks.encode import U8, encode_raw, png
-from authoring.looks.library import SheetFiles, SheetName, bake_sheets, link_detail, link_sheet
+from authoring.looks.library import SheetFiles, SheetName, bake_sheets, copy_detail, copy_sheet
 from authoring.looks.material import MaterialRecipe
 from authoring.looks.noise import Floats
 from authoring.looks.recipe import DETAIL_PERIODS, SMOOTH
@@ -93,11 +93,11 @@ def bake_look(
     }
     kept = bake_sheets(wanted.values(), library)
     linked = {
-        name: link_sheet(place, folder / "textures", f"{name.surface}_{name.number + 1}")
+        name: copy_sheet(place, folder / "textures", f"{name.surface}_{name.number + 1}")
         for name, place in kept.items()
     }
     macro = _bake_macro(settings, years, folder, pieces, rng)
-    detail = link_detail(folder / "textures", "detail", library)
+    detail = copy_detail(folder / "textures", "detail", library)
     recipes = {
         role: _recipe(surface, detail, macro, {n: linked[wanted[role, n]] for n in sorted(worn[role])})
         for role, surface in surfaces.items()
@@ -136,14 +136,14 @@ def bake_surface(
         InputError: There is no such surface.
     """
     sheet = SheetName(name, number, texels)
-    files = link_sheet(bake_sheets([sheet], library)[sheet], folder / "textures", f"{prefix}{name}")
+    files = copy_sheet(bake_sheets([sheet], library)[sheet], folder / "textures", f"{prefix}{name}")
     macro = ""
     if RECIPES[name].patchy:
         file = folder / "textures" / f"{prefix}patches.png"
         if not file.exists():
             write_texture(folder, f"{prefix}patches", encode_raw(open_ground(texels, patches) / 2))
         macro = f"./textures/{file.name}"
-    return _recipe(name, link_detail(folder / "textures", f"{prefix}detail", library), macro, {0: files})
+    return _recipe(name, copy_detail(folder / "textures", f"{prefix}detail", library), macro, {0: files})
 
 
 def open_ground(texels: int, patches: int) -> Floats:

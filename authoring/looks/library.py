@@ -1,5 +1,6 @@
-"""The library of sheets: each surface is baked a few times, once for all scenes, and linked into those that use it."""
+"""The library of sheets: each surface is baked a few times, once for all scenes, and copied into those that use it."""
 
+import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterable
@@ -25,6 +26,7 @@ from groundwork.user_cache import CACHE_VARIABLE
 
 SHEETS = 3  # independent sheets of each surface
 _FACTS = "sheet.json"
+_CLONE = 0x40049409  # FICLONE of linux/fs.h
 _SOURCES = (
     "coated", "detail", "encode", "library", "mineral", "noise", "organic", "recipe", "scenery", "sheet", "structural",
     "urban", "walls",
@@ -105,8 +107,8 @@ def bake_sheets(names: Iterable[SheetName], folder: Path | None = None) -> dict[
         return dict(zip(wanted, places, strict=True))
 
 
-def link_sheet(sheet: Path, textures: Path, stem: str) -> SheetFiles:
-    """Put a sheet's files beside a layer: hard links to the library where the file system allows it, else copies.
+def copy_sheet(sheet: Path, textures: Path, stem: str) -> SheetFiles:
+    """Put copies of a sheet's files beside a layer: whoever paints there changes no other scene.
 
     Args:
         sheet: Its folder in the library.
@@ -116,7 +118,7 @@ def link_sheet(sheet: Path, textures: Path, stem: str) -> SheetFiles:
     textures.mkdir(parents=True, exist_ok=True)
     facts = read_json(sheet / _FACTS)
     for file in sorted(facts["files"]):
-        _link(sheet / file, textures / f"{stem}_{file}")
+        _copy(sheet / file, textures / f"{stem}_{file}")
     names = {Path(file).stem: f"./{textures.name}/{stem}_{file}" for file in facts["files"]}
     red, green, blue = facts["color"]
     return SheetFiles(
@@ -149,8 +151,8 @@ def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], di
     return files, {**asdict(name), "color": color, "mean_roughness": roughness}
 
 
-def link_detail(textures: Path, stem: str, folder: Path | None = None) -> str:
-    """Put the fine detail beside a layer.
+def copy_detail(textures: Path, stem: str, folder: Path | None = None) -> str:
+    """Put a copy of the fine detail beside a layer.
 
     Args:
         textures: The folder `textures` beside the layer.
@@ -163,7 +165,7 @@ def link_detail(textures: Path, stem: str, folder: Path | None = None) -> str:
     root = cache_folder() if folder is None else folder
     place = _ensure(root, digest(["detail", _recipes_digest()]), lambda: ({"detail.png": png(detail_texture())}, {}))
     textures.mkdir(parents=True, exist_ok=True)
-    _link(place / "detail.png", textures / f"{stem}.png")
+    _copy(place / "detail.png", textures / f"{stem}.png")
     return f"./{textures.name}/{stem}.png"
 
 
@@ -193,26 +195,28 @@ def _bake(place: Path, make: Callable[[], tuple[dict[str, bytes], dict[str, obje
     files, facts = make()
     for file, data in files.items():
         write_bytes(fresh / file, data)
-        (fresh / file).chmod(0o444)  # many scenes share it
+        (fresh / file).chmod(0o444)  # every scene copies it
     digests = {file: file_digest(fresh / file) for file in sorted(files)}
     write_json(fresh / _FACTS, {**facts, "files": digests})
     fresh.rename(place)
 
 
 def _whole(place: Path) -> bool:
-    """Somebody may have painted over a shared file in place: then it is baked anew."""
+    """Somebody may have painted over a file in place: then it is baked anew."""
     if not (place / _FACTS).is_file():
         return False
     files = read_json(place / _FACTS)["files"]
     return all((place / file).is_file() and file_digest(place / file) == files[file] for file in files)
 
 
-def _link(source: Path, target: Path) -> None:
+def _copy(source: Path, target: Path) -> None:
+    """Copy a file; on a file system that can, the two share their blocks until one is written to."""
     target.unlink(missing_ok=True)
-    try:
-        os.link(source, target)
-    except OSError:  # another file system, or one without links
-        write_bytes(target, source.read_bytes())
+    with source.open("rb") as old, target.open("wb") as new:  # inside an atomic folder
+        try:
+            fcntl.ioctl(new.fileno(), _CLONE, old.fileno())
+        except OSError:
+            shutil.copyfileobj(old, new)
 
 
 @cache

@@ -1,6 +1,5 @@
 """The library of sheets: independent sheets, baked once, linked; their materials follow the role's own."""
 
-import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -15,7 +14,7 @@ from authoring.layers.geometry import BRIDGE, geometry_layer
 from authoring.layers.looks import look_layer
 from authoring.looks import library
 from authoring.looks.bake import LookSettings, bake_look
-from authoring.looks.library import SHEETS, SheetName, bake_sheets, draw_sheet, link_sheet
+from authoring.looks.library import SHEETS, SheetName, bake_sheets, copy_sheet, draw_sheet
 from authoring.looks.noise import Bank
 from authoring.looks.roles import sheet_material, sheet_numbers
 from authoring.shapes.component import Component
@@ -57,20 +56,24 @@ def test_a_sheet_does_not_depend_on_what_was_baked_before() -> None:
     assert draw_sheet(name, bank) == draw_sheet(name, Bank())
 
 
-def test_sheets_are_baked_once_and_linked(tmp_path: Path) -> None:
-    """Two scenes share one file; a file that somebody painted over in place is baked anew."""
+def test_sheets_are_baked_once_and_copied(tmp_path: Path) -> None:
+    """Painting in a scene changes nothing else; a file that was painted on in the library is baked anew."""
     name = SheetName("rubber", 0, 256)
     place = bake_sheets([name], tmp_path / "library")[name]
     first = {path.name: path.stat().st_mtime_ns for path in place.iterdir()}
     for scene in ("one", "two"):
-        link_sheet(bake_sheets([name], tmp_path / "library")[name], tmp_path / scene, "rubber_1")
+        copy_sheet(bake_sheets([name], tmp_path / "library")[name], tmp_path / scene, "rubber_1")
     assert {path.name: path.stat().st_mtime_ns for path in place.iterdir()} == first
     one, two = tmp_path / "one/rubber_1_albedo.jpg", tmp_path / "two/rubber_1_albedo.jpg"
-    assert one.stat().st_ino == two.stat().st_ino == (place / "albedo.jpg").stat().st_ino
-    whole = one.read_bytes()
-    one.chmod(0o644)
+    kept = place / "albedo.jpg"
+    whole = kept.read_bytes()
+    assert one.read_bytes() == whole
+    assert all(path.stat().st_nlink == 1 for path in (one, two, kept))
     one.write_bytes(b"painted over")
-    link_sheet(bake_sheets([name], tmp_path / "library")[name], tmp_path / "three", "rubber_1")
+    assert two.read_bytes() == kept.read_bytes() == whole
+    kept.chmod(0o644)
+    kept.write_bytes(b"painted over")
+    copy_sheet(bake_sheets([name], tmp_path / "library")[name], tmp_path / "three", "rubber_1")
     assert (tmp_path / "three/rubber_1_albedo.jpg").read_bytes() == whole
 
 
@@ -87,7 +90,7 @@ def test_who_comes_second_waits_and_takes_what_is_there(tmp_path: Path, monkeypa
     def author(scene: str) -> str:
         both.wait()
         place = bake_sheets([name], tmp_path / "library")[name]
-        return link_sheet(place, tmp_path / scene, "pier").albedo
+        return copy_sheet(place, tmp_path / scene, "pier").albedo
 
     monkeypatch.setattr(library, "draw_sheet", slow)
     with ThreadPoolExecutor(2) as pool:
@@ -100,21 +103,6 @@ def test_a_cache_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "library").write_text("")
     with pytest.raises(InputError, match="FALSEWORK_CACHE"):
         bake_sheets([SheetName("board_concrete", 0, 64)], tmp_path / "library")
-
-
-def test_sheets_are_copied_where_links_are_not_possible(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another file system: a copy with the same bytes."""
-    name = SheetName("rubber", 0, 256)
-    place = bake_sheets([name], tmp_path / "library")[name]
-
-    def refuse(*_: object) -> None:
-        raise OSError("cross-device link")
-
-    monkeypatch.setattr(os, "link", refuse)
-    files = link_sheet(place, tmp_path / "textures", "rubber_1")
-    copied = tmp_path / files.albedo
-    assert copied.read_bytes() == (place / "albedo.jpg").read_bytes()
-    assert copied.stat().st_ino != (place / "albedo.jpg").stat().st_ino
 
 
 def test_library_moves_with_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from falsework.pipeline import Outcome, run_scenario
 from falsework.scenario import Scenario, demo_scenario
 from falsework.stages import STAGES
-from falsework.store import Store
+from falsework.store.store import Store
 from groundwork.files import MANIFEST
 from groundwork.progress import SILENT, Progress
 from recon.cloud import read_cloud

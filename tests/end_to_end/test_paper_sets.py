@@ -48,7 +48,8 @@ def test_global_scene_becomes_a_sparse_cloud(index: int, tmp_path: Path, record_
 
 
 def _reconstruct(name: str, index: int, out: Path) -> tuple[Cloud, Truth]:
-    outcome = run_scenario(load_scenario(SCENARIOS / f"{name}.toml"), out, SILENT, [index])
+    scenario = load_scenario(SCENARIOS / f"{name}.toml").model_copy(update={"keep": ("stage", "capture", "cloud")})
+    outcome = run_scenario(scenario, out, SILENT, [index])
     assert not outcome.rejected, outcome.rejected
     assert not outcome.failed, outcome.failed
     (folder,) = outcome.clouds

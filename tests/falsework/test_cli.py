@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from falsework.cli import main
+from falsework.stages import STAGES, Stage
+from groundwork.errors import RejectedSceneError
 
 EMPTY_STAGE = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\ndef Xform "World"\n{\n}\n'
 
@@ -139,6 +141,23 @@ def test_missing_capture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert "nowhere" in _fails(["reconstruct", tmp_path / "nowhere", "-o", tmp_path / "out"], capsys)
     (tmp_path / "none").mkdir()
     assert "cameras.json" in _fails(["reconstruct", tmp_path / "none", "-o", tmp_path / "out"], capsys)
+
+
+def test_rejected_reconstruction_has_a_code_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No cloud comes of it: exit code 3, the reason in one line, and no output folder."""
+
+    def reject(*unused: object) -> None:
+        raise RejectedSceneError("too_few_cameras", "5 of 40 cameras registered")
+
+    monkeypatch.setitem(STAGES, "cloud", Stage(1, reject, resumes=True))
+    (tmp_path / "photographs").mkdir()
+    with pytest.raises(SystemExit) as caught:
+        main(["reconstruct", str(tmp_path / "photographs"), "-o", str(tmp_path / "out")])
+    assert caught.value.code == 3
+    assert "falsework: too_few_cameras: 5 of 40 cameras registered\n" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_doctor_as_json(capsys: pytest.CaptureFixture[str]) -> None:

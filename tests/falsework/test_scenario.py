@@ -11,6 +11,7 @@ from falsework.scenario import (
     load_scenario,
     scene_range,
     scene_seed,
+    shard_of,
 )
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings, read_toml
@@ -123,3 +124,33 @@ def test_a_photographed_sky_has_a_name_and_a_path(tmp_path: Path) -> None:
     path.write_text('[light]\nsky = "skies/gone.hdr"\n')
     with pytest.raises(InputError, match=r"light\.sky"):
         load_scenario(path)
+
+
+@pytest.mark.parametrize("count", [1, 3, 7, 20])
+def test_parts_are_disjoint_and_complete(count: int) -> None:
+    """Every scene is in one part of n; the parts differ by one scene at most."""
+    parts = [shard_of(range(2, 15), f"{part}/{count}") for part in range(count)]
+    assert sorted(index for part in parts for index in part) == list(range(2, 15))
+    assert max(map(len, parts)) - min(map(len, parts)) <= 1
+
+
+@pytest.mark.parametrize("text", ["", "3", "3/3", "-1/3", "1/0", "a/b", "1/2/3", "0/" + "9" * 5000])
+def test_no_such_part(text: str) -> None:
+    """Anything else than i/n with i below n is one line."""
+    with pytest.raises(InputError, match="--shard"):
+        shard_of(range(4), text)
+
+
+def test_kept_scenario_holds_from_its_folder(tmp_path: Path) -> None:
+    """Paths of the scenario that a run keeps lead to the same files, from wherever it is read."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in/stage.usda").write_text("#usda 1.0\n")
+    (tmp_path / "s.toml").write_text('[stage]\npath = "in/stage.usda"\nallow_root = ["in"]\n')
+    (tmp_path / "deep/out").mkdir(parents=True)
+    kept = tmp_path / "deep/out/scenario.toml"
+    kept.write_text(load_scenario(tmp_path / "s.toml").as_toml(kept.parent))
+    assert str(tmp_path) not in kept.read_text()
+    again = load_scenario(kept).stage
+    assert again is not None
+    assert Path(again.path).resolve() == tmp_path / "in/stage.usda"
+    assert [Path(root).resolve() for root in again.allow_root] == [tmp_path / "in"]

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from falsework.store import Store, Task, link_result
+from falsework.store.store import Store, Task
 from groundwork.errors import RejectedSceneError
 
 TASK = Task("stage", 1, {"seed": 7}, {"parent": "abc"})
@@ -98,7 +98,7 @@ def test_kill_in_the_middle_then_resume(tmp_path: Path) -> None:
     code = """
         import sys, time
         from pathlib import Path
-        from falsework.store import Store, Task
+        from falsework.store.store import Store, Task
         def make(folder):
             (folder / "a.txt").write_text("half")
             print("begun", flush=True)
@@ -122,9 +122,11 @@ def test_kill_in_the_middle_then_resume(tmp_path: Path) -> None:
 
 def test_links_are_relative_and_replaced(tmp_path: Path) -> None:
     """A readable name survives moving the whole output, and a second link replaces the first."""
-    root = tmp_path / "out"
-    for name in ("one", "two"):
-        (root / "store" / name).mkdir(parents=True)
-        link_result(root / "scenes" / "0000" / "stage", root / "store" / name)
-    moved = root.rename(tmp_path / "moved")
-    assert (moved / "scenes" / "0000" / "stage").resolve() == moved / "store" / "two"
+    store = Store(tmp_path / "out")
+    tasks = [Task("stage", 1, {"seed": seed}, {}) for seed in (1, 2)]
+    for task in tasks:
+        store.produce(task, _write)
+        store.link("scenes/0000/stage", task)
+    moved = store.root.rename(tmp_path / "moved")
+    assert (moved / "scenes" / "0000" / "stage").resolve() == Store(moved).folder(tasks[1])
+    assert not list((moved / "work").iterdir())

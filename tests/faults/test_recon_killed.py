@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from falsework.stages import STAGES
-from falsework.store import Store, Task
+from falsework.store.store import Store, Task
 from groundwork.marks import MARK
 from groundwork.progress import Silent
 from recon.settings import ReconSettings, SparseSettings

@@ -35,7 +35,7 @@ def test_line_breaks_are_taken_out() -> None:
         (MissingError("x"), 2, FileNotFoundError),
         (OutOfSpaceError("x"), 4, OSError),
         (ChildError("x"), 1, RuntimeError),
-        (RejectedSceneError("few", "x"), 0, FalseworkError),
+        (RejectedSceneError("few", "x"), 3, FalseworkError),
     ],
 )
 def test_exit_codes_and_kinds(error: FalseworkError, code: int, kind: type[Exception]) -> None:

@@ -32,8 +32,8 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "panoptic.py", "trained.py", "evaluate.py", "training", "compare.py", "predict",
     ),
     "falsework": (
-        "platform.py", "scenario.py", "store.py", "report", "stages.py", "children", "pipeline.py", "gallery",
-        "doctor.py", "commands", "cli.py", "__main__.py",
+        "platform.py", "scenario.py", "report", "stages.py", "children", "store", "execution", "pipeline.py",
+        "gallery", "doctor.py", "commands", "cli.py", "__main__.py",
     ),
 }  # fmt: skip
 

@@ -18,7 +18,7 @@ ALLOWED: dict[str, set[str]] = {
     "authoring": {"groundwork", "usd_schemas", "authoring"},
     "render": {"groundwork", "usd_schemas", "render"},
     "recon": {"groundwork", "usd_schemas", "render.capture", "recon"},
-    "learn": {"groundwork", "usd_schemas", "recon.cloud", "recon.scan", "learn"},
+    "learn": {"groundwork", "usd_schemas", "recon.cloud", "recon.formats.scan", "learn"},
     "falsework": set(ROOMS),
 }
 # The two lowest rooms are read by everything, so what they pull in is a closed list.

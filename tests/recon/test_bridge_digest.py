@@ -10,7 +10,7 @@ from recon.sampling.sample_mesh import sample_mesh
 from recon.sampling.sampler_settings import MeshSettings
 from recon.sampling.scene_surface import lay_out
 from recon.truth.bridge_digest import bridge_digest
-from render.capture import _expand
+from render.images.truth_checks import read_surface
 from render.writing.capture_writer import _write_surface
 from tests.render.scenes import random_scene
 from usd_schemas.flat_scene import InstanceRow
@@ -60,8 +60,7 @@ def test_a_sampled_cloud_and_a_capture_say_the_same(tmp_path: Path) -> None:
     (tmp_path / "cloud").mkdir()
     cloud = sample_mesh(scene, tmp_path / "cloud", MeshSettings(points=500), SILENT)
     _write_surface(tmp_path / "surface.npz", scene)
-    with np.load(tmp_path / "surface.npz") as stored:
-        surface = _expand({name: stored[name] for name in stored.files})
+    surface = read_surface(tmp_path / "surface.npz")
     assert bridge_digest(*surface, scene.instances) == cloud.bridge != ""
     assert read_cloud(tmp_path / "cloud").bridge == cloud.bridge
     assert len(lay_out(scene).corners) == len(surface[0])

@@ -1,0 +1,117 @@
+"""Make a run's folder whole again: what is damaged, what was made from it and what those need, in the former bytes."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from falsework.execution.chain import look_at_sources, scene_chain
+from falsework.pipeline import run_scenario
+from falsework.scenario import Scenario, load_scenario
+from falsework.store.verification import Findings, inspect
+from falsework.store.workroom import remove, set_aside, work_folder
+from groundwork.canonical import canonical_json
+from groundwork.files import MANIFEST, space_errors, write_text
+from groundwork.progress import Progress
+
+
+def repair(root: Path, progress: Progress) -> list[str]:
+    """Make again what `verify` finds wanting, and compare it with what it was.
+
+    Args:
+        root: Output folder of a run; `scenario.toml` in it says how its results are made.
+        progress: Listener.
+
+    Returns:
+        What is still wrong, one line each; empty when everything is whole.
+
+    Raises:
+        InputError: Its scenario cannot be read any more.
+    """
+    findings = inspect(root)
+    if not findings.lines:
+        return []
+    scenario = load_scenario(root / "scenario.toml")
+    scenes = sorted(int(path.name) for path in (root / "scenes").glob("*") if path.name.isdigit())
+    scenes = [index for index in scenes if index < scenario.scenes]
+    with space_errors(root):
+        for place, true in findings.misplaced.items():
+            _move_home(root, place, true)
+        for path in findings.broken:
+            remove(path)
+        findings = inspect(root)
+        ours = _made_here(scenario, scenes, progress)
+        gone = {place for place in _with_descendants(findings) if place in ours or place.startswith("report/")}
+        former = {place: findings.manifests[place]["files"] for place in gone if place in findings.manifests}
+        for place in sorted(gone):
+            _clear(root, place, findings)
+    run_scenario(scenario, root, progress, scenes)
+    after = inspect(root)
+    for place in after.manifests:  # what stands in the store was not let go
+        if place.partition("/")[0] in scenario.keep:
+            (root / "evicted" / f"{place}.json").unlink(missing_ok=True)
+    for folder in (*(root / "evicted").glob("*"), root / "evicted"):
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+    lines = list(after.lines)
+    for place, files in sorted(former.items()):
+        now = after.manifests.get(place, {}).get("files")
+        if now is None and not (root / "evicted" / f"{place}.json").is_file() and not place.startswith("report/"):
+            lines.append(f"store/{place}: not made again")
+        elif now is not None and canonical_json(now) != canonical_json(files):
+            lines.append(f"store/{place}: made again, and its bytes are not the former ones")
+    return lines
+
+
+def _made_here(scenario: Scenario, scenes: list[int], progress: Progress) -> set[str]:
+    """Name the results that this scenario leads to on this machine; others could not be made again."""
+    sources = look_at_sources(scenario, progress)
+    found = set()
+    for index in scenes:
+        chain = scene_chain(scenario, index, sources)
+        steps = [step for flight in chain.flights for step in (flight.capture, flight.cloud)]
+        for step in steps if chain.stage is None else [chain.stage, *steps]:
+            found.add(f"{step.task.stage}/{step.task.key}")
+    return found
+
+
+def _with_descendants(findings: Findings) -> set[str]:
+    """Add to what is damaged everything that was made from it, for it may have been made from damaged bytes."""
+    found = set(findings.damaged)
+    while True:
+        keys = {place.partition("/")[2] for place in found}
+        more = {place for place, manifest in findings.manifests.items() if keys & set(manifest["inputs"].values())}
+        if more <= found:
+            return found
+        found |= more
+
+
+def _move_home(root: Path, place: str, true: str) -> None:
+    folder, home = root / "store" / place, root / "store" / true
+    if not os.path.lexists(home) and (root / "store" / true.partition("/")[0]).is_dir():
+        folder.rename(home)
+    else:
+        _remove_result(root, place)
+
+
+def _clear(root: Path, place: str, findings: Findings) -> None:
+    """Take a result away; strangers' files in it are moved to `OUT/foreign`."""
+    folder = root / "store" / place
+    if not os.path.lexists(folder):
+        return
+    known: dict[str, Any] = findings.manifests.get(place, {}).get("files", {})
+    for path in sorted(folder.rglob("*")) if known else []:
+        name = path.relative_to(folder).as_posix()
+        if (path.is_symlink() or not path.is_dir()) and name not in known and name != MANIFEST:
+            home = root / "foreign" / place / name
+            home.parent.mkdir(parents=True, exist_ok=True)
+            path.rename(home)
+    if place in findings.manifests and not place.startswith("report/"):
+        record = root / "evicted" / f"{place}.json"  # what it was stays known, whatever happens to us
+        record.parent.mkdir(parents=True, exist_ok=True)
+        write_text(record, (folder / MANIFEST).read_text(encoding="utf-8"))
+    _remove_result(root, place)
+
+
+def _remove_result(root: Path, place: str) -> None:
+    with work_folder(root, place.partition("/")[2]) as work:
+        set_aside(root / "store" / place, work)

@@ -1,0 +1,98 @@
+"""The verbs that run the whole chain: the demo, and a scenario of one's own."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from falsework.commands.console import ConsoleProgress
+
+SOME_SCENES_FAILED = 3
+JSON_VERSION = 1
+
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+File = tyro.conf.Positional[Path]
+
+
+def demo(output: Output = Path("demo-out"), *, seed: int | None = None) -> int:
+    """Make one small bridge from nothing to an annotated point cloud and a report.
+
+    Args:
+        output: Folder to write into.
+        seed: Another bridge than the usual one.
+    """
+    from falsework.scenario import demo_scenario
+
+    scenario = demo_scenario()
+    return _run(scenario if seed is None else scenario.model_copy(update={"seed": seed}), output, None, False)
+
+
+def run(
+    scenario: File,
+    output: Output,
+    *,
+    scenes: str | None = None,
+    workers: int = 0,
+    cluster: str | None = None,
+    shard: str | None = None,
+    retry_failed: bool = False,
+    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> int:
+    """Run the whole chain of a scenario; a second call makes only what is missing.
+
+    Args:
+        scenario: TOML file.
+        output: Folder to write into.
+        scenes: Part of the scenes, as `first:end`.
+        workers: Worker processes that share the scenes; 0 runs them one after the other in this process.
+        cluster: Address of a Dask scheduler (tcp://HOST:PORT) whose workers share the scenes.
+        shard: Part of the scenes as i/n, i from 0 to n - 1: for arrays of jobs that share the output folder.
+        retry_failed: Try again what failed in an earlier run.
+        as_json: Print one JSON object at the end instead of lines.
+    """
+    from falsework.scenario import load_scenario, scene_range, shard_of, values_of
+    from groundwork.errors import InputError
+
+    if workers < 0 or (workers and cluster):
+        raise InputError("no such number of workers", field="--workers", value=workers,
+                         allowed="0 or more, and none beside --cluster")  # fmt: skip
+    loaded = load_scenario(scenario)
+    part = shard_of(scene_range(scenes, loaded.scenes), shard)
+    with values_of(scenario):
+        return _run(loaded, output, part, as_json, retry_failed=retry_failed, workers=workers, cluster=cluster)
+
+
+def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool, **how: Any) -> int:
+    from falsework.execution.interrupts import prompt_ending
+    from falsework.pipeline import run_scenario
+    from falsework.scenario import Scenario
+
+    assert isinstance(scenario, Scenario)
+    with prompt_ending(), ConsoleProgress() as progress:
+        outcome = run_scenario(scenario, output, progress, scenes, **how)
+    if as_json:
+        paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}
+        counts = {"made": outcome.made, "reused": outcome.reused}
+        _answer({**counts, **paths, "rejected": outcome.rejected, "failed": outcome.failed})
+        return SOME_SCENES_FAILED if outcome.failed else 0
+    for name, reason in outcome.rejected.items():
+        _say(f"scene {name} rejected: {reason}")
+    for name, reason in outcome.failed.items():
+        _say(f"scene {name} failed: {reason}")
+    _say(f"{outcome.made} results made, {outcome.reused} were there already" if outcome.made else
+         f"nothing to do: all {outcome.reused} results were there already")  # fmt: skip
+    for cloud in outcome.clouds:
+        _say(f"cloud   {cloud}")
+    for page in outcome.reports:
+        _say(f"report  {page}")
+    return SOME_SCENES_FAILED if outcome.failed else 0
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+
+
+def _answer(value: dict[str, object]) -> None:
+    sys.stdout.write(json.dumps({"version": JSON_VERSION, **value}) + "\n")

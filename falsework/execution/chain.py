@@ -1,0 +1,180 @@
+"""The steps of one scene: its stage, a capture and a cloud for each flight, and the report; nothing is run here."""
+
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from falsework.children.products import surveys_of
+from falsework.platform import recon_platform, render_platform
+from falsework.scenario import Scenario, given_files, scene_seed, scene_title
+from falsework.stages import STAGES
+from falsework.store.store import Task
+from groundwork.canonical import file_digest, folder_digest
+from groundwork.output_reading import reading
+from groundwork.progress import Progress
+from groundwork.slug import slug
+
+FOREIGN_STAGE = "foreign stage"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One task of a scene, and where its inputs come from.
+
+    Attributes:
+        task: What is made.
+        link: Readable name below the folder of the scene, e.g. `capture/local`.
+        parents: Name of each input that another step makes.
+        given: Name of each input that was there before, and its path.
+        file: The file of the result that the link leads to; empty for the folder.
+    """
+
+    task: Task
+    link: str
+    parents: "dict[str, Step]" = field(default_factory=dict)
+    given: dict[str, Path] = field(default_factory=dict)
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One survey of one variant of a scene.
+
+    Attributes:
+        name: Name of its capture and cloud.
+        variant: Name of the variant, or empty.
+        capture: The step that renders it.
+        cloud: The step that reconstructs it.
+    """
+
+    name: str
+    variant: str
+    capture: Step
+    cloud: Step
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What a scenario takes from outside, looked at once for all scenes.
+
+    Attributes:
+        surveys: Name of each survey.
+        given: Name of each input from outside to its path.
+        digests: The same names to the hashes of their contents.
+    """
+
+    surveys: tuple[str, ...]
+    given: dict[str, Path]
+    digests: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The steps of one scene.
+
+    Attributes:
+        name: Number of the scene, four digits.
+        title: What its user knows it by.
+        stage: The step that authors it; None where it starts from a stage that is there.
+        flights: Its flights.
+        sources: What the scenario takes from outside.
+    """
+
+    name: str
+    title: str
+    stage: Step | None
+    flights: tuple[Flight, ...]
+    sources: Sources
+
+    def report(self, without: frozenset[str] = frozenset()) -> Step:
+        """Give the last step.
+
+        Args:
+            without: Links of the steps that became no result.
+        """
+        steps = [step for flight in self.flights for step in (flight.capture, flight.cloud)]
+        parents = {step.link: step for step in steps if step.link not in without}
+        given, keys = _stage_input(self.stage, self.sources)
+        if self.stage is not None:
+            parents["stage"] = self.stage
+        inputs = {**keys, **{name: step.task.key for name, step in parents.items()}}
+        task = new_task("report", {"title": self.title}, inputs)
+        return Step(task, "report.html", parents, given, "report.html")
+
+
+def look_at_sources(scenario: Scenario, progress: Progress) -> Sources:
+    """Name the surveys, and hash what the scenario takes from outside.
+
+    Args:
+        scenario: What to make.
+        progress: Listener.
+
+    Raises:
+        InputError: The stage that it starts from cannot be rendered.
+    """
+    if scenario.stage is None:
+        given = given_files(scenario)  # a world or a sky counts by content
+        digests = {name: file_digest(path) if path.is_file() else folder_digest(path) for name, path in given.items()}
+        return Sources(tuple(survey.id for survey in scenario.survey), given, digests)
+    path = Path(scenario.stage.path)
+    surveys = surveys_of(path, tuple(Path(root) for root in scenario.stage.allow_root), progress)
+    with reading(path):  # it counts by content, with every file that stands beside it
+        return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: folder_digest(path.parent)})
+
+
+def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:
+    """Describe every step of a scene.
+
+    Args:
+        scenario: What to make.
+        index: Number of the scene.
+        sources: What it takes from outside.
+    """
+    seed = scene_seed(scenario.seed, index)
+    stage = None
+    if scenario.stage is None:
+        task = new_task("stage", {"seed": seed, "authoring": scenario.authoring()}, sources.digests)
+        stage = Step(task, "stage", given=sources.given)
+    pairs = product(sources.surveys, scenario.variants.combinations() or [""])
+    flights = tuple(_flight(scenario, seed, survey, variant, stage, sources) for survey, variant in pairs)
+    return Chain(f"{index:04d}", scene_title(index, scenario.seed), stage, flights, sources)
+
+
+def new_task(
+    stage: str, settings: dict[str, Any], inputs: dict[str, str], manner: dict[str, Any] | None = None
+) -> Task:
+    """Describe a task of the current version of its stage.
+
+    Args:
+        stage: Row of `STAGES`.
+        settings: JSON settings.
+        inputs: Name to key of each input.
+        manner: JSON settings that change no byte of the result.
+    """
+    return Task(stage, STAGES[stage].version, settings, inputs, manner or {})
+
+
+def _flight(
+    scenario: Scenario, seed: int, survey: str, variant: str, stage: Step | None, sources: Sources
+) -> Flight:  # fmt: skip
+    name = f"{slug(survey)}@{slug(variant)}" if variant else slug(survey)  # a stage from elsewhere names surveys
+    rendering = scenario.rendering()
+    drawing = {part: rendering.pop(part) for part in ("workers", "encoders")}
+    settings = {"seed": seed, "survey": survey, "render": rendering}
+    settings |= {"variant": variant} if variant else {}
+    settings["platform"] = render_platform(scenario.render.device)
+    given, keys = _stage_input(stage, sources)
+    parents = {} if stage is None else {"stage": stage}
+    keys = keys if stage is None else {"stage": stage.task.key}
+    capture = Step(new_task("capture", settings, keys, {"drawing": drawing}), f"capture/{name}", parents, given)
+    settings = {"recon": scenario.recon.model_dump(mode="json"), "platform": recon_platform()}
+    cloud = Step(new_task("cloud", settings, {"capture": capture.task.key}), f"cloud/{name}", {"capture": capture})
+    return Flight(name, variant, capture, cloud)
+
+
+def _stage_input(stage: Step | None, sources: Sources) -> tuple[dict[str, Path], dict[str, str]]:
+    """Give path and hash of a stage that was there before."""
+    if stage is not None:
+        return {}, {}
+    return {"stage": sources.given[FOREIGN_STAGE]}, {"stage": sources.digests[FOREIGN_STAGE]}

@@ -1,0 +1,196 @@
+"""Scenes on the workers of a Dask cluster, one's own or a standing one; what is done is decided by the store alone."""
+
+import logging
+import os
+import signal
+import tempfile
+import threading
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from falsework.execution.chain import Sources
+from falsework.execution.outcome import Outcome
+from falsework.execution.scene import Manner, run_scene
+from falsework.scenario import Scenario
+from falsework.store.locks import BusyError
+from falsework.store.store import Store
+from groundwork.errors import InputError
+from groundwork.progress import Progress, Silent
+
+FAILURES = 1_000_000  # deaths of workers that Dask forgives a task; after three it would blame whichever task ran there
+QUEUE = 4  # scenes a worker that are handed out before they can be begun; the rest wait here and cost nothing
+LEAST_QUEUE = 64
+PATIENCE = "1 day"  # for a worker that is being started again; Dask would end it after 15 s on a busy machine
+CLOSING = 4.0  # [s]
+LOOPBACK = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class SceneJob:
+    """One scene, as it is sent to a worker.
+
+    Attributes:
+        scenario: What to make.
+        sources: What it takes from outside.
+        index: Number of the scene.
+        out: Output folder of the run, the same path on every worker.
+        manner: How to go about it.
+    """
+
+    scenario: Scenario
+    sources: Sources
+    index: int
+    out: Path
+    manner: Manner
+
+
+@dataclass
+class _Notes(Silent):
+    lines: list[str] = field(default_factory=list)
+
+    def note(self, message: str) -> None:
+        self.lines.append(message)
+
+
+def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:
+    """Run one scene in a worker.
+
+    Args:
+        job: The scene.
+
+    Returns:
+        What came of it, and lines for people.
+    """
+    notes = _Notes()
+    outcome = run_scene(job.scenario, job.sources, job.index, Store(job.out), job.manner, notes)
+    return outcome, notes.lines
+
+
+def run_on_cluster(jobs: list[SceneJob], progress: Progress, workers: int, address: str | None) -> Outcome:
+    """Run scenes on worker processes, however often those die.
+
+    Args:
+        jobs: The scenes.
+        progress: Listener.
+        workers: Number of workers of a cluster that lives as long as this call.
+        address: Address of the scheduler of a standing cluster instead.
+
+    Returns:
+        What came of all of them.
+
+    Raises:
+        InputError: No cluster answers at the address.
+        OutOfSpaceError: The disk is full.
+    """
+    outcome = Outcome()
+    progress.stage("scenes", len(jobs))
+    with _own_cluster(min(workers, len(jobs))) if address is None else _standing_cluster(address) as client:
+        from distributed import wait
+
+        waiting = deque(jobs)
+        room = max(LEAST_QUEUE, QUEUE * sum(client.nthreads().values()))
+        sent: dict[Any, SceneJob] = {}
+        done = 0
+        while waiting or sent:
+            while waiting and len(sent) < room:
+                job = waiting.popleft()
+                future = client.submit(do_job, job, pure=False)
+                sent[future] = job
+            finished: Any = wait(list(sent), return_when="FIRST_COMPLETED")
+            for future in finished.done:
+                again = _take(future, sent.pop(future), outcome, progress)
+                future.release()
+                if again is None:
+                    done += 1
+                    progress.advance(done)
+                else:
+                    waiting.append(again)
+    return outcome
+
+
+def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> SceneJob | None:
+    """Take what came of a job; give it back if it has to be run again."""
+    from distributed import CancelledError, KilledWorker
+
+    try:
+        part, notes = future.result()
+    except BusyError as error:  # another run works on it: it comes last, and then we wait
+        outcome.made += error.made
+        outcome.reused -= error.made
+        return replace(job, manner=replace(job.manner, wait=True))
+    except (CancelledError, KilledWorker):  # a standing cluster that forgives less than ours
+        return job
+    for line in notes:
+        progress.note(f"scene {job.index:04d}: {line}")
+    outcome.add(part)
+    return None
+
+
+@contextmanager
+def _own_cluster(workers: int) -> Iterator[Any]:
+    """Start workers on this machine, reachable from it alone; none outlives us, nor do their children."""
+    from dask import config
+    from distributed import Client, LocalCluster
+
+    settings = {"distributed.scheduler.allowed-failures": FAILURES, "distributed.deploy.lost-worker-timeout": PATIENCE}
+    with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
+        with _deaf_to_interrupts():
+            how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # neither a page nor Dask's own guard
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, host=LOOPBACK, local_directory=scratch,
+                silence_logs=logging.CRITICAL, **how,
+            )  # fmt: skip
+            client = Client(cluster)
+        try:
+            yield client
+        except BaseException:
+            _kill_workers(cluster)
+            raise
+        finally:
+            with suppress(Exception):
+                client.close(timeout=CLOSING)
+            with suppress(Exception):
+                cluster.close(timeout=CLOSING)
+
+
+@contextmanager
+def _standing_cluster(address: str) -> Iterator[Any]:
+    from distributed import Client
+
+    if not address.startswith(("tcp://", "tls://")):
+        raise InputError("not the address of a scheduler", field="--cluster", value=address,
+                         allowed="tcp://HOST:PORT or tls://HOST:PORT")  # fmt: skip
+    try:
+        client = Client(address, timeout="30s")
+    except (OSError, ValueError) as error:
+        raise InputError(
+            "no scheduler answers", field="--cluster", value=address, mend="Start one: dask scheduler"
+        ) from error
+    with client:
+        yield client
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Let what is started here ignore Ctrl-C, which a terminal sends to all: we end the workers ourselves."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    former = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, former)
+
+
+def _kill_workers(cluster: Any) -> None:
+    """End the workers at once: every result is whole or absent, and interrupted work goes on next time."""
+    for nanny in list(cluster.workers.values()):
+        pid = getattr(getattr(nanny, "process", None), "pid", None)
+        if pid:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)

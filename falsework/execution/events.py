@@ -1,0 +1,40 @@
+"""When what ran: one file of lines for each process, in `OUT/run`, the only place of a run that holds a clock."""
+
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+
+def write_event(root: Path, event: dict[str, Any]) -> None:
+    """Add one line to this process's file.
+
+    Args:
+        root: Output folder of the run.
+        event: JSON of what ended just now.
+    """
+    folder = root / "run"
+    folder.mkdir(parents=True, exist_ok=True)
+    line = json.dumps({**event, "end": time.time()}) + "\n"
+    name = f"{socket.gethostname()}-{os.getpid()}.jsonl"
+    with (folder / name).open("a", encoding="utf-8") as file:  # not atomic: a log grows line by line
+        file.write(line)
+
+
+def read_events(root: Path) -> Iterator[dict[str, Any]]:
+    """Read the events of all processes; a torn line is left out.
+
+    Args:
+        root: Output folder of a run.
+    """
+    for path in sorted((root / "run").glob("*.jsonl")):
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+            try:
+                event = json.loads(line)
+            except (ValueError, RecursionError):
+                continue
+            if isinstance(event, dict):
+                yield event

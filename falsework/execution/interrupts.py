@@ -1,0 +1,58 @@
+"""Interrupted once, a run stops soon; interrupted twice, or held up for too long, at once. Either can be resumed."""
+
+import os
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+SOON = 8.0  # [s] for what has to be tidied; whatever is not tidied then is so at the next start
+ENDING = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def prompt_ending(seconds: float = SOON) -> Iterator[None]:
+    """See to it that the process ends a short time after the first interrupt, and at the second one.
+
+    The usual handlers run at the first one. Children die with their parent by themselves.
+
+    Args:
+        seconds: Time from the first one to a forced end [s].
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    here, there = socket.socketpair()
+    for end in (here, there):
+        end.setblocking(False)
+    former = signal.set_wakeup_fd(there.fileno(), warn_on_full_buffer=False)
+    stop = threading.Event()
+    threading.Thread(target=_watch, args=(here, stop, seconds), daemon=True).start()
+    try:
+        yield
+    finally:
+        stop.set()
+        signal.set_wakeup_fd(former)
+        there.close()  # which wakes the watcher
+
+
+def _watch(here: socket.socket, stop: threading.Event, seconds: float) -> None:
+    """Count the signals, which the kernel's handler writes into the socket, whatever the main thread is doing."""
+    first = 0
+    here.settimeout(None)
+    while True:
+        try:
+            numbers = [number for number in here.recv(64) or b"" if number in ENDING]
+        except TimeoutError:
+            numbers = [first]
+        except OSError:
+            return
+        if stop.is_set():
+            here.close()
+            return
+        for number in numbers:
+            if first:
+                os._exit(128 + first)
+            first = number
+            here.settimeout(seconds)

@@ -1,0 +1,193 @@
+"""One scene of a run: its steps in order, each from inputs that were found whole."""
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from falsework.execution.chain import Chain, Flight, Sources, Step, scene_chain
+from falsework.execution.events import write_event
+from falsework.execution.needs import consumers, needed_steps
+from falsework.execution.outcome import Outcome
+from falsework.scenario import Scenario
+from falsework.stages import STAGES
+from falsework.store.failures import QuarantinedError, failure_of
+from falsework.store.locks import BusyError
+from falsework.store.store import Store
+from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
+from groundwork.progress import Progress
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How a run goes about its work.
+
+    Attributes:
+        quarantine: Keep records of errors, so that the next run leaves their tasks alone.
+        retry: Try again what failed before.
+        wait: Wait for another process that is making what we need.
+        keep: Stages whose results stay.
+    """
+
+    quarantine: bool = False
+    retry: bool = False
+    wait: bool = True
+    keep: tuple[str, ...] = tuple(STAGES)
+
+
+@dataclass
+class SceneRun:
+    """One scene being made.
+
+    Attributes:
+        store: Where results are.
+        chain: Its steps.
+        manner: How to go about it.
+        progress: Listener.
+        outcome: What has come of it so far.
+    """
+
+    store: Store
+    chain: Chain
+    manner: Manner
+    progress: Progress
+    outcome: Outcome = field(default_factory=Outcome)
+
+    def run(self) -> Outcome:
+        """Make what is missing of the scene.
+
+        Returns:
+            What came of it.
+
+        Raises:
+            RejectedSceneError: It can become no cloud.
+            BusyError: Another process is making what we need, and we do not wait.
+        """
+        for flight in self.chain.flights:
+            if not flight.variant and not self.store.has(flight.capture.task):  # nor shall it be made in vain
+                self.store.raise_former_failure(flight.cloud.task, self.manner.retry)
+        needed = needed_steps(self.chain, self.store, self.manner.keep)
+        if self.chain.stage is not None:
+            self._make(self.chain.stage, needed)
+        without: set[str] = set()
+        try:
+            for flight in self.chain.flights:
+                self._fly(flight, without, needed)
+        except RejectedSceneError:
+            self._evict(set())
+            raise
+        if "report" in self.manner.keep:
+            self._make(self.chain.report(frozenset(without)), needed)
+            self.outcome.reports.append(self._scene / "report.html")
+        self._evict(needed_steps(self.chain, self.store, self.manner.keep))
+        return self.outcome
+
+    @property
+    def _scene(self) -> Path:
+        return self.store.root / "scenes" / self.chain.name
+
+    def _fly(self, flight: Flight, without: set[str], needed: set[str]) -> None:
+        """Make capture and cloud of a flight; add the links of what became no result to `without`."""
+        left = [flight.capture, flight.cloud]
+        try:
+            while left:
+                self._make(left[0], needed)
+                left.pop(0)
+        except RejectedSceneError as rejection:
+            if not flight.variant:
+                raise
+            without.update(step.link for step in left)
+            name = f"{self.chain.name}/{flight.name}"
+            self.outcome.rejected[name] = f"{rejection.reason}: {rejection}"  # the other variants go on
+            return
+        self.outcome.clouds.append(self._scene / flight.cloud.link)
+
+    def _make(self, step: Step, needed: set[str]) -> None:
+        if not self.store.has(step.task) and step.link not in needed:
+            self.store.raise_former_failure(step.task, self.manner.retry)
+            self.outcome.reused += 1  # it was there, and what needed it is
+            return
+        made = self._ensure(step)
+        self.outcome.made += made
+        self.outcome.reused += not made
+        self.store.link(f"scenes/{self.chain.name}/{step.link}", step.task, step.file)
+
+    def _evict(self, needed: set[str]) -> None:
+        """Let go what the run does not keep, where no needed step waits for it."""
+        stage = [] if self.chain.stage is None else [self.chain.stage]
+        for step in (*(step for flight in self.chain.flights for step in (flight.cloud, flight.capture)), *stage):
+            waited_for = consumers(self.chain, step)
+            if step.task.stage in self.manner.keep or any(link in needed for link in waited_for):
+                continue
+            if self.store.has(step.task):
+                self.store.evict(step.task, f"scenes/{self.chain.name}/{step.link}")
+
+    def _ensure(self, step: Step) -> bool:
+        """Make one result unless it is there; tell whether it was made now."""
+        if self.store.has(step.task):
+            return False
+        self.store.raise_former_failure(step.task, self.manner.retry)
+        for parent in step.parents.values():
+            self._provide(parent)
+        inputs = {**step.given, **{name: self.store.folder(parent.task) for name, parent in step.parents.items()}}
+        stage, begin = STAGES[step.task.stage], time.monotonic()
+        settings = {**step.task.settings, **step.task.manner}
+        made = self.store.produce(
+            step.task, lambda folder: stage.run(settings, inputs, folder, self.progress), resume=stage.resumes,
+            wait=self.manner.wait, quarantine=self.manner.quarantine, retry=self.manner.retry,
+        )  # fmt: skip
+        event = {"stage": step.task.stage, "key": step.task.key, "scene": self.chain.name, "made": made}
+        write_event(self.store.root, {**event, "seconds": time.monotonic() - begin})
+        return made
+
+    def _provide(self, step: Step) -> None:
+        """See that an input is whole; one that is not is made again, of the same bytes."""
+        former = self.store.evicted_files(step.task)
+        if self.store.has(step.task):
+            faults = self.store.faults(step.task)
+            if not faults:
+                return
+            self.progress.note(f"{faults[0]}: made again")
+            former = self.store.files(step.task)
+            self.store.discard(step.task)
+        self.outcome.made += self._ensure(step)
+        if former is not None and former != self.store.files(step.task):
+            self.progress.note(f"{self.store.folder(step.task)}: its bytes are not the former ones")
+
+
+def run_scene(
+    scenario: Scenario, sources: Sources, index: int, store: Store, manner: Manner, progress: Progress
+) -> Outcome:
+    """Run one scene, and count what is wrong with it; the other scenes of a scenario go on.
+
+    Args:
+        scenario: What to make.
+        sources: What it takes from outside.
+        index: Number of the scene.
+        store: Where results are.
+        manner: How to go about it.
+        progress: Listener.
+
+    Raises:
+        InputError: What is wrong with the only scene of the scenario.
+        OutOfSpaceError: The disk is full.
+        BusyError: Another process is making what we need, and we do not wait.
+    """
+    chain = scene_chain(scenario, index, sources)
+    scene = SceneRun(store, chain, manner, progress)
+    try:
+        scene.run()
+    except RejectedSceneError as rejection:
+        scene.outcome.rejected[chain.name] = f"{rejection.reason}: {rejection}"
+    except BusyError as error:
+        error.made = scene.outcome.made
+        raise
+    except OutOfSpaceError:
+        raise
+    except (ChildError, QuarantinedError) as error:
+        scene.outcome.failed[chain.name] = str(error)
+    except Exception as error:
+        if scenario.scenes == 1:
+            raise
+        failure = failure_of(error, 1, store.root)  # what one scene draws may not go together
+        scene.outcome.failed[chain.name] = str(error) if failure is None else failure.message
+    return scene.outcome

@@ -1,0 +1,155 @@
+"""What proves a stored result whole: a manifest that holds the task, every file's hash, and a digest of itself."""
+
+import json
+import os
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from groundwork.canonical import canonical_json, digest, file_digest
+from groundwork.errors import InputError
+from groundwork.files import MANIFEST, write_json, write_manifest
+
+FORMAT_VERSION = 2  # 1 had no digest of itself
+LONGEST_MANIFEST = 64e6  # [bytes] 100,000 files need a fifth of it
+
+
+def task_key(stage: str, version: int, settings: dict[str, Any], inputs: dict[str, str]) -> str:
+    """Hash everything that a result depends on.
+
+    Args:
+        stage: Name of the stage.
+        version: Version of the stage's code.
+        settings: JSON settings.
+        inputs: Name of each input to its key.
+
+    Returns:
+        64 hexadecimal digits.
+    """
+    return digest([stage, version, settings, inputs])
+
+
+@dataclass
+class Hashes:
+    """Hashes of files, each computed once while nothing about the file changes."""
+
+    known: dict[tuple[int, ...], str] = field(default_factory=dict)
+
+    def of(self, path: Path) -> str:
+        """Hash a file, or remember.
+
+        Args:
+            path: The file.
+
+        Returns:
+            SHA-256 in 64 hexadecimal digits.
+        """
+        found = path.stat()
+        identity = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+        if identity not in self.known:
+            self.known[identity] = file_digest(path)
+        return self.known[identity]
+
+
+def seal(folder: Path, record: dict[str, Any]) -> dict[str, Any]:
+    """Write the manifest of a finished folder, and make every file read-only.
+
+    Args:
+        folder: The finished folder.
+        record: The task: stage, version, settings and inputs.
+
+    Returns:
+        The manifest.
+    """
+    key = task_key(record["stage"], record["version"], record["settings"], record["inputs"])
+    write_manifest(folder, {"format_version": FORMAT_VERSION, "key": key, **record})
+    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    write_json(folder / MANIFEST, {**manifest, "digest": digest(manifest)})
+    for path, mode in _entries(folder):
+        if stat.S_ISREG(mode):
+            path.chmod(0o444)  # a stored result is never edited in place
+    return manifest
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """Read the manifest of a stored result, and prove that no bit of it has changed.
+
+    Args:
+        path: The manifest, in the folder of its result or kept alone.
+
+    Returns:
+        `format_version`, `key`, `stage`, `version`, `settings`, `inputs` and `files`.
+
+    Raises:
+        InputError: Missing, not a manifest, or not as it was written.
+    """
+    try:
+        if not path.is_file() or path.is_symlink():
+            raise InputError("missing", where=path)
+        if path.stat().st_size > LONGEST_MANIFEST:
+            raise InputError("too long for a manifest", where=path)
+        text = path.read_text(encoding="utf-8")
+        manifest = json.loads(text)
+        spelled = json.dumps(json.loads(canonical_json(manifest)), sort_keys=True, indent=2) + "\n"
+    except (OSError, ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError("not readable as a manifest", where=path) from None
+    if not _is_manifest(manifest) or spelled != text:
+        raise InputError("changed", where=path)
+    said = manifest.pop("digest", None)
+    if said != (None if manifest["format_version"] == 1 else digest(manifest)):
+        raise InputError("changed", where=path)
+    if manifest["key"] != task_key(*(manifest[name] for name in ("stage", "version", "settings", "inputs"))):
+        raise InputError("its key is not that of its contents", where=path)
+    return manifest
+
+
+def file_faults(folder: Path, files: dict[str, dict[str, Any]], hashes: Hashes) -> list[str]:
+    """Compare the files of a stored result with its manifest; nothing is followed out of the folder.
+
+    Args:
+        folder: Folder of the result.
+        files: Size and SHA-256 of each, as the manifest says.
+        hashes: What has been hashed before.
+
+    Returns:
+        One line for each file that is missing, changed, extra, or no plain file.
+    """
+    wrong, present = [], set()
+    for path, mode in _entries(folder):
+        name = path.relative_to(folder).as_posix()
+        present.add(name)
+        if name == MANIFEST:
+            continue
+        if name not in files:
+            wrong.append(f"{name}: not in the manifest")
+        elif not stat.S_ISREG(mode):
+            wrong.append(f"{name}: not a plain file")
+        elif path.stat().st_size != files[name]["bytes"] or hashes.of(path) != files[name]["sha256"]:
+            wrong.append(f"{name}: changed")
+    return sorted(wrong + [f"{name}: missing" for name in files.keys() - present])
+
+
+def _entries(folder: Path) -> Iterator[tuple[Path, int]]:
+    """List everything below a folder that is no folder, and what it is; a link to a folder is one entry."""
+    with os.scandir(folder) as found:
+        for entry in sorted(found, key=lambda entry: entry.name):
+            if entry.is_dir(follow_symlinks=False):
+                yield from _entries(Path(entry.path))
+            else:
+                yield Path(entry.path), entry.stat(follow_symlinks=False).st_mode
+
+
+def _is_manifest(value: object) -> bool:
+    if not isinstance(value, dict) or not {"format_version", "key", "stage", "version", "files"} <= value.keys():
+        return False
+    tables = [value.get(name) for name in ("settings", "inputs", "files")]
+    if value["format_version"] not in range(1, FORMAT_VERSION + 1) or not all(isinstance(t, dict) for t in tables):
+        return False
+    rows = value["files"].values()
+    return all(isinstance(row, dict) and row.keys() == {"bytes", "sha256"} for row in rows) and all(
+        isinstance(key, str) for key in value["inputs"].values()
+    )

@@ -1,0 +1,125 @@
+"""What became no result: a record for each rejected or failed task, so that the same work is not done in vain again."""
+
+import json
+import traceback
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from groundwork.canonical import digest
+from groundwork.errors import ChildError, FalseworkError, InputError, RejectedSceneError
+from groundwork.files import write_json
+
+FORMAT_VERSION = 2  # 1 knew rejections only, and had no digest of itself
+ATTEMPTS = 3  # how often a task is tried whose process was killed from outside, short of memory for instance
+LAST_LINES, LINE_LENGTH = 20, 300
+STOPPED = ("SIGINT", "SIGTERM", "SIGHUP")  # somebody stopped it: nothing is wrong with the task
+KILLED = "SIGKILL"
+
+
+class QuarantinedError(FalseworkError):
+    """A task failed in an earlier run and is left alone until somebody asks for it."""
+
+    exit_code = 3
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a task became no result.
+
+    Attributes:
+        kind: `rejected` (a result: this scene can become no cloud) or `failed`.
+        reason: Short code: that of the rejection, or `input`, `child`, `killed` or `internal`.
+        message: One line for people.
+        signal: Name of the signal that its process died of, or empty.
+        last_lines: What its process said last.
+        attempts: How often it was tried.
+    """
+
+    kind: str
+    reason: str
+    message: str
+    signal: str = ""
+    last_lines: tuple[str, ...] = ()
+    attempts: int = 1
+
+    @property
+    def final(self) -> bool:
+        """Whether the next run leaves the task alone."""
+        return self.reason != "killed" or self.attempts >= ATTEMPTS
+
+    def as_error(self) -> FalseworkError:
+        """Give the error to raise instead of doing the work again."""
+        if self.kind == "rejected":
+            return RejectedSceneError(self.reason, self.message)
+        return QuarantinedError(f"{self.message} (failed before; `falsework run --retry-failed` tries it again)")
+
+
+def failure_of(error: Exception, attempts: int, root: Path) -> Failure | None:
+    """Describe an error; paths below the run are told from its root, so that the record can be moved.
+
+    Args:
+        error: What was raised.
+        attempts: How often the task has been tried, this time included.
+        root: Output folder of the run.
+
+    Returns:
+        None where nothing is wrong with the task: somebody stopped its process.
+    """
+
+    def plain(text: str) -> str:
+        for place in (str(root.resolve()), str(root)):
+            text = text.replace(place, "OUT") if len(place) > 1 else text
+        return text
+
+    if isinstance(error, RejectedSceneError):
+        return Failure("rejected", error.reason, plain(str(error)), attempts=attempts)
+    if isinstance(error, ChildError):
+        if error.signal in STOPPED:
+            return None
+        lines = tuple(plain(line)[:LINE_LENGTH] for line in error.last_lines[-LAST_LINES:])
+        reason = "killed" if error.signal == KILLED else "child"
+        return Failure("failed", reason, plain(str(error)), error.signal, lines, attempts)
+    if isinstance(error, InputError):
+        return Failure("failed", "input", plain(str(error)), attempts=attempts)
+    frames = traceback.extract_tb(error.__traceback__)[-LAST_LINES:]
+    lines = tuple(f"{Path(frame.filename).name}:{frame.lineno} {frame.name}" for frame in frames)
+    said = " ".join(f"{type(error).__name__}: {plain(str(error))}".split())
+    return Failure("failed", "internal", said[:LINE_LENGTH], last_lines=lines, attempts=attempts)
+
+
+def write_failure(path: Path, task: dict[str, Any], failure: Failure) -> None:
+    """Keep a record.
+
+    Args:
+        path: File to write.
+        task: Stage, version, settings and inputs.
+        failure: What happened.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir():
+        raise InputError("is in the way of a record", where=path, mend="Move it elsewhere")
+    record = json.loads(json.dumps({"format_version": FORMAT_VERSION, **task, **asdict(failure)}))
+    write_json(path, {**record, "digest": digest(record)})
+
+
+def read_failure(path: Path) -> Failure | None:
+    """Read a record.
+
+    Args:
+        path: Its file.
+
+    Returns:
+        None where there is none, or it is torn: the task is then tried again.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        if record.get("format_version", 1) == 1:
+            return Failure("rejected", str(record["reason"]), str(record["message"]))
+        said = record.pop("digest")
+        if said != digest(record):
+            return None
+        values = {name: record[name] for name in Failure.__dataclass_fields__}
+        return Failure(**{**values, "last_lines": tuple(values["last_lines"])})
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None

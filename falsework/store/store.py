@@ -1,0 +1,303 @@
+"""The artefact store: a folder per result, named by the hash of everything it depends on; present means complete."""
+
+import os
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from falsework.store.artefact import Hashes, file_faults, read_manifest, seal, task_key
+from falsework.store.failures import Failure, failure_of, read_failure, write_failure
+from falsework.store.locks import exclusive
+from falsework.store.textures import STAGE, share_textures
+from falsework.store.verification import verify
+from falsework.store.workroom import LINKS, remove, set_aside, sweep, work_folder
+from groundwork.errors import FalseworkError, InputError, OutOfSpaceError, RejectedSceneError
+from groundwork.files import MANIFEST, commit_folder, space_errors, write_text
+
+
+@dataclass(frozen=True)
+class Task:
+    """One result that shall exist: plain data, so that any worker can take it.
+
+    Attributes:
+        stage: Name of the stage that makes it, a row of `falsework.stages.STAGES`.
+        version: Version of that stage's code.
+        settings: JSON settings that the result depends on, seeds and platform included.
+        inputs: Name of each input to the key of the task (or the content hash of the foreign folder) that made it.
+        manner: JSON settings of how the work is done (number of processes …) that change no byte of the result.
+    """
+
+    stage: str
+    version: int
+    settings: dict[str, Any]
+    inputs: dict[str, str]
+    manner: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """Hash of everything that the result depends on, 64 hexadecimal digits."""
+        return task_key(self.stage, self.version, self.settings, self.inputs)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What the key is the hash of."""
+        return {"stage": self.stage, "version": self.version, "settings": self.settings, "inputs": self.inputs}
+
+
+class Store:
+    """Results below one folder: `store/<stage>/<key>/`, work in `work/<key>/`, failures in `failed/<key>.json`."""
+
+    def __init__(self, root: Path) -> None:
+        """Point at a run's output folder.
+
+        Args:
+            root: The folder; sub-folders are made as needed.
+        """
+        self.root = root
+        self._hashes = Hashes()
+
+    def folder(self, task: Task) -> Path:
+        """Tell where a task's result stands, or will stand.
+
+        Args:
+            task: The task.
+        """
+        return self.root / "store" / task.stage / task.key
+
+    def has(self, task: Task) -> bool:
+        """Tell whether a result is there; a folder under its final name is always whole.
+
+        Args:
+            task: The task.
+        """
+        return (self.folder(task) / MANIFEST).is_file()
+
+    def produce(
+        self, task: Task, make: Callable[[Path], None], *, resume: bool = False, wait: bool = True,
+        quarantine: bool = False, retry: bool = False,
+    ) -> bool:  # fmt: skip
+        """Make a result unless it is there already; safe against other processes and against being killed.
+
+        Args:
+            task: What to make.
+            make: Called with an empty folder to fill.
+            resume: Call it with what an interrupted run of the same task left instead.
+            wait: Wait for another process that makes the same result.
+            quarantine: Keep a record of an error, too, so that the next run leaves the task alone.
+            retry: Try again what failed before; rejections stand.
+
+        Returns:
+            True when it was made now, False when it was there.
+
+        Raises:
+            RejectedSceneError: The scene was rejected, now or in an earlier run.
+            QuarantinedError: It failed in an earlier run.
+            BusyError: Another process makes it, and we do not wait.
+        """
+        if self.has(task):
+            return False
+        with space_errors(self.root / "work"), work_folder(self.root, task.key, wait=wait) as work:
+            if self.has(task):
+                return False
+            former = self.raise_former_failure(task, retry)
+            if not resume:
+                remove(work)
+            work.mkdir(exist_ok=resume)
+            try:
+                make(work)
+            except OutOfSpaceError:
+                raise
+            except Exception as error:
+                if isinstance(error, RejectedSceneError) or (quarantine and _is_of_the_task(error)):
+                    self._keep_failure(task, work, error, 1 if former is None else former.attempts + 1)
+                raise
+            manifest = seal(work, task.record)
+            if task.stage == STAGE:
+                share_textures(self.root, work, manifest["files"])
+            self._failure_file(task).unlink(missing_ok=True)
+            self._commit(task, work)
+        return True
+
+    def faults(self, task: Task) -> list[str]:
+        """Compare one stored result with its manifest before it is used: sizes always, hashes once for each file.
+
+        Args:
+            task: What made it.
+
+        Returns:
+            One line for everything that is not as it was written.
+        """
+        folder = self.folder(task)
+        try:
+            manifest = read_manifest(folder / MANIFEST)
+        except InputError as error:
+            return [str(error)]
+        if manifest["key"] != task.key:
+            return [f"{folder / MANIFEST}: is of another result"]
+        return [f"{folder}/{line}" for line in file_faults(folder, manifest["files"], self._hashes)]
+
+    def discard(self, task: Task) -> bool:
+        """Take a result away if it is damaged, so that it is made again.
+
+        Args:
+            task: What made it.
+
+        Returns:
+            Whether it was damaged.
+        """
+        folder = self.folder(task)
+        with work_folder(self.root, task.key) as work:
+            if not os.path.lexists(folder) or not self.faults(task):
+                return False
+            set_aside(folder, work)
+        return True
+
+    def failure(self, task: Task) -> Failure | None:
+        """Tell why a task became no result in an earlier run, if it did not.
+
+        Args:
+            task: The task.
+        """
+        return read_failure(self._failure_file(task))
+
+    def raise_former_failure(self, task: Task, retry: bool = False) -> Failure | None:
+        """Refuse a task that became no result in an earlier run.
+
+        Args:
+            task: The task.
+            retry: Refuse rejections only.
+
+        Returns:
+            The record of an earlier try after which another one is worth while.
+
+        Raises:
+            RejectedSceneError: It was rejected.
+            QuarantinedError: It failed.
+        """
+        former = self.failure(task)
+        if former is not None and former.final and not (retry and former.kind == "failed"):
+            raise former.as_error()
+        return former
+
+    def files(self, task: Task) -> dict[str, Any] | None:
+        """Give size and hash of each file that a result was written with; None where its manifest cannot tell.
+
+        Args:
+            task: What made it.
+        """
+        try:
+            return read_manifest(self.folder(task) / MANIFEST)["files"]
+        except InputError:
+            return None
+
+    def link(self, name: str, task: Task, file: str = "") -> None:
+        """Point a readable name at a stored result with a relative link, replacing an older one at once.
+
+        Args:
+            name: Path below the run's folder, e.g. `scenes/0000/stage`.
+            task: What made the result.
+            file: A file of the result to point at.
+
+        Raises:
+            InputError: Something that is not a link stands there.
+        """
+        link = self.root / name
+        text = os.path.relpath(self.folder(task) / file, link.parent)
+        with space_errors(link):
+            link.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                link.symlink_to(text)
+            except FileExistsError:
+                if not link.is_symlink():
+                    raise InputError("is in the way of a link to the store", where=link,
+                                     mend="Move it elsewhere") from None  # fmt: skip
+                self._replace_link(link, text)
+
+    def evict(self, task: Task, link: str) -> None:
+        """Let a result go that was only needed for others; what it was stays known.
+
+        Args:
+            task: What made it.
+            link: Readable name that leads to it, path below the run's folder.
+        """
+        folder, record = self.folder(task), self._eviction(task)
+        text = (folder / MANIFEST).read_text(encoding="utf-8")
+        with space_errors(record), work_folder(self.root, task.key) as work:
+            record.parent.mkdir(parents=True, exist_ok=True)
+            write_text(record, text)
+            (self.root / link).unlink(missing_ok=True)
+            set_aside(folder, work)
+
+    def evicted_files(self, task: Task) -> dict[str, Any] | None:
+        """Give size and hash of each file of a result that was let go; None where none was.
+
+        Args:
+            task: What made it.
+        """
+        try:
+            return read_manifest(self._eviction(task))["files"]
+        except InputError:
+            return None
+
+    def sweep(self) -> None:
+        """Remove what killed processes left and nobody can go on with."""
+        present = {path.parent.name for path in self.root.glob(f"store/*/*/{MANIFEST}")}
+        for path in sorted(self.root.glob("failed/*.json")):
+            if path.stem in present:  # killed between the two
+                path.unlink(missing_ok=True)
+        failures = ((path.stem, read_failure(path)) for path in self.root.glob("failed/*.json"))
+        hopeless = {key for key, failure in failures if failure is not None and failure.final}
+        sweep(self.root, lambda key: key in present or key in hopeless)
+
+    def verify(self) -> list[str]:
+        """Compare everything that is stored with what was written, and with what refers to it.
+
+        Returns:
+            One line per file, result, link or record that is missing, changed, misplaced or foreign.
+        """
+        return verify(self.root)
+
+    def _commit(self, task: Task, work: Path) -> None:
+        folder = self.folder(task)
+        if os.path.lexists(folder) and not self.has(task):
+            remove(folder)  # a result whose manifest is gone is none
+        try:
+            commit_folder(work, folder)
+        except OSError as error:
+            if isinstance(error, FalseworkError) or not self.has(task):
+                raise
+            remove(work)  # without locks somebody else was faster, with the same bytes
+
+    def _replace_link(self, link: Path, text: str) -> None:
+        if str(link.readlink()) == text:
+            return
+        room = self.root / "work"
+        room.mkdir(parents=True, exist_ok=True)
+        lock = room / f"{LINKS}.lock"
+        with exclusive(lock) as held:
+            fresh = room / f"{LINKS}.{secrets.token_hex(8)}"
+            fresh.symlink_to(text)
+            fresh.replace(link)
+            if held:
+                lock.unlink(missing_ok=True)
+
+    def _eviction(self, task: Task) -> Path:
+        return self.root / "evicted" / task.stage / f"{task.key}.json"
+
+    def _failure_file(self, task: Task) -> Path:
+        return self.root / "failed" / f"{task.key}.json"
+
+    def _keep_failure(self, task: Task, work: Path, error: Exception, attempts: int) -> None:
+        failure = failure_of(error, attempts, self.root)
+        if failure is None:
+            return
+        write_failure(self._failure_file(task), task.record, failure)
+        if failure.final:
+            remove(work)
+
+
+def _is_of_the_task(error: Exception) -> bool:
+    """Whether another try must end in the same way; the system's errors (a network that is down …) may not."""
+    return isinstance(error, FalseworkError) or not isinstance(error, OSError | MemoryError)

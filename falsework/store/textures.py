@@ -1,0 +1,65 @@
+"""Textures that many scenes of one run have in common: one file, `store/texture/<sha256>`, linked into each of them."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from falsework.store.artefact import Hashes
+from groundwork.canonical import file_digest
+
+POOL = "texture"
+STAGE = "stage"  # the results that hold textures
+SUFFIXES = (".jpg", ".png", ".exr", ".hdr")
+LEAST = 4096  # [bytes] what is smaller fits into a block
+
+
+def share_textures(root: Path, folder: Path, files: dict[str, dict[str, Any]]) -> None:
+    """Replace the textures of a finished scene by links to those of the run, or make them the run's.
+
+    Args:
+        root: Output folder of the run.
+        folder: The finished scene, its files read-only.
+        files: Size and SHA-256 of each, as its manifest says.
+    """
+    pool = root / "store" / POOL
+    for name, row in sorted(files.items()):
+        if row["bytes"] < LEAST or not name.endswith(SUFFIXES):
+            continue
+        pool.mkdir(parents=True, exist_ok=True)
+        try:
+            _share(folder / name, pool / row["sha256"])
+        except OSError:  # no links here, or too many of one file: a copy is as good
+            continue
+
+
+def _share(file: Path, shared: Path) -> None:
+    try:
+        os.link(file, shared)
+    except FileExistsError:
+        if shared.is_symlink() or not shared.is_file() or file_digest(shared) != shared.name:
+            shared.unlink()  # somebody painted on it
+            os.link(file, shared)
+            return
+        fresh = file.with_name(f".{file.name}.shared")
+        os.link(shared, fresh)
+        fresh.replace(file)
+
+
+def pool_faults(root: Path, hashes: Hashes) -> Iterator[tuple[Path, str]]:
+    """Compare the shared textures with their names.
+
+    Args:
+        root: Output folder of a run.
+        hashes: What has been hashed before.
+
+    Yields:
+        Path of each that is not what its name says, and a line about it.
+    """
+    pool = root / "store" / POOL
+    for path in sorted(pool.iterdir()) if pool.is_dir() else []:
+        name = path.relative_to(root).as_posix()
+        if path.is_symlink() or not path.is_file() or len(path.name) != 64:
+            yield path, f"{name}: foreign"
+        elif hashes.of(path) != path.name:
+            yield path, f"{name}: changed"

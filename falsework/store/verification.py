@@ -1,0 +1,171 @@
+"""Whether a run's folder holds what was written: every bit of every result, and everything that others refer to."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from falsework.store.artefact import Hashes, file_faults, read_manifest
+from falsework.store.failures import read_failure
+from falsework.store.textures import POOL, pool_faults
+from groundwork.errors import InputError
+from groundwork.files import MANIFEST
+from groundwork.settings import read_toml
+
+REFERRED = ("stage", "capture", "cloud")  # the first part of an input's name tells the stage that made it
+KEY_LENGTH = 64
+
+
+@dataclass
+class Findings:
+    """What is wrong with a run's folder.
+
+    Attributes:
+        lines: One line for each fault.
+        damaged: `<stage>/<key>` of each result that is missing or not as it was written.
+        manifests: `<stage>/<key>` to the manifest of each result whose manifest is whole.
+        misplaced: `<stage>/<key>` of each whole manifest that stands elsewhere, to where it belongs.
+        broken: Records, links and shared textures that are of no use.
+    """
+
+    lines: list[str] = field(default_factory=list)
+    damaged: set[str] = field(default_factory=set)
+    manifests: dict[str, dict[str, Any]] = field(default_factory=dict)
+    misplaced: dict[str, str] = field(default_factory=dict)
+    broken: list[Path] = field(default_factory=list)
+
+    def add(self, line: str, result: str = "") -> None:
+        """Note a fault.
+
+        Args:
+            line: What is wrong, and where.
+            result: `<stage>/<key>` of the result that it spoils, or empty.
+        """
+        self.lines.append(line)
+        if result:
+            self.damaged.add(result)
+
+
+def verify(root: Path) -> list[str]:
+    """Compare everything that is stored with what was written, and with what refers to it.
+
+    Args:
+        root: Output folder of a run.
+
+    Returns:
+        One line per fault.
+    """
+    return inspect(root).lines
+
+
+def inspect(root: Path) -> Findings:
+    """Read a whole store, and what refers to it.
+
+    Args:
+        root: Output folder of a run.
+    """
+    findings, hashes = Findings(), Hashes()
+    for folder in _results(root, findings):
+        _inspect_result(root, folder, findings, hashes)
+    for path, line in pool_faults(root, hashes):
+        findings.add(line)
+        findings.broken += [path] if line.endswith("changed") else []
+    _inspect_inputs(root, findings)
+    _inspect_links(root, findings)
+    for path in _children(root / "failed"):
+        if path.suffix != ".json" or read_failure(path) is None:
+            findings.add(f"{path.relative_to(root)}: not a record of a failure")
+            findings.broken.append(path)
+    for path in sorted((root / "evicted").glob("*/*")):
+        try:
+            told = read_manifest(path)
+            if path.name != f"{told['key']}.json" or path.parent.name != told["stage"]:
+                findings.add(f"{path.relative_to(root)}: misplaced")
+        except InputError as error:
+            findings.add(f"{path.relative_to(root)}: {str(error).removeprefix(f'{path}: ')}")
+            findings.broken.append(path)
+    findings.lines = list(dict.fromkeys(findings.lines))
+    return findings
+
+
+def _results(root: Path, findings: Findings) -> Iterator[Path]:
+    for stage in _children(root / "store"):
+        if stage.name == POOL:
+            continue
+        if stage.is_symlink() or not stage.is_dir():
+            findings.add(f"{stage.relative_to(root)}: foreign")
+            continue
+        for folder in _children(stage):
+            if folder.is_symlink() or not folder.is_dir():
+                findings.add(f"{folder.relative_to(root)}: foreign")
+            else:
+                yield folder
+
+
+def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes) -> None:
+    name, place = folder.relative_to(root).as_posix(), f"{folder.parent.name}/{folder.name}"
+    try:
+        manifest = read_manifest(folder / MANIFEST)
+    except InputError as error:
+        findings.add(f"{name}/{MANIFEST}: {str(error).removeprefix(f'{folder / MANIFEST}: ')}", place)
+        return
+    true = f"{manifest['stage']}/{manifest['key']}"
+    if true != place:
+        findings.add(f"{name}: misplaced, it is store/{true}", place)
+        findings.misplaced[place] = true
+        return
+    findings.manifests[place] = manifest
+    for line in file_faults(folder, manifest["files"], hashes):
+        findings.add(f"{name}/{line}", place)
+
+
+def _inspect_inputs(root: Path, findings: Findings) -> None:
+    """Look for the inputs of every result; a stage from elsewhere is not ours to look for."""
+    foreign_stage = _starts_from_a_stage(root)
+    for place, manifest in sorted(findings.manifests.items()):
+        for name, key in sorted(manifest["inputs"].items()):
+            stage = name.partition("/")[0]
+            if stage not in REFERRED or (stage == "stage" and foreign_stage):
+                continue
+            wanted = f"{stage}/{key}"
+            if not (root / "store" / wanted).is_dir() and not _evicted(root, stage, key):
+                findings.add(f"store/{wanted}: missing, store/{place} was made from it", wanted)
+
+
+def _inspect_links(root: Path, findings: Findings) -> None:
+    for scene in _children(root / "scenes"):
+        for folder, folders, files in os.walk(scene):
+            for path in sorted(Path(folder, name) for name in (*folders, *files)):
+                name = path.relative_to(root)
+                if not path.is_symlink():
+                    if path.is_file():
+                        findings.add(f"{name}: foreign")
+                    continue
+                target = Path(os.path.normpath(path.parent / path.readlink()))
+                inside = Path(os.path.relpath(target, root / "store")).parts
+                if len(inside) < 2 or len(inside[1]) != KEY_LENGTH or ".." in inside:
+                    findings.add(f"{name}: leads out of the store")
+                    findings.broken.append(path)
+                elif not path.exists():
+                    place = f"{inside[0]}/{inside[1]}"
+                    findings.add(f"{name}: leads to store/{place}, which is missing", place)
+
+
+def _evicted(root: Path, stage: str, key: str) -> bool:
+    """Whether a result was let go after others had been made from it."""
+    try:
+        return read_manifest(root / "evicted" / stage / f"{key}.json")["key"] == key
+    except InputError:
+        return False
+
+
+def _starts_from_a_stage(root: Path) -> bool:
+    try:
+        return "stage" in read_toml(root / "scenario.toml")
+    except InputError:
+        return False
+
+
+def _children(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir()) if folder.is_dir() else []

@@ -1,0 +1,109 @@
+"""What a run does not keep goes when nothing needs it any more; what is damaged comes back with its former bytes."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from falsework.commands.repair import repair
+from falsework.store.store import Store
+from groundwork.files import MANIFEST
+from groundwork.progress import SILENT
+from tests.falsework import tiny_chain
+from tests.falsework.test_run import Run, _flip, contents, run  # noqa: F401 (a fixture)
+
+STAGES = ("stage", "capture", "cloud", "report")
+DAMAGES = ("flip", "gone", "manifest", "moved", "extra")
+FILES = {"stage": "scene.usda", "capture": "000001.jpg", "cloud": "coord.npy", "report": "report.html"}
+
+
+def _count(out: Path) -> dict[str, int]:
+    return {stage: len(list((out / "store").glob(f"{stage}/*"))) for stage in STAGES}
+
+
+def test_what_is_not_kept_goes(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """Captures and their links are gone, a second run makes nothing, and all is whole; rejected scenes as well."""
+    keep = ("stage", "cloud")
+    outcome = run(3, faults={"cloud:1": "reject"}, keep=keep)
+    assert (outcome.made, list(outcome.rejected)) == (8, ["0001"])
+    out = tmp_path / "out"
+    assert _count(out) == {"stage": 3, "capture": 0, "cloud": 2, "report": 0}
+    assert not list(out.glob("scenes/*/capture/*"))
+    assert run(3, keep=keep).made == 0
+    assert Store(out).verify() == []
+    assert run(3).made == 4  # now all is wanted: the captures of two clouds, and two reports
+    assert Store(out).verify() == []
+
+
+def test_let_go_for_good(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """With the clouds alone, a scene leaves nothing else; a lost cloud is made again from its beginning."""
+    run(2, keep=("cloud",))
+    out = tmp_path / "out"
+    whole = contents(out)
+    assert _count(out) == {"stage": 0, "capture": 0, "cloud": 2, "report": 0}
+    shutil.rmtree(out / "store/cloud")
+    assert run(2, keep=("cloud",)).made == 6
+    assert contents(out) == whole
+
+
+@pytest.mark.parametrize(
+    ("damage", "stage", "keep"),
+    [(damage, stage, STAGES) for damage in DAMAGES for stage in STAGES[:3]]
+    + [(damage, "cloud", ("stage", "cloud")) for damage in DAMAGES]
+    + [("flip", "capture", ("stage", "cloud"))],
+)
+def test_repair_brings_the_former_bytes_back(
+    damage: str, stage: str, keep: tuple[str, ...], run: Run, tmp_path: Path  # noqa: F811
+) -> None:  # fmt: skip
+    """Damaged in any way, with any of its inputs let go: the tree is that of before; a stranger's file is kept."""
+    out = tmp_path / "out"
+    run(2, keep=keep)
+    whole = contents(out)
+    if stage not in keep:
+        (record, _) = sorted((out / "evicted" / stage).iterdir())
+        _flip(record, 400)
+    else:
+        folder = sorted((out / "store" / stage).iterdir())[1]
+        match damage:
+            case "flip":
+                _flip(folder / FILES[stage], 5)
+            case "gone":
+                shutil.rmtree(folder)
+            case "manifest":
+                _flip(folder / MANIFEST, 999)
+            case "moved":
+                folder.rename(folder.with_name("0" * 64))
+            case "extra":
+                (folder / "notes.txt").write_text("mine")
+    assert Store(out).verify() != []
+    assert repair(out, SILENT) == []
+    if damage == "extra" and stage in keep:
+        (notes,) = (out / "foreign").glob("*/*/notes.txt")
+        assert notes.read_text() == "mine"
+        shutil.rmtree(out / "foreign")
+    assert contents(out) == whole
+    assert Store(out).verify() == []
+
+
+def test_repair_says_when_the_bytes_differ(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    """A result that does not come back as it was is named."""
+    run(2)
+    out = tmp_path / "out"
+    folder = sorted((out / "store/stage").iterdir())[0]
+    _flip(folder / "scene.usda", 5)
+    monkeypatch.setattr(tiny_chain, "TEXTURE", b"another")
+    lines = repair(out, SILENT)
+    assert any(folder.name in line and "not the former ones" in line for line in lines)
+
+
+def test_damage_that_the_scenario_no_longer_leads_to_is_left(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """A result of a former scenario cannot be made again: it stays, and stays reported."""
+    run(1)
+    out = tmp_path / "out"
+    (folder,) = (out / "store/cloud").iterdir()
+    run(1, recon={"min_views": 4})
+    _flip(folder / "coord.npy", 3)
+    lines = repair(out, SILENT)
+    assert lines == [f"store/cloud/{folder.name}/coord.npy: changed"]
+    assert json.loads((folder / MANIFEST).read_text())["key"] == folder.name

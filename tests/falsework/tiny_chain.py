@@ -1,0 +1,151 @@
+"""`python -m tests.falsework.tiny_chain …` is `falsework …` with four stages that take a millisecond each.
+
+What goes wrong is said in `TINY_FAULTS`: JSON of `<stage>:<scene>` to `reject`, `input`, `child`, `abort`, `kill`,
+`internal`, `space` or `hang`; `TINY_WAIT` is how long each step of a capture takes [s].
+"""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from falsework.execution import chain
+from falsework.scenario import Scenario, scene_seed
+from falsework.stages import STAGES, Run, Stage
+from groundwork.canonical import folder_digest
+from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError
+from groundwork.progress import Progress
+from groundwork.settings import parse_settings
+
+ROOT = Path(__file__).resolve().parents[2]
+SEED, FRAMES = 5, 4
+TEXTURE = bytes(range(256)) * 400
+
+
+def tiny_scenario(scenes: int = 1, **more: Any) -> Scenario:
+    """Give a scenario with one survey and so many scenes."""
+    return parse_settings(Scenario, {"seed": SEED, "scenes": scenes, "survey": [{"kind": "global"}], **more}, "tiny")
+
+
+def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Write a layer that says the seed, and a texture that all scenes have in common."""
+    _go_wrong("stage", settings["seed"])
+    (folder / "scene.usda").write_text(f"#usda 1.0\n# {settings['seed']}\n")
+    (folder / "textures").mkdir()
+    (folder / "textures" / "steel.png").write_bytes(TEXTURE)
+
+
+def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Write some frames from the stage; goes on where it was."""
+    _go_wrong("capture", settings["seed"], folder)
+    stage = inputs["stage"] if inputs["stage"].is_dir() else inputs["stage"].parent
+    seen = folder_digest(stage)
+    for frame in range(FRAMES):
+        path = folder / f"{frame:06d}.jpg"
+        if not path.is_file():
+            partial = path.with_suffix(".partial")
+            partial.write_text(f"{settings['seed']} {frame} {seen}")
+            time.sleep(float(os.environ.get("TINY_WAIT", "0")))
+            partial.rename(path)
+    (folder / "seed.json").write_text(str(settings["seed"]))
+
+
+def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Hash every frame into points; goes on where it was."""
+    _go_wrong("cloud", int((inputs["capture"] / "seed.json").read_text()))
+    parts = [hashlib.sha256(path.read_bytes()).digest() for path in sorted(inputs["capture"].glob("*.jpg"))]
+    (folder / "coord.npy").write_bytes(b"".join(parts))
+
+
+def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Say the hash of each input."""
+    lines = [f"{name} {folder_digest(path)}\n" for name, path in sorted(inputs.items()) if path.is_dir()]
+    (folder / "report.html").write_text(settings["title"] + "\n" + "".join(lines))
+
+
+TINY: dict[str, Run] = {"stage": author, "capture": capture, "cloud": cloud, "report": report}
+
+
+def tiny_stages() -> dict[str, Stage]:
+    """Give the table of stages, with the versions of the real ones."""
+    return {name: Stage(STAGES[name].version, run, STAGES[name].resumes) for name, run in TINY.items()}
+
+
+def command(*words: str | Path) -> list[str]:
+    """Spell a command for a process of its own."""
+    return [sys.executable, "-m", "tests.falsework.tiny_chain", *map(str, words)]
+
+
+def start(*words: str | Path, **environment: str) -> subprocess.Popen[str]:
+    """Begin `falsework …` with the tiny stages, in a session of its own."""
+    return subprocess.Popen(
+        command(*words), cwd=ROOT, env={**os.environ, **environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, start_new_session=True,
+    )  # fmt: skip
+
+
+def contents(out: Path) -> dict[str, str]:
+    """Describe the tree of a run outside `run/`: hash of each file, target of each link, folders."""
+    found = {}
+    for path in sorted(out.rglob("*")):
+        name = path.relative_to(out).as_posix()
+        if name.split("/")[0] == "run":
+            continue
+        if path.is_symlink():
+            found[name] = f"-> {os.readlink(path)}"  # noqa: PTH115
+        else:
+            found[name] = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "folder"
+    return found
+
+
+def _go_wrong(stage: str, seed: int, folder: Path | None = None) -> None:
+    faults = json.loads(os.environ.get("TINY_FAULTS", "{}"))
+    seeds = {scene_seed(SEED, index): index for index in range(100)}
+    match faults.get(f"{stage}:{seeds.get(seed)}"):
+        case "reject":
+            raise RejectedSceneError("no_texture", "nothing to match")
+        case "input":
+            raise InputError("may not be", field="bridge.spans", value=3)
+        case "child":
+            raise ChildError("recon.child: failed with exit code 1: no", last_lines=("so it went", "no"))
+        case "abort":
+            raise ChildError("recon.child: died of SIGABRT: check failed", signal="SIGABRT", last_lines=("check",))
+        case "outside":
+            raise ChildError("recon.child: died of SIGTERM: it printed nothing", signal="SIGTERM")
+        case "short":
+            raise ChildError("recon.child: died of SIGKILL: it printed nothing", signal="SIGKILL")
+        case "internal":
+            raise ValueError("a mistake of ours")
+        case "space":
+            raise OutOfSpaceError("no space left on the disk")
+        case "hang":
+            time.sleep(600)
+        case "stubborn":
+            for count in range(100):
+                try:
+                    assert folder is not None
+                    (folder / f"heard-{count}").touch()
+                    time.sleep(600)
+                except KeyboardInterrupt:
+                    continue
+        case "kill":
+            once = Path(os.environ["TINY_ONCE"])
+            if len(list(once.iterdir())) < int(os.environ.get("TINY_KILLS", "1")):
+                (once / str(os.getpid())).touch()
+                os.kill(os.getpid(), signal.SIGKILL)
+
+
+if __name__ in ("__main__", "__mp_main__"):  # the second one in the worker processes of a cluster
+    STAGES.update(tiny_stages())
+    chain.render_platform = lambda device="auto": {"gl_renderer": "none"}
+    chain.recon_platform = lambda: {"cpu": "none"}
+
+if __name__ == "__main__":
+    from falsework.cli import main
+
+    main()

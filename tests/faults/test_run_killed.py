@@ -1,0 +1,150 @@
+"""A run of tiny stages, killed, interrupted, and deprived of its workers: nothing is lost, the bytes are the same."""
+
+import os
+import random
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Count
+from tests.falsework.tiny_chain import SEED, contents, start
+
+pytestmark = pytest.mark.faults
+SCENES = 6
+PATIENCE = 240.0  # [s] on a box that many tests share
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a scenario of some scenes."""
+    path = tmp_path_factory.mktemp("scenario") / "s.toml"
+    path.write_text(f'seed = {SEED}\nscenes = {SCENES}\n[[survey]]\nkind = "global"\n')
+    return path
+
+
+@pytest.fixture(scope="module")
+def calm(scenario: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Give the tree of a run that nobody disturbed."""
+    out = tmp_path_factory.mktemp("calm") / "out"
+    _finish(start("run", scenario, "-o", out))
+    return contents(out)
+
+
+def _finish(process: subprocess.Popen[str]) -> None:
+    _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, said
+    assert "Traceback" not in said
+
+
+def _wait_for(out: Path, pattern: str, process: subprocess.Popen[str]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not list(out.glob(pattern)):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def _alive(session: int) -> list[int]:
+    """List the processes of a session that have not ended."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            try:
+                fields = (folder / "stat").read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            if int(fields[3]) == session and fields[0] != "Z":
+                found.append(int(folder.name))
+    return found
+
+
+def _assert_all_end(session: int) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while _alive(session):
+        assert time.monotonic() < deadline, _alive(session)
+        time.sleep(0.05)
+
+
+def test_killed_again_and_again(scenario: Path, calm: dict[str, str], tmp_path: Path, proof_count: Count) -> None:
+    """At any moment, in any stage; the run that ends leaves the tree of one that was left in peace."""
+    draw = random.Random(4)
+    for _ in range(proof_count(3, 50)):
+        process = start("run", scenario, "-o", tmp_path / "out", TINY_WAIT="0.03")
+        marks = ("run/*.jsonl", "work/*", "store/capture/*", "store/cloud/*", "store/report/*", "work/*/*.partial")
+        _wait_for(tmp_path / "out", draw.choice(marks), process)
+        time.sleep(draw.random() * 0.1)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+    _finish(start("run", scenario, "-o", tmp_path / "out"))
+    assert contents(tmp_path / "out") == calm
+
+
+def test_workers_die_again_and_again_on_one_task(
+    scenario: Path, calm: dict[str, str], tmp_path: Path, proof_count: Count
+) -> None:
+    """More often than Dask would forgive: the task is not blamed, none is lost, and the bytes are those of a loop."""
+    deaths = proof_count(4, 10)
+    (tmp_path / "once").mkdir()
+    faults = {"TINY_FAULTS": '{"capture:1": "kill"}', "TINY_ONCE": str(tmp_path / "once"), "TINY_KILLS": str(deaths)}
+    process = start("run", scenario, "-o", tmp_path / "out", "--workers", "1", **faults)
+    _finish(process)
+    assert len(list((tmp_path / "once").iterdir())) == deaths
+    assert contents(tmp_path / "out") == calm
+    _assert_all_end(process.pid)
+
+
+@pytest.mark.parametrize(
+    ("workers", "number", "code"), [("0", signal.SIGINT, 130), ("0", signal.SIGTERM, 143), ("2", signal.SIGINT, 130)]
+)
+def test_interrupted_run_goes_on(
+    workers: str, number: signal.Signals, code: int, scenario: Path, calm: dict[str, str], tmp_path: Path
+) -> None:
+    """It ends with the signal's exit code in the middle of a stage, its workers too; the next one finishes the work."""
+    out = tmp_path / "out"
+    process = start("run", scenario, "-o", out, "--workers", workers, TINY_FAULTS='{"capture:1": "hang"}')
+    _wait_for(out, "store/capture/*", process)
+    _wait_for(out, "work/*.lock", process)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == code, said
+    assert "Traceback" not in said
+    _assert_all_end(process.pid)
+    _finish(start("run", scenario, "-o", out))
+    assert contents(out) == calm
+
+
+def test_second_interrupt_ends_what_will_not(scenario: Path, tmp_path: Path) -> None:
+    """A stage that swallows the first one is ended by the second one."""
+    faults = '{"capture:0": "stubborn"}'
+    process = start("run", scenario, "-o", tmp_path / "out", TINY_FAULTS=faults)
+    _wait_for(tmp_path / "out", "work/*/heard-0", process)
+    process.send_signal(signal.SIGINT)
+    _wait_for(tmp_path / "out", "work/*/heard-1", process)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130
+
+
+def test_workers_die_with_the_run(scenario: Path, calm: dict[str, str], tmp_path: Path) -> None:
+    """The command killed without warning leaves no worker behind, and the next one finishes the work."""
+    out = tmp_path / "out"
+    process = start("run", scenario, "-o", out, "--workers", "2", TINY_FAULTS='{"capture:1": "hang"}')
+    _wait_for(out, "store/capture/*", process)
+    assert len(_alive(process.pid)) >= 3
+    process.kill()
+    process.communicate()
+    _assert_all_end(process.pid)
+    _finish(start("run", scenario, "-o", out))
+    assert contents(out) == calm
+
+
+def test_parts_of_a_run_make_the_whole(scenario: Path, calm: dict[str, str], tmp_path: Path) -> None:
+    """Three jobs of an array at once on one output: together, the tree of a single run."""
+    out = tmp_path / "out"
+    jobs = [start("run", scenario, "-o", out, "--shard", f"{part}/3") for part in range(3)]
+    for job in jobs:
+        _finish(job)
+    assert contents(out) == calm
