@@ -122,7 +122,7 @@ def test_sound_inputs_are_hashed_once(run: Run, tmp_path: Path, monkeypatch: pyt
     run()
     shutil.rmtree(tmp_path / "out/store/cloud")
     shutil.rmtree(tmp_path / "out/store/report")
-    from falsework.execution import artefact
+    from falsework.store import artefact
 
     read: list[Path] = []
     digest = artefact.file_digest
