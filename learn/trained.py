@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_bytes, write_json
+from groundwork.foreign_file import read_regular
 from learn.losses import merge_noise
 from learn.models.backbone import batched, geometry_of
 from learn.models.covariance import covariance_features
@@ -263,8 +264,8 @@ def read_weights(folder: Path) -> dict[str, Tensor]:
     """
     path = folder / WEIGHTS
     try:
-        return load(path.read_bytes())
-    except FileNotFoundError:
+        return load(read_regular(path))
+    except MissingError:
         raise MissingError("no weights", where=path) from None
     except (SafetensorError, ValueError, KeyError, json.JSONDecodeError) as error:
         raise InputError(f"not readable as safetensors: {error}", where=path, mend="Fetch it anew") from None

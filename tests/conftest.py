@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import tempfile
 from collections.abc import Callable, Mapping
@@ -38,6 +39,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Choose how many examples Hypothesis draws, and start with no proof rows."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as a shell sets it for `make test &`; children inherit it
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     settings.load_profile("proof" if config.getoption("--proof") else "quick")
     config.stash[_ROWS] = {}
 

@@ -2,7 +2,7 @@
 
 import json
 import os
-import socket
+import platform
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +19,7 @@ def write_event(root: Path, event: dict[str, Any]) -> None:
     folder = root / "run"
     folder.mkdir(parents=True, exist_ok=True)
     line = json.dumps({**event, "end": time.time()}) + "\n"
-    name = f"{socket.gethostname()}-{os.getpid()}.jsonl"
+    name = f"{platform.node()}-{os.getpid()}.jsonl"
     with (folder / name).open("a", encoding="utf-8") as file:  # not atomic: a log grows line by line
         file.write(line)
 

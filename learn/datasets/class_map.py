@@ -1,6 +1,5 @@
 """What the numbers in other people's files mean: class maps, which are data."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from groundwork.errors import InputError, MissingError
+from groundwork.files import read_json
 from groundwork.settings import Settings, parse_settings, read_toml
 from learn.datasets.class_tables import ClassTable, class_of
 from usd_schemas.components import UNLABELLED, component_classes
@@ -126,10 +126,7 @@ def _toml(text: str) -> dict[str, Any]:
 def _read(path: Path) -> dict[str, Any]:
     if path.suffix == ".toml":
         return read_toml(path)
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"not readable as JSON: {error}", where=path) from None
+    found = read_json(path)
     if not isinstance(found, dict):
         raise InputError("not a class map", where=path, allowed="a JSON object with title, column and code")
     return found

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, space_errors
+from groundwork.foreign_file import check_regular
 from groundwork.settings import parse_settings
 from learn.datasets.labelled_cloud import INPUTS
 from learn.datasets.patch import Patch, Scaling
@@ -110,8 +111,9 @@ def _column(path: Path, name: str, count: int) -> NDArray[Any]:
     dtype, width = _KINDS[name]
     shape = (count,) if width == 1 else (count, width)
     try:
+        check_regular(path)
         mapped = np.load(path, mmap_mode="r", allow_pickle=False)
-    except FileNotFoundError:
+    except MissingError:
         raise MissingError("a column is missing", where=path, mend="Make the data set again") from None
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"damaged: {error}", where=path, mend="Make the data set again") from None

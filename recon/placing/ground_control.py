@@ -13,7 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
-from groundwork.errors import InputError, MissingError
+from groundwork.errors import InputError
+from groundwork.foreign_file import read_regular
 from recon.placing.map_projection import MapSystem, read_system
 
 Triple = tuple[float, float, float]
@@ -94,13 +95,11 @@ def read_ground_control(path: Path) -> GroundControl:
         MissingError: There is no such file.
         InputError: It is in neither form, or one of its lines is wrong; names the line.
     """
+    if path.is_file() and path.stat().st_size > _LONGEST:
+        raise InputError("too long for a file of ground control points", where=path, mend="Name the text file")
     try:
-        if path.stat().st_size > _LONGEST:
-            raise InputError("too long for a file of ground control points", where=path, mend="Name the text file")
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise MissingError("no such file", where=path, mend="Check the path") from None
-    except (OSError, UnicodeDecodeError):
+        text = read_regular(path).decode("utf-8-sig")
+    except UnicodeDecodeError:
         raise InputError("not a text file", where=path, mend="Name a gcp_list.txt, or markers as CSV") from None
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     if not lines:

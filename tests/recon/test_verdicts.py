@@ -158,7 +158,7 @@ def test_the_mapper_is_chosen() -> None:
 def test_the_page_explains_every_reason() -> None:
     """Each reason code that the code can give, for a camera or for all of them, stands on the page."""
     root = Path(__file__).resolve().parents[2]
-    code = "".join(path.read_text(encoding="utf-8") for path in sorted((root / "recon").glob("*.py")))
+    code = "".join(path.read_text(encoding="utf-8") for path in sorted((root / "recon").rglob("*.py")))
     given = set(re.findall(r'RejectedSceneError\(\s*"(\w+)"', code))
     assert {"too_few_images", "no_model", "no_depth", "straight_path"} <= given
     page = (root / "docs" / "reconstruction.md").read_text(encoding="utf-8")
