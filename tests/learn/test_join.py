@@ -25,7 +25,8 @@ from tests.learn.toy_bridge import toy_cloud, write_toy
 COUNT = 3000
 HIDDEN = ("instance", "confidence", "label_margin_px", "uncertainty", "uncertainty_min", "uncertainty_max",
           "uncertainty_relative", "displacement", "surface_distance", "reprojection_error")  # fmt: skip
-CUT = ("--set", "points=256", "--set", "fewest=1", "--set", "tile.voxel=0.3", "--set", 'test=["b3"]')
+CUT = ("--set", "points=256", "--set", "fewest=1", "--set", 'test=["b3"]', "--set", "tile.voxel=0.3",
+       "--set", "tile.size=20.0", "--set", "tile.stride=10.0")  # fmt: skip
 MODELS = {
     "forest": ("--model", "forest", "--set", "network.trees=12", "--set", "network.scales=[8, 24]"),
     "net": ("--model", "pointnet2-ssg", "--epochs", "3", "--batch", "4", "--set", "network.counts=[64, 16]",
