@@ -8,6 +8,7 @@ import tyro
 
 from falsework.commands.console import ConsoleProgress
 from groundwork.errors import InputError, MissingError
+from groundwork.output_place import output_place
 from groundwork.settings import parse_settings
 from learn.predict.settings import Unit, Up
 
@@ -31,7 +32,8 @@ def predict(
     Args:
         scan: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
         output: File to write, of the same format, or .las or .laz; boxes of the instances go into a .json beside it.
-        model: What knows the classes: module:function of a model of your own.
+        model: What knows the classes: a folder that falsework train has written, or module:function of a model of
+            your own.
         unit: Unit of the coordinates, where the scan does not say it.
         scale: Metres that one unit of a cloud without scale stands for.
         up: Axis of the scan that points up.
@@ -54,8 +56,11 @@ def predict(
     settings = parse_settings(PredictSettings, values, "predict")
     if not output.suffix:
         raise InputError("says no format", where=output, field="-o", mend="Give it a suffix such as .laz")
+    known = named_model(model)
+    if Path(model).is_dir():
+        output_place(output, [Path(model)])
     with ConsoleProgress() as progress:
-        made = predict_scan(scan, output, named_model(model), settings, progress)
+        made = predict_scan(scan, output, known, settings, progress)
     for name, count in made.counts.items():
         sys.stdout.write(f"{name:<16} {count:>10} points  {count / made.points:6.1%}\n")
     if made.unlabelled:

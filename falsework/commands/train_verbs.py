@@ -133,7 +133,9 @@ def _split(dataset: Path, split: str, channels: tuple[str, ...]) -> "SampleSourc
 
 
 def _facts(source: object) -> dict[str, Any]:
-    """Take along what the data set says of how it was made."""
+    """Take along what the data set says of how it was made: what a prediction needs to cut a scan as it was cut."""
     facts = getattr(source, "facts", None)
     settings = getattr(facts, "settings", None)
-    return {} if settings is None else {"settings": settings.model_dump(mode="json")}
+    if facts is None or settings is None:
+        return {}
+    return {"settings": settings.model_dump(mode="json"), "scaling": vars(facts.scaling), "table": settings.table}

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from learn.datasets.class_tables import BACKGROUND_CLASS, class_of
+from learn.datasets.class_tables import BACKGROUND_CLASS, NOISY_CLASS, class_of
 from usd_schemas.components import UNLABELLED, component_classes
 from usd_schemas.taxonomies import BASE, TAXONOMIES, taxonomy
 
@@ -23,12 +23,14 @@ class ClassSum:
         ids: Id of each in the file, shape (T,), uint8.
         matrix: Which class of the model goes into which [1], shape (K, T), float32, one 1 in each row.
         kept: Whether each class is written; others become 255, shape (T,), bool.
+        rest: Whether each class is what is no part of a bridge, or noise, shape (T,), bool.
     """
 
     names: tuple[str, ...]
     ids: NDArray[np.uint8]
     matrix: F32
     kept: NDArray[np.bool_]
+    rest: NDArray[np.bool_]
 
     def decide(self, probabilities: F32, least: float) -> tuple[NDArray[np.uint8], F32]:
         """Choose the likeliest class of each point.
@@ -53,8 +55,7 @@ class ClassSum:
     @property
     def background(self) -> tuple[int, ...]:
         """Ids of what is no part of a bridge, and has no instances."""
-        rest = (BACKGROUND_CLASS, "noisy_point")
-        return tuple(int(i) for i, name in zip(self.ids, self.names, strict=True) if i == 0 or name in rest)
+        return tuple(self.ids[self.rest].tolist())
 
 
 def sum_classes(classes: tuple[str, ...], own: str, table: str, kept: tuple[str, ...]) -> ClassSum:
@@ -88,5 +89,8 @@ def sum_classes(classes: tuple[str, ...], own: str, table: str, kept: tuple[str,
         if name not in names:
             raise InputError("no such class", field="--classes", value=name, allowed=", ".join(names))
     reached = matrix.any(axis=0)
+    surroundings = np.array([component_classes().get(name, name) == BACKGROUND_CLASS for name in classes])
+    always = {class_of(known, "", BACKGROUND_CLASS), NOISY_CLASS}
+    rest = np.array([name in always for name in names]) | (reached & ~matrix[~surroundings].any(axis=0))
     chosen = np.array([row.name in kept or not kept for row in rows])
-    return ClassSum(names, np.array([row.id for row in rows], np.uint8), matrix, chosen & reached)
+    return ClassSum(names, np.array([row.id for row in rows], np.uint8), matrix, chosen & reached, rest)

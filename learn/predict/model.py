@@ -57,17 +57,23 @@ class PointModel(Protocol):
 
 
 def named_model(name: str) -> PointModel:
-    """Call a function of the user's own that makes a model.
+    """Read a trained model, or call a function of the user's own that makes one.
 
     Args:
-        name: `module:function`; the module is looked for in the folder that the command is called in, too.
+        name: Folder that `falsework train` has written, or `module:function`; the module is looked for in the folder
+            that the command is called in, too.
 
     Raises:
-        InputError: No such module or function, or what it gives is not a model.
+        InputError: No such folder, module or function, or what it gives is not a model.
     """
+    if Path(name).is_dir():
+        from learn.predict.trained_model import read_trained_model  # torch is imported for a trained model alone
+
+        return read_trained_model(Path(name))
     module, colon, function = name.partition(":")
-    if not colon or not function:
-        raise InputError("not a model", field="--model", value=name, allowed="module:function")
+    if not colon or not function or "/" in module:
+        raise InputError("no such model", field="--model", value=name,
+                         allowed="a folder that falsework train has written, or module:function")  # fmt: skip
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.insert(0, here)

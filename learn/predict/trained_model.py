@@ -1,0 +1,92 @@
+"""A model that `falsework train` has written, as a prediction asks it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from groundwork.settings import parse_settings
+from learn.datasets.patch import CHANNELS
+from learn.datasets.settings import DatasetSettings, TileSettings
+from learn.sample import Sample
+from learn.trained import FACTS, TrainedForest, TrainedNetwork, read_model
+
+F32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """A trained model with the data set that it was trained on; a `learn.predict.model.PointModel`.
+
+    Attributes:
+        trained: Network or forest.
+        settings: How its training samples were cut and drawn.
+    """
+
+    trained: TrainedNetwork | TrainedForest
+    settings: DatasetSettings
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Name of each class, in the order of the probabilities."""
+        return self.trained.classes
+
+    @property
+    def table(self) -> str:
+        """Table that the classes are of."""
+        return self.settings.table
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of `learn.datasets.patch.CHANNELS` that it sees."""
+        return self.trained.channels
+
+    @property
+    def tile(self) -> TileSettings:
+        """The tiles that it was trained on."""
+        return self.settings.tile
+
+    @property
+    def points(self) -> int:
+        """Points of a draw."""
+        return self.settings.points
+
+    def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
+        """Say how likely each class is at each point.
+
+        Args:
+            samples: Clouds as in training.
+
+        Returns:
+            For each sample probabilities [1], shape (N, K), float32.
+        """
+        return self.trained.probabilities(samples)
+
+
+def read_trained_model(folder: Path) -> TrainedModel:
+    """Read a model of `falsework train` for a prediction.
+
+    Args:
+        folder: The model.
+
+    Raises:
+        InputError: Not a model, torn, or trained on samples that no scan without labels can be cut into.
+    """
+    trained = read_model(folder)
+    where, stored = folder / FACTS, trained.facts.data.get("settings")
+    if not isinstance(stored, dict):
+        raise InputError("does not say which data set it was trained on", where=where, field="data.settings",
+                         mend="Train it on a data set of falsework dataset")  # fmt: skip
+    settings = parse_settings(DatasetSettings, stored, where)
+    if settings.mode != "metric":
+        raise InputError("trained on the paper's windows, which are read off the labels: it can be evaluated, "
+                         "but no unlabelled scan can be cut so", where=folder, field="--model", value=settings.mode,
+                         allowed="a model of a data set with --mode metric")  # fmt: skip
+    unknown = [name for name in trained.channels if name not in CHANNELS]
+    if unknown:
+        raise InputError("an input that no scan has", where=where, field="channels", value=unknown[0],
+                         allowed=", ".join(CHANNELS))  # fmt: skip
+    return TrainedModel(trained, settings)
