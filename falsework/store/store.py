@@ -56,7 +56,7 @@ class Store:
             root: The folder; sub-folders are made as needed.
         """
         self.root = root
-        self._hashes = Hashes()
+        self._hashes: Hashes | None = Hashes()
 
     def folder(self, task: Task) -> Path:
         """Tell where a task's result stands, or will stand.
