@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from falsework.store.workroom import plain_files
 from groundwork.errors import OutOfSpaceError
 from groundwork.files import MANIFEST
 
@@ -148,8 +149,9 @@ def bytes_added(folder: Path) -> int:
     Args:
         folder: Folder of the result; one that is gone already added nothing.
     """
-    found = [path.lstat() for path in folder.rglob("*") if path.is_file() and not path.is_symlink()]
-    return sum(one.st_size for one in found if one.st_nlink <= 2)  # its own link, and that of the run's textures
+    return sum(
+        one.st_size for one in plain_files(folder) if one.st_nlink <= 2
+    )  # its own link, and that of the run's textures
 
 
 def free_space(path: Path) -> int:
@@ -174,7 +176,7 @@ def check_space(root: Path, stage: str, key: str) -> None:
     Raises:
         OutOfSpaceError: Less is free than a result of that stage has needed at most.
     """
-    there = sum(path.lstat().st_size for path in (root / "work" / key).rglob("*") if path.is_file())
+    there = sum(one.st_size for one in plain_files(root / "work" / key))
     needed, free = costs_of(root).most_bytes(stage) - there, free_space(root)
     if free < needed:
         raise OutOfSpaceError(

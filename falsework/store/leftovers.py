@@ -1,5 +1,6 @@
 """What killed runs left in a run's folder and nobody holds: found and measured first, then removed under locks."""
 
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -9,7 +10,7 @@ from pathlib import Path
 from falsework.store.failures import read_failure
 from falsework.store.locks import BusyError, exclusive
 from falsework.store.textures import POOL
-from falsework.store.workroom import DAMAGED, LINKS, remove, set_aside, work_folder
+from falsework.store.workroom import DAMAGED, LINKS, plain_files, remove, set_aside, work_folder
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST
 from groundwork.marks import TEMPORARY
@@ -138,7 +139,7 @@ def bytes_freed(leftovers: Iterable[Leftover]) -> int:
     """
     leftovers = list(leftovers)
     links = _links(leftovers)
-    files = {(seen.st_dev, seen.st_ino): seen for seen in (path.lstat() for path in _files(leftovers))}
+    files = {(seen.st_dev, seen.st_ino): seen for seen in _files(leftovers)}
     return sum(seen.st_size for identity, seen in files.items() if links[identity] >= seen.st_nlink)
 
 
@@ -171,12 +172,10 @@ def _remove_all(paths: tuple[Path, ...]) -> bool:
 
 
 def _links(leftovers: Iterable[Leftover]) -> Counter[tuple[int, int]]:
-    return Counter((seen.st_dev, seen.st_ino) for seen in (path.lstat() for path in _files(leftovers)))
+    return Counter((seen.st_dev, seen.st_ino) for seen in _files(leftovers))
 
 
-def _files(leftovers: Iterable[Leftover]) -> Iterator[Path]:
-    for top in (path for leftover in leftovers for path in leftover.paths):
-        if top.is_dir() and not top.is_symlink():
-            yield from (path for path in top.rglob("*") if path.is_file() and not path.is_symlink())
-        elif top.is_file() and not top.is_symlink():
-            yield top
+def _files(leftovers: Iterable[Leftover]) -> Iterator[os.stat_result]:
+    for leftover in leftovers:
+        for path in leftover.paths:
+            yield from plain_files(path)

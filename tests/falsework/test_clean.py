@@ -92,7 +92,9 @@ def test_nothing_of_a_running_process_goes(run: Run, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="a run is working"):
             clean(out, SILENT, unused=True)
         assert (out / "work" / KEY / "inner/000000.jpg").is_file()
+        said = clean(out, SILENT, dry_run=True)
         done = clean(out, SILENT)
+        assert said == done
         assert [one.key for one in done.removed] == ["cd" * 32, "link"]
         assert (out / "work" / KEY / "inner/000000.jpg").is_file()
         assert (out / "work" / f"{KEY}.lock").is_file()
