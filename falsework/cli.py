@@ -230,7 +230,9 @@ GROUPS = {
 SINGLE = {
     "demo": ("run_verbs", "Make one small bridge from nothing to an annotated point cloud and a report."),
     "run": ("run_verbs", "Run the whole chain of a scenario; a second call makes only what is missing."),
+    "plan": ("plan_verbs", "Tell what a run would do, how long it takes and what disk space it needs."),
     "verify": ("store_verbs", "Find what is not as it was written in the folder of a run: falsework verify --help."),
+    "clean": ("store_verbs", "Remove what killed runs left in the folder of a run, and results of no scene if asked."),
     "train": ("train_verbs", "Train a network on a data set: falsework train --help."),
     "evaluate": ("train_verbs", "Score a model on a data set: falsework evaluate --help."),
     "predict": ("predict_verbs", "Label a scan of one's own with a trained model: falsework predict --help."),

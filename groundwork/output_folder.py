@@ -72,6 +72,25 @@ def fresh_output(
             discard(work)
 
 
+def check_run(folder: Path, inputs: Iterable[Path] = ()) -> Path:
+    """Refuse a folder that a run may not write into; nothing is written.
+
+    Args:
+        folder: The folder that the user named; absent, empty, or of a run.
+        inputs: Files and folders that the run is made from.
+
+    Returns:
+        The same folder, absolute.
+
+    Raises:
+        InputError: It holds anything else, or lies where no output may.
+    """
+    place = output_place(folder, inputs)
+    with space_errors(place):
+        _refuse_filled(place, RUN, True)
+    return place
+
+
 def claim_run(folder: Path, inputs: Iterable[Path] = ()) -> None:
     """Make the folder of a run ours, so that the processes that share it may write into it.
 
@@ -82,9 +101,8 @@ def claim_run(folder: Path, inputs: Iterable[Path] = ()) -> None:
     Raises:
         InputError: It holds anything else, is not writable, or lies where no output may.
     """
-    place = output_place(folder, inputs)
+    place = check_run(folder, inputs)
     with space_errors(place):
-        _refuse_filled(place, RUN, True)
         try:
             place.mkdir(parents=True, exist_ok=True)
         except FileNotFoundError:  # such as /proc: its rights say that one may write, and one may not

@@ -1,12 +1,16 @@
 """The verbs that look after a run's folder."""
 
+import json
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
 from falsework.commands.console import ConsoleProgress
 from groundwork.errors import MissingError
+
+JSON_VERSION = 1
 
 
 def verify(output: tyro.conf.Positional[Path], *, repair: bool = False) -> int:
@@ -32,3 +36,44 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False) -> int:
     said = f"{len(wrong)} things are not as they were written" if wrong else "all stored results are whole"
     sys.stdout.write(said + "\n")
     return int(bool(wrong))
+
+
+def clean(
+    output: tyro.conf.Positional[Path],
+    *,
+    unused: bool = False,
+    dry_run: bool = False,
+    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> int:
+    """Remove what killed runs left in a run's folder, and say what that frees.
+
+    Half-made results go, too, so that the next run begins them anew. What a process works on stays, and so does what
+    Falsework did not write.
+
+    Args:
+        output: Output folder of a run.
+        unused: Also results that no scene of its scenario.toml leads to.
+        dry_run: Only say what would go.
+        as_json: Print one JSON object instead of lines.
+    """
+    from falsework.commands.clean import clean as free
+    from groundwork.marks import MARK, read_listing
+    from groundwork.output_place import RUN
+
+    if not (output / MARK).is_file() or read_listing(output / MARK).kind != RUN:
+        raise MissingError("not the output folder of a run", where=output, mend="Name the folder given to run -o")
+    with ConsoleProgress() as progress:
+        done = free(output, progress, unused=unused, dry_run=dry_run)
+    paths = [(one.about, str(one.paths[0].relative_to(output))) for one in done.removed]
+    if as_json:
+        removed = [{"what": about, "path": path} for about, path in paths]
+        answer = {"dry_run": dry_run, "removed": removed, "left": done.left, "freed_bytes": done.freed}
+        sys.stdout.write(json.dumps({"version": JSON_VERSION, **answer}) + "\n")
+        return 0
+    for about, path in paths:
+        sys.stdout.write(f"{path}: {about}\n")
+    for line in done.left:
+        sys.stdout.write(f"left: {line}\n")
+    would = "would be " if dry_run else ""
+    sys.stdout.write(f"{len(paths)} things {would}removed, {done.freed / 1e6:.1f} MB {would}freed\n")
+    return 0

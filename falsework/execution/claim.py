@@ -20,7 +20,7 @@ def claim_run(out: Path, scenario: Scenario) -> None:
     Raises:
         InputError: The folder is not ours or not writable.
     """
-    inputs = [*given_files(scenario).values(), *([Path(scenario.stage.path)] if scenario.stage else [])]
+    inputs = run_inputs(scenario)
     try:
         output_folder.claim_run(out, inputs)
     except InputError:
@@ -33,6 +33,15 @@ def claim_run(out: Path, scenario: Scenario) -> None:
         with exclusive(out / "run" / "scenario.lock"):
             if not _says(out / "scenario.toml", text):
                 write_text(out / "scenario.toml", text)
+
+
+def run_inputs(scenario: Scenario) -> list[Path]:
+    """Name the files and folders from outside that a run is made from.
+
+    Args:
+        scenario: What to make.
+    """
+    return [*given_files(scenario).values(), *([Path(scenario.stage.path)] if scenario.stage else [])]
 
 
 def _says(path: Path, text: str) -> bool:

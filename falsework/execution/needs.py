@@ -24,7 +24,8 @@ def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
             settled.add(flight.cloud.link)
             without |= {flight.cloud.link}
     needed: set[str] = set()
-    clouds_known = all(flight.cloud.link in settled for flight in chain.flights)
+    clouds = [flight.cloud for flight in chain.flights]
+    clouds_known = all(step.link in settled or store.evicted_files(step.task) is not None for step in clouds)
     if "report" in keep and not (clouds_known and store.has(chain.report(without).task)):
         needed.add("report.html")
     order = [link for kind in ("cloud", "capture", "stage") for link in sorted(steps) if link.startswith(kind)]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from falsework.execution.chain import Chain, Flight, Sources, Step, scene_chain
+from falsework.execution.costs import bytes_added, check_space
 from falsework.execution.events import write_event
 from falsework.execution.needs import consumers, needed_steps
 from falsework.execution.outcome import Outcome
@@ -128,6 +129,11 @@ class SceneRun:
         self.store.raise_former_failure(step.task, self.manner.retry)
         for parent in step.parents.values():
             self._provide(parent)
+        return self._work(step)
+
+    def _work(self, step: Step) -> bool:
+        """Do the work of a step whose inputs are there."""
+        check_space(self.store.root, step.task.stage, step.task.key)
         inputs = {**step.given, **{name: self.store.folder(parent.task) for name, parent in step.parents.items()}}
         stage, begin = STAGES[step.task.stage], time.monotonic()
         settings = {**step.task.settings, **step.task.manner}
@@ -136,7 +142,8 @@ class SceneRun:
             wait=self.manner.wait, quarantine=self.manner.quarantine, retry=self.manner.retry,
         )  # fmt: skip
         event = {"stage": step.task.stage, "key": step.task.key, "scene": self.chain.name, "made": made}
-        write_event(self.store.root, {**event, "seconds": time.monotonic() - begin})
+        size = {"bytes": bytes_added(self.store.folder(step.task))} if made else {}
+        write_event(self.store.root, {**event, "seconds": time.monotonic() - begin, **size})
         return made
 
     def _provide(self, step: Step) -> None:
@@ -155,8 +162,9 @@ class SceneRun:
 
 
 def run_scene(
-    scenario: Scenario, sources: Sources, index: int, store: Store, manner: Manner, progress: Progress
-) -> Outcome:
+    scenario: Scenario, sources: Sources, index: int, store: Store, manner: Manner, progress: Progress,
+    kind: type[SceneRun] = SceneRun,
+) -> Outcome:  # fmt: skip
     """Run one scene, and count what is wrong with it; the other scenes of a scenario go on.
 
     Args:
@@ -166,6 +174,7 @@ def run_scene(
         store: Where results are.
         manner: How to go about it.
         progress: Listener.
+        kind: What runs it.
 
     Raises:
         InputError: What is wrong with the only scene of the scenario.
@@ -173,7 +182,7 @@ def run_scene(
         BusyError: Another process is making what we need, and we do not wait.
     """
     chain = scene_chain(scenario, index, sources)
-    scene = SceneRun(store, chain, manner, progress)
+    scene = kind(store, chain, manner, progress)
     try:
         scene.run()
     except RejectedSceneError as rejection:

@@ -4,6 +4,7 @@ import os
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ class Task:
     inputs: dict[str, str]
     manner: dict[str, Any] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Hash of everything that the result depends on, 64 hexadecimal digits."""
         return task_key(self.stage, self.version, self.settings, self.inputs)
@@ -56,7 +57,7 @@ class Store:
             root: The folder; sub-folders are made as needed.
         """
         self.root = root
-        self._hashes = Hashes()
+        self._hashes: Hashes | None = Hashes()
 
     def folder(self, task: Task) -> Path:
         """Tell where a task's result stands, or will stand.

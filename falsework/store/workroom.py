@@ -1,9 +1,12 @@
 """`OUT/work`: one folder for each result in the making, under a lock of its own; what nobody holds is swept."""
 
+import os
 import secrets
 import shutil
+import stat
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 
 from falsework.store.locks import BusyError, exclusive
@@ -82,6 +85,21 @@ def set_aside(folder: Path, work: Path) -> None:
     remove(aside)
     folder.rename(aside)
     remove(aside)
+
+
+def plain_files(path: Path) -> Iterator[os.stat_result]:
+    """Describe each plain file of a folder, or that file alone; what goes meanwhile is left out, as are links.
+
+    Args:
+        path: File or folder; need not be there.
+    """
+    tops = [str(path)] if not path.is_dir() else []
+    names = (os.path.join(folder, name) for folder, _, files in os.walk(path) for name in files)  # noqa: PTH118
+    for name in chain(tops, () if path.is_symlink() else names):
+        with suppress(FileNotFoundError):
+            found = os.lstat(name)
+            if stat.S_ISREG(found.st_mode):
+                yield found
 
 
 def remove(path: Path) -> None:

@@ -237,6 +237,11 @@ def test_classes_are_summed_kept_and_doubted(tmp_path: Path) -> None:
     ids, sure = total.decide(table, 0.0)
     assert (int(ids[0]), float(sure[0])) == (26, pytest.approx(0.6))
     assert int(total.decide(table, 0.7)[0][0]) == 255
+    names = dict(zip(total.names, total.ids.tolist(), strict=True))
+    assert set(total.background) == {names["ground"], names["unclassified"], names["noisy_point"]}
+    coarse = sum_classes(("background", "column", "noisy_point"), "falsework", "asprs", ())
+    assert set(coarse.background) == {names["unclassified"], names["noisy_point"]}
+    assert sum_classes(("background", "column", "deck"), "kim2023", "", ()).background == (0, 16)
     coord, color = lattice(600)
     source = write_las(tmp_path / "a.las", coord, color)
     predict_scan(source, tmp_path / "b.las", model, PredictSettings(table="asprs", classes=("bridge_deck",)))
@@ -315,7 +320,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ((tmp_path / "a.xyz", "-o", tmp_path / "c.xyz", "--unit", "m", *model), "no column color"),
         ((folder, "-o", tmp_path / "c.txt", *model), "can be copied as"),
         ((tmp_path / "a.xyz", "-o", tmp_path / "c.ply", *model), "another format"),
-        ((tmp_path / "a.xyz", "-o", tmp_path / "a.xyz", *model), "is what the output is made from"),
+        ((tmp_path / "a.xyz", "-o", tmp_path / "a.xyz", *model), "what the output is made from"),
         ((tmp_path / "nothing.laz", "-o", tmp_path / "c.laz", *model), "no such file"),
         ((folder, "-o", tmp_path / "c.laz", "--model", "nowhere:x"), "no such model"),
         ((folder, "-o", tmp_path / "c.laz", "--model", "json:dumps"), "model"),

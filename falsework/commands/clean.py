@@ -1,0 +1,185 @@
+"""Free the space of a run's folder that nobody needs: leftovers of killed runs, and results of no scene if asked."""
+
+import json
+import os
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from falsework.execution.chain import Chain, Step, look_at_sources, scene_chain
+from falsework.scenario import load_scenario
+from falsework.stages import STAGES
+from falsework.store.artefact import file_faults, read_manifest
+from falsework.store.failures import read_failure
+from falsework.store.leftovers import (
+    KEY,
+    Leftover,
+    abandoned,
+    bytes_freed,
+    is_in_use,
+    remove_leftover,
+    unshared_textures,
+)
+from groundwork.canonical import digest
+from groundwork.errors import InputError
+from groundwork.files import MANIFEST, space_errors
+from groundwork.progress import Progress
+
+
+@dataclass
+class Cleaning:
+    """What was removed, or would be.
+
+    Attributes:
+        removed: What it was.
+        left: What stays although nobody needs it, one line each, with the reason.
+        freed: Its size [bytes].
+    """
+
+    removed: list[Leftover] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+    freed: int = 0
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What is told of a task by a file of ours: the result's manifest, or the record of an eviction or failure.
+
+    Attributes:
+        key: Key of the task.
+        inputs: Name of each input to its key.
+        leftover: What goes if no scene needs it.
+        strange: Files in it that we did not write, one line each; then it stays.
+    """
+
+    key: str
+    inputs: dict[str, str]
+    leftover: Leftover
+    strange: tuple[str, ...] = ()
+
+
+Traces = dict[str, list[Trace]]  # by what they say of the stage and its settings
+
+
+def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool = False) -> Cleaning:
+    """Remove what nobody needs; nothing of a running process, and nothing that we did not write.
+
+    Args:
+        root: Output folder of a run.
+        progress: Listener.
+        unused: Also what no scene of its `scenario.toml` leads to, on this machine or another one.
+        dry_run: Remove nothing.
+
+    Returns:
+        What is gone, or would be.
+
+    Raises:
+        InputError: A run is working in the folder, and unused results are asked for; or its scenario cannot be read.
+    """
+    done = Cleaning()
+    found = abandoned(root)
+    if unused:
+        found += _unused(root, progress, done)
+        found += unshared_textures(root, found)
+        if is_in_use(root):
+            raise InputError("a run is working in this folder", where=root, mend="Wait for its end, or stop it")
+    done.freed = bytes_freed(found)
+    with space_errors(root):
+        for leftover in found:
+            size = bytes_freed([leftover])
+            if dry_run or remove_leftover(root, leftover):
+                done.removed.append(leftover)
+            else:
+                done.left.append(f"{leftover.paths[0].relative_to(root)}: somebody works on it")
+                done.freed -= size
+    return done
+
+
+def _unused(root: Path, progress: Progress, done: Cleaning) -> list[Leftover]:
+    """Find the results, and the records of such, that no scene leads to."""
+    scenario = load_scenario(root / "scenario.toml")
+    sources, traces = look_at_sources(scenario, progress), _traces(root)
+    used: set[str] = set()
+    for index in range(scenario.scenes):
+        used |= _used_by(scene_chain(scenario, index, sources), traces)
+    lost = [trace for alike in traces.values() for trace in alike if trace.key not in used]
+    done.left += [f"{trace.leftover.paths[0].relative_to(root)}/{line}" for trace in lost for line in trace.strange]
+    return [trace.leftover for trace in lost if not trace.strange]
+
+
+def _used_by(chain: Chain, traces: Traces) -> set[str]:
+    """Name the keys that a scene leads to; those of other machines differ by the platform alone."""
+    keys: dict[str, set[str]] = {}
+    steps = [] if chain.stage is None else [chain.stage]
+    steps += [step for flight in chain.flights for step in (flight.capture, flight.cloud)]
+    for step in steps:
+        keys[step.link] = {step.task.key}
+        for trace in _alike(step, traces):
+            if trace.inputs.keys() == step.task.inputs.keys() and all(
+                key in (keys[step.parents[name].link] if name in step.parents else {step.task.inputs[name]})
+                for name, key in trace.inputs.items()
+            ):
+                keys[step.link].add(trace.key)
+    report = chain.report()
+    keys.setdefault("stage", {report.task.inputs.get("stage", "")})
+    last = {  # without the flights that became no result
+        trace.key for trace in _alike(report, traces)
+        if all(key in keys.get(name, ()) for name, key in trace.inputs.items())
+    }  # fmt: skip
+    return last.union(*keys.values())
+
+
+def _alike(step: Step, traces: Traces) -> list[Trace]:
+    return traces.get(_likeness(step.task.record), [])
+
+
+def _likeness(task: dict[str, Any]) -> str:
+    settings = {name: value for name, value in task["settings"].items() if name != "platform"}
+    return digest([task["stage"], task["version"], settings])
+
+
+def _traces(root: Path) -> Traces:
+    """Read what tells of tasks; what is damaged or a stranger's is left to `verify`."""
+    found: Traces = defaultdict(list)
+    links = _links(root)
+    for stage in STAGES:
+        for path in sorted((root / "store" / stage).glob(f"*/{MANIFEST}")):
+            folder, task = path.parent, _task_of(path)
+            if folder.is_symlink() or task is None or (task["key"], task["stage"]) != (folder.name, stage):
+                continue
+            faults = file_faults(folder, task["files"], None)
+            strange = tuple(line for line in faults if line.endswith("not in the manifest"))
+            goes = Leftover(f"{stage} of no scene", (folder, *links[folder]), folder.name, True)
+            found[_likeness(task)].append(Trace(folder.name, task["inputs"], goes, strange))
+        for path in sorted((root / "evicted" / stage).glob("*.json")):
+            task = _task_of(path)
+            if task is not None and (task["key"], task["stage"]) == (path.stem, stage):
+                goes = Leftover(f"record of a {stage} of no scene", (path,), path.stem)
+                found[_likeness(task)].append(Trace(path.stem, task["inputs"], goes))
+    for path in sorted(root.glob("failed/*.json")):
+        if KEY.fullmatch(path.stem) and read_failure(path) is not None:
+            task = json.loads(path.read_text(encoding="utf-8"))
+            if task.keys() >= {"stage", "version", "settings", "inputs"}:
+                goes = Leftover("record of a failure of no scene", (path,), path.stem)
+                found[_likeness(task)].append(Trace(path.stem, task["inputs"], goes))
+    return found
+
+
+def _task_of(manifest: Path) -> dict[str, Any] | None:
+    try:
+        return read_manifest(manifest)
+    except InputError:
+        return None
+
+
+def _links(root: Path) -> dict[Path, list[Path]]:
+    """List the links of the scenes by the result that they lead to, or into."""
+    found: dict[Path, list[Path]] = defaultdict(list)
+    for folder, folders, files in os.walk(root / "scenes"):
+        for path in sorted(Path(folder, name) for name in (*folders, *files)):
+            if path.is_symlink():
+                target = Path(os.path.normpath(path.parent / path.readlink()))
+                parts = Path(os.path.relpath(target, root / "store")).parts
+                found[root / "store" / "/".join(parts[:2])].append(path)
+    return found

@@ -1,0 +1,78 @@
+"""The verb that says what a run would do."""
+
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from falsework.commands.console import ConsoleProgress
+
+if TYPE_CHECKING:
+    from falsework.execution.plan import Plan
+
+JSON_VERSION = 1
+COLUMNS = ("there", "let_go", "make", "rejected", "failed", "skipped")
+
+
+def plan(
+    scenario: tyro.conf.Positional[Path],
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+    *,
+    scenes: str | None = None,
+    retry_failed: bool = False,
+    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> int:
+    """Tell what `run` would do: results that are there, that it will make, time and disk space; writes nothing.
+
+    Args:
+        scenario: TOML file.
+        output: Output folder of the run; without it, as if nothing were there.
+        scenes: Part of the scenes, as `first:end`.
+        retry_failed: As `run --retry-failed` would do.
+        as_json: Print one JSON object instead of lines.
+    """
+    from falsework.execution.plan import plan_run
+    from falsework.scenario import load_scenario, scene_range, values_of
+
+    loaded = load_scenario(scenario)
+    part = scene_range(scenes, loaded.scenes)
+    with values_of(scenario), ConsoleProgress() as progress:
+        found = plan_run(loaded, output, progress, part, retry_failed=retry_failed)
+    sys.stdout.write((_as_json(found) if as_json else _as_text(found)) + "\n")
+    return 0
+
+
+def _as_json(found: "Plan") -> str:
+    outcome = found.outcome
+    counts = {"scenes": found.scenes, "scenes_to_do": found.scenes_to_do, "made": outcome.made}
+    reasons = {"reused": outcome.reused, "rejected": outcome.rejected, "failed": outcome.failed}
+    costs = {"seconds": found.seconds, "peak_bytes": found.peak_bytes, "free_bytes": found.free_bytes}
+    stages = {name: asdict(stage) for name, stage in found.stages.items()}
+    return json.dumps({"version": JSON_VERSION, **counts, **reasons, **costs, "stages": stages})
+
+
+def _as_text(found: "Plan") -> str:
+    lines = [f"{'stage':<8}" + "".join(f"{name.replace('_', ' '):>10}" for name in COLUMNS) + "    s each   MB each"]
+    for name, stage in found.stages.items():
+        counts = "".join(f"{getattr(stage, column):>10}" for column in COLUMNS)
+        source = "" if stage.learned else "  (the demo's)"
+        lines.append(f"{name:<8}{counts}{stage.seconds:>10.1f}{stage.bytes / 1e6:>10.1f}{source}")
+    lines += [f"scene {name} was rejected: {reason}" for name, reason in found.outcome.rejected.items()]
+    lines += [f"scene {name} failed: {reason}" for name, reason in found.outcome.failed.items()]
+    lines.append(
+        f"{found.outcome.made} results to make in {found.scenes_to_do} of {found.scenes} scenes: about "
+        f"{_duration(found.seconds)} in one process, {found.peak_bytes / 1e6:.0f} MB more of disk space at most"
+        if found.outcome.made else f"nothing to do: all {found.outcome.reused} results are there"
+    )  # fmt: skip
+    if found.peak_bytes > found.free_bytes:
+        lines.append(f"the disk has {found.free_bytes / 1e6:.0f} MB free: too little")
+    return "\n".join(lines)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

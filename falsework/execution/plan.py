@@ -1,0 +1,240 @@
+"""What a run would do: the same decisions as the run's own, on a store in which nothing is made or removed."""
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from falsework.execution.chain import Chain, Step, look_at_sources, scene_chain
+from falsework.execution.claim import run_inputs
+from falsework.execution.costs import Costs, free_space
+from falsework.execution.outcome import Outcome
+from falsework.execution.scene import Manner, SceneRun, run_scene
+from falsework.scenario import Scenario
+from falsework.stages import STAGES
+from falsework.store.store import Store, Task
+from groundwork.output_folder import check_run
+from groundwork.progress import SILENT, Progress
+
+NOWHERE = Path(os.devnull) / "run"  # nothing can lie there
+
+
+@dataclass
+class StagePlan:
+    """What becomes of the results of one stage.
+
+    Attributes:
+        there: They are stored, and stay as they are.
+        let_go: They were made, and gone when nothing needed them any more (`keep`).
+        make: They will be made.
+        rejected: They were rejected in an earlier run.
+        failed: They failed in an earlier run.
+        skipped: They will not be made: what comes before them is rejected or failed, or nothing needs them.
+        seconds: Expected time of each [s].
+        bytes: Expected disk space of each [bytes].
+        learned: Whether the time comes from this folder's own runs.
+    """
+
+    there: int = 0
+    let_go: int = 0
+    make: int = 0
+    rejected: int = 0
+    failed: int = 0
+    skipped: int = 0
+    seconds: float = 0.0
+    bytes: float = 0.0
+    learned: bool = False
+
+
+@dataclass
+class Plan:
+    """What a run would do.
+
+    Attributes:
+        stages: Name of each stage to its part.
+        outcome: Counts and reasons as the run will give them, if nothing else goes wrong.
+        scenes: Number of scenes that were looked at.
+        scenes_to_do: How many of them need work.
+        seconds: Expected time of the whole in one process [s].
+        peak_bytes: Most disk space that will be needed at a time beside what is in use now [bytes].
+        free_bytes: What the file system has left [bytes].
+    """
+
+    stages: dict[str, StagePlan]
+    outcome: Outcome = field(default_factory=Outcome)
+    scenes: int = 0
+    scenes_to_do: int = 0
+    seconds: float = 0.0
+    peak_bytes: float = 0.0
+    free_bytes: int = 0
+
+
+class PlannedStore(Store):
+    """A store that remembers what would be made and let go, and touches no file.
+
+    Attributes:
+        made: Keys of what would have been made.
+        peak: Most disk space at a time beside what is in use now [bytes].
+    """
+
+    def __init__(self, root: Path, costs: Costs) -> None:
+        """Look at a run's folder.
+
+        Args:
+            root: The folder; need not be there.
+            costs: What results cost.
+        """
+        super().__init__(root)
+        self._hashes = None  # a plan compares sizes; the run hashes what it uses
+        self._costs = costs
+        self.made: set[str] = set()
+        self._gone: set[str] = set()
+        self._space = self.peak = 0.0
+
+    def has(self, task: Task) -> bool:
+        """Tell whether a result is there, or would be by now.
+
+        Args:
+            task: The task.
+        """
+        return task.key not in self._gone and (task.key in self.made or super().has(task))
+
+    def is_stored(self, task: Task) -> bool:
+        """Tell whether a result is really there.
+
+        Args:
+            task: The task.
+        """
+        return super().has(task)
+
+    def produce(
+        self, task: Task, make: Callable[[Path], None], *, resume: bool = False, wait: bool = True,
+        quarantine: bool = False, retry: bool = False,
+    ) -> bool:  # fmt: skip
+        """Note that a result would be made.
+
+        Args:
+            task: What would be made.
+            make: Not called.
+            resume: Without effect.
+            wait: Without effect.
+            quarantine: Without effect.
+            retry: Try again what failed before.
+        """
+        if self.has(task):
+            return False
+        self.raise_former_failure(task, retry)
+        self.made.add(task.key)
+        self._gone.discard(task.key)
+        self._space += self._costs.bytes_each(task.stage)
+        self.peak = max(self.peak, self._space)
+        return True
+
+    def faults(self, task: Task) -> list[str]:
+        """Compare the sizes of a stored result's files with its manifest; what would be made now is whole.
+
+        Args:
+            task: What made it.
+        """
+        return [] if task.key in self.made else super().faults(task)
+
+    def discard(self, task: Task) -> bool:
+        """Note that a damaged result would be taken away.
+
+        Args:
+            task: What made it.
+        """
+        self._let_go(task)
+        return True
+
+    def evict(self, task: Task, link: str) -> None:
+        """Note that a result would be let go.
+
+        Args:
+            task: What made it.
+            link: Without effect.
+        """
+        self._let_go(task)
+
+    def link(self, name: str, task: Task, file: str = "") -> None:
+        """Make no link.
+
+        Args:
+            name: Without effect.
+            task: Without effect.
+            file: Without effect.
+        """
+
+    def _let_go(self, task: Task) -> None:
+        self._gone.add(task.key)
+        self._space -= self._costs.bytes_each(task.stage)
+
+
+class PlannedRun(SceneRun):
+    """A scene whose steps are decided on, and not done."""
+
+    def _work(self, step: Step) -> bool:
+        return self.store.produce(step.task, lambda folder: None, retry=self.manner.retry)
+
+
+def plan_run(
+    scenario: Scenario, out: Path | None, progress: Progress, scenes: Iterable[int] | None = None, *,
+    retry_failed: bool = False,
+) -> Plan:  # fmt: skip
+    """Tell what `run_scenario` would do with the same arguments; nothing is written.
+
+    Args:
+        scenario: What would be made.
+        out: Output folder: absent, empty, or of a former run; None where there is none yet.
+        progress: Listener.
+        scenes: Which scenes; all of the scenario when None.
+        retry_failed: Try again what failed in an earlier run.
+
+    Raises:
+        InputError: The folder is not ours.
+    """
+    if out is None:
+        out, disk = NOWHERE, Path()
+    else:
+        check_run(out, run_inputs(scenario))
+        disk = out
+    sources, costs = look_at_sources(scenario, progress), Costs(out)
+    store = PlannedStore(out, costs)
+    manner = Manner(scenario.scenes > 1, retry_failed, keep=scenario.keep)
+    plan = Plan({name: StagePlan(seconds=costs.seconds(name), bytes=costs.bytes_each(name),
+                                 learned=costs.is_learned(name)) for name in STAGES})  # fmt: skip
+    for index in range(scenario.scenes) if scenes is None else scenes:
+        before = plan.outcome.made
+        plan.outcome.add(run_scene(scenario, sources, index, store, manner, SILENT, PlannedRun))
+        plan.scenes += 1
+        plan.scenes_to_do += plan.outcome.made > before
+        _count(scene_chain(scenario, index, sources), store, manner, plan.stages)
+    plan.seconds = sum(stage.make * stage.seconds for stage in plan.stages.values())
+    plan.peak_bytes, plan.free_bytes = store.peak, free_space(disk)
+    return plan
+
+
+def _count(chain: Chain, store: PlannedStore, manner: Manner, stages: dict[str, StagePlan]) -> None:
+    """Add the steps of a scene to the counts of their stages."""
+    steps = [] if chain.stage is None else [chain.stage]
+    steps += [step for flight in chain.flights for step in (flight.capture, flight.cloud)]
+    without = set()
+    for step in steps:
+        fate = _fate(step.task, store, manner)
+        without |= {step.link} if fate in ("rejected", "failed", "skipped") else set()
+        setattr(stages[step.task.stage], fate, getattr(stages[step.task.stage], fate) + 1)
+    if "report" in manner.keep:
+        fate = _fate(chain.report(frozenset(without)).task, store, manner)
+        setattr(stages["report"], fate, getattr(stages["report"], fate) + 1)
+
+
+def _fate(task: Task, store: PlannedStore, manner: Manner) -> str:
+    """Say in which field of `StagePlan` a task counts."""
+    if task.key in store.made:
+        return "make"
+    if store.is_stored(task):
+        return "there"
+    failure = store.failure(task)
+    if failure is not None and failure.final and not (manner.retry and failure.kind == "failed"):
+        return failure.kind
+    return "skipped" if store.evicted_files(task) is None else "let_go"
