@@ -250,6 +250,7 @@ def _elsewhere(name: str, about: str) -> Callable[[], int]:
     return verb
 
 
+LEARN = {"torch", "lightning", "safetensors", "sklearn"}  # what the extra of that name brings
 _LINES = {name: _elsewhere(name, about) for name, about in ELSEWHERE.items()}
 VERBS = {
     "doctor": doctor,
@@ -285,6 +286,12 @@ def main(arguments: list[str] | None = None) -> None:
         reason = f"{error.reason}: " if isinstance(error, RejectedSceneError) else ""
         sys.stderr.write(f"falsework: {reason}{error}\n")
         code = error.exit_code
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in LEARN:
+            raise
+        sys.stderr.write(f"falsework: this needs the package {error.name}. Install the extra: make .venv/.stamp-learn, "
+                         "or pip install 'falsework[learn]'\n")  # fmt: skip
+        code = InputError.exit_code
     except BrokenPipeError:  # `falsework scene info SCENE | head`: whoever read has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = PIPE_CLOSED

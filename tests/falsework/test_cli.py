@@ -80,6 +80,17 @@ def test_a_missing_file_is_said_before_any_room_is_loaded(words: list[str], tmp_
     assert not any(tmp_path.iterdir())
 
 
+def test_without_the_extra_learning_says_what_to_install(tmp_path: Path) -> None:
+    """Where the extra `learn` is not installed, training is refused in one line that names it."""
+    script = "import sys; sys.modules['torch'] = None; import falsework.cli; falsework.cli.main(sys.argv[1:])"
+    words = ["train", str(tmp_path), "-o", str(tmp_path / "model")]
+    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("falsework: this needs the package torch")
+    assert "falsework[learn]" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_what_cannot_be_drawn_names_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A value that is found wrong while the bridge is drawn: file, key, rule and nearest valid value in one line."""
     scenario = tmp_path / "far.toml"
