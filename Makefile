@@ -40,7 +40,7 @@ lint: .venv/.stamp-dev .venv/.stamp-learn
 proof: lint
 	$(PYTEST) -m "not dcc" $(PARALLEL) --proof -o faulthandler_timeout=3600
 
-test-dcc: .venv/.stamp-dev .venv-dcc/.stamp
+test-dcc: .venv/.stamp-dev .venv/.stamp-learn .venv-dcc/.stamp
 	FALSEWORK_BPY_PYTHON=$(CURDIR)/.venv-dcc/bin/python $(PYTEST) -m dcc
 
 test-faults: .venv/.stamp-dev .venv/.stamp-learn
