@@ -19,7 +19,6 @@ from groundwork.errors import FalseworkError, InputError, MissingError, Rejected
 INTERRUPTED = 130
 TERMINATED = 143
 PIPE_CLOSED = 141
-SOME_SCENES_FAILED = 3
 JSON_VERSION = 1
 ABOUT = "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo"
 

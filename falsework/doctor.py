@@ -19,7 +19,7 @@ CORE = {
     "usd-core": "pxr.Usd", "numpy": "numpy", "scipy": "scipy", "numba": "numba", "trimesh": "trimesh",
     "moderngl": "moderngl", "opencv-python-headless": "cv2", "pycolmap": "pycolmap", "laspy": "laspy",
     "lazrs": "lazrs", "OpenEXR": "OpenEXR", "isal": "isal", "pydantic": "pydantic", "tyro": "tyro",
-    "rich": "rich", "jinja2": "jinja2", "plotly": "plotly",
+    "rich": "rich", "jinja2": "jinja2", "plotly": "plotly", "distributed": "distributed", "tomli-w": "tomli_w",
 }  # fmt: skip
 MEMORY_NEEDED = 4.0  # [GB] the demo's limit
 DISK_NEEDED = 2.0  # [GB]

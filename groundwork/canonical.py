@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from groundwork.foreign_file import open_regular
-from groundwork.marks import content_files
+from groundwork.marks import content_files, outputs_below
 
 
 def canonical_json(value: object) -> str:
@@ -52,16 +52,19 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def folder_digest(folder: Path) -> str:
+def folder_digest(folder: Path, without: str = "") -> str:
     """Hash every file below a folder, names included, in sorted order; marks of outputs do not count.
 
     Args:
         folder: Folder to read; links are followed.
+        without: Kind of the outputs below it that do not count, such as `run`; empty for none.
 
     Returns:
         SHA-256 in 64 hexadecimal digits.
     """
-    files = {path.relative_to(folder).as_posix(): file_digest(path) for path in content_files(folder)}
+    apart = outputs_below(folder, without) if without else set()
+    counted = (path for path in content_files(folder) if apart.isdisjoint(path.parents))
+    files = {path.relative_to(folder).as_posix(): file_digest(path) for path in counted}
     return digest(files)
 
 

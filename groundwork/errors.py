@@ -114,6 +114,9 @@ class RejectedSceneError(FalseworkError):
         super().__init__(message)
         self.reason = reason
 
+    def __reduce__(self) -> tuple[type["RejectedSceneError"], tuple[str, str]]:
+        return type(self), (self.reason, str(self))  # so that a worker's error reaches the process that asked
+
 
 def _shown(value: object) -> str:
     """Spell a value found; of one that a file made enormous, the two ends."""

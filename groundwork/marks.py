@@ -31,6 +31,17 @@ def content_files(folder: Path) -> list[Path]:
     return sorted(path for path in files if not is_mark(path.name) and works.isdisjoint(path.parents))
 
 
+def outputs_below(folder: Path, kind: str) -> set[Path]:
+    """Find the outputs of one kind that lie below a folder.
+
+    Args:
+        folder: Folder to look through; it is not counted itself.
+        kind: What such an output's mark says, e.g. `run`.
+    """
+    marks = (path for path in folder.rglob(MARK) if path.is_file() and path.parent not in (folder, folder / NEXT))
+    return {path.parent for path in marks if read_listing(path).kind == kind}
+
+
 def is_mark(name: str) -> bool:
     """Tell whether a file is a mark or a temporary file by its name.
 

@@ -10,6 +10,7 @@ from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import InputError
 from groundwork.output_folder import fresh_output
+from groundwork.output_reading import reading
 
 Sources = tyro.conf.Positional[tuple[Path, ...]]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -91,7 +92,8 @@ def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["
     def write(folder: Path) -> None:
         export_dataset(dataset, to, folder)
 
-    fresh_output(output, "export", write, inputs=[dataset])
+    with reading(dataset):
+        fresh_output(output, "export", write, inputs=[dataset])
     sys.stdout.write(f"export  {output}\n")
     return 0
 
@@ -115,7 +117,7 @@ def _build(
     def write(folder: Path) -> None:
         build_dataset(named, folder, settings, progress)
 
-    with ConsoleProgress() as progress:
+    with ConsoleProgress() as progress, reading(*paths):
         fresh_output(output, "dataset", write, inputs=paths)
     sys.stdout.write(f"dataset {output}\n")
     return 0

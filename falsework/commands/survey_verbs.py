@@ -28,7 +28,7 @@ def score(
     survey: str = "",
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     allow_root: tuple[Path, ...] = (),
-    propose: bool = True,
+    propose: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with legs)")] = True,
     as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> int:
     """Judge flights by casting rays: clearance, overlap, coverage, what a reconstruction will link, what nobody sees.
@@ -38,7 +38,7 @@ def score(
         survey: Only this one.
         output: HTML page to write, with plan, elevation and 3D.
         allow_root: Folders beside that of the scene from which it may take files.
-        propose: Look for the legs that would show what no flight shows.
+        propose: The legs are looked for that would show what no flight shows; `--no-propose` leaves them out.
         as_json: Print one JSON object instead of lines.
     """
     request: dict[str, Any] = {

@@ -9,9 +9,12 @@ import tyro
 
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
+from groundwork.canonical import file_digest
 from groundwork.errors import InputError
-from groundwork.files import write_json
+from groundwork.files import read_json
+from groundwork.output_file import check_output_file, write_fresh_file
 from groundwork.output_folder import fresh_output
+from groundwork.output_reading import reading
 from groundwork.settings import parse_settings
 
 if TYPE_CHECKING:
@@ -38,7 +41,7 @@ def train(
     freeze_encoder: bool = False,
     set: Given = (),
 ) -> int:
-    """Train a network on a data set; the same command goes on where it was stopped.
+    """Train a network on a data set; the same command goes on where it was stopped (a forest begins anew).
 
     The epoch is picked by the mean IoU on whole bridges that were held out.
 
@@ -69,9 +72,9 @@ def train(
     settings = parse_settings(TrainSettings, values, "--set")
     names = _words(channels)
     source, held = _split(dataset, "train", names), _split(dataset, "val", names)
-    asked = [str(dataset.resolve()), channels, str(init), settings.model_dump(mode="json")]
+    asked = [file_digest(dataset / "dataset.json"), channels, str(init), settings.model_dump(mode="json")]
     inputs = [dataset] if init is None else [dataset, init]
-    with ConsoleProgress() as progress:
+    with ConsoleProgress() as progress, reading(*inputs):
         if model == "forest":
             from learn.training.forest import train_forest
 
@@ -106,20 +109,33 @@ def evaluate(
     from learn.evaluate import evaluate_model, score_lines
     from learn.trained import read_model
 
-    trained = read_model(model)
-    source = _split(dataset, split, trained.channels)
+    if output is not None:
+        check_output_file(output, [model, dataset], _is_evaluation)
+    with reading(model, dataset):
+        trained = read_model(model)
+        source = _split(dataset, split, trained.channels)
     if source.classes != trained.classes:
         raise InputError("the data set has other classes than the model", where=dataset, field="classes",
                          value=", ".join(source.classes), allowed=", ".join(trained.classes))  # fmt: skip
     if not len(source):
         raise InputError("nothing in this split", where=dataset, field="--split", value=split)
-    with ConsoleProgress() as progress:
+    with ConsoleProgress() as progress, reading(model, dataset):
         record = evaluate_model(trained, source, progress)
     if output is not None:
-        write_json(output, record)
+        write_fresh_file(output, json.dumps(record, sort_keys=True, indent=2).encode() + b"\n", [model, dataset],
+                         _is_evaluation)  # fmt: skip
     text = json.dumps({"version": JSON_VERSION, **record}) if as_json else "\n".join(score_lines(record))
     sys.stdout.write(text + "\n")
     return 0
+
+
+def _is_evaluation(path: Path) -> bool:
+    """Tell whether a file holds scores of ours."""
+    try:
+        record = read_json(path)
+    except InputError:
+        return False
+    return isinstance(record, dict) and record.get("format") == "falsework.evaluation"
 
 
 def _words(text: str) -> tuple[str, ...]:

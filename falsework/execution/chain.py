@@ -11,6 +11,7 @@ from falsework.scenario import Scenario, given_files, scene_seed, scene_title
 from falsework.stages import STAGES
 from falsework.store.store import Task
 from groundwork.canonical import file_digest, folder_digest
+from groundwork.output_place import RUN
 from groundwork.output_reading import reading
 from groundwork.progress import Progress
 from groundwork.slug import slug
@@ -119,8 +120,9 @@ def look_at_sources(scenario: Scenario, progress: Progress) -> Sources:
         return Sources(tuple(survey.id for survey in scenario.survey), given, digests)
     path = Path(scenario.stage.path)
     surveys = surveys_of(path, tuple(Path(root) for root in scenario.stage.allow_root), progress)
-    with reading(path):  # it counts by content, with every file that stands beside it
-        return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: folder_digest(path.parent)})
+    with reading(path):  # it counts by content, with every file that stands beside it, but runs made from it
+        digest = folder_digest(path.parent, without=RUN)
+        return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: digest})
 
 
 def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:

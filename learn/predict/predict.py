@@ -72,8 +72,9 @@ def predict_scan(
     """
     file, said = _file_of(source, out)
     boxes_file = out.with_suffix(BOXES)
-    for output in (out, boxes_file):
-        check_output_file(output, [source], lambda path: _is_former(boxes_file))
+    former = _boxes_record(boxes_file)
+    check_output_file(boxes_file, [source], lambda path: bool(former))
+    check_output_file(out, [source], lambda path: _is_former(former, path))
     check_copy(file, out)
     if settings.link < model.tile.voxel:
         raise InputError("smaller than the cubes of which the model sees one point each", field="--link",
@@ -104,20 +105,26 @@ def predict_scan(
         names = {int(i): name for i, name in zip(summing.ids, summing.names, strict=True)}
         found = boxes.rows(names, frame.meters)
         write_json(boxes_file, {
-            "format": FORMAT, "format_version": 1, "table": table, "meters_per_unit": frame.meters,
+            "format": FORMAT, "format_version": 1, "copy": {"suffix": out.suffix, "bytes": out.stat().st_size},
+            "table": table, "meters_per_unit": frame.meters,
             "classes": {str(i): name for i, name in names.items()}, "instances": found,
         })  # fmt: skip
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
         return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found))
 
 
-def _is_former(boxes_file: Path) -> bool:
-    """Tell whether a file of boxes is ours, and so the copy beside it, whose format may lack room for a signature."""
+def _boxes_record(boxes_file: Path) -> dict[str, Any]:
+    """Read a former file of boxes; empty where it is none of ours."""
     try:
         record = read_json(boxes_file)
     except InputError:
-        return False
-    return isinstance(record, dict) and record.get("format") == FORMAT
+        return {}
+    return record if isinstance(record, dict) and record.get("format") == FORMAT else {}
+
+
+def _is_former(record: dict[str, Any], copy: Path) -> bool:
+    """Tell whether the boxes beside a copy speak of this very one, whose format may lack room for a signature."""
+    return record.get("copy") == {"suffix": copy.suffix, "bytes": copy.stat().st_size}
 
 
 def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int, where: object) -> VoxelCloud:

@@ -126,6 +126,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "selection.choose", "change.change_layer",
     },
     OURS: {
+        "clean._traces", "costs.Costs._look", "costs.Costs._take", "costs._stored_sizes",
         "artefact.read_manifest", "artefact.seal", "cache.cached_pyramid", "canonical.source_digest", "claim._says",
         "events.read_events", "export.write_parquet", "failures.read_failure", "failures.write_failure",
         "flatten._is_ours", "locks._locked", "marks.read_listing", "module.Segmentation.on_load_checkpoint",
@@ -188,7 +189,8 @@ READ_SAFELY_ANYHOW = {
     "canonical.file_digest", "harvest._write", "textures.copy_texture",  # bytes, hashed or copied
     "journal.Journal.is_complete", "journal.Journal.gain", "journal.Journal._read", "library.copy_sheet",
     "library._whole", "steps.take_step",
-    "labelled_cloud.identify", "layout.read_facts", "predict._file_of", "predict._is_former", "verbs._title",
+    "labelled_cloud.identify", "layout.read_facts", "predict._file_of", "predict._boxes_record",
+    "train_verbs._is_evaluation", "verbs._title",
     "verification._starts_from_a_stage",  # ours
     # tested with their own rooms
     "class_map._read", "ground_control.read_ground_control", "trained.read_facts", "trained.read_weights",

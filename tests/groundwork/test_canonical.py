@@ -123,3 +123,15 @@ def test_a_module_is_known_by_what_it_does(tmp_path: Path, source: str, same: bo
     after.write_text(source, encoding="utf-8")
     empty.touch()
     assert (source_digest([before]) == source_digest([empty, after])) is same
+
+
+def test_runs_below_a_folder_do_not_count_where_that_is_asked(tmp_path: Path) -> None:
+    """The output of a run beside the stage that it is made from leaves the stage's hash alone; other folders count."""
+    (tmp_path / "stage.usda").write_text("#usda 1.0")
+    before = folder_digest(tmp_path, without="run")
+    for name, kind in (("out", "run"), ("captures", "captures")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / ".falsework").write_text(f"{kind}\n")
+        (tmp_path / name / "result").write_text(name)
+        assert (folder_digest(tmp_path, without="run") == before) == (kind == "run")
+    assert folder_digest(tmp_path) != folder_digest(tmp_path, without="run")

@@ -115,6 +115,11 @@ def test_a_second_prediction_replaces_its_former_output_alone(
     assert set(np.unique(laspy.read(out)["predicted_class"])) == {3, 255}
     assert call(*words, out) == 0
     assert out.read_bytes() == first
+    scan = tmp_path / "labelled.las"  # of the user, beside boxes that speak of the .laz
+    scan.write_bytes(b"years of scanning")
+    assert call(*words, scan) == 2
+    assert scan.read_bytes() == b"years of scanning"
+    scan.unlink()
     for name in ("other.laz", "other.instances.json"):
         stranger = tmp_path / name
         stranger.write_text('{"mine": 1}')
@@ -124,6 +129,8 @@ def test_a_second_prediction_replaces_its_former_output_alone(
         assert stranger.read_text() == '{"mine": 1}'
         stranger.unlink()
         assert sorted(path.name for path in tmp_path.iterdir()) == ["labelled.instances.json", "labelled.laz"]
+    assert call("evaluate", chain / "forest", chain / "set", "-o", chain / "forest" / "model.json") == 2
+    assert call("evaluate", chain / "forest", chain / "set", "-o", chain / "scan.laz") == 2
     assert call(*words, chain / "forest" / "out.laz") == 2
     assert "lies in what" in capsys.readouterr().err
 
