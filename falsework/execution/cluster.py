@@ -134,10 +134,16 @@ def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> S
 def _own_cluster(workers: int) -> Iterator[Any]:
     """Start workers on this machine, reachable from it alone; none outlives us, nor do their children."""
     from dask import config
-    from distributed import Client, LocalCluster
 
-    settings = {"distributed.scheduler.allowed-failures": FAILURES, "distributed.deploy.lost-worker-timeout": PATIENCE}
+    settings: dict[str, Any] = {
+        "distributed.scheduler.allowed-failures": FAILURES, "distributed.deploy.lost-worker-timeout": PATIENCE,
+        # Connections that end with an interrupted run are no news; read where a process first loads Dask.
+        "logging": {"distributed": "critical"},
+    }  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
+        from distributed import Client, LocalCluster
+
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
         with _deaf_to_interrupts():
             how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # neither a page nor Dask's own guard
             cluster = LocalCluster(

@@ -86,6 +86,7 @@ def test_the_command_line_trains_and_evaluates(tmp_path: Path, capsys: pytest.Ca
     """What was chosen stands in the model, the JSON is the record; a wrong word is one line and exit code 2."""
     model, data = tmp_path / "model", tmp_path / "data"
     data.mkdir()
+    (data / "dataset.json").write_text("{}")
     chosen = ["--set", "network.counts=[64, 16]", "--set", "network.unit=2.0", "--set", "accelerator=cpu"]
     assert call("train", data, "-o", model, "--epochs", 2, "--batch", 2, *chosen) == 0
     facts = read_facts(model)
