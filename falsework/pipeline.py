@@ -9,9 +9,8 @@ from pathlib import Path
 from falsework.execution.chain import Sources, look_at_sources
 from falsework.execution.claim import claim_run
 from falsework.execution.outcome import Outcome
-from falsework.execution.scene import Manner, run_scene
+from falsework.execution.scene import BusySceneError, Manner, run_scene
 from falsework.scenario import Scenario
-from falsework.store.locks import BusyError
 from falsework.store.store import Store
 from groundwork.progress import Progress
 
@@ -37,9 +36,14 @@ def run_scenario(
         Counts and paths.
 
     Raises:
-        InputError: The folder is not ours or not writable; or what is wrong with the only scene of the scenario.
+        InputError: The folder is not ours or not writable; no cluster has such an address, or answers there; or what is
+            wrong with the only scene of the scenario.
         OutOfSpaceError: The disk is full; finished results stay.
     """
+    if cluster is not None:
+        from falsework.execution.cluster import check_address
+
+        check_address(cluster)
     claim_run(out, scenario)
     sources = look_at_sources(scenario, progress)
     manner = Manner(quarantine=scenario.scenes > 1, retry=retry_failed, keep=scenario.keep)
@@ -70,7 +74,7 @@ def _run_here(
         try:
             outcome.add(run_scene(scenario, sources, index, store, how, progress))
             busy = 0
-        except BusyError as error:
+        except BusySceneError as error:
             outcome.made += error.made
             outcome.reused -= error.made  # so they will be counted when the scene's turn comes again
             waiting.append(index)

@@ -1,5 +1,7 @@
 """More choices for a scene that is there: looks, backgrounds and lights authored from its recipe when asked for."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -26,11 +28,14 @@ from authoring.variants.foreign_look import import_look
 from authoring.variants.foreign_place import HERE, Point
 from authoring.variants.write import write_background, write_light, write_look
 from groundwork.errors import InputError
-from groundwork.files import space_errors, write_text
+from groundwork.files import space_errors, sweep_folders, write_text
+from groundwork.locks import hold_lock
+from groundwork.marks import TEMPORARY
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.taxonomies import taxonomy
 
 TAXONOMY = "taxonomy"
+LOCK = f"{TEMPORARY}edit"  # no content of the scene
 USD_FILES = (".usd", ".usda", ".usdc", ".usdz")
 
 
@@ -53,6 +58,11 @@ def set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point 
         InputError: A stored scene, an unknown axis or choice, or an unusable file.
     """
     check_editable(scene)
+    with _sole_editor(scene):
+        return _set_choices(scene, choices, warn, origin)
+
+
+def _set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None) -> dict[str, str]:
     tables = {axis: taxonomy(name).name for axis, name in choices.items() if axis == TAXONOMY}
     for axis in choices.keys() - AXES.keys() - tables.keys():
         raise InputError("no such choice", where=scene, field=axis, allowed=", ".join([*AXES, TAXONOMY]))
@@ -85,12 +95,28 @@ def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn, o
     for axis in choices.keys() - AXES.keys():
         raise InputError("no such choice", where=scene, field=axis, allowed=", ".join(AXES))
     _check_origin(choices, origin)
-    names = {axis: _ensure(scene, axis, value, warn, origin) for axis, value in choices.items()}
     path = scene.with_name(f"variant_{name}.usda")
-    layer = variant_layer(Sdf.Layer.OpenAsAnonymous(str(scene), metadataOnly=False), scene.name, names)
-    write_text(path, layer.ExportToString())
-    refresh_manifest(scene.parent)
+    with _sole_editor(scene):
+        names = {axis: _ensure(scene, axis, value, warn, origin) for axis, value in choices.items()}
+        layer = variant_layer(Sdf.Layer.OpenAsAnonymous(str(scene), metadataOnly=False), scene.name, names)
+        write_text(path, layer.ExportToString())
+        refresh_manifest(scene.parent)
     return path
+
+
+@contextmanager
+def _sole_editor(scene: Path) -> Iterator[None]:
+    """Edit a scene while nobody else does: what is added goes into its layers, too, and none of it may be lost."""
+    lock = scene.with_name(LOCK)
+    with hold_lock(lock) as held:
+        if held:
+            for folder in ("bridge/looks", "background"):
+                sweep_folders(scene.parent / folder)
+        try:
+            yield
+        finally:
+            if held:
+                lock.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)

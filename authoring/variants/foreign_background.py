@@ -1,6 +1,5 @@
 """A world of the user's as a background: re-rooted, in metres with z up, without its cameras and lights."""
 
-import shutil
 from pathlib import Path
 
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdRender
@@ -11,6 +10,7 @@ from authoring.layers.provenance import author_provenance
 from authoring.variants.arcs import add_background
 from authoring.variants.foreign_place import HERE, Point, check_place
 from groundwork.canonical import file_digest
+from groundwork.files import whole_folder
 from usd_schemas import tokens
 from usd_schemas.components import component_classes
 from usd_schemas.guard.layer_walk import Warn
@@ -45,11 +45,6 @@ def import_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE)
     name = safe_name(file.stem)
     stage = open_foreign(file)
     check_place(stage, file, scene, origin, warn)
-    place = scene.parent / "background" / name
-    fresh = place.with_name(f".{name}.partial")
-    shutil.rmtree(fresh, ignore_errors=True)
-    fresh.mkdir(parents=True)
-    export(_background(stage, name, flatten_foreign(stage, file, fresh), origin, warn), fresh / "world.usdc")
     root = new_layer("Background")
     spec = Sdf.CreatePrimInLayer(root, "/Background")
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
@@ -60,9 +55,9 @@ def import_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE)
         made["origin"] = " ".join(f"{value:.15g}" for value in origin)
     author_provenance(root, "/Background", made)
     root.subLayerPaths = ["./world.usdc"]
-    export(root, fresh / f"{name}.usda")
-    shutil.rmtree(place, ignore_errors=True)
-    fresh.rename(place)
+    with whole_folder(scene.parent / "background" / name) as fresh:
+        export(_background(stage, name, flatten_foreign(stage, file, fresh), origin, warn), fresh / "world.usdc")
+        export(root, fresh / f"{name}.usda")
     add_background(scene, name, f"./background/{name}/{name}.usda")
     return name
 

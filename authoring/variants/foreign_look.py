@@ -1,6 +1,5 @@
 """Materials of the user's as a look: those that are named like the roles fill them, others come from another look."""
 
-import shutil
 from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
@@ -12,6 +11,7 @@ from authoring.looks.roles import sheet_role
 from authoring.variants.arcs import add_look
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
+from groundwork.files import whole_folder
 from usd_schemas import tokens
 from usd_schemas.guard.layer_walk import Warn
 
@@ -42,20 +42,16 @@ def import_look(scene: Path, file: Path, warn: Warn) -> str:
     if not materials.keys() & roles:
         raise InputError("holds no material that is named like a role", where=file, allowed=", ".join(sorted(roles)))
     looks = scene.parent / "bridge/looks"
-    fresh = looks / f".{name}.partial"
-    shutil.rmtree(fresh, ignore_errors=True)
-    fresh.mkdir(parents=True)
-    layer = _look(flatten_foreign(stage, file, fresh), materials, file)
     sheets = {name: role for name in roles - materials.keys() if (role := sheet_role(name)) in materials}
-    for sheet, role in sorted(sheets.items()):
-        spec = Sdf.CreatePrimInLayer(layer, f"/Look/{sheet}")
-        spec.specifier, spec.typeName = Sdf.SpecifierDef, "Material"
-        spec.specializesList.prependedItems = [Sdf.Path(f"/Look/{role}")]
-    author_provenance(layer, "/Look", {"file": file.name, "sha256": file_digest(file)})
-    export(layer, fresh / "look.usda")
+    with whole_folder(looks / name) as fresh:
+        layer = _look(flatten_foreign(stage, file, fresh), materials, file)
+        for sheet, role in sorted(sheets.items()):
+            spec = Sdf.CreatePrimInLayer(layer, f"/Look/{sheet}")
+            spec.specifier, spec.typeName = Sdf.SpecifierDef, "Material"
+            spec.specializesList.prependedItems = [Sdf.Path(f"/Look/{role}")]
+        author_provenance(layer, "/Look", {"file": file.name, "sha256": file_digest(file)})
+        export(layer, fresh / "look.usda")
     others = _fallbacks(scene, roles - materials.keys() - sheets.keys(), name)
-    shutil.rmtree(looks / name, ignore_errors=True)
-    fresh.rename(looks / name)
     if others:
         warn(f"roles that {file.name} does not fill, taken from other looks: {', '.join(sorted(others))}")
     add_look(scene.parent / "bridge/bridge.usda", name, f"./looks/{name}/look.usda", others)

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import signal
 import tempfile
 import threading
@@ -14,9 +15,8 @@ from typing import Any
 
 from falsework.execution.chain import Sources
 from falsework.execution.outcome import Outcome
-from falsework.execution.scene import Manner, run_scene
+from falsework.execution.scene import BusySceneError, Manner, run_scene
 from falsework.scenario import Scenario
-from falsework.store.locks import BusyError
 from falsework.store.store import Store
 from groundwork.errors import InputError
 from groundwork.progress import Progress, Silent
@@ -27,6 +27,8 @@ LEAST_QUEUE = 64
 PATIENCE = "1 day"  # for a worker that is being started again; Dask would end it after 15 s on a busy machine
 CLOSING = 4.0  # [s]
 LOOPBACK = "127.0.0.1"
+_ADDRESS = re.compile(r"(tcp|tls)://[^\s/:]+:[0-9]{1,5}|(tcp|tls)://\[[0-9a-fA-F:.]+\]:[0-9]{1,5}")
+_LAST_PORT = 65535
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,20 @@ class _Notes(Silent):
 
     def note(self, message: str) -> None:
         self.lines.append(message)
+
+
+def check_address(address: str) -> None:
+    """Refuse what cannot be the address of a scheduler, before anything is made.
+
+    Args:
+        address: What the user named.
+
+    Raises:
+        InputError: Not of the form that Dask's schedulers have.
+    """
+    if not _ADDRESS.fullmatch(address) or int(address.rpartition(":")[2]) > _LAST_PORT:
+        raise InputError("not the address of a scheduler", field="--cluster", value=address,
+                         allowed="tcp://HOST:PORT or tls://HOST:PORT")  # fmt: skip
 
 
 def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:
@@ -118,7 +134,7 @@ def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> S
 
     try:
         part, notes = future.result()
-    except BusyError as error:  # another run works on it: it comes last, and then we wait
+    except BusySceneError as error:  # another run works on it: it comes last, and then we wait
         outcome.made += error.made
         outcome.reused -= error.made
         return replace(job, manner=replace(job.manner, wait=True))
@@ -167,9 +183,6 @@ def _own_cluster(workers: int) -> Iterator[Any]:
 def _standing_cluster(address: str) -> Iterator[Any]:
     from distributed import Client
 
-    if not address.startswith(("tcp://", "tls://")):
-        raise InputError("not the address of a scheduler", field="--cluster", value=address,
-                         allowed="tcp://HOST:PORT or tls://HOST:PORT")  # fmt: skip
     try:
         client = Client(address, timeout="30s")
     except (OSError, ValueError) as error:

@@ -5,8 +5,8 @@ import shutil
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
+from falsework.execution.events import parse_event
 from falsework.store.workroom import plain_files
 from groundwork.errors import OutOfSpaceError
 from groundwork.files import MANIFEST
@@ -124,11 +124,8 @@ class Costs:
                     self._take(line)
 
     def _take(self, line: bytes) -> None:
-        try:
-            event: Any = json.loads(line)
-        except (ValueError, RecursionError):
-            return
-        if isinstance(event, dict) and event.get("made") is True and isinstance(event.get("stage"), str):
+        event = parse_event(line)
+        if event is not None and event.get("made") is True and isinstance(event.get("stage"), str):
             self._seconds.setdefault(event["stage"], Seen()).add(event.get("seconds"))
             self._bytes.setdefault(event["stage"], Seen()).add(event.get("bytes"))
 

@@ -12,10 +12,20 @@ from falsework.execution.outcome import Outcome
 from falsework.scenario import Scenario
 from falsework.stages import STAGES
 from falsework.store.failures import QuarantinedError, failure_of
-from falsework.store.locks import BusyError
 from falsework.store.store import Store
-from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import ChildError, FalseworkError, OutOfSpaceError, RejectedSceneError
+from groundwork.locks import BusyError
 from groundwork.progress import Progress
+
+
+class BusySceneError(FalseworkError):
+    """Another process is making a result of this scene.
+
+    Attributes:
+        made: How many results of the scene had been made before.
+    """
+
+    made = 0
 
 
 @dataclass(frozen=True)
@@ -179,7 +189,7 @@ def run_scene(
     Raises:
         InputError: What is wrong with the only scene of the scenario.
         OutOfSpaceError: The disk is full.
-        BusyError: Another process is making what we need, and we do not wait.
+        BusySceneError: Another process is making what we need, and we do not wait.
     """
     chain = scene_chain(scenario, index, sources)
     scene = kind(store, chain, manner, progress)
@@ -188,8 +198,9 @@ def run_scene(
     except RejectedSceneError as rejection:
         scene.outcome.rejected[chain.name] = f"{rejection.reason}: {rejection}"
     except BusyError as error:
-        error.made = scene.outcome.made
-        raise
+        busy = BusySceneError(str(error))
+        busy.made = scene.outcome.made
+        raise busy from error
     except OutOfSpaceError:
         raise
     except (ChildError, QuarantinedError) as error:
