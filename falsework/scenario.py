@@ -31,8 +31,8 @@ class Scenario(AuthoringSettings):
 
     seed: int = Field(7, ge=0, description="Everything that is not fixed is drawn from it")
     scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
-    keep: tuple[Literal["stage", "capture", "cloud", "report"], ...] = Field(
-        ("stage", "capture", "cloud", "report"),
+    keep: tuple[Literal["stage", "capture", "model", "cloud", "report"], ...] = Field(
+        ("stage", "capture", "model", "cloud", "report"),
         description="Stages whose results stay; the others go once what needs them is there",
     )
     stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")

@@ -7,7 +7,7 @@ from pathlib import Path
 from falsework.execution.chain import Chain, Flight, Sources, Step, scene_chain
 from falsework.execution.costs import bytes_added, check_space
 from falsework.execution.events import write_event
-from falsework.execution.needs import consumers, needed_steps
+from falsework.execution.needs import REPORT, consumers, needed_steps, wanted_steps
 from falsework.execution.outcome import Outcome
 from falsework.scenario import Scenario
 from falsework.stages import STAGES
@@ -75,10 +75,11 @@ class SceneRun:
         """
         for flight in self.chain.flights:
             if not flight.variant and not self.store.has(flight.capture.task):  # nor shall it be made in vain
-                self.store.raise_former_failure(flight.cloud.task, self.manner.retry)
+                for step in self._wanted(flight.model, *flight.clouds):
+                    self.store.raise_former_failure(step.task, self.manner.retry)
         needed = needed_steps(self.chain, self.store, self.manner.keep)
-        if self.chain.stage is not None:
-            self._make(self.chain.stage, needed)
+        for step in self._wanted(self.chain.stage):
+            self._make(step, needed)
         without: set[str] = set()
         try:
             for flight in self.chain.flights:
@@ -88,8 +89,10 @@ class SceneRun:
             raise
         if "report" in self.manner.keep:
             self._make(self.chain.report(frozenset(without)), needed)
-            self.outcome.reports.append(self._scene / "report.html")
+            self.outcome.reports.append(self._scene / REPORT)
         self._evict(needed_steps(self.chain, self.store, self.manner.keep))
+        clouds = [step for flight in self.chain.flights for step in self._wanted(*flight.clouds)]
+        self.outcome.clouds += [self._scene / step.link for step in clouds if self.store.has(step.task)]
         return self.outcome
 
     @property
@@ -97,8 +100,8 @@ class SceneRun:
         return self.store.root / "scenes" / self.chain.name
 
     def _fly(self, flight: Flight, without: set[str], needed: set[str]) -> None:
-        """Make capture and cloud of a flight; add the links of what became no result to `without`."""
-        left = [flight.capture, flight.cloud]
+        """Make what is wanted of a flight; add the links of what became no result to `without`."""
+        left = self._wanted(*flight.steps)
         try:
             while left:
                 self._make(left[0], needed)
@@ -110,7 +113,18 @@ class SceneRun:
             name = f"{self.chain.name}/{flight.name}"
             self.outcome.rejected[name] = f"{rejection.reason}: {rejection}"  # the other variants go on
             return
-        self.outcome.clouds.append(self._scene / flight.cloud.link)
+        self._forget_others(flight)
+
+    def _wanted(self, *steps: Step | None) -> list[Step]:
+        """Choose the steps that this run makes at all."""
+        wanted = wanted_steps(self.chain, self.manner.keep)
+        return [step for step in steps if step is not None and step.link in wanted]
+
+    def _forget_others(self, flight: Flight) -> None:
+        """Take away the links of clouds that the flight has no more: a run that made both made others."""
+        links = {step.link for step in flight.clouds}
+        for other in flight.possible_links - links:
+            self.store.unlink(f"scenes/{self.chain.name}/{other}")
 
     def _make(self, step: Step, needed: set[str]) -> None:
         if not self.store.has(step.task) and step.link not in needed:
@@ -124,8 +138,7 @@ class SceneRun:
 
     def _evict(self, needed: set[str]) -> None:
         """Let go what the run does not keep, where no needed step waits for it."""
-        stage = [] if self.chain.stage is None else [self.chain.stage]
-        for step in (*(step for flight in self.chain.flights for step in (flight.cloud, flight.capture)), *stage):
+        for step in reversed(self.chain.steps):
             waited_for = consumers(self.chain, step)
             if step.task.stage in self.manner.keep or any(link in needed for link in waited_for):
                 continue

@@ -216,6 +216,15 @@ class Store:
                                      mend="Move it elsewhere") from None  # fmt: skip
                 self._replace_link(link, text)
 
+    def unlink(self, name: str) -> None:
+        """Take a readable name away; what is no link is not ours.
+
+        Args:
+            name: Path below the run's folder.
+        """
+        if (self.root / name).is_symlink():
+            (self.root / name).unlink(missing_ok=True)
+
     def evict(self, task: Task, link: str) -> None:
         """Let a result go that was only needed for others; what it was stays known.
 

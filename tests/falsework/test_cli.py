@@ -10,7 +10,6 @@ import pytest
 
 from falsework.cli import main
 from falsework.doctor import package_names
-from falsework.stages import STAGES, Stage
 from groundwork.errors import RejectedSceneError
 
 EMPTY_STAGE = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\ndef Xform "World"\n{\n}\n'
@@ -164,7 +163,7 @@ def test_rejected_reconstruction_has_a_code_of_its_own(
     def reject(*unused: object) -> None:
         raise RejectedSceneError("too_few_cameras", "5 of 40 cameras registered")
 
-    monkeypatch.setitem(STAGES, "cloud", Stage(1, reject, resumes=True))
+    monkeypatch.setattr("recon.reconstruct.reconstruct", reject)
     (tmp_path / "photographs").mkdir()
     with pytest.raises(SystemExit) as caught:
         main(["reconstruct", str(tmp_path / "photographs"), "-o", str(tmp_path / "out")])

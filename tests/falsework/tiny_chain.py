@@ -1,4 +1,4 @@
-"""`python -m tests.falsework.tiny_chain …` is `falsework …` with four stages that take a millisecond each.
+"""`python -m tests.falsework.tiny_chain …` is `falsework …` with five stages that take a millisecond each.
 
 What goes wrong is said in `TINY_FAULTS`: JSON of `<stage>:<scene>` to `reject`, `input`, `child`, `abort`, `kill`,
 `internal`, `space` or `hang`; `TINY_WAIT` is how long each step of a capture takes [s].
@@ -55,11 +55,19 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
     (folder / "seed.json").write_text(str(settings["seed"]))
 
 
-def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    """Hash every frame into points; goes on where it was."""
-    _go_wrong("cloud", int((inputs["capture"] / "seed.json").read_text()))
+def model(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Hash every frame into a camera; goes on where it was."""
+    _go_wrong("model", int((inputs["capture"] / "seed.json").read_text()))
     parts = [hashlib.sha256(path.read_bytes()).digest() for path in sorted(inputs["capture"].glob("*.jpg"))]
-    (folder / "coord.npy").write_bytes(b"".join(parts))
+    (folder / "model.json").write_text(json.dumps([settings["recon"], [part.hex() for part in parts]]))
+
+
+def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Hash the model and every frame into points; goes on where it was."""
+    _go_wrong("cloud", int((inputs["capture"] / "seed.json").read_text()))
+    seen = [inputs["model"] / "model.json", *sorted(inputs["capture"].glob("*.jpg"))]
+    parts = [hashlib.sha256(path.read_bytes()).digest() for path in seen]
+    (folder / "coord.npy").write_bytes(json.dumps(settings["recon"], sort_keys=True).encode() + b"".join(parts))
 
 
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
@@ -68,7 +76,7 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     (folder / "report.html").write_text(settings["title"] + "\n" + "".join(lines))
 
 
-TINY: dict[str, Run] = {"stage": author, "capture": capture, "cloud": cloud, "report": report}
+TINY: dict[str, Run] = {"stage": author, "capture": capture, "model": model, "cloud": cloud, "report": report}
 
 
 def tiny_stages() -> dict[str, Stage]:
