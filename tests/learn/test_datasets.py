@@ -25,7 +25,7 @@ from recon.cloud import COLUMNS, OBSERVATION_COLUMNS, read_cloud
 from tests.learn.toy_bridge import DECK_HEIGHT, LENGTH, WIDTH, toy_cloud, write_toy
 from usd_schemas.taxonomies import taxonomy
 
-ALL = ("x", "y", "z", "red", "green", "blue", "nx", "ny", "nz", "n_views")
+ALL = ("x", "y", "z", "red", "green", "blue", "nx", "ny", "nz", "n_views", "height")
 SMALL = {"points": 256, "fewest": 64, "tile": {"voxel": 0.2}}
 
 
