@@ -23,6 +23,8 @@ F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 INPUTS = ("color", "normal", "n_views")  # beside coord, all that a network may see of a point
+HEIGHT = "height"  # made of coord: see learn.datasets.tiles
+PIECE_INPUTS = (*INPUTS, HEIGHT)
 _READ = ("coord", *INPUTS, "segment", "component", "uncertainty")  # columns of a cloud that a data set depends on
 _DECK = ("deck", "slab", "sleeper", "track", "parapet")  # classes of the base table that make up the deck's width
 

@@ -25,7 +25,7 @@ from tests.learn.toy_bridge import DECK_HEIGHT, LENGTH, WIDTH, toy_cloud, write_
 from tests.manifest_faults import manifest_faults
 from usd_schemas.taxonomies import taxonomy
 
-ALL = ("x", "y", "z", "red", "green", "blue", "nx", "ny", "nz", "n_views")
+ALL = ("x", "y", "z", "red", "green", "blue", "nx", "ny", "nz", "n_views", "height")
 SMALL = {"points": 256, "fewest": 64, "tile": {"voxel": 0.2}}
 
 
