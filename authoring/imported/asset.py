@@ -58,7 +58,7 @@ def write_city(model: CityModel, folder: Path, name: str) -> Path:
         IMAGES: json.dumps(images),
     }  # fmt: skip
     path = folder / f"{name}.usda"
-    export(author_provenance(layer, "/Background", model.attribution), path)
+    export(author_provenance(layer, "/Background", model.attribution, is_ours=False), path)
     return path
 
 

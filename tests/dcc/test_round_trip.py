@@ -288,7 +288,7 @@ def test_cameras_and_lamps_made_in_blender_come_home(
         ("add_lamp", "Spot", "SPOT", [4.0, 1.0, 9.0]),
     ], export_animation=True, **options)  # fmt: skip
     found = harvest(scene, out)
-    assert asdict(found) == {**asdict(Harvest()), "cameras": {"Drone": images}, "lights": ["Spot"]}
+    assert asdict(found) == {**asdict(Harvest()), "cameras": {"Drone": images}, "lights": {"Spot": "SphereLight"}}
     assert validate_scene(scene) == []
     (track,) = [camera for camera in read_stage(scene).cameras if camera.name == "Drone"]
     expected = [[2.0 + step, -30.0, 6.0] for step in range(images)]

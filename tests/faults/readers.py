@@ -123,7 +123,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "validate.validate_scene", "add.write_variant", "add._ensure",
         "add_survey.add_survey", "add_survey._add_product",
         "usd_file.open_foreign", "foreign_look._roles", "foreign_look._fallbacks", "foreign_place.check_place",
-        "selection.choose", "change.change_layer",
+        "selection.choose", "change.change_layer", "staging.check_asset",
     },
     OURS: {
         "clean._traces", "costs.Costs._look", "costs._stored_sizes",
@@ -134,6 +134,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "output_file.is_signed", "output_folder._said",
         "repair._clear", "store.Store.evict", "train._best_weights", "train._former",
         "scene_cache._kept", "scene_file.unpack_scene", "bake_down.bake_down", "additions._label",
+        "foreign_background._dropped", "mending.mend",  # layers in memory
         "labels.write_replicator_layer", "geometry.geometry_layer", "layer.new_stage",
         "render_settings.render_layer", "daylight.encode_exr", "library._copy", "textures._store",
         "user_sets._decode_exr", "journal.Journal.light_volume", "preparation_child._apart",
