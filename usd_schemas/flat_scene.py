@@ -1,6 +1,6 @@
 """A composed stage as flat arrays: what the renderer draws and the ray caster hits, without any USD object."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,6 +215,7 @@ class CameraTrack:
         model: Name of the camera, or empty.
         attitude: Measured yaw clockwise from +y, pitch and roll [deg], shape (N, 3), float64, or None.
         attitude_sigma: Standard deviation of `attitude` [deg].
+        moments: Row in `FlatScene.moments` of each image; empty where the scene stands still.
     """
 
     name: str
@@ -234,6 +235,7 @@ class CameraTrack:
     model: str = ""
     attitude: F64 | None = None
     attitude_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    moments: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -264,6 +266,7 @@ class InstanceRow:
         class_name: Class name in the table in force.
         parameters: JSON facts of the component, e.g. its dimensions.
         base_class: Class name in the base table, whatever table is in force; empty when unknown.
+        moves: It is elsewhere, of another shape or not there at another moment of the scene.
     """
 
     id: int
@@ -272,6 +275,7 @@ class InstanceRow:
     class_name: str
     parameters: dict[str, object] = field(default_factory=dict)
     base_class: str = ""
+    moves: bool = False
 
 
 @dataclass(frozen=True)
@@ -292,6 +296,8 @@ class FlatScene:
         origin: Hash of the composed stage content that was read.
         visibility: Distance at which haze leaves 2 % of the contrast [m]; None where the stage does not say.
         sphere_lights: SphereLights, in the order of the stage.
+        moments: What moves, as it stands at each moment that an image is taken at; the first is the tail of `draws`.
+            Empty for a stage that stands still.
     """
 
     geometry: Geometry
@@ -307,6 +313,20 @@ class FlatScene:
     origin: str
     visibility: float | None = None
     sphere_lights: tuple[SphereLight, ...] = ()
+    moments: tuple[Draws, ...] = ()
+
+    def at_moment(self, number: int) -> "FlatScene":
+        """Return the scene as it stands at one of its moments; without any, itself.
+
+        Args:
+            number: Row in `moments`.
+        """
+        if not self.moments:
+            return self
+        still = len(self.draws.part) - len(self.moments[0].part)
+        moved = self.moments[number]
+        draws = {name: np.concatenate([rows[:still], getattr(moved, name)]) for name, rows in vars(self.draws).items()}
+        return replace(self, draws=Draws(**draws))
 
 
 def world_triangles(scene: FlatScene) -> tuple[F64, U32, U32]:

@@ -19,6 +19,7 @@ from groundwork.errors import FalseworkError
 from groundwork.files import folder_lock, write_bytes
 from groundwork.user_cache import cache_folder
 from usd_schemas.flat_scene import FlatScene, Material, Texture
+from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
 from usd_schemas.reading.layer_contents import layer_contents, name_from
 from usd_schemas.reading.packages import unpacked_folder
 from usd_schemas.reading.scene_file import pack_scene, unpack_scene
@@ -30,13 +31,16 @@ _SUFFIX = ".scene"
 Rename = Callable[[str], str]
 
 
-def load_scene(path: Path, *, survey: str | None = None, folder: Path | None = None) -> FlatScene:
+def load_scene(
+    path: Path, *, survey: str | None = None, folder: Path | None = None, choices: StageChoices = AS_AUTHORED
+) -> FlatScene:
     """Take a stage over as it was read before, or read and keep it; it is the same scene as `read_stage` returns.
 
     Args:
         path: A USD file (usda, usdc, usd or usdz).
         survey: Name of the one product to keep, with its camera; all when None.
         folder: The cache; that of the user when None.
+        choices: As for `read_stage`.
 
     Raises:
         MissingError: There is no such file.
@@ -44,13 +48,13 @@ def load_scene(path: Path, *, survey: str | None = None, folder: Path | None = N
     """
     contents = layer_contents(path)
     if contents is None:
-        return read_stage(path, survey=survey)
+        return read_stage(path, survey=survey, choices=choices)
     root, home = cache_folder("scenes") if folder is None else folder, path.resolve().parent
-    place = root / f"{digest([_code(), path.resolve().name, contents])}{_SUFFIX}"
+    place = root / f"{digest([_code(), path.resolve().name, contents, choices.as_json()])}{_SUFFIX}"
     scene = _kept(place, home)
     if scene is None:
         with _turn(place):  # who came first composes it, the others wait
-            scene = _kept(place, home) or _compose(path, contents, place)
+            scene = _kept(place, home) or _compose(path, contents, place, choices)
     return choose_survey(scene, survey, path)
 
 
@@ -72,8 +76,8 @@ def _kept(place: Path, home: Path) -> FlatScene | None:
         return None
 
 
-def _compose(path: Path, contents: dict[str, str], place: Path) -> FlatScene:
-    composed, home = compose_stage(path), path.resolve().parent
+def _compose(path: Path, contents: dict[str, str], place: Path, choices: StageChoices) -> FlatScene:
+    composed, home = compose_stage(path, choices), path.resolve().parent
     pictures = [Path(file) for file in texture_files(composed.scene)]
     own = [file for file in pictures if file.parent != unpacked_folder().resolve()]  # the others: of a hashed package
     used = {name_from(home, file) for file in (*composed.files, *own)}
