@@ -1,8 +1,9 @@
 """A scene in OpenGL buffers: all vertices in one, all draws in another, and the draw commands of one view."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -48,6 +49,7 @@ class GpuScene:
         material_rows: Row of the material of each draw, shape (D,), int64.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
         facets: Triangles whose depth may have to be drawn anew.
+        of_material: Row in `variants` of each material, shape (M,), int64.
     """
 
     vertices: moderngl.Buffer
@@ -65,6 +67,22 @@ class GpuScene:
     material_rows: I64
     anchor: F64
     facets: Facets
+    of_material: I64
+
+    def moved(self, context: moderngl.Context, scene: FlatScene, facets: Facets) -> "GpuScene":
+        """Return the same meshes and materials, drawn where another moment of the scene has them.
+
+        Args:
+            context: Open context.
+            scene: The scene at that moment.
+            facets: Its triangles whose depth may have to be drawn anew.
+        """
+        return replace(self, facets=facets, **_placed(context, scene, self.of_material))
+
+    def release_places(self) -> None:
+        """Give back what `moved` made."""
+        for held in (self.draw_numbers, self.draws, self.offsets):
+            held.release()
 
     def place(self, eye: F64) -> None:
         """Count every draw's origin from a point, subtracted in float64.
@@ -140,11 +158,28 @@ def upload_scene(
         InputError: Nothing to draw, an index out of range, or a number that is not finite.
     """
     check_scene(scene)
-    geometry, draws = scene.geometry, scene.draws
+    geometry = scene.geometry
     vertices = np.zeros(len(geometry.positions), _VERTEX)
     vertices["p"], vertices["n"] = geometry.positions, geometry.normals
     vertices["st"], vertices["st1"] = geometry.st, geometry.st1
     vertices["color"][:, :3] = geometry.colors
+    materials = np.zeros((len(table.rows), _APART // 4), np.float32)
+    materials[:, : ROW.itemsize // 4] = _numbers(table.rows)
+    variants = tuple(dict.fromkeys(table.variants))
+    number = {variant: row for row, variant in enumerate(variants)}
+    of_material = np.array([number[variant] for variant in table.variants], np.int64)
+    return GpuScene(
+        vertices=context.buffer(vertices.tobytes()),
+        indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
+        materials=context.buffer(materials.tobytes()),
+        variants=variants, of_material=of_material, anchor=anchor, facets=facets,
+        **_placed(context, scene, of_material),
+    )  # fmt: skip
+
+
+def _placed(context: moderngl.Context, scene: FlatScene, of_material: I64) -> dict[str, Any]:
+    """Upload where everything is drawn: the fields of a `GpuScene` that change as things move."""
+    geometry, draws = scene.geometry, scene.draws
     count = len(draws.part)
     linear = draws.transform[:, :3, :3]
     rows = np.zeros(count, _DRAW)
@@ -156,22 +191,13 @@ def upload_scene(
     commands["count"], commands["first"] = geometry.part_count[draws.part] * 3, geometry.part_first[draws.part] * 3
     commands["instances"], commands["draw"] = 1, np.arange(count)
     lower, upper = draw_boxes(scene)
-    materials = np.zeros((len(table.rows), _APART // 4), np.float32)
-    materials[:, : ROW.itemsize // 4] = _numbers(table.rows)
-    variants = tuple(dict.fromkeys(table.variants))
-    number = {variant: row for row, variant in enumerate(variants)}
-    of_material = np.array([number[variant] for variant in table.variants], np.int64)
-    return GpuScene(
-        vertices=context.buffer(vertices.tobytes()),
-        indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
-        draw_numbers=context.buffer(np.arange(count, dtype=np.uint32).tobytes()),
-        draws=row_texture(context, _numbers(rows)),
-        materials=context.buffer(materials.tobytes()),
-        offsets=context.buffer(reserve=count * 12, dynamic=True),
-        origins=draws.transform[:, :3, 3].copy(), lower=lower, upper=upper, commands=commands,
-        variants=variants, variant_rows=of_material[draws.material],
-        material_rows=draws.material.astype(np.int64), anchor=anchor, facets=facets,
-    )  # fmt: skip
+    return {
+        "draw_numbers": context.buffer(np.arange(count, dtype=np.uint32).tobytes()),
+        "draws": row_texture(context, _numbers(rows)),
+        "offsets": context.buffer(reserve=count * 12, dynamic=True),
+        "origins": draws.transform[:, :3, 3].copy(), "lower": lower, "upper": upper, "commands": commands,
+        "variant_rows": of_material[draws.material], "material_rows": draws.material.astype(np.int64),
+    }  # fmt: skip
 
 
 def run_commands(

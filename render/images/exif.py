@@ -121,7 +121,7 @@ def _gps_entries(shot: Shot) -> list[Entry]:
 
 
 def _within(value: float, most: float) -> float:
-    """Bring a number of a stage into what a field of EXIF can hold: a photograph never fails for what is noted of it."""
+    """Bring a number of a stage into what a field can hold: no photograph fails for what is noted of it."""
     return min(max(value, 0.0), most) if np.isfinite(value) else 0.0
 
 

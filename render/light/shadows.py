@@ -72,6 +72,11 @@ class Shadows:
             half = float(np.max(np.ptp(flat, axis=0))) / 2 + 0.1
             self._draw(number, (flat.min(axis=0) + flat.max(axis=0)) / 2, half)
 
+    def release(self) -> None:
+        """Give the maps back."""
+        self._framebuffer.release()
+        self.texture.release()
+
     def squares(self, poses: F64, camera: Pinhole) -> ShadowSquares:
         """Choose the squares that the cameras of a survey need sharp.
 

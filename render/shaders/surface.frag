@@ -124,6 +124,9 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #ifdef HAS_METALLIC
     metallic = texture(metallic_array, vec3(metallic_place, metallic_map[0].w), SHARPER).r;
 #endif
+#ifdef GREY_CARD
+    metallic = 0.0;
+#endif
     vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
 #ifdef SOFT
 #ifdef HAS_ROUGHNESS
@@ -165,7 +168,9 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #endif
     }
 #endif
+#ifndef GREY_CARD
     light += emissive.rgb;
+#endif
     return mix(haze, light, exp2(-away * haze_density));
 }
 
@@ -184,6 +189,10 @@ void main() {
 #endif
     if (options.y > 0.5) albedo = vertex_color;
     albedo = min(albedo * detail_factor() * macro_factor(), vec3(0.95));
+#ifdef GREY_CARD
+    albedo = vec3(0.18);
+    roughness = 1.0;
+#endif
     vec3 face = normalize(normal + vec3(0.0, 0.0, 1e-12));  // a mesh without area has no normal
     if (gl_FrontFacing == (mirrored != 0u)) face = -face;
     out_color = vec4(sqrt(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0)), 1.0);

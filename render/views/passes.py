@@ -60,6 +60,7 @@ class Painter:
         quality: str,
         extra: str = "",
         finer: int = 1,
+        cards: bool = False,
     ) -> None:
         """Make the targets.
 
@@ -72,8 +73,9 @@ class Painter:
             quality: `fast`, `standard` or `fine`.
             extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
             finer: How many times finer than the photograph the exact images are, along rows and columns.
+            cards: Everything is drawn as a grey card.
         """
-        self._gl, self._programs, self._gpu, self._camera = gl, programs, gpu, camera
+        self._gl, self._programs, self._camera = gl, programs, camera
         self._fine, self._finer, self._apart = quality == "fine", finer, quality == "fine" or finer > 1
         context = gl.context
         exact = (finer * camera.width, finer * camera.height)
@@ -92,14 +94,35 @@ class Painter:
         self._depth = context.framebuffer([self._truth[1]], self._exact.depth_attachment)
         shaded = self._photo if self._apart else self._exact
         self._nearest = context.framebuffer(depth_attachment=shaded.depth_attachment)
-        cut_out = np.array(["CUT_OUT" in variant.features for variant in gpu.variants])
-        self._solid = ~cut_out[gpu.variant_rows]
         self._readers = {image: context.framebuffer([image]) for image in (self._color, *self._truth)}
-        self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
         self._corners = context.buffer(reserve=1 << 16, dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
-        self._features = (*lamps.features, *(("SOFT",) if quality != "fast" else ()))
-        self._lamps = lamps
+        self._features = (
+            *lamps.features,
+            *(("SOFT",) if quality != "fast" else ()),
+            *(("GREY_CARD",) if cards else ()),
+        )
+        self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
+        self._aim_at(gpu, lamps)
+
+    def _aim_at(self, gpu: GpuScene, lamps: Lamps) -> None:
+        self._gpu, self._lamps = gpu, lamps
+        cut_out = np.array(["CUT_OUT" in variant.features for variant in gpu.variants])
+        self._solid = ~cut_out[gpu.variant_rows]
+
+    def move(self, gpu: GpuScene, lamps: Lamps) -> None:
+        """Draw another moment of the scene from now on.
+
+        Args:
+            gpu: The scene, uploaded.
+            lamps: What lights it.
+        """
+        for array in self._arrays.values():
+            array.release()
+        self._arrays.clear()
+        if gpu.commands.nbytes > self._commands.size:
+            self._commands.orphan(gpu.commands.nbytes)
+        self._aim_at(gpu, lamps)
 
     def draw(self, camera_to_world: F64, near: float) -> View:
         """Draw one view.

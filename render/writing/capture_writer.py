@@ -136,6 +136,7 @@ def write_truth(
             "component": row.component,
             "class": row.class_name,
             "parameters": row.parameters,
+            **({"moves": True} if row.moves else {}),
         }
         for row in scene.instances
     ]

@@ -106,10 +106,8 @@ def test_a_skeleton_bends_its_mesh_at_each_time(tmp_path: Path) -> None:
 def test_a_skeleton_in_an_instance_bends_its_mesh(tmp_path: Path) -> None:
     """Two instances of a character are both bent; the files stay as they are."""
     classes = f'class Xform "Man" {{\n{SKIN.replace("</Body", "</Man/Body")}}}\n'
-    two = "".join(f'def "Man_{n}" (
- instanceable = true
- inherits = </Man>
-) {{}}\n' for n in range(2))
+    shared = "(\n instanceable = true\n inherits = </Man>\n)"
+    two = "".join(f'def "Man_{n}" {shared} {{}}\n' for n in range(2))
     path = write_stage(tmp_path, EYE + classes + two)
     before = path.read_bytes()
     scene = read_stage(path)

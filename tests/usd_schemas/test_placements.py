@@ -206,7 +206,7 @@ def test_nothing_visible(tmp_path: Path) -> None:
 
 
 def test_what_moves_is_drawn_at_the_time_of_the_one_image(tmp_path: Path) -> None:
-    """With a camera that stands still, parts stand as at the earliest time, and one line says so; a rig alone moves not."""
+    """With a camera that stands still, parts stand as at the earliest time, by name; a rig alone is no motion."""
     keys = "double3 xformOp:translate.timeSamples = {\n 1: (0, 0, 0),\n 5: (9, 0, 0),\n}\n"
     keys += 'uniform token[] xformOpOrder = ["xformOp:translate"]\n'
     rig = f'def Xform "Rig" {{\n{keys}def Camera "C" {{}}\n}}\n'
