@@ -18,6 +18,7 @@ from usd_schemas.reading.flat_geometry import Flattened, world_bounds
 from usd_schemas.reading.labels import Warn, read_taxonomy
 from usd_schemas.reading.lights import read_lights
 from usd_schemas.reading.moments import Moving, flatten_moments
+from usd_schemas.reading.parse_errors import reason_of
 from usd_schemas.reading.skinning import bake_skins
 from usd_schemas.registration import register_schemas
 
@@ -195,10 +196,8 @@ def _open(path: Path) -> Usd.Stage:
     try:
         return Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
     except Tf.ErrorException as error:
-        reasons = [part.commentary for part in error.args if hasattr(part, "commentary")]
-        raise InputError(
-            "not readable as USD" + (f": {reasons[0]}" if reasons else ""), where=path, allowed="usda, usdc, usd, usdz"
-        ) from None
+        what = f"not readable as USD: {reason_of(error)}"
+        raise InputError(what, where=path, allowed="usda, usdc, usd, usdz") from None
 
 
 def _flatten_stage(stage: Usd.Stage, choices: StageChoices, warn: Warn) -> FlatScene | None:
