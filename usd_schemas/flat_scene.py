@@ -79,6 +79,9 @@ class Texture:
         channel: Where one number is wanted, the channel that holds it: 0 red, 1 green, 2 blue, 3 alpha.
         gain: Multiplier of linear red, green, blue [1]; where one number is wanted, the first counts.
         bias: Added after `gain` [1].
+        wrap: How it goes on beyond its edges along s and t: `repeat`, `mirror`, `clamp` or `black`.
+        alpha: Where its opacity is another file's, that file; empty for its own.
+        alpha_channel: Channel of that file: 0 red, 1 green, 2 blue, 3 alpha.
     """
 
     file: str
@@ -90,6 +93,9 @@ class Texture:
     channel: int = 0
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    alpha: str = ""
+    alpha_channel: int = 3
 
     @property
     def is_plain(self) -> bool:
@@ -128,9 +134,15 @@ class Material:
         metallic: Metallic, used without `metallic_texture` [1].
         metallic_texture: Metallic texture.
         normal_texture: Tangent-space normal map.
-        emissive: Linear emitted colour [1].
+        emissive: Linear emitted colour, used without `emissive_texture` [1].
         opacity_threshold: Fragments whose texture alpha is below are cut out; 0 for none [1].
         detail: Fine and macro detail.
+        emissive_texture: Emitted colour texture.
+        specular: Linear colour of the shine straight on, where it does not follow from `metallic`; else None [1].
+        specular_texture: Its texture, of which the mean counts.
+        opacity: What of the light behind it a blended surface holds back [1]; without a texture of its own.
+        blends: Lets what is behind shine through, by `opacity` or by the alpha of `base_texture`; in the truth it is
+            solid where that is 0.5 or more, and not there elsewhere.
     """
 
     name: str
@@ -145,6 +157,22 @@ class Material:
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
     opacity_threshold: float = 0.0
     detail: Detail = field(default_factory=Detail)
+    emissive_texture: Texture | None = None
+    specular: tuple[float, float, float] | None = None
+    specular_texture: Texture | None = None
+    opacity: float = 1.0
+    blends: bool = False
+
+    @property
+    def is_ghost(self) -> bool:
+        """Whether the truth does not hold it: it lets more light through than it holds back."""
+        return self.blends and self.opacity < 0.5 and not self.opacity_threshold
+
+    def textures(self) -> list[Texture]:
+        """List its textures, those of its detail apart."""
+        maps = (self.base_texture, self.roughness_texture, self.metallic_texture, self.normal_texture,
+                self.emissive_texture, self.specular_texture)  # fmt: skip
+        return [texture for texture in maps if texture is not None]
 
 
 @dataclass(frozen=True)
@@ -327,6 +355,18 @@ class FlatScene:
         moved = self.moments[number]
         draws = {name: np.concatenate([rows[:still], getattr(moved, name)]) for name, rows in vars(self.draws).items()}
         return replace(self, draws=Draws(**draws))
+
+
+def without_ghosts(scene: FlatScene) -> FlatScene:
+    """Leave out what lets more light through than it holds back: glass, smoke, and the like.
+
+    Args:
+        scene: A scene.
+    """
+    ghosts = np.array([material.is_ghost for material in scene.materials])[scene.draws.material]
+    if not ghosts.any():
+        return scene
+    return replace(scene, draws=Draws(**{name: rows[~ghosts] for name, rows in vars(scene.draws).items()}))
 
 
 def world_triangles(scene: FlatScene) -> tuple[F64, U32, U32]:

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from render.gpu.context import Gl
 from render.gpu.facets import Facets
 from render.gpu.materials import ROW, MaterialTable, Variant
 from render.gpu.row_texture import DRAW_UNIT, row_texture
+from render.gpu.wraps import Wraps
 from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
@@ -50,6 +52,7 @@ class GpuScene:
         anchor: Point that shading counts positions from [m], shape (3,), float64.
         facets: Triangles whose depth may have to be drawn anew.
         of_material: Row in `variants` of each material, shape (M,), int64.
+        wraps: How textures go on beyond their edges.
     """
 
     vertices: moderngl.Buffer
@@ -68,6 +71,7 @@ class GpuScene:
     anchor: F64
     facets: Facets
     of_material: I64
+    wraps: Wraps
 
     def moved(self, context: moderngl.Context, scene: FlatScene, facets: Facets) -> "GpuScene":
         """Return the same meshes and materials, drawn where another moment of the scene has them.
@@ -83,6 +87,21 @@ class GpuScene:
         """Give back what `moved` made."""
         for held in (self.draw_numbers, self.draws, self.offsets):
             held.release()
+
+    @property
+    def cut_out(self) -> NDArray[np.bool_]:
+        """Which draws have holes that only a texture knows, shape (D,)."""
+        return np.array(["CUT_OUT" in variant.features for variant in self.variants])[self.variant_rows]
+
+    @property
+    def blended(self) -> NDArray[np.bool_]:
+        """Which draws let what is behind them shine through, shape (D,)."""
+        return np.array(["BLEND" in variant.features for variant in self.variants])[self.variant_rows]
+
+    @property
+    def ghosts(self) -> NDArray[np.bool_]:
+        """Which draws the truth does not hold, and no shadow, shape (D,)."""
+        return np.array([variant.ghost for variant in self.variants])[self.variant_rows]
 
     def place(self, eye: F64) -> None:
         """Count every draw's origin from a point, subtracted in float64.
@@ -142,13 +161,11 @@ class GpuScene:
         return context.vertex_array(program, content, self.indices)
 
 
-def upload_scene(
-    context: moderngl.Context, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets
-) -> GpuScene:
+def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets) -> GpuScene:
     """Check a scene and put it into buffers.
 
     Args:
-        context: Open context.
+        gl: Open context.
         scene: Scene to upload.
         table: Its materials.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
@@ -158,7 +175,7 @@ def upload_scene(
         InputError: Nothing to draw, an index out of range, or a number that is not finite.
     """
     check_scene(scene)
-    geometry = scene.geometry
+    geometry, context = scene.geometry, gl.context
     vertices = np.zeros(len(geometry.positions), _VERTEX)
     vertices["p"], vertices["n"] = geometry.positions, geometry.normals
     vertices["st"], vertices["st1"] = geometry.st, geometry.st1
@@ -173,6 +190,7 @@ def upload_scene(
         indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
         materials=context.buffer(materials.tobytes()),
         variants=variants, of_material=of_material, anchor=anchor, facets=facets,
+        wraps=Wraps(context, gl.functions),
         **_placed(context, scene, of_material),
     )  # fmt: skip
 

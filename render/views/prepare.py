@@ -141,8 +141,7 @@ class Prepared:
         """
         from render.views.lens import ray_geometry
 
-        cut_out = np.array(["CUT_OUT" in variant.features for variant in self.gpu.variants])[self.gpu.variant_rows]
-        return ray_geometry(scene, cut_out)
+        return ray_geometry(scene, self.gpu.cut_out)
 
 
 def prepare(
@@ -179,7 +178,7 @@ def prepare(
     table = tabulate_materials(scene.materials, slots, settings.quality)
     anchor = (box[0] + box[1]) / 2
     facets = find_facets(scene, anchor)
-    gpu = upload_scene(gl.context, scene, table, anchor, facets.near(*flight) if flight is not None else facets)
+    gpu = upload_scene(gl, scene, table, anchor, facets.near(*flight) if flight is not None else facets)
     programs = Programs(gl.context)
     sunny = bool(daylight.sun_irradiance.any())
     shadow = Shadows(gl, programs, gpu, daylight, box, settings.shadow_size) if sunny else None

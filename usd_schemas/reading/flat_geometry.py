@@ -256,7 +256,7 @@ class _Parts:
         prim, mesh = placement.prim, None
         try:
             with guarded(prim, self._warn, "not drawn"):
-                mesh = read_mesh(prim, uv_names, placement.time)
+                mesh = read_mesh(prim, uv_names, placement.time, self._level)
         except UnreadableMeshError as error:
             self._warn(f"{prim.GetPath()}: {error}: not drawn")
         if mesh is None:

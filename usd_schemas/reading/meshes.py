@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from usd_schemas.reading.shapes import SHAPES, read_shape
+from usd_schemas.reading.subdivision import Cage, refine, smooth_normals
 from usd_schemas.reading.traversal import COMPOSED, EARLIEST, numbers_of, table_of
 from usd_schemas.triangulate import cross, face_normals, triangulate
 
@@ -17,6 +18,7 @@ I64 = NDArray[np.int64]
 PLAIN_ST = "st"
 ATLAS_ST = "st1"
 _SMOOTH = ("catmullClark", "loop")
+_MOST_CORNERS = 4_000_000  # of a refined mesh
 _SHORT = 1e-12  # a normal of this length or less points nowhere [1]
 _UV_TYPES = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
 _UV_LIKE = (*_UV_TYPES, "float2[]", "double2[]", "half2[]")
@@ -75,13 +77,14 @@ class _Faces:
     owner: I64
 
 
-def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EARLIEST) -> FlatMesh:
+def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EARLIEST, level: int = 1) -> FlatMesh:
     """Read a mesh or a native gprim.
 
     Args:
         prim: A Mesh, or a gprim out of `SHAPES`.
         uv_names: Primvars that the bound material reads as first and second UV set; either may be empty.
         time: When.
+        level: How many times a subdivision surface is refined.
 
     Raises:
         UnreadableMeshError: Points or face arrays are wrong.
@@ -98,11 +101,17 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EA
         st, st1 = (_read_primvar(prim, name, faces, 2, time, notes) for name in choose_uv(prim, uv_names))
     colors = _read_primvar(prim, "displayColor", faces, 3, time, notes)
     left_handed = UsdGeom.Gprim(prim).GetOrientationAttr().Get(EARLIEST) == UsdGeom.Tokens.leftHanded
+    cage, parent = faces, np.arange(len(faces.counts))
+    if normals is None and level and prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.catmullClark:
+        faces, parent, (st, st1, colors), normals = _refined(prim, faces, (st, st1, colors), left_handed, level, notes)
+    elif prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.loop:
+        notes.append("a loop surface is drawn as its cage")
     normals = _complete_normals(prim, normals, faces, left_handed)
     triangles, face = triangulate(faces.points, faces.counts, faces.corners)
+    face = parent[face]
     corner = faces.points[faces.corners[triangles]]
     area = cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    solid = np.any(area != 0.0, axis=1) & ~_holes(prim, faces, face, time)
+    solid = np.any(area != 0.0, axis=1) & ~_holes(prim, cage, face, time)
     triangles, face = triangles[solid], face[solid]
     nothing = np.zeros((1, 2)), np.zeros(len(faces.corners), np.int64)
     white = _Values(np.ones((1, 3)), nothing[1])
@@ -110,8 +119,58 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EA
     vertex, (points, normal, first, second, color) = _weld(faces, [normals, *uv, colors or white])
     return FlatMesh(
         points, normal, first, second, color,
-        vertex[triangles[:, ::-1] if left_handed else triangles], face, len(faces.counts),
+        vertex[triangles[:, ::-1] if left_handed else triangles], face, len(cage.counts),
         bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(EARLIEST)), colors is not None, tuple(notes),
+    )  # fmt: skip
+
+
+def _refined(
+    prim: Usd.Prim, faces: _Faces, values: tuple[_Values | None, ...], left_handed: bool, level: int, notes: list[str]
+) -> tuple[_Faces, I64, tuple[_Values | None, ...], _Values]:
+    """Refine a subdivision surface: its faces, the face of the cage of each, the values at corners, and normals."""
+    while level and len(faces.corners) * 4 ** (level - 1) > _MOST_CORNERS:
+        level -= 1
+    if not level:
+        notes.append("a subdivision surface that is drawn as its cage: it is fine enough")
+    told = [None if one is None else one.data[one.index] for one in values]
+    cage, refined = _cage(prim, faces), [one for one in told if one is not None]
+    for _ in range(level):
+        cage, refined = refine(cage, refined)
+    finer = _Faces(cage.points, cage.counts, cage.corners, _owners(cage.counts))
+    areas = face_normals(finer.points, finer.counts, finer.corners) * (-1.0 if left_handed else 1.0)
+    total, group = smooth_normals(cage, areas)
+    fresh = iter(refined)
+    number = np.arange(len(cage.corners))
+    spread = tuple(None if one is None else _Values(next(fresh), number) for one in told)
+    return finer, cage.parent, spread, _Values(_unit(total), group)
+
+
+def _cage(prim: Usd.Prim, faces: _Faces) -> Cage:
+    mesh, count = UsdGeom.Mesh(prim), len(faces.points)
+
+    def whole(attribute: Usd.Attribute) -> I64:
+        found = numbers_of(attribute.Get(EARLIEST))
+        return np.zeros(0, np.int64) if found is None else found
+
+    def decimal(attribute: Usd.Attribute) -> F64:
+        return np.array(attribute.Get(EARLIEST) or [], np.float64).reshape(-1)
+
+    lengths, along = whole(mesh.GetCreaseLengthsAttr()), whole(mesh.GetCreaseIndicesAttr())
+    sharp, pairs, strengths, place = decimal(mesh.GetCreaseSharpnessesAttr()), [], [], 0
+    for number, length in enumerate(lengths.tolist()):
+        chain = along[place : place + length]
+        place += length
+        if length > 1 and len(chain) == length and chain.min() >= 0 and chain.max() < count and number < len(sharp):
+            pairs.append(np.sort(np.stack([chain[:-1], chain[1:]], axis=1), axis=1))
+            strengths.append(np.full(length - 1, sharp[number]))
+    corner, corner_sharp = whole(mesh.GetCornerIndicesAttr()), decimal(mesh.GetCornerSharpnessesAttr())
+    fixed = np.zeros(count)
+    if len(corner) == len(corner_sharp) and len(corner) and 0 <= corner.min() <= corner.max() < count:
+        fixed[corner] = corner_sharp
+    return Cage(
+        faces.points, faces.counts, faces.corners, np.concatenate([np.zeros((0, 2), np.int64), *pairs]),
+        np.concatenate([np.zeros(0), *strengths]), fixed,
+        mesh.GetInterpolateBoundaryAttr().Get(EARLIEST) != UsdGeom.Tokens.edgeOnly, np.arange(len(faces.counts)),
     )  # fmt: skip
 
 

@@ -105,7 +105,7 @@ def _renamed(scene: FlatScene, rename: Rename) -> FlatScene:
     """Give the pictures of a scene other paths."""
 
     def texture(one: Texture | None) -> Texture | None:
-        return one and replace(one, file=rename(one.file))
+        return one and replace(one, file=rename(one.file), alpha=one.alpha and rename(one.alpha))
 
     def material(one: Material) -> Material:
         fine = one.detail
@@ -113,6 +113,7 @@ def _renamed(scene: FlatScene, rename: Rename) -> FlatScene:
             one,
             base_texture=texture(one.base_texture), roughness_texture=texture(one.roughness_texture),
             metallic_texture=texture(one.metallic_texture), normal_texture=texture(one.normal_texture),
+            emissive_texture=texture(one.emissive_texture), specular_texture=texture(one.specular_texture),
             detail=replace(
                 fine, file=fine.file and rename(fine.file), macro_file=fine.macro_file and rename(fine.macro_file)
             ),

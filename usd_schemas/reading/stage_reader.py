@@ -247,6 +247,7 @@ def _layer_digest(layer: Sdf.Layer) -> str:
 
 
 def _files(material: Material) -> list[str]:
-    maps = (material.base_texture, material.roughness_texture, material.metallic_texture, material.normal_texture)
-    files = [texture.file for texture in maps if texture] + [material.detail.file, material.detail.macro_file]
+    maps = material.textures()
+    files = [file for texture in maps for file in (texture.file, texture.alpha)]
+    files += [material.detail.file, material.detail.macro_file]
     return [file for file in files if file]
