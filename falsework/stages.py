@@ -59,8 +59,9 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
     """Render one survey of a stage; in a child, because a graphics driver may crash and belongs to one process.
 
     Args:
-        settings: `{seed, render, survey, platform}`, `variant` where one of the scene's variants is rendered, and
-            `drawing`: how many processes and threads share the work.
+        settings: `{seed, render, survey, platform}`, `variant` where one of the scene's variants is rendered, `choices`
+            of camera, frames and the like where there are any, and `drawing`: how many processes and threads share the
+            work.
         inputs: `stage`: the root layer, or the folder that holds `scene.usda`.
         folder: Folder to fill: empty, or left by an interrupted run.
         progress: Listener.
@@ -74,6 +75,7 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
             "settings": {**settings["render"], **settings.get("drawing", {})},
             "seed": settings["seed"],
             "survey": settings["survey"],
+            "choices": settings.get("choices"),
         },
         time_limit=RENDER_TIME_LIMIT,
         memory_limit=RENDER_MEMORY_LIMIT,

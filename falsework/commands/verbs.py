@@ -19,7 +19,7 @@ from recon.settings import ReconSettings
 
 def render_file(
     stage: Path, out: Path, survey: str | None, settings: dict[str, Any], seed: int, progress: Progress,
-    allow_roots: tuple[Path, ...] = (),
+    allow_roots: tuple[Path, ...] = (), choices: dict[str, Any] | None = None,
 ) -> list[str]:  # fmt: skip
     """Render the products of any stage, each into a capture of its own.
 
@@ -31,6 +31,7 @@ def render_file(
         seed: Seed of the sensor.
         progress: Listener.
         allow_roots: Folders beside that of the stage from which it may take files.
+        choices: JSON of `StageChoices`, or None for the stage as it is.
 
     Returns:
         Names of the captures.
@@ -41,7 +42,7 @@ def render_file(
     chosen: list[str] = []
 
     def write(folder: Path) -> None:
-        names = surveys_of(stage, allow_roots, progress)
+        names = surveys_of(stage, allow_roots, progress, choices)
         if survey is not None and survey not in names:
             raise InputError("no such product or camera", where=stage, value=survey, allowed=", ".join(names))
         chosen.extend(names if survey is None else [survey])
@@ -50,7 +51,7 @@ def render_file(
                 shutil.rmtree(other, ignore_errors=True)
         for name in chosen:
             (folder / name).mkdir(exist_ok=True)
-            request = {"seed": seed, "survey": name, "render": settings}
+            request = {"seed": seed, "survey": name, "render": settings, "choices": choices}
             STAGES["capture"].run(request, {"stage": stage}, folder / name, progress)
 
     with reading(stage):

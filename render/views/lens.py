@@ -5,6 +5,7 @@ triangles that the wider view shows around its place, in double precision, and t
 depth and normal. Nothing is blended across an edge.
 """
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,6 +80,16 @@ def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
 
 class Lens:
     """A distorted camera: which wider view it needs, and what it makes of it."""
+
+    def meeting(self, geometry: Geometry) -> "Lens":
+        """Return the same lens, whose rays meet another moment of the scene.
+
+        Args:
+            geometry: What a ray may meet.
+        """
+        other = copy(self)
+        other._geometry = geometry
+        return other
 
     def __init__(self, camera: Pinhole, distortion: Distortion, geometry: Geometry, *, normals: bool) -> None:
         """Find each pixel's place in the wider view.

@@ -12,7 +12,7 @@ from render.capture import CAMERAS, FORMAT, FORMAT_VERSION, TRUTH, CamerasFile, 
 from render.images import image_files
 from render.images.depth_tiff import encode_depth_tiff
 from usd_schemas.distortion import NO_DISTORTION, Distortion
-from usd_schemas.flat_scene import FlatScene
+from usd_schemas.flat_scene import FlatScene, without_ghosts
 from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
@@ -123,6 +123,7 @@ def write_truth(
             "component": row.component,
             "class": row.class_name,
             "parameters": row.parameters,
+            **({"moves": True} if row.moves else {}),
         }
         for row in scene.instances
     ]
@@ -132,7 +133,7 @@ def write_truth(
 
 
 def _write_surface(path: Path, scene: FlatScene) -> None:
-    geometry, draws = scene.geometry, scene.draws
+    geometry, draws = scene.geometry, without_ghosts(scene).draws
     arrays = {
         "positions": geometry.positions, "triangles": geometry.triangles,
         "part_first": geometry.part_first, "part_count": geometry.part_count,
