@@ -18,7 +18,7 @@ from falsework.execution.outcome import Outcome
 from falsework.execution.scene import BusySceneError, Manner, run_scene
 from falsework.scenario import Scenario
 from falsework.store.store import Store
-from groundwork.errors import InputError
+from groundwork.errors import FalseworkError, InputError
 from groundwork.progress import Progress, Silent
 
 FAILURES = 1_000_000  # deaths of workers that Dask forgives a task; after three it would blame whichever task ran there
@@ -100,6 +100,7 @@ def run_on_cluster(jobs: list[SceneJob], progress: Progress, workers: int, addre
 
     Raises:
         InputError: No cluster answers at the address.
+        FalseworkError: It answered, and went away.
         OutOfSpaceError: The disk is full.
     """
     outcome = Outcome()
@@ -181,16 +182,26 @@ def _own_cluster(workers: int) -> Iterator[Any]:
 
 @contextmanager
 def _standing_cluster(address: str) -> Iterator[Any]:
-    from distributed import Client
+    from distributed import CancelledError, Client
+    from distributed.comm import CommClosedError
 
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout="30s")
     except (OSError, ValueError) as error:
         raise InputError(
             "no scheduler answers", field="--cluster", value=address, mend="Start one: dask scheduler"
         ) from error
-    with client:
+    try:
         yield client
+    except (CommClosedError, CancelledError):
+        raise FalseworkError(
+            f"{address}: the scheduler went away. Finished results stay: start one, then run the same command again"
+        ) from None
+    finally:
+        with suppress(Exception):
+            client.close(timeout=CLOSING)
 
 
 @contextmanager
