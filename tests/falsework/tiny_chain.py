@@ -82,11 +82,13 @@ def command(*words: str | Path) -> list[str]:
     return [sys.executable, "-m", "tests.falsework.tiny_chain", *map(str, words)]
 
 
-def start(*words: str | Path, cwd: Path = ROOT, **environment: str) -> subprocess.Popen[str]:
+def start(
+    *words: str | Path, cwd: Path = ROOT, stderr: int = subprocess.PIPE, **environment: str
+) -> subprocess.Popen[str]:
     """Begin `falsework …` with the tiny stages, in a session of its own."""
     return subprocess.Popen(
         command(*words), cwd=cwd, env={**os.environ, "PYTHONPATH": str(ROOT), **environment}, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, start_new_session=True,
+        stderr=stderr, text=True, start_new_session=True,
     )  # fmt: skip
 
 

@@ -2,12 +2,13 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -75,10 +76,26 @@ def _finish(process: subprocess.Popen[str]) -> None:
     assert "Traceback" not in said
 
 
+def _on_a_terminal(*words: str | Path, cwd: Path) -> str:
+    """Run a command whose standard error is a terminal; give what is drawn there."""
+    ours, theirs = os.openpty()
+    process = start(*words, cwd=cwd, stderr=theirs, COLUMNS="110", LINES="40", TERM="xterm")
+    os.close(theirs)
+    parts = []
+    with suppress(OSError):  # how the end of a terminal shows
+        while part := os.read(ours, 1 << 16):
+            parts.append(part)
+    os.close(ours)
+    process.communicate(timeout=PATIENCE)
+    said = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", b"".join(parts).decode())
+    assert process.returncode == 0, said
+    return said
+
+
 def test_a_standing_cluster_loses_a_worker(tmp_path: Path, proof_count: Count) -> None:
     """Workers in other folders find the scenario's world; one is killed in its work, the other ends the run alone.
 
-    The tree is that of a run in one process.
+    The tree is that of a run in one process, and the table at the end counts what the workers told.
     """
     deaths = proof_count(1, 4)
     for name in ("in/worlds/town", "once"):
@@ -96,10 +113,13 @@ def test_a_standing_cluster_loses_a_worker(tmp_path: Path, proof_count: Count) -
         _process(tmp_path / "a", *WORKER, *nanny, *file, **faults) as one,
         _process(tmp_path / "b", *WORKER, *nanny, *file, **faults) as other,
     ):
-        _finish(start("run", "s.toml", "-o", "out", "--cluster", _address(tmp_path, first), cwd=tmp_path / "in"))
+        words = ("run", "s.toml", "-o", "out", "--cluster", _address(tmp_path, first))
+        drawn = _on_a_terminal(*words, cwd=tmp_path / "in")
         alive = [process.poll() is None for process in (one, other)]
         assert sorted(alive) == [come_again, True]
         assert len(list((tmp_path / "once").iterdir())) == deaths
+    assert f"all    {SCENES}/{SCENES}" in drawn
+    assert f"{SCENES} of {SCENES} scenes" in drawn
     assert contents(out) == contents(calm)
     stage = next(out.glob("store/stage/*/scene.usda"))
     assert f"# world/town {folder_digest(tmp_path / 'in/worlds/town')}" in stage.read_text()
