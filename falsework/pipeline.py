@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from falsework.execution.chain import Sources, look_at_sources
+from falsework.execution.board import NO_BOARD, Board
+from falsework.execution.chain import Sources, look_at_sources, scene_chain
 from falsework.execution.claim import claim_run
 from falsework.execution.outcome import Outcome
-from falsework.execution.scene import BusySceneError, Manner, run_scene
+from falsework.execution.scene import BusySceneError, Manner, run_scene, steps_of
 from falsework.scenario import Scenario
 from falsework.store.store import Store
 from groundwork.progress import Progress
@@ -19,7 +20,7 @@ __all__ = ["Outcome", "run_scenario"]
 
 def run_scenario(
     scenario: Scenario, out: Path, progress: Progress, scenes: Iterable[int] | None = None, *,
-    retry_failed: bool = False, workers: int = 0, cluster: str | None = None,
+    retry_failed: bool = False, workers: int = 0, cluster: str | None = None, board: Board = NO_BOARD,
 ) -> Outcome:  # fmt: skip
     """Run the whole chain, or what is left of it; several processes may do so in one folder.
 
@@ -31,6 +32,7 @@ def run_scenario(
         retry_failed: Try again what failed in an earlier run.
         workers: Worker processes that share the scenes; 0 runs one after the other in this process.
         cluster: Address of a standing Dask scheduler whose workers share the scenes instead.
+        board: Listener for the steps of the scenes.
 
     Returns:
         Counts and paths.
@@ -54,25 +56,29 @@ def run_scenario(
         place = Path(os.path.realpath(out))
         how = replace(manner, wait=False)
         jobs = [SceneJob(scenario, sources, index, place, how) for index in indices]
-        outcome = run_on_cluster(jobs, progress, workers, cluster).below(out, place)
+        outcome = run_on_cluster(jobs, progress, workers, cluster, board).below(out, place)
     else:
-        outcome = _run_here(scenario, sources, indices, out, manner, progress)
+        outcome = _run_here(scenario, sources, indices, out, manner, (progress, board))
     Store(out).sweep()
     return outcome
 
 
 def _run_here(
-    scenario: Scenario, sources: Sources, indices: list[int], out: Path, manner: Manner, progress: Progress
-) -> Outcome:
+    scenario: Scenario, sources: Sources, indices: list[int], out: Path, manner: Manner,
+    listeners: tuple[Progress, Board],
+) -> Outcome:  # fmt: skip
     """Run scenes one after the other in this process; those that another process works on come last."""
-    outcome, store = Outcome(), Store(out)
+    outcome, store, (progress, board) = Outcome(), Store(out), listeners
+    if indices:
+        steps = steps_of(scene_chain(scenario, indices[0], sources), scenario.keep)
+        board.expect([f"{index:04d}" for index in indices], steps, 0)
     waiting = deque(indices)
     busy = 0
     while waiting:
         index = waiting.popleft()
         how = replace(manner, wait=busy > len(waiting))  # every scene that is left is in the hands of others
         try:
-            outcome.add(run_scene(scenario, sources, index, store, how, progress))
+            outcome.add(run_scene(scenario, sources, index, store, how, progress, board=board))
             busy = 0
         except BusySceneError as error:
             outcome.made += error.made

@@ -4,6 +4,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from falsework.execution.board import NO_BOARD, Board, State, Told
 from falsework.execution.chain import Chain, Flight, Sources, Step, scene_chain
 from falsework.execution.costs import bytes_added, check_space
 from falsework.execution.events import write_event
@@ -54,6 +55,7 @@ class SceneRun:
         chain: Its steps.
         manner: How to go about it.
         progress: Listener.
+        board: Listener for its steps.
         outcome: What has come of it so far.
     """
 
@@ -61,6 +63,7 @@ class SceneRun:
     chain: Chain
     manner: Manner
     progress: Progress
+    board: Board = NO_BOARD
     outcome: Outcome = field(default_factory=Outcome)
 
     def run(self) -> Outcome:
@@ -130,10 +133,12 @@ class SceneRun:
         if not self.store.has(step.task) and step.link not in needed:
             self.store.raise_former_failure(step.task, self.manner.retry)
             self.outcome.reused += 1  # it was there, and what needed it is
+            self._tell(step, "done")
             return
         made = self._ensure(step)
         self.outcome.made += made
         self.outcome.reused += not made
+        self._tell(step, "done")
         self.store.link(f"scenes/{self.chain.name}/{step.link}", step.task, step.file)
 
     def _evict(self, needed: set[str]) -> None:
@@ -159,6 +164,7 @@ class SceneRun:
         check_space(self.store.root, step.task.stage, step.task.key)
         inputs = {**step.given, **{name: self.store.folder(parent.task) for name, parent in step.parents.items()}}
         stage, begin = STAGES[step.task.stage], time.monotonic()
+        self._tell(step, "begun")
         settings = {**step.task.settings, **step.task.manner}
         made = self.store.produce(
             step.task, lambda folder: stage.run(settings, inputs, folder, self.progress), resume=stage.resumes,
@@ -168,6 +174,9 @@ class SceneRun:
         size = {"bytes": bytes_added(self.store.folder(step.task))} if made else {}
         write_event(self.store.root, {**event, "seconds": time.monotonic() - begin, **size})
         return made
+
+    def _tell(self, step: Step, state: State) -> None:
+        self.board.tell(Told(self.chain.name, step.task.stage, step.link, state))
 
     def _provide(self, step: Step) -> None:
         """See that an input is whole; one that is not is made again, of the same bytes."""
@@ -186,7 +195,7 @@ class SceneRun:
 
 def run_scene(
     scenario: Scenario, sources: Sources, index: int, store: Store, manner: Manner, progress: Progress,
-    kind: type[SceneRun] = SceneRun,
+    kind: type[SceneRun] = SceneRun, board: Board = NO_BOARD,
 ) -> Outcome:  # fmt: skip
     """Run one scene, and count what is wrong with it; the other scenes of a scenario go on.
 
@@ -198,6 +207,7 @@ def run_scene(
         manner: How to go about it.
         progress: Listener.
         kind: What runs it.
+        board: Listener for its steps.
 
     Raises:
         InputError: What is wrong with the only scene of the scenario.
@@ -205,7 +215,7 @@ def run_scene(
         BusySceneError: Another process is making what we need, and we do not wait.
     """
     chain = scene_chain(scenario, index, sources)
-    scene = kind(store, chain, manner, progress)
+    scene = kind(store, chain, manner, progress, board)
     try:
         scene.run()
     except RejectedSceneError as rejection:
@@ -223,4 +233,20 @@ def run_scene(
             raise
         failure = failure_of(error, 1, store.root)  # what one scene draws may not go together
         scene.outcome.failed[chain.name] = str(error) if failure is None else failure.message
+    state: State = "rejected" if chain.name in scene.outcome.rejected else "done"
+    board.tell(Told(chain.name, state="failed" if chain.name in scene.outcome.failed else state))
     return scene.outcome
+
+
+def steps_of(chain: Chain, keep: tuple[str, ...]) -> dict[str, int]:
+    """Count the results of each stage in a scene.
+
+    Args:
+        chain: The steps of the scene.
+        keep: Stages whose results stay.
+    """
+    flights = len(chain.flights)
+    return {
+        **({} if chain.stage is None else {"stage": 1}), "capture": flights, "cloud": flights,
+        **({"report": 1} if "report" in keep else {}),
+    }  # fmt: skip
