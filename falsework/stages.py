@@ -5,12 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from groundwork.child import run_child
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 from groundwork.slug import inside
 
 RENDER_TIME_LIMIT = 6 * 3600.0  # [s] per survey
 RENDER_MEMORY_LIMIT = 16.0  # [GB]
+SAMPLE_TIME_LIMIT = 6 * 3600.0  # [s] per cloud
+SAMPLE_MEMORY_LIMIT = 16.0  # [GB]
 
 Run = Callable[[dict[str, Any], dict[str, Path], Path, Progress], None]
 
@@ -92,12 +95,32 @@ def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progr
     reconstruct(inputs["capture"], folder, recon, progress, inputs.get("control"))
 
 
+def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Sample the surface of a stage as a cloud; in a child, because the stage may come from anywhere.
+
+    Args:
+        settings: `{kind, sample, platform}`: mesh, terrestrial or mobile, and the settings of that sampler; `variant`
+            where one of the scene's variants is sampled, and `allow_roots`: folders beside that of the stage from
+            which it may take files.
+        inputs: `stage`: the root layer, or the folder that holds `scene.usda`.
+        folder: Empty folder to fill.
+        progress: Listener.
+    """
+    request = {
+        "kind": settings["kind"], "settings": settings["sample"], "folder": str(folder.resolve()),
+        "stage": str(root_layer(inputs["stage"], settings.get("variant", "")).resolve()),
+        "allow_roots": settings.get("allow_roots", []),
+    }  # fmt: skip
+    run_child("falsework.children.sample_work", request, time_limit=SAMPLE_TIME_LIMIT,
+              memory_limit=SAMPLE_MEMORY_LIMIT, progress=progress)  # fmt: skip
+
+
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
     """Write the page that shows one scene.
 
     Args:
         settings: `{title}`.
-        inputs: `stage`, and `capture/<survey>` and `cloud/<survey>` for each survey.
+        inputs: `stage`, `capture/<survey>` and `cloud/<survey>` for each survey, and `sample/<id>` for each sample.
         folder: Empty folder to fill.
         progress: Listener.
     """
@@ -106,7 +129,8 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     progress.stage("report", 0)
     surveys = sorted(name.partition("/")[2] for name in inputs if name.startswith("capture/"))
     pairs = {survey: (inputs[f"capture/{survey}"], inputs.get(f"cloud/{survey}")) for survey in surveys}
-    write_report(folder / "report.html", settings["title"], inputs["stage"], pairs)
+    samples = {name.partition("/")[2]: path for name, path in inputs.items() if name.startswith("sample/")}
+    write_report(folder / "report.html", settings["title"], inputs["stage"], pairs, samples)
 
 
 def root_layer(stage: Path, variant: str = "") -> Path:
@@ -124,5 +148,6 @@ STAGES: dict[str, Stage] = {
     "stage": Stage(8, author),
     "capture": Stage(9, capture, resumes=True),
     "cloud": Stage(13, cloud, resumes=True),
+    "sample": Stage(1, sample),
     "report": Stage(5, report),
 }

@@ -15,8 +15,7 @@ def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
     Returns:
         Links of the steps to make.
     """
-    steps = {step.link: step for flight in chain.flights for step in (flight.capture, flight.cloud)}
-    steps |= {} if chain.stage is None else {"stage": chain.stage}
+    steps = {step.link: step for step in chain.steps}
     settled = {link for link, step in steps.items() if store.has(step.task) or _rejected(store, step)}
     without = frozenset(link for link, step in steps.items() if _rejected(store, step))
     for flight in chain.flights:
@@ -24,14 +23,14 @@ def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
             settled.add(flight.cloud.link)
             without |= {flight.cloud.link}
     needed: set[str] = set()
-    clouds = [flight.cloud for flight in chain.flights]
+    clouds = [step for step in chain.steps if step.kind == "cloud"]
     clouds_known = all(step.link in settled or store.evicted_files(step.task) is not None for step in clouds)
     if "report" in keep and not (clouds_known and store.has(chain.report(without).task)):
         needed.add("report.html")
     order = [link for kind in ("cloud", "capture", "stage") for link in sorted(steps) if link.startswith(kind)]
     for link in order:
         waited_for = any(other in needed for other in consumers(chain, steps[link]))
-        if link not in settled and (waited_for or steps[link].task.stage in keep):
+        if link not in settled and (waited_for or steps[link].kind in keep):
             needed.add(link)
     return needed
 
@@ -47,7 +46,8 @@ def consumers(chain: Chain, step: Step) -> list[str]:
         Their links.
     """
     if step.task.stage == "stage":
-        return [*(flight.capture.link for flight in chain.flights), "report.html"]
+        captures = (flight.capture.link for flight in chain.flights)
+        return [*captures, *(sample.link for sample in chain.samples), "report.html"]
     own = [flight.cloud.link for flight in chain.flights if flight.capture.link == step.link]
     return [*own, "report.html"]
 

@@ -63,14 +63,16 @@ class SceneRun:
             RejectedSceneError: It can become no cloud.
             BusyError: Another process is making what we need, and we do not wait.
         """
-        for flight in self.chain.flights:
-            if not flight.variant and not self.store.has(flight.capture.task):  # nor shall it be made in vain
-                self.store.raise_former_failure(flight.cloud.task, self.manner.retry)
         needed = needed_steps(self.chain, self.store, self.manner.keep)
-        if self.chain.stage is not None:
-            self._make(self.chain.stage, needed)
         without: set[str] = set()
         try:
+            if self.chain.samples:  # first: a flight that is rejected shall not cost them
+                self._sample(needed)
+            for flight in self.chain.flights:
+                if not flight.variant and not self.store.has(flight.capture.task):  # nor shall it be made in vain
+                    self.store.raise_former_failure(flight.cloud.task, self.manner.retry)
+            if self.chain.stage is not None and not self.chain.samples:
+                self._make(self.chain.stage, needed)
             for flight in self.chain.flights:
                 self._fly(flight, without, needed)
         except RejectedSceneError:
@@ -81,6 +83,14 @@ class SceneRun:
             self.outcome.reports.append(self._scene / "report.html")
         self._evict(needed_steps(self.chain, self.store, self.manner.keep))
         return self.outcome
+
+    def _sample(self, needed: set[str]) -> None:
+        """Make the stage and the clouds that are sampled from it."""
+        if self.chain.stage is not None:
+            self._make(self.chain.stage, needed)
+        for step in self.chain.samples:
+            self._make(step, needed)
+            self.outcome.clouds.append(self._scene / step.link)
 
     @property
     def _scene(self) -> Path:
@@ -114,10 +124,9 @@ class SceneRun:
 
     def _evict(self, needed: set[str]) -> None:
         """Let go what the run does not keep, where no needed step waits for it."""
-        stage = [] if self.chain.stage is None else [self.chain.stage]
-        for step in (*(step for flight in self.chain.flights for step in (flight.cloud, flight.capture)), *stage):
+        for step in reversed(self.chain.steps):
             waited_for = consumers(self.chain, step)
-            if step.task.stage in self.manner.keep or any(link in needed for link in waited_for):
+            if step.kind in self.manner.keep or any(link in needed for link in waited_for):
                 continue
             if self.store.has(step.task):
                 self.store.evict(step.task, f"scenes/{self.chain.name}/{step.link}")
