@@ -6,15 +6,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import tomli_w
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.settings import AuthoringSettings
 from groundwork.errors import InputError, MissingError
 from groundwork.settings import Settings, parse_settings, read_toml
+from recon.sampling.sampler_settings import AnySample, MeshSample, MobileSample
 from recon.settings import ReconSettings
 from render.settings import SensorSettings, ShadingSettings
 
@@ -33,7 +34,7 @@ class Scenario(AuthoringSettings):
     scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
     keep: tuple[Literal["stage", "capture", "model", "cloud", "report"], ...] = Field(
         ("stage", "capture", "model", "cloud", "report"),
-        description="Stages whose results stay; the others go once what needs them is there",
+        description="Stages whose results stay; the others go once what needs them is there; samples are clouds",
     )
     stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")
     worlds: dict[str, str] = Field(
@@ -51,6 +52,33 @@ class Scenario(AuthoringSettings):
     render: ShadingSettings = Field(default_factory=ShadingSettings, description="Renderer")
     sensor: SensorSettings = Field(default_factory=SensorSettings, description="The camera behind the lens")
     recon: ReconSettings = Field(default_factory=ReconSettings, description="Reconstruction")
+    sample: tuple[AnySample, ...] = Field(
+        default=(), description="Clouds sampled from the surface of the stage, without any image"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _samples_need_no_flight(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("sample") and not {"survey", "stage"} & values.keys():
+            return {**values, "survey": ()}
+        return values
+
+    @model_validator(mode="after")
+    def _samples_fit(self) -> Self:
+        if not self.survey and not self.sample:
+            raise ValueError("neither a survey nor a sample; allowed: at least one [[survey]] or [[sample]]")
+        flown = [survey.id for survey in self.survey] if self.stage is None else []
+        ids = [*flown, *(sample.id for sample in self.sample)]
+        if len(set(ids)) < len(ids):
+            raise ValueError(f"two clouds have the same id; allowed: a different id each, found {', '.join(ids)}")
+        for sample in self.sample if self.stage is None else ():
+            if isinstance(sample, MeshSample) and sample.min_views and not self.survey:
+                raise ValueError(f"sample {sample.id} counts views (min_views); allowed: only with a [[survey]]")
+            named = sample.survey if isinstance(sample, MeshSample) else ""
+            named = sample.path if isinstance(sample, MobileSample) and sample.path != "deck" else named
+            if named and named not in flown:
+                raise ValueError(f"sample {sample.id} names no survey with {named!r}; allowed: {', '.join(flown)}")
+        return self
 
     def authoring(self) -> dict[str, Any]:
         """Return the sections that a stage is authored from, as JSON."""
@@ -66,7 +94,7 @@ class Scenario(AuthoringSettings):
         Args:
             folder: Where the file will stand, if its paths shall hold from there.
         """
-        values = self.model_dump(mode="json", exclude_none=True)
+        values = self.model_dump(mode="json", exclude_none=True, exclude=None if self.sample else {"sample"})
         if folder is not None:
             base = os.path.realpath(folder)
             for section in ("worlds", "skies", "surfaces"):

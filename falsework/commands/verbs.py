@@ -104,13 +104,21 @@ def report_scene(scene: Path, page: Path) -> None:
         page: HTML file to write.
     """
     captures = sorted(path for path in scene.glob("capture/*") if path.is_dir())
-    if not captures:
+    clouds = {path.name: path for path in sorted(scene.glob("cloud/*")) if path.is_dir()}
+    samples = {name: path for name, path in clouds.items() if _is_sampled(path)}
+    if not captures and not samples:
         raise MissingError("holds no capture", where=scene, mend="Name a folder such as OUT/scenes/0000")
-    clouds = {path.name: path for path in scene.glob("cloud/*") if path.is_dir()}
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
     inputs = [scene, *captures, *clouds.values()]
     with reading(*inputs), fresh_file(page, inputs) as temporary:
-        write_report(temporary, _title(scene), scene / "stage", surveys)
+        write_report(temporary, _title(scene), scene / "stage", surveys, samples)
+
+
+def _is_sampled(cloud: Path) -> bool:
+    """Tell whether a cloud comes from the surface of its stage, not from photographs."""
+    from recon.cloud import RECONSTRUCTED, read_cloud
+
+    return read_cloud(cloud).source not in RECONSTRUCTED
 
 
 def _title(scene: Path) -> str:

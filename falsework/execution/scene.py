@@ -76,27 +76,40 @@ class SceneRun:
             RejectedSceneError: It can become no cloud.
             BusyError: Another process is making what we need, and we do not wait.
         """
-        for flight in self.chain.flights:
-            if not flight.variant and not self.store.has(flight.capture.task):  # nor shall it be made in vain
-                for step in self._wanted(flight.model, *flight.clouds):
-                    self.store.raise_former_failure(step.task, self.manner.retry)
         needed = needed_steps(self.chain, self.store, self.manner.keep)
-        for step in self._wanted(self.chain.stage):
-            self._make(step, needed)
         without: set[str] = set()
         try:
+            if self.chain.samples:  # first: a flight that is rejected shall not cost them
+                self._sample(needed)
+            for flight in self.chain.flights:
+                if not flight.variant and not self.store.has(flight.capture.task):  # nor shall it be made in vain
+                    for step in self._wanted(flight.model, *flight.clouds):
+                        self.store.raise_former_failure(step.task, self.manner.retry)
+            if not self.chain.samples:
+                for step in self._wanted(self.chain.stage):
+                    self._make(step, needed)
             for flight in self.chain.flights:
                 self._fly(flight, without, needed)
         except RejectedSceneError:
             self._evict(set())
+            self._name_clouds(*self.chain.samples)
             raise
         if "report" in self.manner.keep:
             self._make(self.chain.report(frozenset(without)), needed)
             self.outcome.reports.append(self._scene / REPORT)
         self._evict(needed_steps(self.chain, self.store, self.manner.keep))
-        clouds = [step for flight in self.chain.flights for step in self._wanted(*flight.clouds)]
-        self.outcome.clouds += [self._scene / step.link for step in clouds if self.store.has(step.task)]
+        self._name_clouds(*self.chain.steps)
         return self.outcome
+
+    def _name_clouds(self, *steps: Step) -> None:
+        """Tell the user the clouds that this run makes or found."""
+        clouds = [step for step in self._wanted(*steps) if step.kind == "cloud" and self.store.has(step.task)]
+        self.outcome.clouds += [self._scene / step.link for step in clouds]
+
+    def _sample(self, needed: set[str]) -> None:
+        """Make the stage and the clouds that are sampled from it."""
+        for step in self._wanted(self.chain.stage, *self.chain.samples):
+            self._make(step, needed)
 
     @property
     def _scene(self) -> Path:
@@ -145,7 +158,7 @@ class SceneRun:
         """Let go what the run does not keep, where no needed step waits for it."""
         for step in reversed(self.chain.steps):
             waited_for = consumers(self.chain, step)
-            if step.task.stage in self.manner.keep or any(link in needed for link in waited_for):
+            if step.kind in self.manner.keep or any(link in needed for link in waited_for):
                 continue
             if self.store.has(step.task):
                 self.store.evict(step.task, f"scenes/{self.chain.name}/{step.link}")

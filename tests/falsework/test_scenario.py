@@ -32,6 +32,20 @@ BAD = {
     "variant twice": ("[variants]\nlook = ['clean', 'clean']", ["variants", "twice"]),
     "light without a name": ("[[variants.light]]\nbrightness = 1.0", ["variants.light.0.name", "required"]),
     "variants of a stage": ("[stage]\npath = 's.usda'\n[variants]\nlook = ['clean']", ["variants", "scene set"]),
+    "nothing to make": ("survey = []", ["neither a survey nor a sample"]),
+    "sample of no kind": ("[[sample]]\nkind = 'photo'", ["sample.0.kind", "'photo'", "mesh, terrestrial, mobile"]),
+    "unknown key of a sample": ("[[sample]]\nkind = 'mesh'\nvoxle = 1", ["voxle", "Did you mean 'voxel'"]),
+    "two samples of one id": ("[[sample]]\nkind = 'mesh'\n[[sample]]\nkind = 'mesh'", ["same id", "mesh, mesh"]),
+    "sample named as a survey": (
+        "[[survey]]\nkind = 'grid'\n[[sample]]\nkind = 'mesh'\nid = 'grid'",
+        ["same id", "grid, grid"],
+    ),
+    "views without a flight": ("[[sample]]\nkind = 'mesh'\nmin_views = 1", ["min_views", "[[survey]]"]),
+    "views of no survey": (
+        "[[survey]]\nkind = 'grid'\n[[sample]]\nkind = 'mesh'\nmin_views = 1\nsurvey = 'local'",
+        ["'local'", "grid"],
+    ),
+    "path of no survey": ("[[sample]]\nkind = 'mobile'\npath = 'local'", ["mobile", "'local'"]),
     "not TOML": ("seed = = 7", ["line 1"]),
 }
 

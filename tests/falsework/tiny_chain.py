@@ -71,13 +71,23 @@ def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progr
     (folder / "coord.npy").write_bytes(json.dumps(settings["recon"], sort_keys=True).encode() + b"".join(parts))
 
 
+def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Hash the stage and the drawn seed into points."""
+    seed = int((inputs["stage"] / "scene.usda").read_text().split()[-1])
+    _go_wrong("sample", seed)
+    text = f"{settings['kind']} {json.dumps(settings['sample'], sort_keys=True)} {folder_digest(inputs['stage'])}"
+    (folder / "coord.npy").write_bytes(hashlib.sha256(text.encode()).digest())
+
+
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
     """Say the hash of each input."""
     lines = [f"{name} {folder_digest(path)}\n" for name, path in sorted(inputs.items()) if path.is_dir()]
     (folder / "report.html").write_text(settings["title"] + "\n" + "".join(lines))
 
 
-TINY: dict[str, Run] = {"stage": author, "capture": capture, "model": model, "cloud": cloud, "report": report}
+TINY: dict[str, Run] = {
+    "stage": author, "capture": capture, "model": model, "cloud": cloud, "sample": sample, "report": report,
+}  # fmt: skip
 
 
 def tiny_stages() -> dict[str, Stage]:
@@ -156,6 +166,7 @@ def use_tiny_stages() -> None:
     STAGES.update(tiny_stages())
     chain.render_platform = lambda device="auto": {"gl_renderer": "none"}
     chain.recon_platform = lambda: {"cpu": "none"}
+    chain.sample_platform = lambda: {"cpu": "none"}
 
 
 if __name__ in ("__main__", "__mp_main__"):  # the second one in the worker processes of a cluster
