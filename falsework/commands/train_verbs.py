@@ -71,7 +71,7 @@ def train(
             values["network"][key.removeprefix("network.")] = value
         else:
             values[key] = value
-    settings = parse_settings(TrainSettings, values, "--set")
+    settings = parse_settings(TrainSettings, values, "train")
     names = _words(channels)
     source, held = _split(dataset, "train", names), _split(dataset, "val", names)
     asked = [file_digest(dataset / "dataset.json"), channels, str(init), settings.model_dump(mode="json")]

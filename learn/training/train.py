@@ -119,8 +119,9 @@ def _check(
     source: SampleSource, validation: SampleSource, rows: Sequence[int], held: Sequence[int], settings: TrainSettings
 ) -> tuple[str, ...]:
     if not rows or not held:
-        raise InputError("too few samples: whole bridges are held out for validation", field="samples",
-                         value=len(source), mend="Add clouds of another bridge")  # fmt: skip
+        names = sorted({source.bridge(row) for row in range(len(source))})
+        raise InputError("too few bridges: a whole one is held out for validation", field="bridges", value=len(names),
+                         allowed="2 or more", mend="Add clouds of another bridge, or train --model forest")  # fmt: skip
     if validation.classes != source.classes:
         raise InputError("training and validation have other classes", field="classes",
                          value=", ".join(validation.classes), allowed=", ".join(source.classes))  # fmt: skip
