@@ -1,6 +1,6 @@
 """What strangers' scans cost a model: mean IoU lost where unit, axes, place, density, extent or level differ.
 
-Usage: python -m benchmarks.robustness CLOUD… [--model FOLDER] [--out FILE]
+Usage: python -m benchmarks.robustness CLOUD… [--model FOLDER] [--length METERS] [--out FILE]
 
 CLOUDs are scans of bridges that the model never saw, with their truth. Each is labelled as it is, a quarter of its
 points left, and then again changed; every pair of scores is over the same places. `docs/benchmarks/robustness.md`.
@@ -70,16 +70,18 @@ def near_bridge(scan: Scan, reach: float) -> Inside:
     return lambda place: ((place[:, :2] >= low[:2]) & (place[:, :2] <= high[:2])).all(axis=1)
 
 
-def first_half(scan: Scan) -> Inside:
-    """Cut the bridge across its longer horizontal direction, at its middle.
+def stretch(scan: Scan, low: float, high: float) -> Inside:
+    """Cut a stretch out of a bridge, across its longer horizontal direction.
 
     Args:
         scan: The scan.
+        low: Where it begins, from the middle of the bridge [m].
+        high: Where it ends [m].
     """
     mine = scan.place[on_bridge(scan)][:, :2]
     middle = 0.5 * (mine.min(axis=0) + mine.max(axis=0))
     axis = np.linalg.eigh(np.cov((mine - middle).T))[1][:, 1]
-    return lambda place: (place[:, :2] - middle) @ axis <= 0.0
+    return lambda place: ((place[:, :2] - middle) @ axis >= low) & ((place[:, :2] - middle) @ axis <= high)
 
 
 def tilted(scan: Scan) -> Scan:
@@ -108,7 +110,7 @@ def rows_of(scan: Scan, model: PointModel) -> tuple[dict[str, dict[str, float]],
     order = rng.permutation(len(scan.coord))
     usual = scan.take(np.sort(order[: round(SHARE * len(order))]))
     plain = label_scan(usual, model)
-    near, half = near_bridge(scan, NEAR), first_half(scan)
+    near, half = near_bridge(scan, NEAR), stretch(scan, -np.inf, 0.0)
     few = rng.permutation(len(usual.coord))[: round(TENTH * len(usual.coord))]
     feet, y_up = PredictSettings(unit="ft"), PredictSettings(unit="m", up="y")
     changed: dict[str, tuple[Scan, Inside | None]] = {
@@ -187,9 +189,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("clouds", type=Path, nargs="+")
     parser.add_argument("--model", default="")
+    parser.add_argument("--length", type=float, default=np.inf, help="longest stretch of a bridge that is taken [m]")
     parser.add_argument("--out", type=Path, default=PAGE)
     given = parser.parse_args()
-    scans = {f"{path.parent.name}, {path.name}": read_labelled_scan(path) for path in given.clouds}
+    scans = {}
+    for path in given.clouds:
+        scan = read_labelled_scan(path)
+        rows = stretch(scan, -0.5 * given.length, 0.5 * given.length)(scan.place)
+        scans[f"{path.parent.name}, {path.name}"] = scan.take(rows)
     name = Path(given.model).name if given.model else "that of the package (`learn/shipped`)"
     write_text(given.out, page(scans, named_model(given.model), name))
 

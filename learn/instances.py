@@ -90,7 +90,7 @@ class Boxes:
         """Take some points in.
 
         Args:
-            coord: Positions in the unit of the scan, shape (N, 3), float64.
+            coord: Positions [scan units], shape (N, 3), float64.
             instance: Instance ids, shape (N,), any integer type.
             classes: Class ids, shape (N,), uint8.
             confidence: Confidences [1], shape (N,), float32.

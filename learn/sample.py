@@ -24,12 +24,15 @@ class Sample:
             them as features.
         labels: Class of each point, 255 where unknown, shape (N,), int64.
         channels: Name of each column of `features`, C of them.
+        uncertainty: Of each point, NaN where unknown [m], shape (N,), float32; what the loss of a training may weigh
+            points by, never an input. None outside training.
     """
 
     coord: F32
     features: F32
     labels: I64
     channels: tuple[str, ...]
+    uncertainty: F32 | None = None
 
     def __post_init__(self) -> None:
         count = len(self.coord)

@@ -111,9 +111,7 @@ def _unused(root: Path, progress: Progress, done: Cleaning) -> list[Leftover]:
 def _used_by(chain: Chain, traces: Traces) -> set[str]:
     """Name the keys that a scene leads to; those of other machines differ by the platform alone."""
     keys: dict[str, set[str]] = {}
-    steps = [] if chain.stage is None else [chain.stage]
-    steps += [step for flight in chain.flights for step in (flight.capture, flight.cloud)]
-    for step in steps:
+    for step in chain.steps:
         keys[step.link] = {step.task.key}
         for trace in _alike(step, traces):
             if trace.inputs.keys() == step.task.inputs.keys() and all(

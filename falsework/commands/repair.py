@@ -67,10 +67,7 @@ def _made_here(scenario: Scenario, scenes: list[int], progress: Progress) -> set
     sources = look_at_sources(scenario, progress)
     found = set()
     for index in scenes:
-        chain = scene_chain(scenario, index, sources)
-        steps = [step for flight in chain.flights for step in (flight.capture, flight.cloud)]
-        for step in steps if chain.stage is None else [chain.stage, *steps]:
-            found.add(f"{step.task.stage}/{step.task.key}")
+        found |= {f"{step.task.stage}/{step.task.key}" for step in scene_chain(scenario, index, sources).steps}
     return found
 
 

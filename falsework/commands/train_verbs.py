@@ -21,6 +21,7 @@ from groundwork.settings import parse_settings
 if TYPE_CHECKING:
     from learn.sample import SampleSource, ScoredSource
     from learn.trained import ModelFacts
+    from learn.training.settings import TrainSettings
 
 JSON_VERSION = 1
 
@@ -33,12 +34,12 @@ def train(
     dataset: File,
     output: Output,
     *,
-    model: str = "pointnet2-ssg",
+    model: str = "",
     recipe: Literal["paper", "modern"] = "modern",
     epochs: int = 50,
     batch: int = 8,
     seed: int = 0,
-    channels: str = "x,y,z",
+    channels: str = "",
     init: Path | None = None,
     freeze_encoder: bool = False,
     set: Given = (),
@@ -50,31 +51,39 @@ def train(
     Args:
         dataset: Folder that falsework dataset has written.
         output: Folder to write: a model.
-        model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which takes no epochs.
+        model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which takes no epochs; left
+            out: that of --init, else pointnet2-ssg.
         recipe: paper: what is known of the paper's training. modern: what has been learnt since.
         epochs: Passes over the training samples.
         batch: Samples of a step.
         seed: Seed of weights, order, draws and dropout.
-        channels: What the network sees of a point, with commas between.
+        channels: What the network sees of a point, with commas between; left out: that of --init, else x,y,z, and with
+            --recipe modern the height above the estimated ground, where the data set has it.
         init: A model to begin with; its last layer is drawn anew where the classes are others.
-        freeze_encoder: Train the way back up and the head alone.
+        freeze_encoder: Train the way back up and the head alone, as for a few labelled scans of one's own.
         set: A further setting, such as `learning_rate=0.001`, or of the network, such as `network.unit=2.0`; may be
             given more than once.
     """
     from learn.training.settings import TrainSettings
     from learn.training.train import train_network
 
-    values: dict[str, Any] = {"model": model, "recipe": recipe, "epochs": epochs, "batch": batch, "seed": seed,
-                              "freeze_encoder": freeze_encoder, "network": {}}  # fmt: skip
+    begun = _begun(init)
+    values: dict[str, Any] = {"model": model or begun.get("network", "pointnet2-ssg"), "recipe": recipe,
+                              "epochs": epochs, "batch": batch, "seed": seed, "freeze_encoder": freeze_encoder,
+                              "network": begun.get("settings", {}) if model in ("", begun.get("network")) else {},
+                              }  # fmt: skip
     for key, value in given_settings(set).items():
-        if key.startswith("network."):
-            values["network"][key.removeprefix("network.")] = value
+        group, point, inner = key.partition(".")
+        if point and group in ("network", "sensors"):
+            values[group] = {**values.get(group, {}), inner: value}
         else:
             values[key] = value
     settings = parse_settings(TrainSettings, values, "train")
-    names = _words(channels)
-    source, held = _split(dataset, "train", names), _split(dataset, "val", names)
-    asked = [file_digest(dataset / "dataset.json"), channels, str(init), settings.model_dump(mode="json")]
+    if init is not None and settings.model == "forest":
+        raise InputError("a forest begins anew", field="--init", value=init, mend="Leave --init out")
+    names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
+    source, held = _training_split(dataset, names, settings), _split(dataset, "val", names)
+    asked = [file_digest(dataset / "dataset.json"), names, str(init), settings.model_dump(mode="json")]
     inputs = [dataset] if init is None else [dataset, init]
     with ConsoleProgress() as progress, reading(*inputs):
         if model == "forest":
@@ -173,6 +182,30 @@ def _is_evaluation(path: Path) -> bool:
     except InputError:
         return False
     return isinstance(record, dict) and record.get("format") == "falsework.evaluation"
+
+
+def _begun(init: Path | None) -> dict[str, Any]:
+    """Take network and channels from the model to begin with."""
+    from learn.trained import read_facts
+
+    return {} if init is None else vars(read_facts(init))
+
+
+def _channels_of(dataset: Path, settings: "TrainSettings") -> tuple[str, ...]:
+    """Give the recipe's channels; data sets of before version 2, and the paper's, have no height."""
+    from learn.datasets.layout import read_facts
+    from learn.datasets.patch import CHANNELS
+    from learn.training.settings import recipe_of
+
+    present = ("coord", *read_facts(dataset).inputs)
+    return tuple(name for name in recipe_of(settings).channels if CHANNELS[name] in present)
+
+
+def _training_split(dataset: Path, channels: tuple[str, ...], settings: "TrainSettings") -> "SampleSource":
+    from learn.datasets.stored import StoredSplit
+    from learn.training.settings import recipe_of
+
+    return StoredSplit(dataset, "train", channels, sensors=recipe_of(settings).sensors)
 
 
 def _words(text: str) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from groundwork.errors import InputError
 from groundwork.files import MANIFEST
 from groundwork.settings import read_toml
 
-REFERRED = ("stage", "capture", "cloud")  # the first part of an input's name tells the stage that made it
+REFERRED = ("stage", "capture", "model", "cloud")  # the first part of an input's name tells the stage that made it
 KEY_LENGTH = 64
 
 

@@ -13,14 +13,22 @@ from groundwork.files import write_manifest, write_text
 from groundwork.progress import SILENT, Progress
 from learn.datasets.card import card_text
 from learn.datasets.class_map import ClassMap
-from learn.datasets.class_tables import NOISY_CLASS, ClassTable, class_table
+from learn.datasets.class_tables import NOISY_CLASS, OWN, ClassTable, class_table, own_table
 from learn.datasets.draws import count_draws, random_draw
-from learn.datasets.labelled_cloud import INPUTS, LabelledCloud, SourceFacts, identify, read_labelled
+from learn.datasets.labelled_cloud import (
+    HEIGHT,
+    INPUTS,
+    PIECE_INPUTS,
+    LabelledCloud,
+    SourceFacts,
+    identify,
+    read_labelled,
+)
 from learn.datasets.layout import MANIFEST, DatasetFacts, PieceRow, manifest_record, write_piece
 from learn.datasets.patch import Patch, Scaling
 from learn.datasets.settings import DatasetSettings
 from learn.datasets.split import SPLITS, TRAIN, split_at_random, split_bridges
-from learn.datasets.tiles import cut_tiles, thin
+from learn.datasets.tiles import cut_tiles, thin, with_heights
 from learn.datasets.windows import cut_windows
 
 I64 = NDArray[np.int64]
@@ -64,7 +72,9 @@ def build_dataset(
     Raises:
         InputError: A source is no source, or nothing is left to train on.
     """
-    table = class_table(settings.table, settings.noisy_class)
+    settings = _with_own_classes(settings, sources)
+    own = settings.table == OWN
+    table = own_table(settings.own) if own else class_table(settings.table, settings.noisy_class)
     known = [identify(source.path, source.class_map, source.bridge) for source in sources]
     _check_sources(sources, known)
     splits = split_bridges(known, settings)
@@ -100,8 +110,10 @@ def build_dataset(
     if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
         raise InputError("no piece is left to train on", field="fewest", value=settings.fewest,
                          mend="Give more clouds, or lower fewest")  # fmt: skip
-    whole = DatasetFacts(settings, table.names, tuple(name for name in INPUTS if name in present), _scaling(settings),
-                         tuple(pieces), tuple(vars(facts) for facts in known))  # fmt: skip
+    present |= {HEIGHT} if settings.mode == "metric" else set()
+    inputs = tuple(name for name in PIECE_INPUTS if name in present)
+    whole = DatasetFacts(settings, table.names, inputs, _scaling(settings), tuple(pieces),
+                         tuple(vars(facts) for facts in known))  # fmt: skip
     write_text(folder / CARD, card_text(whole, counts))
     write_manifest(folder, manifest_record(whole), MANIFEST)
     return whole
@@ -115,6 +127,21 @@ def _note_empty(
         if not any(row.split == split for row in pieces):
             wanted = "" if share else ", as shares has it"
             progress.note(f"{split} is empty: the sources show {len(splits)} bridge(s){wanted}; {_WITHOUT[split]}")
+def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> DatasetSettings:
+    """Take the classes from the class maps, where none of our tables is wanted."""
+    if settings.table != OWN:
+        return settings
+    if settings.noisy_class:
+        raise InputError("own classes have no class of noisy points", field="noisy_class", value=True, allowed="false")
+    found: dict[str, int] = {}
+    for source in sources:
+        if source.class_map is None:
+            raise InputError("own classes come from a class map, and a cloud has none", where=source.path,
+                             field="--table", value=OWN, mend="Give labelled scans with --class-map")  # fmt: skip
+        for code, row in sorted(source.class_map.codes.items()):
+            if row.name != "unlabelled":
+                found.setdefault(row.name, code)
+    return settings.model_copy(update={"own": found})
 
 
 def _check_sources(sources: Sequence[Source], known: Sequence[SourceFacts]) -> None:
@@ -143,7 +170,7 @@ def _pieces(
     if not len(cloud):
         return
     if settings.mode == "metric":
-        voxels = thin(cloud.coord, _columns(cloud), settings.tile)
+        voxels = with_heights(thin(cloud.coord, _columns(cloud), settings.tile), settings.tile)
         for tile in cut_tiles(voxels, settings.tile):
             yield tile_patch(voxels.coord, voxels.columns, tile.rows, tile.origin, tile.seed), 1 << 30
     elif settings.kind == "local":
@@ -173,7 +200,7 @@ def tile_patch(
     labels = columns["labels"][rows] if "labels" in columns else np.full(len(rows), 255, np.uint8)
     unknown = np.full(len(rows), np.nan, np.float32)
     uncertainty = columns["uncertainty"][rows] if "uncertainty" in columns else unknown
-    inputs = {name: columns[name][rows] for name in INPUTS if name in columns}
+    inputs = {name: columns[name][rows] for name in PIECE_INPUTS if name in columns}
     instance = columns["instance"][rows] if "instance" in columns else np.zeros(len(rows), np.int64)
     place = (coord[rows] - origin).astype(np.float32)
     return Patch(place, inputs, labels, uncertainty, origin, seed, rows, instance)

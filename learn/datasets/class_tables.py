@@ -1,5 +1,6 @@
 """The classes that a data set has, and how the labels of a cloud of ours become their numbers."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ BACKGROUND_CLASS = "background"
 COMPONENTS = "components"
 """A table of a data set alone: every component kind is a class, so that a model of them fits every other table."""
 NOISY_CLASS = "noisy_point"
+OWN = "own"  # in place of a table: the classes of a class map as they are
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,17 @@ def class_table(name: str, noisy: bool = False) -> ClassTable:
     return ClassTable(
         name, tuple(row.name for row in rows), tuple(row.id for row in rows), tuple(row.color for row in rows)
     )
+
+
+def own_table(ids: Mapping[str, int]) -> ClassTable:
+    """List classes that are no table of the project's: those of a user's class map.
+
+    Args:
+        ids: Each class with its number in the user's files, in the order of the labels.
+    """
+    hues = ((int(255 * (0.5 + 0.5 * np.cos(k + 2.1 * channel))) for channel in range(3)) for k in range(len(ids)))
+    colors = tuple((r, g, b) for r, g, b in hues)
+    return ClassTable(OWN, tuple(ids), tuple(ids.values()), colors)
 
 
 def _table_of_components(noisy: bool) -> ClassTable:

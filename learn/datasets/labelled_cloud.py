@@ -23,14 +23,10 @@ F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 INPUTS = ("color", "normal", "n_views")  # beside coord, all that a network may see of a point
-_READ = (
-    "coord",
-    *INPUTS,
-    "segment",
-    "component",
-    "uncertainty",
-    "instance",
-)  # columns of a cloud that a data set depends on
+HEIGHT = "height"  # made of coord: see learn.datasets.tiles
+PIECE_INPUTS = (*INPUTS, HEIGHT)
+# Columns of a cloud that a data set depends on.
+_READ = ("coord", *INPUTS, "segment", "component", "uncertainty", "instance")
 _DECK = ("deck", "slab", "sleeper", "track", "parapet")  # classes of the base table that make up the deck's width
 
 

@@ -12,18 +12,18 @@ from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, space_errors
 from groundwork.foreign_file import check_regular
 from groundwork.settings import parse_settings
-from learn.datasets.labelled_cloud import INPUTS
+from learn.datasets.labelled_cloud import PIECE_INPUTS
 from learn.datasets.patch import Patch, Scaling
 from learn.datasets.settings import DatasetSettings
 from usd_schemas.components import UNLABELLED
 
 FORMAT = "falsework.dataset"
 FORMAT_VERSION = 2
-_READABLE = (1, 2)  # the first had no `row` and no `instance`: it can be trained on
+_READABLE = (1, 2)  # the first had no `height`, `row` and `instance`: it can be trained on
 MANIFEST = "dataset.json"
 _IGNORED = -1  # Pointcept's number for what no loss is computed on
 _KINDS = {"coord": ("float32", 3), "color": ("uint8", 3), "normal": ("float32", 3), "n_views": ("uint16", 1),
-          "segment": ("int32", 1), "uncertainty": ("float32", 1), "row": ("int32", 1),
+          "height": ("float32", 1), "segment": ("int32", 1), "uncertainty": ("float32", 1), "row": ("int32", 1),
           "instance": ("int32", 1)}  # fmt: skip
 
 
@@ -178,9 +178,9 @@ def read_facts(folder: Path) -> DatasetFacts:
         )  # fmt: skip
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
-    if not set(facts.inputs) <= set(INPUTS) or not all(isinstance(name, str) for name in facts.classes):
+    if not set(facts.inputs) <= set(PIECE_INPUTS) or not all(isinstance(name, str) for name in facts.classes):
         raise InputError("inputs or classes that cannot be", where=path, field="inputs", value=facts.inputs,
-                         allowed=", ".join(INPUTS))  # fmt: skip
+                         allowed=", ".join(PIECE_INPUTS))  # fmt: skip
     return facts
 
 

@@ -21,6 +21,9 @@ class TileSettings(Settings):
     ground_reach: float = Field(
         default=30.0, gt=0.0, le=1000.0, description="Distance within which the ground below a tile is looked for [m]"
     )
+    height_reach: float = Field(
+        default=10.0, gt=0.0, le=1000.0, description="The same for the channel `height`, which follows a bank [m]"
+    )
 
     @model_validator(mode="after")
     def _whole_strides(self) -> Self:
@@ -54,6 +57,19 @@ class AugmentSettings(Settings):
         return self
 
 
+class SensorSettings(Settings):
+    """Random changes that make a training sample look as if another sensor, or another flight, had taken it."""
+
+    range: float = Field(
+        default=0.5, ge=0.0, le=1.0,
+        description="Share of the samples that a scanner at a random place thins by the square of the distance [1]",
+    )  # fmt: skip
+    gaps: float = Field(default=0.3, ge=0.0, le=1.0, description="Share of the samples with holes, as of occlusion [1]")
+    half: float = Field(default=0.1, ge=0.0, le=1.0, description="Share of the samples that are cut through [1]")
+    tilt: float = Field(default=2.0, ge=0.0, le=30.0, description="Standard deviation of the lean of the vertical [°]")
+    colorless: float = Field(default=0.2, ge=0.0, le=1.0, description="Share of the samples without colour [1]")
+
+
 class DatasetSettings(Settings):
     """What both kinds of data set share."""
 
@@ -61,7 +77,10 @@ class DatasetSettings(Settings):
     mode: Literal["metric", "paper"] = Field(
         default="metric", description="Tiles that need no truth, as in prediction; or the paper's windows and draws"
     )
-    table: str = Field(default="kim2023", description="Table of classes, one of those in docs/classes.md")
+    table: str = Field(
+        default="kim2023", description="Table of classes, one of those in docs/classes.md; or own: those of a class map"
+    )
+    own: Mapping[str, int] = Field(default={}, description="Own classes and their numbers: filled from the class map")
     points: int = Field(default=4096, ge=16, le=1_000_000, description="Points of a draw")
     fewest: int = Field(default=1024, ge=1, le=1_000_000, description="Pieces with fewer points are left out")
     noisy: float = Field(default=0.1, gt=0.0, le=1000.0, description="Uncertainty above which a point is noisy [m]")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from learn.datasets.class_tables import BACKGROUND_CLASS, COMPONENTS, NOISY_CLASS, class_of
+from learn.datasets.class_tables import BACKGROUND_CLASS, COMPONENTS, NOISY_CLASS, OWN, class_of
 from learn.sample import Sample
 from learn.scoring.votes import Predicting
 from usd_schemas.components import UNLABELLED, component_classes
@@ -109,7 +109,9 @@ def summed_model(model: Predicting, classes: tuple[str, ...], own: str, table: s
     return SummedModel(model, np.ascontiguousarray(summing.matrix[:, [summing.names.index(name) for name in names]]))
 
 
-def sum_classes(classes: tuple[str, ...], own: str, table: str, kept: tuple[str, ...]) -> ClassSum:
+def sum_classes(
+    classes: tuple[str, ...], own: str, table: str, kept: tuple[str, ...], ids: tuple[int, ...] = ()
+) -> ClassSum:
     """Lead the classes of a model into a table.
 
     Args:
@@ -117,10 +119,13 @@ def sum_classes(classes: tuple[str, ...], own: str, table: str, kept: tuple[str,
         own: Table of these.
         table: Table to sum into; empty for the model's own.
         kept: Classes of it to write; none for all.
+        ids: Id of each class in the file, where they are no table's.
 
     Raises:
         InputError: No such table, one that the model's classes do not settle, or a class that it lacks.
     """
+    if own == OWN and table in ("", OWN):
+        return _as_they_are(classes, ids or tuple(range(len(classes))), kept)
     wanted = table or (BASE if own == COMPONENTS else own)
     if wanted not in TAXONOMIES:
         raise InputError("unknown table", field="--table", value=wanted, allowed=", ".join(TAXONOMIES))
@@ -136,12 +141,24 @@ def sum_classes(classes: tuple[str, ...], own: str, table: str, kept: tuple[str,
             raise InputError("a class of the model that the table does not know", field="--table", value=name,
                              allowed=", ".join(names))  # fmt: skip
         matrix[place, names.index(found)] = 1.0
-    for name in kept:
-        if name not in names:
-            raise InputError("no such class", field="--classes", value=name, allowed=", ".join(names))
+    _check_kept(kept, names)
     reached = matrix.any(axis=0)
     surroundings = np.array([component_classes().get(name, name) == BACKGROUND_CLASS for name in classes])
     always = {class_of(known, "", BACKGROUND_CLASS), NOISY_CLASS}
     rest = np.array([name in always for name in names]) | (reached & ~matrix[~surroundings].any(axis=0))
     chosen = np.array([row.name in kept or not kept for row in rows])
     return ClassSum(wanted, names, np.array([row.id for row in rows], np.uint8), matrix, chosen & reached, rest)
+
+
+def _as_they_are(classes: tuple[str, ...], ids: tuple[int, ...], kept: tuple[str, ...]) -> ClassSum:
+    """Write a user's own classes with their own numbers."""
+    _check_kept(kept, classes)
+    chosen = np.array([name in kept or not kept for name in classes])
+    rest = np.array([name in (BACKGROUND_CLASS, NOISY_CLASS) for name in classes])
+    return ClassSum(OWN, classes, np.array(ids, np.uint8), np.eye(len(classes), dtype=np.float32), chosen, rest)
+
+
+def _check_kept(kept: tuple[str, ...], names: tuple[str, ...]) -> None:
+    for name in kept:
+        if name not in names:
+            raise InputError("no such class", field="--classes", value=name, allowed=", ".join(names))

@@ -14,8 +14,9 @@ from groundwork.output_file import check_output_file, fresh_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
 from learn.datasets.draws import count_draws, exhaustive_draw
+from learn.datasets.labelled_cloud import HEIGHT
 from learn.datasets.patch import CHANNELS, Scaling, check_channels, make_sample
-from learn.datasets.tiles import cut_tiles
+from learn.datasets.tiles import cut_tiles, with_heights
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
 from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
@@ -79,7 +80,8 @@ def predict_scan(
     if settings.link < model.tile.voxel:
         raise InputError("smaller than the cubes of which the model sees one point each", field="--link",
                          value=settings.link, allowed=f"at least {model.tile.voxel:g} m")  # fmt: skip
-    summing = sum_classes(model.classes, model.table, settings.table, settings.classes)
+    ids = tuple(getattr(model, "ids", ()))  # of own classes, which no table numbers
+    summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
         frame = choose_frame(stream.unit if said is None else said or None, settings, source)
         cloud = thin_stream(stream, frame, model, settings.chunk, source)
@@ -156,7 +158,7 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
     cloud = empty_cloud(lay_grid(low, high, model.tile.voxel))
     for scan in stream.chunks(chunk):
         columns = _inputs(scan, frame)
-        check_channels(model.channels, columns, where)
+        check_channels(model.channels, (*columns, HEIGHT), where)
         needed = {CHANNELS[name] for name in model.channels}
         kept = {name: values for name, values in columns.items() if name in needed}
         cloud = add_points(cloud, frame.apply(scan.coord), kept)
@@ -175,6 +177,8 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
     Returns:
         Probabilities of the model's classes [1], shape (V, K), float32.
     """
+    if HEIGHT in model.channels:
+        cloud = with_heights(cloud, model.tile)
     total = np.zeros((len(cloud), len(model.classes)), np.float32)
     seen = np.zeros(len(cloud), np.float32)
     overlap = round(model.tile.size / model.tile.stride) ** 2  # tiles that hold each point

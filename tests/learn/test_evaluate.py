@@ -181,7 +181,7 @@ def test_what_cannot_be_scored_is_one_line(overlapping: Path, tmp_path: Path) ->
 def data_set(monkeypatch: pytest.MonkeyPatch) -> None:
     """A data set of toy bridges in the place of one on disk."""
 
-    def opened(folder: Path, split: str, channels: tuple[str, ...]) -> ToyBridges:
+    def opened(folder: Path, split: str, channels: tuple[str, ...], **_: object) -> ToyBridges:
         assert channels == ("x", "y", "z")
         first = {"train": 0, "val": 20, "test": 40}[split]
         return ToyBridges(2 if split != "train" else 4, first=first)
@@ -204,7 +204,16 @@ def test_the_command_line_trains_and_evaluates(tmp_path: Path, capsys: pytest.Ca
     model, data = tmp_path / "model", tmp_path / "data"
     data.mkdir()
     (data / "dataset.json").write_text("{}")
-    chosen = ["--set", "network.counts=[64, 16]", "--set", "network.unit=2.0", "--set", "accelerator=cpu"]
+    chosen = [
+        "--channels",
+        "x,y,z",
+        "--set",
+        "network.counts=[64, 16]",
+        "--set",
+        "network.unit=2.0",
+        "--set",
+        "accelerator=cpu",
+    ]
     assert call("train", data, "-o", model, "--epochs", 2, "--batch", 2, *chosen) == 0
     facts = read_facts(model)
     assert facts.settings == {"counts": [64, 16], "unit": 2.0}
@@ -225,12 +234,14 @@ def test_the_command_line_trains_and_evaluates(tmp_path: Path, capsys: pytest.Ca
     assert (tmp_path / "notes.md").read_text() == "mine"
     assert not (tmp_path / "notes.json").exists()
     forest = tmp_path / "forest"
-    assert call("train", data, "-o", forest, "--model", "forest", "--set", "network.trees=10") == 0
+    assert (
+        call("train", data, "-o", forest, "--model", "forest", "--channels", "x,y,z", "--set", "network.trees=10") == 0
+    )
     assert call("evaluate", forest, data, "-o", tmp_path / "forest.json") == 0
     assert json.loads((tmp_path / "forest.json").read_text())["mean_iou"] > 0.8
     assert call("train", data, "-o", tmp_path / "other", "--model", "forest", "--set", "network.counts=1") == 2
     capsys.readouterr()
-    assert call("train", data, "-o", tmp_path / "other", "--model", "pointnet3") == 2
+    assert call("train", data, "-o", tmp_path / "other", "--model", "pointnet3", "--channels", "x,y,z") == 2
     assert "pointnet2-ssg" in capsys.readouterr().err
     assert call("evaluate", tmp_path, data) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1

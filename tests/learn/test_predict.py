@@ -120,7 +120,7 @@ def test_prediction_cuts_as_training_does(tmp_path: Path) -> None:
     settings = dataset_settings("local", values, "test")
     (tmp_path / "set").mkdir()
     build_dataset([Source(path) for path in names], tmp_path / "set", settings)
-    model = ColorModel(tile=settings.tile)
+    model = ColorModel(tile=settings.tile, channels=("x", "y", "z", "red", "height"))
     split = StoredSplit(tmp_path / "set", "test", model.channels)
     write_ply(names[1] / "cloud.ply", toy_cloud(1, 4000, "b1"))
     predict_scan(names[1], tmp_path / "out.ply", model, PredictSettings())
