@@ -78,7 +78,7 @@ def train(
             values[group] = {**values.get(group, {}), inner: value}
         else:
             values[key] = value
-    settings = parse_settings(TrainSettings, values, "--set")
+    settings = parse_settings(TrainSettings, values, "train")
     if init is not None and settings.model == "forest":
         raise InputError("a forest begins anew", field="--init", value=init, mend="Leave --init out")
     names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
