@@ -86,16 +86,9 @@ def build_dataset(
             patch = _for_split(patch, split, settings)
             if len(patch) < settings.fewest:
                 continue
-            row = PieceRow(
-                f"{number:04d}_{place:06d}",
-                split,
-                facts.bridge,
-                number,
-                len(patch),
-                min(draws, count_draws(len(patch), settings.points)),
-                patch.seed,
-                _three(patch.origin),
-            )
+            draws = min(draws, count_draws(len(patch), settings.points))
+            row = PieceRow(f"{number:04d}_{place:06d}", split, facts.bridge, number, len(patch), draws, patch.seed,
+                           _three(patch.origin))  # fmt: skip
             write_piece(folder / split / row.name, patch)
             pieces.append(row)
             seen = np.bincount(patch.labels, minlength=256)
