@@ -31,12 +31,13 @@ Given = tyro.conf.UseAppendAction[tuple[str, ...]]
 
 
 def train(
-    dataset: File,
-    output: Output,
+    dataset: tyro.conf.Positional[Path | None] = None,
     *,
+    output: Output,
+    demo: bool = False,
     model: str = "",
     recipe: Literal["paper", "modern"] = "modern",
-    epochs: int = 50,
+    epochs: int | None = None,
     batch: int = 8,
     seed: int = 0,
     channels: str = "",
@@ -51,10 +52,12 @@ def train(
     Args:
         dataset: Folder that falsework dataset has written.
         output: Folder to write: a model.
+        demo: Train on thinned clouds of thirteen bridges that come with the package, in a few minutes, and print what
+            that is worth on four that were held out; takes no further options but --seed and --epochs.
         model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which takes no epochs; left
             out: that of --init, else pointnet2-ssg.
         recipe: paper: what is known of the paper's training. modern: what has been learnt since.
-        epochs: Passes over the training samples.
+        epochs: Passes over the training samples; 50 when left out.
         batch: Samples of a step.
         seed: Seed of weights, order, draws and dropout.
         channels: What the network sees of a point, with commas between; left out: that of --init, else x,y,z, and with
@@ -64,21 +67,15 @@ def train(
         set: A further setting, such as `learning_rate=0.001`, or of the network, such as `network.unit=2.0`; may be
             given more than once.
     """
-    from learn.training.settings import TrainSettings
-    from learn.training.train import train_network
-
-    begun = _begun(init)
-    values: dict[str, Any] = {"model": model or begun.get("network", "pointnet2-ssg"), "recipe": recipe,
-                              "epochs": epochs, "batch": batch, "seed": seed, "freeze_encoder": freeze_encoder,
-                              "network": begun.get("settings", {}) if model in ("", begun.get("network")) else {},
-                              }  # fmt: skip
-    for key, value in given_settings(set).items():
-        group, point, inner = key.partition(".")
-        if point and group in ("network", "sensors"):
-            values[group] = {**values.get(group, {}), inner: value}
-        else:
-            values[key] = value
-    settings = parse_settings(TrainSettings, values, "train")
+    if demo:
+        given = {"dataset": dataset, "--model": model, "--channels": channels, "--init": init, "--set": set}
+        return _demo(output, seed, epochs, [name for name, value in given.items() if value])
+    if dataset is None:
+        raise InputError("no data set", mend="Name a folder that falsework dataset has written, or give --demo")
+    settings = _settings(
+        {"model": model, "recipe": recipe, "epochs": epochs, "batch": batch, "seed": seed,
+         "freeze_encoder": freeze_encoder}, begun := _begun(init), set,
+    )  # fmt: skip
     if init is not None and settings.model == "forest":
         raise InputError("a forest begins anew", field="--init", value=init, mend="Leave --init out")
     names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
@@ -86,13 +83,15 @@ def train(
     asked = [file_digest(dataset / "dataset.json"), names, str(init), settings.model_dump(mode="json")]
     inputs = [dataset] if init is None else [dataset, init]
     with ConsoleProgress() as progress, reading(*inputs):
-        if model == "forest":
+        if settings.model == "forest":
             from learn.training.forest import train_forest
 
             fresh_output(output, "model", lambda folder: train_forest(
                 source, settings, folder, progress, _facts(source)
             ), inputs=inputs, asked=asked)  # fmt: skip
         else:
+            from learn.training.train import train_network
+
             fresh_output(output, "model", lambda folder: train_network(
                 source, held if len(held) else None, settings, folder, progress, data=_facts(source), init=init,
             ), inputs=inputs, asked=asked, resume=True)  # fmt: skip
@@ -134,6 +133,9 @@ def evaluate(
         trained = read_model(model)
         source = _scored(trained.facts, dataset, split)
     with ConsoleProgress() as progress, reading(model, dataset):
+        if known := _trained_on(trained.facts, source):
+            progress.note(f"the model was trained on {len(known)} of these bridges, so that its scores are too good: "
+                          + ", ".join(name[:12] for name in known))  # fmt: skip
         record = evaluate_model(_in_classes_of(source, trained), source, progress)
     if output is not None:
         write_fresh_file(output, json.dumps(record, sort_keys=True, indent=2).encode() + b"\n", [model, dataset],
@@ -175,6 +177,13 @@ def _in_classes_of(source: "SampleSource", trained: Any) -> Any:
     return summed_model(trained, trained.classes, str(facts.data.get("table", "")), table, source.classes)
 
 
+def _trained_on(facts: "ModelFacts", source: "SampleSource") -> list[str]:
+    """Name the bridges of a split that a model was trained on, or picked by."""
+    said = facts.training or {}
+    known = {*said.get("training_bridges", ()), *said.get("validation_bridges", ())}
+    return sorted(known & {source.bridge(row) for row in range(len(source))})
+
+
 def _is_evaluation(path: Path) -> bool:
     """Tell whether a file holds scores of ours."""
     try:
@@ -182,6 +191,40 @@ def _is_evaluation(path: Path) -> bool:
     except InputError:
         return False
     return isinstance(record, dict) and record.get("format") == "falsework.evaluation"
+
+
+def _settings(chosen: dict[str, Any], begun: dict[str, Any], given: tuple[str, ...]) -> "TrainSettings":
+    """Put together the settings of a training: those of the model to begin with, options, and what --set says."""
+    from learn.training.settings import TrainSettings
+
+    values = {name: value for name, value in chosen.items() if value is not None}
+    values["model"] = values["model"] or begun.get("network", "pointnet2-ssg")
+    values["network"] = dict(begun["settings"]) if values["model"] == begun.get("network") else {}
+    for key, value in given_settings(given).items():
+        group, point, inner = key.partition(".")
+        if point and group in ("network", "sensors"):
+            values[group] = {**values.get(group, {}), inner: value}
+        else:
+            values[key] = value
+    return parse_settings(TrainSettings, values, "train")
+
+
+def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str]) -> int:
+    """Train on the shipped clouds, and print the table."""
+    from learn.demo.demo import demo_table, run_demo
+
+    if unwanted:
+        raise InputError("the demonstration brings its own", field=unwanted[0], mend="Leave it out, or --demo")
+    changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
+    lines: list[str] = []
+
+    def write(folder: Path) -> None:
+        lines.extend(demo_table(*run_demo(folder, progress, changed=changed)))
+
+    with ConsoleProgress() as progress:
+        fresh_output(output, "model", write, inputs=[], asked=["demo", changed], resume=True)
+    sys.stdout.write("\n".join([*lines, f"model   {output}"]) + "\n")
+    return 0
 
 
 def _begun(init: Path | None) -> dict[str, Any]:

@@ -91,16 +91,9 @@ def build_dataset(
             patch = _for_split(patch, split, settings)
             if len(patch) < settings.fewest:
                 continue
-            row = PieceRow(
-                f"{number:04d}_{place:06d}",
-                split,
-                facts.bridge,
-                number,
-                len(patch),
-                min(draws, count_draws(len(patch), settings.points)),
-                patch.seed,
-                _three(patch.origin),
-            )
+            draws = min(draws, count_draws(len(patch), settings.points))
+            row = PieceRow(f"{number:04d}_{place:06d}", split, facts.bridge, number, len(patch), draws, patch.seed,
+                           _three(patch.origin))  # fmt: skip
             write_piece(folder / split / row.name, patch)
             pieces.append(row)
             seen = np.bincount(patch.labels, minlength=256)
@@ -127,6 +120,8 @@ def _note_empty(
         if not any(row.split == split for row in pieces):
             wanted = "" if share else ", as shares has it"
             progress.note(f"{split} is empty: the sources show {len(splits)} bridge(s){wanted}; {_WITHOUT[split]}")
+
+
 def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> DatasetSettings:
     """Take the classes from the class maps, where none of our tables is wanted."""
     if settings.table != OWN:

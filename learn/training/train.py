@@ -82,6 +82,7 @@ def train_network(
         noisy=noisy, temperature=_temperature(network, validation, held, channels, noisy),
         training={"settings": settings.model_dump(mode="json"), "picked_epoch": module.best,
                   "validation": module.history[module.best], "training_points": counts.sum(axis=0).tolist(),
+                  "training_bridges": sorted({source.bridge(row) for row in rows}),
                   "validation_bridges": sorted({validation.bridge(row) for row in held})},
     )  # fmt: skip
     write_model(folder, facts, best)
