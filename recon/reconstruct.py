@@ -27,7 +27,7 @@ from recon.truth.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.truth.bridge_digest import bridge_digest
 from recon.truth.noise_figures import describe_noise
 from recon.truth.statistics import describe, verdict_in_words
-from recon.truth.surface_distance import nearest_surface
+from recon.truth.surface_distance import nearest_surface, still_surface
 from recon.truth.uncertainty import Uncertainty, depths, measure
 from render.capture import Capture, Truth, read_truth
 from usd_schemas.components import UNLABELLED, class_rows
@@ -139,7 +139,7 @@ def _label(
         observed = gather(truth, seen, threads)
         error, measured = measure(points, depth, observed.depth.astype(float), truth, seen, threads)
         verdict = annotate(observed, error, seen)
-        distance, nearest = nearest_surface(points, truth)
+        distance, nearest = still_surface(verdict.instance, truth, *nearest_surface(points, truth))
         component = _components(verdict.instance, truth, components)
     columns |= {
         "segment": verdict.label, "instance": verdict.instance, "component": component,
