@@ -44,7 +44,7 @@ def still_surface(
         nearest: Class of that surface, shape (N,), uint8.
 
     Returns:
-        The same, NaN and 255 on things that move.
+        The same, NaN and 255 on things that move, shape (N,) each.
     """
     moving = np.isin(instance, [row.id for row in truth.instances if row.moves])
     return np.where(moving, np.nan, distance), np.where(moving, np.uint8(UNLABELLED), nearest)
