@@ -78,7 +78,9 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
 
 
 def reconstruct(
-    capture: File, output: Output, *, settings: Path | None = None, gcp: Path | None = None
+    capture: File, output: Output, *, settings: Path | None = None, gcp: Path | None = None,
+    mode: Literal["sparse", "dense", "both"] | None = None,
+    quality: Literal["low", "medium", "high", "ultra"] | None = None, model: Path | None = None,
 ) -> int:  # fmt: skip
     """Reconstruct a capture, or a folder of photographs, into a cloud, annotated where the capture carries its truth.
 
@@ -89,12 +91,20 @@ def reconstruct(
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
         gcp: Ground control points and scale bars, as a gcp_list.txt or as Metashape's tables; not with truth.
+        mode: Which points; both: a cloud of each, from one model. Stands above the scenario's.
+        quality: How fine the depth maps of a dense cloud are. Stands above the scenario's.
+        model: A cloud of the same photographs: its cameras are used again, and not looked for.
     """
     from falsework.commands.verbs import reconstruct_folder
+    from falsework.scenario import load_scenario
+    from recon.settings import ReconSettings
 
+    given = ReconSettings() if settings is None else load_scenario(settings).recon
+    said = {name: value for name, value in (("mode", mode), ("quality", quality)) if value is not None}
     with ConsoleProgress() as progress:
-        reconstruct_folder(capture, output, settings, progress, gcp)
-    _say(f"cloud   {output}")
+        clouds = reconstruct_folder(capture, output, given.model_copy(update=said), progress, gcp, model)
+    for cloud in clouds:
+        _say(f"cloud   {cloud}")
     return 0
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from groundwork.canonical import digest
 from groundwork.child import answer_parent
-from groundwork.files import folder_lock
+from groundwork.locks import hold_lock
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 from render.capture import CalibrationPrior, Readout
@@ -183,7 +183,7 @@ def _prepare(gl: Gl, scene: FlatScene, assignment: Assignment, journal: Journal,
     """Upload the scene, and say what is drawn otherwise than authored."""
 
     def cast(*arguments: Any) -> LightVolume:
-        with folder_lock(journal.light_lock):  # one worker casts it, the others wait and take it over
+        with hold_lock(journal.light_lock):  # one worker casts it, the others wait and take it over
             volume = journal.light_volume() or cast_volume_apart(*arguments)
             journal.keep_light_volume(volume)
         return volume
@@ -201,7 +201,7 @@ def _draw_missing(
     assignment: Assignment, prepared: Prepared, body: CameraBody, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
     """Draw what is not there yet."""
-    with folder_lock(journal.gain_lock):  # one worker meters, the others wait and take it over
+    with hold_lock(journal.gain_lock):  # one worker meters, the others wait and take it over
         gain = journal.gain()
         if gain is None:
             gain = _meter_survey(prepared, assignment)

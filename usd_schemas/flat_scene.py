@@ -229,7 +229,7 @@ class CameraTrack:
         name: Survey id, or the camera's prim name.
         path: Prim path.
         lens: Lens attributes.
-        poses: camera_to_world in metres, Z up, camera axes right-down-forward, shape (N, 4, 4), float64.
+        poses: camera_to_world [m], Z up, camera axes right-down-forward, shape (N, 4, 4), float64.
         image_names: One stem per image, e.g. `000000`.
         calibration: Exact intrinsics where the stage states them; they rule over `lens` at their image size.
         sensor_width: Width of the sensor [m].

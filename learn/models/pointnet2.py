@@ -109,7 +109,7 @@ class PointNet2(nn.Module):
             for ring, mlp in enumerate(mlps):
                 index = geometry[f"ball{level}_{ring}"]
                 offset = gather(coords[-1], index) - centers[:, :, None]
-                found.append(mlp(cat([offset, gather(levels[-1], index)], dim=-1)).amax(dim=2))
+                found.append(mlp(cat([offset, gather(levels[-1], index)], dim=-1)).max(dim=2).values)
             coords.append(centers)
             levels.append(cat(found, dim=-1))
         values = levels[-1]

@@ -150,7 +150,7 @@ class SetAbstraction(nn.Module):
             Features, shape (B, M, outputs).
         """
         values = _around(features, coord, gather(coord, kept), ball, self.radius)
-        values = self.mlp(values).amax(dim=2)
+        values = self.mlp(values).max(dim=2).values
         if self.shortcut is None:
             return values
         return (values + self.shortcut(gather(features, kept))).relu()
@@ -177,7 +177,7 @@ class InvertedResidual(nn.Module):
         Returns:
             Features, shape (B, N, width).
         """
-        values = self.local(_around(features, coord, coord, ball, self.radius)).amax(dim=2)
+        values = self.local(_around(features, coord, coord, ball, self.radius)).max(dim=2).values
         return (self.narrow(self.widen(values)) + features).relu()
 
 

@@ -81,7 +81,7 @@ class Shadows:
         """Choose the squares that the cameras of a survey need sharp.
 
         Args:
-            poses: camera_to_world, shape (N, 4, 4), float64.
+            poses: camera_to_world [m], shape (N, 4, 4), float64.
             camera: Intrinsics of every view.
         """
         across = self.axes[:2].copy()

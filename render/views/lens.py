@@ -37,7 +37,7 @@ class Geometry:
     """What a ray may meet, as the kernel reads it.
 
     Attributes:
-        positions: Mesh-local positions, shape (V, 3), float32.
+        positions: Mesh-local positions [m], shape (V, 3), float32.
         normals: Mesh-local normals [1], shape (V, 3), float32.
         triangles: Vertex numbers, shape (T, 3), uint32.
         first: First triangle of each draw, shape (D,), int64.
@@ -129,7 +129,7 @@ class Lens:
 
         Args:
             views: The window of each band.
-            poses: Camera pose of each band, shape (B, 4, 4), float64.
+            poses: Camera pose of each band [m], shape (B, 4, 4), float64.
             bands: First row of each band of the image and the row after its last.
             near: Near plane [m].
         """

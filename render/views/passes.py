@@ -136,7 +136,7 @@ class Painter:
         """Draw one view whose rows were read out one band after the other while the camera moved.
 
         Args:
-            poses: Camera pose of each band, shape (B, 4, 4), float64.
+            poses: Camera pose of each band [m], shape (B, 4, 4), float64.
             bands: First row of each band and the row after its last; rows of no band stay empty.
             near: Near plane [m].
         """
@@ -149,7 +149,7 @@ class Painter:
         """Draw some rows of a view, and return these alone.
 
         Args:
-            pose: Camera pose, shape (4, 4), float64.
+            pose: Camera pose [m], shape (4, 4), float64.
             window: First row, and the row after the last.
             near: Near plane [m].
         """

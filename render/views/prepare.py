@@ -99,7 +99,7 @@ class Prepared:
         """Choose which squares the cameras of a survey need sharp shadows in.
 
         Args:
-            poses: camera_to_world, shape (N, 4, 4), float64.
+            poses: camera_to_world [m], shape (N, 4, 4), float64.
             camera: Intrinsics of every view.
         """
         if self.lamps.shadow is None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.files import space_errors, write_bytes, write_json
+from groundwork.files import space_errors, write_json
 from render.capture import CAMERAS, FORMAT, FORMAT_VERSION, TRUTH, CamerasFile, Capture, Readout
 from render.images import image_files
 from render.images.depth_tiff import encode_depth_tiff
@@ -87,19 +87,6 @@ def encode_frame_truth(name: str, frame: FrameTruth, *, wide_ids: bool) -> dict[
         coded = np.rint((frame.normal + 1.0) * 127.5).astype(np.uint8)
         files[f"{TRUTH}/normal/{name}.png"] = image_files.encode_png(coded)
     return files
-
-
-def write_frame_truth(folder: Path, name: str, frame: FrameTruth, *, wide_ids: bool) -> None:
-    """Write the exact images of one frame.
-
-    Args:
-        folder: The capture's folder, with its sub-folders.
-        name: Name of the image.
-        frame: Its exact images.
-        wide_ids: Whether any instance id of the scene is above 65,535.
-    """
-    for file, data in encode_frame_truth(name, frame, wide_ids=wide_ids).items():
-        write_bytes(folder / file, data)
 
 
 def write_truth(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -13,6 +14,7 @@ from torch import Tensor, nn
 
 from groundwork.errors import InputError
 from learn.models.backbone import COORD, batched, geometry_of
+from learn.models.gather import Shared
 from learn.models.registry import NETWORKS, build_network
 from tests.learn import literal_networks as literal
 
@@ -135,6 +137,33 @@ def test_logits_equal_those_of_the_literal_randlanet(
     found = logits(network, features, coord)
     assert wanted.std() > 0.05
     assert (found - wanted).abs().max() < 1e-5
+
+
+def test_a_layer_in_training_is_the_usual_one() -> None:
+    """Output, gradients and running statistics are those of linear, normalisation and activation in turn."""
+    torch.manual_seed(0)
+    ours = Shared(7, 5, nn.ReLU(), momentum=0.3).double()
+    nn.init.normal_(ours.linear.bias)
+    nn.init.normal_(ours.norm.bias)
+    usual = copy.deepcopy(ours)
+    values = torch.randn(4, 30, 7, dtype=torch.float64)
+    for _ in range(3):
+        inputs = [values.clone().requires_grad_() for _ in range(2)]
+        found = ours(inputs[0])
+        wanted = usual.norm(usual.linear(inputs[1].reshape(-1, 7))).relu().view(4, 30, 5)
+        assert torch.allclose(found, wanted, atol=1e-12)
+        for layer, outputs in ((ours, found), (usual, wanted)):
+            layer.zero_grad()
+            outputs.square().sum().backward()
+        assert torch.allclose(inputs[0].grad, inputs[1].grad, atol=1e-10)  # type: ignore[arg-type]
+        for (name, a), b in zip(ours.named_parameters(), usual.parameters(), strict=True):
+            assert torch.allclose(a.grad, b.grad, atol=1e-10), name  # type: ignore[arg-type]
+        for name, buffer in ours.norm.named_buffers():
+            assert torch.allclose(buffer, usual.norm.get_buffer(name), atol=1e-12), name
+    ours.norm.eval()
+    usual.norm.eval()
+    wanted = usual.norm(usual.linear(values.reshape(-1, 7))).relu().view(4, 30, 5)
+    assert torch.allclose(ours(values), wanted, atol=1e-12)
 
 
 SMALL: dict[str, dict[str, Any]] = {

@@ -15,8 +15,9 @@ from pathlib import Path
 from pxr import Usd
 
 from groundwork.canonical import digest, file_digest, source_digest
-from groundwork.errors import FalseworkError
-from groundwork.files import folder_lock, write_bytes
+from groundwork.errors import FalseworkError, InputError
+from groundwork.files import write_bytes
+from groundwork.locks import hold_lock
 from groundwork.user_cache import cache_folder
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
@@ -61,9 +62,9 @@ def load_scene(
 @contextmanager
 def _turn(place: Path) -> Iterator[None]:
     with ExitStack() as held:
-        with suppress(OSError):  # where nothing can be written, nothing is kept and nobody waits
+        with suppress(OSError, InputError):  # where nothing can be written, nothing is kept and nobody waits
             place.parent.mkdir(parents=True, exist_ok=True)
-            held.enter_context(folder_lock(place.with_suffix(".lock")))
+            held.enter_context(hold_lock(place.with_suffix(".lock")))
         yield
 
 
