@@ -42,6 +42,26 @@ class Sample:
                              allowed="coord (N, 3), features (N, C), labels (N,), C channels")  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What scores need to know of the points of a sample; no network sees it.
+
+    Attributes:
+        cloud: Number of the cloud that they come from.
+        row: Row of each in that cloud: points of several samples are the same where cloud and row are, shape (N,),
+            int64.
+        coord: Position in the cloud [m], shape (N, 3), float64.
+        uncertainty: Of each, NaN where unknown [m], shape (N,), float32.
+        instance: Of each in that cloud, 0 for none, shape (N,), int64.
+    """
+
+    cloud: int
+    row: I64
+    coord: NDArray[np.float64]
+    uncertainty: F32
+    instance: I64
+
+
 class SampleSource(Protocol):
     """A data set, or one split of it."""
 
@@ -74,5 +94,20 @@ class SampleSource(Protocol):
 
         Returns:
             A name that all samples of one bridge share.
+        """
+        ...
+
+
+class ScoredSource(SampleSource, Protocol):
+    """A source whose samples know which points of which cloud they hold; those of one cloud follow one another."""
+
+    def truth(self, index: int) -> Truth:
+        """Tell what scores need to know of the points of a sample.
+
+        Args:
+            index: Number of the sample.
+
+        Returns:
+            One row a point, in the order of the sample.
         """
         ...

@@ -21,7 +21,8 @@ from recon.points.observations import Observations
 from recon.points.placed_points import PlacedPoints, place_dense, place_sparse
 from recon.settings import AGREEMENT, ReconSettings
 from recon.sfm.colmap_model import SparseModel
-from recon.sfm.sparse import run_sparse, write_world_model
+from recon.sfm.sparse import Sparse, run_sparse, write_world_model
+from recon.sfm.stored_model import MODEL, read_stored_model, write_stored_model
 from recon.steps import enter_work, leave_work
 from recon.truth.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.truth.bridge_digest import bridge_digest
@@ -34,25 +35,88 @@ from usd_schemas.components import UNLABELLED, class_rows
 
 
 def reconstruct(
-    capture: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None
-) -> None:
+    capture: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None,
+    model: Path | None = None,
+) -> None:  # fmt: skip
     """Reconstruct a capture, carry it into the world, label every point, measure every point.
+
+    With `mode = "both"`, structure from motion runs once, and the clouds stand in `cloud/sparse` and `cloud/dense`.
 
     Args:
         capture: Folder of photographs, with or without truth.
-        folder: Existing folder for the cloud: empty, or left by an interrupted run.
+        folder: Existing folder for the cloud: empty, or left by an interrupted run. It gains the model, too.
         settings: What to do.
         progress: Listener.
         control: File of ground control points and scale bars that the photographs show, or None.
+        model: Folder that holds a model of these photographs, to be used as it is; None makes one.
 
     Raises:
-        InputError: The capture is damaged, or the ground control does not fit it.
+        InputError: The capture is damaged, or the ground control or the model does not fit it.
         RejectedSceneError: The images cannot become a cloud; its reason says why.
     """
     photographs = open_photographs(capture)
     surveyed = None if control is None else read_control(control, photographs)
     work = enter_work(folder)
-    sparse = run_sparse(photographs, work, settings, progress)
+    sparse = read_stored_model(model, photographs) if model else run_sparse(photographs, work, settings, progress)
+    for mode in settings.modes:
+        place = folder / "cloud" / mode if len(settings.modes) > 1 else folder
+        place.mkdir(parents=True, exist_ok=True)
+        one = settings.model_copy(update={"mode": mode})
+        _make_cloud(photographs, sparse, place, work, one, progress, surveyed, control)
+    (folder / MODEL).mkdir()
+    write_stored_model(folder / MODEL, sparse, photographs)
+    leave_work(work)
+
+
+def reconstruct_model(capture: Path, folder: Path, settings: ReconSettings, progress: Progress) -> None:
+    """Find the cameras of a capture: the part of a reconstruction that all its clouds share.
+
+    Args:
+        capture: Folder of photographs; its truth, if there is any, is not looked at.
+        folder: Existing folder for the model: empty, or left by an interrupted run.
+        settings: What to do.
+        progress: Listener.
+
+    Raises:
+        InputError: The capture is damaged.
+        RejectedSceneError: The images cannot become a model; its reason says why.
+    """
+    photographs = open_photographs(capture)
+    work = enter_work(folder)
+    write_stored_model(folder, run_sparse(photographs, work, settings, progress), photographs)
+    leave_work(work)
+
+
+def reconstruct_cloud(
+    capture: Path, model: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None
+) -> None:
+    """Make one cloud from a model that is there.
+
+    Args:
+        capture: Folder of photographs, with or without truth.
+        model: Folder of their model.
+        folder: Existing folder for the cloud: empty, or left by an interrupted run.
+        settings: What to do; one mode.
+        progress: Listener.
+        control: File of ground control points and scale bars that the photographs show, or None.
+
+    Raises:
+        InputError: The capture or the model is damaged, or the ground control does not fit.
+        RejectedSceneError: The model cannot become a cloud; its reason says why.
+    """
+    photographs = open_photographs(capture)
+    surveyed = None if control is None else read_control(control, photographs)
+    work = enter_work(folder)
+    sparse = read_stored_model(model, photographs)
+    _make_cloud(photographs, sparse, folder, work, settings, progress, surveyed, control)
+    leave_work(work)
+
+
+def _make_cloud(
+    photographs: Capture, sparse: Sparse, folder: Path, work: Path, settings: ReconSettings, progress: Progress,
+    surveyed: GroundControl | None, control: Path | None,
+) -> None:  # fmt: skip
+    """Place a model, fill a cloud from it, and write it."""
     model = merge_duplicates(sparse.model)
     progress.stage("align", 0)
     truth = read_truth(photographs)
@@ -89,7 +153,6 @@ def reconstruct(
     _write_poses(folder / "cameras_sfm.json", photographs, model, poses)
     world = similarity_facts(alignment.similarity)
     write_world_model(sparse.folder, folder / "sparse", world, settings, progress)
-    leave_work(work)
     note = cloud.alignment["note"]
     progress.note(verdict_in_words(alignment.status, len(placed.coord), found, note, limited=limited))
 

@@ -1,7 +1,7 @@
 """What a user may choose about the reconstruction."""
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -16,6 +16,12 @@ AGREEMENT: Mapping[Filter, tuple[int, float]] = {
     "none": (2, 0.02), "mild": (2, 0.01), "moderate": (3, 0.01), "aggressive": (5, 0.005),
 }  # fmt: skip
 """Views that must agree on a dense point, and how far their depths may differ, as a share of the depth [1]."""
+Mode = Literal["sparse", "dense"]
+_LIMITS = frozenset({
+    "threads", "seconds_per_image", "memory_limit", "memory_per_image", "memory_per_megapixel",
+})  # fmt: skip
+_OF_DENSE = frozenset({"quality", "filter"})
+_OF_SPARSE = frozenset({"max_reprojection_error", "min_views", "sure_views", "max_deviation"})
 LONGEST_SIDE = 3200
 """Longest side of the picture in which keypoints are sought; a larger photograph is reduced to it [px]."""
 
@@ -113,8 +119,9 @@ class AlignmentSettings(Settings):
 class ReconSettings(Settings):
     """From a capture to an annotated cloud."""
 
-    mode: Literal["sparse", "dense"] = "sparse"
-    """Which points: those of structure from motion, or one for nearly every pixel."""
+    mode: Literal["sparse", "dense", "both"] = "sparse"
+    """Which points: those of structure from motion, or one for nearly every pixel; both: a cloud of each, from one
+    model."""
     quality: Quality = "high"
     """Side of a depth map's pixel in pixels of the photograph: low 8, medium 4, high 2, ultra 1."""
     filter: Filter = "moderate"
@@ -139,3 +146,33 @@ class ReconSettings(Settings):
     that fits them: nothing tells metres there."""
     seed: int = Field(default=0, ge=0, lt=2**31)
     """Seed of every random draw in here."""
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Which clouds are made, in this order."""
+        return ("sparse", "dense") if self.mode == "both" else (self.mode,)
+
+    def of_model(self) -> dict[str, Any]:
+        """Return what the model depends on, as JSON."""
+        return {"seed": self.seed, "sparse": _without_limits(self.sparse)}
+
+    def of_cloud(self, mode: Mode) -> dict[str, Any]:
+        """Return what a cloud depends on beside its model, as JSON.
+
+        Args:
+            mode: Which cloud.
+        """
+        other = _OF_DENSE if mode == "sparse" else _OF_SPARSE
+        values = self.model_dump(mode="json", exclude={"mode", "sparse", "dense", *other})
+        return {**values, "mode": mode, **({"dense": _without_limits(self.dense)} if mode == "dense" else {})}
+
+    def limits(self) -> dict[str, Any]:
+        """Return what bounds time and memory and changes no byte of a result, as JSON."""
+        return {name: section.model_dump(mode="json", include=set(_LIMITS))
+                for name, section in (("sparse", self.sparse), ("dense", self.dense))}  # fmt: skip
+
+
+def _without_limits(section: SparseSettings | DenseSettings) -> dict[str, Any]:
+    """Leave out what changes no byte: a mapper that is not deterministic depends on its threads."""
+    bound = _LIMITS - {"threads"} if isinstance(section, SparseSettings) and not section.deterministic else _LIMITS
+    return section.model_dump(mode="json", exclude=set(bound))

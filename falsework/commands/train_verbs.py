@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,13 +13,13 @@ from falsework.commands.given_settings import given_settings
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import read_json
-from groundwork.output_file import check_output_file, write_fresh_file
+from groundwork.output_file import SIGNATURE, check_output_file, write_fresh_file
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
 from groundwork.settings import parse_settings
 
 if TYPE_CHECKING:
-    from learn.sample import SampleSource
+    from learn.sample import SampleSource, ScoredSource
     from learn.trained import ModelFacts
     from learn.training.settings import TrainSettings
 
@@ -106,38 +107,48 @@ def evaluate(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> int:
-    """Score a model on one split of a data set: accuracy, IoU, precision and F1 of each class, and calibration.
+    """Score a model on one split of a data set, every point once.
+
+    Accuracy, IoU, precision and F1 of each class, confusion, calibration, mean IoU by uncertainty, panoptic quality,
+    over all and for each bridge. A model of components is summed into the data set's classes.
 
     Args:
         model: Folder that falsework train has written.
         dataset: Folder that falsework dataset has written.
         split: Part of the data set.
-        output: JSON file for the scores, the confusion matrices of every bridge among them.
+        output: JSON file for the scores; the tables go into a .md file beside it.
         as_json: Print one JSON object instead of a table.
     """
-    from learn.evaluate import evaluate_model, score_lines
+    from learn.evaluate import evaluate_model
+    from learn.scoring.table import score_lines, short_lines
     from learn.trained import read_model
 
     if output is not None:
+        if output.suffix == ".md":
+            raise InputError("the name of the tables beside the scores", where=output, field="-o",
+                             mend="Name a .json file: the tables lie beside it")  # fmt: skip
         check_output_file(output, [model, dataset], _is_evaluation)
+        check_output_file(output.with_suffix(".md"), [model, dataset])
     with reading(model, dataset):
         trained = read_model(model)
-        source = _split(dataset, split, trained.channels)
-    if source.classes != trained.classes:
-        raise InputError("the data set has other classes than the model", where=dataset, field="classes",
-                         value=", ".join(source.classes), allowed=", ".join(trained.classes))  # fmt: skip
-    if not len(source):
-        raise InputError("nothing in this split", where=dataset, field="--split", value=split)
+        source = _scored(trained.facts, dataset, split)
     with ConsoleProgress() as progress, reading(model, dataset):
         if known := _trained_on(trained.facts, source):
             progress.note(f"the model was trained on {len(known)} of these bridges, so that its scores are too good: "
                           + ", ".join(name[:12] for name in known))  # fmt: skip
-        record = evaluate_model(trained, source, progress)
+        record = evaluate_model(_in_classes_of(source, trained), source, progress)
     if output is not None:
         write_fresh_file(output, json.dumps(record, sort_keys=True, indent=2).encode() + b"\n", [model, dataset],
                          _is_evaluation)  # fmt: skip
-    text = json.dumps({"version": JSON_VERSION, **record}) if as_json else "\n".join(score_lines(record))
-    sys.stdout.write(text + "\n")
+        page = [
+            f"<!-- {SIGNATURE} -->",
+            f"# Scores of {model.name} on {dataset.name}, {split}",
+            "",
+            *score_lines(record),
+        ]
+        write_fresh_file(output.with_suffix(".md"), "\n".join([*page, ""]).encode(), [model, dataset])
+    shown = short_lines(record) if output is not None else score_lines(record)
+    sys.stdout.write((json.dumps({"version": JSON_VERSION, **record}) if as_json else "\n".join(shown)) + "\n")
     return 0
 
 
@@ -146,6 +157,31 @@ def _trained_on(facts: "ModelFacts", source: "SampleSource") -> list[str]:
     said = facts.training or {}
     known = {*said.get("training_bridges", ()), *said.get("validation_bridges", ())}
     return sorted(known & {source.bridge(row) for row in range(len(source))})
+
+
+def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
+    """Open a split for a model; samples of another scale than those it was trained on would say nothing of it."""
+    source: Any = _split(dataset, split, facts.channels)
+    if not len(source):
+        raise InputError("nothing in this split", where=dataset, field="--split", value=split,
+                         mend="Name another one, or keep bridges for it when the data set is made")  # fmt: skip
+    before, now = facts.data.get("scaling"), _facts(source).get("scaling")
+    if before and now and dict(before) != dict(now):
+        raise InputError("samples of another scale than those that the model was trained on", where=dataset,
+                         field="tile.scale", value=_spelled(now), allowed=_spelled(before))  # fmt: skip
+    return source
+
+
+def _spelled(scaling: Mapping[str, Any]) -> str:
+    return f"{scaling.get('kind')} {scaling.get('length')}"
+
+
+def _in_classes_of(source: "SampleSource", trained: Any) -> Any:
+    from learn.predict.class_sum import summed_model
+
+    facts = trained.facts
+    table = str(_facts(source).get("table", ""))
+    return summed_model(trained, trained.classes, str(facts.data.get("table", "")), table, source.classes)
 
 
 def _is_evaluation(path: Path) -> bool:

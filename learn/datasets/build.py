@@ -1,7 +1,7 @@
 """The conductor: from clouds to a data set, one source at a time."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +139,7 @@ def _with_noise(cloud: LabelledCloud, table: ClassTable, settings: DatasetSettin
     if not settings.noisy_class:
         return cloud
     labels = np.where(cloud.uncertainty > settings.noisy, table.index(NOISY_CLASS), cloud.labels).astype(np.uint8)
-    return LabelledCloud(cloud.coord, cloud.inputs, labels, cloud.uncertainty, cloud.base)
+    return replace(cloud, labels=labels)
 
 
 def _pieces(
@@ -149,8 +149,7 @@ def _pieces(
     if not len(cloud):
         return
     if settings.mode == "metric":
-        columns = {**cloud.inputs, "labels": cloud.labels, "uncertainty": cloud.uncertainty}
-        voxels = with_heights(thin(cloud.coord, columns, settings.tile), settings.tile)
+        voxels = with_heights(thin(cloud.coord, _columns(cloud), settings.tile), settings.tile)
         for tile in cut_tiles(voxels, settings.tile):
             yield tile_patch(voxels.coord, voxels.columns, tile.rows, tile.origin, tile.seed), 1 << 30
     elif settings.kind == "local":
@@ -172,7 +171,7 @@ def tile_patch(
 
     Args:
         coord: Positions of the cloud [m], shape (V, 3), float64.
-        columns: Inputs and, where they are known, `labels` and `uncertainty`, shape (V,) or (V, C) each.
+        columns: Inputs and, where they are known, `labels`, `uncertainty` and `instance`, shape (V,) or (V, C) each.
         rows: Points of the tile, shape (N,), int64.
         origin: Where its positions count from [m], shape (3,), float64.
         seed: Seed of its draws.
@@ -181,12 +180,18 @@ def tile_patch(
     unknown = np.full(len(rows), np.nan, np.float32)
     uncertainty = columns["uncertainty"][rows] if "uncertainty" in columns else unknown
     inputs = {name: columns[name][rows] for name in PIECE_INPUTS if name in columns}
-    return Patch((coord[rows] - origin).astype(np.float32), inputs, labels, uncertainty, origin, seed)
+    instance = columns["instance"][rows] if "instance" in columns else np.zeros(len(rows), np.int64)
+    place = (coord[rows] - origin).astype(np.float32)
+    return Patch(place, inputs, labels, uncertainty, origin, seed, rows, instance)
+
+
+def _columns(cloud: LabelledCloud) -> dict[str, NDArray[Any]]:
+    columns = {**cloud.inputs, "labels": cloud.labels, "uncertainty": cloud.uncertainty}
+    return columns if cloud.instance is None else {**columns, "instance": cloud.instance}
 
 
 def _patch(cloud: LabelledCloud, rows: I64, origin: NDArray[np.float64], seed: int) -> Patch:
-    columns = {**cloud.inputs, "labels": cloud.labels, "uncertainty": cloud.uncertainty}
-    return tile_patch(cloud.coord, columns, rows, origin, seed)
+    return tile_patch(cloud.coord, _columns(cloud), rows, origin, seed)
 
 
 def _split_of(facts: SourceFacts, place: int, settings: DatasetSettings, splits: Mapping[str, str]) -> str:
@@ -199,7 +204,10 @@ def _for_split(patch: Patch, split: str, settings: DatasetSettings) -> Patch:
         return patch
     kept = ~(patch.uncertainty > settings.noisy)
     inputs = {name: values[kept] for name, values in patch.inputs.items()}
-    return Patch(patch.coord[kept], inputs, patch.labels[kept], patch.uncertainty[kept], patch.origin, patch.seed)
+    assert patch.row is not None
+    assert patch.instance is not None
+    return Patch(patch.coord[kept], inputs, patch.labels[kept], patch.uncertainty[kept], patch.origin, patch.seed,
+                 patch.row[kept], patch.instance[kept])  # fmt: skip
 
 
 def _scaling(settings: DatasetSettings) -> Scaling:

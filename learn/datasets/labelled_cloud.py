@@ -25,7 +25,8 @@ U8 = NDArray[np.uint8]
 INPUTS = ("color", "normal", "n_views")  # beside coord, all that a network may see of a point
 HEIGHT = "height"  # made of coord: see learn.datasets.tiles
 PIECE_INPUTS = (*INPUTS, HEIGHT)
-_READ = ("coord", *INPUTS, "segment", "component", "uncertainty")  # columns of a cloud that a data set depends on
+# Columns of a cloud that a data set depends on.
+_READ = ("coord", *INPUTS, "segment", "component", "uncertainty", "instance")
 _DECK = ("deck", "slab", "sleeper", "track", "parapet")  # classes of the base table that make up the deck's width
 
 
@@ -62,6 +63,8 @@ class LabelledCloud:
         labels: Place of each point's class in the table, 255 where unknown, shape (N,), uint8.
         uncertainty: Uncertainty of each point, NaN where unknown [m], shape (N,), float32; never an input.
         base: Label of each point in the base table, 255 where unknown, shape (N,), uint8.
+        instance: Instance of each point, 0 for none, shape (N,), int64; None where the source knows none; never an
+            input.
     """
 
     coord: F64
@@ -69,6 +72,7 @@ class LabelledCloud:
     labels: U8
     uncertainty: NDArray[np.float32]
     base: U8
+    instance: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         """Count the points."""
@@ -144,7 +148,8 @@ def read_labelled(
         cloud = read_cloud(path)
         inputs = {name: cloud.columns[name] for name in INPUTS if _known(cloud, name)}
         return LabelledCloud(cloud.columns["coord"], inputs, labels_of_cloud(cloud, table),
-                             cloud.columns["uncertainty"], labels_of_cloud(cloud, base))  # fmt: skip
+                             cloud.columns["uncertainty"], labels_of_cloud(cloud, base),
+                             cloud.columns["instance"].astype(np.int64))  # fmt: skip
     assert class_map is not None
     scan = read_scan(path, progress=progress)
     codes = scan.classification if class_map.facts.column == "classification" else scan.segment
@@ -156,7 +161,9 @@ def read_labelled(
         progress.note(f"{path.name}: numbers that the class map {class_map.name} lacks count as unlabelled: {unknown}")
     inputs = {name: values for name, values in (("color", scan.color), ("normal", scan.normal)) if values is not None}
     nothing = np.full(len(scan), np.nan, np.float32)
-    return LabelledCloud(scan.coord, inputs, class_map.labels(codes, table), nothing, class_map.labels(codes, base))
+    instance = None if scan.instance is None else scan.instance.astype(np.int64)
+    return LabelledCloud(scan.coord, inputs, class_map.labels(codes, table), nothing, class_map.labels(codes, base),
+                         instance)  # fmt: skip
 
 
 def _known(cloud: Cloud, name: str) -> bool:

@@ -37,6 +37,9 @@ class Patch:
         uncertainty: For scores by threshold and the weights of a training, never an input [m], shape (N,), float32.
         origin: Where `coord` counts from, in the source [m], shape (3,), float64.
         seed: Seed of the draws that visit every point.
+        row: Row of each point in its cloud as it was cut, thinned or not, by which pieces that overlap know their
+            common points, shape (N,), int64; None where it was not asked for.
+        instance: Instance of each point in its cloud, 0 for none, never an input, shape (N,), int64; None likewise.
     """
 
     coord: F32
@@ -45,6 +48,8 @@ class Patch:
     uncertainty: F32
     origin: F64
     seed: int
+    row: I64 | None = None
+    instance: I64 | None = None
 
     def __len__(self) -> int:
         """Count the points."""

@@ -14,7 +14,7 @@ from learn.datasets.patch import CHANNELS, Patch, check_channels, make_sample
 from learn.datasets.sensors import other_sensor
 from learn.datasets.settings import SensorSettings
 from learn.datasets.split import SPLITS, TRAIN
-from learn.sample import Sample
+from learn.sample import Sample, Truth
 
 XYZ = ("x", "y", "z")
 
@@ -91,6 +91,26 @@ class StoredSplit:
         needed = {CHANNELS[name] for name in self.channels} - {"coord"}
         patch = read_piece(self.folder, row, [name for name in self.facts.inputs if name in needed])
         return patch, exhaustive_draw(len(patch), self.facts.settings.points, number, patch.seed)
+
+    def truth(self, index: int) -> Truth:
+        """Tell which points of which cloud a sample of validation or test holds, for scores.
+
+        Args:
+            index: Number of the sample.
+
+        Raises:
+            InputError: The data set is too old to know.
+        """
+        if not self.facts.identified:
+            raise InputError("made before pieces said which points of a cloud they hold", where=self.folder,
+                             mend="Make the data set again")  # fmt: skip
+        row, number = self._items[index]
+        patch = read_piece(self.folder, row, (), identified=True)
+        drawn = exhaustive_draw(len(patch), self.facts.settings.points, number, patch.seed)
+        assert patch.row is not None
+        assert patch.instance is not None
+        return Truth(row.source, patch.row[drawn], patch.coord[drawn] + patch.origin, patch.uncertainty[drawn],
+                     patch.instance[drawn])  # fmt: skip
 
     def sample(self, index: int, seed: int) -> Sample:
         """Draw one sample.

@@ -18,9 +18,9 @@ from learn.datasets.labelled_cloud import HEIGHT
 from learn.datasets.patch import CHANNELS, Scaling, check_channels, make_sample
 from learn.datasets.tiles import cut_tiles, with_heights
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
+from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
 from learn.predict.frame import Frame, choose_frame
-from learn.predict.instances import Boxes, connected_parts
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
 from learn.sample import Sample
@@ -102,13 +102,12 @@ def predict_scan(
                 progress.advance(done)
                 yield part
 
-        table = settings.table or model.table
-        write_labelled_copy(file, stream, out, labels, settings.chunk, table == _ASPRS)
+        write_labelled_copy(file, stream, out, labels, settings.chunk, summing.table == _ASPRS)
         names = {int(i): name for i, name in zip(summing.ids, summing.names, strict=True)}
         found = boxes.rows(names, frame.meters)
         write_json(boxes_file, {
             "format": FORMAT, "format_version": 1, "copy": {"suffix": out.suffix, "bytes": out.stat().st_size},
-            "table": table, "meters_per_unit": frame.meters,
+            "table": summing.table, "meters_per_unit": frame.meters,
             "classes": {str(i): name for i, name in names.items()}, "instances": found,
         })  # fmt: skip
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}

@@ -21,7 +21,8 @@ from authoring.looks.user_maps import find_sets
 from authoring.scenes.manifest import FORMAT as SCENE_FORMAT
 from authoring.scenes.manifest import changed_files, read_recipe
 from falsework.scenario import load_scenario
-from groundwork.files import check_manifest, write_json, write_manifest
+from falsework.store.artefact import read_manifest, seal
+from groundwork.files import write_json
 from recon.cloud import read_cloud, write_cloud
 from recon.formats.laz import write_laz
 from recon.formats.ply import write_ply
@@ -159,7 +160,7 @@ def _plain(home: Path) -> dict[str, Sample]:
         (place / "x.txt").write_text("x")
     write_json(scene / "manifest.json", {"format": SCENE_FORMAT, "format_version": 1, "seed": 3, "settings": {},
                                          "files": {"x.txt": "0"}})  # fmt: skip
-    write_manifest(folder, {"format_version": 1})
+    seal(folder, {"stage": "cloud", "version": 1, "settings": {}, "inputs": {}})
 
     def surfaces() -> list[bytes]:
         return [picture.read() for one in find_sets(home / "brick.zip") for picture in one.maps.values()]
@@ -170,5 +171,5 @@ def _plain(home: Path) -> dict[str, Sample]:
         "sky": Sample(home / "sky.hdr", lambda: read_panorama(home / "sky.hdr")),
         "surfaces": Sample(home / "brick.zip", surfaces, sealed=True),
         "manifest": Sample(scene / "manifest.json", lambda: (read_recipe(scene).seed, changed_files(scene))),
-        "artefact": Sample(folder / "artefact.json", lambda: check_manifest(folder)),
+        "artefact": Sample(folder / "artefact.json", lambda: read_manifest(folder / "artefact.json"), sealed=True),
     }

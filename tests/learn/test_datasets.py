@@ -12,7 +12,6 @@ import pytest
 
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
-from groundwork.files import check_manifest
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.class_tables import class_table, labels_of_cloud
 from learn.datasets.labelled_cloud import SourceFacts, read_labelled
@@ -23,6 +22,7 @@ from learn.datasets.stored import StoredSplit
 from learn.datasets.windows import cut_windows
 from recon.cloud import COLUMNS, OBSERVATION_COLUMNS, read_cloud
 from tests.learn.toy_bridge import DECK_HEIGHT, LENGTH, WIDTH, toy_cloud, write_toy
+from tests.manifest_faults import manifest_faults
 from usd_schemas.taxonomies import taxonomy
 
 ALL = ("x", "y", "z", "red", "green", "blue", "nx", "ny", "nz", "n_views", "height")
@@ -73,12 +73,12 @@ def test_the_same_clouds_make_the_same_bytes(clouds: list[Path], metric: Path, t
     """Two builds are equal byte for byte, the manifest proves the files, and names no place of this machine."""
     again = build(tmp_path / "again", clouds)
     assert folder_digest(again) == folder_digest(metric)
-    assert check_manifest(metric, MANIFEST) == []
+    assert manifest_faults(metric, MANIFEST) == []
     assert str(clouds[0].parent) not in (metric / MANIFEST).read_text() + (metric / "README.md").read_text()
     victim = next(metric.glob("train/*/color.npy"))
     kept = victim.read_bytes()
     victim.write_bytes(kept[:-1] + bytes([kept[-1] ^ 1]))
-    assert check_manifest(metric, MANIFEST) == [f"{victim.relative_to(metric).as_posix()}: changed"]
+    assert manifest_faults(metric, MANIFEST) == [f"{victim.relative_to(metric).as_posix()}: changed"]
     victim.write_bytes(kept)
 
 

@@ -175,7 +175,7 @@ def test_a_rejected_folder_leaves_nothing(tmp_path: Path) -> None:
     for name in ("a.jpg", "b.jpg"):
         (photographs / name).write_bytes(jpeg())
     with pytest.raises(RejectedSceneError) as rejected:
-        reconstruct_folder(photographs, tmp_path / "cloud", None, SILENT)
+        reconstruct_folder(photographs, tmp_path / "cloud", ReconSettings(), SILENT)
     assert rejected.value.reason == "too_few_images"
     assert [path.name for path in tmp_path.iterdir()] == ["photographs"]
 

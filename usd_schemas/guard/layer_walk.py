@@ -1,6 +1,7 @@
 """What the layers of a stage refer to, read one by one without composing them."""
 
 import re
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,11 +9,13 @@ from pathlib import Path
 from pxr import Sdf
 
 from groundwork.errors import InputError
-from usd_schemas.guard.package_walk import check_package, found_by, named_by, reason_of
+from usd_schemas.guard.package_walk import check_package, found_by, named_by
+from usd_schemas.reading.parse_errors import reason_of
 
 Warn = Callable[[str], None]
 
 _REMOTE = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # a drive letter is one letter
+_SHALLOW = 2  # parts of a path such as /home: too much to allow at once
 _TILES = re.compile(r"<UDIM>|<UVTILE>|<ATTR:[^>]*>")
 
 
@@ -126,9 +129,16 @@ def _target(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> Path:
         raise InputError(
             f"{name} {how}", where=f"{bounds.name(file)}{_holder(layer, name)}",
             allowed="files below the folder of the root layer",
-            mend="Copy the file there" + ("" if remote else ", or name its folder with --allow-root"),
+            mend="Copy the file there" + ("" if remote else f", or add {_allowing(bounds, target)}"),
         )  # fmt: skip
     return target
+
+
+def _allowing(bounds: Bounds, target: Path) -> str:
+    """Spell the words that would allow a file: the folder above both it and the stage, or its own where that is all."""
+    shared = [folder for folder in bounds.home.parents if target.is_relative_to(folder)]
+    near = shared[0] if shared and len(shared[0].parts) > _SHALLOW else target.parent
+    return f"--allow-root {shlex.quote(str(near))}"
 
 
 def _holder(layer: Sdf.Layer, name: str) -> str:

@@ -16,7 +16,6 @@ Flat = tuple[Material, tuple[str, str]]
 Triple = tuple[float, float, float]
 
 _WHITE: Triple = (1.0, 1.0, 1.0)
-_BLACK: Triple = (0.0, 0.0, 0.0)
 _STANDARD = "ND_standard_surface_surfaceshader"
 _IMAGES = ("ND_image_", "ND_tiledimage_")
 _PASSED = ("ND_normalmap", "ND_convert_", "ND_extract_", "ND_separate")  # nodes that hand their one texture on
