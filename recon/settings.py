@@ -54,7 +54,7 @@ class SparseSettings(Settings):
     use_gps_in_mapping: bool = False
     """Let the bundle adjustment pull camera centres towards their GPS positions; incremental mapper only."""
     two_view_tracks: bool = True
-    """Make points that only two images saw; which of them stay in a sparse cloud, `sure_views` says."""
+    """Make points that only two images saw; which of them stay in a sparse cloud, `max_deviation` says."""
     min_triangulation_angle: float = Field(default=1.5, ge=0.1, le=30.0)
     """Smallest angle between two rays of a point [deg]."""
     deterministic: bool = True
@@ -137,13 +137,12 @@ class ReconSettings(Settings):
     """Mean reprojection error above which a sparse point is dropped [px]."""
     min_views: int = Field(default=2, ge=2, le=20)
     """Valid cameras that must have seen a sparse point; for dense ones, see `filter`."""
-    sure_views: int = Field(default=4, ge=2, le=10_000)
-    """From this many valid cameras on, a sparse point stays in any case; one that fewer saw, if `max_deviation` allows.
-    """
+    sure_views: int | None = Field(default=None, ge=2, le=10_000)
+    """From this many valid cameras on, a sparse point stays whatever `max_deviation` says; left out: none does."""
     max_deviation: float = Field(default=0.1, ge=0.0, le=1000.0)
-    """Standard deviation that the place of a sparse point which fewer than `sure_views` saw may have along its worst
-    direction [m], told from its rays for keypoints that deviate by one pixel. Not asked of photographs without a GPS
-    that fits them: nothing tells metres there."""
+    """Standard deviation that the place of a sparse point may have along its worst direction [m]: told from its rays,
+    and from how far its keypoints and those of all points miss. Not asked of photographs without a GPS that fits
+    them: nothing tells metres there."""
     seed: int = Field(default=0, ge=0, lt=2**31)
     """Seed of every random draw in here."""
 

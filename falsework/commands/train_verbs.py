@@ -152,13 +152,6 @@ def evaluate(
     return 0
 
 
-def _trained_on(facts: "ModelFacts", source: "SampleSource") -> list[str]:
-    """Name the bridges of a split that a model was trained on, or picked by."""
-    said = facts.training or {}
-    known = {*said.get("training_bridges", ()), *said.get("validation_bridges", ())}
-    return sorted(known & {source.bridge(row) for row in range(len(source))})
-
-
 def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
     """Open a split for a model; samples of another scale than those it was trained on would say nothing of it."""
     source: Any = _split(dataset, split, facts.channels)
@@ -184,6 +177,13 @@ def _in_classes_of(source: "SampleSource", trained: Any) -> Any:
     return summed_model(trained, trained.classes, str(facts.data.get("table", "")), table, source.classes)
 
 
+def _trained_on(facts: "ModelFacts", source: "SampleSource") -> list[str]:
+    """Name the bridges of a split that a model was trained on, or picked by."""
+    said = facts.training or {}
+    known = {*said.get("training_bridges", ()), *said.get("validation_bridges", ())}
+    return sorted(known & {source.bridge(row) for row in range(len(source))})
+
+
 def _is_evaluation(path: Path) -> bool:
     """Tell whether a file holds scores of ours."""
     try:
@@ -206,7 +206,7 @@ def _settings(chosen: dict[str, Any], begun: dict[str, Any], given: tuple[str, .
             values[group] = {**values.get(group, {}), inner: value}
         else:
             values[key] = value
-    return parse_settings(TrainSettings, values, "--set")
+    return parse_settings(TrainSettings, values, "train")
 
 
 def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str]) -> int:

@@ -44,8 +44,8 @@ class Step:
 
     @property
     def kind(self) -> str:
-        """What it is to the user, who says with these words what stays: stage, capture or cloud."""
-        return self.link.partition("/")[0]
+        """What it is to the user, who says with these words what stays: stage, capture, model, cloud or report."""
+        return self.link.partition("/")[0].removesuffix(".html")
 
     @property
     def input_name(self) -> str:

@@ -201,7 +201,8 @@ class SceneRun:
             self.progress.note(f"{faults[0]}: made again")
             former = self.store.files(step.task)
             self.store.discard(step.task)
-        self.outcome.made += self._ensure(step)
+        made = self._ensure(step)  # which counts what it makes itself: not within the sum
+        self.outcome.made += made
         if former is not None and former != self.store.files(step.task):
             self.progress.note(f"{self.store.folder(step.task)}: its bytes are not the former ones")
 

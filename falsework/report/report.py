@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 NOISE_THRESHOLD = 0.1  # [m] Shi 2024 calls points above it noisy
 NEAR = 0.1  # [m]
+REASONS = ("views", "reprojection", "deviation", "duplicate")
 OUTLINE_POINTS = 4000
 UNITS = {
     "center_error": "m",
@@ -94,6 +95,7 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None, *, pictu
         "facts": [] if cloud is None else _facts(cloud),
         "threshold": None if noise is None else f"{noise['threshold']:g} m",
         "noise": _noise(noise),
+        "kept": [] if cloud is None else _kept(cloud.statistics),
         "cloud": "",
     }
     if cloud is None:
@@ -164,6 +166,16 @@ def _placing(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append((f"control point {row['name']} off by", f"{row['distance']:.3f} m{left_out}"))
     rows += [(f"scale bar {' to '.join(row['ends'])} off by", f"{row['error']:+.4f} m")
              for row in alignment.get("scale_bars", ())]  # fmt: skip
+    return rows
+
+
+def _kept(statistics: Mapping[str, Any]) -> list[list[str]]:
+    """Say of each class what stayed, what went and why, and in how many windows along the bridge it is few."""
+    rows = []
+    for name, row in statistics.get("classes", {}).items():
+        dropped = [f"{row['dropped'][why]:,}" for why in REASONS]
+        few = f"{row['few_in']} of {row['windows']}" if row.get("windows") else ""
+        rows.append([name, f"{row['kept']:,}", *dropped, few])
     return rows
 
 

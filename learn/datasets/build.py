@@ -27,12 +27,17 @@ from learn.datasets.labelled_cloud import (
 from learn.datasets.layout import MANIFEST, DatasetFacts, PieceRow, manifest_record, write_piece
 from learn.datasets.patch import Patch, Scaling
 from learn.datasets.settings import DatasetSettings
-from learn.datasets.split import TRAIN, split_at_random, split_bridges
+from learn.datasets.split import SPLITS, TRAIN, split_at_random, split_bridges
 from learn.datasets.tiles import cut_tiles, thin, with_heights
 from learn.datasets.windows import cut_windows
 
 I64 = NDArray[np.int64]
 CARD = "README.md"
+_WITHOUT = {
+    "train": "nothing can be trained on this data set",
+    "val": "training holds a bridge out of train instead, and needs two there; a forest needs none",
+    "test": "evaluate needs --split val",
+}
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,7 @@ def build_dataset(
             seen = np.bincount(patch.labels, minlength=256)
             counts[split] = counts.get(split, np.zeros(256, np.int64)) + seen
         progress.advance(number + 1)
+    _note_empty(pieces, splits, settings, progress)
     if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
         raise InputError("no piece is left to train on", field="fewest", value=settings.fewest,
                          mend="Give more clouds, or lower fewest")  # fmt: skip
@@ -104,6 +110,16 @@ def build_dataset(
     write_text(folder / CARD, card_text(whole, counts))
     write_manifest(folder, manifest_record(whole), MANIFEST)
     return whole
+
+
+def _note_empty(
+    pieces: Sequence[PieceRow], splits: Mapping[str, str], settings: DatasetSettings, progress: Progress
+) -> None:
+    """Say which splits hold nothing, and what cannot be done without them."""
+    for split, share in zip(SPLITS, settings.shares, strict=True):
+        if not any(row.split == split for row in pieces):
+            wanted = "" if share else ", as shares has it"
+            progress.note(f"{split} is empty: the sources show {len(splits)} bridge(s){wanted}; {_WITHOUT[split]}")
 
 
 def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> DatasetSettings:

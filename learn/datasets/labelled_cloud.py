@@ -114,7 +114,7 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
             )  # fmt: skip
         parts = {name: file_digest(path / f"{name}.npy") for name in _READ if (path / f"{name}.npy").is_file()}
         facts = {key: stored.get(key) for key in ("classes", "components", "source")}
-        return SourceFacts(path.name, found, digest([parts, facts]), str(stored.get("source", "")))
+        return SourceFacts(cloud_name(path), found, digest([parts, facts]), str(stored.get("source", "")))
     if not path.is_file():
         raise MissingError("no such file", where=path, mend="Name the folder of a cloud, or a scan")
     if class_map is None:
@@ -126,6 +126,15 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
         path.name, bridge or whole, whole, "scan", class_map.facts.use == "evaluate", class_map.facts.licence,
         number in class_map.facts.test,
     )  # fmt: skip
+
+
+def cloud_name(folder: Path) -> str:
+    """Name a cloud: those of a run, which are all called alike, by scene and cloud, others by their folder.
+
+    Args:
+        folder: Folder of a cloud.
+    """
+    return f"{folder.parent.parent.name}/{folder.name}" if folder.parent.name == "cloud" else folder.name
 
 
 def read_labelled(

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from groundwork.errors import InputError
 from groundwork.settings import Settings, parse_settings
 
 MOST_TILES_ACROSS = 16  # tiles that cover one place along one axis
@@ -101,6 +102,13 @@ class DatasetSettings(Settings):
     window: WindowSettings = Field(default_factory=WindowSettings, description="The paper's windows")
     augment: AugmentSettings = Field(default_factory=AugmentSettings, description="Changes of training samples")
 
+    @field_validator("shares", mode="before")
+    @classmethod
+    def _three(cls, value: Any) -> Any:
+        if not isinstance(value, list | tuple) or len(value) != 3:
+            raise ValueError("shares must be three numbers from 0 that add up to 1, such as [0.6, 0.2, 0.2]")
+        return value
+
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if min(self.shares) < 0.0 or abs(sum(self.shares) - 1.0) > 1e-6:
@@ -110,6 +118,7 @@ class DatasetSettings(Settings):
         return self
 
 
+_TABLES = {"tile": "size=10", "window": "length=10", "augment": "flip=false"}
 _OF_KIND: Mapping[str, Mapping[str, Any]] = {
     "local": {},
     "global": {
@@ -133,5 +142,8 @@ def dataset_settings(kind: str, values: Mapping[str, Any], where: object) -> Dat
     whole: dict[str, Any] = {"kind": kind, **_OF_KIND.get(kind, {})}
     for key, value in values.items():
         before = whole.get(key)
+        if key in _TABLES and not isinstance(value, Mapping):
+            raise InputError("a table, not a value", where=where, field=key, value=value,
+                             mend=f"Give its keys, such as {key}.{_TABLES[key]}")  # fmt: skip
         whole[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value
     return parse_settings(DatasetSettings, whole, where)

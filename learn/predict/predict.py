@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.errors import InputError
+from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_json
-from groundwork.output_file import check_output_file
+from groundwork.output_file import check_output_file, fresh_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
 from learn.datasets.draws import count_draws, exhaustive_draw
@@ -102,14 +102,20 @@ def predict_scan(
                 progress.advance(done)
                 yield part
 
-        write_labelled_copy(file, stream, out, labels, settings.chunk, summing.table == _ASPRS)
         names = {int(i): name for i, name in zip(summing.ids, summing.names, strict=True)}
-        found = boxes.rows(names, frame.meters)
-        write_json(boxes_file, {
-            "format": FORMAT, "format_version": 1, "copy": {"suffix": out.suffix, "bytes": out.stat().st_size},
-            "table": summing.table, "meters_per_unit": frame.meters,
-            "classes": {str(i): name for i, name in names.items()}, "instances": found,
-        })  # fmt: skip
+        with fresh_file(out, [source], lambda path: _is_former(former, path)) as copy:
+            write_labelled_copy(file, stream, copy, labels, settings.chunk, summing.table == _ASPRS)
+            found = boxes.rows(names, frame.meters)
+            record = {
+                "format": FORMAT, "format_version": 1, "copy": _size_of(copy, out), "table": summing.table,
+                "meters_per_unit": frame.meters, "classes": {str(i): name for i, name in names.items()},
+                "instances": found,
+            }  # fmt: skip
+            # The boxes go first and speak of both copies, so that a kill in between leaves nothing that is nobody's.
+            replaced = {"replaces": _size_of(out, out)} if out.exists() else {}
+            write_json(boxes_file, {**record, **replaced})
+        if replaced:
+            write_json(boxes_file, record)
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
         return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found))
 
@@ -125,7 +131,11 @@ def _boxes_record(boxes_file: Path) -> dict[str, Any]:
 
 def _is_former(record: dict[str, Any], copy: Path) -> bool:
     """Tell whether the boxes beside a copy speak of this very one, whose format may lack room for a signature."""
-    return record.get("copy") == {"suffix": copy.suffix, "bytes": copy.stat().st_size}
+    return _size_of(copy, copy) in (record.get("copy"), record.get("replaces"))
+
+
+def _size_of(copy: Path, name: Path) -> dict[str, object]:
+    return {"suffix": name.suffix, "bytes": copy.stat().st_size}
 
 
 def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int, where: object) -> VoxelCloud:
@@ -238,8 +248,11 @@ def _file_of(source: Path, out: Path) -> tuple[Path, float | None]:
     if not (source / "cloud.json").is_file():
         raise InputError("not a cloud: no cloud.json", where=source, mend="Name a scan, or the folder of a cloud")
     name = _OWN_FILES.get(out.suffix.lower())
-    if name is None or not (source / name).is_file():
+    if name is None:
         raise InputError("a cloud can be copied as LAZ, LAS or PLY", where=out, field="-o", value=out.suffix,
                          allowed=", ".join(_OWN_FILES))  # fmt: skip
+    if not (source / name).is_file():
+        mend = f"Make it with falsework export {source} --to {Path(name).suffix[1:]} -o DIR, and label that"
+        raise MissingError(f"this cloud holds no {name} to copy", where=source, mend=mend)
     alignment = read_json(source / "cloud.json").get("alignment", {})
     return source / name, 0.0 if alignment.get("target") == "none" else 1.0

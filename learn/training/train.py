@@ -131,9 +131,10 @@ def _check(
     source: SampleSource, validation: SampleSource, rows: Sequence[int], held: Sequence[int], settings: TrainSettings
 ) -> tuple[str, ...]:
     if not rows or not (held or not settings.validation):
-        raise InputError("too few samples: whole bridges are held out for validation", field="samples",
-                         value=len(source), mend="Add clouds of another bridge, or give --set validation=0: "
-                         "nothing is held out then, and the last epoch is taken")  # fmt: skip
+        raise InputError("too few bridges: a whole one is held out for validation", field="bridges",
+                         value=len({source.bridge(row) for row in range(len(source))}), allowed="2 or more",
+                         mend="Add clouds of another bridge, or give --set validation=0: nothing is held out then, "
+                         "and the last epoch is taken")  # fmt: skip
     if validation.classes != source.classes:
         raise InputError("training and validation have other classes", field="classes",
                          value=", ".join(validation.classes), allowed=", ".join(source.classes))  # fmt: skip

@@ -190,7 +190,7 @@ def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, fa
         indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
         materials=context.buffer(materials.tobytes()),
         variants=variants, of_material=of_material, anchor=anchor, facets=facets,
-        wraps=Wraps(context, gl.functions),
+        wraps=Wraps(gl.functions),
         **_placed(context, scene, of_material),
     )  # fmt: skip
 

@@ -10,15 +10,14 @@ _MODES = {"repeat": 0x2901, "mirror": 0x8370, "clamp": 0x812F, "black": 0x812D}
 class Wraps:
     """The samplers of a scene, each made once."""
 
-    def __init__(self, context: moderngl.Context, functions: GlFunctions) -> None:
+    def __init__(self, functions: GlFunctions) -> None:
         """Start with none.
 
         Args:
-            context: Open context.
-            functions: The OpenGL functions of it.
+            functions: The OpenGL functions of the context.
         """
-        self._context, self._functions = context, functions
-        self._known: dict[tuple[tuple[str, str], int, float], moderngl.Sampler] = {}
+        self._functions = functions
+        self._known: dict[tuple[tuple[str, str], int, float], int] = {}
         self._bound: set[int] = set()
 
     def bind(self, unit: int, array: moderngl.TextureArray, wrap: tuple[str, str] | None) -> None:
@@ -37,12 +36,9 @@ class Wraps:
             return
         key = (wrap, array.components, array.anisotropy)
         if key not in self._known:
-            sampler = self._context.sampler(texture=None)
-            sampler.filter, sampler.anisotropy = array.filter, array.anisotropy
-            sampler.border_color = (0.0, 0.0, 0.0, 0.0)
-            self._functions.wrap_sampler(sampler.glo, _MODES[wrap[0]], _MODES[wrap[1]])
-            self._known[key] = sampler
-        self._functions.bind_sampler(unit, self._known[key].glo)
+            modes = (_MODES[wrap[0]], _MODES[wrap[1]])
+            self._known[key] = self._functions.make_sampler(modes, array.filter, array.anisotropy)
+        self._functions.bind_sampler(unit, self._known[key])
         self._bound.add(unit)
 
     def clear(self) -> None:

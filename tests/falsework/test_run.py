@@ -68,7 +68,7 @@ def test_result_without_manifest_is_made_again_once(run: Run, tmp_path: Path) ->
     """It stands where the new one belongs: it is replaced, and the next run finds all there."""
     run()
     whole = contents(tmp_path / "out")
-    for stage in STAGES:
+    for stage in sorted(set(STAGES) - {"sample"}):
         folder = _only(tmp_path / "out", stage)
         (folder / MANIFEST).unlink()
         assert (run().made, run().made) == (1, 0)

@@ -125,19 +125,20 @@ def test_every_point_counts_once_with_the_mean_of_its_votes_as_scikit_learn_scor
     assert record["points"] == len(votes)
     assert record["votes"] == sum(map(len, votes.values()))
     places = range(len(source.classes))
+    each: dict[str, Any] = {"average": None}  # its types know no None, its manual does
     assert record["confusion"] == metrics.confusion_matrix(truth, found, labels=places).tolist()
     rows = list(record["classes"].values())
-    assert [row["iou"] for row in rows] == pytest.approx(metrics.jaccard_score(truth, found, average=None))
-    assert [row["accuracy"] for row in rows] == pytest.approx(metrics.recall_score(truth, found, average=None))
-    assert [row["precision"] for row in rows] == pytest.approx(metrics.precision_score(truth, found, average=None))
-    assert [row["f1"] for row in rows] == pytest.approx(metrics.f1_score(truth, found, average=None))
+    assert [row["iou"] for row in rows] == pytest.approx(metrics.jaccard_score(truth, found, **each))
+    assert [row["accuracy"] for row in rows] == pytest.approx(metrics.recall_score(truth, found, **each))
+    assert [row["precision"] for row in rows] == pytest.approx(metrics.precision_score(truth, found, **each))
+    assert [row["f1"] for row in rows] == pytest.approx(metrics.f1_score(truth, found, **each))
     assert record["overall_accuracy"] == pytest.approx(metrics.accuracy_score(truth, found))
     assert record["mean_accuracy"] == pytest.approx(metrics.balanced_accuracy_score(truth, found))
     uncertainty = np.array([labels[key][1] for key in votes], np.float32)
     for limit, value in zip(record["by_uncertainty"]["thresholds"], record["by_uncertainty"]["mean_iou"], strict=True):
         kept = uncertainty <= limit
         assert value == pytest.approx(metrics.jaccard_score(truth[kept], found[kept], average="macro"))
-    sure = metrics.jaccard_score(truth[uncertainty <= 0.1], found[uncertainty <= 0.1], average=None)
+    sure = metrics.jaccard_score(truth[uncertainty <= 0.1], found[uncertainty <= 0.1], **each)
     assert [row["iou"] for row in record["sure"]["classes"].values()] == pytest.approx(sure)
     for bridge, scored in record["bridges"].items():
         mine = np.array([key[0] == bridge for key in votes])
@@ -240,7 +241,7 @@ def test_the_command_line_trains_and_evaluates(tmp_path: Path, capsys: pytest.Ca
     assert json.loads((tmp_path / "forest.json").read_text())["mean_iou"] > 0.8
     assert call("train", data, "-o", tmp_path / "other", "--model", "forest", "--set", "network.counts=1") == 2
     capsys.readouterr()
-    assert call("train", data, "-o", tmp_path / "other", "--model", "pointnet3") == 2
+    assert call("train", data, "-o", tmp_path / "other", "--model", "pointnet3", "--channels", "x,y,z") == 2
     assert "pointnet2-ssg" in capsys.readouterr().err
     assert call("evaluate", tmp_path, data) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1

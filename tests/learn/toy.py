@@ -64,5 +64,6 @@ class ToyBridges:
         """Each sample is a cloud of its own; its points lie meters apart, so that instances are single points."""
         labels = self.sample(index, 0).labels
         rows = np.arange(len(labels))
-        coord = 5.0 * np.stack([rows, rows * 0.0, rows * 0.0], axis=1)
+        coord = np.zeros((len(rows), 3))
+        coord[:, 0] = 5.0 * rows
         return Truth(index, rows, coord, np.full(len(rows), 0.05, np.float32), labels % 255)

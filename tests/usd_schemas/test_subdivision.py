@@ -38,7 +38,7 @@ def test_a_cube_goes_where_the_rules_say() -> None:
 
 
 def test_refined_cages_come_to_the_limit() -> None:
-    """The vertices of valence 3 of the cube run to their limit, (9 v + 4 edges + faces) / 24, found on the cage."""
+    """The vertices of valence 3 of the cube run to their limit, which is worked out on the cage."""
     mesh = cage(CUBE_POINTS, CUBE_FACES)
     # Limit mask of valence n: n^2 v, 4 times its neighbours, and the diagonals of its faces, over n (n + 5).
     vertex, edges, diagonals = CUBE_POINTS[7], CUBE_POINTS[[3, 5, 6]], CUBE_POINTS[[1, 2, 4]]

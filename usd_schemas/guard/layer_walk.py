@@ -10,6 +10,7 @@ from pxr import Sdf
 
 from groundwork.errors import InputError
 from usd_schemas.guard.package_walk import check_package, found_by, named_by
+from usd_schemas.reading.mtlx import SUFFIX, named_files, read_document
 from usd_schemas.reading.parse_errors import reason_of
 
 Warn = Callable[[str], None]
@@ -84,7 +85,20 @@ def walk_layers(path: Path, bounds: Bounds, warn: Warn) -> tuple[Path, ...]:
                 warn(f"{bounds.name(file)}{_holder(layer, name)}: there is no file {name}")
             elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):
                 pending.append(target)
+            elif target.suffix.lower() == SUFFIX:
+                _walk_document(target, bounds, warn)
     return tuple(layers)
+
+
+def _walk_document(file: Path, bounds: Bounds, warn: Warn) -> None:
+    """Look through a MaterialX document: its pictures may lie nowhere else either."""
+    document = read_document(file)
+    for name in named_files(document):
+        target = _inside(file, name, bounds, "")
+        if target.exists() and not target.is_file():
+            raise InputError(f"{name} is no picture", where=bounds.name(file), allowed="regular files")
+        if not target.exists() and not _TILES.search(name):
+            warn(f"{bounds.name(file)}: there is no file {name}")
 
 
 def open_layer(file: Path, bounds: Bounds) -> Sdf.Layer:
@@ -119,6 +133,14 @@ def _refuse_found(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> No
 
 
 def _target(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> Path:
+    try:
+        return _inside(file, name, bounds, "")
+    except InputError:
+        return _inside(file, name, bounds, _holder(layer, name))
+
+
+def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
+    """Find the file that a name means; refuse one that leads out of the roots."""
     remote = bool(_REMOTE.match(name))
     try:
         target = (file.parent / name.partition("[")[0]).resolve()
@@ -127,7 +149,7 @@ def _target(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> Path:
     if remote or not bounds.contain(target):
         how = "is remote" if remote else "leads out of the allowed folders"
         raise InputError(
-            f"{name} {how}", where=f"{bounds.name(file)}{_holder(layer, name)}",
+            f"{name} {how}", where=f"{bounds.name(file)}{holder}",
             allowed="files below the folder of the root layer",
             mend="Copy the file there" + ("" if remote else f", or add {_allowing(bounds, target)}"),
         )  # fmt: skip

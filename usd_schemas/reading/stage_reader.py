@@ -18,6 +18,7 @@ from usd_schemas.reading.flat_geometry import Flattened, world_bounds
 from usd_schemas.reading.labels import Warn, read_taxonomy
 from usd_schemas.reading.lights import read_lights
 from usd_schemas.reading.moments import Moving, flatten_moments
+from usd_schemas.reading.mtlx import Adopted
 from usd_schemas.reading.parse_errors import reason_of
 from usd_schemas.reading.skinning import bake_skins
 from usd_schemas.registration import register_schemas
@@ -82,7 +83,9 @@ def compose_stage(path: Path, choices: StageChoices = AS_AUTHORED) -> ComposedSt
     # It holds back what USD would print; what matters comes back through `warn`.
     quiet = UsdUtils.CoalescingDiagnosticDelegate()
     try:
-        stage = _open(path)
+        documents, stage = _open(path)
+        for note in documents.notes:
+            warn(note)
         choose_variants(stage, choices.variants)
         for error in stage.GetCompositionErrors():
             warn(str(error))
@@ -93,10 +96,13 @@ def compose_stage(path: Path, choices: StageChoices = AS_AUTHORED) -> ComposedSt
             hint = next(iter(warnings), "Check visibility, purpose, payloads and variant selections")
             raise InputError("the stage shows no geometry", where=path, mend=hint)
         layers = [layer for layer in layers if layer != stage.GetSessionLayer()]
-        files = tuple(Path(layer.realPath.partition("[")[0]).resolve() for layer in layers if layer.realPath)
+        files = [Path(layer.realPath.partition("[")[0]).resolve() for layer in layers if layer.realPath]
+        adopted = [documents.files[layer.identifier] for layer in layers if layer.identifier in documents.files]
+        digests = [_layer_digest(layer) for layer in layers if layer.identifier not in documents.files]
         return ComposedStage(
-            replace(scene, warnings=tuple(warnings)), tuple(sorted(_layer_digest(layer) for layer in layers)), files
-        )
+            replace(scene, warnings=tuple(warnings)),
+            tuple(sorted([*digests, *map(file_digest, adopted)])), (*files, *adopted),
+        )  # fmt: skip
     finally:
         del quiet
 
@@ -188,13 +194,14 @@ def stage_to_world(stage: Usd.Stage) -> F64:
     return transform
 
 
-def _open(path: Path) -> Usd.Stage:
+def _open(path: Path) -> tuple[Adopted, Usd.Stage]:
     if not path.exists():
         raise MissingError("no such file", where=path, mend="Check the path")
     if path.is_dir():
         raise InputError("is a folder, not a USD file", where=path, mend="Name the stage inside it, e.g. scene.usda")
     try:
-        return Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
+        documents = Adopted(path)
+        return documents, Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
     except Tf.ErrorException as error:
         what = f"not readable as USD: {reason_of(error)}"
         raise InputError(what, where=path, allowed="usda, usdc, usd, usdz") from None
