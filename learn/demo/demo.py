@@ -30,8 +30,8 @@ TEST = ("beam26", "girder15", "girder16", "slab34")
 NO_SENSORS = {"range": 0.0, "gaps": 0.0, "half": 0.0, "tilt": 0.0, "colorless": 0.0}
 """Training and test are of one sensor here, and steps are few."""
 MODEL: Mapping[str, Any] = {
-    "model": "pointnet2-ssg", "network": {"counts": [256, 64, 16], "unit": 2.0, "dropout": 0.3}, "epochs": 4, "batch": 8,
-    "accelerator": "cpu", "sensors": NO_SENSORS,
+    "model": "pointnet2-ssg", "network": {"counts": [256, 64, 16], "unit": 2.0, "dropout": 0.3}, "epochs": 4,
+    "batch": 8, "accelerator": "cpu", "sensors": NO_SENSORS,
 }  # fmt: skip
 
 
