@@ -53,6 +53,7 @@ def main() -> None:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--yanx27", type=Path)
+    parser.add_argument("--commit", default="", help="of CHECKOUT, where it is no clone")
     parser.add_argument("--open3d-python", type=Path)
     parser.add_argument("--steps", type=int, default=5)
     chosen = parser.parse_args()
@@ -67,7 +68,7 @@ def main() -> None:
     if chosen.open3d_python:
         ways["open3d"] = lambda: _child([str(chosen.open3d_python), script, "open3d", "-", "1"])
     costs = take_turns(ways, chosen.steps)
-    commit = _commit(chosen.yanx27) if chosen.yanx27 else ""
+    commit = chosen.commit or (_commit(chosen.yanx27) if chosen.yanx27 else "")
     write_text(PAGE, page(costs, chosen.steps, load, commit))
 
 

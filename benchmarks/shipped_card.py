@@ -28,13 +28,12 @@ LIMITS = (
     "vehicle or power line, and will call some of them parts of a bridge.",
     "Parts finer than its cubes of {voxel:g} m (bearings, sockets, clamps, rails) are mostly lost.",
     "Its tiles are {size:g} m wide: what a part is for, where that is seen from farther away alone, it guesses.",
-    "Confidence is calibrated on one bridge of ours; on other scans it is too high.",
-    "The scan must be in metres or say its unit, with z up or `--up`. A model trained on a hundred points of your own "
-    "bridges will be better: `falsework train`.",
+    "Confidence is calibrated on one bridge of ours; how far it can be trusted on other scans is not known.",
+    "The scan must say its unit, or be given `--unit`, and stand with z up, or be given `--up`.",
 )
 
 
-def card_text(folder: Path, dataset: Path, tests: Sequence[Path], validation: Sequence[str]) -> str:
+def card_text(folder: Path, dataset: Path, tests: Sequence[Path], validation: Sequence[str], note: str = "") -> str:
     """Write the card.
 
     Args:
@@ -42,6 +41,7 @@ def card_text(folder: Path, dataset: Path, tests: Sequence[Path], validation: Se
         dataset: Data set that it was trained on.
         tests: Clouds of bridges that neither training nor the choice of the epoch saw.
         validation: First digits of the bridges that the epoch was picked on.
+        note: A line more.
     """
     model, facts = read_trained_model(folder), read_model_facts(folder)
     matrices: dict[str, Mapping[str, I64]] = {}
@@ -52,8 +52,9 @@ def card_text(folder: Path, dataset: Path, tests: Sequence[Path], validation: Se
         found = label_scan(scan, model)
         seconds, points = seconds + time.process_time() - before, points + len(scan.coord)
         matrices[f"{path.parent.name} {path.name} ({read_cloud(path).source})"] = {t: found.matrix(t) for t in TABLES}
-    lines = [*_head(folder, facts, model), "", "## What it learnt from", "", *_sources(read_facts(dataset), validation),
-             "", "## Scores", "", *_score_lines(matrices), "", "## What it cannot do", ""]  # fmt: skip
+    lines = [*_head(folder, facts, model), *([f"- {note}"] if note else [])]
+    lines += ["", "## What it learnt from", "", *_sources(read_facts(dataset), validation)]
+    lines += ["", "## Scores", "", *_score_lines(matrices), "", "## What it cannot do", ""]
     bridges = len({row.bridge for row in read_facts(dataset).pieces if row.split == "train"})
     lines += [f"- {line.format(bridges=bridges, voxel=model.tile.voxel, size=model.tile.size)}" for line in LIMITS]
     if points:

@@ -26,7 +26,7 @@ from learn.datasets.build import Source, build_dataset
 from learn.datasets.settings import DatasetSettings, dataset_settings
 from learn.datasets.stored import StoredSplit
 from learn.datasets.varied import SomeSamples, Variation, VariedSplit
-from learn.trained import read_facts, read_weights, write_model
+from learn.trained import FACTS, read_facts, read_weights, write_model
 from learn.training.settings import TrainSettings
 from learn.training.train import train_network
 
@@ -97,10 +97,12 @@ def train_on(dataset: Path, validation: Sequence[str], folder: Path, settings: M
     Args:
         dataset: Data set of `dataset_of`.
         validation: First digits of the bridges that the epoch is picked on.
-        folder: Model to write; what was begun there is gone on with.
+        folder: Model to write; what was begun there is gone on with, a whole one is left alone.
         settings: Settings of the training that differ from the usual ones.
         samples: Samples of an epoch.
     """
+    if (folder / FACTS).is_file():
+        return
     source = VariedSplit(StoredSplit(dataset, "train", CHANNELS), Variation(samples=samples))
     whole = StoredSplit(dataset, "test", CHANNELS)
     rows = [row for row in range(len(whole)) if whole.bridge(row).startswith(tuple(validation))]
@@ -135,6 +137,7 @@ def main() -> None:
     parser.add_argument("--test", nargs="+", default=[])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--samples", type=int, default=SAMPLES, help="samples of an epoch")
+    parser.add_argument("--note", default="", help="a line for the card")
     parser.add_argument("--set", nargs="*", default=[], help="settings of the training, key=value")
     given = parser.parse_args()
     torch.set_num_threads(1)
@@ -145,7 +148,7 @@ def main() -> None:
     train_on(dataset, given.validation, model, {"seed": given.seed, **settings}, given.samples)
     ship(model, SHIPPED)
     tests = [path for path in clouds if bridge_of(path).startswith(tuple(given.test))] if given.test else []
-    write_text(SHIPPED / "README.md", card_text(SHIPPED, dataset, tests, given.validation))
+    write_text(SHIPPED / "README.md", card_text(SHIPPED, dataset, tests, given.validation, given.note))
     sys.stdout.write(f"model   {SHIPPED}\n")
 
 

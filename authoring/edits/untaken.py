@@ -84,6 +84,8 @@ def _strangers(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterato
             if prim.IsA(UsdGeom.Mesh) and not prim.GetAttribute("points").Get(_TIME):
                 yield object_name(prim), "a mesh without points is not taken over"
         elif prim.IsA(UsdGeom.PointInstancer):
+            if is_blender(after) and any(one.IsA(UsdGeom.PointInstancer) for one in before.Traverse()):
+                continue  # Blender gives those of the scene names of its own
             yield object_name(prim), "an instancer is not taken over; make its instances real"
         elif not prim.HasAPI(UsdLux.LightAPI):
             yield object_name(prim), f"{kind} is not taken over; export it as a mesh"

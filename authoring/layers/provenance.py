@@ -30,7 +30,7 @@ def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str], *, is
     pairs = [text for pair in sorted(inputs.items()) for text in pair]
     values = [
         ("softwarePackage", Sdf.ValueTypeNames.String, PACKAGE),
-        ("softwareVersion", Sdf.ValueTypeNames.String, _version()),
+        ("softwareVersion", Sdf.ValueTypeNames.String, software_version()),
         ("inputs", Sdf.ValueTypeNames.StringArray, Vt.StringArray(pairs)),
     ]
     if is_ours:
@@ -41,7 +41,8 @@ def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str], *, is
     return layer
 
 
-def _version() -> str:
+def software_version() -> str:
+    """Tell the version of Falsework, or `unknown` where it is not installed."""
     try:
         return version(PACKAGE)
     except PackageNotFoundError:

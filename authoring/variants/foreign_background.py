@@ -9,6 +9,7 @@ from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.foreign.asset_paths import localize
 from authoring.foreign.mending import mend
 from authoring.foreign.usd_file import adopt, flatten_foreign, holder_of, open_foreign, safe_name
+from authoring.layers.identity import name_asset
 from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
 from authoring.variants.arcs import add_background
@@ -75,8 +76,8 @@ def _root(name: str, file: Path, origin: Point) -> Sdf.Layer:
     spec = Sdf.CreatePrimInLayer(root, "/Background")
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
     spec.SetInfo("kind", Kind.Tokens.component)
-    spec.SetInfo("assetInfo", {"name": name})
     made = {"file": file.name, "sha256": file_digest(file)}
+    name_asset(root, "/Background", name, f"{name}.usda", made["sha256"][:12])
     if origin != HERE:
         made["origin"] = " ".join(f"{value:.15g}" for value in origin)
     author_provenance(root, "/Background", made, is_ours=False)

@@ -1,7 +1,6 @@
 """`falsework render`: any USD stage into captures; what is wrong with its words is said before the stage is read."""
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -59,25 +58,31 @@ def render(
         allow_root: Folders beside that of the stage from which it may take layers and textures.
     """
     from falsework.commands.verbs import render_file
+
+    sensor = {"noise": noise, **_exposure(exposure)}
+    settings = {"quality": quality, "sensor": sensor, "workers": workers, "subdivision": subdivision}
+    choices = _choices(settings, camera, frame, purpose, variant, (width, height))
+    with ConsoleProgress() as progress:
+        names = render_file(stage, output, survey, settings, seed, progress, allow_root, choices)
+    for name in names:
+        sys.stdout.write(f"capture {output / name}\n")
+    return 0
+
+
+def _choices(
+    settings: dict[str, Any], camera: str, frame: tuple[str, ...], purpose: tuple[str, ...], variant: tuple[str, ...],
+    size: tuple[int, int],
+) -> dict[str, Any] | None:  # fmt: skip
+    """Check settings and choices; the choices as JSON, None where the stage is read as it is."""
     from groundwork.settings import parse_settings
     from render.settings import RenderSettings
     from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, check_choices, frames_of, variants_of
 
+    level = parse_settings(RenderSettings, settings, "render").subdivision
     purposes = ("default", *(purpose or ("render",)))
-    choices = StageChoices(camera, frames_of(frame), purposes, variants_of(variant), width, height)
+    choices = StageChoices(camera, frames_of(frame), purposes, variants_of(variant), *size, level)
     check_choices(choices)
-    sensor = {"noise": noise, **_exposure(exposure)}
-    settings = {"quality": quality, "sensor": sensor, "workers": workers, "subdivision": subdivision}
-    parse_settings(RenderSettings, settings, "render")
-    told = replace(choices, subdivision=subdivision)
-    with ConsoleProgress() as progress:
-        names = render_file(
-            stage, output, survey, settings, seed, progress, allow_root,
-            None if told == AS_AUTHORED else told.as_json(),
-        )  # fmt: skip
-    for name in names:
-        sys.stdout.write(f"capture {output / name}\n")
-    return 0
+    return None if choices == AS_AUTHORED else choices.as_json()
 
 
 def _exposure(word: str) -> dict[str, Any]:

@@ -52,7 +52,7 @@ def train(
     Args:
         dataset: Folder that falsework dataset has written.
         output: Folder to write: a model.
-        demo: Train on thinned clouds of thirteen bridges that come with the package, in a few minutes, and print what
+        demo: Train on thinned clouds of twenty-two bridges that come with the package, in a few minutes, and print what
             that is worth on four that were held out; takes no further options but --seed and --epochs.
         model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which takes no epochs; left
             out: that of --init, else pointnet2-ssg.

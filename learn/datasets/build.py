@@ -83,7 +83,7 @@ def build_dataset(
     counts: dict[str, NDArray[np.int64]] = {}
     present = set(INPUTS)
     for number, (source, facts) in enumerate(zip(sources, known, strict=True)):
-        cloud = read_labelled(source.path, source.class_map, table, progress)
+        cloud = read_labelled(source.path, source.class_map, table, progress, settings.moving)
         cloud = _with_noise(cloud, table, settings)
         present &= set(cloud.inputs)
         for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, splits.get(facts.bridge, ""))):

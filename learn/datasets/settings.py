@@ -87,6 +87,7 @@ class DatasetSettings(Settings):
     noisy_class: bool = Field(
         default=False, description="Noisy points are a class; otherwise they are left out of training"
     )
+    moving: bool = Field(default=False, description="Points of what moves are kept; otherwise they are left out")
     stratified: int = Field(
         default=0, ge=0, le=100_000, description="Points of each class that a training draw keeps where it has them"
     )

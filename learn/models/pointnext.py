@@ -11,6 +11,7 @@ from torch import Tensor, cat, nn
 from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather, interpolate
+from learn.models.pooled import pooled
 from learn.neighbourhoods.pyramids import Indices, add_own_balls, farthest_pyramid
 
 F32 = NDArray[np.float32]
@@ -150,7 +151,7 @@ class SetAbstraction(nn.Module):
             Features, shape (B, M, outputs).
         """
         values = _around(features, coord, gather(coord, kept), ball, self.radius)
-        values = self.mlp(values).max(dim=2).values
+        values = pooled(self.mlp, values)
         if self.shortcut is None:
             return values
         return (values + self.shortcut(gather(features, kept))).relu()

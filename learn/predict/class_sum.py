@@ -102,7 +102,7 @@ def summed_model(model: Predicting, classes: tuple[str, ...], own: str, table: s
     """
     if tuple(names) == classes:
         return model
-    if table == COMPONENTS or not own:
+    if table in (COMPONENTS, OWN) or not own:
         raise InputError("the data set has other classes than the model", field="classes", value=", ".join(names),
                          allowed=", ".join(classes))  # fmt: skip
     summing = sum_classes(classes, own, table, ())

@@ -1,6 +1,7 @@
 """The conductor: a scan, tile by tile through a model, and back to every one of its points."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,9 +73,8 @@ def predict_scan(
         InputError: The scan cannot be read, says no unit, or lacks a channel of the model.
     """
     file, said = _file_of(source, out)
-    boxes_file = out.with_suffix(BOXES)
-    former = _boxes_record(boxes_file)
-    check_output_file(boxes_file, [source], lambda path: bool(former))
+    former = _boxes_record(out.with_suffix(BOXES))
+    check_output_file(out.with_suffix(BOXES), [source], lambda path: bool(former))
     check_output_file(out, [source], lambda path: _is_former(former, path))
     check_copy(file, out)
     if settings.link < model.tile.voxel:
@@ -103,21 +103,30 @@ def predict_scan(
                 yield part
 
         names = {int(i): name for i, name in zip(summing.ids, summing.names, strict=True)}
-        with fresh_file(out, [source], lambda path: _is_former(former, path)) as copy:
+        with _copy_and_boxes(source, out, former) as (copy, record):
             write_labelled_copy(file, stream, copy, labels, settings.chunk, summing.table == _ASPRS)
             found = boxes.rows(names, frame.meters)
-            record = {
-                "format": FORMAT, "format_version": 1, "copy": _size_of(copy, out), "table": summing.table,
-                "meters_per_unit": frame.meters, "classes": {str(i): name for i, name in names.items()},
-                "instances": found,
-            }  # fmt: skip
-            # The boxes go first and speak of both copies, so that a kill in between leaves nothing that is nobody's.
-            replaced = {"replaces": _size_of(out, out)} if out.exists() else {}
-            write_json(boxes_file, {**record, **replaced})
-        if replaced:
-            write_json(boxes_file, record)
+            record |= {"table": summing.table, "meters_per_unit": frame.meters, "instances": found,
+                       "classes": {str(i): name for i, name in names.items()}}  # fmt: skip
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
         return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found))
+
+
+@contextmanager
+def _copy_and_boxes(source: Path, out: Path, former: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Give a name for the copy and a record to fill, and put both into place.
+
+    The boxes go first and speak of both copies, the new and the former one, so that a kill in between leaves nothing
+    that the next command takes for somebody else's.
+    """
+    record: dict[str, Any] = {"format": FORMAT, "format_version": 1}
+    with fresh_file(out, [source], lambda path: _is_former(former, path)) as copy:
+        yield copy, record
+        record["copy"] = _size_of(copy, out)
+        replaced = {"replaces": _size_of(out, out)} if out.exists() else {}
+        write_json(out.with_suffix(BOXES), {**record, **replaced})
+    if replaced:
+        write_json(out.with_suffix(BOXES), record)
 
 
 def _boxes_record(boxes_file: Path) -> dict[str, Any]:

@@ -50,8 +50,8 @@ class EpochOrder(Sampler[Place]):
         self._epoch = epoch
 
     def __len__(self) -> int:
-        """Count the samples of an epoch."""
-        return len(self._rows)
+        """Count the samples of an epoch; of several processes that train together each has its share."""
+        return -(-len(self._rows) // _processes()[1])
 
     def __iter__(self) -> Iterator[Place]:
         """Go through the epoch."""
@@ -60,8 +60,18 @@ class EpochOrder(Sampler[Place]):
         for place in range(round(self._share * len(order)) if len(self._likely) else 0):
             order[place] = rng.choice(len(order), p=self._likely[rng.integers(len(self._likely))])
         order = rng.permutation(order) if self._share else order
+        here, processes = _processes()
+        order = np.resize(order, processes * len(self))[
+            here::processes
+        ]  # the first ones again, so that all have as many
         for row in order:
             yield self._epoch, self._rows[row]
+
+
+def _processes() -> tuple[int, int]:
+    """Number of this process, and of all that train together."""
+    there = torch.distributed.is_available() and torch.distributed.is_initialized()
+    return (torch.distributed.get_rank(), torch.distributed.get_world_size()) if there else (0, 1)
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,8 @@ class Segmentation(lightning.LightningModule):
             The loss.
         """
         # Dropout depends on the seed and the step alone, so that a resumed training goes on alike.
-        torch.manual_seed(int(np.random.SeedSequence([self._settings.seed, self.global_step]).generate_state(1)[0]))
+        place = [self._settings.seed, self.global_step] + ([self.global_rank] if self.global_rank else [])
+        torch.manual_seed(int(np.random.SeedSequence(place).generate_state(1)[0]))
         logits = self.network(batch["features"], batch["geometry"]).float().flatten(0, 1)
         labels, loss = batch["labels"].flatten(), torch.zeros((), device=logits.device)
         if self._noisy is not None:
@@ -128,8 +129,10 @@ class Segmentation(lightning.LightningModule):
         loss = float(torch.stack(self._losses).mean()) if self._losses else float("nan")
         self.history.append({"epoch": self.current_epoch, "loss": loss, "miou": miou, "accuracy": accuracy,
                              "mean_accuracy": mean_accuracy})  # fmt: skip
+        self.best = self.current_epoch if kept else self.best
+        if not self.trainer.is_global_zero:
+            return
         if kept:
-            self.best = self.current_epoch
             state = {name: value.cpu().contiguous() for name, value in self.network.state_dict().items()}
             write_bytes(self._folder / BEST, save(state))
         write_text(self._folder / "log.csv", log_table(self.history))

@@ -46,6 +46,8 @@ class TrainSettings(Settings):
     """Numbers of the training."""
     accelerator: Literal["auto", "cpu", "gpu"] = "auto"
     """What to train on; only the processor's results are the same bytes again."""
+    devices: int = Field(default=1, ge=1, le=64)
+    """Processes that train together (DDP), each with batches and, where there are any, a GPU of its own."""
     freeze_encoder: bool = False
     """Train the way back up and the head alone."""
 

@@ -171,14 +171,15 @@ def _fit(
     loader = DataLoader(drawn, batch_size=settings.batch, sampler=order, **several)
     same = Loaded(held[0], network, channels, settings.seed, cache)
     fixed = DataLoader(same, batch_size=settings.batch, sampler=[(0, row) for row in held[1]], **several)
-    steps = settings.epochs * -(-len(training[1]) // settings.batch)
+    steps = settings.epochs * -(-len(training[1]) // (settings.batch * settings.devices))
     module = Segmentation(network, settings, recipe, weights, noisy, steps, folder, progress)
     epochs = settings.epochs if stop_after is None else min(stop_after, settings.epochs)
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)  # it advises on devices and services
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Lightning's advice on loaders and logging is for nobody here
         trainer = lightning.Trainer(
-            max_epochs=epochs, accelerator=settings.accelerator, devices=1,
+            max_epochs=epochs, accelerator=settings.accelerator, devices=settings.devices,
+            strategy="auto" if settings.devices == 1 else "ddp_fork",
             deterministic=True, precision=settings.precision, logger=False, callbacks=[keeper(folder)],
             enable_progress_bar=False, enable_model_summary=False, num_sanity_val_steps=0, default_root_dir=folder,
             use_distributed_sampler=False,
@@ -192,6 +193,8 @@ def _fit(
         )
     if trainer.interrupted:
         raise KeyboardInterrupt
+    if settings.devices > 1:  # what the processes have seen is in their checkpoint
+        module.on_load_checkpoint(torch.load(folder / LAST, weights_only=True))
     return module
 
 

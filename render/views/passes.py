@@ -52,17 +52,9 @@ class Painter:
     """Draws views of one scene at one size."""
 
     def __init__(
-        self,
-        gl: Gl,
-        programs: Programs,
-        gpu: GpuScene,
-        lamps: Lamps,
-        camera: Pinhole,
-        quality: str,
-        extra: str = "",
-        finer: int = 1,
-        cards: bool = False,
-    ) -> None:
+        self, gl: Gl, programs: Programs, gpu: GpuScene, lamps: Lamps, camera: Pinhole, quality: str, extra: str = "",
+        finer: int = 1, cards: bool = False,
+    ) -> None:  # fmt: skip
         """Make the targets.
 
         Args:
@@ -85,7 +77,8 @@ class Painter:
         self._truth = [context.texture(exact, 1, dtype="u4"), context.texture(exact, 1, dtype="f4")]
         self._extra = (extra,) if extra else ()
         if extra:
-            self._truth.append(_extra_texture(context, exact, extra))
+            channels, kind = (4, "f2") if extra == "NORMALS" else (1, "u4")
+            self._truth.append(context.texture(exact, channels, dtype=kind))
         self._exact = self._framebuffer(self._truth if self._apart else [self._color, *self._truth])
         if self._apart:
             doubled = (2 * camera.width, 2 * camera.height)
@@ -403,7 +396,3 @@ class Painter:
         else:
             data = self._readers[image].read((0, first, width, end - first), channels, dtype=image.dtype)
         return np.frombuffer(data, kind).reshape(end - first, width, channels)
-
-
-def _extra_texture(context: moderngl.Context, size: tuple[int, int], extra: str) -> moderngl.Texture:
-    return context.texture(size, 4, dtype="f2") if extra == "NORMALS" else context.texture(size, 1, dtype="u4")

@@ -29,7 +29,7 @@ SMALL: dict[str, object] = {
     "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 100, "stones": 40, "shrubs": 20, "reeds": 20}},
     "background": {"countryside": {"reach": 400, "buildings": 2, "trees": 20, "hedge_bushes": 10}},
 }
-EARLY = ("site", "bridge/geometry.usdc", "bridge/semantics.usdc", "bridge/bridge.usda", "surveys", "render.usda")
+EARLY = ("site", "bridge/geometry.usdc", "bridge/semantics.usda", "bridge/bridge.usda", "surveys", "render.usda")
 
 AUTHOR = """
 import json, sys
@@ -86,7 +86,7 @@ def test_layers_lie_where_the_design_says(scene: Path) -> None:
     for name in (
         "edits/user.usda", "render.usda", "surveys/surveys.usda", "surveys/global.usdc", "lighting.usda",
         "site/site.usda", "bridge/bridge.usda", "bridge/payload.usda", "bridge/geometry.usdc",
-        "bridge/semantics.usdc", "bridge/looks/weathered/look.usda", "bridge/looks/clean/look.usda",
+        "bridge/semantics.usda", "bridge/looks/weathered/look.usda", "bridge/looks/clean/look.usda",
         "background/countryside/countryside.usda", "manifest.json",
     ):  # fmt: skip
         assert (scene / name).is_file(), name

@@ -69,7 +69,7 @@ def test_world_from_blender_is_a_background(
     changed = sum(one.tobytes() != two.tobytes() for one, two in poses)
     assert changed == 0
     assert after.sun == before.sun
-    for layer in ("bridge/geometry.usdc", "bridge/semantics.usdc", "surveys/global.usdc", "lighting.usda"):
+    for layer in ("bridge/geometry.usdc", "bridge/semantics.usda", "surveys/global.usdc", "lighting.usda"):
         assert file_digest(scene.parent / layer) == file_digest(original.parent / layer)
     assert validate_scene(scene) == []
     off = float(np.abs(np.array([low, high]) - [[55.0, 74.0, 0.0], [65.0, 86.0, 30.0]]).max())

@@ -107,7 +107,8 @@ def safe_readings(source: str, module: str) -> set[str]:
 
 OPENED_RAW: dict[str, set[str]] = {
     LOOKED_AT: {
-        "array_file.read_arrays", "bake_lookup.sample", "cloud._load", "daylight._decode_exr", "glb._Picture.__init__",
+        "array_file.read_arrays", "bake_lookup.sample", "cloud._load", "float_files.decode_exr",
+        "glb._Picture.__init__",
         "surface_look._decode", "panorama._read_exr", "mesh._loaded", "model_files.unpack",
         "model_files.check_archive", "user_maps.Picture.read", "usd._unpacked", "usd._face_count", "usd._facts",
         "textures.copy_texture", "package_walk.check_package", "package.package_scene", "checkout.checkout_scene.write",
@@ -118,7 +119,8 @@ OPENED_RAW: dict[str, set[str]] = {
     },
     GUARDED: {
         "guard.check_stage", "layer_contents._walk", "layer_walk.open_layer", "package_walk._opened",
-        "packages.unpacked", "stage_reader._open", "open_scene.read_product", "diff._open", "harvest._open",
+        "packages.unpacked", "stage_reader._open", "mtlx.Adopted._walk", "open_scene.read_product", "diff._open",
+        "harvest._open",
         "flatten.flatten_scene", "asset.read_city", "asset.is_city", "inventory.take_inventory",
         "validate.validate_scene", "add.write_variant", "add._ensure",
         "add_survey.add_survey", "add_survey._add_product",
@@ -164,7 +166,9 @@ FORMATS: dict[str, set[str]] = {
     "instance": {"capture.Truth._image"},
     "photograph": {"capture.load_image", "textures._decode", "export._copy_images", "cameras._copy_photographs"},
     "header": {"photo_header.read_header", "image_files.size"},
-    "dome": {"daylight._decode_panorama"},
+    "dome": {"daylight._decode_panorama", "float_files.decode_float"},
+    "tga": {"tga.decode_tga"},
+    "mtlx": {"mtlx.read_document"},
     "cloud": {"cloud._read_cloud"},
     "column": {"cloud._read_cloud"},
     "las": {"scan.read_scan"},

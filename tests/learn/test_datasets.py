@@ -307,3 +307,19 @@ def test_bad_input_is_one_line(clouds: list[Path], metric: Path, tmp_path: Path)
         (folder / MANIFEST).write_text(json.dumps({**stored, **change}))
         with pytest.raises(InputError, match=words):
             read_facts(folder)
+
+
+def test_what_moves_is_left_out_unless_asked_for(tmp_path: Path) -> None:
+    """Points with an uncertainty and no distance to a surface, which lie on what moves, are no part of a data set."""
+    still = toy_cloud(1)
+    distance = np.full(len(still.columns["coord"]), 0.01, np.float32)
+    distance[::5] = np.nan
+    sure = np.full(len(distance), 0.01, np.float32)
+    path = write_toy(tmp_path / "cloud", 1, surface_distance=distance, uncertainty=sure)
+    table = class_table("falsework")
+    kept = read_labelled(path, None, table)
+    np.testing.assert_array_equal(kept.coord, read_cloud(path).columns["coord"][~np.isnan(distance)])
+    assert len(kept.labels) == len(kept.coord) == len(kept.inputs["color"])
+    assert len(read_labelled(path, None, table, moving=True)) == len(distance)
+    facts = [settings().moving, settings(moving=True).moving]
+    assert facts == [False, True]

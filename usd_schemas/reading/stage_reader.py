@@ -21,6 +21,7 @@ from usd_schemas.reading.moments import Moving, flatten_moments
 from usd_schemas.reading.mtlx import Adopted
 from usd_schemas.reading.parse_errors import reason_of
 from usd_schemas.reading.skinning import bake_skins
+from usd_schemas.reading.unread import note_unread
 from usd_schemas.registration import register_schemas
 
 F64 = NDArray[np.float64]
@@ -225,6 +226,7 @@ def _flatten_stage(stage: Usd.Stage, choices: StageChoices, warn: Warn) -> FlatS
         cameras = (replace(track, moments=moving.cameras[0].moments),)
         products = read_products(stage, cameras, warn, choices) if choices.camera else (sized(product, choices),)
     lights = read_lights(stage, transform, warn)
+    note_unread(stage, warn)
     visibility = read_visibility(stage.GetPrimAtPath(tokens.ENVIRONMENT))
     return FlatScene(
         flat.geometry, flat.draws, flat.materials, lights.sun, lights.dome, cameras, products, flat.instances,

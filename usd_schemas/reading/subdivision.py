@@ -59,7 +59,7 @@ def refine(cage: Cage, values: list[F64]) -> tuple[Cage, list[F64]]:
         values: Values at its corners, each of shape (C, W), float64, which change evenly over each face.
 
     Returns:
-        The finer cage, and the values at its corners.
+        The finer cage, and the values at its corners, each of shape (4 C, W), float64.
     """
     owner = np.repeat(np.arange(len(cage.counts)), cage.counts)
     ahead, behind = _neighbours(cage.counts)
@@ -92,9 +92,6 @@ def smooth_normals(cage: Cage, areas: F64) -> tuple[F64, I64]:
     Returns:
         Sums of area vectors, shape (N, 3), float64, and the row of each corner, shape (C,), int64.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     owner = np.repeat(np.arange(len(cage.counts)), cage.counts)
     ahead, _ = _neighbours(cage.counts)
     edges = _edges(cage, owner, ahead, np.zeros((len(cage.counts), 3)))
@@ -110,11 +107,21 @@ def smooth_normals(cage: Cage, areas: F64) -> tuple[F64, I64]:
         (ahead[first], np.where(same, ahead[second], second)),
     ]
     rows, columns = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    count = len(cage.corners)
-    linked = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(count, count))
-    number, group = connected_components(linked, directed=False)
-    total = np.stack([np.bincount(group, areas[owner, axis], number) for axis in range(3)], axis=1)
-    return total, group.astype(np.int64)
+    group = _joined(rows, columns, len(cage.corners))
+    total = np.stack([np.bincount(group, areas[owner, axis], group.max(initial=0) + 1) for axis in range(3)], axis=1)
+    return total, group
+
+
+def _joined(rows: I64, columns: I64, count: int) -> I64:
+    """Number the groups of corners that links join; a link takes both ends to the smaller of their numbers."""
+    label = np.arange(count)
+    while True:
+        former = label.copy()
+        np.minimum.at(label, rows, former[columns])
+        np.minimum.at(label, columns, former[rows])
+        label = label[label]
+        if np.array_equal(label, former):
+            return np.unique(label, return_inverse=True)[1].astype(np.int64)
 
 
 def _neighbours(counts: I64) -> tuple[I64, I64]:
