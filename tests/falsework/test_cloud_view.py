@@ -25,28 +25,7 @@ from tests.learn.toy_bridge import toy_cloud
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FOUND = "found in the page"
 WATCH = "<script>window.mistakes = []; window.onerror = (text) => { window.mistakes.push(String(text)); };</script>"
-# Works every control, then says what the plot held after each.
-ASK = """<script>
-(async () => {
-  const card = document.querySelector(".cloud"), plot = card.querySelector(".plot"), told = {};
-  const colors = () => plot.data[0].marker.color, set = (box, on) => { box.checked = on; box.dispatchEvent(new Event("change")); };
-  for (const radio of card.querySelectorAll("input[type=radio]")) { set(radio, true); told[radio.value] = [...colors()]; }
-  told.scale = !card.querySelector(".scale").hidden;
-  told.x = [...plot.data[0].x];
-  const slider = card.querySelector("input[type=range]"), boxes = [...card.querySelectorAll("input[type=checkbox]")];
-  const slide = (value) => { slider.value = value; slider.dispatchEvent(new Event("change")); return colors().length; };
-  told.slid = [255, 254, 200, 100, 0].map(slide); slide(255);
-  card.querySelector("button[value=none]").click(); told.none = colors().length;
-  told.classes = boxes.map((box) => { set(box, true); const count = colors().length; set(box, false); return [Number(box.value), count]; });
-  card.querySelector("button[value=all]").click(); told.all = colors().length;
-  const picture = new Image(); picture.src = await Plotly.toImage(plot, { format: "png", width: 300, height: 200 }); await picture.decode();
-  const canvas = document.createElement("canvas"); canvas.width = 300; canvas.height = 200;
-  const pen = canvas.getContext("2d"); pen.drawImage(picture, 0, 0);
-  told.drawn = new Set(new Uint32Array(pen.getImageData(0, 0, 300, 200).data.buffer)).size;
-  told.mistakes = window.mistakes;
-  document.body.textContent = "FOUND" + JSON.stringify(told) + "FOUND";
-})().catch((mistake) => { document.body.textContent = "FOUND" + JSON.stringify({ mistakes: [String(mistake)] }) + "FOUND"; });
-</script>""".replace("FOUND", FOUND)
+ASK = f"<script>{Path(__file__).with_name('cloud_view.js').read_text(encoding='utf-8')}</script>"
 
 
 def small_cloud() -> Cloud:
@@ -66,7 +45,7 @@ def unpacked(text: str, kind: str) -> np.ndarray:
 
 
 def test_every_uncertainty_has_a_level() -> None:
-    """Each tenfold is a quarter of the scale, whose colours go from blue to red; what is not known has a level apart."""
+    """Each tenfold is a quarter of the scale, whose colours go from blue to red; the unknown has a level apart."""
     given = np.array([0.0, 0.001, 0.01, 0.1, 1.0, 10.0, np.inf, np.nan], np.float32)
     assert uncertainty_levels(given).tolist() == pytest.approx([0, 0, 63.5, 127, 190.5, 254, 254, 255], abs=0.5)
     scale = uncertainty_scale().astype(int)
