@@ -41,7 +41,7 @@ _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _LOOKED_UP = 64  # rows at once
-_RECIPE = 7  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_RECIPE = 8  # raised whenever frames that an interrupted run left would no longer fit to new ones
 Share = tuple[int, int]
 ALL: Share = (0, 1)
 Shot = Callable[[], View]
@@ -179,8 +179,9 @@ def _prepare(gl: Gl, scene: FlatScene, assignment: Assignment, journal: Journal,
 
     eyes, readout = assignment.track.poses[:, :3, 3], assignment.readout
     strays = np.linalg.norm(readout.poses[..., :3, 3] - eyes[:, None], axis=2) if readout is not None else np.zeros(1)
+    surveyed = assignment.surveyed
     flight = (eyes, 1.001 * float(strays.max()))
-    prepared = prepare(gl, scene, assignment.settings, progress, cast, assignment.surveyed.needs, flight)
+    prepared = prepare(gl, scene, assignment.settings, progress, cast, surveyed.needs, flight, surveyed.bars)
     for warning in prepared.warnings:
         progress.note(warning)
     return prepared

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _COLOR, _DEPTH = 0x1800, 0x1801
+_BLEND = 0x0BE2
 _TEXTURE_2D, _TEXTURE_2D_ARRAY = 0x0DE1, 0x8C1A
 _BYTES = {1: 0x8229, 4: 0x8058}  # internal formats R8 and RGBA8
 _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x1902, 0x8CAC, 0x1406
@@ -27,6 +28,7 @@ class GlFunctions:
         self._clear_float = _function(load, "glClearBufferfv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
         self._clear_uint = _function(load, "glClearBufferuiv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
         self.flush = _function(load, "glFlush")
+        self._enable_one = _function(load, "glEnablei", ctypes.c_uint, ctypes.c_uint)
         self._bind_texture = _function(load, "glBindTexture", ctypes.c_uint, ctypes.c_uint)
         sizes = (ctypes.c_uint, *[ctypes.c_int] * 5, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
         self._texture_image = _function(load, "glTexImage2D", *sizes)
@@ -61,6 +63,14 @@ class GlFunctions:
             value: What every pixel becomes [1].
         """
         self._clear_float(_DEPTH, 0, (ctypes.c_float * 1)(value))
+
+    def blend_only(self, attachment: int) -> None:
+        """Let one attachment of the bound framebuffer be blended, and no other.
+
+        Args:
+            attachment: Number of the colour attachment.
+        """
+        self._enable_one(_BLEND, attachment)
 
     def make_array(self, texture: int, side: int, layers: int, channels: int) -> None:
         """Give a texture array storage for all of its levels; else mipmaps are built in a copy, twice as large.

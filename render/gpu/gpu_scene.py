@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from render.gpu.bars import Bars
 from render.gpu.facets import Facets
 from render.gpu.materials import ROW, MaterialTable, Variant
+from render.gpu.ribbons import Ribbons, shape_attributes, upload_ribbons
 from render.gpu.row_texture import DRAW_UNIT, row_texture
 from usd_schemas.flat_scene import FlatScene
 
@@ -48,6 +50,7 @@ class GpuScene:
         material_rows: Row of the material of each draw, shape (D,), int64.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
         facets: Triangles whose depth may have to be drawn anew.
+        ribbons: What may be too thin for samples.
     """
 
     vertices: moderngl.Buffer
@@ -65,6 +68,7 @@ class GpuScene:
     material_rows: I64
     anchor: F64
     facets: Facets
+    ribbons: Ribbons
 
     def place(self, eye: F64) -> None:
         """Count every draw's origin from a point, subtracted in float64.
@@ -123,9 +127,26 @@ class GpuScene:
                    (self.offsets, "3f4/i", "in_offset")]  # fmt: skip
         return context.vertex_array(program, content, self.indices)
 
+    def bar_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
+        """Connect a program to the buffers of bars, as `vertex_array` does to those of all.
+
+        Args:
+            context: Open context.
+            program: Compiled program.
+
+        Returns:
+            OpenGL's vertex array over the vertices of bars, shape (B,).
+        """
+        ribbons, (shapes, names) = self.ribbons, shape_attributes(program)
+        used = [name for name in VERTEX_NAMES if name in program]
+        formats = [code if name in used else f"{size}x" for name, (code, size) in _ATTRIBUTES.items()]
+        content = [(ribbons.vertices, " ".join(formats), *used), (ribbons.shapes, shapes, *names),
+                   (self.draw_numbers, "1u4/i", "in_draw"), (self.offsets, "3f4/i", "in_offset")]  # fmt: skip
+        return context.vertex_array(program, content, ribbons.indices)
+
 
 def upload_scene(
-    context: moderngl.Context, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets
+    context: moderngl.Context, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets, bars: Bars
 ) -> GpuScene:
     """Check a scene and put it into buffers.
 
@@ -135,6 +156,7 @@ def upload_scene(
         table: Its materials.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
         facets: Triangles whose depth may have to be drawn anew.
+        bars: Members that may be too thin for samples.
 
     Raises:
         InputError: Nothing to draw, an index out of range, or a number that is not finite.
@@ -171,6 +193,7 @@ def upload_scene(
         origins=draws.transform[:, :3, 3].copy(), lower=lower, upper=upper, commands=commands,
         variants=variants, variant_rows=of_material[draws.material],
         material_rows=draws.material.astype(np.int64), anchor=anchor, facets=facets,
+        ribbons=upload_ribbons(context, scene, bars, vertices, commands),
     )  # fmt: skip
 
 

@@ -17,6 +17,8 @@ from render.gpu.materials import SLOTS
 from render.gpu.programs import Programs, set_uniform
 from render.light.illumination import FIRST_FREE_UNIT, Lamps
 from render.light.shadows import depth_groups
+from render.views.edges import smooth_edges
+from render.views.veil import Veil
 from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
@@ -91,10 +93,14 @@ class Painter:
             self._resolved = context.framebuffer([self._color])
         self._depth = context.framebuffer([self._truth[1]], self._exact.depth_attachment)
         shaded = self._photo if self._apart else self._exact
+        self._veil = (
+            Veil(context, shaded if finer > 1 or not self._fine else self._exact) if quality != "fast" else None
+        )
         self._nearest = context.framebuffer(depth_attachment=shaded.depth_attachment)
         cut_out = np.array(["CUT_OUT" in variant.features for variant in gpu.variants])
         self._solid = ~cut_out[gpu.variant_rows]
         self._readers = {image: context.framebuffer([image]) for image in (self._color, *self._truth)}
+        self._tables = {"": gpu.commands, "FADES": gpu.ribbons.surfaces, "RIBBON": gpu.ribbons.ribbons}
         self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
         self._corners = context.buffer(reserve=1 << 16, dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
@@ -143,21 +149,34 @@ class Painter:
         gpu.place(pose[:3, 3])
         gpu.bind()
         clip = clip_from_relative(camera, pose, near).T.tobytes()
+        thin = rows[:0]
+        if self._veil is not None:
+            mask = gpu.ribbons.thin(rows, gpu.lower, gpu.upper, pose[:3, 3], max(camera.fx, camera.fy))
+            rows, thin = rows[~mask], rows[mask]
+        samples = 2 if self._fine else 1
+        span = (samples * first, samples * end)
+        shaded, extra = (self._photo, ()) if self._apart else (self._exact, self._extra)
+        self._draw_nearest(span, rows, clip, pose[:3, 3])
+        self._open(shaded, *span)
+        self._draw_surfaces(rows, clip, pose, self._features + extra)
+        self._draw_sky(pose, extra)
+        if len(thin):  # last of all: where they are too thin for samples, what is behind them is what is left
+            self._fade()
+            self._draw_surfaces(thin, clip, pose, self._features + extra, "FADES")
         if self._apart:
-            samples = 2 if self._fine else 1
-            self._draw_nearest((samples * first, samples * end), rows, clip, pose[:3, 3])
-            self._open(self._photo, samples * first, samples * end)
-            self._draw_surfaces(rows, clip, pose, self._features)
-            self._draw_sky(pose, ())
             self._open(self._exact, self._finer * first, self._finer * end)
-            self._draw_ids(rows, clip)
-        else:
-            self._draw_nearest((first, end), rows, clip, pose[:3, 3])
-            self._open(self._exact, first, end)
-            self._draw_surfaces(rows, clip, pose, self._features + self._extra)
-            self._draw_sky(pose, self._extra)
+            self._draw_ids(np.concatenate([rows, thin]), clip)
+        if self._veil is not None and len(thin):
+            self._veil.open(first, end, camera.height)
+            self._draw_surfaces(thin, clip, pose, self._features, "RIBBON")
+            rows = np.concatenate([rows, thin])
         if "TRIANGLES" not in self._extra:
             self._draw_facets((first, end), rows, clip, pose, near)
+
+    def _fade(self) -> None:
+        """Let what is drawn next mix with what the photograph shows; ids and depth do not mix."""
+        self._gl.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        self._gl.functions.blend_only(0)
 
     def _open(self, framebuffer: moderngl.Framebuffer, first: int, end: int) -> None:
         """Let some rows of a framebuffer be cleared and drawn on."""
@@ -168,6 +187,8 @@ class Painter:
         context.depth_func, context.front_face = ">", "cw"  # rows run downwards, so that windings look reversed
 
     def _clear_rows(self, first: int, end: int) -> None:
+        if self._veil is not None:
+            self._veil.clear()
         if self._apart:
             samples = 2 if self._fine else 1
             self._open(self._photo, samples * first, samples * end)
@@ -214,10 +235,14 @@ class Painter:
         set_uniform(program, "clip_from_relative", clip)
         self._run(program, rows, 0, 0)
 
-    def _draw_surfaces(self, rows: NDArray[np.int64], clip: bytes, pose: F64, features: tuple[str, ...]) -> None:
+    def _draw_surfaces(
+        self, rows: NDArray[np.int64], clip: bytes, pose: F64, features: tuple[str, ...], kind: str = ""
+    ) -> None:
+        """Shade draws: all of them, those that fade where they are thin, or the ribbons of these."""
         self._gl.context.depth_func = ">="
         groups = self._gpu.grouped(rows)
-        self._write_commands([members for _, members in groups])
+        self._write_commands([members for _, members in groups], kind)
+        features += ("BAR", kind) if kind else ()
         first = waiting = 0
         aimed: set[moderngl.Program] = set()
         for material, members in groups:
@@ -234,8 +259,10 @@ class Painter:
                 for unit, name in enumerate(SLOTS, FIRST_FREE_UNIT):
                     set_uniform(program, f"{name}_array", unit)
                 set_uniform(program, "clip_from_relative", clip)
+                if self._veil is not None:
+                    set_uniform(program, "half_size", self._veil.half_size)
                 self._lamps.aim(program, pose[:3, 3] - self._gpu.anchor)
-            waiting = self._run(program, members, first, waiting)
+            waiting = self._run(program, members, first, waiting, kind)
             first += len(members)
 
     def _draw_ids(self, rows: NDArray[np.int64], clip: bytes) -> None:
@@ -298,19 +325,17 @@ class Painter:
         set_uniform(program, "first_row", first)
         self._arrays[program].render(moderngl.TRIANGLES, 3)
 
-    def _write_commands(self, groups: list[NDArray[np.int64]]) -> None:
+    def _write_commands(self, groups: list[NDArray[np.int64]], kind: str = "") -> None:
         if any(len(rows) for rows in groups):
-            self._commands.write(self._gpu.commands[np.concatenate(groups)].tobytes())
+            self._commands.write(self._tables[kind][np.concatenate(groups)].tobytes())
 
-    def _run(self, program: moderngl.Program, rows: NDArray[np.int64], first: int, waiting: int) -> int:
+    def _run(self, program: moderngl.Program, rows: NDArray[np.int64], first: int, waiting: int, kind: str = "") -> int:
         """Draw some rows, whose commands begin at the `first`; `waiting` and the result are as of `run_commands`."""
-        triangles, vertices = self._gpu.triangles(rows), self._vertex_array(program)
-        return run_commands(self._gl.functions.flush, vertices, self._commands, triangles, first, waiting)
-
-    def _vertex_array(self, program: moderngl.Program) -> moderngl.VertexArray:
+        triangles = self._tables[kind]["count"][rows].astype(np.int64) // 3
         if program not in self._arrays:
-            self._arrays[program] = self._gpu.vertex_array(self._gl.context, program)
-        return self._arrays[program]
+            make = self._gpu.bar_array if kind else self._gpu.vertex_array
+            self._arrays[program] = make(self._gl.context, program)
+        return run_commands(self._gl.functions.flush, self._arrays[program], self._commands, triangles, first, waiting)
 
     def _read(self, first: int, end: int) -> View:
         code = self._read_code(first, end)
@@ -319,6 +344,10 @@ class Painter:
         first, end = self._finer * first, self._finer * end
         draw = self._rows(self._truth[0], first, end, np.uint32, 1)[..., 0]
         depth = self._rows(self._truth[1], first, end, np.float32, 1)[..., 0]
+        if self._veil is not None:
+            if not self._fine and self._finer == 1:
+                smooth_edges(code, draw, depth)
+            self._veil.lay(code, first // self._finer, end // self._finer, self._camera.height)
         if not self._extra:
             return View(code, draw, depth, None)
         if "TRIANGLES" in self._extra:

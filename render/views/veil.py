@@ -1,0 +1,75 @@
+"""The veil: what members too thin for samples add to a photograph, by the share of each pixel that they cover."""
+
+import cv2
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+U16 = NDArray[np.uint16]
+
+
+class Veil:
+    """An image of ribbons alone: linear light times the share covered, and that share.
+
+    Attributes:
+        half_size: Half its width and height [px].
+    """
+
+    def __init__(self, context: moderngl.Context, behind: moderngl.Framebuffer) -> None:
+        """Make the target.
+
+        Args:
+            context: Open context.
+            behind: Its depth hides ribbons.
+        """
+        self._context = context
+        self._image = context.texture(behind.size, 4, dtype="f2")
+        self._target = context.framebuffer([self._image], behind.depth_attachment)
+        self._reader = context.framebuffer([self._image])
+        self._touched = False
+        self.half_size = (behind.width / 2, behind.height / 2)
+
+    def clear(self) -> None:
+        """Begin a view."""
+        self._touched = False
+
+    def open(self, first: int, end: int, rows: int) -> None:
+        """Let ribbons be drawn on some rows of the photograph.
+
+        Args:
+            first: First row.
+            end: Row after the last.
+            rows: Rows of the whole photograph.
+        """
+        context, scale = self._context, self._image.height // rows
+        self._target.scissor = None  # pyright: ignore[reportAttributeAccessIssue]
+        if not self._touched:
+            self._reader.clear()
+        self._touched = True
+        self._target.scissor = (0, scale * first, self._target.width, scale * (end - first))
+        self._target.use()
+        context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
+        context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        self._target.depth_mask = False
+
+    def lay(self, code: U16, first: int, end: int, rows: int) -> None:
+        """Lay what was drawn over some rows of a photograph, in place.
+
+        Args:
+            code: Square root of linear radiance over the brightest one [65535], shape (end - first, W, 3), uint16.
+            first: First row.
+            end: Row after the last.
+            rows: Rows of the whole photograph.
+        """
+        if not self._touched:
+            return
+        scale = self._image.height // rows
+        box = (0, scale * first, self._image.width, scale * (end - first))
+        data = np.frombuffer(self._reader.read(box, 4, dtype="f2"), np.float16).reshape(box[3], box[2], 4)
+        if scale > 1:
+            small = (code.shape[1], code.shape[0])
+            data = cv2.resize(data.astype(np.float32), small, interpolation=cv2.INTER_AREA)
+        place = np.nonzero(data[..., 3])
+        veil = data[place].astype(np.float32)
+        light = (code[place].astype(np.float32) / 65535) ** 2 * (1 - veil[:, 3:]) + veil[:, :3]
+        code[place] = np.rint(np.sqrt(np.minimum(light, 1)) * 65535).astype(np.uint16)
