@@ -22,6 +22,7 @@ _BAR_FORMATS = ("3f4", "3f4", "3f4", "3f4")
 _BAR = np.dtype([("axis", "3f4"), ("first", "3f4"), ("second", "3f4"), ("shape", "3f4")])
 _NOT_A_BAR = -1.0
 WIDEST = 2.5  # [px] from here on a surface alone is drawn; as in bar.glsl
+_SHORTEST = 8.0  # [px]; what is shorter, as grass from afar, is no line for the eye, and there is much of it
 _LEAST = 1e-3  # [m] thickness that a flat bar is taken to have as seen from the side
 
 
@@ -36,6 +37,7 @@ class Ribbons:
         surfaces: Draw command of the surfaces of each draw, shape (D,), dtype as the scene's.
         ribbons: Draw command of the ribbons of each draw, shape (D,), dtype as the scene's.
         thickness: Thickness of the thinnest bar of each draw [m], +inf without any, shape (D,), float64.
+        length: Length of the longest segment of each draw [m], shape (D,), float64.
     """
 
     vertices: moderngl.Buffer
@@ -44,6 +46,7 @@ class Ribbons:
     surfaces: NDArray[np.void]
     ribbons: NDArray[np.void]
     thickness: F64
+    length: F64
 
     def thin(self, rows: I64, lower: F64, upper: F64, eye: F64, focal: float) -> NDArray[np.bool_]:
         """Tell which draws have bars that a view may show too thin, shape (N,).
@@ -55,8 +58,12 @@ class Ribbons:
             eye: Camera centre [m], shape (3,), float64.
             focal: Focal length [px].
         """
-        farthest = np.maximum(np.abs(lower[rows] - eye), np.abs(upper[rows] - eye))
-        return self.thickness[rows] * focal < WIDEST * np.linalg.norm(farthest, axis=1)
+        one, other = np.abs(lower[rows] - eye), np.abs(upper[rows] - eye)
+        farthest = np.linalg.norm(np.maximum(one, other), axis=1)
+        inside = (lower[rows] <= eye) & (upper[rows] >= eye)
+        nearest = np.linalg.norm(np.where(inside, 0.0, np.minimum(one, other)), axis=1)
+        is_long = self.length[rows] * focal > _SHORTEST * nearest
+        return is_long & (self.thickness[rows] * focal < WIDEST * farthest)
 
 
 def upload_ribbons(
@@ -94,7 +101,7 @@ def upload_ribbons(
     return Ribbons(
         context.buffer(every.tobytes() or bytes(4)), context.buffer(shapes.tobytes() or bytes(4)),
         context.buffer(np.concatenate([places.ravel(), quads.ravel()]).astype(np.uint32).tobytes() or bytes(4)),
-        surfaces, ribbons, _thickness(scene, bars),
+        surfaces, ribbons, *_sizes(scene, bars),
     )  # fmt: skip
 
 
@@ -135,18 +142,15 @@ def _ribbon_shapes(bars: Bars) -> NDArray[np.void]:
     return shapes.reshape(-1)
 
 
-def _thickness(scene: FlatScene, bars: Bars) -> F64:
-    """Thickness of the thinnest bar of each draw [m], shape (D,)."""
-    least = np.full(len(scene.geometry.part_first), np.inf)
-    thin = 2 * np.minimum(np.linalg.norm(bars.second, axis=-1), np.linalg.norm(bars.first, axis=-1)).min(
-        axis=1, initial=np.inf
-    )
-    np.minimum.at(least, bars.part, thin)
-    scale = np.linalg.norm(scene.draws.transform[:, :3, :3], axis=1).min(axis=1)
-    of_draw = least[scene.draws.part]
-    return np.where(
-        np.isfinite(of_draw), np.maximum(np.where(np.isfinite(of_draw), of_draw, 0.0) * scale, _LEAST), np.inf
-    )
+def _sizes(scene: FlatScene, bars: Bars) -> tuple[F64, F64]:
+    """Thickness of the thinnest bar and length of the longest segment of each draw [m], each shape (D,)."""
+    parts, linear = len(scene.geometry.part_first), scene.draws.transform[:, :3, :3]
+    least, longest = np.full(parts, np.inf), np.zeros(parts)
+    half = np.minimum(np.linalg.norm(bars.second, axis=-1), np.linalg.norm(bars.first, axis=-1)).min(axis=1)
+    np.minimum.at(least, bars.part, np.maximum(2 * half, _LEAST))
+    np.maximum.at(longest, bars.part, np.linalg.norm(bars.ends[:, 1] - bars.ends[:, 0], axis=-1))
+    scale = np.linalg.norm(linear, axis=1)
+    return least[scene.draws.part] * scale.min(axis=1), longest[scene.draws.part] * scale.max(axis=1)
 
 
 def _starts(counts: I64) -> I64:

@@ -69,7 +69,8 @@ class Veil:
         if scale > 1:
             small = (code.shape[1], code.shape[0])
             data = cv2.resize(data.astype(np.float32), small, interpolation=cv2.INTER_AREA)
-        place = np.nonzero(data[..., 3])
-        veil = data[place].astype(np.float32)
-        light = (code[place].astype(np.float32) / 65535) ** 2 * (1 - veil[:, 3:]) + veil[:, :3]
-        code[place] = np.rint(np.sqrt(np.minimum(light, 1)) * 65535).astype(np.uint16)
+        place = np.flatnonzero(data[..., 3].reshape(-1).view(np.uint16 if scale == 1 else np.uint32))
+        veil = data.reshape(-1, 4)[place].astype(np.float32)
+        pixels = code.reshape(-1, 3)
+        light = (pixels[place].astype(np.float32) / 65535) ** 2 * (1 - veil[:, 3:]) + veil[:, :3]
+        pixels[place] = np.rint(np.sqrt(np.minimum(light, 1)) * 65535).astype(np.uint16)
