@@ -121,7 +121,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(8, author),
+    "stage": Stage(9, author),
     "capture": Stage(10, capture, resumes=True),
     "cloud": Stage(13, cloud, resumes=True),
     "report": Stage(5, report),

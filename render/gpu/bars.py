@@ -23,6 +23,7 @@ _ROUNDNESS = 0.15  # unlikeness of the radii of a round cross-section [1]
 _ROUNDEST = 1.0  # [m] thickest round bar: the main cable of a large suspension bridge
 _BROADEST = 0.35  # [m] broadest flat one: a road marking
 _THICKEST = 0.25  # [m] thickest of all others: what is thicker may be half buried
+_TIP = 0.01  # of the other end's half axes: those of a point, which still need a direction
 _FLAT = 0.03  # [m] thickness of a flat one
 
 
@@ -227,6 +228,12 @@ def _listed(
     members = used[segment[ring[place[used]]] >= 0]
     own = ring[place[members]]
     return Bars(
-        of_ring[path[:, 0]], middle[path], first[path], second[path], is_round, of_place[order[starts]][path], members,
+        of_ring[path[:, 0]], middle[path], _pointed(first[path]), _pointed(second[path]), is_round, of_place[order[starts]][path], members,
         segment[own], end[own],
     )  # fmt: skip
+
+
+def _pointed(axes: F64) -> F64:
+    """Give the tip of what ends in a point the directions of its other end, shape (S, 2, 3)."""
+    size = np.linalg.norm(axes, axis=2, keepdims=True)
+    return np.where(size < _TIP * size[:, ::-1], _TIP * axes[:, ::-1], axes)

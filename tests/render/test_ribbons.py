@@ -158,8 +158,14 @@ def test_bars_have_the_axes_that_were_drawn() -> None:
     strip = np.array([[0, -0.075, 0], [4, -0.075, 0], [4, 0.075, 0], [0, 0.075, 0.0]])
     builder.add_mesh(strip[[[0, 1, 2], [0, 2, 3]]], np.eye(4), 3)
     builder.add_box(np.eye(4), 4)
+    blade = np.array([[[0.0, 0, 0], [0.02, 0, 0], [0.01, 0, 1.0]], [[0.0, 0, 0], [0.01, 0, 1.0], [0.02, 0, 0]]])
+    builder.add_mesh(blade, np.eye(4), 5)
     bars = find_bars(builder.build(POSE[None], CAMERA))
-    assert bars.part.tolist() == [0, 1, 2]
+    assert bars.part.tolist() == [0, 1, 2, 4]
+    assert sorted(np.linalg.norm(bars.first[3], axis=-1)) == pytest.approx(
+        [0.0001, 0.01]
+    )  # a direction at the tip, too
+    bars = replace(bars, ends=bars.ends[:3], first=bars.first[:3], second=bars.second[:3], round=bars.round[:3])
     assert bars.round.tolist() == [True, False, False]
     ends = {tuple(np.round(end, 6)) for end in bars.ends.reshape(-1, 3)}
     assert ends == {(1, 2, 3), (2, 5, 4), (0, 0, 0), (0, 0, 2), (0, 0, 0), (4, 0, 0)}
