@@ -9,8 +9,9 @@ _PIXELS = 2048
 _SEED = 20_531  # one detail for all surfaces, so that its file is the same wherever it lies
 _SPREAD = 0.18  # standard deviation of the grey values [1]
 
-# Specks of a tile of side 1: pitch, radius, share of the places taken, and how high they stand out of the noise. They are
-# grains and pores at every size of the tile: 2 and 4 cm, 0.5 and 1 cm, 1 and 2 mm. Larger ones look like spots of a pelt.
+# Specks of a tile of side 1: pitch, radius, share of the places taken, and how high they stand out of the noise. They
+# are grains and pores at every size of the tile: 2 and 4 cm, 0.5 and 1 cm, 1 and 2 mm. Larger ones look like spots of
+# a pelt.
 _SPECKS = (
     (0.0021, 0.0008, 0.22, -3.0),
     (0.0021, 0.0008, 0.22, 2.6),

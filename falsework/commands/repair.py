@@ -47,7 +47,8 @@ def repair(root: Path, progress: Progress) -> list[str]:
     run_scenario(scenario, root, progress, scenes)
     after = inspect(root)
     for place in after.manifests:  # what stands in the store was not let go
-        if place.partition("/")[0] in scenario.keep:
+        kind = place.partition("/")[0].replace("sample", "cloud")  # samples stay where clouds stay
+        if kind in scenario.keep:
             (root / "evicted" / f"{place}.json").unlink(missing_ok=True)
     for folder in (*(root / "evicted").glob("*"), root / "evicted"):
         if folder.is_dir() and not any(folder.iterdir()):
@@ -67,10 +68,7 @@ def _made_here(scenario: Scenario, scenes: list[int], progress: Progress) -> set
     sources = look_at_sources(scenario, progress)
     found = set()
     for index in scenes:
-        chain = scene_chain(scenario, index, sources)
-        steps = [step for flight in chain.flights for step in (flight.capture, flight.cloud)]
-        for step in steps if chain.stage is None else [chain.stage, *steps]:
-            found.add(f"{step.task.stage}/{step.task.key}")
+        found |= {f"{step.task.stage}/{step.task.key}" for step in scene_chain(scenario, index, sources).steps}
     return found
 
 

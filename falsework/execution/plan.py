@@ -165,6 +165,13 @@ class PlannedStore(Store):
             file: Without effect.
         """
 
+    def unlink(self, name: str) -> None:
+        """Take no link away.
+
+        Args:
+            name: Without effect.
+        """
+
     def _let_go(self, task: Task) -> None:
         self._gone.add(task.key)
         self._space -= self._costs.bytes_each(task.stage)
@@ -201,8 +208,9 @@ def plan_run(
     sources, costs = look_at_sources(scenario, progress), Costs(out)
     store = PlannedStore(out, costs)
     manner = Manner(scenario.scenes > 1, retry_failed, keep=scenario.keep)
+    names = [name for name in STAGES if name != "sample" or scenario.sample]
     plan = Plan({name: StagePlan(seconds=costs.seconds(name), bytes=costs.bytes_each(name),
-                                 learned=costs.is_learned(name)) for name in STAGES})  # fmt: skip
+                                 learned=costs.is_learned(name)) for name in names})  # fmt: skip
     for index in range(scenario.scenes) if scenes is None else scenes:
         before = plan.outcome.made
         plan.outcome.add(run_scene(scenario, sources, index, store, manner, SILENT, PlannedRun))
@@ -216,10 +224,8 @@ def plan_run(
 
 def _count(chain: Chain, store: PlannedStore, manner: Manner, stages: dict[str, StagePlan]) -> None:
     """Add the steps of a scene to the counts of their stages."""
-    steps = [] if chain.stage is None else [chain.stage]
-    steps += [step for flight in chain.flights for step in (flight.capture, flight.cloud)]
     without = set()
-    for step in steps:
+    for step in chain.steps:
         fate = _fate(step.task, store, manner)
         without |= {step.link} if fate in ("rejected", "failed", "skipped") else set()
         setattr(stages[step.task.stage], fate, getattr(stages[step.task.stage], fate) + 1)

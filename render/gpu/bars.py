@@ -55,7 +55,7 @@ class Bars:
 
 
 def find_bars(scene: FlatScene) -> Bars:
-    """Find the bars of a scene; what has cut-outs has none.
+    """Find the bars of a scene; what has cut-outs or lets light through has none.
 
     Args:
         scene: A scene.
@@ -78,12 +78,15 @@ def find_bars(scene: FlatScene) -> Bars:
 
 
 def _edges(scene: FlatScene) -> tuple[I64, I64, I64]:
-    """Place of each vertex, part of each place, and the edges between places, without those of parts with cut-outs."""
-    geometry, draws = scene.geometry, scene.draws
-    cut_out = np.array([material.opacity_threshold > 0 for material in scene.materials])
+    """Place of each vertex, part of each place, and the edges between places, without those of parts that have none."""
+    geometry = scene.geometry
+    unfit = np.array([material.opacity_threshold > 0 or material.blends for material in scene.materials])
     usable = np.zeros(len(geometry.part_first), bool)
-    usable[draws.part] = True
-    usable[draws.part[cut_out[draws.material]]] = False
+    moments = [scene.at_moment(number).draws for number in range(len(scene.moments) or 1)]
+    for draws in moments:
+        usable[draws.part] = True
+    for draws in moments:
+        usable[draws.part[unfit[draws.material]]] = False
     part_of = np.repeat(np.arange(len(geometry.part_first)), geometry.part_count)
     order = np.concatenate(
         [np.arange(f, f + c) for f, c in zip(geometry.part_first.tolist(), geometry.part_count.tolist(), strict=True)]
@@ -228,8 +231,8 @@ def _listed(
     members = used[segment[ring[place[used]]] >= 0]
     own = ring[place[members]]
     return Bars(
-        of_ring[path[:, 0]], middle[path], _pointed(first[path]), _pointed(second[path]), is_round, of_place[order[starts]][path], members,
-        segment[own], end[own],
+        of_ring[path[:, 0]], middle[path], _pointed(first[path]), _pointed(second[path]), is_round,
+        of_place[order[starts]][path], members, segment[own], end[own],
     )  # fmt: skip
 
 

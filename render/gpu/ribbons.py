@@ -3,14 +3,15 @@
 A ribbon is a strip that faces the camera and knows how much of each pixel its bar covers.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from render.gpu.bars import Bars
-from usd_schemas.flat_scene import FlatScene
+from usd_schemas.flat_scene import Draws, FlatScene
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -27,6 +28,39 @@ _LEAST = 1e-3  # [m] thickness that a flat bar is taken to have as seen from the
 
 
 @dataclass(frozen=True)
+class PartBars:
+    """Where the bars of each part of a geometry are, and their size in mesh-local axes.
+
+    Attributes:
+        first: First triangle of its surfaces and of its ribbons, shape (P, 2), int64.
+        count: Number of these triangles, 0 without bars, shape (P, 2), int64.
+        thickness: Thickness of its thinnest bar [stage units], +inf without any, shape (P,), float64.
+        length: Length of its longest segment [stage units], shape (P,), float64.
+    """
+
+    first: I64
+    count: I64
+    thickness: F64
+    length: F64
+
+    def placed(self, draws: Draws, commands: NDArray[np.void]) -> dict[str, Any]:
+        """Find what of a `Ribbons` depends on where things are drawn.
+
+        Args:
+            draws: What is drawn.
+            commands: Their draw commands, shape (D,).
+        """
+        part, scale = draws.part, np.linalg.norm(draws.transform[:, :3, :3], axis=1)
+        tables = [commands.copy(), commands.copy()]
+        for kind, table in enumerate(tables):
+            table["count"], table["first"] = 3 * self.count[part, kind], 3 * self.first[part, kind]
+        thickness = np.full(len(part), np.inf)
+        np.multiply(self.thickness[part], scale.min(axis=1), out=thickness, where=self.count[part, 1] > 0)
+        length = self.length[part] * scale.max(axis=1)
+        return {"surfaces": tables[0], "ribbons": tables[1], "thickness": thickness, "length": length}
+
+
+@dataclass(frozen=True)
 class Ribbons:
     """What of a scene may be too thin for samples.
 
@@ -38,6 +72,7 @@ class Ribbons:
         ribbons: Draw command of the ribbons of each draw, shape (D,), dtype as the scene's.
         thickness: Thickness of the thinnest bar of each draw [m], +inf without any, shape (D,), float64.
         length: Length of the longest segment of each draw [m], shape (D,), float64.
+        parts: Where to find the bars of each part.
     """
 
     vertices: moderngl.Buffer
@@ -47,6 +82,16 @@ class Ribbons:
     ribbons: NDArray[np.void]
     thickness: F64
     length: F64
+    parts: PartBars
+
+    def moved(self, draws: Draws, commands: NDArray[np.void]) -> "Ribbons":
+        """Return the same bars, drawn where another moment of the scene has them.
+
+        Args:
+            draws: What is drawn then.
+            commands: Their draw commands, shape (D,).
+        """
+        return replace(self, **self.parts.placed(draws, commands))
 
     def thin(self, rows: I64, lower: F64, upper: F64, eye: F64, focal: float) -> NDArray[np.bool_]:
         """Tell which draws have bars that a view may show too thin, shape (N,).
@@ -78,7 +123,7 @@ def upload_ribbons(
         vertices: Its vertices as the renderer has them, shape (V,).
         commands: Draw command of each draw, shape (D,).
     """
-    geometry, draws = scene.geometry, scene.draws
+    geometry = scene.geometry
     counts = np.bincount(bars.part, minlength=len(geometry.part_first))
     parts = np.flatnonzero(counts)
     runs = [
@@ -92,16 +137,16 @@ def upload_ribbons(
     every = np.concatenate([vertices[used], vertices[ends]])
     every["p"][len(used) :] = np.repeat(bars.ends.reshape(-1, 3), 2, axis=0)
     shapes = np.concatenate([_surface_shapes(bars, used), _ribbon_shapes(bars)])
-    surfaces, ribbons = commands.copy(), commands.copy()
-    for table, first, count in (
-        (surfaces, _starts(np.where(counts > 0, geometry.part_count, 0)), np.where(counts > 0, geometry.part_count, 0)),
-        (ribbons, len(corners) + 2 * _starts(counts), 2 * counts),
-    ):
-        table["count"], table["first"] = 3 * count[draws.part], 3 * first[draws.part]
+    surfaces = np.where(counts > 0, geometry.part_count, 0)
+    found = PartBars(
+        np.stack([_starts(surfaces), len(corners) + 2 * _starts(counts)], axis=1),
+        np.stack([surfaces, 2 * counts], axis=1).astype(np.int64),
+        *_sizes(bars, len(counts)),
+    )
     return Ribbons(
         context.buffer(every.tobytes() or bytes(4)), context.buffer(shapes.tobytes() or bytes(4)),
         context.buffer(np.concatenate([places.ravel(), quads.ravel()]).astype(np.uint32).tobytes() or bytes(4)),
-        surfaces, ribbons, *_sizes(scene, bars),
+        parts=found, **found.placed(scene.draws, commands),
     )  # fmt: skip
 
 
@@ -142,15 +187,13 @@ def _ribbon_shapes(bars: Bars) -> NDArray[np.void]:
     return shapes.reshape(-1)
 
 
-def _sizes(scene: FlatScene, bars: Bars) -> tuple[F64, F64]:
-    """Thickness of the thinnest bar and length of the longest segment of each draw [m], each shape (D,)."""
-    parts, linear = len(scene.geometry.part_first), scene.draws.transform[:, :3, :3]
+def _sizes(bars: Bars, parts: int) -> tuple[F64, F64]:
+    """Thickness of the thinnest bar and length of the longest segment of each part, each shape (P,)."""
     least, longest = np.full(parts, np.inf), np.zeros(parts)
     half = np.minimum(np.linalg.norm(bars.second, axis=-1), np.linalg.norm(bars.first, axis=-1)).min(axis=1)
     np.minimum.at(least, bars.part, np.maximum(2 * half, _LEAST))
     np.maximum.at(longest, bars.part, np.linalg.norm(bars.ends[:, 1] - bars.ends[:, 0], axis=-1))
-    scale = np.linalg.norm(linear, axis=1)
-    return least[scene.draws.part] * scale.min(axis=1), longest[scene.draws.part] * scale.max(axis=1)
+    return least, longest
 
 
 def _starts(counts: I64) -> I64:

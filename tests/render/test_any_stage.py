@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from groundwork.progress import SILENT
 from render.gpu.context import Gl
 from render.settings import RenderSettings
-from render.views.passes import View
 from render.views.prepare import prepare
+from render.views.targets import View
 from tests.render.scenes import CAMERA
 from tests.usd_schemas.stages import SQUARE, Z_UP, write_stage
 from tests.usd_schemas.test_foreign_materials import omni, standard

@@ -177,3 +177,55 @@ def test_bars_have_the_axes_that_were_drawn() -> None:
     assert first[2] == pytest.approx(0.075)
     assert second[2] == pytest.approx(0.0)
     assert np.abs(np.einsum("sek,sk->se", bars.first, bars.ends[:, 1] - bars.ends[:, 0])).max() < 1e-6
+
+
+def between_panes(opacity: float, radius: float, panes: bool) -> FlatScene:
+    """A tube across the image, on the left behind a pane and on the right before one; all of them only glow."""
+    glows = (("hanger", 0.05, {}), ("wall", 0.4, {}), ("pane", 0.2, {"blends": True, "opacity": opacity}))
+    builder = SceneBuilder(
+        materials=[
+            Material(name, (0.0,) * 3, roughness=1.0, emissive=(glow,) * 3, specular=(0.0,) * 3, **more)
+            for name, glow, more in glows
+        ]
+    )
+    way, middle = np.array([1.0, 0.2, 0.0]), np.array([0.0, 0.0, AWAY])
+    builder.add_mesh(tube(middle - 20 * way, middle + 20 * way, radius), np.eye(4), 1)
+    builder.add_box(placed((0.0, 0.0, AWAY + 20), (80.0, 80.0, 1.0)), 2, 2, 1)
+    for instance, (x, z) in enumerate(((-4.0, AWAY - 5), (4.0, AWAY + 5)) if panes else (), 3):
+        square = np.array([[x - 3, -4, z], [x - 3, 4, z], [x + 3, 4, z], [x + 3, -4, z]])
+        builder.add_mesh(square[[[0, 1, 2], [0, 2, 3]]], np.eye(4), instance, 1, 2)
+    return replace(builder.build(POSE[None], CAMERA), dome=Dome((0.5, 0.5, 0.5)))
+
+
+@pytest.mark.parametrize("quality", ["standard", "fine"])
+@pytest.mark.parametrize("opacity", [0.3, 0.7])
+@pytest.mark.parametrize("radius", [0.015, 0.3])
+def test_panes_before_and_behind_a_thin_member(
+    gl: Gl, plain: RenderSettings, quality: str, opacity: float, radius: float
+) -> None:
+    """A pane dims the hanger behind it, and shows beside the one before it; in the truth it is solid from 0.5 on.
+
+    Of light L behind a pane that glows with G, opacity * G + (1 - opacity) * L is seen. What the hanger covers comes
+    from the same view without panes: 0.2 px of 3 cm by ribbons alone, 4 px of 60 cm by samples.
+    """
+    settings = plain.model_copy(update={"quality": quality})
+    scenes = [between_panes(opacity, radius, panes) for panes in (False, True)]
+    views = [prepare(gl, scene, settings, SILENT).painter(CAMERA, sharp=True).draw(POSE, 0.1) for scene in scenes]
+    bare, shown = ((view.code[..., 1] / 65535.0) ** 2 for view in views)
+    bare, shown = bare * 0.4 / bare[0, 0], shown * 0.4 / shown[0, 0]
+    covered = (0.4 - bare) / 0.35
+    assert 0.1 < covered.max() < 0.3 if radius < 0.1 else covered.max() > 0.99
+    rows, before, behind = slice(26, 70), slice(6, 39), slice(58, 85)  # well inside the panes
+    dimmed = opacity * 0.2 + (1 - opacity) * bare
+    if quality == "standard" and opacity >= 0.5 and radius > 0.1:  # ids show no edge behind what is solid in the truth
+        sampled = np.isclose(bare, 0.4, atol=2e-4) | np.isclose(bare, 0.05, atol=2e-4)
+        shown[:, before], dimmed[:, before] = (image[:, before] * sampled[:, before] for image in (shown, dimmed))
+    np.testing.assert_allclose(shown[rows, before], dimmed[rows, before], atol=2e-4)
+    beside = 0.05 * covered + (1 - covered) * (opacity * 0.2 + (1 - opacity) * 0.4)
+    np.testing.assert_allclose(shown[rows, behind], beside[rows, behind], atol=2e-4)
+    plainly, ids = (np.append(0, scene.draws.instance)[view.draw] for scene, view in zip(scenes, views, strict=True))
+    assert (plainly[rows] == 1).any()
+    solid = opacity >= 0.5
+    np.testing.assert_array_equal(ids[rows, before], 3 if solid else plainly[rows, before])
+    np.testing.assert_array_equal(ids[rows, behind], np.where((plainly == 1) | (not solid), plainly, 4)[rows, behind])
+    assert views[1].depth[rows, before] == pytest.approx(AWAY - 5 if solid else views[0].depth[rows, before])
