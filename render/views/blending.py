@@ -40,9 +40,9 @@ class Blending:
         self._open(self._surfaces, span)
         context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
         context.depth_func, context.front_face = ">=", "cw"  # as where the opaque ones are drawn
-        context.blend_func = (  # pyright: ignore[reportAttributeAccessIssue]  # its type knows two of the four
+        context.blend_func = (
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA,
-        )  # fmt: skip
+        )  # fmt: skip  # pyright: ignore[reportAttributeAccessIssue]
         self._surfaces.depth_mask = False
 
     def end(self, span: tuple[int, int]) -> None:

@@ -181,10 +181,11 @@ def test_bars_have_the_axes_that_were_drawn() -> None:
 
 def between_panes(opacity: float, radius: float, panes: bool) -> FlatScene:
     """A tube across the image, on the left behind a pane and on the right before one; all of them only glow."""
+    black = (0.0, 0.0, 0.0)
     glows = (("hanger", 0.05, {}), ("wall", 0.4, {}), ("pane", 0.2, {"blends": True, "opacity": opacity}))
     builder = SceneBuilder(
         materials=[
-            Material(name, (0.0,) * 3, roughness=1.0, emissive=(glow,) * 3, specular=(0.0,) * 3, **more)
+            Material(name, black, roughness=1.0, emissive=(glow, glow, glow), specular=black, **more)
             for name, glow, more in glows
         ]
     )
