@@ -120,7 +120,7 @@ def upload_ribbons(
         context: Open context.
         scene: The scene.
         bars: Its bars.
-        vertices: Its vertices as the renderer has them, shape (V,).
+        vertices: Its vertices as the renderer has them, positions in mesh-local axes [stage units], shape (V,).
         commands: Draw command of each draw, shape (D,).
     """
     geometry = scene.geometry

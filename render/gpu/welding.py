@@ -26,6 +26,9 @@ def mixed(one: U64, other: U64) -> U64:
         one: Numbers, shape (N,), uint64.
         other: Numbers, shape (N,), uint64.
 
+    Returns:
+        Hashes, shape (N,), uint64.
+
     Source: the finalizer of SplitMix64, Steele et al., OOPSLA 2014.
     """
     with np.errstate(over="ignore"):
