@@ -1,27 +1,62 @@
 """The dense step as seen from outside: one child process, and the points that it leaves in a folder."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from groundwork.canonical import folder_digest
 from groundwork.child import run_child
 from groundwork.progress import Progress
-from recon.dense.points import FOLDER, DensePoints, read_points
+from recon.dense.points import FOLDER, DensePoints, read_fate, read_points
+from recon.dense.undistort import WorkingCamera, working_camera
 from recon.settings import DOWNSCALE, ReconSettings
+from recon.sfm.colmap_model import SparseModel
 from recon.sfm.sparse import Sparse
 from recon.shortage import check_space, plain_shortage
 from recon.steps import take_step
 from render.capture import Capture
 
-_VERSION = 3  # of what the step writes
+_VERSION = 4  # of what the step writes
 _CHILD = "recon.dense.dense_child"
 _SLACK = 120.0  # [s] beside the time per image
 _BYTES_PER_PIXEL = 12  # on the disk: working image, depth, and the points' share
 
 
+@dataclass(frozen=True)
+class PixelFates:
+    """What became of every pixel of the depth maps.
+
+    Attributes:
+        folder: Folder of the finished step.
+        model: The model that it measured depths for.
+        camera: Of the depth maps.
+    """
+
+    folder: Path
+    model: SparseModel
+    camera: WorkingCamera
+
+    def of(self, row: int) -> NDArray[np.uint8]:
+        """Read one depth map's, numbers of `recon.dense.fuse.PIXEL_FATES`, shape (H, W), uint8.
+
+        Args:
+            row: Row of the image in the model.
+        """
+        return read_fate(self.folder, row)
+
+    def in_photograph(self) -> NDArray[np.int64]:
+        """Find the photograph's pixel, column and row, that shows each pixel's centre, shape (H, W, 2), int64."""
+        pinhole = self.camera.pinhole
+        column, row = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
+        return np.floor(self.camera.to_photograph(np.stack([column, row], axis=-1))).astype(np.int64)
+
+
 def run_dense(
     capture: Capture, sparse: Sparse, work: Path, settings: ReconSettings, progress: Progress
-) -> tuple[DensePoints, dict[str, Any]]:
+) -> tuple[DensePoints, PixelFates, dict[str, Any]]:
     """Measure a depth for nearly every pixel and fuse the depth maps; never looks at the truth.
 
     Args:
@@ -32,7 +67,7 @@ def run_dense(
         progress: Listener.
 
     Returns:
-        The points, in the model's own units, and JSON figures of the step.
+        The points, in the model's own units, what became of every pixel, and JSON figures of the step.
 
     Raises:
         RejectedSceneError: `bad_lens` or `no_depth`.
@@ -59,4 +94,7 @@ def run_dense(
             )
 
     step = take_step(work, "dense", recipe, make)
-    return read_points(step.folder), {**step.result, "points_sha256": folder_digest(step.folder / FOLDER)}
+    fates = PixelFates(
+        step.folder, sparse.model, working_camera(sparse.model, capture.size, DOWNSCALE[settings.quality])
+    )
+    return read_points(step.folder), fates, {**step.result, "points_sha256": folder_digest(step.folder / FOLDER)}

@@ -19,6 +19,10 @@ Mask = NDArray[np.bool_]
 
 _FREE_SPACE = 0.02  # [1] a map that sees this much farther than a point sees through it
 _BLENDED = 0.05  # [1] share of the depth by which neighbours of one surface may differ, steep ones too
+PIXEL_FATES = ("no_depth", "views", "seen_through", "angle", "in_points")
+"""What becomes of a pixel of a depth map, by number: it has no depth, too few maps agree with it, others see through
+it, its rays meet at too small an angle, or it is part of a point."""
+NO_DEPTH, _FEW, _THROUGH, _NARROW, IN_POINTS = range(5)
 _RIM_OFF = 0.01  # [px] so that no pixel beyond the image comes of rounding
 
 
@@ -33,6 +37,7 @@ class DepthView:
         color: Working image, shape (H, W, 3), uint8.
         used: Pixels that are part of a point already, shape (H, W), bool; fusion sets them.
         pose: camera_to_world, shape (4, 4), float64.
+        fate: Why pixels became no point, numbers of `PIXEL_FATES`, shape (H, W), uint8; fusion sets them.
     """
 
     image: int
@@ -41,6 +46,7 @@ class DepthView:
     color: U8
     used: Mask
     pose: F64
+    fate: U8
 
 
 def fuse_view(
@@ -50,7 +56,8 @@ def fuse_view(
 
     Args:
         reference: The view.
-        others: The views that it is checked against; their used pixels are marked, and so are its own.
+        others: The views that it is checked against; their used pixels are marked, and so are its own, and why others
+            of its own are not.
         camera: fx, fy, cx, cy of the working camera [px], shape (4,), float64.
         min_views: Views that must agree, this one among them.
         tolerance: Largest difference of depths, as a share of the depth [1].
@@ -64,7 +71,7 @@ def fuse_view(
     depths = np.stack([view.depth for view in others])
     used = np.stack([view.used for view in others])
     points, counts, seen, uv = _agreeing(
-        reference.depth, reference.used, to_other, depths, used, camera, min_views, tolerance,
+        reference.depth, reference.used, reference.fate, to_other, depths, used, camera, min_views, tolerance,
         float(np.cos(np.radians(min_angle))),
     )  # fmt: skip
     for view, mask in zip(others, used, strict=True):
@@ -86,8 +93,8 @@ def fuse_view(
 
 @njit(cache=True, nogil=True)
 def _agreeing(
-    depth: F32, taken: Mask, to_other: F64, depths: F32, used: Mask, camera: F64, min_views: int, tolerance: float,
-    max_cosine: float,
+    depth: F32, taken: Mask, fate: U8, to_other: F64, depths: F32, used: Mask, camera: F64, min_views: int,
+    tolerance: float, max_cosine: float,
 ) -> tuple[F64, I64, U8, F32]:  # fmt: skip
     """Find what agrees: points in the view's axes, view counts, view numbers (0 is it), their pixels."""
     height, width = depth.shape
@@ -106,10 +113,15 @@ def _agreeing(
             x, y = (j + 0.5 - camera[2]) / camera[0] * z, (i + 0.5 - camera[3]) / camera[1] * z
             views[0], place[0, 0], place[0, 1] = 0, i, j
             agreeing, through = _ask(x, y, z, to_other, depths, camera, tolerance, views, place, mean)
-            if agreeing < min_views or 2 * through >= agreeing:
+            fate[i, j] = _FEW
+            if agreeing < min_views:
+                continue
+            if 2 * through >= agreeing:
+                fate[i, j] = _THROUGH
                 continue
             x, y, z = mean[0], mean[1], mean[2]
             if _narrowest(to_other, views, agreeing, x, y, z) > max_cosine:
+                fate[i, j] = _NARROW
                 continue
             first = filled
             for n in range(agreeing):

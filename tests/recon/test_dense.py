@@ -96,7 +96,7 @@ def read_poses(cloud: Cloud, truth: Truth) -> np.ndarray:
 def test_without_truth_the_points_are_the_same(bare: Path, sparse: Sparse, dense_cloud: Cloud, tmp_path: Path) -> None:
     """Deleting truth/ leaves every dense point as it was, byte for byte, with another number of threads, too."""
     settings = SETTINGS.model_copy(update={"dense": DenseSettings(sources=3, threads=3)})
-    points, facts = run_dense(read_capture(bare), sparse, tmp_path, settings, SILENT)
+    points, fates, facts = run_dense(read_capture(bare), sparse, tmp_path, settings, SILENT)
     assert facts == dense_cloud.statistics["dense"]
     assert len(points.points) == len(dense_cloud)
 

@@ -22,7 +22,9 @@ def view_of(image: int, depth: F64) -> DepthView:
     near = np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
     normal = np.tile((POSES[image][:3, :3].T @ PLANE.normal).astype(np.float32), (*depth.shape, 1))
     color = np.full((*depth.shape, 3), 10 * image, np.uint8)
-    return DepthView(image, near, normal, color, np.zeros(depth.shape, bool), POSES[image])
+    return DepthView(
+        image, near, normal, color, np.zeros(depth.shape, bool), POSES[image], np.zeros(depth.shape, np.uint8)
+    )
 
 
 def planes(noise: float = 0.0, seed: int = 0) -> list[DepthView]:
