@@ -35,7 +35,10 @@ class AuthoringSettings(Settings):
     look: LookSettings = Field(default_factory=LookSettings, description="Materials of the bridge")
     labels: LabelSettings = Field(default_factory=LabelSettings, description="How parts are classed")
     light: LightSettings = Field(default_factory=LightSettings, description="Sun and sky")
-    survey: tuple[AnySurvey, ...] = Field(default=(GlobalSettings(),), min_length=1, description="Inspection flights")
+    survey: tuple[AnySurvey, ...] = Field(
+        default=(GlobalSettings(),),
+        description="Inspection flights; with `[[sample]]` and no section of these, nothing is flown nor rendered",
+    )
     variants: VariantSettings = Field(
         default_factory=VariantSettings, description="Other looks, backgrounds and lights of the same bridge"
     )

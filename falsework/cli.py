@@ -14,6 +14,7 @@ import tyro
 
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import files_first
+from falsework.commands.render_verb import render
 from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
@@ -73,41 +74,6 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
     with ConsoleProgress() as progress, values_of(scenario), reading(*inputs):
         fresh_output(output, "scene", write, inputs=inputs)
     _say(f"scene   {output / 'scene.usda'}")
-    return 0
-
-
-def render(
-    stage: File,
-    output: Output,
-    *,
-    survey: str | None = None,
-    quality: Literal["fast", "standard", "fine"] = "standard",
-    noise: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with noise)")] = True,
-    seed: int = 7,
-    workers: int = 1,
-    allow_root: tuple[Path, ...] = (),
-) -> int:
-    """Render any USD stage into captures: one folder for each RenderProduct, or for each camera where there is none.
-
-    Killed at any moment, the same command goes on where it stopped.
-
-    Args:
-        stage: USD file.
-        output: Folder to write into.
-        survey: Only this product or camera.
-        quality: How much shading.
-        noise: The sensor's noise is in the images; `--no-noise` leaves it out.
-        seed: Seed of the sensor's noise.
-        workers: Processes that share the frames of a survey; the bytes do not depend on them.
-        allow_root: Folders beside that of the stage from which it may take layers and textures.
-    """
-    from falsework.commands.verbs import render_file
-
-    settings = {"quality": quality, "sensor": {"noise": noise}, "workers": workers}
-    with ConsoleProgress() as progress:
-        names = render_file(stage, output, survey, settings, seed, progress, allow_root)
-    for name in names:
-        _say(f"capture {output / name}")
     return 0
 
 

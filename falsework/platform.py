@@ -1,7 +1,7 @@
 """What a capture or a cloud depends on besides its settings: package versions, the processor, the GL renderer."""
 
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from groundwork.child import run_child
@@ -11,6 +11,7 @@ PROBE_MEMORY_LIMIT = 4.0  # [GB]
 
 RENDER_PACKAGES = ("isal", "moderngl", "numpy", "opencv-python-headless", "usd-core")
 RECON_PACKAGES = ("numpy", "opencv-python-headless", "pycolmap")
+SAMPLE_PACKAGES = ("numpy", "opencv-python-headless", "usd-core")
 
 
 @cache
@@ -41,6 +42,24 @@ def recon_platform() -> dict[str, str]:
         Package name to version, and `cpu`.
     """
     return {**{name: version(name) for name in RECON_PACKAGES}, "cpu": processor()}
+
+
+@cache
+def sample_platform() -> dict[str, str]:
+    """List what a sampled cloud's bytes depend on.
+
+    Returns:
+        Package name to version, `open3d` (which casts the rays) under whichever name it is installed, and `cpu`.
+    """
+    caster = next((found for found in map(_version, ("open3d-cpu", "open3d")) if found), "none")
+    return {**{name: version(name) for name in SAMPLE_PACKAGES}, "open3d": caster, "cpu": processor()}
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
 
 
 def processor() -> str:

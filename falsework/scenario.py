@@ -6,15 +6,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import tomli_w
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.settings import AuthoringSettings
 from groundwork.errors import InputError, MissingError
 from groundwork.settings import Settings, parse_settings, read_toml
+from recon.sampling.sampler_settings import AnySample, MeshSample, MobileSample
 from recon.settings import ReconSettings
 from render.settings import SensorSettings, ShadingSettings
 
@@ -33,7 +34,7 @@ class Scenario(AuthoringSettings):
     scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
     keep: tuple[Literal["stage", "capture", "model", "cloud", "report"], ...] = Field(
         ("stage", "capture", "model", "cloud", "report"),
-        description="Stages whose results stay; the others go once what needs them is there",
+        description="Stages whose results stay; the others go once what needs them is there; samples are clouds",
     )
     stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")
     worlds: dict[str, str] = Field(
@@ -51,6 +52,33 @@ class Scenario(AuthoringSettings):
     render: ShadingSettings = Field(default_factory=ShadingSettings, description="Renderer")
     sensor: SensorSettings = Field(default_factory=SensorSettings, description="The camera behind the lens")
     recon: ReconSettings = Field(default_factory=ReconSettings, description="Reconstruction")
+    sample: tuple[AnySample, ...] = Field(
+        default=(), description="Clouds sampled from the surface of the stage, without any image"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _samples_need_no_flight(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("sample") and not {"survey", "stage"} & values.keys():
+            return {**values, "survey": ()}
+        return values
+
+    @model_validator(mode="after")
+    def _samples_fit(self) -> Self:
+        if not self.survey and not self.sample:
+            raise ValueError("neither a survey nor a sample; allowed: at least one [[survey]] or [[sample]]")
+        flown = [survey.id for survey in self.survey] if self.stage is None else []
+        ids = [*flown, *(sample.id for sample in self.sample)]
+        if len(set(ids)) < len(ids):
+            raise ValueError(f"two clouds have the same id; allowed: a different id each, found {', '.join(ids)}")
+        for sample in self.sample if self.stage is None else ():
+            if isinstance(sample, MeshSample) and sample.min_views and not self.survey:
+                raise ValueError(f"sample {sample.id} counts views (min_views); allowed: only with a [[survey]]")
+            named = sample.survey if isinstance(sample, MeshSample) else ""
+            named = sample.path if isinstance(sample, MobileSample) and sample.path != "deck" else named
+            if named and named not in flown:
+                raise ValueError(f"sample {sample.id} names no survey with {named!r}; allowed: {', '.join(flown)}")
+        return self
 
     def authoring(self) -> dict[str, Any]:
         """Return the sections that a stage is authored from, as JSON."""
@@ -66,7 +94,7 @@ class Scenario(AuthoringSettings):
         Args:
             folder: Where the file will stand, if its paths shall hold from there.
         """
-        values = self.model_dump(mode="json", exclude_none=True)
+        values = self.model_dump(mode="json", exclude_none=True, exclude=None if self.sample else {"sample"})
         if folder is not None:
             base = os.path.realpath(folder)
             for section in ("worlds", "skies", "surfaces"):
@@ -83,7 +111,10 @@ def load_scenario(path: Path) -> Scenario:
     """Read a scenario file.
 
     Args:
-        path: TOML file; a stage that it names is looked for beside it.
+        path: TOML file; what it names is looked for beside it.
+
+    Returns:
+        The scenario, its paths absolute: they hold in every process of a run, wherever that works.
 
     Raises:
         InputError: Missing, not TOML, or a key or value that is not allowed.
@@ -106,21 +137,28 @@ def _with_stage(scenario: Scenario, path: Path) -> Scenario:
             "variants are authored with a scene, not with a stage that is there", where=path, field="variants",
             mend="Choose there: falsework scene set SCENE look=… --variant NAME, then name variant_NAME.usda here",
         )  # fmt: skip
-    stage = path.parent / scenario.stage.path
+    stage = _beside(path, scenario.stage.path)
     if not stage.exists():
         raise MissingError("no such stage", where=path, field="stage.path", value=scenario.stage.path)
-    roots = tuple(str(path.parent / root) for root in scenario.stage.allow_root)
+    roots = tuple(str(_beside(path, root)) for root in scenario.stage.allow_root)
     return scenario.model_copy(update={"stage": StageSource(path=str(stage), allow_root=roots)})
+
+
+def _beside(scenario: Path, place: str) -> Path:
+    """Tell where a path of a scenario leads; the name of a link stays what the user calls it."""
+    return Path(os.path.abspath(scenario.parent / place))  # noqa: PTH100 - `resolve` would follow links
 
 
 def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
     """Give every imported world that the scenario names a path that holds from anywhere, and a name."""
-    worlds = {name: str(path.parent / place) for name, place in scenario.worlds.items()}
+    from authoring.imported.asset import claims_city
+
+    worlds = {name: str(_beside(path, place)) for name, place in scenario.worlds.items()}
 
     def named(background: str) -> str:
         if background in BACKGROUNDS or background in worlds:
             return background
-        place = path.parent / background
+        place = _beside(path, background)
         if not place.exists():
             raise MissingError(
                 "no such background", where=path, field="background.name", value=background,
@@ -131,9 +169,15 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
 
     name = named(scenario.background.name)
     others = tuple(named(background) for background in scenario.variants.background)
-    for world in worlds.values():
-        if not Path(world).exists():
-            raise MissingError("no such world", where=path, field="worlds", value=world)
+    for world in map(Path, worlds.values()):
+        if not world.exists():
+            raise MissingError("no such world", where=path, field="worlds", value=str(world))
+        if world.is_file() and not claims_city(world):  # else all of its folder would count as the world
+            raise InputError(
+                "is no imported world", where=path, field="worlds", value=str(world),
+                mend="Make one: falsework background import FILE -o DIR. Or put the file round a finished scene: "
+                "falsework scene set SCENE background=FILE",
+            )  # fmt: skip
     return scenario.model_copy(
         update={
             "worlds": worlds,
@@ -145,12 +189,12 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
 
 def _with_skies(scenario: Scenario, path: Path) -> Scenario:
     """Give every photographed sky that the scenario names a path that holds from anywhere, and a name."""
-    skies = {name: str(path.parent / place) for name, place in scenario.skies.items()}
+    skies = {name: str(_beside(path, place)) for name, place in scenario.skies.items()}
 
     def named(sky: str) -> str:
         if sky in ("", *skies):
             return sky
-        skies[Path(sky).name] = str(path.parent / sky)
+        skies[Path(sky).name] = str(_beside(path, sky))
         return Path(sky).name
 
     base = scenario.light.model_copy(update={"sky": named(scenario.light.sky)})
@@ -168,11 +212,11 @@ def _with_skies(scenario: Scenario, path: Path) -> Scenario:
 
 def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
     """Give every folder of surfaces that the scenario names a path that holds from anywhere, and a name."""
-    surfaces = {name: str(path.parent / place) for name, place in scenario.surfaces.items()}
+    surfaces = {name: str(_beside(path, place)) for name, place in scenario.surfaces.items()}
     names = []
     for folder in scenario.look.folders:
         name, place = (
-            (folder, surfaces[folder]) if folder in surfaces else (Path(folder).name, str(path.parent / folder))
+            (folder, surfaces[folder]) if folder in surfaces else (Path(folder).name, str(_beside(path, folder)))
         )
         if surfaces.setdefault(name, place) != place:
             raise InputError("two folders of one name", where=path, field="look.folders", value=name, mend="Rename one")

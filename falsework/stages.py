@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from groundwork.child import run_child
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 from groundwork.slug import inside
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 RENDER_TIME_LIMIT = 6 * 3600.0  # [s] per survey
 RENDER_MEMORY_LIMIT = 16.0  # [GB]
+SAMPLE_TIME_LIMIT = 6 * 3600.0  # [s] per cloud
+SAMPLE_MEMORY_LIMIT = 16.0  # [GB]
 
 SEVERAL = "+"
 """What stands between the names of a survey and of one of its clouds, where it has several; no slug holds it."""
@@ -59,8 +62,9 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
     """Render one survey of a stage; in a child, because a graphics driver may crash and belongs to one process.
 
     Args:
-        settings: `{seed, render, survey, platform}`, `variant` where one of the scene's variants is rendered, and
-            `drawing`: how many processes and threads share the work.
+        settings: `{seed, render, survey, platform}`, `variant` where one of the scene's variants is rendered, `choices`
+            of camera, frames and the like where there are any, and `drawing`: how many processes and threads share the
+            work.
         inputs: `stage`: the root layer, or the folder that holds `scene.usda`.
         folder: Folder to fill: empty, or left by an interrupted run.
         progress: Listener.
@@ -74,6 +78,7 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
             "settings": {**settings["render"], **settings.get("drawing", {})},
             "seed": settings["seed"],
             "survey": settings["survey"],
+            "choices": settings.get("choices"),
         },
         time_limit=RENDER_TIME_LIMIT,
         memory_limit=RENDER_MEMORY_LIMIT,
@@ -119,13 +124,33 @@ def _recon(settings: dict[str, Any]) -> "ReconSettings":
     return parse_settings(ReconSettings, values, "scenario")
 
 
+def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Sample the surface of a stage as a cloud; in a child, because the stage may come from anywhere.
+
+    Args:
+        settings: `{kind, sample, platform}`: mesh, terrestrial or mobile, and the settings of that sampler; `variant`
+            where one of the scene's variants is sampled, and `allow_roots`: folders beside that of the stage from
+            which it may take files.
+        inputs: `stage`: the root layer, or the folder that holds `scene.usda`.
+        folder: Empty folder to fill.
+        progress: Listener.
+    """
+    request = {
+        "kind": settings["kind"], "settings": settings["sample"], "folder": str(folder.resolve()),
+        "stage": str(root_layer(inputs["stage"], settings.get("variant", "")).resolve()),
+        "allow_roots": settings.get("allow_roots", []),
+    }  # fmt: skip
+    run_child("falsework.children.sample_work", request, time_limit=SAMPLE_TIME_LIMIT,
+              memory_limit=SAMPLE_MEMORY_LIMIT, progress=progress)  # fmt: skip
+
+
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
     """Write the page that shows one scene.
 
     Args:
         settings: `{title}`.
         inputs: `stage`, for each survey `capture/<survey>`, and `cloud/<survey>`, or with several clouds
-            `cloud/<survey>+sparse` and so on.
+            `cloud/<survey>+sparse` and so on; `sample/<id>` for each sample.
         folder: Empty folder to fill.
         progress: Listener.
     """
@@ -135,7 +160,8 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     surveys = sorted(name.partition("/")[2] for name in inputs if name.startswith("capture/"))
     clouds = {name.partition("/")[2]: path for name, path in inputs.items() if name.startswith("cloud/")}
     pairs = {survey: (inputs[f"capture/{survey}"], clouds_of(survey, clouds)) for survey in surveys}
-    write_report(folder / "report.html", settings["title"], inputs["stage"], pairs)
+    samples = {name.partition("/")[2]: path for name, path in inputs.items() if name.startswith("sample/")}
+    write_report(folder / "report.html", settings["title"], inputs["stage"], pairs, samples)
 
 
 def clouds_of(survey: str, clouds: dict[str, Path]) -> dict[str, Path]:
@@ -164,9 +190,10 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(8, author),
+    "stage": Stage(9, author),
     "capture": Stage(9, capture, resumes=True),
     "model": Stage(1, model, resumes=True),
     "cloud": Stage(14, cloud, resumes=True),
+    "sample": Stage(1, sample),
     "report": Stage(6, report),
 }

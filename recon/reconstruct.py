@@ -31,7 +31,7 @@ from recon.truth.noise_figures import describe_noise
 from recon.truth.per_class import describe_classes, few_in_words, lost_classes
 from recon.truth.pixel_classes import describe_pixels
 from recon.truth.statistics import describe, verdict_in_words
-from recon.truth.surface_distance import nearest_surface
+from recon.truth.surface_distance import nearest_surface, still_surface
 from recon.truth.uncertainty import Uncertainty, depths, measure
 from recon.truth.windows import lay_windows
 from render.capture import Capture, Truth, read_truth
@@ -214,7 +214,7 @@ def _label(
         observed = gather(truth, seen, threads)
         error, measured = measure(points, depth, observed.depth.astype(float), truth, seen, threads)
         verdict = annotate(observed, error, seen)
-        distance, nearest = nearest_surface(points, truth)
+        distance, nearest = still_surface(verdict.instance, truth, *nearest_surface(points, truth))
         component = _components(verdict.instance, truth, components)
     columns |= {
         "segment": verdict.label, "instance": verdict.instance, "component": component,

@@ -14,8 +14,8 @@ def sample(request: dict[str, Any], progress: Progress) -> int:
     """Sample a stage into a folder.
 
     Args:
-        request: `{how, settings, stage, allow_roots, folder}`: mesh or lidar, JSON of its settings, the USD file,
-            folders beside that of the stage from which it may take files, and an empty folder.
+        request: `{kind, settings, stage, allow_roots, folder}`: mesh, terrestrial or mobile, JSON of its settings,
+            the USD file, folders beside that of the stage from which it may take files, and an empty folder.
         progress: Listener.
 
     Returns:
@@ -35,9 +35,9 @@ def sample(request: dict[str, Any], progress: Progress) -> int:
     for line in {**said, **dict.fromkeys(scene.warnings)}:
         progress.note(line)
     try:
-        if request["how"] == "mesh":
+        if request["kind"] == "mesh":
             return len(sample_mesh(scene, folder, parse_settings(MeshSettings, settings, "--set"), progress))
-        model = TerrestrialSettings if settings["kind"] == "terrestrial" else MobileSettings
+        model = TerrestrialSettings if request["kind"] == "terrestrial" else MobileSettings
         return len(sample_lidar(scene, folder, parse_settings(model, settings, "--set"), progress))
     except InputError as error:
         error.found_in(stage)

@@ -112,13 +112,13 @@ def _used_by(chain: Chain, traces: Traces) -> set[str]:
     """Name the keys that a scene leads to; those of other machines differ by the platform alone."""
     keys: dict[str, set[str]] = {}
     for step in chain.steps:
-        keys[step.link] = {step.task.key}
+        keys[step.input_name] = {step.task.key}
         for trace in _alike(step, traces):
             if trace.inputs.keys() == step.task.inputs.keys() and all(
-                key in (keys[step.parents[name].link] if name in step.parents else {step.task.inputs[name]})
+                key in (keys[step.parents[name].input_name] if name in step.parents else {step.task.inputs[name]})
                 for name, key in trace.inputs.items()
             ):
-                keys[step.link].add(trace.key)
+                keys[step.input_name].add(trace.key)
     report = chain.report()
     keys.setdefault("stage", {report.task.inputs.get("stage", "")})
     last = {  # without the flights that became no result

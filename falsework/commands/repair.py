@@ -47,7 +47,8 @@ def repair(root: Path, progress: Progress) -> list[str]:
     run_scenario(scenario, root, progress, scenes)
     after = inspect(root)
     for place in after.manifests:  # what stands in the store was not let go
-        if place.partition("/")[0] in scenario.keep:
+        kind = place.partition("/")[0].replace("sample", "cloud")  # samples stay where clouds stay
+        if kind in scenario.keep:
             (root / "evicted" / f"{place}.json").unlink(missing_ok=True)
     for folder in (*(root / "evicted").glob("*"), root / "evicted"):
         if folder.is_dir() and not any(folder.iterdir()):

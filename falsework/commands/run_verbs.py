@@ -7,8 +7,6 @@ from typing import Annotated, Any
 
 import tyro
 
-from falsework.commands.console import ConsoleProgress
-
 SOME_SCENES_FAILED = 3
 JSON_VERSION = 1
 
@@ -65,13 +63,15 @@ def run(
 
 
 def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool, **how: Any) -> int:
+    from falsework.commands.run_console import RunConsole
+    from falsework.execution.costs import Costs
     from falsework.execution.interrupts import prompt_ending
     from falsework.pipeline import run_scenario
     from falsework.scenario import Scenario
 
     assert isinstance(scenario, Scenario)
-    with prompt_ending(), ConsoleProgress() as progress:
-        outcome = run_scenario(scenario, output, progress, scenes, **how)
+    with prompt_ending(), RunConsole(Costs(output)) as console:
+        outcome = run_scenario(scenario, output, console, scenes, board=console, **how)
     if as_json:
         paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}
         counts = {"made": outcome.made, "reused": outcome.reused}

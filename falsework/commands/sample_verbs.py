@@ -86,15 +86,15 @@ def lidar(
 
     settings: dict[str, Any] = {"scope": scope, "reach": reach, "seed": seed} | given_settings(set)
     model = TerrestrialSettings if kind == "terrestrial" else MobileSettings
-    return _sample("lidar", model, settings | {"kind": kind}, stage, output, allow_root)
+    return _sample(kind, model, settings | {"kind": kind}, stage, output, allow_root)
 
 
 def _sample(
-    how: str, model: type[Settings], settings: dict[str, Any], stage: Path, output: Path, roots: tuple[Path, ...]
+    kind: str, model: type[Settings], settings: dict[str, Any], stage: Path, output: Path, roots: tuple[Path, ...]
 ) -> int:
     checked = parse_settings(model, settings, "--set")
     request = {
-        "how": how, "settings": checked.model_dump(mode="json"), "stage": str(stage.absolute()),
+        "kind": kind, "settings": checked.model_dump(mode="json"), "stage": str(stage.absolute()),
         "allow_roots": [str(root.absolute()) for root in roots],
     }  # fmt: skip
     with ConsoleProgress() as progress, reading(stage):

@@ -19,7 +19,7 @@ from recon.settings import ReconSettings
 
 def render_file(
     stage: Path, out: Path, survey: str | None, settings: dict[str, Any], seed: int, progress: Progress,
-    allow_roots: tuple[Path, ...] = (),
+    allow_roots: tuple[Path, ...] = (), choices: dict[str, Any] | None = None,
 ) -> list[str]:  # fmt: skip
     """Render the products of any stage, each into a capture of its own.
 
@@ -31,6 +31,7 @@ def render_file(
         seed: Seed of the sensor.
         progress: Listener.
         allow_roots: Folders beside that of the stage from which it may take files.
+        choices: JSON of `StageChoices`, or None for the stage as it is.
 
     Returns:
         Names of the captures.
@@ -41,7 +42,7 @@ def render_file(
     chosen: list[str] = []
 
     def write(folder: Path) -> None:
-        names = surveys_of(stage, allow_roots, progress)
+        names = surveys_of(stage, allow_roots, progress, choices)
         if survey is not None and survey not in names:
             raise InputError("no such product or camera", where=stage, value=survey, allowed=", ".join(names))
         chosen.extend(names if survey is None else [survey])
@@ -50,7 +51,7 @@ def render_file(
                 shutil.rmtree(other, ignore_errors=True)
         for name in chosen:
             (folder / name).mkdir(exist_ok=True)
-            request = {"seed": seed, "survey": name, "render": settings}
+            request = {"seed": seed, "survey": name, "render": settings, "choices": choices}
             STAGES["capture"].run(request, {"stage": stage}, folder / name, progress)
 
     with reading(stage):
@@ -103,13 +104,21 @@ def report_scene(scene: Path, page: Path) -> None:
         page: HTML file to write.
     """
     captures = sorted(path for path in scene.glob("capture/*") if path.is_dir())
-    if not captures:
+    clouds = {path.name: path for path in sorted(scene.glob("cloud/*")) if path.is_dir()}
+    samples = {name: path for name, path in clouds.items() if _is_sampled(path)}
+    if not captures and not samples:
         raise MissingError("holds no capture", where=scene, mend="Name a folder such as OUT/scenes/0000")
-    clouds = {path.name: path for path in scene.glob("cloud/*") if path.is_dir()}
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
     inputs = [scene, *captures, *clouds.values()]
     with reading(*inputs), fresh_file(page, inputs) as temporary:
-        write_report(temporary, _title(scene), scene / "stage", surveys)
+        write_report(temporary, _title(scene), scene / "stage", surveys, samples)
+
+
+def _is_sampled(cloud: Path) -> bool:
+    """Tell whether a cloud comes from the surface of its stage, not from photographs."""
+    from recon.cloud import RECONSTRUCTED, read_cloud
+
+    return read_cloud(cloud).source not in RECONSTRUCTED
 
 
 def _title(scene: Path) -> str:

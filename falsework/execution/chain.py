@@ -1,20 +1,24 @@
-"""The steps of one scene: its stage, for each flight a capture, a model and its clouds, and the report; none is run."""
+"""The steps of a scene: its stage, captures, models and clouds of each flight, samples, report; none is run here."""
 
+import os
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any, get_args
 
+from authoring.streams import stream
 from falsework.children.products import surveys_of
-from falsework.platform import recon_platform, render_platform
+from falsework.platform import recon_platform, render_platform, sample_platform
 from falsework.scenario import Scenario, given_files, scene_seed, scene_title
 from falsework.stages import SEVERAL, STAGES
 from falsework.store.store import Task
 from groundwork.canonical import file_digest, folder_digest
+from groundwork.errors import InputError
 from groundwork.output_place import RUN
 from groundwork.output_reading import reading
 from groundwork.progress import Progress
 from groundwork.slug import slug
+from recon.sampling.sampler_settings import AnySample
 from recon.settings import Mode
 
 FOREIGN_STAGE = "foreign stage"
@@ -37,6 +41,16 @@ class Step:
     parents: "dict[str, Step]" = field(default_factory=dict)
     given: dict[str, Path] = field(default_factory=dict)
     file: str = ""
+
+    @property
+    def kind(self) -> str:
+        """What it is to the user, who says with these words what stays: stage, capture, model, cloud or report."""
+        return self.link.partition("/")[0].removesuffix(".html")
+
+    @property
+    def input_name(self) -> str:
+        """What a task calls it that it goes into; the first part is the stage that made it."""
+        return self.task.stage + self.link.removeprefix(self.kind)
 
 
 @dataclass(frozen=True)
@@ -92,6 +106,7 @@ class Chain:
         title: What its user knows it by.
         stage: The step that authors it; None where it starts from a stage that is there.
         flights: Its flights.
+        samples: The steps that sample its surface.
         sources: What the scenario takes from outside.
     """
 
@@ -99,13 +114,14 @@ class Chain:
     title: str
     stage: Step | None
     flights: tuple[Flight, ...]
+    samples: tuple[Step, ...]
     sources: Sources
 
     @property
     def steps(self) -> tuple[Step, ...]:
         """All steps but the report, each after what it needs."""
         stage = () if self.stage is None else (self.stage,)
-        return (*stage, *(step for flight in self.flights for step in flight.steps))
+        return (*stage, *(step for flight in self.flights for step in flight.steps), *self.samples)
 
     def report(self, without: frozenset[str] = frozenset()) -> Step:
         """Give the last step.
@@ -113,11 +129,8 @@ class Chain:
         Args:
             without: Links of the steps that became no result.
         """
-        shown = [step for flight in self.flights for step in (flight.capture, *flight.clouds)]
-        parents = {step.link: step for step in shown if step.link not in without}
+        parents = {step.input_name: step for step in self.steps if step.kind != "model" and step.link not in without}
         given, keys = _stage_input(self.stage, self.sources)
-        if self.stage is not None:
-            parents["stage"] = self.stage
         inputs = {**keys, **{name: step.task.key for name, step in parents.items()}}
         task = new_task("report", {"title": self.title}, inputs)
         return Step(task, "report.html", parents, given, "report.html")
@@ -138,7 +151,12 @@ def look_at_sources(scenario: Scenario, progress: Progress) -> Sources:
         digests = {name: file_digest(path) if path.is_file() else folder_digest(path) for name, path in given.items()}
         return Sources(tuple(survey.id for survey in scenario.survey), given, digests)
     path = Path(scenario.stage.path)
-    surveys = surveys_of(path, tuple(Path(root) for root in scenario.stage.allow_root), progress)
+    roots = tuple(Path(root) for root in scenario.stage.allow_root)
+    surveys = surveys_of(path, roots, progress) if scenario.survey else []
+    both = {slug(survey) for survey in surveys} & {sample.id for sample in scenario.sample}
+    if both:
+        raise InputError("a sample has the name of a survey of the stage", field="sample.id", value=min(both),
+                         mend="Give it another id")  # fmt: skip
     with reading(path):  # it counts by content, with every file that stands beside it, but runs made from it
         digest = folder_digest(path.parent, without=RUN)
         return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: digest})
@@ -157,9 +175,12 @@ def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:
     if scenario.stage is None:
         task = new_task("stage", {"seed": seed, "authoring": scenario.authoring()}, sources.digests)
         stage = Step(task, "stage", given=sources.given)
-    pairs = product(sources.surveys, scenario.variants.combinations() or [""])
+    variants = scenario.variants.combinations() or [""]
+    pairs = product(sources.surveys, variants)
     flights = tuple(_flight(scenario, seed, survey, variant, stage, sources) for survey, variant in pairs)
-    return Chain(f"{index:04d}", scene_title(index, scenario.seed), stage, flights, sources)
+    pairs = product(scenario.sample, variants)
+    samples = tuple(_sample(scenario, seed, sample, variant, stage, sources) for sample, variant in pairs)
+    return Chain(f"{index:04d}", scene_title(index, scenario.seed), stage, flights, samples, sources)
 
 
 def new_task(
@@ -203,6 +224,24 @@ def _flight(
         for mode in recon.modes
     )  # fmt: skip
     return Flight(name, variant, capture, model, clouds)
+
+
+def _sample(
+    scenario: Scenario, seed: int, sample: AnySample, variant: str, stage: Step | None, sources: Sources
+) -> Step:  # fmt: skip
+    """Describe one sampled cloud; its draws are a stream of its own, which another `seed` of the section moves on."""
+    layer = f"sample/{sample.id}" + (f"/{sample.seed}" if sample.seed else "")
+    drawn = int(stream(seed, layer).integers(2**31))
+    values = {**sample.model_dump(mode="json", exclude={"id"}), "seed": drawn}
+    kind = values.pop("kind") if sample.kind == "mesh" else sample.kind  # scanners have a setting of this name
+    settings = {"kind": kind, "sample": values, "platform": sample_platform()}
+    settings |= {"variant": variant} if variant else {}
+    given, keys = _stage_input(stage, sources)
+    parents = {} if stage is None else {"stage": stage}
+    keys = keys if stage is None else {"stage": stage.task.key}
+    manner = {} if scenario.stage is None else {"allow_roots": [os.path.realpath(r) for r in scenario.stage.allow_root]}
+    link = f"cloud/{sample.id}@{slug(variant)}" if variant else f"cloud/{sample.id}"
+    return Step(new_task("sample", settings, keys, manner), link, parents, given)
 
 
 def _stage_input(stage: Step | None, sources: Sources) -> tuple[dict[str, Path], dict[str, str]]:

@@ -18,7 +18,7 @@ def wanted_steps(chain: Chain, keep: tuple[str, ...]) -> set[str]:
     """
     wanted: set[str] = set()
     for step in (*(() if "report" not in keep else (chain.report(),)), *reversed(chain.steps)):
-        if step.link in wanted or step.task.stage in keep:
+        if step.link in wanted or step.kind in keep:
             wanted |= {step.link, *(parent.link for parent in step.parents.values())}
     return wanted
 
@@ -40,13 +40,13 @@ def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
             without |= {step.link}
     settled = {step.link for step in chain.steps if step.link in without or store.has(step.task)}
     needed: set[str] = set()
-    clouds = [step for flight in chain.flights for step in flight.clouds]
+    clouds = [step for step in chain.steps if step.kind == "cloud"]
     clouds_known = all(step.link in settled or store.evicted_files(step.task) is not None for step in clouds)
     if "report" in keep and not (clouds_known and store.has(chain.report(without).task)):
         needed.add(REPORT)
     for step in reversed(chain.steps):
         waited_for = any(other in needed for other in consumers(chain, step))
-        if step.link not in settled and (waited_for or step.task.stage in keep):
+        if step.link not in settled and (waited_for or step.kind in keep):
             needed.add(step.link)
     return needed
 

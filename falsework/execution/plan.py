@@ -208,8 +208,9 @@ def plan_run(
     sources, costs = look_at_sources(scenario, progress), Costs(out)
     store = PlannedStore(out, costs)
     manner = Manner(scenario.scenes > 1, retry_failed, keep=scenario.keep)
+    names = [name for name in STAGES if name != "sample" or scenario.sample]
     plan = Plan({name: StagePlan(seconds=costs.seconds(name), bytes=costs.bytes_each(name),
-                                 learned=costs.is_learned(name)) for name in STAGES})  # fmt: skip
+                                 learned=costs.is_learned(name)) for name in names})  # fmt: skip
     for index in range(scenario.scenes) if scenes is None else scenes:
         before = plan.outcome.made
         plan.outcome.add(run_scene(scenario, sources, index, store, manner, SILENT, PlannedRun))

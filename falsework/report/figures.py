@@ -174,7 +174,7 @@ def cloud_figure(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...]
         columns: `coord` [m], shape (N, 3), `color`, shape (N, 3), uint8, `segment`, shape (N,), uint8, and
             `uncertainty` [m], shape (N,), float32.
         classes: Class table.
-        centres: Camera centres [m], shape (M, 3), float64.
+        centres: Camera centres [m], shape (M, 3), float64; none of a sampled cloud.
     """
     every = max(1, len(columns["coord"]) // CLOUD_POINTS)
     part = {name: values[::every] for name, values in columns.items()}
@@ -202,7 +202,8 @@ def cloud_figure(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...]
         for name, colour in colours.items()
     ]
     _plain_layout(figure, 620)
-    low, high = centres.min(axis=0) - 5, centres.max(axis=0) + 5
+    shown = centres if len(centres) else xyz  # the cameras' own box: what they look at stands in it
+    low, high = shown.min(axis=0) - 5, shown.max(axis=0) + 5
     axis = {"showbackground": False, "title": "", "showticklabels": False}
     ranges = {f"{k}axis": {**axis, "range": [float(low[i]), float(high[i])]} for i, k in enumerate("xy")}
     menu = {"type": "buttons", "direction": "right", "buttons": buttons, "x": 0, "y": 1.06, "xanchor": "left"}

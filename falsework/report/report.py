@@ -39,7 +39,10 @@ UNITS = {
 }  # by the beginning of a statistic's name
 
 
-def write_report(path: Path, title: str, stage: Path, surveys: dict[str, tuple[Path, dict[str, Path]]]) -> None:
+def write_report(
+    path: Path, title: str, stage: Path, surveys: dict[str, tuple[Path, dict[str, Path]]],
+    samples: Mapping[str, Path] | None = None,
+) -> None:  # fmt: skip
     """Write the page of one scene.
 
     Args:
@@ -47,6 +50,7 @@ def write_report(path: Path, title: str, stage: Path, surveys: dict[str, tuple[P
         title: Heading.
         stage: Scene folder or USD file; the manifest beside it gives the lead line.
         surveys: Survey id to its capture folder, and each cloud by what tells it apart, empty for an only one.
+        samples: Id of each sample to its cloud folder.
     """
     template = files("falsework.report").joinpath("templates/report.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
@@ -56,6 +60,7 @@ def write_report(path: Path, title: str, stage: Path, surveys: dict[str, tuple[P
         lead=_lead(stage),
         plotly=Markup(get_plotlyjs()),
         surveys=[part for name, (capture, clouds) in sorted(surveys.items()) for part in _parts(name, capture, clouds)],
+        samples=[_sample(name, folder) for name, folder in sorted((samples or {}).items())],
     )
     write_text(path, page)
 
@@ -102,6 +107,19 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None, *, pictu
         "uncertainty": uncertainty_figure(cloud.columns["uncertainty"], NOISE_THRESHOLD),
     }
     return shown | {key: _html(figure, f"{key}-{slug(name)}") for key, figure in figures.items()}
+
+
+def _sample(name: str, folder: Path) -> dict[str, Any]:
+    from recon.cloud import read_cloud
+
+    cloud = read_cloud(folder)
+    columns = {key: cloud.columns[key] for key in ("coord", "color", "segment", "uncertainty")}
+    figures = {
+        "cloud": cloud_figure(columns, cloud.classes, np.zeros((0, 3))),
+        "classes": class_figure(cloud.columns["segment"], cloud.classes),
+    }
+    shown = {key: _html(figure, f"{key}-{slug(name)}") for key, figure in figures.items()}
+    return {"name": name, "source": cloud.source, "points": f"{len(cloud):,}", **shown}
 
 
 def _tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:

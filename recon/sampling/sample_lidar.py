@@ -1,6 +1,7 @@
 """The conductor of laser scanning: rays cast from a tripod or a vehicle against a stage, as a labelled cloud."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,17 @@ from recon.sampling.scan_pattern import Rays, mobile_rays, tripod_rays
 from recon.sampling.scan_places import deck_way, place_stations
 from recon.sampling.scene_surface import SceneSurface, bounds_of, bridge_triangles, lay_out
 from recon.sampling.surface_look import SurfaceLook, encode_srgb
+from recon.sampling.thinning import one_in_each_cube
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
+Columns = dict[str, NDArray[Any]]
 
 MOST_RAYS = 2_000_000_000
 MOST_POINTS = 20_000_000
+_LOOSE = 4_000_000  # points that may lie in cubes beside each other before they are thinned
 
 
 def sample_lidar(
@@ -59,15 +63,9 @@ def sample_lidar(
     inside = bridge if settings.scope == "bridge" else None
 
     progress.stage("scan", total)
-    parts: list[dict[str, NDArray[Any]]] = []
-    done = points = 0
-    for chunk in shots:
-        parts.append(_scan(chunk, target, surface, box, inside, settings, rng))
-        done, points = done + len(chunk.origins), points + len(parts[-1]["rows"])
-        progress.advance(done)
-        if points > MOST_POINTS:
-            raise InputError(f"the scan gives more than {MOST_POINTS} points", field="angular_step",
-                             value=settings.angular_step, mend="Take wider steps or fewer stations")  # fmt: skip
+    measure = partial(_scan, target=target, surface=surface, box=box, only=inside, settings=settings, rng=rng)
+    parts = _scan_all(shots, measure, settings, progress)
+    points = sum(len(part["rows"]) for part in parts)
     if not points:
         raise InputError("the scanner measures nothing of it", field="scope", value=settings.scope)
     for name in look.unread:
@@ -123,10 +121,41 @@ def _survey_way(scene: FlatScene, survey: str) -> F64:
     raise InputError("no such survey on the stage", field="path", value=survey, allowed=f"deck, {names}")
 
 
+def _scan_all(
+    shots: Iterator[Rays], measure: Callable[[Rays], Columns], settings: TerrestrialSettings | MobileSettings,
+    progress: Progress,
+) -> list[Columns]:  # fmt: skip
+    """Measure chunk after chunk; where one point of each cube stays, others go before they are too many."""
+    ranks = np.random.default_rng([settings.seed, 1])  # of its own: thinning changes no point that stays
+    parts: list[Columns] = []
+    done = loose = 0
+    for chunk in shots:
+        parts.append(measure(chunk))
+        count = len(parts[-1]["rows"])
+        done, loose = done + len(chunk.origins), loose + count
+        progress.advance(done)
+        if settings.voxel:
+            parts[-1]["rank"] = ranks.random(count)
+            if loose > _LOOSE:
+                parts, loose = _thinned(parts, settings.voxel), 0
+        if sum(len(part["rows"]) for part in parts) > MOST_POINTS:
+            raise InputError(f"the scan gives more than {MOST_POINTS} points", field="angular_step",
+                             value=settings.angular_step,
+                             mend="Take wider steps, fewer stations, or thin it: voxel")  # fmt: skip
+    return _thinned(parts, settings.voxel) if settings.voxel and parts else parts
+
+
+def _thinned(parts: list[Columns], size: float) -> list[Columns]:
+    """Put the chunks together and leave one point in each cube."""
+    columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
+    rows = one_in_each_cube(columns["points"], size, columns["rank"])
+    return [{name: columns.pop(name)[rows] for name in list(columns)}]
+
+
 def _scan(
     chunk: Rays, target: Target, surface: SceneSurface, box: F64, only: Bool | None,
     settings: TerrestrialSettings | MobileSettings, rng: np.random.Generator,
-) -> dict[str, NDArray[Any]]:  # fmt: skip
+) -> Columns:  # fmt: skip
     """Measure along the rays that can meet what is wanted; columns of what was measured of it."""
     aimed = meets_box(chunk, box)
     chunk = Rays(chunk.origins[aimed], chunk.directions[aimed], chunk.errors[aimed], chunk.station[aimed])
@@ -168,7 +197,7 @@ def meets_box(rays: Rays, box: F64) -> Bool:
     return (first <= last) & (last >= 0.0)
 
 
-def _joined(parts: list[dict[str, NDArray[Any]]], stations: bool) -> Samples:
+def _joined(parts: list[Columns], stations: bool) -> Samples:
     """Put the chunks behind each other, one column after the other, so that nothing lies there twice for long."""
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
     further = {name: columns[name] for name in ("intensity", "range", *(("station",) if stations else ()))}

@@ -86,7 +86,10 @@ def sample_mesh(scene: FlatScene, folder: Path, settings: MeshSettings, progress
     progress.stage("write", 0)
     facts = {"area": area, "density": drawn / area, "kept_share": len(found.rows) / drawn,
              "settings": settings.model_dump(mode="json")}  # fmt: skip
-    cloud = annotate_samples(_moved(found, surface, settings, rng), scene, surface, rays, MESH, facts)
+    samples = _moved(found, surface, settings, rng)
+    if settings.voxel:
+        samples = samples.thinned(settings.voxel, np.random.default_rng([settings.seed, 1]).random(len(samples.points)))
+    cloud = annotate_samples(samples, scene, surface, rays, MESH, facts)
     write_cloud(folder, cloud)
     write_laz(folder / "cloud.laz", cloud)
     write_ply(folder / "cloud.ply", cloud)

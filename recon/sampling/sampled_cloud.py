@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from recon.cloud import Cloud, without_observations
 from recon.sampling.scene_surface import SceneSurface
+from recon.sampling.thinning import one_in_each_cube
 from recon.truth.bridge_digest import bridge_digest
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.raycast import RayScene
@@ -44,6 +45,17 @@ class Samples:
     relative: F64
     views: NDArray[np.uint16]
     further: Mapping[str, NDArray[Any]]
+
+    def thinned(self, size: float, ranks: F64) -> "Samples":
+        """Leave one point in each cube.
+
+        Args:
+            size: Edge of the cubes [m].
+            ranks: A number for each point, drawn at random: the lowest of a cube stays [1], shape (N,), float64.
+        """
+        rows = one_in_each_cube(self.points, size, ranks)
+        columns = {name: values[rows] for name, values in vars(self).items() if name != "further"}
+        return Samples(**columns, further={name: values[rows] for name, values in self.further.items()})
 
 
 def annotate_samples(

@@ -1,12 +1,14 @@
 """What a user may choose about the clouds that are sampled from a stage without any image."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from groundwork.settings import Settings
 
 Point = tuple[float, float, float]
+
+_ID = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 
 
 class ScopeSettings(Settings):
@@ -18,6 +20,8 @@ class ScopeSettings(Settings):
     """Distance by which the bridge's bounding box is widened on every side (scope near) [m]."""
     seed: int = Field(default=0, ge=0, lt=2**31)
     """Seed of every random draw."""
+    voxel: float = Field(default=0.0, ge=0.0, le=10.0)
+    """Edge of the cubes in each of which one point is left, drawn at random; 0 leaves all [m]."""
 
 
 class MeshSettings(ScopeSettings):
@@ -116,3 +120,29 @@ class MobileSettings(ScannerSettings):
     """Standard deviation of the range [m]."""
     beam_divergence: float = Field(default=0.002, ge=0.0, le=0.02)
     """Full angle of the beam's cone; 0 for no mixed pixels [rad]."""
+
+
+class MeshSample(MeshSettings):
+    """A `[[sample]]` of a scenario: points spread over the surface."""
+
+    kind: Literal["mesh"] = "mesh"
+    """Points spread over the surface."""
+    id: str = Field(default="mesh", pattern=_ID)
+    """Name of the cloud, unlike those of the scenario's other samples and surveys."""
+
+
+class TerrestrialSample(TerrestrialSettings):
+    """A `[[sample]]` of a scenario: a scanner on a tripod."""
+
+    id: str = Field(default="terrestrial", pattern=_ID)
+    """Name of the cloud, unlike those of the scenario's other samples and surveys."""
+
+
+class MobileSample(MobileSettings):
+    """A `[[sample]]` of a scenario: a scanner on a vehicle or a drone."""
+
+    id: str = Field(default="mobile", pattern=_ID)
+    """Name of the cloud, unlike those of the scenario's other samples and surveys."""
+
+
+AnySample = Annotated[MeshSample | TerrestrialSample | MobileSample, Field(discriminator="kind")]

@@ -57,7 +57,8 @@ def describe(
         "surface_distance_median": _quantile(columns["surface_distance"], 0.5),
         "surface_distance_p95": _quantile(columns["surface_distance"], 0.95),
     }
-    return figures | _label_figures(columns)
+    moving = int((np.isnan(columns["surface_distance"]) & ~np.isnan(uncertainty)).sum())
+    return figures | _label_figures(columns) | ({"moving_points": moving} if moving else {})
 
 
 def verdict_in_words(status: tuple[str, ...], points: int, found: int, note: str, lost: Sequence[str]) -> str:

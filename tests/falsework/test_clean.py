@@ -13,9 +13,9 @@ from falsework.commands.clean import Cleaning, clean
 from falsework.execution import chain
 from falsework.pipeline import Outcome, run_scenario
 from falsework.stages import STAGES
-from falsework.store.locks import exclusive
 from falsework.store.store import Store
 from groundwork.errors import InputError
+from groundwork.locks import hold_lock
 from groundwork.marks import TEMPORARY
 from groundwork.progress import SILENT
 from tests.falsework.tiny_chain import contents, tiny_scenario, tiny_stages
@@ -88,7 +88,7 @@ def test_nothing_of_a_running_process_goes(run: Run, tmp_path: Path) -> None:
     _leave(out)
     _leave_other = out / "work" / ("cd" * 32)
     _leave_other.mkdir()
-    with exclusive(out / "work" / f"{KEY}.lock"):
+    with hold_lock(out / "work" / f"{KEY}.lock"):
         with pytest.raises(InputError, match="a run is working"):
             clean(out, SILENT, unused=True)
         assert (out / "work" / KEY / "inner/000000.jpg").is_file()
@@ -110,7 +110,7 @@ def test_lock_taken_after_the_look_is_respected(run: Run, tmp_path: Path, monkey
     run()
     _leave(out)
     monkeypatch.setattr(leftovers, "is_held", lambda lock: False)
-    with exclusive(out / "work" / f"{KEY}.lock"):
+    with hold_lock(out / "work" / f"{KEY}.lock"):
         done = clean(out, SILENT)
     assert (out / "work" / KEY / "inner/000000.jpg").is_file()
     assert (done.freed, len(done.left)) == (60, 1)

@@ -39,3 +39,17 @@ def test_global_set() -> None:
     assert (scenario.scenes, scenario.recon.mode) == (220, "sparse")
     assert flight.kind == "global"
     assert (flight.images, flight.tour, flight.poi) == (378, "rings", "box50")
+
+
+def test_learning_set() -> None:
+    """One bridge after the other as five kinds of cloud that `compare` knows; scans show 40 m of surroundings."""
+    scenario = load_scenario(SCENARIOS / "learning.toml")
+    assert isinstance(scenario.bridge.family, dict)
+    assert set(scenario.bridge.family) == set(FAMILIES)
+    assert [sample.id for sample in scenario.sample] == ["mesh", "visible", "tls", "mls"]
+    assert [sample.reach for sample in scenario.sample if sample.kind != "mesh"] == [40.0, 40.0]
+    assert {sample.voxel for sample in scenario.sample} == {0.05}
+    flight = scenario.survey[0]
+    assert (scenario.scenes, flight.kind, scenario.recon.mode) == (36, "local", "dense")
+    assert flight.kind == "local"
+    assert flight.images[1] <= 60

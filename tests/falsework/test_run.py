@@ -33,7 +33,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
         scenes: int = 1, out: Path = tmp_path / "out", faults: dict[str, str] | None = None, **more: Any
     ) -> Outcome:
         monkeypatch.setenv("TINY_FAULTS", json.dumps(faults or {}))
-        how = {name: more.pop(name) for name in ("retry_failed", "workers", "shard") if name in more}
+        how = {name: more.pop(name) for name in ("retry_failed", "workers", "shard", "cluster") if name in more}
         return run_scenario(tiny_scenario(scenes, **more), out, SILENT, **how)
 
     return run
@@ -68,7 +68,7 @@ def test_result_without_manifest_is_made_again_once(run: Run, tmp_path: Path) ->
     """It stands where the new one belongs: it is replaced, and the next run finds all there."""
     run()
     whole = contents(tmp_path / "out")
-    for stage in STAGES:
+    for stage in sorted(set(STAGES) - {"sample"}):
         folder = _only(tmp_path / "out", stage)
         (folder / MANIFEST).unlink()
         assert (run().made, run().made) == (1, 0)
@@ -135,6 +135,16 @@ def test_sound_inputs_are_hashed_once(run: Run, tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(artefact, "file_digest", lambda path: (read.append(path), digest(path))[1])
     assert run().made == 2
     assert len(read) == len(set(read)) > 5
+
+
+@pytest.mark.parametrize(
+    "address", ["", "localhost", "tcp://h", "tcp://:1", "tcp://h:99999", "ws://h:1", "tcp://h:1/x"]
+)
+def test_no_address_of_a_scheduler(address: str, run: Run, tmp_path: Path) -> None:
+    """It is refused by its form before the output folder is claimed."""
+    with pytest.raises(InputError, match=r"--cluster.*tcp://HOST:PORT"):
+        run(2, cluster=address)
+    assert not (tmp_path / "out").exists()
 
 
 def test_what_nobody_asks_for_counts_nowhere(run: Run, tmp_path: Path) -> None:

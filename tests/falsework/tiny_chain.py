@@ -33,9 +33,10 @@ def tiny_scenario(scenes: int = 1, **more: Any) -> Scenario:
 
 
 def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    """Write a layer that says the seed, and a texture that all scenes have in common."""
+    """Write a layer that says the seed and the hash of each input, and a texture that all scenes have in common."""
     _go_wrong("stage", settings["seed"])
-    (folder / "scene.usda").write_text(f"#usda 1.0\n# {settings['seed']}\n")
+    given = "".join(f"# {name} {folder_digest(path)}\n" for name, path in sorted(inputs.items()))
+    (folder / "scene.usda").write_text(f"#usda 1.0\n# {settings['seed']}\n{given}")
     (folder / "textures").mkdir()
     (folder / "textures" / "steel.png").write_bytes(TEXTURE)
 
@@ -70,13 +71,23 @@ def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progr
     (folder / "coord.npy").write_bytes(json.dumps(settings["recon"], sort_keys=True).encode() + b"".join(parts))
 
 
+def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Hash the stage and the drawn seed into points."""
+    seed = int((inputs["stage"] / "scene.usda").read_text().split()[-1])
+    _go_wrong("sample", seed)
+    text = f"{settings['kind']} {json.dumps(settings['sample'], sort_keys=True)} {folder_digest(inputs['stage'])}"
+    (folder / "coord.npy").write_bytes(hashlib.sha256(text.encode()).digest())
+
+
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
     """Say the hash of each input."""
     lines = [f"{name} {folder_digest(path)}\n" for name, path in sorted(inputs.items()) if path.is_dir()]
     (folder / "report.html").write_text(settings["title"] + "\n" + "".join(lines))
 
 
-TINY: dict[str, Run] = {"stage": author, "capture": capture, "model": model, "cloud": cloud, "report": report}
+TINY: dict[str, Run] = {
+    "stage": author, "capture": capture, "model": model, "cloud": cloud, "sample": sample, "report": report,
+}  # fmt: skip
 
 
 def tiny_stages() -> dict[str, Stage]:
@@ -89,11 +100,13 @@ def command(*words: str | Path) -> list[str]:
     return [sys.executable, "-m", "tests.falsework.tiny_chain", *map(str, words)]
 
 
-def start(*words: str | Path, **environment: str) -> subprocess.Popen[str]:
+def start(
+    *words: str | Path, cwd: Path = ROOT, stderr: int = subprocess.PIPE, **environment: str
+) -> subprocess.Popen[str]:
     """Begin `falsework …` with the tiny stages, in a session of its own."""
     return subprocess.Popen(
-        command(*words), cwd=ROOT, env={**os.environ, **environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, start_new_session=True,
+        command(*words), cwd=cwd, env={**os.environ, "PYTHONPATH": str(ROOT), **environment}, stdout=subprocess.PIPE,
+        stderr=stderr, text=True, start_new_session=True,
     )  # fmt: skip
 
 
@@ -148,10 +161,16 @@ def _go_wrong(stage: str, seed: int, folder: Path | None = None) -> None:
                 os.kill(os.getpid(), signal.SIGKILL)
 
 
-if __name__ in ("__main__", "__mp_main__"):  # the second one in the worker processes of a cluster
+def use_tiny_stages() -> None:
+    """Replace the stages of this process."""
     STAGES.update(tiny_stages())
     chain.render_platform = lambda device="auto": {"gl_renderer": "none"}
     chain.recon_platform = lambda: {"cpu": "none"}
+    chain.sample_platform = lambda: {"cpu": "none"}
+
+
+if __name__ in ("__main__", "__mp_main__"):  # the second one in the worker processes of a cluster
+    use_tiny_stages()
 
 if __name__ == "__main__":
     from falsework.cli import main
