@@ -133,7 +133,7 @@ def _make_cloud(
     if settings.mode == "dense":
         dense, fates, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
         table = truth.classes if truth else class_rows()
-        figures["pixels"] = describe_pixels(fates, rows, truth, table)
+        figures["pixels"] = describe_pixels(fates, rows, valid, truth, table)
         found, copies = len(dense.counts), np.ones(len(dense.counts), np.int64)
         placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
         del dense  # as large as what follows

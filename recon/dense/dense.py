@@ -1,19 +1,15 @@
 """The dense step as seen from outside: one child process, and the points that it leaves in a folder."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from groundwork.canonical import folder_digest
 from groundwork.child import run_child
 from groundwork.progress import Progress
-from recon.dense.points import FOLDER, DensePoints, read_fate, read_points
-from recon.dense.undistort import WorkingCamera, working_camera
+from recon.dense.pixel_fates import PixelFates
+from recon.dense.points import FOLDER, DensePoints, read_points
+from recon.dense.undistort import working_camera
 from recon.settings import DOWNSCALE, ReconSettings
-from recon.sfm.colmap_model import SparseModel
 from recon.sfm.sparse import Sparse
 from recon.shortage import check_space, plain_shortage
 from recon.steps import take_step
@@ -22,36 +18,7 @@ from render.capture import Capture
 _VERSION = 4  # of what the step writes
 _CHILD = "recon.dense.dense_child"
 _SLACK = 120.0  # [s] beside the time per image
-_BYTES_PER_PIXEL = 12  # on the disk: working image, depth, and the points' share
-
-
-@dataclass(frozen=True)
-class PixelFates:
-    """What became of every pixel of the depth maps.
-
-    Attributes:
-        folder: Folder of the finished step.
-        model: The model that it measured depths for.
-        camera: Of the depth maps.
-    """
-
-    folder: Path
-    model: SparseModel
-    camera: WorkingCamera
-
-    def of(self, row: int) -> NDArray[np.uint8]:
-        """Read one depth map's, numbers of `recon.dense.fuse.PIXEL_FATES`, shape (H, W), uint8.
-
-        Args:
-            row: Row of the image in the model.
-        """
-        return read_fate(self.folder, row)
-
-    def in_photograph(self) -> NDArray[np.int64]:
-        """Find the photograph's pixel, column and row, that shows each pixel's centre, shape (H, W, 2), int64."""
-        pinhole = self.camera.pinhole
-        column, row = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
-        return np.floor(self.camera.to_photograph(np.stack([column, row], axis=-1))).astype(np.int64)
+_BYTES_PER_PIXEL = 44  # on the disk: working image 3, depth 4, fate 1, and points: up to 36 where all pixels are in one
 
 
 def run_dense(
@@ -94,7 +61,6 @@ def run_dense(
             )
 
     step = take_step(work, "dense", recipe, make)
-    fates = PixelFates(
-        step.folder, sparse.model, working_camera(sparse.model, capture.size, DOWNSCALE[settings.quality])
-    )
+    camera = working_camera(sparse.model, capture.size, DOWNSCALE[settings.quality])
+    fates = PixelFates(step.folder, sparse.model, camera)
     return read_points(step.folder), fates, {**step.result, "points_sha256": folder_digest(step.folder / FOLDER)}

@@ -18,9 +18,10 @@ from groundwork.progress import Progress
 from recon.dense.depth_colmap import has_cuda, measure_with_colmap
 from recon.dense.depth_patchmatch import measure_slanted
 from recon.dense.depth_sgm import PosedImage, measure_depth
-from recon.dense.fuse import IN_POINTS, NO_DEPTH, DepthView, fuse_view
+from recon.dense.fuse import DepthView, fuse_view
 from recon.dense.neighbours import View, choose_sources, choose_views
-from recon.dense.points import FATES_FOLDER, DensePoints, save_array, write_points
+from recon.dense.pixel_fates import NO_DEPTH, TOO_FEW, write_fates
+from recon.dense.points import DensePoints, save_array, write_points
 from recon.dense.smooth import smooth
 from recon.dense.undistort import WorkingCamera, covered, undistort, working_camera
 from recon.photos.photos import open_photographs
@@ -63,7 +64,7 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     count = write_points(out, _fuse_all(views, maps, settings, progress))
     if not count:
         raise RejectedSceneError("no_depth", _why_nothing(views, known, settings))
-    maps.write_fates()
+    write_fates(out, maps.fates)
     maps.clear()
     return {
         "method": method, "reproducible": method != "colmap", "quality": settings.quality, "filter": settings.filter,
@@ -87,7 +88,12 @@ def choose_method(settings: DenseSettings) -> str:
 
 
 class DepthMaps:
-    """Working images and depth maps on disk; those in use lately stay in memory."""
+    """Working images and depth maps on disk; those in use lately stay in memory.
+
+    Attributes:
+        camera: Their camera.
+        fates: What becomes of each pixel, numbers of `PIXEL_FATES`, shape (I, H, W), uint8; fusion sets them.
+    """
 
     def __init__(self, folder: Path, model: SparseModel, camera: WorkingCamera) -> None:
         """Make the folders.
@@ -97,13 +103,13 @@ class DepthMaps:
             model: Names the images, knows their poses.
             camera: Their camera.
         """
-        self.camera, self._model, self._folder = camera, model, folder
+        self.camera, self._model = camera, model
         self._images, self._depths = folder / "images", folder / "depth"
         for path in (self._images, self._depths):
             path.mkdir(parents=True, exist_ok=True)
         shape = (camera.pinhole.height, camera.pinhole.width)
         self._used = np.zeros((len(model.names), *shape), bool)
-        self._fates = np.full((len(model.names), *shape), NO_DEPTH, np.uint8)
+        self.fates = np.full((len(model.names), *shape), NO_DEPTH, np.uint8)
         self._views: OrderedDict[int, DepthView] = OrderedDict()
         self._room = max(1, int(_CACHE // (shape[0] * shape[1] * 19)))
 
@@ -137,21 +143,13 @@ class DepthMaps:
         """Read a depth map, 0 where unknown [model units], shape (H, W), float32."""
         return np.load(self._depths / f"{row:06d}.npy", allow_pickle=False)
 
-    def write_fates(self) -> None:
-        """Keep what became of every pixel, a file for each image: numbers of `PIXEL_FATES`, shape (H, W), uint8."""
-        place = self._folder / FATES_FOLDER
-        place.mkdir(exist_ok=True)
-        self._fates[self._used] = IN_POINTS
-        for row, fate in enumerate(self._fates):
-            save_array(place / f"{row:06d}.npy", fate)
-
     def depth_view(self, row: int) -> DepthView:
         """Read a depth map with its normals; what was used longest ago makes room."""
         if row in self._views:
             self._views.move_to_end(row)
             return self._views[row]
         depth, normal = smooth(self.depth(row), intrinsics(self.camera))
-        view = DepthView(row, depth, normal, self.image(row), self._used[row], self.poses[row], self._fates[row])
+        view = DepthView(row, depth, normal, self.image(row), self._used[row], self.poses[row], self.fates[row])
         self._views[row] = view
         while len(self._views) > self._room:
             self._views.popitem(last=False)
@@ -219,6 +217,8 @@ def _fuse_all(
             )  # fmt: skip
             uv = maps.camera.to_photograph(found.uv.astype(np.float64)).astype(np.float32)
             yield replace(found, uv=uv)
+        else:
+            maps.fates[view.row][maps.depth(view.row) > 0] = TOO_FEW  # colmap measures such, too
         progress.advance(view.row + 1)
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from groundwork.files import write_bytes
 
 FOLDER = "points"
-FATES_FOLDER = "fates"
 
 
 @dataclass(frozen=True)
@@ -71,16 +70,6 @@ def read_points(folder: Path) -> DensePoints:
         np.concatenate([np.load(place / f"{field.name}.npy", allow_pickle=False) for place in places])
         for field in fields(DensePoints)
     ))  # fmt: skip
-
-
-def read_fate(folder: Path, row: int) -> NDArray[np.uint8]:
-    """Read what became of every pixel of a depth map, numbers of `recon.dense.fuse.PIXEL_FATES`, shape (H, W), uint8.
-
-    Args:
-        folder: Folder of the dense step.
-        row: Row of the image in the model.
-    """
-    return np.load(folder / FATES_FOLDER / f"{row:06d}.npy", allow_pickle=False)
 
 
 def save_array(path: Path, array: NDArray[Any]) -> None:

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recon.dense.dense import PixelFates
-from recon.dense.fuse import PIXEL_FATES
+from recon.dense.pixel_fates import PIXEL_FATES, PixelFates
 from render.capture import Truth
 from usd_schemas.components import UNLABELLED, ClassRow
 
@@ -14,27 +13,29 @@ _CLASSES = 256
 
 
 def describe_pixels(
-    fates: PixelFates, rows: NDArray[np.int64], truth: Truth | None, classes: tuple[ClassRow, ...]
-) -> dict[str, Any]:
+    fates: PixelFates, rows: NDArray[np.int64], valid: NDArray[np.bool_], truth: Truth | None,
+    classes: tuple[ClassRow, ...],
+) -> dict[str, Any]:  # fmt: skip
     """Count the fates of pixels by the class that the photograph shows there.
 
     Args:
         fates: What became of every pixel.
         rows: Row in the capture of each image of the model, shape (I,), int64.
+        valid: Images of the model that make points, shape (I,), bool; only these are counted.
         truth: True label images, or None.
         classes: Class table in force.
 
     Returns:
-        JSON figures by class name: number of pixels of each fate; all are unlabelled without truth.
+        JSON figures by class name: number of pixels of each fate [px]; all are unlabelled without truth.
     """
     place = fates.in_photograph()
     size = fates.camera.photograph
     inside = ((place >= 0) & (place < [size.width, size.height])).all(axis=-1)
     column, row = place[inside].T
     counts = np.zeros(_CLASSES * len(PIXEL_FATES), np.int64)
-    for number, image in enumerate(rows):
+    for number in np.flatnonzero(valid).tolist():
         fate = fates.of(number)[inside].astype(np.int64)
-        label = np.full(len(fate), UNLABELLED) if truth is None else truth.semantic(int(image))[row, column]
+        label = np.full(len(fate), UNLABELLED) if truth is None else truth.semantic(int(rows[number]))[row, column]
         counts += np.bincount(label.astype(np.int64) * len(PIXEL_FATES) + fate, minlength=len(counts))
     table = counts.reshape(_CLASSES, -1)
     return {
