@@ -11,8 +11,8 @@ from learn.models.gather import Shared
 def pooled(layers: nn.Sequential, values: Tensor) -> Tensor:
     """Apply a shared MLP to neighbourhoods, and take the maximum over each.
 
-    Normalisation and activation rise or fall with their input, so that the maximum may be taken before them, which saves
-    time in training. Elsewhere, and under autocast, everything is done in turn.
+    Normalisation and activation rise or fall with their input, so that the maximum may be taken before them, which
+    saves time in training. Elsewhere, and under autocast, everything is done in turn.
 
     Args:
         layers: Of `Shared` layers, at least one; the last one is active by ReLU or not at all.
@@ -21,9 +21,9 @@ def pooled(layers: nn.Sequential, values: Tensor) -> Tensor:
     Returns:
         Shape (B, M, outputs).
     """
-    last = layers[-1]
+    *former, last = layers
     assert isinstance(last, Shared)
-    for layer in layers[:-1]:
+    for layer in former:
         values = layer(values)
     if not last.norm.training or torch.is_autocast_enabled(values.device.type):
         return last(values).max(dim=2).values
