@@ -46,7 +46,8 @@ class PixelFates:
         """
         pinhole = self.camera.pinhole
         column, row = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
-        return np.floor(self.camera.to_photograph(np.stack([column, row], axis=-1))).astype(np.int64)
+        centres = np.stack([column, row], axis=-1).astype(np.float64)
+        return np.floor(self.camera.to_photograph(centres)).astype(np.int64)
 
 
 def write_fates(folder: Path, fates: NDArray[np.uint8]) -> None:

@@ -20,7 +20,7 @@ def test_limits_and_residuals_stand_in_the_report() -> None:
 
 
 def test_pixels_of_each_class_stand_in_the_report() -> None:
-    """A row a class: how many pixels show it, the share in points, and the share of each reason; without depth, none."""
+    """A row a class: how many pixels show it, the share in points and of each reason; without depth maps, none."""
     rows = _pixels({"pixels": {
         "bearing": {"angle": 1, "in_points": 1000, "no_depth": 800, "seen_through": 9, "views": 190},
         "deck": {"angle": 0, "in_points": 1, "no_depth": 0, "seen_through": 0, "views": 0},

@@ -117,7 +117,7 @@ def test_without_truth_the_points_are_the_same(
 def test_every_pixel_is_counted_once(
     without_truth: tuple[DensePoints, PixelFates, dict[str, Any]], truth: Truth, dense_cloud: Cloud
 ) -> None:
-    """The fates of one image by class are those of a loop over its pixels; all images' sums are the pixels they have."""
+    """One image's fates by class are those of a loop over its pixels; all images' sums are the pixels they have."""
     _, fates, _ = without_truth
     rows = np.arange(len(fates.model.names))
     found = describe_pixels(fates, rows, rows == 4, truth, truth.classes)
@@ -144,16 +144,16 @@ def test_every_pixel_is_counted_once(
 def test_pixels_in_points_are_those_that_points_show(
     without_truth: tuple[DensePoints, PixelFates, dict[str, Any]], truth: Truth, dense_cloud: Cloud
 ) -> None:
-    """Points are seen where pixels are part of one, and nearly nowhere else, within the pixel that averaging moves them."""
+    """Points are seen where pixels are part of one, and nowhere else, within the pixel that averaging moves them."""
     points, fates, _ = without_truth
     camera = fates.camera
-    shown = camera.distortion.undistort(
-        (points.uv - [camera.photograph.cx, camera.photograph.cy]) / [camera.photograph.fx, camera.photograph.fy]
-    )
+    photograph = camera.photograph
+    rays = (points.uv.astype(np.float64) - [photograph.cx, photograph.cy]) / [photograph.fx, photograph.fy]
+    shown = camera.distortion.undistort(rays)
     pixel = np.floor(shown * [camera.pinhole.fx, camera.pinhole.fy] + [camera.pinhole.cx, camera.pinhole.cy])
     column, row = np.clip(pixel.astype(int), 0, [camera.pinhole.width - 1, camera.pinhole.height - 1]).T
     around = np.ones((3, 3), np.uint8)
-    places = fates.in_photograph().clip(0, [camera.photograph.width - 1, camera.photograph.height - 1])
+    places = fates.in_photograph().clip(0, [photograph.width - 1, photograph.height - 1])
     counts = np.zeros(256, int)
     for image in range(len(fates.model.names)):
         mine = points.image == image
