@@ -195,5 +195,5 @@ STAGES: dict[str, Stage] = {
     "model": Stage(1, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),
-    "report": Stage(7, report),
+    "report": Stage(8, report),
 }
