@@ -54,7 +54,7 @@ def changed(model: Any, path: tuple[str, ...]) -> Any:
     elif isinstance(value, float):
         other = value * 0.99
     else:
-        other = 0.25 if value is None else choices[0]
+        other = (5 if int in choices else 0.25) if value is None else choices[0]
     return model.model_copy(update={name: other})
 
 
