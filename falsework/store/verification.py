@@ -13,7 +13,8 @@ from groundwork.errors import InputError
 from groundwork.files import MANIFEST
 from groundwork.settings import read_toml
 
-REFERRED = ("stage", "capture", "cloud", "sample")  # the first part of an input's name tells the stage that made it
+# The first part of an input's name tells the stage that made it.
+REFERRED = ("stage", "capture", "cloud", "sample", "noise", "pieces", "training")
 KEY_LENGTH = 64
 
 
