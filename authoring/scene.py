@@ -20,7 +20,7 @@ from authoring.layers.layer import export
 from authoring.layers.lighting import lighting_layer
 from authoring.layers.provenance import author_provenance
 from authoring.layers.render_settings import CLASSES, render_layer
-from authoring.layers.root import edits_layer, root_layer
+from authoring.layers.root import bounds_of, edits_layer, root_layer
 from authoring.layers.site import site_layer
 from authoring.layers.surveys import survey_layer, surveys_layer
 from authoring.layers.taxonomy import taxonomy_layer
@@ -98,7 +98,7 @@ def author_scene(
         export(taxonomy_layer(taxonomy(BASE)), folder / CLASSES)
         export(edits_layer(), folder / "edits/user.usda")
         images = max(len(path.poses) for path in paths)
-        root = root_layer(settings.look.name, settings.background.name, backgrounds, images)
+        root = root_layer(settings.look.name, settings.background.name, backgrounds, images, bounds_of(bridge))
         author_provenance(root, tokens.WORLD, {"seed": str(seed), "settings": digest(settings)})
         export(root, folder / "scene.usda")
         write_labels(settings.labels, folder)

@@ -16,7 +16,7 @@ from authoring.layers.bridge import bridge_layer, payload_layer
 from authoring.layers.geometry import BRIDGE, geometry_layer, roles_of
 from authoring.layers.layer import export, new_layer
 from authoring.layers.looks import look_layer
-from authoring.layers.root import edits_layer, root_layer
+from authoring.layers.root import bounds_of, edits_layer, root_layer
 from authoring.layers.semantics import semantics_layer
 from authoring.looks.material import MaterialRecipe
 from authoring.scenes.diff import diff_scenes
@@ -112,7 +112,7 @@ def _assemble(folder: Path, pieces: tuple[Component, ...]) -> Path:
     export(site, folder / "site/site.usda")
     for name in ("render.usda", "surveys/surveys.usda", "lighting.usda", "edits/user.usda"):
         export(edits_layer(), folder / name)
-    export(root_layer("weathered", "none", {"none": ""}, 1), folder / "scene.usda")
+    export(root_layer("weathered", "none", {"none": ""}, 1, bounds_of(pieces)), folder / "scene.usda")
     return folder / "scene.usda"
 
 

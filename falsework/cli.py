@@ -14,6 +14,7 @@ import tyro
 
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import files_first
+from falsework.commands.render_verb import render
 from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
@@ -76,43 +77,10 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
     return 0
 
 
-def render(
-    stage: File,
-    output: Output,
-    *,
-    survey: str | None = None,
-    quality: Literal["fast", "standard", "fine"] = "standard",
-    noise: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with noise)")] = True,
-    seed: int = 7,
-    workers: int = 1,
-    allow_root: tuple[Path, ...] = (),
-) -> int:
-    """Render any USD stage into captures: one folder for each RenderProduct, or for each camera where there is none.
-
-    Killed at any moment, the same command goes on where it stopped.
-
-    Args:
-        stage: USD file.
-        output: Folder to write into.
-        survey: Only this product or camera.
-        quality: How much shading.
-        noise: The sensor's noise is in the images; `--no-noise` leaves it out.
-        seed: Seed of the sensor's noise.
-        workers: Processes that share the frames of a survey; the bytes do not depend on them.
-        allow_root: Folders beside that of the stage from which it may take layers and textures.
-    """
-    from falsework.commands.verbs import render_file
-
-    settings = {"quality": quality, "sensor": {"noise": noise}, "workers": workers}
-    with ConsoleProgress() as progress:
-        names = render_file(stage, output, survey, settings, seed, progress, allow_root)
-    for name in names:
-        _say(f"capture {output / name}")
-    return 0
-
-
 def reconstruct(
-    capture: File, output: Output, *, settings: Path | None = None, gcp: Path | None = None
+    capture: File, output: Output, *, settings: Path | None = None, gcp: Path | None = None,
+    mode: Literal["sparse", "dense", "both"] | None = None,
+    quality: Literal["low", "medium", "high", "ultra"] | None = None, model: Path | None = None,
 ) -> int:  # fmt: skip
     """Reconstruct a capture, or a folder of photographs, into a cloud, annotated where the capture carries its truth.
 
@@ -123,12 +91,20 @@ def reconstruct(
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
         gcp: Ground control points and scale bars, as a gcp_list.txt or as Metashape's tables; not with truth.
+        mode: Which points; both: a cloud of each, from one model. Stands above the scenario's.
+        quality: How fine the depth maps of a dense cloud are. Stands above the scenario's.
+        model: A cloud of the same photographs: its cameras are used again, and not looked for.
     """
     from falsework.commands.verbs import reconstruct_folder
+    from falsework.scenario import load_scenario
+    from recon.settings import ReconSettings
 
+    given = ReconSettings() if settings is None else load_scenario(settings).recon
+    said = {name: value for name, value in (("mode", mode), ("quality", quality)) if value is not None}
     with ConsoleProgress() as progress:
-        reconstruct_folder(capture, output, settings, progress, gcp)
-    _say(f"cloud   {output}")
+        clouds = reconstruct_folder(capture, output, given.model_copy(update=said), progress, gcp, model)
+    for cloud in clouds:
+        _say(f"cloud   {cloud}")
     return 0
 
 

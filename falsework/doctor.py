@@ -49,7 +49,17 @@ def examine() -> list[Check]:
     Returns:
         One row per check, in a fixed order.
     """
-    checks = [_python(), *_packages(), _open3d(), *_graphics(), _gpu(), _threads(), _memory(), _disk(), *_collisions()]
+    checks = [
+        _python(),
+        *_packages(),
+        _open3d(),
+        *_graphics(),
+        _gpu(),
+        _threads(),
+        _memory(),
+        _disk(),
+        *package_names(),
+    ]
     return [check for check in checks if check is not None]
 
 
@@ -123,7 +133,12 @@ def _disk() -> Check:
     return Check("disk", "WARN" if short else "OK", f"{free:.1f} GB free in this folder", mend)
 
 
-def _collisions() -> list[Check]:
+def package_names() -> list[Check]:
+    """Look whether our folders are the ones that `import` finds.
+
+    Returns:
+        One row for each name that is taken by something else, or one that says that all is well.
+    """
     owners = packages_distributions()
     foreign = {room: sorted({o for o in owners.get(room, []) if o.lower() != "falsework"}) for room in ROOMS}
     rows = [
@@ -131,7 +146,13 @@ def _collisions() -> list[Check]:
         for room, names in foreign.items()
         if names
     ]
-    return rows or [Check("package names", "OK", "no other package installs our folders")]
+    home = Path(__file__).resolve().parents[1]
+    for room in ROOMS:
+        found = str(import_module(room).__file__)
+        if Path(found).resolve() != home / room / "__init__.py":
+            rows.append(Check("package names", "FAIL", f"{room} is taken from {found}",
+                              "Start Python in another folder, or rename that one"))  # fmt: skip
+    return rows or [Check("package names", "OK", "no other package or folder takes the place of ours")]
 
 
 def _available_memory() -> float:

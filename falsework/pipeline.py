@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from falsework.execution.chain import Sources, look_at_sources
+from falsework.execution.board import NO_BOARD, Board
+from falsework.execution.chain import Sources, look_at_sources, scene_chain
 from falsework.execution.claim import claim_run
 from falsework.execution.outcome import Outcome
-from falsework.execution.scene import Manner, run_scene
+from falsework.execution.scene import BusySceneError, Manner, run_scene, steps_of
 from falsework.scenario import Scenario
-from falsework.store.locks import BusyError
 from falsework.store.store import Store
 from groundwork.progress import Progress
 
@@ -20,7 +20,7 @@ __all__ = ["Outcome", "run_scenario"]
 
 def run_scenario(
     scenario: Scenario, out: Path, progress: Progress, scenes: Iterable[int] | None = None, *,
-    retry_failed: bool = False, workers: int = 0, cluster: str | None = None,
+    retry_failed: bool = False, workers: int = 0, cluster: str | None = None, board: Board = NO_BOARD,
 ) -> Outcome:  # fmt: skip
     """Run the whole chain, or what is left of it; several processes may do so in one folder.
 
@@ -32,14 +32,20 @@ def run_scenario(
         retry_failed: Try again what failed in an earlier run.
         workers: Worker processes that share the scenes; 0 runs one after the other in this process.
         cluster: Address of a standing Dask scheduler whose workers share the scenes instead.
+        board: Listener for the steps of the scenes.
 
     Returns:
         Counts and paths.
 
     Raises:
-        InputError: The folder is not ours or not writable; or what is wrong with the only scene of the scenario.
+        InputError: The folder is not ours or not writable; no cluster has such an address, or answers there; or what is
+            wrong with the only scene of the scenario.
         OutOfSpaceError: The disk is full; finished results stay.
     """
+    if cluster is not None:
+        from falsework.execution.cluster import check_address
+
+        check_address(cluster)
     claim_run(out, scenario)
     sources = look_at_sources(scenario, progress)
     manner = Manner(quarantine=scenario.scenes > 1, retry=retry_failed, keep=scenario.keep)
@@ -50,27 +56,31 @@ def run_scenario(
         place = Path(os.path.realpath(out))
         how = replace(manner, wait=False)
         jobs = [SceneJob(scenario, sources, index, place, how) for index in indices]
-        outcome = run_on_cluster(jobs, progress, workers, cluster).below(out, place)
+        outcome = run_on_cluster(jobs, progress, workers, cluster, board).below(out, place)
     else:
-        outcome = _run_here(scenario, sources, indices, out, manner, progress)
+        outcome = _run_here(scenario, sources, indices, out, manner, (progress, board))
     Store(out).sweep()
     return outcome
 
 
 def _run_here(
-    scenario: Scenario, sources: Sources, indices: list[int], out: Path, manner: Manner, progress: Progress
-) -> Outcome:
+    scenario: Scenario, sources: Sources, indices: list[int], out: Path, manner: Manner,
+    listeners: tuple[Progress, Board],
+) -> Outcome:  # fmt: skip
     """Run scenes one after the other in this process; those that another process works on come last."""
-    outcome, store = Outcome(), Store(out)
+    outcome, store, (progress, board) = Outcome(), Store(out), listeners
+    if indices:
+        steps = steps_of(scene_chain(scenario, indices[0], sources), scenario.keep)
+        board.expect([f"{index:04d}" for index in indices], steps, 0)
     waiting = deque(indices)
     busy = 0
     while waiting:
         index = waiting.popleft()
         how = replace(manner, wait=busy > len(waiting))  # every scene that is left is in the hands of others
         try:
-            outcome.add(run_scene(scenario, sources, index, store, how, progress))
+            outcome.add(run_scene(scenario, sources, index, store, how, progress, board=board))
             busy = 0
-        except BusyError as error:
+        except BusySceneError as error:
             outcome.made += error.made
             outcome.reused -= error.made  # so they will be counted when the scene's turn comes again
             waiting.append(index)

@@ -32,8 +32,8 @@ class Scenario(AuthoringSettings):
 
     seed: int = Field(7, ge=0, description="Everything that is not fixed is drawn from it")
     scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
-    keep: tuple[Literal["stage", "capture", "cloud", "report"], ...] = Field(
-        ("stage", "capture", "cloud", "report"),
+    keep: tuple[Literal["stage", "capture", "model", "cloud", "report"], ...] = Field(
+        ("stage", "capture", "model", "cloud", "report"),
         description="Stages whose results stay; the others go once what needs them is there; samples are clouds",
     )
     stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")
@@ -111,7 +111,10 @@ def load_scenario(path: Path) -> Scenario:
     """Read a scenario file.
 
     Args:
-        path: TOML file; a stage that it names is looked for beside it.
+        path: TOML file; what it names is looked for beside it.
+
+    Returns:
+        The scenario, its paths absolute: they hold in every process of a run, wherever that works.
 
     Raises:
         InputError: Missing, not TOML, or a key or value that is not allowed.
@@ -134,21 +137,28 @@ def _with_stage(scenario: Scenario, path: Path) -> Scenario:
             "variants are authored with a scene, not with a stage that is there", where=path, field="variants",
             mend="Choose there: falsework scene set SCENE look=… --variant NAME, then name variant_NAME.usda here",
         )  # fmt: skip
-    stage = path.parent / scenario.stage.path
+    stage = _beside(path, scenario.stage.path)
     if not stage.exists():
         raise MissingError("no such stage", where=path, field="stage.path", value=scenario.stage.path)
-    roots = tuple(str(path.parent / root) for root in scenario.stage.allow_root)
+    roots = tuple(str(_beside(path, root)) for root in scenario.stage.allow_root)
     return scenario.model_copy(update={"stage": StageSource(path=str(stage), allow_root=roots)})
+
+
+def _beside(scenario: Path, place: str) -> Path:
+    """Tell where a path of a scenario leads; the name of a link stays what the user calls it."""
+    return Path(os.path.abspath(scenario.parent / place))  # noqa: PTH100 - `resolve` would follow links
 
 
 def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
     """Give every imported world that the scenario names a path that holds from anywhere, and a name."""
-    worlds = {name: str(path.parent / place) for name, place in scenario.worlds.items()}
+    from authoring.imported.asset import claims_city
+
+    worlds = {name: str(_beside(path, place)) for name, place in scenario.worlds.items()}
 
     def named(background: str) -> str:
         if background in BACKGROUNDS or background in worlds:
             return background
-        place = path.parent / background
+        place = _beside(path, background)
         if not place.exists():
             raise MissingError(
                 "no such background", where=path, field="background.name", value=background,
@@ -159,9 +169,15 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
 
     name = named(scenario.background.name)
     others = tuple(named(background) for background in scenario.variants.background)
-    for world in worlds.values():
-        if not Path(world).exists():
-            raise MissingError("no such world", where=path, field="worlds", value=world)
+    for world in map(Path, worlds.values()):
+        if not world.exists():
+            raise MissingError("no such world", where=path, field="worlds", value=str(world))
+        if world.is_file() and not claims_city(world):  # else all of its folder would count as the world
+            raise InputError(
+                "is no imported world", where=path, field="worlds", value=str(world),
+                mend="Make one: falsework background import FILE -o DIR. Or put the file round a finished scene: "
+                "falsework scene set SCENE background=FILE",
+            )  # fmt: skip
     return scenario.model_copy(
         update={
             "worlds": worlds,
@@ -173,12 +189,12 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
 
 def _with_skies(scenario: Scenario, path: Path) -> Scenario:
     """Give every photographed sky that the scenario names a path that holds from anywhere, and a name."""
-    skies = {name: str(path.parent / place) for name, place in scenario.skies.items()}
+    skies = {name: str(_beside(path, place)) for name, place in scenario.skies.items()}
 
     def named(sky: str) -> str:
         if sky in ("", *skies):
             return sky
-        skies[Path(sky).name] = str(path.parent / sky)
+        skies[Path(sky).name] = str(_beside(path, sky))
         return Path(sky).name
 
     base = scenario.light.model_copy(update={"sky": named(scenario.light.sky)})
@@ -196,11 +212,11 @@ def _with_skies(scenario: Scenario, path: Path) -> Scenario:
 
 def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
     """Give every folder of surfaces that the scenario names a path that holds from anywhere, and a name."""
-    surfaces = {name: str(path.parent / place) for name, place in scenario.surfaces.items()}
+    surfaces = {name: str(_beside(path, place)) for name, place in scenario.surfaces.items()}
     names = []
     for folder in scenario.look.folders:
         name, place = (
-            (folder, surfaces[folder]) if folder in surfaces else (Path(folder).name, str(path.parent / folder))
+            (folder, surfaces[folder]) if folder in surfaces else (Path(folder).name, str(_beside(path, folder)))
         )
         if surfaces.setdefault(name, place) != place:
             raise InputError("two folders of one name", where=path, field="look.folders", value=name, mend="Rename one")

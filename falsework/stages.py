@@ -3,17 +3,23 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from groundwork.child import run_child
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 from groundwork.slug import inside
 
+if TYPE_CHECKING:
+    from recon.settings import ReconSettings
+
 RENDER_TIME_LIMIT = 6 * 3600.0  # [s] per survey
 RENDER_MEMORY_LIMIT = 16.0  # [GB]
 SAMPLE_TIME_LIMIT = 6 * 3600.0  # [s] per cloud
 SAMPLE_MEMORY_LIMIT = 16.0  # [GB]
+
+SEVERAL = "+"
+"""What stands between the names of a survey and of one of its clouds, where it has several; no slug holds it."""
 
 Run = Callable[[dict[str, Any], dict[str, Path], Path, Progress], None]
 
@@ -56,8 +62,9 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
     """Render one survey of a stage; in a child, because a graphics driver may crash and belongs to one process.
 
     Args:
-        settings: `{seed, render, survey, platform}`, `variant` where one of the scene's variants is rendered, and
-            `drawing`: how many processes and threads share the work.
+        settings: `{seed, render, survey, platform}`, `variant` where one of the scene's variants is rendered, `choices`
+            of camera, frames and the like where there are any, and `drawing`: how many processes and threads share the
+            work.
         inputs: `stage`: the root layer, or the folder that holds `scene.usda`.
         folder: Folder to fill: empty, or left by an interrupted run.
         progress: Listener.
@@ -71,6 +78,7 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
             "settings": {**settings["render"], **settings.get("drawing", {})},
             "seed": settings["seed"],
             "survey": settings["survey"],
+            "choices": settings.get("choices"),
         },
         time_limit=RENDER_TIME_LIMIT,
         memory_limit=RENDER_MEMORY_LIMIT,
@@ -78,21 +86,42 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
     )
 
 
-def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    """Reconstruct a capture and annotate its points.
+def model(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Find the cameras of a capture, from which its clouds are made.
 
     Args:
-        settings: `{recon, platform}`.
-        inputs: `capture`: a capture folder, or one of plain photographs; `control`: a file of ground control points, if
-            there is one.
+        settings: `{recon, platform}`, and `limits` of time and memory.
+        inputs: `capture`: a capture folder, or one of plain photographs.
         folder: Folder to fill: empty, or left by an interrupted run.
         progress: Listener.
     """
-    from recon.reconstruct import reconstruct
+    from recon.reconstruct import reconstruct_model
+
+    reconstruct_model(inputs["capture"], folder, _recon(settings), progress)
+
+
+def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Make one cloud from a model, and annotate its points.
+
+    Args:
+        settings: `{recon, platform}`, and `limits` of time and memory.
+        inputs: `capture`: a capture folder, or one of plain photographs; `model`: the folder of its model.
+        folder: Folder to fill: empty, or left by an interrupted run.
+        progress: Listener.
+    """
+    from recon.reconstruct import reconstruct_cloud
+
+    reconstruct_cloud(inputs["capture"], inputs["model"], folder, _recon(settings), progress)
+
+
+def _recon(settings: dict[str, Any]) -> "ReconSettings":
+    """Put together what a result depends on and the limits of the work."""
     from recon.settings import ReconSettings
 
-    recon = parse_settings(ReconSettings, settings["recon"], "scenario")
-    reconstruct(inputs["capture"], folder, recon, progress, inputs.get("control"))
+    values = dict(settings["recon"])
+    for section, limits in settings.get("limits", {}).items():
+        values[section] = {**values.get(section, {}), **limits}
+    return parse_settings(ReconSettings, values, "scenario")
 
 
 def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
@@ -120,7 +149,8 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
     Args:
         settings: `{title}`.
-        inputs: `stage`, `capture/<survey>` and `cloud/<survey>` for each survey, and `sample/<id>` for each sample.
+        inputs: `stage`, for each survey `capture/<survey>`, and `cloud/<survey>`, or with several clouds
+            `cloud/<survey>+sparse` and so on; `sample/<id>` for each sample.
         folder: Empty folder to fill.
         progress: Listener.
     """
@@ -128,9 +158,24 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
     progress.stage("report", 0)
     surveys = sorted(name.partition("/")[2] for name in inputs if name.startswith("capture/"))
-    pairs = {survey: (inputs[f"capture/{survey}"], inputs.get(f"cloud/{survey}")) for survey in surveys}
+    clouds = {name.partition("/")[2]: path for name, path in inputs.items() if name.startswith("cloud/")}
+    pairs = {survey: (inputs[f"capture/{survey}"], clouds_of(survey, clouds)) for survey in surveys}
     samples = {name.partition("/")[2]: path for name, path in inputs.items() if name.startswith("sample/")}
     write_report(folder / "report.html", settings["title"], inputs["stage"], pairs, samples)
+
+
+def clouds_of(survey: str, clouds: dict[str, Path]) -> dict[str, Path]:
+    """Choose the clouds of one survey.
+
+    Args:
+        survey: Name of its capture.
+        clouds: Folder of each cloud by its name.
+
+    Returns:
+        Folder of each of its clouds by what tells them apart: empty where there is one only.
+    """
+    apart = {name: name.partition(SEVERAL) for name in sorted(clouds)}
+    return {mode: clouds[name] for name, (own, _, mode) in apart.items() if own == survey}
 
 
 def root_layer(stage: Path, variant: str = "") -> Path:
@@ -145,9 +190,10 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(8, author),
+    "stage": Stage(9, author),
     "capture": Stage(9, capture, resumes=True),
-    "cloud": Stage(13, cloud, resumes=True),
+    "model": Stage(1, model, resumes=True),
+    "cloud": Stage(14, cloud, resumes=True),
     "sample": Stage(1, sample),
-    "report": Stage(5, report),
+    "report": Stage(6, report),
 }

@@ -1,12 +1,12 @@
 """Files that are whole or absent: atomic writes, atomic folders, and the manifest that proves a folder whole."""
 
 import errno
-import fcntl
 import json
 import os
 import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -135,14 +135,15 @@ def space_errors(where: Path) -> Iterator[None]:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, check: Callable[[], object] | None = None) -> Iterator[Path]:
     """Write a large file piece by piece; it appears under its name when it is whole, or not at all.
 
     Args:
         path: Where it will be; its folder must exist.
+        check: Called before the file gets its name; what it raises leaves a former file as it is.
 
     Yields:
-        The file to write meanwhile, beside it.
+        An empty file beside it, of the same suffix, to write meanwhile.
 
     Raises:
         OutOfSpaceError: The disk is full.
@@ -150,12 +151,66 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     partial = temporary_name(path, path.suffix)
     with space_errors(path):
+        os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
         try:
             yield partial
             sync(partial)
+            if check is not None:
+                check()
             partial.replace(path)
-        finally:
+            sync(path.parent)
+        except BaseException:
             partial.unlink(missing_ok=True)
+            raise
+
+
+@contextmanager
+def whole_folder(place: Path) -> Iterator[Path]:
+    """Fill a folder under a name that nobody else chooses; then it takes the place of a former one.
+
+    Args:
+        place: Where it will be; folders above it are made.
+
+    Yields:
+        An empty folder beside it.
+
+    Raises:
+        OutOfSpaceError: The disk is full; a former folder stays.
+        InputError: Not writable.
+    """
+    fresh, former = (temporary_name(place, f"-{place.name}") for _ in range(2))
+    with space_errors(place):
+        fresh.mkdir(parents=True)
+        try:
+            yield fresh
+            sync_tree(fresh)
+            while True:
+                with suppress(FileNotFoundError):
+                    place.rename(former)
+                try:
+                    fresh.rename(place)
+                    break
+                except OSError as error:
+                    if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                        raise
+                finally:
+                    shutil.rmtree(former, ignore_errors=True)
+            sync(place.parent)
+        except BaseException:
+            shutil.rmtree(fresh, ignore_errors=True)
+            raise
+
+
+def sweep_folders(folder: Path, name: str = "*") -> None:
+    """Remove what killed writers of whole folders left.
+
+    Args:
+        folder: Where the whole ones lie; nobody else fills one of that name now.
+        name: Name of the whole one, or a pattern.
+    """
+    for left in folder.glob(f"{TEMPORARY}*-{name}"):
+        if left.is_dir() and not left.is_symlink():
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def write_manifest(folder: Path, record: dict[str, Any], name: str = MANIFEST) -> None:
@@ -173,37 +228,6 @@ def write_manifest(folder: Path, record: dict[str, Any], name: str = MANIFEST) -
         for path in files
     }
     write_json(folder / name, {**record, "files": table})
-
-
-def check_manifest(folder: Path, name: str = MANIFEST) -> list[str]:
-    """Compare a folder with its manifest.
-
-    Args:
-        folder: Folder that should hold a manifest.
-        name: File name of the manifest.
-
-    Returns:
-        One line per missing, changed or extra file; empty when all is well.
-    """
-    table = _files_of(folder / name)
-    present = {path.relative_to(folder).as_posix() for path in content_files(folder)} - {name}
-    wrong = [f"{file}: missing" for file in sorted(table.keys() - present)]
-    wrong += [f"{file}: not in the manifest" for file in sorted(present - table.keys())]
-    wrong += [
-        f"{file}: changed"
-        for file in sorted(present & table.keys())
-        if file_digest(folder / file) != table[file]["sha256"]
-    ]
-    return wrong
-
-
-def _files_of(path: Path) -> dict[str, dict[str, Any]]:
-    """Read the table of a manifest."""
-    record = read_json(path)
-    table = record.get("files") if isinstance(record, dict) else None
-    if not isinstance(table, dict) or not all(isinstance(row, dict) and "sha256" in row for row in table.values()):
-        raise InputError("not a manifest", where=path, field="files", mend="Make the folder anew")
-    return table
 
 
 def commit_folder(partial: Path, final: Path) -> None:
@@ -254,15 +278,3 @@ def sync(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-@contextmanager
-def folder_lock(path: Path) -> Iterator[None]:
-    """Hold a kernel lock on a file; it falls with the process, however that ends.
-
-    Args:
-        path: Lock file, created when absent; its folder must exist.
-    """
-    with path.open("a") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield

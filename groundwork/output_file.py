@@ -1,12 +1,11 @@
 """Single files for the user: made beside their name, put there with one rename, and never over a file of others."""
 
-import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from groundwork.errors import InputError
-from groundwork.files import space_errors, sync, temporary_name
+from groundwork.files import space_errors, whole_file
 from groundwork.output_place import output_place
 
 SIGNATURE = "made by falsework"  # stands in every single file that we write, where its format has room for it
@@ -73,23 +72,16 @@ def fresh_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs = is_sig
     """
     inputs = tuple(inputs)
     place = check_output_file(path, inputs, is_ours)
-    with space_errors(place):
-        with suppress(FileNotFoundError):
-            place.parent.mkdir(parents=True, exist_ok=True)
-        temporary = temporary_name(place, place.suffix)
+    with space_errors(place), suppress(FileNotFoundError):
+        place.parent.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as held:
+        # Once more before it gets its name: somebody may have put a file there meanwhile.
+        writer = whole_file(place, lambda: check_output_file(path, inputs, is_ours))
         try:
-            os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+            temporary = held.enter_context(writer)
         except FileNotFoundError:  # such as /proc: its rights say that one may write, and one may not
             raise InputError("not writable", where=place.parent, mend="Name another file with -o") from None
-        try:
-            yield temporary
-            sync(temporary)
-            check_output_file(path, inputs, is_ours)  # somebody may have put a file there meanwhile
-            temporary.replace(place)
-            sync(place.parent)
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
+        yield temporary
 
 
 def write_fresh_file(path: Path, data: bytes, inputs: Iterable[Path] = (), is_ours: IsOurs = is_signed) -> None:

@@ -1,7 +1,6 @@
 """One writer at a time: the kernel lock inside an output, taken with the folder in which the output is made."""
 
 import errno
-import fcntl
 import os
 import sys
 from collections.abc import Iterable, Iterator
@@ -10,10 +9,10 @@ from pathlib import Path
 
 from groundwork.errors import InputError
 from groundwork.files import sync
+from groundwork.locks import BusyError, open_locked
 from groundwork.marks import MARK, NEXT, TEMPORARY
 
 LOCK = f"{TEMPORARY}lock"
-_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # what file systems without locks answer
 _TRIES = 100  # against other commands that come and go; nobody is that unlucky
 _ELSEWHERE = "Choose another folder with -o"
 
@@ -74,12 +73,11 @@ def lock_if_free(work: Path) -> int | None:
         A handle to `leave` with, or None where another process holds the lock, or nothing can be locked.
     """
     try:
-        handle = os.open(work / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
-    except OSError:  # on a disk that may only be read; or finished meanwhile
+        handle, is_held = open_locked(work / LOCK, wait=False)
+    except (OSError, BusyError):  # also on a disk that may only be read; or finished meanwhile
         return None
-    with suppress(OSError):
-        if _lock(handle) and _is_at(handle, work / LOCK):
-            return handle
+    if is_held:
+        return handle
     os.close(handle)
     return None
 
@@ -90,28 +88,18 @@ def _enter(place: Path, work: Path) -> tuple[int, bool]:
         try:
             place.mkdir(parents=True, exist_ok=True)
             _make_work(work)
-            handle = os.open(work / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+            return open_locked(work / LOCK, wait=False)
         except FileNotFoundError:
             continue  # its former holder removed it between our calls
+        except BusyError:
+            raise InputError("another command is writing this folder", where=place,
+                             mend="Wait for it to end, or choose another folder with -o") from None  # fmt: skip
         except (IsADirectoryError, FileExistsError, NotADirectoryError):
             raise InputError("is in the way", where=work, mend=f"Move it elsewhere. {_ELSEWHERE}") from None
         except OSError as error:
             if error.errno != errno.ELOOP:
                 raise
             raise InputError("is a link", where=work / LOCK, mend="Remove it") from None
-        try:
-            is_free = _lock(handle)
-        except OSError as error:
-            if error.errno in _NO_LOCKS:
-                return handle, False
-            os.close(handle)
-            raise
-        if is_free and _is_at(handle, work / LOCK):
-            return handle, True
-        os.close(handle)
-        if not is_free:
-            raise InputError("another command is writing this folder", where=place,
-                             mend="Wait for it to end, or choose another folder with -o")  # fmt: skip
     raise InputError("not writable", where=place.parent, mend=_ELSEWHERE)  # such as /proc, whatever its rights say
 
 
@@ -122,19 +110,3 @@ def _make_work(work: Path) -> None:
         raise FileExistsError
     if not (work / MARK).is_file() and any(not path.name.startswith(TEMPORARY) for path in work.iterdir()):
         raise FileExistsError
-
-
-def _lock(handle: int) -> bool:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
-
-
-def _is_at(handle: int, path: Path) -> bool:
-    """Tell whether an open file still has its name; its former holder may have removed it before we locked it."""
-    try:
-        return os.path.samestat(os.fstat(handle), path.stat())
-    except FileNotFoundError:
-        return False

@@ -145,23 +145,23 @@ def risk_coverage(confidence: F32, right: Bools, steps: int = 20) -> tuple[F64, 
     return coverage, errors[kept - 1] / kept
 
 
-def iou_by_threshold(
+def confusion_by_threshold(
     truth: I64, predicted: I64, uncertainty: F32, thresholds: Sequence[float], classes: int
-) -> tuple[float, ...]:
-    """Give the mean IoU over the points up to each uncertainty.
+) -> I64:
+    """Count how often each class was taken for each, over the points up to each uncertainty.
 
     Args:
         truth: True classes, 255 where unknown, shape (N,), int64.
         predicted: Predicted classes, shape (N,), int64.
-        uncertainty: Of each point [m], shape (N,), float32.
-        thresholds: Largest uncertainties that are kept [m].
+        uncertainty: Of each point [m], shape (N,), float32; what is NaN is above every threshold.
+        thresholds: Largest uncertainties that are kept [m], T of them.
         classes: Number of classes.
 
     Returns:
-        Mean IoU at each threshold [1]; NaN where no point is left.
+        Counts, shape (T, C, C), int64.
     """
     kept = (uncertainty <= threshold for threshold in thresholds)
-    return tuple(scores(confusion(truth[rows], predicted[rows], classes)).mean_iou for rows in kept)
+    return np.stack([confusion(truth[rows], predicted[rows], classes) for rows in kept])
 
 
 def _share(part: NDArray[np.integer], whole: NDArray[np.integer]) -> F64:

@@ -28,10 +28,32 @@ class PanopticQuality:
     mean: float
 
 
-def panoptic_quality(
+@dataclass(frozen=True)
+class PanopticCounts:
+    """What qualities are made of; counts of several clouds add up.
+
+    Attributes:
+        hits: Matched pairs of each class, shape (C,), int64.
+        overlap: Sum of their IoU [1], shape (C,), float64.
+        true: True instances, shape (C,), int64.
+        found: Predicted instances, shape (C,), int64.
+    """
+
+    hits: I64
+    overlap: F64
+    true: I64
+    found: I64
+
+    def __add__(self, other: "PanopticCounts") -> "PanopticCounts":
+        """Add the counts of another cloud."""
+        return PanopticCounts(self.hits + other.hits, self.overlap + other.overlap, self.true + other.true,
+                              self.found + other.found)  # fmt: skip
+
+
+def count_instances(
     true_class: I64, true_instance: I64, found_class: I64, found_instance: I64, classes: int
-) -> PanopticQuality:
-    """Compare predicted with true instances.
+) -> PanopticCounts:
+    """Match predicted with true instances of one cloud.
 
     A true and a predicted instance of one class match where they share more than half of their union, so that nothing
     matches twice. Points without a true class are left out of both.
@@ -44,7 +66,7 @@ def panoptic_quality(
         classes: Number of classes.
 
     Returns:
-        The qualities.
+        The counts.
 
     Source: Kirillov et al., Panoptic segmentation, 2019, section 4.
     """
@@ -55,9 +77,20 @@ def panoptic_quality(
     union = true_size[pairs[0]] + found_size[pairs[1]] - shared
     matched = (2 * shared > union) & (truth[pairs[0]] == found[pairs[1]])
     of_class = truth[pairs[0]][matched]
-    hits = np.bincount(of_class, minlength=classes)
-    overlap = np.bincount(of_class, shared[matched] / union[matched], minlength=classes)
-    either = np.bincount(truth, minlength=classes) + np.bincount(found, minlength=classes)
+    return PanopticCounts(
+        np.bincount(of_class, minlength=classes).astype(np.int64),
+        np.bincount(of_class, shared[matched] / union[matched], minlength=classes).astype(np.float64),
+        np.bincount(truth, minlength=classes).astype(np.int64), np.bincount(found, minlength=classes).astype(np.int64),
+    )  # fmt: skip
+
+
+def panoptic_quality(counts: PanopticCounts) -> PanopticQuality:
+    """Turn counts into qualities.
+
+    Args:
+        counts: Of one cloud or of several.
+    """
+    hits, overlap, either = counts.hits, counts.overlap, counts.true + counts.found
     quality = np.where(either > 0, 2 * overlap / np.maximum(either, 1), np.nan)
     return PanopticQuality(
         quality=quality,

@@ -24,12 +24,15 @@ class Sample:
             them as features.
         labels: Class of each point, 255 where unknown, shape (N,), int64.
         channels: Name of each column of `features`, C of them.
+        uncertainty: Of each point, NaN where unknown [m], shape (N,), float32; what the loss of a training may weigh
+            points by, never an input. None outside training.
     """
 
     coord: F32
     features: F32
     labels: I64
     channels: tuple[str, ...]
+    uncertainty: F32 | None = None
 
     def __post_init__(self) -> None:
         count = len(self.coord)
@@ -37,6 +40,26 @@ class Sample:
         if shapes != ((count, 3), (count, len(self.channels)), (count,)):
             raise InputError("the columns of a sample do not fit together", field="sample", value=shapes,
                              allowed="coord (N, 3), features (N, C), labels (N,), C channels")  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What scores need to know of the points of a sample; no network sees it.
+
+    Attributes:
+        cloud: Number of the cloud that they come from.
+        row: Row of each in that cloud: points of several samples are the same where cloud and row are, shape (N,),
+            int64.
+        coord: Position in the cloud [m], shape (N, 3), float64.
+        uncertainty: Of each, NaN where unknown [m], shape (N,), float32.
+        instance: Of each in that cloud, 0 for none, shape (N,), int64.
+    """
+
+    cloud: int
+    row: I64
+    coord: NDArray[np.float64]
+    uncertainty: F32
+    instance: I64
 
 
 class SampleSource(Protocol):
@@ -71,5 +94,20 @@ class SampleSource(Protocol):
 
         Returns:
             A name that all samples of one bridge share.
+        """
+        ...
+
+
+class ScoredSource(SampleSource, Protocol):
+    """A source whose samples know which points of which cloud they hold; those of one cloud follow one another."""
+
+    def truth(self, index: int) -> Truth:
+        """Tell what scores need to know of the points of a sample.
+
+        Args:
+            index: Number of the sample.
+
+        Returns:
+            One row a point, in the order of the sample.
         """
         ...

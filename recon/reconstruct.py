@@ -17,43 +17,110 @@ from recon.placing.align import OK, Alignment, Target
 from recon.placing.ground_control import GroundControl
 from recon.placing.place import alignment_facts, camera_rows, place, place_on_control, read_control, similarity_facts
 from recon.points.duplicates import merge_duplicates
+from recon.points.fates import KEPT
 from recon.points.observations import Observations
 from recon.points.placed_points import PlacedPoints, place_dense, place_sparse
 from recon.settings import AGREEMENT, ReconSettings
 from recon.sfm.colmap_model import SparseModel
-from recon.sfm.sparse import run_sparse, write_world_model
+from recon.sfm.sparse import Sparse, run_sparse, write_world_model
+from recon.sfm.stored_model import MODEL, read_stored_model, write_stored_model
 from recon.steps import enter_work, leave_work
 from recon.truth.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.truth.bridge_digest import bridge_digest
 from recon.truth.noise_figures import describe_noise
+from recon.truth.per_class import describe_classes, few_in_words, lost_classes
 from recon.truth.statistics import describe, verdict_in_words
-from recon.truth.surface_distance import nearest_surface
+from recon.truth.surface_distance import nearest_surface, still_surface
 from recon.truth.uncertainty import Uncertainty, depths, measure
+from recon.truth.windows import lay_windows
 from render.capture import Capture, Truth, read_truth
 from usd_schemas.components import UNLABELLED, class_rows
 
 
 def reconstruct(
-    capture: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None
-) -> None:
+    capture: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None,
+    model: Path | None = None,
+) -> None:  # fmt: skip
     """Reconstruct a capture, carry it into the world, label every point, measure every point.
+
+    With `mode = "both"`, structure from motion runs once, and the clouds stand in `cloud/sparse` and `cloud/dense`.
 
     Args:
         capture: Folder of photographs, with or without truth.
-        folder: Existing folder for the cloud: empty, or left by an interrupted run.
+        folder: Existing folder for the cloud: empty, or left by an interrupted run. It gains the model, too.
         settings: What to do.
         progress: Listener.
         control: File of ground control points and scale bars that the photographs show, or None.
+        model: Folder that holds a model of these photographs, to be used as it is; None makes one.
 
     Raises:
-        InputError: The capture is damaged, or the ground control does not fit it.
+        InputError: The capture is damaged, or the ground control or the model does not fit it.
         RejectedSceneError: The images cannot become a cloud; its reason says why.
     """
     photographs = open_photographs(capture)
     surveyed = None if control is None else read_control(control, photographs)
     work = enter_work(folder)
-    sparse = run_sparse(photographs, work, settings, progress)
-    model = merge_duplicates(sparse.model)
+    sparse = read_stored_model(model, photographs) if model else run_sparse(photographs, work, settings, progress)
+    for mode in settings.modes:
+        place = folder / "cloud" / mode if len(settings.modes) > 1 else folder
+        place.mkdir(parents=True, exist_ok=True)
+        one = settings.model_copy(update={"mode": mode})
+        _make_cloud(photographs, sparse, place, work, one, progress, surveyed, control)
+    (folder / MODEL).mkdir()
+    write_stored_model(folder / MODEL, sparse, photographs)
+    leave_work(work)
+
+
+def reconstruct_model(capture: Path, folder: Path, settings: ReconSettings, progress: Progress) -> None:
+    """Find the cameras of a capture: the part of a reconstruction that all its clouds share.
+
+    Args:
+        capture: Folder of photographs; its truth, if there is any, is not looked at.
+        folder: Existing folder for the model: empty, or left by an interrupted run.
+        settings: What to do.
+        progress: Listener.
+
+    Raises:
+        InputError: The capture is damaged.
+        RejectedSceneError: The images cannot become a model; its reason says why.
+    """
+    photographs = open_photographs(capture)
+    work = enter_work(folder)
+    write_stored_model(folder, run_sparse(photographs, work, settings, progress), photographs)
+    leave_work(work)
+
+
+def reconstruct_cloud(
+    capture: Path, model: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None
+) -> None:
+    """Make one cloud from a model that is there.
+
+    Args:
+        capture: Folder of photographs, with or without truth.
+        model: Folder of their model.
+        folder: Existing folder for the cloud: empty, or left by an interrupted run.
+        settings: What to do; one mode.
+        progress: Listener.
+        control: File of ground control points and scale bars that the photographs show, or None.
+
+    Raises:
+        InputError: The capture or the model is damaged, or the ground control does not fit.
+        RejectedSceneError: The model cannot become a cloud; its reason says why.
+    """
+    photographs = open_photographs(capture)
+    surveyed = None if control is None else read_control(control, photographs)
+    work = enter_work(folder)
+    sparse = read_stored_model(model, photographs)
+    _make_cloud(photographs, sparse, folder, work, settings, progress, surveyed, control)
+    leave_work(work)
+
+
+def _make_cloud(
+    photographs: Capture, sparse: Sparse, folder: Path, work: Path, settings: ReconSettings, progress: Progress,
+    surveyed: GroundControl | None, control: Path | None,
+) -> None:  # fmt: skip
+    """Place a model, fill a cloud from it, and write it."""
+    model, copies = merge_duplicates(sparse.model)
     progress.stage("align", 0)
     truth = read_truth(photographs)
     rows = _rows_in_capture(model, photographs)
@@ -64,22 +131,26 @@ def reconstruct(
     figures: dict[str, Any] = {"sparse": sparse.facts}
     if settings.mode == "dense":
         dense, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
-        found, limited = len(dense.counts), False
+        found, copies = len(dense.counts), np.ones(len(dense.counts), np.int64)
         placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
         del dense  # as large as what follows
     else:
-        found, limited = len(model.points), target.kind != "none"
-        placed = place_sparse(model, rows, valid, alignment.similarity, settings, metric=limited)
+        found = len(model.points)
+        metric = target.kind != "none"
+        placed = place_sparse(model, rows, valid, alignment.similarity, settings, metric=metric)
     progress.stage("annotate", 0)
     columns = _own_columns(placed)
     depth = depths(placed.coord, poses, placed.seen)
     observed, components = _label(columns, placed.coord, depth, placed.seen, truth, settings.dense.threads)
+    figures |= _count_classes(columns["segment"], placed, copies, truth)
+    kept = placed.fate == KEPT
+    columns, observed, depth = _those(kept, columns, observed, depth)
     cloud = Cloud(
         columns, observed, components, truth.classes if truth else class_rows(),
         facts, camera_rows(photographs, alignment), {},
         f"sfm-{settings.mode}", bridge_digest(*truth.surface(), truth.instances) if truth else "",
     )  # fmt: skip
-    figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, placed.seen.start[:-1]))
+    figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, observed["start"][:-1]))
     statistics = {**describe(columns, alignment, model, cloud.classes), **figures}
     cloud = Cloud(**{**vars(cloud), "statistics": statistics})
 
@@ -89,9 +160,10 @@ def reconstruct(
     _write_poses(folder / "cameras_sfm.json", photographs, model, poses)
     world = similarity_facts(alignment.similarity)
     write_world_model(sparse.folder, folder / "sparse", world, settings, progress)
-    leave_work(work)
     note = cloud.alignment["note"]
-    progress.note(verdict_in_words(alignment.status, len(placed.coord), found, note, limited=limited))
+    progress.note(verdict_in_words(alignment.status, int(kept.sum()), found, note, lost_classes(figures)))
+    if few := few_in_words([figures]):
+        progress.note(few)
 
 
 def _place(
@@ -139,7 +211,7 @@ def _label(
         observed = gather(truth, seen, threads)
         error, measured = measure(points, depth, observed.depth.astype(float), truth, seen, threads)
         verdict = annotate(observed, error, seen)
-        distance, nearest = nearest_surface(points, truth)
+        distance, nearest = still_surface(verdict.instance, truth, *nearest_surface(points, truth))
         component = _components(verdict.instance, truth, components)
     columns |= {
         "segment": verdict.label, "instance": verdict.instance, "component": component,
@@ -153,6 +225,30 @@ def _label(
         "start": seen.start, "image": seen.image.astype(np.uint32), "uv": seen.uv, "label": observed.label,
         "instance": observed.instance, "depth_error": error.astype(np.float32),
     }, components  # fmt: skip
+
+
+def _count_classes(
+    segment: NDArray[np.uint8], placed: PlacedPoints, copies: NDArray[np.int64], truth: Truth | None
+) -> dict[str, Any]:
+    """Count per class what stays, what goes and why, and what stays along the bridge."""
+    windows = None
+    if truth is not None:
+        corners, _, classes = truth.surface()
+        windows = lay_windows(corners, classes)
+    table = truth.classes if truth else class_rows()
+    return describe_classes(segment, placed.fate, copies[placed.judged], placed.coord, table, windows)
+
+
+def _those(
+    kept: NDArray[np.bool_], columns: dict[str, NDArray[Any]], observed: dict[str, NDArray[Any]],
+    depth: NDArray[np.float64],
+) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]], NDArray[np.float64]]:  # fmt: skip
+    """Leave the points that do not stay out of columns, observations and depths."""
+    counts = np.diff(observed["start"])
+    seen = np.repeat(kept, counts)
+    start = np.concatenate([[0], np.cumsum(counts[kept])]).astype(np.int64)
+    rows = {name: values[seen] for name, values in observed.items() if name != "start"}
+    return {name: values[kept] for name, values in columns.items()}, {"start": start, **rows}, depth[seen]
 
 
 def _components(instance: NDArray[np.uint32], truth: Truth, components: tuple[str, ...]) -> NDArray[np.uint16]:

@@ -1,7 +1,7 @@
 """What a user may choose about the reconstruction."""
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -16,6 +16,12 @@ AGREEMENT: Mapping[Filter, tuple[int, float]] = {
     "none": (2, 0.02), "mild": (2, 0.01), "moderate": (3, 0.01), "aggressive": (5, 0.005),
 }  # fmt: skip
 """Views that must agree on a dense point, and how far their depths may differ, as a share of the depth [1]."""
+Mode = Literal["sparse", "dense"]
+_LIMITS = frozenset({
+    "threads", "seconds_per_image", "memory_limit", "memory_per_image", "memory_per_megapixel",
+})  # fmt: skip
+_OF_DENSE = frozenset({"quality", "filter"})
+_OF_SPARSE = frozenset({"max_reprojection_error", "min_views", "sure_views", "max_deviation"})
 LONGEST_SIDE = 3200
 """Longest side of the picture in which keypoints are sought; a larger photograph is reduced to it [px]."""
 
@@ -48,7 +54,7 @@ class SparseSettings(Settings):
     use_gps_in_mapping: bool = False
     """Let the bundle adjustment pull camera centres towards their GPS positions; incremental mapper only."""
     two_view_tracks: bool = True
-    """Make points that only two images saw; which of them stay in a sparse cloud, `sure_views` says."""
+    """Make points that only two images saw; which of them stay in a sparse cloud, `max_deviation` says."""
     min_triangulation_angle: float = Field(default=1.5, ge=0.1, le=30.0)
     """Smallest angle between two rays of a point [deg]."""
     deterministic: bool = True
@@ -113,8 +119,9 @@ class AlignmentSettings(Settings):
 class ReconSettings(Settings):
     """From a capture to an annotated cloud."""
 
-    mode: Literal["sparse", "dense"] = "sparse"
-    """Which points: those of structure from motion, or one for nearly every pixel."""
+    mode: Literal["sparse", "dense", "both"] = "sparse"
+    """Which points: those of structure from motion, or one for nearly every pixel; both: a cloud of each, from one
+    model."""
     quality: Quality = "high"
     """Side of a depth map's pixel in pixels of the photograph: low 8, medium 4, high 2, ultra 1."""
     filter: Filter = "moderate"
@@ -130,12 +137,41 @@ class ReconSettings(Settings):
     """Mean reprojection error above which a sparse point is dropped [px]."""
     min_views: int = Field(default=2, ge=2, le=20)
     """Valid cameras that must have seen a sparse point; for dense ones, see `filter`."""
-    sure_views: int = Field(default=4, ge=2, le=10_000)
-    """From this many valid cameras on, a sparse point stays in any case; one that fewer saw, if `max_deviation` allows.
-    """
+    sure_views: int | None = Field(default=None, ge=2, le=10_000)
+    """From this many valid cameras on, a sparse point stays whatever `max_deviation` says; left out: none does."""
     max_deviation: float = Field(default=0.1, ge=0.0, le=1000.0)
-    """Standard deviation that the place of a sparse point which fewer than `sure_views` saw may have along its worst
-    direction [m], told from its rays for keypoints that deviate by one pixel. Not asked of photographs without a GPS
-    that fits them: nothing tells metres there."""
+    """Standard deviation that the place of a sparse point may have along its worst direction [m]: told from its rays,
+    and from how far its keypoints and those of all points miss. Not asked of photographs without a GPS that fits
+    them: nothing tells metres there."""
     seed: int = Field(default=0, ge=0, lt=2**31)
     """Seed of every random draw in here."""
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Which clouds are made, in this order."""
+        return ("sparse", "dense") if self.mode == "both" else (self.mode,)
+
+    def of_model(self) -> dict[str, Any]:
+        """Return what the model depends on, as JSON."""
+        return {"seed": self.seed, "sparse": _without_limits(self.sparse)}
+
+    def of_cloud(self, mode: Mode) -> dict[str, Any]:
+        """Return what a cloud depends on beside its model, as JSON.
+
+        Args:
+            mode: Which cloud.
+        """
+        other = _OF_DENSE if mode == "sparse" else _OF_SPARSE
+        values = self.model_dump(mode="json", exclude={"mode", "sparse", "dense", *other})
+        return {**values, "mode": mode, **({"dense": _without_limits(self.dense)} if mode == "dense" else {})}
+
+    def limits(self) -> dict[str, Any]:
+        """Return what bounds time and memory and changes no byte of a result, as JSON."""
+        return {name: section.model_dump(mode="json", include=set(_LIMITS))
+                for name, section in (("sparse", self.sparse), ("dense", self.dense))}  # fmt: skip
+
+
+def _without_limits(section: SparseSettings | DenseSettings) -> dict[str, Any]:
+    """Leave out what changes no byte: a mapper that is not deterministic depends on its threads."""
+    bound = _LIMITS - {"threads"} if isinstance(section, SparseSettings) and not section.deterministic else _LIMITS
+    return section.model_dump(mode="json", exclude=set(bound))

@@ -314,7 +314,14 @@ def _read_truth(capture: Capture) -> Truth | None:
             tuple(pose["name"] for pose in stored["poses"]),
             np.array([pose["camera_to_world"] for pose in stored["poses"]], np.float64).reshape(-1, 4, 4),
             tuple(
-                InstanceRow(row["id"], row["path"], row["component"], row["class"], row["parameters"])
+                InstanceRow(
+                    row["id"],
+                    row["path"],
+                    row["component"],
+                    row["class"],
+                    row["parameters"],
+                    moves=row.get("moves") is True,
+                )
                 for row in table["instances"]
             ),
             tuple(ClassRow(row["id"], row["name"], _color(*row["color"])) for row in table["classes"]),

@@ -4,9 +4,8 @@
 """
 
 from collections import deque
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from groundwork.canonical import digest
 from groundwork.child import answer_parent
-from groundwork.files import folder_lock
+from groundwork.locks import hold_lock
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 from render.capture import CalibrationPrior, Readout
@@ -28,6 +27,7 @@ from render.light.light_volume import LightVolume
 from render.sensor.sensor import Exposure, Sensor, meter
 from render.sensor.shutter import read_out
 from render.settings import RenderSettings
+from render.views.camera_body import CameraBody, Shot
 from render.views.passes import View
 from render.views.preparation_child import cast_volume_apart, survey_scene_apart
 from render.views.prepare import Prepared, prepare
@@ -36,6 +36,7 @@ from render.writing.journal import Journal
 from render.writing.records import capture_record, draw_prior, note_shot, write_render_record
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole
+from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, choices_from
 
 _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
@@ -44,8 +45,6 @@ _LOOKED_UP = 64  # rows at once
 _RECIPE = 7  # raised whenever frames that an interrupted run left would no longer fit to new ones
 Share = tuple[int, int]
 ALL: Share = (0, 1)
-Shot = Callable[[], View]
-CameraBody = tuple[Pinhole, Callable[[int], Shot]]
 
 
 @dataclass(frozen=True)
@@ -60,6 +59,7 @@ class Assignment:
         settings: How to draw it.
         seed: Seed of sensor and calibration prior.
         driver: What draws it.
+        choices: What the user chose of the stage.
     """
 
     surveyed: SurveyedScene
@@ -69,6 +69,7 @@ class Assignment:
     settings: RenderSettings
     seed: int
     driver: Driver
+    choices: StageChoices = AS_AUTHORED
 
     @property
     def scene(self) -> FlatScene:
@@ -85,16 +86,23 @@ class Assignment:
         """Exact intrinsics."""
         return self.surveyed.camera
 
+    @property
+    def meters_light(self) -> bool:
+        """Whether the exposure is metered on the light, not on what it falls upon."""
+        told = self.settings.sensor.metering
+        return told == "light" or (told == "auto" and "kind" not in self.track.facts)
+
     def recipe(self) -> str:
         """Hash everything that the capture's bytes depend on."""
         settings = self.settings.model_dump(mode="json", exclude={"workers", "encoders"})
         product = self.scene.products[0]
-        return digest([_RECIPE, self.scene.origin, asdict(product), settings, self.seed, asdict(self.driver)])
+        chosen = [self.choices.as_json()] if self.choices != AS_AUTHORED else []
+        return digest([_RECIPE, self.scene.origin, asdict(product), settings, self.seed, asdict(self.driver), *chosen])
 
 
 def render_stage(
     scene: Path, folder: Path, settings: RenderSettings, seed: int, progress: Progress, survey: str = "",
-    share: Share = ALL,
+    share: Share = ALL, choices: StageChoices = AS_AUTHORED,
 ) -> dict[str, Any]:  # fmt: skip
     """Render one survey of a stage into a capture folder.
 
@@ -106,14 +114,16 @@ def render_stage(
         progress: Told about warnings, the light volume and every frame.
         survey: Name of the RenderProduct; empty for the first.
         share: Number of this worker, and how many there are; only one that works alone finishes the capture.
+        choices: What of the stage is rendered; its subdivision is that of the settings.
 
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
     """
+    choices = replace(choices, subdivision=settings.subdivision)
     # Kept nowhere but there, so that the meshes go when they are uploaded.
     return _render(
-        survey_scene_apart(scene, survey or None, settings.triangle_budget, progress), folder, settings, seed, progress,
-        share,
+        survey_scene_apart(scene, survey or None, settings.triangle_budget, choices, progress), folder, settings, seed,
+        progress, share, choices,
     )  # fmt: skip
 
 
@@ -137,8 +147,9 @@ def render_scene(
 
 
 def _render(
-    surveyed: SurveyedScene, folder: Path, settings: RenderSettings, seed: int, progress: Progress, share: Share
-) -> dict[str, Any]:
+    surveyed: SurveyedScene, folder: Path, settings: RenderSettings, seed: int, progress: Progress, share: Share,
+    choices: StageChoices = AS_AUTHORED,
+) -> dict[str, Any]:  # fmt: skip
     scene, surveyed = surveyed.scene, surveyed.without_meshes()
     track, camera = surveyed.track, surveyed.camera
     readout = read_out(track, camera.height, settings.sensor, seed)
@@ -146,7 +157,7 @@ def _render(
     warnings = scene.warnings
     try:
         prior = draw_prior(camera, settings, seed)
-        assignment = Assignment(surveyed, readout, prior, folder, settings, seed, gl.driver)
+        assignment = Assignment(surveyed, readout, prior, folder, settings, seed, gl.driver, choices)
         journal = Journal(folder, assignment.recipe())
         facts = {"frames": len(track.poses), "driver": asdict(gl.driver)}
         if not journal.is_complete():
@@ -157,7 +168,7 @@ def _render(
                 write_truth(folder, camera, track.image_names, track.poses, scene, track.distortion, readout)
             if mine:
                 prepared = _prepare(gl, scene, assignment, journal, progress)
-                body = _camera_body(assignment, prepared, scene)
+                body = CameraBody(track, camera, readout, prepared, scene)
                 del scene
                 warnings = prepared.warnings
                 _draw_missing(assignment, prepared, body, journal, mine, progress)
@@ -172,7 +183,7 @@ def _prepare(gl: Gl, scene: FlatScene, assignment: Assignment, journal: Journal,
     """Upload the scene, and say what is drawn otherwise than authored."""
 
     def cast(*arguments: Any) -> LightVolume:
-        with folder_lock(journal.light_lock):  # one worker casts it, the others wait and take it over
+        with hold_lock(journal.light_lock):  # one worker casts it, the others wait and take it over
             volume = journal.light_volume() or cast_volume_apart(*arguments)
             journal.keep_light_volume(volume)
         return volume
@@ -190,13 +201,14 @@ def _draw_missing(
     assignment: Assignment, prepared: Prepared, body: CameraBody, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
     """Draw what is not there yet."""
-    with folder_lock(journal.gain_lock):  # one worker meters, the others wait and take it over
+    with hold_lock(journal.gain_lock):  # one worker meters, the others wait and take it over
         gain = journal.gain()
         if gain is None:
-            gain = _meter_survey(prepared, assignment.track, assignment.camera)
+            gain = _meter_survey(prepared, assignment)
             journal.keep_gain(gain)
-    shape = (assignment.camera.height, assignment.camera.width)
-    sensor = Sensor(assignment.settings.sensor, gain, BRIGHTEST, shape, assignment.seed)
+    shape, told = (assignment.camera.height, assignment.camera.width), assignment.settings.sensor
+    follows = told.exposure is None and not assignment.meters_light
+    sensor = Sensor(told, gain, BRIGHTEST, shape, assignment.seed, follows)
     _photograph(assignment, prepared, body, sensor, journal, rows, progress)
 
 
@@ -210,21 +222,27 @@ def _finish(assignment: Assignment, journal: Journal) -> None:
     journal.close()
 
 
-def _meter_survey(prepared: Prepared, track: CameraTrack, camera: Pinhole) -> float:
-    """Meter the exposure on a few small frames of the survey, surfaces only."""
+def _meter_survey(prepared: Prepared, assignment: Assignment) -> float:
+    """Meter the exposure on a few small frames of the survey, surfaces only, unless it is given."""
+    track, camera, fixed = assignment.track, assignment.camera, assignment.settings.sensor.exposure
+    if fixed is not None:
+        return 2.0**fixed
     ratio = _METER_WIDTH / camera.width
     small = Pinhole(
         _METER_WIDTH, max(1, round(camera.height * ratio)),
         camera.fx * ratio, camera.fy * ratio, camera.cx * ratio, camera.cy * ratio,
     )  # fmt: skip
-    painter = prepared.painter(small, sharp=False)
     rows = np.unique(np.linspace(0, len(track.poses) - 1, _METERED).round().astype(int))
-    samples = []
-    for row in rows:
-        view = painter.draw(track.poses[row], track.near)
-        light = (view.code.astype(np.float32) / 65535) ** 2 * BRIGHTEST
-        samples.append((light @ _LUMINANCE)[view.draw > 0])
-    return meter(np.concatenate(samples))
+
+    def luminance(cards: bool) -> "np.ndarray[Any, np.dtype[np.float32]]":
+        painter, samples = prepared.painter(small, sharp=False, cards=cards), []
+        for row in rows:
+            view = painter.draw(track.poses[row], track.near)
+            light = (view.code.astype(np.float32) / 65535) ** 2 * BRIGHTEST
+            samples.append((light @ _LUMINANCE)[view.draw > 0])
+        return np.concatenate(samples)
+
+    return meter(luminance(False), luminance(True) if assignment.meters_light else None)
 
 
 def _photograph(
@@ -236,8 +254,7 @@ def _photograph(
     What sees the same ground comes together, so that its shadows are drawn once.
     """
     encoders, total = assignment.settings.encoders, len(assignment.track.poses)
-    widest, shoot = body
-    squares = prepared.shadow_squares(assignment.track.poses, widest)
+    squares = prepared.shadow_squares(assignment.track.poses, body.widest)
     waiting: deque[Future[None]] = deque()
     done = total - len(rows)
 
@@ -249,48 +266,20 @@ def _photograph(
 
     progress.stage("render", total)
     with ThreadPoolExecutor(encoders) as pool:
-        for row in squares.together(rows):
+        for row in sorted(squares.together(rows), key=body.moment):
             while len(waiting) >= encoders or (waiting and waiting[0].done()):
                 collect()
-            prepared.sharpen_shadows(squares, row)
-            waiting.append(pool.submit(_finish_frame, assignment, sensor, journal, row, shoot(row)))
+            body.move(row)
+            body.prepared.sharpen_shadows(squares, row)
+            waiting.append(pool.submit(_finish_frame, assignment, sensor, journal, row, body.shoot(row)))
         while waiting:
             collect()
 
 
-def _camera_body(assignment: Assignment, prepared: Prepared, scene: FlatScene) -> CameraBody:
-    """Make what draws the frame of a row now, and returns how to get its view, which another thread may do once.
-
-    It keeps nothing of it then: a thread pool lets go of what it was given some time after the next frame is begun.
-    With it come the intrinsics of all that it draws.
-    """
-    track, camera, readout = assignment.track, assignment.camera, assignment.readout
-    bands = readout.bands if readout is not None else ((0, camera.height),)
-    poses = readout.poses if readout is not None else track.poses[:, None]
-    if track.distortion.is_identity:
-        painter = prepared.painter(camera, sharp=True)
-
-        def shoot(row: int) -> Shot:
-            return [painter.draw_bands(poses[row], bands, track.near)].pop
-
-        return camera, shoot
-    lens, wide = prepared.lens(scene, camera, track.distortion)
-    windows = [lens.window(band) for band in bands]
-
-    def shoot_wide(row: int) -> Shot:
-        views = [wide.draw_window(pose, window, track.near) for pose, window in zip(poses[row], windows, strict=True)]
-
-        def look() -> View:
-            return lens.look([views.pop(0) for _ in bands], poses[row], bands, track.near)
-
-        return look
-
-    return lens.wide, shoot_wide
-
-
 def _finish_frame(assignment: Assignment, sensor: Sensor, journal: Journal, row: int, shot: Shot) -> None:
     name, view = assignment.track.image_names[row], shot()
-    files = _encode_truth(assignment.scene, name, view)
+    moments = assignment.track.moments
+    files = _encode_truth(assignment.scene.at_moment(moments[row] if moments else 0), name, view)
     exposure = sensor.expose(row, view.code, view.draw > 0)
     pixels = sensor.develop(view.code, exposure)
     settings = assignment.settings.sensor
@@ -309,7 +298,8 @@ def _encode_truth(scene: FlatScene, name: str, view: View) -> dict[str, bytes]:
         draw = view.draw[rows].astype(np.intp)  # as both tables are looked up: four times as large as the labels
         np.take(labels, draw, out=frame.semantic[rows], mode="clip")  # the quickest mode: a draw is always in range
         np.take(ids, draw, out=frame.instance[rows], mode="clip")
-    return encode_frame_truth(name, frame, wide_ids=int(ids.max()) >= image_files.WIDE_ID)
+    widest = max((row.id for row in scene.instances), default=0) if scene.moments else int(ids.max())
+    return encode_frame_truth(name, frame, wide_ids=widest >= image_files.WIDE_ID)
 
 
 def _encode_photograph(assignment: Assignment, pixels: "np.ndarray[Any, Any]", exposure: Exposure, row: int) -> bytes:
@@ -327,7 +317,7 @@ def _serve(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     number, count = request.get("share", ALL)
     return render_stage(
         Path(request["scene"]), Path(request["folder"]), settings, int(request["seed"]), progress,
-        str(request.get("survey") or ""), (int(number), int(count)),
+        str(request.get("survey") or ""), (int(number), int(count)), choices_from(request.get("choices")),
     )  # fmt: skip
 
 

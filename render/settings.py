@@ -12,6 +12,14 @@ class SensorSettings(Settings):
 
     noise: bool = Field(default=True, description="Apply exposure jitter, blur and noise; off gives the ideal image.")
     exposure_sigma: float = Field(default=0.04, ge=0, le=2, description="Frame-to-frame spread of the exposure [EV].")
+    metering: Literal["auto", "surfaces", "light"] = Field(
+        default="auto",
+        description="surfaces: the middle tone becomes a middle grey; light: what a grey card would show, so that dark "
+        "things stay dark; auto: surfaces on a survey of ours, light on any other camera.",
+    )
+    exposure: float | None = Field(
+        default=None, ge=-30, le=30, description="Fixed exposure of the survey [EV]: gain 2^EV; empty: metered."
+    )
     auto_exposure: float = Field(
         default=0.5,
         ge=0,
@@ -76,6 +84,12 @@ class ShadingSettings(Settings):
         ge=0,
         description="Triangles in view above which trees, cars and the like of the background are simplified, once per "
         "survey; 0: never [1].",
+    )
+    subdivision: int = Field(
+        default=1,
+        ge=0,
+        le=4,
+        description="Times that subdivision surfaces of a stage are refined; 0 draws their cages [1].",
     )
     haze_distance: float | None = Field(
         default=None,

@@ -1,7 +1,8 @@
 """What every test may use: counts that grow with ``--proof``, and the rows that make up ``docs/proof.json``.
 
-A plain run keeps every count small. ``make proof`` runs the same tests with ``--proof``: counts grow, tests marked
-``proof_only`` take part, and what a test measured is written down as one row with the seed and the commit it came from.
+A plain run keeps every count small. With ``--proof`` counts grow, tests marked ``proof_only`` take part, and what a
+test measured is written down as one row with the seed, the commit and a hash of the code that it speaks of
+(tests/provenance.py). With ``--stale`` only tests run whose rows are missing or speak of other code.
 """
 
 from __future__ import annotations
@@ -10,13 +11,18 @@ import json
 import os
 import signal
 import subprocess
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
+
+from tests.proof_rows import fresh_tests, read_rows, write_proof
+from tests.provenance import digest_of
+
+# One process runs on each core already, and threads that wait for one another on a busy machine take minutes.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parents[1]
 PROOF_FILE = ROOT / "docs" / "proof.json"
@@ -28,13 +34,15 @@ RecordProof = Callable[[str, int, int, Figures], None]
 settings.register_profile("quick", max_examples=40, deadline=None, derandomize=True, database=None)
 settings.register_profile("proof", max_examples=1000, deadline=None, derandomize=True, database=None)
 
-_SENT = "falsework_proof_rows"
-_ROWS = pytest.StashKey[dict[str, dict[str, Any]]]()
+_SENT = "falsework_proof_row"
+_RUNNING = pytest.StashKey[pytest.Item]()
+_NAMES = pytest.StashKey[set[str]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add ``--proof``."""
+    """Add ``--proof`` and ``--stale``."""
     parser.addoption("--proof", action="store_true", help="full counts; writes the measured rows to docs/proof.json")
+    parser.addoption("--stale", action="store_true", help="only tests whose rows are missing or speak of other code")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -42,7 +50,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as a shell sets it for `make test &`; children inherit it
         signal.signal(signal.SIGINT, signal.default_int_handler)
     settings.load_profile("proof" if config.getoption("--proof") else "quick")
-    config.stash[_ROWS] = {}
+    config.stash[_NAMES] = set()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -54,6 +62,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.skip(reason="runs with --proof only (make proof)"))
         if not bpy and item.get_closest_marker("dcc"):
             item.add_marker(pytest.mark.skip(reason="FALSEWORK_BPY_PYTHON names no Python with bpy (make test-dcc)"))
+    if config.getoption("--stale"):
+        fresh = fresh_tests(read_rows(PROOF_FILE), config.rootpath)
+        recording = [item for item in items if "record_proof" in getattr(item, "fixturenames", ())]
+        kept = [item for item in recording if item.nodeid not in fresh]
+        config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+        items[:] = kept
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Remember which test runs: the rows that it records are its own."""
+    item.config.stash[_RUNNING] = item
 
 
 @pytest.fixture(scope="session")
@@ -69,56 +89,34 @@ def proof_count(request: pytest.FixtureRequest) -> Count:
 
 @pytest.fixture(scope="session")
 def record_proof(request: pytest.FixtureRequest) -> RecordProof:
-    """Give ``record(name, count, seed, figures)``: one row of ``docs/proof.json``, kept when the run has ``--proof``.
+    """Give ``record(name, count, seed, figures)``: one row of ``docs/proof.json``, kept when its test passes.
 
     ``name`` says what was proven ("render: depth equals ray-cast depth"), ``count`` how many cases took part,
-    ``figures`` what was measured, units in the keys ("median_error_m"). A name is recorded once a run.
+    ``figures`` what was measured, units in the keys ("median_error_m"): never a limit. A name is recorded once a run.
     """
-    rows = request.config.stash[_ROWS]
+    config = request.config
 
     def record(name: str, count: int, seed: int, figures: Figures) -> None:
-        if name in rows:
+        if name in config.stash[_NAMES]:
             raise ValueError(f"proof row {name!r} is recorded twice")
-        rows[name] = {"name": name, "count": count, "seed": seed, "figures": dict(figures)}
+        config.stash[_NAMES].add(name)
+        if config.getoption("--proof"):
+            item = config.stash[_RUNNING]
+            row = {"name": name, "count": count, "seed": seed, "figures": dict(figures)}
+            row |= {"test": item.nodeid, "code": digest_of(item.path, config.rootpath)}
+            item.user_properties.append((_SENT, json.dumps(row)))  # travels to the first process with the report
 
     return record
 
 
-def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """Merge the rows of a successful ``--proof`` run into ``docs/proof.json``; a failed run writes nothing."""
-    rows = session.config.stash[_ROWS]
-    if (output := getattr(session.config, "workeroutput", None)) is not None:
-        output[_SENT] = json.dumps(rows)  # one of several processes: the first one writes
-    elif session.config.getoption("--proof") and rows and exitstatus == pytest.ExitCode.OK:
-        commit = _git("rev-parse", "HEAD") or "none"
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Write the rows of a test that passed; one that failed writes nothing."""
+    sent = [json.loads(str(value)) for key, value in report.user_properties if key == _SENT]
+    if sent and report.when == "call" and report.passed and "PYTEST_XDIST_WORKER" not in os.environ:
         dirty = bool(_git("status", "--porcelain", "--", ".", ":!docs"))
-        write_proof(PROOF_FILE, [{**row, "commit": commit, "dirty": dirty} for row in rows.values()])
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: Any, error: object) -> None:
-    """Take over the rows that another process of the same run has recorded."""
-    sent = getattr(node, "workeroutput", {}).get(_SENT, "{}")
-    node.config.stash[_ROWS].update(json.loads(sent))
-
-
-def write_proof(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Merge rows into a proof file by name, sorted, with one rename.
-
-    Args:
-        path: The JSON file; it need not exist.
-        rows: New rows; each replaces the row of the same name.
-    """
-    known = {row["name"]: row for row in json.loads(path.read_text())["rows"]} if path.exists() else {}
-    known.update({row["name"]: row for row in rows})
-    merged = {"format_version": 1, "rows": [known[name] for name in sorted(known)]}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, partial = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".partial")
-    with os.fdopen(handle, "w") as stream:
-        json.dump(merged, stream, indent=1, sort_keys=True)
-        stream.write("\n")
-    Path(partial).chmod(0o644)
-    Path(partial).replace(path)
+        commit = _git("rev-parse", "HEAD") or "none"
+        write_proof(PROOF_FILE, [{**row, "commit": commit, "dirty": dirty} for row in sent])
 
 
 def _git(*arguments: str) -> str:

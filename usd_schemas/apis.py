@@ -20,6 +20,7 @@ register_schemas()
 
 COMPONENT_API = "FalseworkComponentAPI"
 ENVIRONMENT_API = "FalseworkEnvironmentAPI"
+PARAMETERS_API = "FalseworkParametersAPI"
 _VISIBILITY = "falsework:environment:visibility"
 LABEL_APIS = tuple(f"SemanticsLabelsAPI:{name}" for name in (tokens.COMPONENT_TAXONOMY, tokens.CLASS_TAXONOMY))
 _TYPES = Sdf.ValueTypeNames

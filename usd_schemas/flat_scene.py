@@ -1,6 +1,6 @@
 """A composed stage as flat arrays: what the renderer draws and the ray caster hits, without any USD object."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,9 @@ class Texture:
         channel: Where one number is wanted, the channel that holds it: 0 red, 1 green, 2 blue, 3 alpha.
         gain: Multiplier of linear red, green, blue [1]; where one number is wanted, the first counts.
         bias: Added after `gain` [1].
+        wrap: How it goes on beyond its edges along s and t: `repeat`, `mirror`, `clamp` or `black`.
+        alpha: Where its opacity is another file's, that file; empty for its own.
+        alpha_channel: Channel of that file: 0 red, 1 green, 2 blue, 3 alpha.
     """
 
     file: str
@@ -90,6 +93,9 @@ class Texture:
     channel: int = 0
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    wrap: tuple[str, str] = ("repeat", "repeat")
+    alpha: str = ""
+    alpha_channel: int = 3
 
     @property
     def is_plain(self) -> bool:
@@ -128,9 +134,15 @@ class Material:
         metallic: Metallic, used without `metallic_texture` [1].
         metallic_texture: Metallic texture.
         normal_texture: Tangent-space normal map.
-        emissive: Linear emitted colour [1].
+        emissive: Linear emitted colour, used without `emissive_texture` [1].
         opacity_threshold: Fragments whose texture alpha is below are cut out; 0 for none [1].
         detail: Fine and macro detail.
+        emissive_texture: Emitted colour texture.
+        specular: Linear colour of the shine straight on, where it does not follow from `metallic`; else None [1].
+        specular_texture: Its texture, of which the mean counts.
+        opacity: What of the light behind it a blended surface holds back [1]; without a texture of its own.
+        blends: Lets what is behind shine through, by `opacity` or by the alpha of `base_texture`; in the truth it is
+            solid where that is 0.5 or more, and not there elsewhere.
     """
 
     name: str
@@ -145,6 +157,22 @@ class Material:
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
     opacity_threshold: float = 0.0
     detail: Detail = field(default_factory=Detail)
+    emissive_texture: Texture | None = None
+    specular: tuple[float, float, float] | None = None
+    specular_texture: Texture | None = None
+    opacity: float = 1.0
+    blends: bool = False
+
+    @property
+    def is_ghost(self) -> bool:
+        """Whether the truth does not hold it: it lets more light through than it holds back."""
+        return self.blends and self.opacity < 0.5 and not self.opacity_threshold
+
+    def textures(self) -> list[Texture]:
+        """List its textures, those of its detail apart."""
+        maps = (self.base_texture, self.roughness_texture, self.metallic_texture, self.normal_texture,
+                self.emissive_texture, self.specular_texture)  # fmt: skip
+        return [texture for texture in maps if texture is not None]
 
 
 @dataclass(frozen=True)
@@ -201,7 +229,7 @@ class CameraTrack:
         name: Survey id, or the camera's prim name.
         path: Prim path.
         lens: Lens attributes.
-        poses: camera_to_world in metres, Z up, camera axes right-down-forward, shape (N, 4, 4), float64.
+        poses: camera_to_world [m], Z up, camera axes right-down-forward, shape (N, 4, 4), float64.
         image_names: One stem per image, e.g. `000000`.
         calibration: Exact intrinsics where the stage states them; they rule over `lens` at their image size.
         sensor_width: Width of the sensor [m].
@@ -215,6 +243,7 @@ class CameraTrack:
         model: Name of the camera, or empty.
         attitude: Measured yaw clockwise from +y, pitch and roll [deg], shape (N, 3), float64, or None.
         attitude_sigma: Standard deviation of `attitude` [deg].
+        moments: Row in `FlatScene.moments` of each image; empty where the scene stands still.
     """
 
     name: str
@@ -234,6 +263,7 @@ class CameraTrack:
     model: str = ""
     attitude: F64 | None = None
     attitude_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    moments: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -264,6 +294,7 @@ class InstanceRow:
         class_name: Class name in the table in force.
         parameters: JSON facts of the component, e.g. its dimensions.
         base_class: Class name in the base table, whatever table is in force; empty when unknown.
+        moves: It is elsewhere, of another shape or not there at another moment of the scene.
     """
 
     id: int
@@ -272,6 +303,7 @@ class InstanceRow:
     class_name: str
     parameters: dict[str, object] = field(default_factory=dict)
     base_class: str = ""
+    moves: bool = False
 
 
 @dataclass(frozen=True)
@@ -292,6 +324,8 @@ class FlatScene:
         origin: Hash of the composed stage content that was read.
         visibility: Distance at which haze leaves 2 % of the contrast [m]; None where the stage does not say.
         sphere_lights: SphereLights, in the order of the stage.
+        moments: What moves, as it stands at each moment that an image is taken at; the first is the tail of `draws`.
+            Empty for a stage that stands still.
     """
 
     geometry: Geometry
@@ -307,6 +341,32 @@ class FlatScene:
     origin: str
     visibility: float | None = None
     sphere_lights: tuple[SphereLight, ...] = ()
+    moments: tuple[Draws, ...] = ()
+
+    def at_moment(self, number: int) -> "FlatScene":
+        """Return the scene as it stands at one of its moments; without any, itself.
+
+        Args:
+            number: Row in `moments`.
+        """
+        if not self.moments:
+            return self
+        still = len(self.draws.part) - len(self.moments[0].part)
+        moved = self.moments[number]
+        draws = {name: np.concatenate([rows[:still], getattr(moved, name)]) for name, rows in vars(self.draws).items()}
+        return replace(self, draws=Draws(**draws))
+
+
+def without_ghosts(scene: FlatScene) -> FlatScene:
+    """Leave out what lets more light through than it holds back: glass, smoke, and the like.
+
+    Args:
+        scene: A scene.
+    """
+    ghosts = np.array([material.is_ghost for material in scene.materials])[scene.draws.material]
+    if not ghosts.any():
+        return scene
+    return replace(scene, draws=Draws(**{name: rows[~ghosts] for name, rows in vars(scene.draws).items()}))
 
 
 def world_triangles(scene: FlatScene) -> tuple[F64, U32, U32]:

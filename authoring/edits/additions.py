@@ -1,6 +1,6 @@
 """What was added: new objects and their materials, labelled, numbered, and kept together under one prim."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
 
-from authoring.edits.materials import bound_name
-from authoring.edits.shapes import flat_normals, read_surface, write_normals, write_points, write_topology, write_uv
+from authoring.edits.bodies import write_body
 from groundwork.errors import InputError
 from usd_schemas import tokens
 from usd_schemas.apis import ComponentFacts, apply_component, apply_labels, direct_label
@@ -55,17 +54,18 @@ class Labelling:
         return cls(tuple(sorted(rules, key=lambda rule: rule[0] == "*")))
 
     def label(self, name: str, prim: Usd.Prim) -> str:
-        """Choose the label of a new object: a rule, else what the object says itself, else background.
+        """Choose the label of a new object: a rule, else what it says itself or what it is a part of, else background.
 
         Args:
             name: Name of the object.
-            prim: Its mesh in the edited stage.
+            prim: Its body in the edited stage; rules look at the names of all that it is a part of, too.
         """
+        above = list(_upwards(prim))
         for pattern, kind in self.rules:
-            if fnmatchcase(name, pattern):
+            if any(fnmatchcase(one, pattern) for one in (name, *(holder.GetName() for holder in above))):
                 return kind
         known = {*component_classes(), *(row.name for row in class_rows())}
-        for holder in (prim, prim.GetParent()):
+        for holder in above:
             for taxonomy in (tokens.COMPONENT_TAXONOMY, tokens.CLASS_TAXONOMY):
                 if (own := direct_label(holder, taxonomy)) in known:
                     return own
@@ -73,12 +73,12 @@ class Labelling:
 
 
 def write_addition(layer: Sdf.Layer, name: str, prim: Usd.Prim, label: str, number: int, scene: Usd.Stage) -> None:
-    """Author a new mesh in the scene's units under `/World/Additions`.
+    """Author a new body as a mesh in the scene's units under `/World/Additions`.
 
     Args:
         layer: Layer to write into.
         name: Name that no other prim of the scene has.
-        prim: Mesh of the edited stage.
+        prim: Mesh or solid of the edited stage.
         label: Component kind or class.
         number: Instance id.
         scene: The scene.
@@ -86,17 +86,7 @@ def write_addition(layer: Sdf.Layer, name: str, prim: Usd.Prim, label: str, numb
     _root(layer)
     spec = Sdf.CreatePrimInLayer(layer, Sdf.Path(f"{ADDITIONS}/{name}"))
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "Mesh"
-    surface = read_surface(prim)
-    write_points(spec, surface.points)
-    write_topology(spec, surface)
-    write_normals(spec, surface.normals if len(surface.normals) else flat_normals(surface))
-    for uv, values in surface.uvs.items():
-        write_uv(spec, uv, values)
-    mesh = UsdGeom.Mesh(prim)
-    scheme = Sdf.AttributeSpec(spec, "subdivisionScheme", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
-    scheme.default = UsdGeom.Tokens.none
-    sides = Sdf.AttributeSpec(spec, "doubleSided", Sdf.ValueTypeNames.Bool, Sdf.VariabilityUniform)
-    sides.default = bool(mesh.GetDoubleSidedAttr().Get())
+    write_body(spec, prim)
     _place(spec, _world(prim, scene))
     _label(layer, name, label, number)
 
@@ -137,32 +127,45 @@ def write_material(layer: Sdf.Layer, material: UsdShade.Material) -> tuple[Sdf.P
     path = Sdf.Path(LOOKS).AppendChild(name)
     if layer.GetPrimAtPath(path):
         return path, {}
-    Sdf.CopySpec(material.GetPrim().GetStage().Flatten(False), material.GetPath(), layer, path)
-    copies = {}
+    copies: dict[str, str] = {}
     for prim in Usd.PrimRange(material.GetPrim()):
-        spec = layer.GetPrimAtPath(prim.GetPath().ReplacePrefix(material.GetPath(), path))
-        for attribute in prim.GetAttributes():
-            if attribute.GetName().startswith("userProperties:blender"):
-                spec.RemoveProperty(spec.attributes[attribute.GetName()])
-            if attribute.GetTypeName() != Sdf.ValueTypeNames.Asset or attribute.Get() is None:
-                continue
-            file = asset_file(attribute.Get())
-            if not file:
-                raise InputError("a texture is missing", where=str(material.GetPath()), value=attribute.Get().path)
-            target = f"textures/{name}_{prim.GetName()}{Path(file).suffix.lower()}"
-            spec.attributes[attribute.GetName()].default = Sdf.AssetPath(f"./{target}")
-            copies[target] = file
+        spec = Sdf.CreatePrimInLayer(layer, prim.GetPath().ReplacePrefix(material.GetPath(), path))
+        spec.specifier, spec.typeName = Sdf.SpecifierDef, prim.GetTypeName()
+        for attribute in prim.GetAuthoredAttributes():
+            if not attribute.GetName().startswith("userProperties:blender"):
+                _copy_input(spec, attribute, material.GetPath(), path, copies)
     return path, copies
 
 
-def material_name(prim: Usd.Prim) -> str:
-    """Find what material a new mesh wears: its own, or that of its first subset of faces.
+def _copy_input(
+    spec: Sdf.PrimSpec, attribute: Usd.Attribute, home: Sdf.Path, path: Sdf.Path, copies: dict[str, str]
+) -> None:
+    """Copy what an attribute of a material's network holds and what it is connected to, its texture too."""
+    name, value = attribute.GetName(), attribute.Get(Usd.TimeCode.EarliestTime())
+    if isinstance(value, Sdf.AssetPath):
+        file = asset_file(value)
+        if not file:
+            raise InputError("a texture is missing", where=str(home), value=value.path)
+        stem = (
+            f"{path.name}_{spec.name}"
+            if name == "inputs:file"
+            else f"{path.name}_{spec.name}_{attribute.GetBaseName()}"
+        )
+        target = f"textures/{stem}{Path(file).suffix.lower()}"
+        copies[target], value = file, Sdf.AssetPath(f"./{target}")
+    copy = Sdf.AttributeSpec(spec, name, attribute.GetTypeName(), attribute.GetVariability(), attribute.IsCustom())
+    if value is not None:
+        copy.default = value
+    if attribute.HasAuthoredMetadata("colorSpace"):
+        copy.SetInfo("colorSpace", attribute.GetColorSpace())
+    if sources := attribute.GetConnections():
+        copy.connectionPathList.explicitItems = [source.ReplacePrefix(home, path) for source in sources]
 
-    Args:
-        prim: Mesh of the edited stage.
-    """
-    subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-    return bound_name(prim) or next((bound_name(subset.GetPrim()) for subset in subsets), "")
+
+def _upwards(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    while prim and not prim.IsPseudoRoot():
+        yield prim
+        prim = prim.GetParent()
 
 
 def _world(prim: Usd.Prim, scene: Usd.Stage) -> F64:

@@ -7,7 +7,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from authoring.edits.matching import free_name, object_name
 from usd_schemas import tokens
 from usd_schemas.flat_scene import CameraTrack
-from usd_schemas.pinhole import USD_FROM_CAMERA
+from usd_schemas.pinhole import USD_FROM_CAMERA, UsdLens
 from usd_schemas.reading.cameras import read_cameras
 from usd_schemas.reading.stage_reader import stage_to_world
 
@@ -15,6 +15,7 @@ F64 = NDArray[np.float64]
 _TYPES = Sdf.ValueTypeNames
 
 MOVED = 1e-3  # [m], and entries of the rotation: single precision through a rig of parents is ten times finer
+LENS = 1e-3  # relative: a lens whose width of view differs by more is another one
 FAR = 5000.0  # [m] far end of the clipping range, as for our own surveys
 _DECIMALS = 9
 
@@ -42,7 +43,7 @@ def harvest_cameras(
     for track in read_cameras(edited, stage_to_world(edited), left_out.append):
         prim = edited.GetPrimAtPath(track.path)
         known = next((ours[name] for name in (object_name(prim), prim.GetName()) if name in ours), None)
-        if known is not None and _on_flight(track.poses, known.poses):
+        if known is not None and _on_flight(track.poses, known.poses) and _same_view(track.lens, known.lens):
             continue
         name = free_name(object_name(prim), taken)
         taken.add(name)
@@ -59,6 +60,12 @@ def _on_flight(poses: F64, flight: F64) -> bool:
     """Tell whether every pose is one of a flight: a DCC exports all frames, or just the one that it shows."""
     apart = np.abs(poses[:, None] - flight[None]).max(axis=(2, 3))
     return bool((apart.min(axis=1) <= MOVED).all())
+
+
+def _same_view(one: UsdLens, other: UsdLens) -> bool:
+    """Tell whether two lenses see equally wide; a DCC rewrites the height of the sensor after its picture."""
+    wide, as_wide = (lens.horizontal_aperture / max(lens.focal_length, 1e-9) for lens in (one, other))
+    return bool(np.isclose(wide, as_wide, rtol=LENS))
 
 
 def _write_camera(layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage, name: str, track: CameraTrack) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 
-from authoring.edits.matching import object_name
+from authoring.edits.matching import is_blender, object_name
 from authoring.edits.placements import write_transform
 from usd_schemas import tokens
 from usd_schemas.reading.stage_reader import stage_to_world
@@ -78,7 +78,7 @@ def _strength(prim: Usd.Prim) -> F64:
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(float(kelvin.Get(time))))
     exposure = light.GetExposureAttr()
     stops = float(exposure.Get(time))
-    if exposure.HasAuthoredValue() and prim.GetStage().GetRootLayer().documentation.startswith("Blender"):
+    if exposure.HasAuthoredValue() and is_blender(prim.GetStage()):
         stops += _BLENDER_STOPS
     return color * 2.0**stops
 

@@ -7,16 +7,27 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from authoring.edits import additions
-from authoring.edits.additions import ADDITIONS, Labelling, material_name, write_binding
+from authoring.edits.additions import ADDITIONS, Labelling, write_binding
+from authoring.edits.bodies import worn_by
 from authoring.edits.cameras import harvest_cameras
 from authoring.edits.daylight import find_sun, harvest_sun
 from authoring.edits.lamps import harvest_lamps
-from authoring.edits.matching import Matches, match_stages
-from authoring.edits.materials import Place, Textures, bound_name, changed_inputs, materials_by_name, write_inputs
-from authoring.edits.placements import moved_prims, write_transform
-from authoring.edits.shapes import read_surface, write_reshaped
+from authoring.edits.matching import Matches, expand_instances, match_stages
+from authoring.edits.materials import (
+    Place,
+    Textures,
+    bound_name,
+    changed_inputs,
+    materials_by_name,
+    name_of,
+    write_inputs,
+)
+from authoring.edits.placements import hidden_prims, moved_prims, write_transform, write_visibility
+from authoring.edits.shapes import is_body, read_surface, write_reshaped
+from authoring.edits.untaken import untaken
 from authoring.layers.change import change_layer, check_editable
 from authoring.layers.root import edits_layer
+from authoring.layers.selection import AXES
 from authoring.scenes.manifest import refresh_manifest
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes
@@ -42,8 +53,9 @@ class Harvest:
         removed: Prims that were switched off.
         missing: Prims that the edited stage lacks and that stay.
         cameras: New cameras, and those of surveys that stand elsewhere, with their number of poses.
-        lights: New lights.
-        left_out: One line for each camera that cannot be taken over.
+        lights: New lights and their types.
+        hidden: Prims that were hidden, or shown again.
+        left_out: One line for each thing that is not taken over, with its name.
     """
 
     moved: list[str] = field(default_factory=list)
@@ -53,7 +65,8 @@ class Harvest:
     removed: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     cameras: dict[str, int] = field(default_factory=dict)
-    lights: list[str] = field(default_factory=list)
+    lights: dict[str, str] = field(default_factory=dict)
+    hidden: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
 
@@ -78,6 +91,8 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
     before, layer, target = _open_scene(scene)
     check_editable(target)
     after = _open(edited)
+    expand_instances(after)
+    chosen = _follow_choices(before, after)
     matches = match_stages(before, after)
     if not matches.pairs:
         raise InputError(
@@ -91,16 +106,20 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
     for path, transform in moved_prims(before, after, matches.pairs).items():
         write_transform(layer, place(path), before.GetPrimAtPath(path), transform)
         found.moved.append(path.name)
+    for path, visible in hidden_prims(before, after, matches.pairs).items():
+        write_visibility(layer, place(path), visible)
+        found.hidden.append(path.name)
     sun, edited_sun = find_sun(before, after)
     turned = harvest_sun(layer, before, sun, edited_sun)
     found.moved += [turned] if turned else []
-    for path, prim in _meshes(before, matches):
+    for path, prim in _bodies(before, matches):
         if write_reshaped(layer, place(path), read_surface(before.GetPrimAtPath(path)), read_surface(prim)):
             found.reshaped.append(path.name)
     copies = _recolour(layer, place, before, after, matches, Textures(scene.parent), found)
-    copies |= _add(layer, before, after, matches, labels, former, found)
+    copies |= _add(layer, before, matches, labels, former, found)
     taken = {prim.GetName() for prim in before.Traverse()} | found.added.keys()
-    found.cameras, found.left_out = harvest_cameras(layer, before, after, taken)
+    found.cameras, cameras_left = harvest_cameras(layer, before, after, taken)
+    found.left_out = [*chosen, *cameras_left, *untaken(before, after, matches)]
     found.lights, more = harvest_lamps(layer, before, after, edited_sun, taken)
     copies |= more
     if remove:
@@ -171,10 +190,30 @@ def _worn(place: Place, path: Sdf.Path) -> Sdf.Path:
     return path.ReplacePrefix(bridge, look)
 
 
-def _meshes(scene: Usd.Stage, matches: Matches) -> Iterator[tuple[Sdf.Path, Usd.Prim]]:
+def _bodies(scene: Usd.Stage, matches: Matches) -> Iterator[tuple[Sdf.Path, Usd.Prim]]:
     for path, prim in sorted(matches.pairs.items()):
-        if scene.GetPrimAtPath(path).IsA(UsdGeom.Mesh) and prim.IsA(UsdGeom.Mesh):
+        if scene.GetPrimAtPath(path).IsA(UsdGeom.Mesh) and is_body(prim):
             yield path, prim
+
+
+def _follow_choices(before: Usd.Stage, after: Usd.Stage) -> list[str]:
+    """Compare with the look, background and light that the edited stage has chosen, where it still has the choice."""
+    lines = []
+    for axis, path in AXES.items():
+        ours, theirs = before.GetPrimAtPath(path), after.GetPrimAtPath(path)
+        if not ours or not theirs or axis not in theirs.GetVariantSets().GetNames():
+            continue
+        wanted, variants = theirs.GetVariantSet(axis).GetVariantSelection(), ours.GetVariantSet(axis)
+        if not wanted or wanted == variants.GetVariantSelection():
+            continue
+        if wanted in variants.GetVariantNames():
+            variants.SetVariantSelection(wanted)
+            lines.append(
+                f"{axis}={wanted} is chosen in the file: edits count for it; scene set {axis}={wanted} chooses it"
+            )
+        else:
+            lines.append(f"{axis}={wanted} is chosen in the file, and the scene does not offer it")
+    return lines
 
 
 def _recolour(
@@ -188,33 +227,32 @@ def _recolour(
         if changed:
             copies |= write_inputs(layer, place, ours[name], changed)
             found.recoloured.append(name)
-    for path, prim in _meshes(before, matches):
-        name = material_name(prim)
-        if name and name != bound_name(before.GetPrimAtPath(path)):
-            copies |= _wear(layer, _worn(place, path), name, ours, theirs)
+    for path, prim in _bodies(before, matches):
+        worn = next(iter(worn_by(prim).values()), None)
+        if worn is not None and name_of(worn) != bound_name(before.GetPrimAtPath(path)):
+            copies |= _wear(layer, _worn(place, path), worn, ours)
             found.recoloured.append(path.name)
     return copies
 
 
 def _wear(
-    layer: Sdf.Layer, path: Sdf.Path, name: str, ours: dict[str, UsdShade.Material],
-    theirs: dict[str, UsdShade.Material],
-) -> dict[str, str]:  # fmt: skip
+    layer: Sdf.Layer, path: Sdf.Path, worn: UsdShade.Material, ours: dict[str, UsdShade.Material]
+) -> dict[str, str]:
     """Bind a prim to a material of the scene, or to a copy of one that the scene lacks."""
-    if name in ours:
-        write_binding(layer, path, ours[name].GetPath())
+    known = ours.get(name_of(worn))
+    if known is not None:
+        write_binding(layer, path, known.GetPath())
         return {}
-    copy, copies = additions.write_material(layer, theirs[name])
+    copy, copies = additions.write_material(layer, worn)
     write_binding(layer, path, copy)
     return copies
 
 
 def _add(
-    layer: Sdf.Layer, before: Usd.Stage, after: Usd.Stage, matches: Matches, labels: Labelling,
-    former: dict[str, int], found: Harvest,
+    layer: Sdf.Layer, before: Usd.Stage, matches: Matches, labels: Labelling, former: dict[str, int], found: Harvest,
 ) -> dict[str, str]:  # fmt: skip
     copies: dict[str, str] = {}
-    ours, theirs = materials_by_name(before), materials_by_name(after)
+    ours = materials_by_name(before)
     used = {number for prim in before.Traverse() for number in _numbers(prim)} | set(former.values())
     number = additions.FIRST_EDIT_ID
     for name, prim in matches.added.items():
@@ -224,9 +262,9 @@ def _add(
             used.add(number)
         label = labels.label(name, prim)
         additions.write_addition(layer, name, prim, label, former.get(name, number), before)
-        worn = material_name(prim)
-        if worn:
-            copies |= _wear(layer, Sdf.Path(f"{ADDITIONS}/{name}"), worn, ours, theirs)
+        home = Sdf.Path(f"{ADDITIONS}/{name}")
+        for subset, worn in worn_by(prim).items():
+            copies |= _wear(layer, home.AppendChild(subset) if subset else home, worn, ours)
         found.added[name] = label
     return copies
 

@@ -25,7 +25,7 @@ def is_lamp(prim: Usd.Prim) -> bool:
 
 def harvest_lamps(
     layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage, sun: Usd.Prim | None, taken: set[str]
-) -> tuple[list[str], dict[str, str]]:
+) -> tuple[dict[str, str], dict[str, str]]:
     """Write the lights that the scene does not have, with all that feeds them, in the scene's units.
 
     Args:
@@ -36,20 +36,21 @@ def harvest_lamps(
         taken: Names of prims; those of the new lights are added to it.
 
     Returns:
-        Names of the new lights, and destination below the layer's folder to source of each texture to copy.
+        Name to type of the new lights, and destination below the layer's folder to source of each texture to copy.
 
     Raises:
         InputError: A texture of a light is not there.
     """
     known = {prim.GetName() for prim in scene.Traverse() if is_lamp(prim)}
-    names, copies = [], {}
+    names: dict[str, str] = {}
+    copies: dict[str, str] = {}
     for prim in sorted(filter(is_lamp, edited.Traverse()), key=lambda one: (object_name(one), str(one.GetPath()))):
         if prim == sun or object_name(prim) in known:
             continue
         name = free_name(object_name(prim), taken)
         taken.add(name)
         copies |= _write_lamp(layer, scene, name, prim)
-        names.append(name)
+        names[name] = str(prim.GetTypeName())
     return names, copies
 
 

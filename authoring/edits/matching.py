@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
+from authoring.edits.shapes import is_body
 from usd_schemas import tokens
 
 DCC_ROOT = "root"  # Blender's exporter puts everything under a prim of this name
@@ -19,7 +20,7 @@ class Matches:
     Attributes:
         pairs: Path in the scene to the prim of the edited stage.
         missing: Prims of the scene that the edited stage lacks, sorted.
-        added: Meshes of the edited stage that the scene lacks, by name, sorted.
+        added: Bodies of the edited stage that the scene lacks, those inside instances too, by name, sorted.
     """
 
     pairs: dict[Sdf.Path, Usd.Prim]
@@ -53,6 +54,18 @@ def match_stages(scene: Usd.Stage, edited: Usd.Stage) -> Matches:
     return Matches(pairs, tuple(sorted(missing)), dict(_added(scene, edited, pairs)))
 
 
+def expand_instances(stage: Usd.Stage) -> None:
+    """Turn every native instance of a stage into prims of its own, in the session layer alone.
+
+    Args:
+        stage: An edited stage.
+    """
+    stage.SetEditTarget(stage.GetSessionLayer())
+    while instances := [prim for prim in stage.Traverse() if prim.IsInstance()]:
+        for prim in instances:
+            prim.SetInstanceable(False)
+
+
 def stable_id(prim: Usd.Prim) -> str:
     """Read the id that survives a DCC.
 
@@ -75,6 +88,15 @@ def object_name(prim: Usd.Prim) -> str:
     holder = prim.GetParent() if _nests(prim) else prim
     name = holder.GetAttribute(OBJECT_NAME).Get()
     return name if isinstance(name, str) else holder.GetName()
+
+
+def is_blender(stage: Usd.Stage) -> bool:
+    """Tell whether Blender exported a stage: what it never writes is then no edit.
+
+    Args:
+        stage: An edited stage.
+    """
+    return str(stage.GetRootLayer().documentation).startswith("Blender")
 
 
 def home_path(prim: Usd.Prim) -> Sdf.Path:
@@ -125,8 +147,8 @@ def _added(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim])
     # Names of prototypes, and of what a background from elsewhere brought without ids.
     known = {prim.GetName() for prim in Usd.PrimRange.Stage(scene, Usd.TraverseInstanceProxies()) if _anonymous(prim)}
     taken = {prim.GetName() for prim in scene.Traverse()}
-    for prim in sorted(edited.Traverse(), key=lambda one: (object_name(one), str(one.GetPath()))):
-        if not prim.IsA(UsdGeom.Mesh) or prim.GetPath() in kept or not prim.GetAttribute("points").Get():
+    for prim in sorted(_bodies(edited), key=lambda one: (object_name(one), str(one.GetPath()))):
+        if prim.GetPath() in kept:
             continue
         if any(home_path(prim).HasPrefix(path) for path in copied):
             continue
@@ -137,8 +159,22 @@ def _added(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim])
         yield name, prim
 
 
+def _bodies(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """Walk the meshes and solids of a stage, those inside instances too, and none of an instancer's prototypes."""
+    prims = iter(stage.Traverse())
+    for prim in prims:
+        if prim.IsA(UsdGeom.PointInstancer):
+            prims.PruneChildren()
+        elif is_body(prim) and (not prim.IsA(UsdGeom.Mesh) or _points(prim)):
+            yield prim
+
+
+def _points(prim: Usd.Prim) -> bool:
+    return bool(UsdGeom.Mesh(prim).GetPointsAttr().Get(Usd.TimeCode.EarliestTime()))
+
+
 def _anonymous(prim: Usd.Prim) -> bool:
-    return prim.IsA(UsdGeom.Mesh) and not stable_id(prim)
+    return is_body(prim) and not stable_id(prim)
 
 
 def free_name(wanted: str, taken: set[str]) -> str:

@@ -76,7 +76,7 @@ def materials_by_name(stage: Usd.Stage) -> dict[str, UsdShade.Material]:
     found = {}
     for prim in stage.Traverse():
         if prim.IsA(UsdShade.Material):
-            found.setdefault(str(prim.GetAttribute(DATA_NAME).Get() or prim.GetName()), UsdShade.Material(prim))
+            found.setdefault(name_of(UsdShade.Material(prim)), UsdShade.Material(prim))
     return found
 
 
@@ -90,9 +90,21 @@ def bound_name(prim: Usd.Prim) -> str:
         The name, or an empty string.
     """
     material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-    if not material:
-        return ""
+    return name_of(material) if material else ""
+
+
+def name_of(material: UsdShade.Material) -> str:
+    """Find what a DCC calls a material.
+
+    Args:
+        material: Material of any stage.
+    """
     return str(material.GetPrim().GetAttribute(DATA_NAME).Get() or material.GetPrim().GetName())
+
+
+def taken_inputs() -> frozenset[str]:
+    """List the inputs of a surface that are compared."""
+    return frozenset(f"inputs:{name}" for name in _DEFAULTS)
 
 
 def changed_inputs(before: UsdShade.Material, after: UsdShade.Material, textures: Textures) -> dict[str, Feed]:

@@ -78,6 +78,43 @@ def write_transform(layer: Sdf.Layer, path: Sdf.Path, prim: Usd.Prim, transform:
     written.default = ["xformOp:transform"]
 
 
+def hidden_prims(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> dict[Sdf.Path, bool]:
+    """Find the prims that were hidden or shown; what is in a hidden group is not hidden itself.
+
+    Args:
+        scene: The scene.
+        edited: What a DCC made of it.
+        pairs: Path in the scene to the prim of the edited stage.
+
+    Returns:
+        Whether each such prim is visible now.
+    """
+    changed: dict[Sdf.Path, bool] = {}
+    for path, prim in sorted(pairs.items()):
+        ours, theirs = (_is_visible(one) for one in (scene.GetPrimAtPath(path), prim))
+        if ours != theirs and not any(above in changed for above in path.GetPrefixes()[:-1]):
+            changed[path] = theirs
+    return changed
+
+
+def write_visibility(layer: Sdf.Layer, path: Sdf.Path, visible: bool) -> None:
+    """Hide a prim, or show it.
+
+    Args:
+        layer: Layer to write into.
+        path: Where in the layer.
+        visible: Whether it is to be seen.
+    """
+    spec = Sdf.CreatePrimInLayer(layer, path)
+    attribute = Sdf.AttributeSpec(spec, "visibility", Sdf.ValueTypeNames.Token)
+    attribute.default = UsdGeom.Tokens.inherited if visible else UsdGeom.Tokens.invisible
+
+
+def _is_visible(prim: Usd.Prim) -> bool:
+    body = UsdGeom.Imageable(prim)
+    return not body or body.ComputeVisibility(Usd.TimeCode.EarliestTime()) != UsdGeom.Tokens.invisible
+
+
 def _movable(prim: Usd.Prim) -> bool:
     # Surveys are time-sampled and lights have a direction only: both are authored, not pushed about.
     if prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI) or prim.IsA(UsdGeom.PointInstancer):

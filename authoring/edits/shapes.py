@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
+from usd_schemas.reading.shapes import SHAPES, read_shape
+
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -35,13 +37,28 @@ class Surface:
     uvs: dict[str, F32]
 
 
-def read_surface(prim: Usd.Prim) -> Surface:
-    """Read a mesh at its earliest time.
+def is_body(prim: Usd.Prim) -> bool:
+    """Tell whether a prim is a mesh, or one of USD's own solids, which a mesh can stand for.
 
     Args:
-        prim: A Mesh.
+        prim: Any prim.
+    """
+    return prim.IsA(UsdGeom.Mesh) or prim.GetTypeName() in SHAPES
+
+
+def read_surface(prim: Usd.Prim) -> Surface:
+    """Read a mesh at its earliest time, or a solid as the mesh that our renderer draws of it.
+
+    Args:
+        prim: A Mesh, Cube, Sphere, Cylinder, Cone, Capsule or Plane.
     """
     mesh, time = UsdGeom.Mesh(prim), Usd.TimeCode.EarliestTime()
+    if not mesh:
+        shape = read_shape(prim, time)
+        return Surface(
+            shape.points.astype(np.float32), shape.face_counts.astype(np.int32), shape.corners.astype(np.int32),
+            shape.normals.astype(np.float32), {"st": shape.st.astype(np.float32)},
+        )  # fmt: skip
     points = np.array(mesh.GetPointsAttr().Get(time) or [], np.float32).reshape(-1, 3)
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get(time) or [], np.int32)
     indices = np.array(mesh.GetFaceVertexIndicesAttr().Get(time) or [], np.int32)

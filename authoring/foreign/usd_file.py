@@ -1,4 +1,4 @@
-"""A USD file of the user's as one layer and its textures, ready to lie in a scene folder."""
+"""A USD file of the user's as one layer, to be adopted by a layer of a scene."""
 
 import re
 from collections.abc import Callable
@@ -7,7 +7,6 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdShade, UsdUtils
 
-from authoring.foreign.textures import copy_texture
 from groundwork.errors import InputError, MissingError
 
 
@@ -36,40 +35,20 @@ def open_foreign(file: Path) -> Usd.Stage:
     return stage
 
 
-def flatten_foreign(stage: Usd.Stage, file: Path, folder: Path) -> Sdf.Layer:
-    """Flatten a stage, its selected variants and references included, and copy its textures.
+def flatten_foreign(stage: Usd.Stage) -> Sdf.Layer:
+    """Flatten a stage, its selected variants and references included.
 
     Args:
         stage: The stage.
-        file: Its file, for errors.
-        folder: Existing folder that will hold the layer; receives `textures/`.
 
     Returns:
-        A layer in memory whose asset paths start with `./textures/`.
-
-    Raises:
-        InputError: A texture is missing.
+        A layer in memory whose asset paths are absolute.
     """
-    flat = stage.Flatten(addSourceFileComment=False)
-    missing: list[str] = []
-    names: dict[str, str] = {}
-
-    def move(path: str) -> str:
-        if path and path not in names:
-            found = copy_texture(path, folder / "textures")
-            if not found:
-                missing.append(path)
-            names[path] = f"./textures/{found}"
-        return names.get(path, "")
-
-    UsdUtils.ModifyAssetPaths(flat, move)
-    if missing:
-        holder = _holder(stage, missing[0])
-        raise InputError(
-            "texture not found", where=file, field=holder, value=_short(missing[0], file),
-            mend="Export it again with its textures beside it",
-        )  # fmt: skip
-    return flat
+    quiet = UsdUtils.CoalescingDiagnosticDelegate()  # what an application noted that USD does not know is no news
+    try:
+        return stage.Flatten(addSourceFileComment=False)
+    finally:
+        del quiet
 
 
 def adopt(source: Sdf.Layer, target: Sdf.Layer, place: Sdf.Path) -> None:
@@ -110,17 +89,14 @@ def safe_name(stem: str) -> str:
     return name if name[:1].isalpha() else f"user_{name}"
 
 
-def _replace(listing: Any, moved: Callable[[Any], Any]) -> None:
-    items = list(listing.GetAppliedItems())
-    if items:
-        listing.ClearEditsAndMakeExplicit()
-        for item in items:
-            listing.explicitItems.append(moved(item))
+def holder_of(stage: Usd.Stage, path: str) -> str:
+    """Find the material, else the prim, that names a file.
 
-
-def _holder(stage: Usd.Stage, path: str) -> str:
-    """Find the material that names a file."""
-    for prim in stage.Traverse():
+    Args:
+        stage: The stage of a user's file.
+        path: Absolute path of the file.
+    """
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
         for attribute in prim.GetAttributes():
             value = attribute.Get()
             if isinstance(value, Sdf.AssetPath) and value.path and path.endswith(value.path.removeprefix("./")):
@@ -130,6 +106,9 @@ def _holder(stage: Usd.Stage, path: str) -> str:
     return ""
 
 
-def _short(path: str, file: Path) -> str:
-    home = f"{file.resolve().parent}/"
-    return path.removeprefix(home)
+def _replace(listing: Any, moved: Callable[[Any], Any]) -> None:
+    items = list(listing.GetAppliedItems())
+    if items:
+        listing.ClearEditsAndMakeExplicit()
+        for item in items:
+            listing.explicitItems.append(moved(item))

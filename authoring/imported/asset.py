@@ -27,6 +27,7 @@ F64 = NDArray[np.float64]
 MARK = "falsework:city"  # in the layer's custom data: what the world is made of, and whose it is
 IMAGES = "falsework:cityImages"  # there too: role, suffix and mean colour of each image
 TEXELS = 512
+_HEAD = 1 << 16  # [byte] of a layer, in which its custom data stands
 _WALLS = ("brick", "plaster", "brick", "concrete", "plaster", "painted_metal")
 _GROUND, _OBJECT = ("Ground", "ground", "Ground"), ("Object", "building", "Buildings")
 _GROUPS = {"ground": "Ground"}
@@ -57,7 +58,7 @@ def write_city(model: CityModel, folder: Path, name: str) -> Path:
         IMAGES: json.dumps(images),
     }  # fmt: skip
     path = folder / f"{name}.usda"
-    export(author_provenance(layer, "/Background", model.attribution), path)
+    export(author_provenance(layer, "/Background", model.attribution, is_ours=False), path)
     return path
 
 
@@ -171,6 +172,16 @@ def is_city(file: Path) -> bool:
     except Tf.ErrorException:
         return False
     return layer is not None and MARK in layer.customLayerData
+
+
+def claims_city(file: Path) -> bool:
+    """Tell whether a file says that it is the root layer of an imported world; nothing is parsed, nothing proven.
+
+    Args:
+        file: A regular file.
+    """
+    with file.open("rb") as layer:
+        return MARK.encode() in layer.read(_HEAD)
 
 
 def world_name(file: Path) -> str:

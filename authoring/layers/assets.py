@@ -30,7 +30,7 @@ def write_asset(asset: Asset, pieces: Pieces, folder: Path) -> None:
         folder: Folder of the asset.
     """
     export(geometry_layer(asset, pieces), folder / "geometry.usdc")
-    export(semantics_layer(asset, pieces), folder / "semantics.usdc")
+    export(semantics_layer(asset, pieces), folder / "semantics.usda")
 
 
 def bake_surfaces(pieces: Pieces, folder: Path, texels: int, seed: int) -> dict[str, MaterialRecipe]:

@@ -3,6 +3,7 @@
 from pxr import Kind, Sdf
 
 from authoring.layers.geometry import BACKGROUND
+from authoring.layers.identity import name_asset
 from authoring.layers.layer import add_sublayers
 from authoring.layers.looks import surface_layer
 from authoring.looks.material import MaterialRecipe
@@ -21,6 +22,6 @@ def background_layer(name: str, recipes: dict[str, MaterialRecipe]) -> Sdf.Layer
     layer = surface_layer(BACKGROUND, recipes)
     prim = layer.GetPrimAtPath("/Background")
     prim.SetInfo("kind", Kind.Tokens.component)
-    prim.SetInfo("assetInfo", {"name": name})
-    add_sublayers(layer, ["./semantics.usdc", "./geometry.usdc"])
+    name_asset(layer, "/Background", name, f"{name}.usda")
+    add_sublayers(layer, ["./semantics.usda", "./geometry.usdc"])
     return layer

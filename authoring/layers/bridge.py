@@ -2,8 +2,12 @@
 
 from pxr import Kind, Sdf, UsdGeom, Vt
 
+from authoring.layers.identity import name_asset
 from authoring.layers.layer import add_sublayers, new_layer, new_stage
+from authoring.layers.parameters import parameter_opinions
+from authoring.layers.specs import author
 from groundwork.canonical import canonical_json
+from usd_schemas.apis import PARAMETERS_API
 
 
 def bridge_layer(
@@ -15,7 +19,7 @@ def bridge_layer(
         family: Bridge family.
         spans: Span lengths along the axis [m].
         width: Deck width [m].
-        drawn: Every drawn parameter as JSON.
+        drawn: Every drawn parameter; they stand there as JSON and, one by one, as typed attributes.
         looks: File of each look, relative to this layer; the first is selected.
 
     Returns:
@@ -28,9 +32,12 @@ def bridge_layer(
     prim.GetAttribute("falsework:bridge:spans").Set(Vt.DoubleArray(spans))
     prim.GetAttribute("falsework:bridge:width").Set(width)
     prim.GetAttribute("falsework:bridge:parameters").Set(canonical_json(drawn))
+    prim.ApplyAPI(PARAMETERS_API)
     layer = stage.GetRootLayer()
     del stage, prim
     spec = layer.GetPrimAtPath("/Bridge")
+    author(spec, parameter_opinions(drawn))
+    name_asset(layer, "/Bridge", f"{family}_bridge", "bridge.usda")
     spec.SetInfo("kind", Kind.Tokens.assembly)
     spec.payloadList.prependedItems = [Sdf.Payload("./payload.usda")]
     spec.variantSetNameList.prependedItems = ["look"]
@@ -45,5 +52,5 @@ def bridge_layer(
 def payload_layer() -> Sdf.Layer:
     """Author the layer that joins semantics and geometry under one payload."""
     layer = new_layer("Bridge")
-    add_sublayers(layer, ["./semantics.usdc", "./geometry.usdc"])
+    add_sublayers(layer, ["./semantics.usda", "./geometry.usdc"])
     return layer

@@ -1,5 +1,6 @@
 """Geometry layer: one Mesh a component, one PointInstancer a scatter, each bound once to a material by name."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 from authoring.layers.layer import new_layer
 from authoring.layers.mesh_arrays import IndexedUV, MeshArrays, mesh_arrays, snapped
 from authoring.layers.specs import apply_schemas, attribute, author, prim_spec
+from authoring.layers.stand_in import is_heavy, stand_in
 from authoring.looks.roles import sheet_material, sheet_numbers
 from authoring.shapes.component import Component, Mesh, Scatter
 from usd_schemas import tokens
@@ -157,12 +159,15 @@ def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
         name = f"{scatter.name}_Prototype_{number:02d}"
         body = UsdGeom.Xform.Define(stage, f"{path}/{scatter.name}_Prototypes/{name}")
         targets.append(body.GetPath())
-        arrays = mesh_arrays([mesh for _, mesh in prototype], [False] * len(prototype))
-        for row, (role, mesh) in enumerate(prototype):
-            part = prim_spec(stage.GetRootLayer(), f"{body.GetPath()}/{name}_Part_{row:02d}", "Mesh")
+        parts = list(_parts(name, prototype))
+        arrays = mesh_arrays([mesh for _, _, mesh, _ in parts], [False] * len(parts))
+        for (leaf, role, mesh, purpose), own in zip(parts, arrays, strict=True):
+            part = prim_spec(stage.GetRootLayer(), f"{body.GetPath()}/{leaf}", "Mesh")
             apply_schemas(part, (_BINDING_API,))
-            _author_mesh(part, mesh, arrays[row], True)
+            _author_mesh(part, mesh, own, True)
             _bind(part, asset.material(role))
+            if purpose:
+                attribute(part, "purpose", _TYPES.Token, purpose, uniform=True)
     UsdGeom.Scope.Define(stage, f"{path}/{scatter.name}_Prototypes")
     instancer.CreatePrototypesRel().SetTargets(targets)
     count = len(scatter.positions)
@@ -180,6 +185,15 @@ def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
     single = ids[0] if len(ids) == 1 else 0
     facts = ComponentFacts(scatter.kind, single, () if single else ids)
     apply_component(instancer.GetPrim(), facts)
+
+
+def _parts(name: str, prototype: tuple[tuple[str, Mesh], ...]) -> Iterator[tuple[str, str, Mesh, str]]:
+    """List the meshes of a prototype: name, material, mesh, purpose; heavy ones have a stand-in for viewports."""
+    for row, (role, mesh) in enumerate(prototype):
+        leaf = f"{name}_Part_{row:02d}"
+        yield leaf, role, mesh, UsdGeom.Tokens.render if is_heavy(mesh) else ""
+        if is_heavy(mesh):
+            yield f"{leaf}_Proxy", role, stand_in(mesh), UsdGeom.Tokens.proxy
 
 
 def _author_mesh(prim: Sdf.PrimSpec, mesh: Mesh, arrays: MeshArrays, double_sided: bool) -> None:

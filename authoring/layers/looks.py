@@ -32,7 +32,7 @@ def surface_layer(asset: Asset, recipes: dict[str, MaterialRecipe]) -> Sdf.Layer
         recipes: One recipe for each name that its pieces use.
 
     Returns:
-        A layer in memory, to be written beside `semantics.usdc`, `geometry.usdc` and its textures.
+        A layer in memory, to be written beside `semantics.usda`, `geometry.usdc` and its textures.
     """
     stage = new_stage(asset.root)
     stage.OverridePrim(asset.looks)

@@ -9,8 +9,8 @@ PACKAGE = "falsework"
 SOURCE_TYPE = "algorithmicMedia"  # IPTC: made by an algorithm, not from sampled media
 
 
-def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str]) -> Sdf.Layer:
-    """Say on a root prim that Falsework made it; no time and no place, which no second run would repeat.
+def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str], *, is_ours: bool = True) -> Sdf.Layer:
+    """Say on a root prim that Falsework wrote it; no time and no place, which no second run would repeat.
 
     The attributes are written plainly, so that a USD older than the schema keeps them.
 
@@ -18,6 +18,7 @@ def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str]) -> Sd
         layer: Layer in memory that holds the prim.
         prim: Path of the root prim.
         inputs: What it was made from: seed, hash of the settings, name of a file.
+        is_ours: What it shows was made by us; of what somebody else made, by whatever means, we say nothing.
 
     Returns:
         The same layer.
@@ -27,19 +28,21 @@ def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str]) -> Sd
     schemas.prependedItems = [*schemas.prependedItems, f"AuthorshipAPI:{INSTANCE}"]
     spec.SetInfo("apiSchemas", schemas)
     pairs = [text for pair in sorted(inputs.items()) for text in pair]
-    values = (
+    values = [
         ("softwarePackage", Sdf.ValueTypeNames.String, PACKAGE),
-        ("softwareVersion", Sdf.ValueTypeNames.String, _version()),
-        ("digitalSourceType", Sdf.ValueTypeNames.String, SOURCE_TYPE),
+        ("softwareVersion", Sdf.ValueTypeNames.String, software_version()),
         ("inputs", Sdf.ValueTypeNames.StringArray, Vt.StringArray(pairs)),
-    )
+    ]
+    if is_ours:
+        values.insert(2, ("digitalSourceType", Sdf.ValueTypeNames.String, SOURCE_TYPE))
     for name, kind, value in values:
         attribute = Sdf.AttributeSpec(spec, f"authorship:{INSTANCE}:{name}", kind, Sdf.VariabilityUniform)
         attribute.default = value
     return layer
 
 
-def _version() -> str:
+def software_version() -> str:
+    """Tell the version of Falsework, or `unknown` where it is not installed."""
     try:
         return version(PACKAGE)
     except PackageNotFoundError:

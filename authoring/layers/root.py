@@ -1,14 +1,20 @@
 """Root layer: metadata and composition arcs only, short enough to read and to change by hand."""
 
-from pxr import Kind, Sdf, Vt
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Kind, Sdf, UsdGeom, Vt
 
+from authoring.layers.assets import Pieces
 from authoring.layers.layer import add_sublayers, new_layer
+from authoring.shapes.component import Component
 from usd_schemas import tokens
 
 SUBLAYERS = ("./edits/user.usda", "./render.usda", "./surveys/surveys.usda", "./lighting.usda")
 
 
-def root_layer(look: str, background: str, backgrounds: dict[str, str], images: int) -> Sdf.Layer:
+def root_layer(
+    look: str, background: str, backgrounds: dict[str, str], images: int, frame: NDArray[np.float64]
+) -> Sdf.Layer:
     """Author `scene.usda`.
 
     Args:
@@ -16,6 +22,8 @@ def root_layer(look: str, background: str, backgrounds: dict[str, str], images: 
         background: Selected background.
         backgrounds: File of each background relative to this layer; an empty string for an empty world.
         images: Number of images of the longest survey.
+        frame: Least and largest corner of what a viewport frames [m], shape (2, 3), float64: the land goes on to the
+            horizon, where nobody would find the bridge.
 
     Returns:
         A layer in memory, to be written as `scene.usda`.
@@ -24,7 +32,7 @@ def root_layer(look: str, background: str, backgrounds: dict[str, str], images: 
     layer.pseudoRoot.SetInfo("renderSettingsPrimPath", tokens.RENDER_SETTINGS)
     layer.startTimeCode, layer.endTimeCode = 0.0, float(max(images - 1, 0))
     add_sublayers(layer, list(SUBLAYERS))
-    _define(layer, tokens.WORLD, Kind.Tokens.assembly)
+    _frame(_define(layer, tokens.WORLD, Kind.Tokens.assembly), frame)
     _define(layer, tokens.SITE, Kind.Tokens.component).referenceList.prependedItems = [
         Sdf.Reference("./site/site.usda")
     ]
@@ -43,6 +51,19 @@ def root_layer(look: str, background: str, backgrounds: dict[str, str], images: 
     return layer
 
 
+def bounds_of(pieces: Pieces) -> NDArray[np.float64]:
+    """Bound the components among some pieces.
+
+    Args:
+        pieces: Components and scatters, one component at least.
+
+    Returns:
+        Least and largest corner [m], shape (2, 3), float64.
+    """
+    points = np.concatenate([piece.mesh.points for piece in pieces if isinstance(piece, Component)])
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
 def edits_layer() -> Sdf.Layer:
     """Author the empty layer that waits for a user's edits, the strongest of all."""
     return new_layer("World")
@@ -53,6 +74,12 @@ def _define(layer: Sdf.Layer, path: str, kind: str) -> Sdf.PrimSpec:
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
     spec.SetInfo("kind", kind)
     return spec
+
+
+def _frame(spec: Sdf.PrimSpec, frame: NDArray[np.float64]) -> None:
+    spec.SetInfo("apiSchemas", Sdf.TokenListOp.Create(["GeomModelAPI"]))
+    hint = Sdf.AttributeSpec(spec, UsdGeom.Tokens.extentsHint, Sdf.ValueTypeNames.Float3Array)
+    hint.default = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(np.round(frame, 3), np.float32))
 
 
 def _label_background(spec: Sdf.PrimSpec) -> None:

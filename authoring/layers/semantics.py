@@ -17,7 +17,7 @@ def semantics_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sd
         pieces: Components and scatters.
 
     Returns:
-        A layer in memory, to be written as `semantics.usdc`.
+        A layer in memory, to be written as `semantics.usda`.
     """
     layer = new_layer(asset.root)
     with Sdf.ChangeBlock():

@@ -3,6 +3,7 @@
 from pxr import Kind, Sdf
 
 from authoring.layers.geometry import SITE
+from authoring.layers.identity import name_asset
 from authoring.layers.layer import add_sublayers
 from authoring.layers.looks import surface_layer
 from authoring.looks.material import MaterialRecipe
@@ -19,5 +20,6 @@ def site_layer(recipes: dict[str, MaterialRecipe]) -> Sdf.Layer:
     """
     layer = surface_layer(SITE, recipes)
     layer.GetPrimAtPath("/Site").SetInfo("kind", Kind.Tokens.component)
-    add_sublayers(layer, ["./semantics.usdc", "./geometry.usdc"])
+    name_asset(layer, "/Site", "site", "site.usda")
+    add_sublayers(layer, ["./semantics.usda", "./geometry.usdc"])
     return layer

@@ -21,7 +21,8 @@ from authoring.looks.sheet import soften
 from groundwork import user_cache
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError
-from groundwork.files import folder_lock, read_json, write_bytes, write_json
+from groundwork.files import read_json, sweep_folders, whole_folder, write_bytes, write_json
+from groundwork.locks import hold_lock
 from groundwork.user_cache import CACHE_VARIABLE
 
 SHEETS = 3  # independent sheets of each surface
@@ -181,24 +182,22 @@ def _ensure(root: Path, key: str, make: Callable[[], tuple[dict[str, bytes], dic
         raise InputError(
             "textures cannot be kept here", where=root, mend=f"Set {CACHE_VARIABLE} to a folder that can be written"
         ) from error
-    with folder_lock(root / f"{key}.lock"):  # who came first bakes; nobody removes what another one reads
+    with hold_lock(root / f"{key}.lock") as held:  # who came first bakes; nobody removes what another one reads
+        if held:
+            sweep_folders(root, key)
         if not _whole(place):
             _bake(place, make)
     return place
 
 
 def _bake(place: Path, make: Callable[[], tuple[dict[str, bytes], dict[str, object]]]) -> None:
-    fresh = place.with_suffix(".partial")
-    for left in (fresh, place):  # by one that was killed; by one who painted over it
-        shutil.rmtree(left, ignore_errors=True)
-    fresh.mkdir()
     files, facts = make()
-    for file, data in files.items():
-        write_bytes(fresh / file, data)
-        (fresh / file).chmod(0o444)  # every scene copies it
-    digests = {file: file_digest(fresh / file) for file in sorted(files)}
-    write_json(fresh / _FACTS, {**facts, "files": digests})
-    fresh.rename(place)
+    with whole_folder(place) as fresh:  # in place of one that somebody painted over
+        for file, data in files.items():
+            write_bytes(fresh / file, data)
+            (fresh / file).chmod(0o444)  # every scene copies it
+        digests = {file: file_digest(fresh / file) for file in sorted(files)}
+        write_json(fresh / _FACTS, {**facts, "files": digests})
 
 
 def _whole(place: Path) -> bool:

@@ -161,11 +161,15 @@ def _triangles(prim: Usd.Prim) -> int:
     targets = instancer.GetPrototypesRel().GetTargets()
     stage = prim.GetStage()
     each = [
-        sum(_triangles(part) for part in Usd.PrimRange(stage.GetPrimAtPath(target)) if part.IsA(UsdGeom.Mesh))
+        sum(_triangles(part) for part in Usd.PrimRange(stage.GetPrimAtPath(target)) if _is_drawn(part))
         for target in targets
     ]
     rows = np.bincount(np.asarray(instancer.GetProtoIndicesAttr().Get() or [], np.int64), minlength=len(each))
     return int(np.dot(rows[: len(each)], each))
+
+
+def _is_drawn(part: Usd.Prim) -> bool:
+    return part.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(part).ComputePurpose() != UsdGeom.Tokens.proxy
 
 
 def _surveys(stage: Usd.Stage) -> dict[str, dict[str, int]]:

@@ -16,6 +16,8 @@ from usd_schemas.reading.labels import read_taxonomy
 
 LENS_TOLERANCE = 1e-4  # relative
 
+_WARNING = UsdValidation.ValidationErrorType.Warn
+
 Rule = Callable[[Usd.Stage], Iterator[str]]
 
 
@@ -35,7 +37,7 @@ def validate_scene(path: Path) -> list[str]:
         stage = Usd.Stage.Open(str(path))
     except Exception as error:
         raise InputError("not readable as a USD stage", where=path, mend="Check the file") from error
-    findings = Counter(list(_assets(path)))
+    findings = Counter(list(asset_findings(path)))
     selections = [(), *_selections(stage)]
     stage.SetEditTarget(stage.GetSessionLayer())
     for selection in selections:
@@ -62,6 +64,8 @@ def usd_findings(stage: Usd.Stage) -> Iterator[str]:
     context = UsdValidation.ValidationContext([registry.GetOrLoadValidatorByName(name) for name in sorted(chosen)])
     for error in context.Validate(stage):
         sites = [str(site.GetPrim().GetPath()) for site in error.GetSites() if site.IsPrim()]
+        if _is_elsewhere(error) or (error.GetType() == _WARNING and sites and sites[0].startswith(tokens.BACKGROUND)):
+            continue  # advice about a world of the user's, who may flip normals if that is how the picture was made
         yield f"{sites[0] if sites else 'stage'}: {error.GetMessage()} [{error.GetName()}]"
 
 
@@ -158,6 +162,31 @@ def camera_findings(stage: Usd.Stage) -> Iterator[str]:
             yield f"{prim.GetPath()}: lens {vars_of(found)} disagrees with the calibration {vars_of(expected)}"
 
 
+def asset_findings(path: Path) -> Iterator[str]:
+    """Every arc and file that any layer names, in any variant, starts with ./ , never climbs, and exists.
+
+    Args:
+        path: Root layer.
+    """
+    root = path.resolve().parent
+    pending, seen = [path.resolve()], set()
+    while pending:
+        layer = pending.pop()
+        if layer in seen:
+            continue
+        seen.add(layer)
+        for group in UsdUtils.ExtractExternalReferences(str(layer)):
+            for name in group:
+                target = (layer.parent / name).resolve()
+                where = f"{layer.relative_to(root).as_posix()}: {name}"
+                if not name.startswith("./") or ".." in Path(name).parts:
+                    yield f"{where}: must start with ./ and never climb"
+                elif not target.is_file():
+                    yield f"{where}: there is no such file"
+                elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):
+                    pending.append(target)
+
+
 RULES: tuple[Rule, ...] = (usd_findings, label_findings, id_findings, kind_findings, camera_findings)
 
 
@@ -189,6 +218,11 @@ def vars_of(lens: UsdLens) -> tuple[float, float, float, float, float]:
     )  # fmt: skip
 
 
+def _is_elsewhere(error: UsdValidation.ValidationError) -> bool:
+    """Tell whether a finding says only that MaterialX is not installed here: the shader is for those that have it."""
+    return error.GetName() == "MissingShaderIdInRegistry" and "'ND_" in error.GetMessage()
+
+
 def _known(prim: Usd.Prim) -> bool:
     return bool(prim.GetAttribute(tokens.USER_FALSEWORK_ID).Get())
 
@@ -210,24 +244,3 @@ def _selections(stage: Usd.Stage) -> list[tuple[Sdf.Path, str, str]]:
             current = variants.GetVariantSelection()
             chosen += [(prim.GetPath(), name, one) for one in sorted(variants.GetVariantNames()) if one != current]
     return chosen
-
-
-def _assets(path: Path) -> Iterator[str]:
-    """Every arc and file that any layer names, in any variant, starts with ./ , never climbs, and exists."""
-    root = path.resolve().parent
-    pending, seen = [path.resolve()], set()
-    while pending:
-        layer = pending.pop()
-        if layer in seen:
-            continue
-        seen.add(layer)
-        for group in UsdUtils.ExtractExternalReferences(str(layer)):
-            for name in group:
-                target = (layer.parent / name).resolve()
-                where = f"{layer.relative_to(root).as_posix()}: {name}"
-                if not name.startswith("./") or ".." in Path(name).parts:
-                    yield f"{where}: must start with ./ and never climb"
-                elif not target.is_file():
-                    yield f"{where}: there is no such file"
-                elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):
-                    pending.append(target)

@@ -1,7 +1,10 @@
 """More choices for a scene that is there: looks, backgrounds and lights authored from its recipe when asked for."""
 
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from pxr import Sdf, Tf, Usd
@@ -21,17 +24,26 @@ from authoring.scenes.manifest import SceneRecipe, read_recipe, refresh_manifest
 from authoring.site.site import Site, draw_site
 from authoring.streams import stream
 from authoring.variants.arcs import add_background, add_light, add_look
-from authoring.variants.foreign_background import import_background
-from authoring.variants.foreign_look import import_look
+from authoring.variants.foreign_background import stage_background
+from authoring.variants.foreign_look import stage_look
 from authoring.variants.foreign_place import HERE, Point
+from authoring.variants.staging import Staged
 from authoring.variants.write import write_background, write_light, write_look
 from groundwork.errors import InputError
-from groundwork.files import space_errors, write_text
+from groundwork.files import space_errors, sweep_folders, write_text
+from groundwork.locks import hold_lock
+from groundwork.marks import TEMPORARY
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.taxonomies import taxonomy
 
 TAXONOMY = "taxonomy"
+LOCK = f"{TEMPORARY}edit"  # no content of the scene
 USD_FILES = (".usd", ".usda", ".usdc", ".usdz")
+_ALSO = {  # what may stand there besides a name
+    "look": ("a USD file", "a folder or zip of surfaces"),
+    "background": ("a USD file", "a folder that falsework background import made"),
+    "light": ("a date and hour such as 2024-12-21T10:00", "a photographed sky (.hdr, .exr)"),
+}
 
 
 def set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None = None) -> dict[str, str]:
@@ -53,11 +65,16 @@ def set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point 
         InputError: A stored scene, an unknown axis or choice, or an unusable file.
     """
     check_editable(scene)
+    with _sole_editor(scene):
+        return _set_choices(scene, choices, warn, origin)
+
+
+def _set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None) -> dict[str, str]:
     tables = {axis: taxonomy(name).name for axis, name in choices.items() if axis == TAXONOMY}
     for axis in choices.keys() - AXES.keys() - tables.keys():
         raise InputError("no such choice", where=scene, field=axis, allowed=", ".join([*AXES, TAXONOMY]))
     _check_origin(choices, origin)
-    names = {axis: _ensure(scene, axis, value, warn, origin) for axis, value in choices.items() if axis in AXES}
+    names = _ensure(scene, {axis: value for axis, value in choices.items() if axis in AXES}, warn, origin)
     choose(scene, names)
     for name in tables.values():
         write_taxonomy_layer(scene.parent, name)
@@ -85,12 +102,28 @@ def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn, o
     for axis in choices.keys() - AXES.keys():
         raise InputError("no such choice", where=scene, field=axis, allowed=", ".join(AXES))
     _check_origin(choices, origin)
-    names = {axis: _ensure(scene, axis, value, warn, origin) for axis, value in choices.items()}
     path = scene.with_name(f"variant_{name}.usda")
-    layer = variant_layer(Sdf.Layer.OpenAsAnonymous(str(scene), metadataOnly=False), scene.name, names)
-    write_text(path, layer.ExportToString())
-    refresh_manifest(scene.parent)
+    with _sole_editor(scene):
+        names = _ensure(scene, choices, warn, origin)
+        layer = variant_layer(Sdf.Layer.OpenAsAnonymous(str(scene), metadataOnly=False), scene.name, names)
+        write_text(path, layer.ExportToString())
+        refresh_manifest(scene.parent)
     return path
+
+
+@contextmanager
+def _sole_editor(scene: Path) -> Iterator[None]:
+    """Edit a scene while nobody else does: what is added goes into its layers, too, and none of it may be lost."""
+    lock = scene.with_name(LOCK)
+    with hold_lock(lock) as held:
+        if held:
+            for folder in ("bridge/looks", "background"):
+                sweep_folders(scene.parent / folder)
+        try:
+            yield
+        finally:
+            if held:
+                lock.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
@@ -112,27 +145,51 @@ def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
         )  # fmt: skip
 
 
-def _ensure(scene: Path, axis: str, value: str, warn: Warn, origin: Point | None) -> str:
-    """Make sure that a scene offers a choice, and tell its name."""
-    known = offered(Usd.Stage.Open(str(scene), Usd.Stage.LoadNone)).get(axis, ())
-    if value in known:
-        return value
-    with space_errors(scene.parent):
-        if axis == "background" and is_city(Path(value)):
-            return _settle(scene, Path(value))
-        if Path(value).suffix in USD_FILES and axis != "light":
-            if axis == "look":
-                return import_look(scene, Path(value), warn)
-            return import_background(scene, Path(value), warn, HERE if origin is None else origin)
-        if axis == "light" and Path(value).suffix.lower() in PANORAMAS:
-            return _author_sky(scene, Path(value))
-        if axis == "look" and (Path(value).is_dir() or Path(value).suffix.lower() == ".zip"):
-            return _wear(scene, Path(value))
-        makeable = {"look": tuple(LOOKS), "background": tuple(BACKGROUNDS), "light": ()}[axis]
-        date = _date(value) if axis == "light" else None
-        if value not in makeable and date is None:
-            raise unknown_choice(scene, axis, value, tuple(sorted({*known, *makeable})))
-        return _author(scene, axis, value, date)
+def _ensure(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None) -> dict[str, str]:
+    """Make sure that a scene offers some choices, and tell their names; where one is refused, nothing has changed."""
+    offer = offered(Usd.Stage.Open(str(scene), Usd.Stage.LoadNone))
+    with ExitStack() as staged, space_errors(scene.parent):
+        makers: dict[str, Callable[[], str]] = {}
+        for axis, value in choices.items():
+            if value in offer.get(axis, ()):
+                makers[axis] = partial(str, value)
+            elif Path(value).suffix in USD_FILES and axis != "light" and not _is_world(axis, value):
+                asset = _stage(scene, axis, Path(value), warn, origin)
+                staged.callback(asset.discard)
+                makers[axis] = partial(_commit, asset)
+            else:
+                makers[axis] = _maker(scene, axis, value, offer.get(axis, ()))
+        return {axis: make() for axis, make in makers.items()}
+
+
+def _stage(scene: Path, axis: str, file: Path, warn: Warn, origin: Point | None) -> Staged:
+    if axis == "look":
+        return stage_look(scene, file, warn)
+    return stage_background(scene, file, warn, HERE if origin is None else origin)
+
+
+def _commit(asset: Staged) -> str:
+    asset.commit()
+    return asset.name
+
+
+def _is_world(axis: str, value: str) -> bool:
+    return axis == "background" and is_city(Path(value))
+
+
+def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callable[[], str]:
+    """Choose what makes a choice that a scene does not offer yet: nothing is written before it is called."""
+    if _is_world(axis, value):
+        return partial(_settle, scene, Path(value))
+    if axis == "light" and Path(value).suffix.lower() in PANORAMAS:
+        return partial(_author_sky, scene, Path(value))
+    if axis == "look" and (Path(value).is_dir() or Path(value).suffix.lower() == ".zip"):
+        return partial(_wear, scene, Path(value))
+    makeable = {"look": tuple(LOOKS), "background": tuple(BACKGROUNDS), "light": ()}[axis]
+    date = _date(value) if axis == "light" else None
+    if value not in makeable and date is None:
+        raise unknown_choice(scene, axis, value, (*sorted({*known, *makeable}), *_ALSO[axis]))
+    return partial(_author, scene, axis, value, date)
 
 
 def _settle(scene: Path, world: Path) -> str:

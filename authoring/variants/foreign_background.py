@@ -1,16 +1,22 @@
 """A world of the user's as a background: re-rooted, in metres with z up, without its cameras and lights."""
 
-import shutil
+from functools import partial
 from pathlib import Path
 
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdRender
 
-from authoring.foreign.usd_file import adopt, flatten_foreign, open_foreign, safe_name
+from authoring.backgrounds.registry import BACKGROUNDS
+from authoring.foreign.asset_paths import localize
+from authoring.foreign.mending import mend
+from authoring.foreign.usd_file import adopt, flatten_foreign, holder_of, open_foreign, safe_name
+from authoring.layers.identity import name_asset
 from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
 from authoring.variants.arcs import add_background
 from authoring.variants.foreign_place import HERE, Point, check_place
+from authoring.variants.staging import Staged, check_asset, fresh_folder
 from groundwork.canonical import file_digest
+from groundwork.errors import InputError
 from usd_schemas import tokens
 from usd_schemas.components import component_classes
 from usd_schemas.guard.layer_walk import Warn
@@ -27,53 +33,68 @@ _LABELS = (
 )  # fmt: skip
 
 
-def import_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) -> str:
-    """Bring in a world as the background of a scene, and offer it there; a former one of the same name is replaced.
+def stage_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) -> Staged:
+    """Make a background of a user's world beside its place; the scene stays as it is until it is committed.
 
     Args:
         scene: Root layer of the scene.
         file: USD file.
-        warn: Called with one line about what is left out, and one about what stands in the way.
+        warn: Called with one line about what is left out, one about what stands in the way, and one about what USD's
+            own validators find.
         origin: Point of the file's world that becomes the scene's origin, where the bridge begins [m], z up.
 
     Returns:
-        Name of the background.
+        The background; a former one of the same name is replaced.
 
     Raises:
         InputError: Not readable, a material or texture is missing, or it stands more than 10 km off.
     """
     name = safe_name(file.stem)
+    if name in BACKGROUNDS:
+        raise InputError("has the name of a world of ours", where=file, value=name, mend="Rename it")
     stage = open_foreign(file)
     check_place(stage, file, scene, origin, warn)
     place = scene.parent / "background" / name
-    fresh = place.with_name(f".{name}.partial")
-    shutil.rmtree(fresh, ignore_errors=True)
-    fresh.mkdir(parents=True)
-    export(_background(stage, name, flatten_foreign(stage, file, fresh), origin, warn), fresh / "world.usdc")
+    fresh = fresh_folder(place)
+    offer = partial(add_background, scene, name, f"./background/{name}/{name}.usda")
+    staged = Staged(name, fresh, place, offer)
+    try:
+        layer = _background(stage, name, origin, warn)
+        localize(layer, fresh, file, partial(holder_of, stage), warn)
+        mend(layer)
+        export(layer, fresh / "world.usdc")
+        export(_root(name, file, origin), fresh / f"{name}.usda")
+        check_asset(scene, "background", fresh / f"{name}.usda", file, warn)
+    except BaseException:
+        staged.discard()
+        raise
+    return staged
+
+
+def _root(name: str, file: Path, origin: Point) -> Sdf.Layer:
     root = new_layer("Background")
     spec = Sdf.CreatePrimInLayer(root, "/Background")
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
     spec.SetInfo("kind", Kind.Tokens.component)
-    spec.SetInfo("assetInfo", {"name": name})
     made = {"file": file.name, "sha256": file_digest(file)}
+    name_asset(root, "/Background", name, f"{name}.usda", made["sha256"][:12])
     if origin != HERE:
         made["origin"] = " ".join(f"{value:.15g}" for value in origin)
-    author_provenance(root, "/Background", made)
+    author_provenance(root, "/Background", made, is_ours=False)
     root.subLayerPaths = ["./world.usdc"]
-    export(root, fresh / f"{name}.usda")
-    shutil.rmtree(place, ignore_errors=True)
-    fresh.rename(place)
-    add_background(scene, name, f"./background/{name}/{name}.usda")
-    return name
+    return root
 
 
-def _background(stage: Usd.Stage, name: str, flat: Sdf.Layer, origin: Point, warn: Warn) -> Sdf.Layer:
-    dropped = _dropped(stage)
+def _background(stage: Usd.Stage, name: str, origin: Point, warn: Warn) -> Sdf.Layer:
+    flat = flatten_foreign(stage)
+    dropped = _dropped(flat)
     if dropped:
         warn(f"left out of the background: {', '.join(str(path) for path in dropped)}")
     for path in dropped:
-        flat.GetPrimAtPath(path).SetInfo("active", False)
+        if (spec := flat.GetPrimAtPath(path)) is not None:
+            del spec.nameParent.nameChildren[spec.name]
     layer = new_layer("Background")
+    layer.customLayerData, layer.documentation = flat.customLayerData, flat.documentation
     world = Sdf.CreatePrimInLayer(layer, f"/Background/Background_{name}")
     for spec in (layer.GetPrimAtPath("/Background"), world):
         spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
@@ -83,12 +104,13 @@ def _background(stage: Usd.Stage, name: str, flat: Sdf.Layer, origin: Point, war
     return layer
 
 
-def _dropped(stage: Usd.Stage) -> list[Sdf.Path]:
-    """List what is no part of a world: cameras, lights and render settings."""
+def _dropped(flat: Sdf.Layer) -> list[Sdf.Path]:
+    """List what is no part of a world, prototypes of instances looked through too: cameras, lights, render settings."""
     kinds = (UsdGeom.Camera, UsdRender.SettingsBase, UsdRender.Var)
+    stage = Usd.Stage.Open(flat)
     return [
         prim.GetPath()
-        for prim in stage.Traverse()
+        for prim in Usd.PrimRange.Stage(stage, Usd.PrimAllPrimsPredicate)
         if prim.HasAPI(UsdLux.LightAPI) or any(prim.IsA(kind) for kind in kinds)
     ]
 

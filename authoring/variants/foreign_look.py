@@ -1,37 +1,43 @@
 """Materials of the user's as a look: those that are named like the roles fill them, others come from another look."""
 
-import shutil
+from functools import partial
 from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
-from authoring.foreign.usd_file import flatten_foreign, open_foreign, safe_name
+from authoring.foreign.asset_paths import localize
+from authoring.foreign.mending import mend
+from authoring.foreign.usd_file import flatten_foreign, holder_of, open_foreign, safe_name
 from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
-from authoring.looks.roles import sheet_role
+from authoring.looks.roles import LOOKS, sheet_role
 from authoring.variants.arcs import add_look
+from authoring.variants.staging import Staged, check_asset, fresh_folder
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from usd_schemas import tokens
 from usd_schemas.guard.layer_walk import Warn
 
 
-def import_look(scene: Path, file: Path, warn: Warn) -> str:
-    """Bring in the materials of a USD file as a look of the bridge; a former one of the same name is replaced.
+def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
+    """Make a look of the materials of a USD file beside its place; the scene stays as it is until it is committed.
 
     Args:
         scene: Root layer of the scene.
         file: USD file with materials named like the roles, `Role_PierConcrete` and so on, anywhere in it; the further
             sheets of a role follow it unless the file has them, too.
-        warn: Called with one line about the roles that the file does not fill.
+        warn: Called with one line about the roles that the file does not fill, and one about what USD's own
+            validators find.
 
     Returns:
-        Name of the look.
+        The look; a former one of the same name is replaced.
 
     Raises:
         InputError: Not readable, it fills no role, or a texture is missing.
     """
     name = safe_name(file.stem)
+    if name in LOOKS:
+        raise InputError("has the name of a look of ours", where=file, value=name, mend="Rename it")
     stage = open_foreign(file)
     roles = _roles(scene)
     materials = {
@@ -41,25 +47,29 @@ def import_look(scene: Path, file: Path, warn: Warn) -> str:
     }
     if not materials.keys() & roles:
         raise InputError("holds no material that is named like a role", where=file, allowed=", ".join(sorted(roles)))
-    looks = scene.parent / "bridge/looks"
-    fresh = looks / f".{name}.partial"
-    shutil.rmtree(fresh, ignore_errors=True)
-    fresh.mkdir(parents=True)
-    layer = _look(flatten_foreign(stage, file, fresh), materials, file)
     sheets = {name: role for name in roles - materials.keys() if (role := sheet_role(name)) in materials}
-    for sheet, role in sorted(sheets.items()):
-        spec = Sdf.CreatePrimInLayer(layer, f"/Look/{sheet}")
-        spec.specifier, spec.typeName = Sdf.SpecifierDef, "Material"
-        spec.specializesList.prependedItems = [Sdf.Path(f"/Look/{role}")]
-    author_provenance(layer, "/Look", {"file": file.name, "sha256": file_digest(file)})
-    export(layer, fresh / "look.usda")
     others = _fallbacks(scene, roles - materials.keys() - sheets.keys(), name)
-    shutil.rmtree(looks / name, ignore_errors=True)
-    fresh.rename(looks / name)
+    place = scene.parent / "bridge/looks" / name
+    fresh = fresh_folder(place)
+    offer = partial(add_look, scene.parent / "bridge/bridge.usda", name, f"./looks/{name}/look.usda", others)
+    staged = Staged(name, fresh, place, offer)
+    try:
+        layer = _look(flatten_foreign(stage), materials, file)
+        localize(layer, fresh, file, partial(holder_of, stage), warn)
+        mend(layer)
+        for sheet, role in sorted(sheets.items()):
+            spec = Sdf.CreatePrimInLayer(layer, f"/Look/{sheet}")
+            spec.specifier, spec.typeName = Sdf.SpecifierDef, "Material"
+            spec.specializesList.prependedItems = [Sdf.Path(f"/Look/{role}")]
+        author_provenance(layer, "/Look", {"file": file.name, "sha256": file_digest(file)}, is_ours=False)
+        export(layer, fresh / "look.usda")
+        check_asset(scene, "look", fresh / "look.usda", file, warn)
+    except BaseException:
+        staged.discard()
+        raise
     if others:
         warn(f"roles that {file.name} does not fill, taken from other looks: {', '.join(sorted(others))}")
-    add_look(scene.parent / "bridge/bridge.usda", name, f"./looks/{name}/look.usda", others)
-    return name
+    return staged
 
 
 def _roles(scene: Path) -> set[str]:
@@ -72,6 +82,7 @@ def _roles(scene: Path) -> set[str]:
 
 def _look(flat: Sdf.Layer, materials: dict[str, Sdf.Path], file: Path) -> Sdf.Layer:
     layer = new_layer("Look")
+    layer.customLayerData, layer.documentation = flat.customLayerData, flat.documentation
     root = Sdf.CreatePrimInLayer(layer, "/Look")
     root.specifier, root.typeName = Sdf.SpecifierDef, "Scope"
     for role, path in sorted(materials.items()):

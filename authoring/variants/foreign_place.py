@@ -78,6 +78,8 @@ def _bodies(stage: Usd.Stage) -> tuple[dict[str, F64], dict[str, float]]:
         points = np.asarray(mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()) or np.zeros((0, 3)), np.float64)
         counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get() or (), np.int64)
         corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get() or (), np.int64)
+        if points.ndim != 2 or points.shape[1] != 3 or corners.min(initial=0) < 0:
+            continue  # of another type: readers leave such a mesh out as well
         if not len(points) or not len(corners) or corners.max() >= len(points) or (counts < 3).any():
             continue
         matrix = to_scene @ np.array(cache.GetLocalToWorldTransform(prim)).T

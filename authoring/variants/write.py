@@ -102,7 +102,7 @@ def write_background(
     own = tuple(piece for piece in pieces if not (isinstance(piece, Component) and piece.role in roles))
     recipes = {**bake_surfaces(own, place, settings.look.texels, seed), **skin_recipes(skins, place)}
     layer = background_layer(name, recipes)
-    export(author_provenance(layer, "/Background", made), folder / file)
+    export(author_provenance(layer, "/Background", made, is_ours=world is None), folder / file)
     return file
 
 

@@ -13,13 +13,17 @@ MEMORY_LIMIT = 4.0  # [GB]
 ADDRESS_LIMIT = 32.0  # [GB] one array that claims more fails at once; threads of many cores reserve some
 
 
-def surveys_of(stage: Path, allow_roots: tuple[Path, ...] = (), progress: Progress = SILENT) -> list[str]:
+def surveys_of(
+    stage: Path, allow_roots: tuple[Path, ...] = (), progress: Progress = SILENT,
+    choices: dict[str, Any] | None = None,
+) -> list[str]:  # fmt: skip
     """Name the products of a stage, or its cameras where it has none.
 
     Args:
         stage: USD file.
         allow_roots: Folders beside that of the stage from which it may take files.
         progress: Told what is odd about the stage.
+        choices: JSON of `StageChoices`, or None for the stage as it is.
 
     Returns:
         Names, in the order of the stage.
@@ -27,7 +31,8 @@ def surveys_of(stage: Path, allow_roots: tuple[Path, ...] = (), progress: Progre
     Raises:
         InputError: Not a stage, nothing in it to render, files from elsewhere, or more than can be read safely.
     """
-    request = {"stage": str(stage), "allow_roots": [str(root) for root in allow_roots]}
+    roots = [str(root) for root in allow_roots]
+    request = {"stage": str(stage), "allow_roots": roots, "choices": choices}
     return read_safely("falsework.children.products", request, stage, progress)
 
 
@@ -66,6 +71,7 @@ def read_safely(
 
 def _answer(request: dict[str, Any], progress: Progress) -> list[str]:
     from usd_schemas.guard.guard import check_stage, limit_memory
+    from usd_schemas.reading.choices import choices_from
     from usd_schemas.reading.scene_cache import load_scene
 
     limit_memory(ADDRESS_LIMIT)
@@ -74,7 +80,8 @@ def _answer(request: dict[str, Any], progress: Progress) -> list[str]:
     check_stage(stage, tuple(Path(root) for root in request["allow_roots"]), said.setdefault)
     for line in said:
         progress.note(line)
-    return [product.name for product in load_scene(stage).products]  # what the reader leaves out, the renderer notes
+    scene = load_scene(stage, choices=choices_from(request.get("choices")))
+    return [product.name for product in scene.products]  # what the reader leaves out, the renderer notes
 
 
 if __name__ == "__main__":

@@ -144,10 +144,17 @@ def clouds_in(source: Path) -> list[Path]:
 
     Args:
         source: Output folder of a run, a cloud, or a scan.
+
+    Raises:
+        InputError: A run without a cloud.
     """
-    if (source / "scenes").is_dir() and not (source / "cloud.json").is_file():
-        return sorted(path for path in (source / "scenes").glob("*/cloud/*") if (path / "cloud.json").is_file())
-    return [source]
+    if not (source / "scenes").is_dir() or (source / "cloud.json").is_file():
+        return [source]
+    found = sorted(path for path in (source / "scenes").glob("*/cloud/*") if (path / "cloud.json").is_file())
+    if not found:
+        raise InputError("a run without a cloud", where=source,
+                         mend="Run it to its clouds first: falsework plan says what is missing")  # fmt: skip
+    return found
 
 
 DATASET_VERBS = {"local": local, "global": whole, "export": export}

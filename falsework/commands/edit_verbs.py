@@ -13,8 +13,10 @@ from groundwork.child import answer_parent
 from groundwork.errors import MissingError
 from groundwork.progress import Progress
 
-JSON_VERSION = 1
-_SAID = {"moved": "moved", "reshaped": "reshaped", "recoloured": "recoloured", "removed": "removed"}
+JSON_VERSION = 2
+_DRAWN = "shines in all renderers; in ours it throws no shadow"
+_UNDRAWN = "shines in other renderers; of lamps ours draws SphereLights"
+_SAID = {"moved": "moved", "reshaped": "reshaped", "recoloured": "recoloured", "hidden": "hidden", "removed": "removed"}
 
 
 def import_edits(
@@ -28,8 +30,8 @@ def import_edits(
 ) -> int:
     """Compare what Blender or another DCC exported with the scene it came from; write the changes as edits/user.usda.
 
-    Moved parts, changed meshes, recoloured materials, new objects, cameras and lights, and the sun are taken over;
-    plants and other instances are not. A camera is a flight for a survey of kind "stage".
+    Moved, hidden and changed meshes, recoloured materials, new meshes, solids, instances, cameras and lights, and the
+    sun are taken over. Whatever is not has a line that names it. A camera is a flight for a survey of kind "stage".
 
     Args:
         edited: USD file that the DCC exported, with custom properties.
@@ -81,7 +83,7 @@ def harvest(
 
     Returns:
         Names by kind of change: `moved`, `reshaped`, `recoloured`, `added` (name to label), `removed`, `missing`,
-        `cameras` (name to number of poses), `lights`, `left_out`.
+        `cameras` (name to number of poses), `lights` (name to type), `hidden`, `left_out`.
 
     Raises:
         InputError: Missing, not readable, not of this scene, or the scene is a stored one.
@@ -107,8 +109,8 @@ def report_lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"{'added':<11} {', '.join(f'{name} ({label})' for name, label in found['added'].items())}")
     for name, poses in found["cameras"].items():
         lines.append(f'{"camera":<11} {name}, {poses} pose{"s" * (poses > 1)}: a flight for a survey of kind "stage"')
-    if found["lights"]:
-        lines.append(f"{'light':<11} {', '.join(found['lights'])}: for other renderers; ours shows sun and sky")
+    for name, kind in found["lights"].items():
+        lines.append(f"{'light':<11} {name}, a {kind}: {_DRAWN if kind == 'SphereLight' else _UNDRAWN}")
     lines = lines or ["no changes: edits/user.usda is empty"]
     if found["missing"]:
         lines.append(f"{'missing':<11} {', '.join(found['missing'])}: still there; --remove switches them off")

@@ -17,7 +17,7 @@ def predict(
     scan: tyro.conf.Positional[Path],
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
-    model: str,
+    model: str = "",
     unit: Unit | None = None,
     scale: float | None = None,
     up: Up = "z",
@@ -33,7 +33,8 @@ def predict(
         scan: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
         output: File to write, of the same format, or .las or .laz; boxes of the instances go into a .json beside it.
         model: What knows the classes: a folder that falsework train has written, or module:function of a model of
-            your own.
+            your own. Left out: the small model of the package, of positions alone; its card, whose path is said, tells
+            what it cannot do.
         unit: Unit of the coordinates, where the scan does not say it.
         scale: Metres that one unit of a cloud without scale stands for.
         up: Axis of the scan that points up.
@@ -43,7 +44,7 @@ def predict(
         link: Points of a class in touching cubes of this side are one instance [m].
         chunk: Points of the scan in memory at once.
     """
-    from learn.predict.model import named_model
+    from learn.predict.model import named_model, shipped_folder
     from learn.predict.predict import predict_scan
     from learn.predict.settings import PredictSettings
 
@@ -57,7 +58,7 @@ def predict(
     if not output.suffix:
         raise InputError("says no format", where=output, field="-o", mend="Give it a suffix such as .laz")
     known = named_model(model)
-    if Path(model).is_dir():
+    if model and Path(model).is_dir():
         output_place(output, [Path(model)])
     with ConsoleProgress() as progress:
         made = predict_scan(scan, output, known, settings, progress)
@@ -67,4 +68,6 @@ def predict(
         sys.stdout.write(f"{'no class':<16} {made.unlabelled:>10} points  {made.unlabelled / made.points:6.1%}\n")
     sys.stdout.write(f"{made.instances} instances; the model saw {made.thinned} of {made.points} points\n")
     sys.stdout.write(f"labelled {output}\n")
+    if not model:
+        sys.stdout.write(f"by the model of the package; what it cannot do: {shipped_folder() / 'README.md'}\n")
     return 0

@@ -68,8 +68,7 @@ def _made_here(scenario: Scenario, scenes: list[int], progress: Progress) -> set
     sources = look_at_sources(scenario, progress)
     found = set()
     for index in scenes:
-        for step in scene_chain(scenario, index, sources).steps:
-            found.add(f"{step.task.stage}/{step.task.key}")
+        found |= {f"{step.task.stage}/{step.task.key}" for step in scene_chain(scenario, index, sources).steps}
     return found
 
 

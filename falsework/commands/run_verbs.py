@@ -7,8 +7,6 @@ from typing import Annotated, Any
 
 import tyro
 
-from falsework.commands.console import ConsoleProgress
-
 SOME_SCENES_FAILED = 3
 JSON_VERSION = 1
 
@@ -65,17 +63,21 @@ def run(
 
 
 def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool, **how: Any) -> int:
+    from falsework.commands.run_console import RunConsole
+    from falsework.execution.costs import Costs
     from falsework.execution.interrupts import prompt_ending
     from falsework.pipeline import run_scenario
     from falsework.scenario import Scenario
 
     assert isinstance(scenario, Scenario)
-    with prompt_ending(), ConsoleProgress() as progress:
-        outcome = run_scenario(scenario, output, progress, scenes, **how)
+    with prompt_ending(), RunConsole(Costs(output)) as console:
+        outcome = run_scenario(scenario, output, console, scenes, board=console, **how)
     if as_json:
         paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}
         counts = {"made": outcome.made, "reused": outcome.reused}
-        _answer({**counts, **paths, "rejected": outcome.rejected, "failed": outcome.failed})
+        _answer(
+            {**counts, **paths, "few": _few(outcome.clouds), "rejected": outcome.rejected, "failed": outcome.failed}
+        )
         return SOME_SCENES_FAILED if outcome.failed else 0
     for name, reason in outcome.rejected.items():
         _say(f"scene {name} rejected: {reason}")
@@ -85,9 +87,25 @@ def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool
          f"nothing to do: all {outcome.reused} results were there already")  # fmt: skip
     for cloud in outcome.clouds:
         _say(f"cloud   {cloud}")
+    for line in _few(outcome.clouds):
+        _say(f"few     {line}")
     for page in outcome.reports:
         _say(f"report  {page}")
     return SOME_SCENES_FAILED if outcome.failed else 0
+
+
+def _few(clouds: list[Path]) -> list[str]:
+    """Name the classes that are few somewhere along the bridges, a line for each kind of cloud."""
+    from groundwork.files import read_json
+    from recon.truth.per_class import few_in_words
+
+    by_source: dict[str, list[dict[str, Any]]] = {}
+    for cloud in clouds:
+        if (cloud / "cloud.json").is_file():
+            stored = read_json(cloud / "cloud.json")
+            by_source.setdefault(stored["source"].removeprefix("sfm-"), []).append(stored["statistics"])
+    lines = [(source, few_in_words(found)) for source, found in sorted(by_source.items())]
+    return [f"{source} clouds: {line}" for source, line in lines if line]
 
 
 def _say(line: str) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,13 +13,15 @@ from falsework.commands.given_settings import given_settings
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import read_json
-from groundwork.output_file import check_output_file, write_fresh_file
+from groundwork.output_file import SIGNATURE, check_output_file, write_fresh_file
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
 from groundwork.settings import parse_settings
 
 if TYPE_CHECKING:
-    from learn.sample import SampleSource
+    from learn.sample import SampleSource, ScoredSource
+    from learn.trained import ModelFacts
+    from learn.training.settings import TrainSettings
 
 JSON_VERSION = 1
 
@@ -28,15 +31,16 @@ Given = tyro.conf.UseAppendAction[tuple[str, ...]]
 
 
 def train(
-    dataset: File,
-    output: Output,
+    dataset: tyro.conf.Positional[Path | None] = None,
     *,
-    model: str = "pointnet2-ssg",
+    output: Output,
+    demo: bool = False,
+    model: str = "",
     recipe: Literal["paper", "modern"] = "modern",
-    epochs: int = 50,
+    epochs: int | None = None,
     batch: int = 8,
     seed: int = 0,
-    channels: str = "x,y,z",
+    channels: str = "",
     init: Path | None = None,
     freeze_encoder: bool = False,
     set: Given = (),
@@ -48,40 +52,46 @@ def train(
     Args:
         dataset: Folder that falsework dataset has written.
         output: Folder to write: a model.
-        model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which takes no epochs.
+        demo: Train on thinned clouds of twenty-two bridges that come with the package, in a few minutes, and print what
+            that is worth on four that were held out; takes no further options but --seed and --epochs.
+        model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which takes no epochs; left
+            out: that of --init, else pointnet2-ssg.
         recipe: paper: what is known of the paper's training. modern: what has been learnt since.
-        epochs: Passes over the training samples.
+        epochs: Passes over the training samples; 50 when left out.
         batch: Samples of a step.
         seed: Seed of weights, order, draws and dropout.
-        channels: What the network sees of a point, with commas between.
+        channels: What the network sees of a point, with commas between; left out: that of --init, else x,y,z, and with
+            --recipe modern the height above the estimated ground, where the data set has it.
         init: A model to begin with; its last layer is drawn anew where the classes are others.
-        freeze_encoder: Train the way back up and the head alone.
+        freeze_encoder: Train the way back up and the head alone, as for a few labelled scans of one's own.
         set: A further setting, such as `learning_rate=0.001`, or of the network, such as `network.unit=2.0`; may be
             given more than once.
     """
-    from learn.training.settings import TrainSettings
-    from learn.training.train import train_network
-
-    values: dict[str, Any] = {"model": model, "recipe": recipe, "epochs": epochs, "batch": batch, "seed": seed,
-                              "freeze_encoder": freeze_encoder, "network": {}}  # fmt: skip
-    for key, value in given_settings(set).items():
-        if key.startswith("network."):
-            values["network"][key.removeprefix("network.")] = value
-        else:
-            values[key] = value
-    settings = parse_settings(TrainSettings, values, "--set")
-    names = _words(channels)
-    source, held = _split(dataset, "train", names), _split(dataset, "val", names)
-    asked = [file_digest(dataset / "dataset.json"), channels, str(init), settings.model_dump(mode="json")]
+    if demo:
+        given = {"dataset": dataset, "--model": model, "--channels": channels, "--init": init, "--set": set}
+        return _demo(output, seed, epochs, [name for name, value in given.items() if value])
+    if dataset is None:
+        raise InputError("no data set", mend="Name a folder that falsework dataset has written, or give --demo")
+    settings = _settings(
+        {"model": model, "recipe": recipe, "epochs": epochs, "batch": batch, "seed": seed,
+         "freeze_encoder": freeze_encoder}, begun := _begun(init), set,
+    )  # fmt: skip
+    if init is not None and settings.model == "forest":
+        raise InputError("a forest begins anew", field="--init", value=init, mend="Leave --init out")
+    names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
+    source, held = _training_split(dataset, names, settings), _split(dataset, "val", names)
+    asked = [file_digest(dataset / "dataset.json"), names, str(init), settings.model_dump(mode="json")]
     inputs = [dataset] if init is None else [dataset, init]
     with ConsoleProgress() as progress, reading(*inputs):
-        if model == "forest":
+        if settings.model == "forest":
             from learn.training.forest import train_forest
 
             fresh_output(output, "model", lambda folder: train_forest(
                 source, settings, folder, progress, _facts(source)
             ), inputs=inputs, asked=asked)  # fmt: skip
         else:
+            from learn.training.train import train_network
+
             fresh_output(output, "model", lambda folder: train_network(
                 source, held if len(held) else None, settings, folder, progress, data=_facts(source), init=init,
             ), inputs=inputs, asked=asked, resume=True)  # fmt: skip
@@ -97,36 +107,81 @@ def evaluate(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
 ) -> int:
-    """Score a model on one split of a data set: accuracy, IoU, precision and F1 of each class, and calibration.
+    """Score a model on one split of a data set, every point once.
+
+    Accuracy, IoU, precision and F1 of each class, confusion, calibration, mean IoU by uncertainty, panoptic quality,
+    over all and for each bridge. A model of components is summed into the data set's classes.
 
     Args:
         model: Folder that falsework train has written.
         dataset: Folder that falsework dataset has written.
         split: Part of the data set.
-        output: JSON file for the scores, the confusion matrices of every bridge among them.
+        output: JSON file for the scores; the tables go into a .md file beside it.
         as_json: Print one JSON object instead of a table.
     """
-    from learn.evaluate import evaluate_model, score_lines
+    from learn.evaluate import evaluate_model
+    from learn.scoring.table import score_lines, short_lines
     from learn.trained import read_model
 
     if output is not None:
+        if output.suffix == ".md":
+            raise InputError("the name of the tables beside the scores", where=output, field="-o",
+                             mend="Name a .json file: the tables lie beside it")  # fmt: skip
         check_output_file(output, [model, dataset], _is_evaluation)
+        check_output_file(output.with_suffix(".md"), [model, dataset])
     with reading(model, dataset):
         trained = read_model(model)
-        source = _split(dataset, split, trained.channels)
-    if source.classes != trained.classes:
-        raise InputError("the data set has other classes than the model", where=dataset, field="classes",
-                         value=", ".join(source.classes), allowed=", ".join(trained.classes))  # fmt: skip
-    if not len(source):
-        raise InputError("nothing in this split", where=dataset, field="--split", value=split)
+        source = _scored(trained.facts, dataset, split)
     with ConsoleProgress() as progress, reading(model, dataset):
-        record = evaluate_model(trained, source, progress)
+        if known := _trained_on(trained.facts, source):
+            progress.note(f"the model was trained on {len(known)} of these bridges, so that its scores are too good: "
+                          + ", ".join(name[:12] for name in known))  # fmt: skip
+        record = evaluate_model(_in_classes_of(source, trained), source, progress)
     if output is not None:
         write_fresh_file(output, json.dumps(record, sort_keys=True, indent=2).encode() + b"\n", [model, dataset],
                          _is_evaluation)  # fmt: skip
-    text = json.dumps({"version": JSON_VERSION, **record}) if as_json else "\n".join(score_lines(record))
-    sys.stdout.write(text + "\n")
+        page = [
+            f"<!-- {SIGNATURE} -->",
+            f"# Scores of {model.name} on {dataset.name}, {split}",
+            "",
+            *score_lines(record),
+        ]
+        write_fresh_file(output.with_suffix(".md"), "\n".join([*page, ""]).encode(), [model, dataset])
+    shown = short_lines(record) if output is not None else score_lines(record)
+    sys.stdout.write((json.dumps({"version": JSON_VERSION, **record}) if as_json else "\n".join(shown)) + "\n")
     return 0
+
+
+def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
+    """Open a split for a model; samples of another scale than those it was trained on would say nothing of it."""
+    source: Any = _split(dataset, split, facts.channels)
+    if not len(source):
+        raise InputError("nothing in this split", where=dataset, field="--split", value=split,
+                         mend="Name another one, or keep bridges for it when the data set is made")  # fmt: skip
+    before, now = facts.data.get("scaling"), _facts(source).get("scaling")
+    if before and now and dict(before) != dict(now):
+        raise InputError("samples of another scale than those that the model was trained on", where=dataset,
+                         field="tile.scale", value=_spelled(now), allowed=_spelled(before))  # fmt: skip
+    return source
+
+
+def _spelled(scaling: Mapping[str, Any]) -> str:
+    return f"{scaling.get('kind')} {scaling.get('length')}"
+
+
+def _in_classes_of(source: "SampleSource", trained: Any) -> Any:
+    from learn.predict.class_sum import summed_model
+
+    facts = trained.facts
+    table = str(_facts(source).get("table", ""))
+    return summed_model(trained, trained.classes, str(facts.data.get("table", "")), table, source.classes)
+
+
+def _trained_on(facts: "ModelFacts", source: "SampleSource") -> list[str]:
+    """Name the bridges of a split that a model was trained on, or picked by."""
+    said = facts.training or {}
+    known = {*said.get("training_bridges", ()), *said.get("validation_bridges", ())}
+    return sorted(known & {source.bridge(row) for row in range(len(source))})
 
 
 def _is_evaluation(path: Path) -> bool:
@@ -136,6 +191,64 @@ def _is_evaluation(path: Path) -> bool:
     except InputError:
         return False
     return isinstance(record, dict) and record.get("format") == "falsework.evaluation"
+
+
+def _settings(chosen: dict[str, Any], begun: dict[str, Any], given: tuple[str, ...]) -> "TrainSettings":
+    """Put together the settings of a training: those of the model to begin with, options, and what --set says."""
+    from learn.training.settings import TrainSettings
+
+    values = {name: value for name, value in chosen.items() if value is not None}
+    values["model"] = values["model"] or begun.get("network", "pointnet2-ssg")
+    values["network"] = dict(begun["settings"]) if values["model"] == begun.get("network") else {}
+    for key, value in given_settings(given).items():
+        group, point, inner = key.partition(".")
+        if point and group in ("network", "sensors"):
+            values[group] = {**values.get(group, {}), inner: value}
+        else:
+            values[key] = value
+    return parse_settings(TrainSettings, values, "train")
+
+
+def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str]) -> int:
+    """Train on the shipped clouds, and print the table."""
+    from learn.demo.demo import demo_table, run_demo
+
+    if unwanted:
+        raise InputError("the demonstration brings its own", field=unwanted[0], mend="Leave it out, or --demo")
+    changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
+    lines: list[str] = []
+
+    def write(folder: Path) -> None:
+        lines.extend(demo_table(*run_demo(folder, progress, changed=changed)))
+
+    with ConsoleProgress() as progress:
+        fresh_output(output, "model", write, inputs=[], asked=["demo", changed], resume=True)
+    sys.stdout.write("\n".join([*lines, f"model   {output}"]) + "\n")
+    return 0
+
+
+def _begun(init: Path | None) -> dict[str, Any]:
+    """Take network and channels from the model to begin with."""
+    from learn.trained import read_facts
+
+    return {} if init is None else vars(read_facts(init))
+
+
+def _channels_of(dataset: Path, settings: "TrainSettings") -> tuple[str, ...]:
+    """Give the recipe's channels; data sets of before version 2, and the paper's, have no height."""
+    from learn.datasets.layout import read_facts
+    from learn.datasets.patch import CHANNELS
+    from learn.training.settings import recipe_of
+
+    present = ("coord", *read_facts(dataset).inputs)
+    return tuple(name for name in recipe_of(settings).channels if CHANNELS[name] in present)
+
+
+def _training_split(dataset: Path, channels: tuple[str, ...], settings: "TrainSettings") -> "SampleSource":
+    from learn.datasets.stored import StoredSplit
+    from learn.training.settings import recipe_of
+
+    return StoredSplit(dataset, "train", channels, sensors=recipe_of(settings).sensors)
 
 
 def _words(text: str) -> tuple[str, ...]:

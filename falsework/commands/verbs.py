@@ -6,8 +6,8 @@ from typing import Any
 
 from falsework.children.products import surveys_of
 from falsework.report.report import write_report
-from falsework.scenario import load_scenario, scene_title
-from falsework.stages import STAGES
+from falsework.scenario import scene_title
+from falsework.stages import STAGES, clouds_of
 from groundwork.errors import InputError, MissingError
 from groundwork.output_file import fresh_file
 from groundwork.output_folder import fresh_output
@@ -19,7 +19,7 @@ from recon.settings import ReconSettings
 
 def render_file(
     stage: Path, out: Path, survey: str | None, settings: dict[str, Any], seed: int, progress: Progress,
-    allow_roots: tuple[Path, ...] = (),
+    allow_roots: tuple[Path, ...] = (), choices: dict[str, Any] | None = None,
 ) -> list[str]:  # fmt: skip
     """Render the products of any stage, each into a capture of its own.
 
@@ -31,6 +31,7 @@ def render_file(
         seed: Seed of the sensor.
         progress: Listener.
         allow_roots: Folders beside that of the stage from which it may take files.
+        choices: JSON of `StageChoices`, or None for the stage as it is.
 
     Returns:
         Names of the captures.
@@ -41,7 +42,7 @@ def render_file(
     chosen: list[str] = []
 
     def write(folder: Path) -> None:
-        names = surveys_of(stage, allow_roots, progress)
+        names = surveys_of(stage, allow_roots, progress, choices)
         if survey is not None and survey not in names:
             raise InputError("no such product or camera", where=stage, value=survey, allowed=", ".join(names))
         chosen.extend(names if survey is None else [survey])
@@ -50,7 +51,7 @@ def render_file(
                 shutil.rmtree(other, ignore_errors=True)
         for name in chosen:
             (folder / name).mkdir(exist_ok=True)
-            request = {"seed": seed, "survey": name, "render": settings}
+            request = {"seed": seed, "survey": name, "render": settings, "choices": choices}
             STAGES["capture"].run(request, {"stage": stage}, folder / name, progress)
 
     with reading(stage):
@@ -61,28 +62,33 @@ def render_file(
 
 
 def reconstruct_folder(
-    capture: Path, out: Path, scenario: Path | None, progress: Progress, control: Path | None = None
-) -> None:
+    capture: Path, out: Path, settings: ReconSettings, progress: Progress, control: Path | None = None,
+    model: Path | None = None,
+) -> list[Path]:  # fmt: skip
     """Reconstruct one capture, or a folder of photographs, into a plain folder; goes on where it was interrupted.
 
     Args:
         capture: Capture folder, or one of plain photographs.
         out: Folder to write; a former one of ours is replaced.
-        scenario: File whose `[recon]` section applies, or None for the defaults.
+        settings: What to do.
         progress: Listener.
         control: File of ground control points and scale bars, or None.
+        model: Model of these photographs, or a cloud that was made with its own; None makes one.
+
+    Returns:
+        Folders of the clouds.
     """
-    settings = ReconSettings() if scenario is None else load_scenario(scenario).recon
-    request = {"recon": settings.model_dump(mode="json")}
-    inputs = {"capture": capture} if control is None else {"capture": capture, "control": control}
+    from recon.reconstruct import reconstruct
 
-    def write(folder: Path) -> None:
-        STAGES["cloud"].run(request, inputs, folder, progress)
-
-    with reading(capture):
+    inputs = [path for path in (capture, control, model) if path is not None]
+    with reading(*(path for path in (capture, model) if path is not None)):
         if not capture.is_dir():
             raise MissingError("no such folder", where=capture, mend="Name a capture, or a folder of photographs")
-        fresh_output(out, "cloud", write, inputs=list(inputs.values()), asked=_place(capture), resume=True)
+        fresh_output(
+            out, "cloud", lambda folder: reconstruct(capture, folder, settings, progress, control, model),
+            inputs=inputs, asked=_place(capture), resume=True,
+        )  # fmt: skip
+    return [out / "cloud" / mode for mode in settings.modes] if len(settings.modes) > 1 else [out]
 
 
 def _place(path: Path) -> str:
@@ -102,8 +108,8 @@ def report_scene(scene: Path, page: Path) -> None:
     samples = {name: path for name, path in clouds.items() if _is_sampled(path)}
     if not captures and not samples:
         raise MissingError("holds no capture", where=scene, mend="Name a folder such as OUT/scenes/0000")
-    surveys = {path.name: (path, clouds.get(path.name)) for path in captures}
-    inputs = [scene, *(path for pair in surveys.values() for path in pair if path), *samples.values()]
+    surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
+    inputs = [scene, *captures, *clouds.values()]
     with reading(*inputs), fresh_file(page, inputs) as temporary:
         write_report(temporary, _title(scene), scene / "stage", surveys, samples)
 

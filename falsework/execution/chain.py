@@ -1,16 +1,16 @@
-"""The steps of one scene: stage, a capture and a cloud for each flight, samples, and the report; none is run here."""
+"""The steps of a scene: its stage, captures, models and clouds of each flight, samples, report; none is run here."""
 
 import os
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from authoring.streams import stream
 from falsework.children.products import surveys_of
 from falsework.platform import recon_platform, render_platform, sample_platform
 from falsework.scenario import Scenario, given_files, scene_seed, scene_title
-from falsework.stages import STAGES
+from falsework.stages import SEVERAL, STAGES
 from falsework.store.store import Task
 from groundwork.canonical import file_digest, folder_digest
 from groundwork.errors import InputError
@@ -19,6 +19,7 @@ from groundwork.output_reading import reading
 from groundwork.progress import Progress
 from groundwork.slug import slug
 from recon.sampling.sampler_settings import AnySample
+from recon.settings import Mode
 
 FOREIGN_STAGE = "foreign stage"
 
@@ -43,8 +44,8 @@ class Step:
 
     @property
     def kind(self) -> str:
-        """What it is to the user, who says with these words what stays: stage, capture or cloud."""
-        return self.link.partition("/")[0]
+        """What it is to the user, who says with these words what stays: stage, capture, model, cloud or report."""
+        return self.link.partition("/")[0].removesuffix(".html")
 
     @property
     def input_name(self) -> str:
@@ -57,16 +58,28 @@ class Flight:
     """One survey of one variant of a scene.
 
     Attributes:
-        name: Name of its capture and cloud.
+        name: Name of its capture, and of its clouds.
         variant: Name of the variant, or empty.
         capture: The step that renders it.
-        cloud: The step that reconstructs it.
+        model: The step that finds its cameras.
+        clouds: The steps that make points from that.
     """
 
     name: str
     variant: str
     capture: Step
-    cloud: Step
+    model: Step
+    clouds: tuple[Step, ...]
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """All of them, each after what it needs."""
+        return (self.capture, self.model, *self.clouds)
+
+    @property
+    def possible_links(self) -> frozenset[str]:
+        """Links that its clouds have, or had where the run made other ones."""
+        return frozenset(f"cloud/{self.name}{mode}" for mode in ("", *(f"{SEVERAL}{one}" for one in get_args(Mode))))
 
 
 @dataclass(frozen=True)
@@ -105,10 +118,10 @@ class Chain:
     sources: Sources
 
     @property
-    def steps(self) -> list[Step]:
-        """All but the report, each behind those that it needs."""
-        flown = [step for flight in self.flights for step in (flight.capture, flight.cloud)]
-        return [*([] if self.stage is None else [self.stage]), *flown, *self.samples]
+    def steps(self) -> tuple[Step, ...]:
+        """All steps but the report, each after what it needs."""
+        stage = () if self.stage is None else (self.stage,)
+        return (*stage, *(step for flight in self.flights for step in flight.steps), *self.samples)
 
     def report(self, without: frozenset[str] = frozenset()) -> Step:
         """Give the last step.
@@ -116,7 +129,7 @@ class Chain:
         Args:
             without: Links of the steps that became no result.
         """
-        parents = {step.input_name: step for step in self.steps if step.link not in without}
+        parents = {step.input_name: step for step in self.steps if step.kind != "model" and step.link not in without}
         given, keys = _stage_input(self.stage, self.sources)
         inputs = {**keys, **{name: step.task.key for name, step in parents.items()}}
         task = new_task("report", {"title": self.title}, inputs)
@@ -197,9 +210,20 @@ def _flight(
     parents = {} if stage is None else {"stage": stage}
     keys = keys if stage is None else {"stage": stage.task.key}
     capture = Step(new_task("capture", settings, keys, {"drawing": drawing}), f"capture/{name}", parents, given)
-    settings = {"recon": scenario.recon.model_dump(mode="json"), "platform": recon_platform()}
-    cloud = Step(new_task("cloud", settings, {"capture": capture.task.key}), f"cloud/{name}", {"capture": capture})
-    return Flight(name, variant, capture, cloud)
+    recon, platform = scenario.recon, recon_platform()
+    limits = {"limits": recon.limits()}
+    settings = {"recon": recon.of_model(), "platform": platform}
+    model = Step(
+        new_task("model", settings, {"capture": capture.task.key}, limits), f"model/{name}", {"capture": capture}
+    )
+    both = {"capture": capture, "model": model}
+    keys = {name: step.task.key for name, step in both.items()}
+    clouds = tuple(
+        Step(new_task("cloud", {"recon": recon.of_cloud(mode), "platform": platform}, keys, limits),
+             f"cloud/{name}" + (f"{SEVERAL}{mode}" if len(recon.modes) > 1 else ""), both)
+        for mode in recon.modes
+    )  # fmt: skip
+    return Flight(name, variant, capture, model, clouds)
 
 
 def _sample(

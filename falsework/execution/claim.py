@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from falsework.scenario import Scenario, given_files
-from falsework.store.locks import exclusive
 from groundwork import output_folder
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_text
+from groundwork.locks import hold_lock
 from groundwork.marks import MARK
 
 
@@ -30,7 +30,7 @@ def claim_run(out: Path, scenario: Scenario) -> None:
     with space_errors(out):
         (out / "run").mkdir(exist_ok=True)
         text = scenario.as_toml(out)
-        with exclusive(out / "run" / "scenario.lock"):
+        with hold_lock(out / "run" / "scenario.lock"):
             if not _says(out / "scenario.toml", text):
                 write_text(out / "scenario.toml", text)
 

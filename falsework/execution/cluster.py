@@ -2,31 +2,37 @@
 
 import logging
 import os
+import re
+import secrets
 import signal
 import tempfile
 import threading
+import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from falsework.execution.chain import Sources
+from falsework.execution.board import NO_BOARD, Board, NoBoard, Told, detailed
+from falsework.execution.chain import Sources, scene_chain
 from falsework.execution.outcome import Outcome
-from falsework.execution.scene import Manner, run_scene
+from falsework.execution.scene import BusySceneError, Manner, run_scene, steps_of
 from falsework.scenario import Scenario
-from falsework.store.locks import BusyError
 from falsework.store.store import Store
-from groundwork.errors import InputError
-from groundwork.progress import Progress, Silent
+from groundwork.errors import FalseworkError, InputError
+from groundwork.progress import Progress
 
 FAILURES = 1_000_000  # deaths of workers that Dask forgives a task; after three it would blame whichever task ran there
 QUEUE = 4  # scenes a worker that are handed out before they can be begun; the rest wait here and cost nothing
 LEAST_QUEUE = 64
 PATIENCE = "1 day"  # for a worker that is being started again; Dask would end it after 15 s on a busy machine
 CLOSING = 4.0  # [s]
+TOLD_EVERY = 1.0  # [s] between two words of a worker on how far it is
 LOOPBACK = "127.0.0.1"
+_ADDRESS = re.compile(r"(tcp|tls)://[^\s/:]+:[0-9]{1,5}|(tcp|tls)://\[[0-9a-fA-F:.]+\]:[0-9]{1,5}")
+_LAST_PORT = 65535
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,7 @@ class SceneJob:
         index: Number of the scene.
         out: Output folder of the run, the same path on every worker.
         manner: How to go about it.
+        topic: Under which its worker tells what happens; empty where nobody listens.
     """
 
     scenario: Scenario
@@ -46,14 +53,51 @@ class SceneJob:
     index: int
     out: Path
     manner: Manner
+    topic: str = ""
 
 
 @dataclass
-class _Notes(Silent):
+class _Teller(NoBoard):
+    """What a worker says: steps and how far they are to the cluster's log, lines for people with the result."""
+
+    topic: str
     lines: list[str] = field(default_factory=list)
+    _now: Told | None = None
+    _phase: str = ""
+    _total: int = 0
+    _spoke: float = 0.0
+
+    def stage(self, name: str, total: int) -> None:
+        self._phase, self._total = name, total
+
+    def advance(self, done: int) -> None:
+        if self._now is not None and time.monotonic() - self._spoke > TOLD_EVERY:
+            self.tell(detailed(self._now, self._phase, done, self._total))
 
     def note(self, message: str) -> None:
         self.lines.append(message)
+
+    def tell(self, told: Told) -> None:
+        from distributed import get_worker
+
+        self._now, self._spoke = told if told.state == "begun" else None, time.monotonic()
+        if self.topic:
+            with suppress(Exception):  # a table that is not quite right is no reason to stop
+                get_worker().log_event(self.topic, {"told": astuple(told)})  # Dask adds the worker
+
+
+def check_address(address: str) -> None:
+    """Refuse what cannot be the address of a scheduler, before anything is made.
+
+    Args:
+        address: What the user named.
+
+    Raises:
+        InputError: Not of the form that Dask's schedulers have.
+    """
+    if not _ADDRESS.fullmatch(address) or int(address.rpartition(":")[2]) > _LAST_PORT:
+        raise InputError("not the address of a scheduler", field="--cluster", value=address,
+                         allowed="tcp://HOST:PORT or tls://HOST:PORT")  # fmt: skip
 
 
 def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:
@@ -65,12 +109,15 @@ def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:
     Returns:
         What came of it, and lines for people.
     """
-    notes = _Notes()
-    outcome = run_scene(job.scenario, job.sources, job.index, Store(job.out), job.manner, notes)
-    return outcome, notes.lines
+    teller = _Teller(job.topic)
+    store = Store(job.out)
+    outcome = run_scene(job.scenario, job.sources, job.index, store, job.manner, teller, board=teller)
+    return outcome, teller.lines
 
 
-def run_on_cluster(jobs: list[SceneJob], progress: Progress, workers: int, address: str | None) -> Outcome:
+def run_on_cluster(
+    jobs: list[SceneJob], progress: Progress, workers: int, address: str | None, board: Board = NO_BOARD
+) -> Outcome:
     """Run scenes on worker processes, however often those die.
 
     Args:
@@ -78,12 +125,14 @@ def run_on_cluster(jobs: list[SceneJob], progress: Progress, workers: int, addre
         progress: Listener.
         workers: Number of workers of a cluster that lives as long as this call.
         address: Address of the scheduler of a standing cluster instead.
+        board: Listener for the steps of the scenes.
 
     Returns:
         What came of all of them.
 
     Raises:
         InputError: No cluster answers at the address.
+        FalseworkError: It answered, and went away.
         OutOfSpaceError: The disk is full.
     """
     outcome = Outcome()
@@ -91,8 +140,9 @@ def run_on_cluster(jobs: list[SceneJob], progress: Progress, workers: int, addre
     with _own_cluster(min(workers, len(jobs))) if address is None else _standing_cluster(address) as client:
         from distributed import wait
 
-        waiting = deque(jobs)
-        room = max(LEAST_QUEUE, QUEUE * sum(client.nthreads().values()))
+        threads = sum(client.nthreads().values())
+        waiting = deque(_told_to(jobs, client, board, threads))
+        room = max(LEAST_QUEUE, QUEUE * threads)
         sent: dict[Any, SceneJob] = {}
         done = 0
         while waiting or sent:
@@ -112,13 +162,24 @@ def run_on_cluster(jobs: list[SceneJob], progress: Progress, workers: int, addre
     return outcome
 
 
+def _told_to(jobs: list[SceneJob], client: Any, board: Board, workers: int) -> list[SceneJob]:
+    """Let the workers of the jobs tell a board what happens."""
+    if board is NO_BOARD:
+        return jobs
+    chain = scene_chain(jobs[0].scenario, jobs[0].index, jobs[0].sources)
+    board.expect([f"{job.index:04d}" for job in jobs], steps_of(chain, jobs[0].scenario.keep), max(workers, 1))
+    topic = f"falsework-{secrets.token_hex(8)}"
+    client.subscribe_topic(topic, lambda event: board.tell(Told(*event[1]["told"])))
+    return [replace(job, topic=topic) for job in jobs]
+
+
 def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> SceneJob | None:
     """Take what came of a job; give it back if it has to be run again."""
     from distributed import CancelledError, KilledWorker
 
     try:
         part, notes = future.result()
-    except BusyError as error:  # another run works on it: it comes last, and then we wait
+    except BusySceneError as error:  # another run works on it: it comes last, and then we wait
         outcome.made += error.made
         outcome.reused -= error.made
         return replace(job, manner=replace(job.manner, wait=True))
@@ -165,19 +226,26 @@ def _own_cluster(workers: int) -> Iterator[Any]:
 
 @contextmanager
 def _standing_cluster(address: str) -> Iterator[Any]:
-    from distributed import Client
+    from distributed import CancelledError, Client
+    from distributed.comm.core import CommClosedError
 
-    if not address.startswith(("tcp://", "tls://")):
-        raise InputError("not the address of a scheduler", field="--cluster", value=address,
-                         allowed="tcp://HOST:PORT or tls://HOST:PORT")  # fmt: skip
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout="30s")
     except (OSError, ValueError) as error:
         raise InputError(
             "no scheduler answers", field="--cluster", value=address, mend="Start one: dask scheduler"
         ) from error
-    with client:
+    try:
         yield client
+    except (CommClosedError, CancelledError):
+        raise FalseworkError(
+            f"{address}: the scheduler went away. Finished results stay: start one, then run the same command again"
+        ) from None
+    finally:
+        with suppress(Exception):
+            client.close(timeout=CLOSING)
 
 
 @contextmanager

@@ -32,9 +32,22 @@ def read_events(root: Path) -> Iterator[dict[str, Any]]:
     """
     for path in sorted((root / "run").glob("*.jsonl")):
         for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-            try:
-                event = json.loads(line)
-            except (ValueError, RecursionError):
-                continue
-            if isinstance(event, dict):
+            event = parse_event(line)
+            if event is not None:
                 yield event
+
+
+def parse_event(line: str | bytes) -> dict[str, Any] | None:
+    """Read one line.
+
+    Args:
+        line: The line, without its end.
+
+    Returns:
+        The event, or None where the line is torn or of somebody else.
+    """
+    try:
+        event = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return event if isinstance(event, dict) else None

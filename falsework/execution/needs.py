@@ -3,6 +3,25 @@
 from falsework.execution.chain import Chain, Step
 from falsework.store.store import Store
 
+REPORT = "report.html"
+
+
+def wanted_steps(chain: Chain, keep: tuple[str, ...]) -> set[str]:
+    """Name the steps that a run makes at all: those whose results stay, and what comes before them.
+
+    Args:
+        chain: The steps of a scene.
+        keep: Stages whose results stay.
+
+    Returns:
+        Their links.
+    """
+    wanted: set[str] = set()
+    for step in (*(() if "report" not in keep else (chain.report(),)), *reversed(chain.steps)):
+        if step.link in wanted or step.kind in keep:
+            wanted |= {step.link, *(parent.link for parent in step.parents.values())}
+    return wanted
+
 
 def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
     """Name the steps that are neither there nor dispensable.
@@ -15,23 +34,20 @@ def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
     Returns:
         Links of the steps to make.
     """
-    steps = {step.link: step for step in chain.steps}
-    settled = {link for link, step in steps.items() if store.has(step.task) or _rejected(store, step)}
-    without = frozenset(link for link, step in steps.items() if _rejected(store, step))
-    for flight in chain.flights:
-        if flight.capture.link in without:
-            settled.add(flight.cloud.link)
-            without |= {flight.cloud.link}
+    without: frozenset[str] = frozenset()  # rejected, or made from what was
+    for step in chain.steps:
+        if _rejected(store, step) or any(parent.link in without for parent in step.parents.values()):
+            without |= {step.link}
+    settled = {step.link for step in chain.steps if step.link in without or store.has(step.task)}
     needed: set[str] = set()
     clouds = [step for step in chain.steps if step.kind == "cloud"]
     clouds_known = all(step.link in settled or store.evicted_files(step.task) is not None for step in clouds)
     if "report" in keep and not (clouds_known and store.has(chain.report(without).task)):
-        needed.add("report.html")
-    order = [link for kind in ("cloud", "capture", "stage") for link in sorted(steps) if link.startswith(kind)]
-    for link in order:
-        waited_for = any(other in needed for other in consumers(chain, steps[link]))
-        if link not in settled and (waited_for or steps[link].kind in keep):
-            needed.add(link)
+        needed.add(REPORT)
+    for step in reversed(chain.steps):
+        waited_for = any(other in needed for other in consumers(chain, step))
+        if step.link not in settled and (waited_for or step.kind in keep):
+            needed.add(step.link)
     return needed
 
 
@@ -45,11 +61,8 @@ def consumers(chain: Chain, step: Step) -> list[str]:
     Returns:
         Their links.
     """
-    if step.task.stage == "stage":
-        captures = (flight.capture.link for flight in chain.flights)
-        return [*captures, *(sample.link for sample in chain.samples), "report.html"]
-    own = [flight.cloud.link for flight in chain.flights if flight.capture.link == step.link]
-    return [*own, "report.html"]
+    others = (*chain.steps, chain.report())
+    return [other.link for other in others if any(parent.link == step.link for parent in other.parents.values())]
 
 
 def _rejected(store: Store, step: Step) -> bool:

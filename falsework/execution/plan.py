@@ -165,6 +165,13 @@ class PlannedStore(Store):
             file: Without effect.
         """
 
+    def unlink(self, name: str) -> None:
+        """Take no link away.
+
+        Args:
+            name: Without effect.
+        """
+
     def _let_go(self, task: Task) -> None:
         self._gone.add(task.key)
         self._space -= self._costs.bytes_each(task.stage)

@@ -4,18 +4,29 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from falsework.execution.board import NO_BOARD, Board, State, Told
 from falsework.execution.chain import Chain, Flight, Sources, Step, scene_chain
 from falsework.execution.costs import bytes_added, check_space
 from falsework.execution.events import write_event
-from falsework.execution.needs import consumers, needed_steps
+from falsework.execution.needs import REPORT, consumers, needed_steps, wanted_steps
 from falsework.execution.outcome import Outcome
 from falsework.scenario import Scenario
 from falsework.stages import STAGES
 from falsework.store.failures import QuarantinedError, failure_of
-from falsework.store.locks import BusyError
 from falsework.store.store import Store
-from groundwork.errors import ChildError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import ChildError, FalseworkError, OutOfSpaceError, RejectedSceneError
+from groundwork.locks import BusyError
 from groundwork.progress import Progress
+
+
+class BusySceneError(FalseworkError):
+    """Another process is making a result of this scene.
+
+    Attributes:
+        made: How many results of the scene had been made before.
+    """
+
+    made = 0
 
 
 @dataclass(frozen=True)
@@ -44,6 +55,7 @@ class SceneRun:
         chain: Its steps.
         manner: How to go about it.
         progress: Listener.
+        board: Listener for its steps.
         outcome: What has come of it so far.
     """
 
@@ -51,6 +63,7 @@ class SceneRun:
     chain: Chain
     manner: Manner
     progress: Progress
+    board: Board = NO_BOARD
     outcome: Outcome = field(default_factory=Outcome)
 
     def run(self) -> Outcome:
@@ -70,35 +83,41 @@ class SceneRun:
                 self._sample(needed)
             for flight in self.chain.flights:
                 if not flight.variant and not self.store.has(flight.capture.task):  # nor shall it be made in vain
-                    self.store.raise_former_failure(flight.cloud.task, self.manner.retry)
-            if self.chain.stage is not None and not self.chain.samples:
-                self._make(self.chain.stage, needed)
+                    for step in self._wanted(flight.model, *flight.clouds):
+                        self.store.raise_former_failure(step.task, self.manner.retry)
+            if not self.chain.samples:
+                for step in self._wanted(self.chain.stage):
+                    self._make(step, needed)
             for flight in self.chain.flights:
                 self._fly(flight, without, needed)
         except RejectedSceneError:
             self._evict(set())
+            self._name_clouds(*self.chain.samples)
             raise
         if "report" in self.manner.keep:
             self._make(self.chain.report(frozenset(without)), needed)
-            self.outcome.reports.append(self._scene / "report.html")
+            self.outcome.reports.append(self._scene / REPORT)
         self._evict(needed_steps(self.chain, self.store, self.manner.keep))
+        self._name_clouds(*self.chain.steps)
         return self.outcome
+
+    def _name_clouds(self, *steps: Step) -> None:
+        """Tell the user the clouds that this run makes or found."""
+        clouds = [step for step in self._wanted(*steps) if step.kind == "cloud" and self.store.has(step.task)]
+        self.outcome.clouds += [self._scene / step.link for step in clouds]
 
     def _sample(self, needed: set[str]) -> None:
         """Make the stage and the clouds that are sampled from it."""
-        if self.chain.stage is not None:
-            self._make(self.chain.stage, needed)
-        for step in self.chain.samples:
+        for step in self._wanted(self.chain.stage, *self.chain.samples):
             self._make(step, needed)
-            self.outcome.clouds.append(self._scene / step.link)
 
     @property
     def _scene(self) -> Path:
         return self.store.root / "scenes" / self.chain.name
 
     def _fly(self, flight: Flight, without: set[str], needed: set[str]) -> None:
-        """Make capture and cloud of a flight; add the links of what became no result to `without`."""
-        left = [flight.capture, flight.cloud]
+        """Make what is wanted of a flight; add the links of what became no result to `without`."""
+        left = self._wanted(*flight.steps)
         try:
             while left:
                 self._make(left[0], needed)
@@ -110,16 +129,29 @@ class SceneRun:
             name = f"{self.chain.name}/{flight.name}"
             self.outcome.rejected[name] = f"{rejection.reason}: {rejection}"  # the other variants go on
             return
-        self.outcome.clouds.append(self._scene / flight.cloud.link)
+        self._forget_others(flight)
+
+    def _wanted(self, *steps: Step | None) -> list[Step]:
+        """Choose the steps that this run makes at all."""
+        wanted = wanted_steps(self.chain, self.manner.keep)
+        return [step for step in steps if step is not None and step.link in wanted]
+
+    def _forget_others(self, flight: Flight) -> None:
+        """Take away the links of clouds that the flight has no more: a run that made both made others."""
+        links = {step.link for step in flight.clouds}
+        for other in flight.possible_links - links:
+            self.store.unlink(f"scenes/{self.chain.name}/{other}")
 
     def _make(self, step: Step, needed: set[str]) -> None:
         if not self.store.has(step.task) and step.link not in needed:
             self.store.raise_former_failure(step.task, self.manner.retry)
             self.outcome.reused += 1  # it was there, and what needed it is
+            self._tell(step, "done")
             return
         made = self._ensure(step)
         self.outcome.made += made
         self.outcome.reused += not made
+        self._tell(step, "done")
         self.store.link(f"scenes/{self.chain.name}/{step.link}", step.task, step.file)
 
     def _evict(self, needed: set[str]) -> None:
@@ -145,6 +177,7 @@ class SceneRun:
         check_space(self.store.root, step.task.stage, step.task.key)
         inputs = {**step.given, **{name: self.store.folder(parent.task) for name, parent in step.parents.items()}}
         stage, begin = STAGES[step.task.stage], time.monotonic()
+        self._tell(step, "begun")
         settings = {**step.task.settings, **step.task.manner}
         made = self.store.produce(
             step.task, lambda folder: stage.run(settings, inputs, folder, self.progress), resume=stage.resumes,
@@ -154,6 +187,9 @@ class SceneRun:
         size = {"bytes": bytes_added(self.store.folder(step.task))} if made else {}
         write_event(self.store.root, {**event, "seconds": time.monotonic() - begin, **size})
         return made
+
+    def _tell(self, step: Step, state: State) -> None:
+        self.board.tell(Told(self.chain.name, step.task.stage, step.link, state))
 
     def _provide(self, step: Step) -> None:
         """See that an input is whole; one that is not is made again, of the same bytes."""
@@ -165,14 +201,15 @@ class SceneRun:
             self.progress.note(f"{faults[0]}: made again")
             former = self.store.files(step.task)
             self.store.discard(step.task)
-        self.outcome.made += self._ensure(step)
+        made = self._ensure(step)  # which counts what it makes itself: not within the sum
+        self.outcome.made += made
         if former is not None and former != self.store.files(step.task):
             self.progress.note(f"{self.store.folder(step.task)}: its bytes are not the former ones")
 
 
 def run_scene(
     scenario: Scenario, sources: Sources, index: int, store: Store, manner: Manner, progress: Progress,
-    kind: type[SceneRun] = SceneRun,
+    kind: type[SceneRun] = SceneRun, board: Board = NO_BOARD,
 ) -> Outcome:  # fmt: skip
     """Run one scene, and count what is wrong with it; the other scenes of a scenario go on.
 
@@ -184,21 +221,23 @@ def run_scene(
         manner: How to go about it.
         progress: Listener.
         kind: What runs it.
+        board: Listener for its steps.
 
     Raises:
         InputError: What is wrong with the only scene of the scenario.
         OutOfSpaceError: The disk is full.
-        BusyError: Another process is making what we need, and we do not wait.
+        BusySceneError: Another process is making what we need, and we do not wait.
     """
     chain = scene_chain(scenario, index, sources)
-    scene = kind(store, chain, manner, progress)
+    scene = kind(store, chain, manner, progress, board)
     try:
         scene.run()
     except RejectedSceneError as rejection:
         scene.outcome.rejected[chain.name] = f"{rejection.reason}: {rejection}"
     except BusyError as error:
-        error.made = scene.outcome.made
-        raise
+        busy = BusySceneError(str(error))
+        busy.made = scene.outcome.made
+        raise busy from error
     except OutOfSpaceError:
         raise
     except (ChildError, QuarantinedError) as error:
@@ -208,4 +247,20 @@ def run_scene(
             raise
         failure = failure_of(error, 1, store.root)  # what one scene draws may not go together
         scene.outcome.failed[chain.name] = str(error) if failure is None else failure.message
+    state: State = "rejected" if chain.name in scene.outcome.rejected else "done"
+    board.tell(Told(chain.name, state="failed" if chain.name in scene.outcome.failed else state))
     return scene.outcome
+
+
+def steps_of(chain: Chain, keep: tuple[str, ...]) -> dict[str, int]:
+    """Count the results of each stage in a scene.
+
+    Args:
+        chain: The steps of the scene.
+        keep: Stages whose results stay.
+    """
+    flights = len(chain.flights)
+    return {
+        **({} if chain.stage is None else {"stage": 1}), "capture": flights, "cloud": flights,
+        **({"report": 1} if "report" in keep else {}),
+    }  # fmt: skip

@@ -14,7 +14,7 @@ def seen_from(scene: FlatScene, poses: NDArray[np.float64], camera: Pinhole) -> 
 
     Args:
         scene: Any scene with a survey.
-        poses: camera_to_world of each picture, shape (N, 4, 4), float64.
+        poses: camera_to_world [m] of each picture, shape (N, 4, 4), float64.
         camera: Intrinsics of all of them.
     """
     names = tuple(f"{number:06d}" for number in range(len(poses)))

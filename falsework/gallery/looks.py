@@ -89,7 +89,7 @@ def close_to_concrete(scene: FlatScene, pose: F64) -> F64:
 
     Args:
         scene: The scene.
-        pose: camera_to_world, shape (4, 4), float64.
+        pose: camera_to_world [m], shape (4, 4), float64.
 
     Returns:
         camera_to_world half a metre before a surface, shape (4, 4), float64.

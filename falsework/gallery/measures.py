@@ -65,7 +65,7 @@ def measure_picture(
         depth: Planar depth [m], +inf for sky, shape (H, W), float32.
         instance: Instance ids, shape (H, W), uint32.
         kinds: Component of each instance of the background.
-        pose: camera_to_world, shape (4, 4), float64.
+        pose: camera_to_world [m], shape (4, 4), float64.
         camera: Intrinsics.
         ground: Lowest height of the land or water near by [m].
     """
@@ -111,7 +111,7 @@ def visible_triangles(scene: FlatScene, camera: Pinhole, poses: F64) -> NDArray[
     Args:
         scene: What is drawn.
         camera: Intrinsics.
-        poses: camera_to_world, shape (N, 4, 4), float64.
+        poses: camera_to_world [m], shape (N, 4, 4), float64.
 
     Returns:
         Counts, shape (N,), int64.

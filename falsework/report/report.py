@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 NOISE_THRESHOLD = 0.1  # [m] Shi 2024 calls points above it noisy
 NEAR = 0.1  # [m]
+REASONS = ("views", "reprojection", "deviation", "duplicate")
 OUTLINE_POINTS = 4000
 UNITS = {
     "center_error": "m",
@@ -39,7 +40,7 @@ UNITS = {
 
 
 def write_report(
-    path: Path, title: str, stage: Path, surveys: dict[str, tuple[Path, Path | None]],
+    path: Path, title: str, stage: Path, surveys: dict[str, tuple[Path, dict[str, Path]]],
     samples: Mapping[str, Path] | None = None,
 ) -> None:  # fmt: skip
     """Write the page of one scene.
@@ -48,7 +49,7 @@ def write_report(
         path: HTML file to write.
         title: Heading.
         stage: Scene folder or USD file; the manifest beside it gives the lead line.
-        surveys: Survey id to its capture folder and its cloud folder, or None.
+        surveys: Survey id to its capture folder, and each cloud by what tells it apart, empty for an only one.
         samples: Id of each sample to its cloud folder.
     """
     template = files("falsework.report").joinpath("templates/report.html.j2").read_text(encoding="utf-8")
@@ -58,13 +59,23 @@ def write_report(
         title=title,
         lead=_lead(stage),
         plotly=Markup(get_plotlyjs()),
-        surveys=[_survey(name, capture, cloud) for name, (capture, cloud) in sorted(surveys.items())],
+        surveys=[part for name, (capture, clouds) in sorted(surveys.items()) for part in _parts(name, capture, clouds)],
         samples=[_sample(name, folder) for name, folder in sorted((samples or {}).items())],
     )
     write_text(path, page)
 
 
-def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[str, Any]:
+def _parts(name: str, capture: Path, clouds: dict[str, Path]) -> list[dict[str, Any]]:
+    """Show a survey once for each of its clouds; flight and frames stand with the first."""
+    if not clouds:
+        return [_survey(name, capture, None, pictures=True)]
+    return [
+        _survey(f"{name}, {mode}" if mode else name, capture, folder, pictures=number == 0)
+        for number, (mode, folder) in enumerate(clouds.items())
+    ]
+
+
+def _survey(name: str, capture_folder: Path, cloud_folder: Path | None, *, pictures: bool) -> dict[str, Any]:
     from recon.cloud import read_cloud
 
     capture = read_capture(capture_folder)
@@ -78,12 +89,13 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None) -> dict[
     shown = {
         "name": name,
         "tiles": _tiles(capture, cloud),
-        "frames": contact_sheet(capture, truth),
-        "flight": _html(flight_figure(centres, statuses, bridge), f"flight-{slug(name)}"),
+        "frames": contact_sheet(capture, truth) if pictures else [],
+        "flight": _html(flight_figure(centres, statuses, bridge), f"flight-{slug(name)}") if pictures else "",
         "legend": [row for row in truth.classes if row.name in seen] if truth is not None else [],
         "facts": [] if cloud is None else _facts(cloud),
         "threshold": None if noise is None else f"{noise['threshold']:g} m",
         "noise": _noise(noise),
+        "kept": [] if cloud is None else _kept(cloud.statistics),
         "cloud": "",
     }
     if cloud is None:
@@ -154,6 +166,16 @@ def _placing(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append((f"control point {row['name']} off by", f"{row['distance']:.3f} m{left_out}"))
     rows += [(f"scale bar {' to '.join(row['ends'])} off by", f"{row['error']:+.4f} m")
              for row in alignment.get("scale_bars", ())]  # fmt: skip
+    return rows
+
+
+def _kept(statistics: Mapping[str, Any]) -> list[list[str]]:
+    """Say of each class what stayed, what went and why, and in how many windows along the bridge it is few."""
+    rows = []
+    for name, row in statistics.get("classes", {}).items():
+        dropped = [f"{row['dropped'][why]:,}" for why in REASONS]
+        few = f"{row['few_in']} of {row['windows']}" if row.get("windows") else ""
+        rows.append([name, f"{row['kept']:,}", *dropped, few])
     return rows
 
 

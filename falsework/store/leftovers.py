@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from falsework.store.failures import read_failure
-from falsework.store.locks import BusyError, exclusive
 from falsework.store.textures import POOL
 from falsework.store.workroom import DAMAGED, LINKS, plain_files, remove, set_aside, work_folder
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST
+from groundwork.locks import BusyError, hold_lock
 from groundwork.marks import TEMPORARY
 
 KEY = re.compile(r"[0-9a-f]{64}")
@@ -73,7 +73,7 @@ def is_held(lock: Path) -> bool:
     if not lock.is_file():
         return lock.is_symlink() or lock.exists()
     try:
-        with exclusive(lock, wait=False) as held:
+        with hold_lock(lock, wait=False) as held:
             return not held
     except (BusyError, InputError):
         return True
@@ -96,7 +96,7 @@ def remove_leftover(root: Path, leftover: Leftover) -> bool:
     try:
         if leftover.key == LINKS:
             lock = root / "work" / f"{LINKS}.lock"
-            with exclusive(lock, wait=False) as held:
+            with hold_lock(lock, wait=False) as held:
                 return held and _remove_all((*leftover.paths, lock))
         with work_folder(root, leftover.key, wait=False) as work:
             if work.name != leftover.key:

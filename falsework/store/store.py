@@ -10,12 +10,12 @@ from typing import Any
 
 from falsework.store.artefact import Hashes, file_faults, read_manifest, seal, task_key
 from falsework.store.failures import Failure, failure_of, read_failure, write_failure
-from falsework.store.locks import exclusive
 from falsework.store.textures import STAGE, share_textures
 from falsework.store.verification import verify
 from falsework.store.workroom import LINKS, remove, set_aside, sweep, work_folder
 from groundwork.errors import FalseworkError, InputError, OutOfSpaceError, RejectedSceneError
 from groundwork.files import MANIFEST, commit_folder, space_errors, write_text
+from groundwork.locks import hold_lock
 
 
 @dataclass(frozen=True)
@@ -216,6 +216,15 @@ class Store:
                                      mend="Move it elsewhere") from None  # fmt: skip
                 self._replace_link(link, text)
 
+    def unlink(self, name: str) -> None:
+        """Take a readable name away; what is no link is not ours.
+
+        Args:
+            name: Path below the run's folder.
+        """
+        if (self.root / name).is_symlink():
+            (self.root / name).unlink(missing_ok=True)
+
     def evict(self, task: Task, link: str) -> None:
         """Let a result go that was only needed for others; what it was stays known.
 
@@ -277,7 +286,7 @@ class Store:
         room = self.root / "work"
         room.mkdir(parents=True, exist_ok=True)
         lock = room / f"{LINKS}.lock"
-        with exclusive(lock) as held:
+        with hold_lock(lock) as held:
             fresh = room / f"{LINKS}.{secrets.token_hex(8)}"
             fresh.symlink_to(text)
             fresh.replace(link)

@@ -9,8 +9,8 @@ from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
 
-from falsework.store.locks import BusyError, exclusive
 from groundwork.errors import InputError
+from groundwork.locks import BusyError, hold_lock
 
 LINKS = "link"  # stands where a key stands, for links that are about to replace others
 DAMAGED = "aside"  # what follows the key of a result that was set aside
@@ -35,7 +35,7 @@ def work_folder(root: Path, key: str, *, wait: bool = True) -> Iterator[Path]:
     room = root / "work"
     room.mkdir(parents=True, exist_ok=True)
     lock = room / f"{key}.lock"
-    with exclusive(lock, wait=wait) as held:
+    with hold_lock(lock, wait=wait) as held:
         try:
             yield room / (key if held else f"{key}.{secrets.token_hex(8)}")
         finally:
@@ -56,7 +56,7 @@ def sweep(root: Path, finished: Callable[[str], bool]) -> None:
     for key in sorted({path.name.partition(".")[0] for path in room.iterdir()}):
         lock = room / f"{key}.lock"
         try:
-            with exclusive(lock, wait=False) as held:
+            with hold_lock(lock, wait=False) as held:
                 if held:
                     _sweep_one(room, key, finished)
                     lock.unlink(missing_ok=True)

@@ -1,7 +1,7 @@
 """The conductor: from clouds to a data set, one source at a time."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +13,31 @@ from groundwork.files import write_manifest, write_text
 from groundwork.progress import SILENT, Progress
 from learn.datasets.card import card_text
 from learn.datasets.class_map import ClassMap
-from learn.datasets.class_tables import NOISY_CLASS, ClassTable, class_table
+from learn.datasets.class_tables import NOISY_CLASS, OWN, ClassTable, class_table, own_table
 from learn.datasets.draws import count_draws, random_draw
-from learn.datasets.labelled_cloud import INPUTS, LabelledCloud, SourceFacts, identify, read_labelled
+from learn.datasets.labelled_cloud import (
+    HEIGHT,
+    INPUTS,
+    PIECE_INPUTS,
+    LabelledCloud,
+    SourceFacts,
+    identify,
+    read_labelled,
+)
 from learn.datasets.layout import MANIFEST, DatasetFacts, PieceRow, manifest_record, write_piece
 from learn.datasets.patch import Patch, Scaling
 from learn.datasets.settings import DatasetSettings
-from learn.datasets.split import TRAIN, split_at_random, split_bridges
-from learn.datasets.tiles import cut_tiles, thin
+from learn.datasets.split import SPLITS, TRAIN, split_at_random, split_bridges
+from learn.datasets.tiles import cut_tiles, thin, with_heights
 from learn.datasets.windows import cut_windows
 
 I64 = NDArray[np.int64]
 CARD = "README.md"
+_WITHOUT = {
+    "train": "nothing can be trained on this data set",
+    "val": "training holds a bridge out of train instead, and needs two there; a forest needs none",
+    "test": "evaluate needs --split val",
+}
 
 
 @dataclass(frozen=True)
@@ -59,7 +72,9 @@ def build_dataset(
     Raises:
         InputError: A source is no source, or nothing is left to train on.
     """
-    table = class_table(settings.table, settings.noisy_class)
+    settings = _with_own_classes(settings, sources)
+    own = settings.table == OWN
+    table = own_table(settings.own) if own else class_table(settings.table, settings.noisy_class)
     known = [identify(source.path, source.class_map, source.bridge) for source in sources]
     _check_sources(sources, known)
     splits = split_bridges(known, settings)
@@ -68,7 +83,7 @@ def build_dataset(
     counts: dict[str, NDArray[np.int64]] = {}
     present = set(INPUTS)
     for number, (source, facts) in enumerate(zip(sources, known, strict=True)):
-        cloud = read_labelled(source.path, source.class_map, table, progress)
+        cloud = read_labelled(source.path, source.class_map, table, progress, settings.moving)
         cloud = _with_noise(cloud, table, settings)
         present &= set(cloud.inputs)
         for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, splits.get(facts.bridge, ""))):
@@ -76,29 +91,52 @@ def build_dataset(
             patch = _for_split(patch, split, settings)
             if len(patch) < settings.fewest:
                 continue
-            row = PieceRow(
-                f"{number:04d}_{place:06d}",
-                split,
-                facts.bridge,
-                number,
-                len(patch),
-                min(draws, count_draws(len(patch), settings.points)),
-                patch.seed,
-                _three(patch.origin),
-            )
+            draws = min(draws, count_draws(len(patch), settings.points))
+            row = PieceRow(f"{number:04d}_{place:06d}", split, facts.bridge, number, len(patch), draws, patch.seed,
+                           _three(patch.origin))  # fmt: skip
             write_piece(folder / split / row.name, patch)
             pieces.append(row)
             seen = np.bincount(patch.labels, minlength=256)
             counts[split] = counts.get(split, np.zeros(256, np.int64)) + seen
         progress.advance(number + 1)
+    _note_empty(pieces, splits, settings, progress)
     if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
         raise InputError("no piece is left to train on", field="fewest", value=settings.fewest,
                          mend="Give more clouds, or lower fewest")  # fmt: skip
-    whole = DatasetFacts(settings, table.names, tuple(name for name in INPUTS if name in present), _scaling(settings),
-                         tuple(pieces), tuple(vars(facts) for facts in known))  # fmt: skip
+    present |= {HEIGHT} if settings.mode == "metric" else set()
+    inputs = tuple(name for name in PIECE_INPUTS if name in present)
+    whole = DatasetFacts(settings, table.names, inputs, _scaling(settings), tuple(pieces),
+                         tuple(vars(facts) for facts in known))  # fmt: skip
     write_text(folder / CARD, card_text(whole, counts))
     write_manifest(folder, manifest_record(whole), MANIFEST)
     return whole
+
+
+def _note_empty(
+    pieces: Sequence[PieceRow], splits: Mapping[str, str], settings: DatasetSettings, progress: Progress
+) -> None:
+    """Say which splits hold nothing, and what cannot be done without them."""
+    for split, share in zip(SPLITS, settings.shares, strict=True):
+        if not any(row.split == split for row in pieces):
+            wanted = "" if share else ", as shares has it"
+            progress.note(f"{split} is empty: the sources show {len(splits)} bridge(s){wanted}; {_WITHOUT[split]}")
+
+
+def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> DatasetSettings:
+    """Take the classes from the class maps, where none of our tables is wanted."""
+    if settings.table != OWN:
+        return settings
+    if settings.noisy_class:
+        raise InputError("own classes have no class of noisy points", field="noisy_class", value=True, allowed="false")
+    found: dict[str, int] = {}
+    for source in sources:
+        if source.class_map is None:
+            raise InputError("own classes come from a class map, and a cloud has none", where=source.path,
+                             field="--table", value=OWN, mend="Give labelled scans with --class-map")  # fmt: skip
+        for code, row in sorted(source.class_map.codes.items()):
+            if row.name != "unlabelled":
+                found.setdefault(row.name, code)
+    return settings.model_copy(update={"own": found})
 
 
 def _check_sources(sources: Sequence[Source], known: Sequence[SourceFacts]) -> None:
@@ -117,7 +155,7 @@ def _with_noise(cloud: LabelledCloud, table: ClassTable, settings: DatasetSettin
     if not settings.noisy_class:
         return cloud
     labels = np.where(cloud.uncertainty > settings.noisy, table.index(NOISY_CLASS), cloud.labels).astype(np.uint8)
-    return LabelledCloud(cloud.coord, cloud.inputs, labels, cloud.uncertainty, cloud.base)
+    return replace(cloud, labels=labels)
 
 
 def _pieces(
@@ -127,8 +165,7 @@ def _pieces(
     if not len(cloud):
         return
     if settings.mode == "metric":
-        columns = {**cloud.inputs, "labels": cloud.labels, "uncertainty": cloud.uncertainty}
-        voxels = thin(cloud.coord, columns, settings.tile)
+        voxels = with_heights(thin(cloud.coord, _columns(cloud), settings.tile), settings.tile)
         for tile in cut_tiles(voxels, settings.tile):
             yield tile_patch(voxels.coord, voxels.columns, tile.rows, tile.origin, tile.seed), 1 << 30
     elif settings.kind == "local":
@@ -150,7 +187,7 @@ def tile_patch(
 
     Args:
         coord: Positions of the cloud [m], shape (V, 3), float64.
-        columns: Inputs and, where they are known, `labels` and `uncertainty`, shape (V,) or (V, C) each.
+        columns: Inputs and, where they are known, `labels`, `uncertainty` and `instance`, shape (V,) or (V, C) each.
         rows: Points of the tile, shape (N,), int64.
         origin: Where its positions count from [m], shape (3,), float64.
         seed: Seed of its draws.
@@ -158,13 +195,19 @@ def tile_patch(
     labels = columns["labels"][rows] if "labels" in columns else np.full(len(rows), 255, np.uint8)
     unknown = np.full(len(rows), np.nan, np.float32)
     uncertainty = columns["uncertainty"][rows] if "uncertainty" in columns else unknown
-    inputs = {name: columns[name][rows] for name in INPUTS if name in columns}
-    return Patch((coord[rows] - origin).astype(np.float32), inputs, labels, uncertainty, origin, seed)
+    inputs = {name: columns[name][rows] for name in PIECE_INPUTS if name in columns}
+    instance = columns["instance"][rows] if "instance" in columns else np.zeros(len(rows), np.int64)
+    place = (coord[rows] - origin).astype(np.float32)
+    return Patch(place, inputs, labels, uncertainty, origin, seed, rows, instance)
+
+
+def _columns(cloud: LabelledCloud) -> dict[str, NDArray[Any]]:
+    columns = {**cloud.inputs, "labels": cloud.labels, "uncertainty": cloud.uncertainty}
+    return columns if cloud.instance is None else {**columns, "instance": cloud.instance}
 
 
 def _patch(cloud: LabelledCloud, rows: I64, origin: NDArray[np.float64], seed: int) -> Patch:
-    columns = {**cloud.inputs, "labels": cloud.labels, "uncertainty": cloud.uncertainty}
-    return tile_patch(cloud.coord, columns, rows, origin, seed)
+    return tile_patch(cloud.coord, _columns(cloud), rows, origin, seed)
 
 
 def _split_of(facts: SourceFacts, place: int, settings: DatasetSettings, splits: Mapping[str, str]) -> str:
@@ -177,7 +220,10 @@ def _for_split(patch: Patch, split: str, settings: DatasetSettings) -> Patch:
         return patch
     kept = ~(patch.uncertainty > settings.noisy)
     inputs = {name: values[kept] for name, values in patch.inputs.items()}
-    return Patch(patch.coord[kept], inputs, patch.labels[kept], patch.uncertainty[kept], patch.origin, patch.seed)
+    assert patch.row is not None
+    assert patch.instance is not None
+    return Patch(patch.coord[kept], inputs, patch.labels[kept], patch.uncertainty[kept], patch.origin, patch.seed,
+                 patch.row[kept], patch.instance[kept])  # fmt: skip
 
 
 def _scaling(settings: DatasetSettings) -> Scaling:

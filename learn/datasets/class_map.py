@@ -13,7 +13,7 @@ from pydantic import Field
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 from groundwork.settings import Settings, parse_settings, read_toml
-from learn.datasets.class_tables import ClassTable, class_of
+from learn.datasets.class_tables import COMPONENTS, OWN, ClassTable, class_of
 from usd_schemas.components import UNLABELLED, component_classes
 from usd_schemas.taxonomies import BASE, RESERVED, TAXONOMIES, taxonomy
 
@@ -70,10 +70,14 @@ class ClassMap:
         row = self.codes.get(code)
         if row is None:
             return UNLABELLED
+        if table.name == OWN:
+            return table.index(row.name)
         if table.name in row.to:
             return table.index(row.to[table.name])
         if self.facts.table == table.name:
             return table.index(row.name)
+        if table.name == COMPONENTS:
+            return table.index(row.parts[0]) if len(row.parts) == 1 else UNLABELLED
         target, kinds = taxonomy(table.name), component_classes()
         found = {class_of(target, part, kinds.get(part, part)) for part in row.parts}
         return table.index(found.pop()) if len(found) == 1 else UNLABELLED

@@ -1,17 +1,22 @@
 """The classes that a data set has, and how the labels of a cloud of ours become their numbers."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from groundwork.errors import InputError
 from recon.cloud import Cloud
-from usd_schemas.components import NOISY_POINT, UNLABELLED, component_classes
-from usd_schemas.taxonomies import BASE, RESERVED, Taxonomy, taxonomy
+from usd_schemas.components import NOISY_POINT, UNLABELLED, class_rows, component_classes
+from usd_schemas.taxonomies import BASE, RESERVED, TAXONOMIES, Taxonomy, taxonomy
 
 U8 = NDArray[np.uint8]
 BACKGROUND_CLASS = "background"
+COMPONENTS = "components"
+"""A table of a data set alone: every component kind is a class, so that a model of them fits every other table."""
 NOISY_CLASS = "noisy_point"
+OWN = "own"  # in place of a table: the classes of a class map as they are
 
 
 @dataclass(frozen=True)
@@ -43,17 +48,38 @@ def class_table(name: str, noisy: bool = False) -> ClassTable:
     """List the classes of one of the project's tables.
 
     Args:
-        name: One of `usd_schemas.taxonomies.TAXONOMIES`.
+        name: One of `usd_schemas.taxonomies.TAXONOMIES`, or `components`.
         noisy: Whether `noisy_point` is a class too.
 
     Raises:
         InputError: There is no such table.
     """
+    if name == COMPONENTS:
+        return _table_of_components(noisy)
+    if name not in TAXONOMIES:
+        raise InputError("unknown table", field="--table", value=name, allowed=", ".join((*TAXONOMIES, COMPONENTS)))
     left_out = set(RESERVED) - ({NOISY_POINT} if noisy else set())
     rows = [row for row in taxonomy(name).rows if row.id not in left_out]
     return ClassTable(
         name, tuple(row.name for row in rows), tuple(row.id for row in rows), tuple(row.color for row in rows)
     )
+
+
+def own_table(ids: Mapping[str, int]) -> ClassTable:
+    """List classes that are no table of the project's: those of a user's class map.
+
+    Args:
+        ids: Each class with its number in the user's files, in the order of the labels.
+    """
+    hues = ((int(255 * (0.5 + 0.5 * np.cos(k + 2.1 * channel))) for channel in range(3)) for k in range(len(ids)))
+    colors = tuple((r, g, b) for r, g, b in hues)
+    return ClassTable(OWN, tuple(ids), tuple(ids.values()), colors)
+
+
+def _table_of_components(noisy: bool) -> ClassTable:
+    kinds, colors = component_classes(), {row.name: row.color for row in class_rows()}
+    names = (*kinds, NOISY_CLASS) if noisy else tuple(kinds)
+    return ClassTable(COMPONENTS, names, tuple(range(len(names))), tuple(colors[kinds.get(n, n)] for n in names))
 
 
 def labels_of_cloud(cloud: Cloud, table: ClassTable) -> U8:
@@ -84,9 +110,11 @@ def labels_of_cloud(cloud: Cloud, table: ClassTable) -> U8:
 
 def _label(class_name: str, component: str, based: bool, table: ClassTable) -> int:
     """The label of a class in the cloud's own table and a component kind."""
-    target = taxonomy(table.name)
     if class_name in ("", "unlabelled"):
         return UNLABELLED
+    if table.name == COMPONENTS:
+        return table.index(component)
+    target = taxonomy(table.name)
     if not based:
         if component in component_classes():
             return table.index(target.classes[component])

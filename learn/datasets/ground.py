@@ -45,6 +45,31 @@ class Ground:
                     found[row] = np.quantile(self.heights[near], _LOWEST)
         return found
 
+    def heights_above(self, coord: F64, reach: float) -> F64:
+        """Estimate how high each point stands above the ground.
+
+        The ground is estimated at the corners of the cells that hold points, and bilinear within each.
+
+        Args:
+            coord: Positions [m], shape (N, 3), float64, at least one.
+            reach: Distance within which cells count [m].
+
+        Returns:
+            Heights above the ground [m], shape (N,), float32.
+        """
+        place = coord[:, :2] / CELL
+        cell = np.floor(place).astype(np.int64)
+        low = cell.min(axis=0)
+        width = int(np.ptp(cell[:, 1])) + 2
+        cells, of_point = np.unique((cell - low) @ np.array([width, 1]), return_inverse=True)
+        corner = cells[:, None] + np.array([0, 1, width, width + 1])
+        keys = np.unique(corner)
+        heights = self.below((np.stack([keys // width, keys % width], axis=1) + low) * CELL, reach)
+        at = heights[np.searchsorted(keys, corner)][of_point]
+        s, t = (place - cell).T
+        ground = (1.0 - s) * ((1.0 - t) * at[:, 0] + t * at[:, 1]) + s * ((1.0 - t) * at[:, 2] + t * at[:, 3])
+        return (coord[:, 2] - ground).astype(np.float32)
+
 
 def estimate_ground(coord: F64) -> Ground:
     """Take a low quantile of the heights in every cell.

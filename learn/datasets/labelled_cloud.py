@@ -23,7 +23,11 @@ F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 INPUTS = ("color", "normal", "n_views")  # beside coord, all that a network may see of a point
-_READ = ("coord", *INPUTS, "segment", "component", "uncertainty")  # columns of a cloud that a data set depends on
+HEIGHT = "height"  # made of coord: see learn.datasets.tiles
+PIECE_INPUTS = (*INPUTS, HEIGHT)
+# Columns of a cloud that a data set depends on.
+_READ = ("coord", *INPUTS, "segment", "component", "uncertainty", "instance")
+_MARKS = "surface_distance"  # of what moves it is NaN: read too where the cloud says that anything moved
 _DECK = ("deck", "slab", "sleeper", "track", "parapet")  # classes of the base table that make up the deck's width
 
 
@@ -60,6 +64,8 @@ class LabelledCloud:
         labels: Place of each point's class in the table, 255 where unknown, shape (N,), uint8.
         uncertainty: Uncertainty of each point, NaN where unknown [m], shape (N,), float32; never an input.
         base: Label of each point in the base table, 255 where unknown, shape (N,), uint8.
+        instance: Instance of each point, 0 for none, shape (N,), int64; None where the source knows none; never an
+            input.
     """
 
     coord: F64
@@ -67,6 +73,7 @@ class LabelledCloud:
     labels: U8
     uncertainty: NDArray[np.float32]
     base: U8
+    instance: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         """Count the points."""
@@ -106,9 +113,12 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
                 "does not say which bridge it shows, so that no bridge can be kept for the test", where=path,
                 field="bridge", mend="Make the cloud again, or name it with --bridge",
             )  # fmt: skip
-        parts = {name: file_digest(path / f"{name}.npy") for name in _READ if (path / f"{name}.npy").is_file()}
+        statistics = stored.get("statistics")
+        moved = isinstance(statistics, dict) and bool(statistics.get("moving_points"))
+        read = (*_READ, _MARKS) if moved else _READ
+        parts = {name: file_digest(path / f"{name}.npy") for name in read if (path / f"{name}.npy").is_file()}
         facts = {key: stored.get(key) for key in ("classes", "components", "source")}
-        return SourceFacts(path.name, found, digest([parts, facts]), str(stored.get("source", "")))
+        return SourceFacts(cloud_name(path), found, digest([parts, facts]), str(stored.get("source", "")))
     if not path.is_file():
         raise MissingError("no such file", where=path, mend="Name the folder of a cloud, or a scan")
     if class_map is None:
@@ -122,8 +132,17 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
     )  # fmt: skip
 
 
+def cloud_name(folder: Path) -> str:
+    """Name a cloud: those of a run, which are all called alike, by scene and cloud, others by their folder.
+
+    Args:
+        folder: Folder of a cloud.
+    """
+    return f"{folder.parent.parent.name}/{folder.name}" if folder.parent.name == "cloud" else folder.name
+
+
 def read_labelled(
-    path: Path, class_map: ClassMap | None, table: ClassTable, progress: Progress = SILENT
+    path: Path, class_map: ClassMap | None, table: ClassTable, progress: Progress = SILENT, moving: bool = False
 ) -> LabelledCloud:
     """Read a source and give its points the labels of a data set.
 
@@ -132,6 +151,7 @@ def read_labelled(
         class_map: What the numbers of a scan mean; None for a cloud of ours.
         table: Classes of the data set.
         progress: Told what is odd.
+        moving: Keep the points of what moved while its photographs were taken.
 
     Raises:
         MissingError: There is no such source.
@@ -141,8 +161,10 @@ def read_labelled(
     if path.is_dir():
         cloud = read_cloud(path)
         inputs = {name: cloud.columns[name] for name in INPUTS if _known(cloud, name)}
-        return LabelledCloud(cloud.columns["coord"], inputs, labels_of_cloud(cloud, table),
-                             cloud.columns["uncertainty"], labels_of_cloud(cloud, base))  # fmt: skip
+        found = LabelledCloud(cloud.columns["coord"], inputs, labels_of_cloud(cloud, table),
+                              cloud.columns["uncertainty"], labels_of_cloud(cloud, base),
+                              cloud.columns["instance"].astype(np.int64))  # fmt: skip
+        return found if moving else _still(found, cloud, progress)
     assert class_map is not None
     scan = read_scan(path, progress=progress)
     codes = scan.classification if class_map.facts.column == "classification" else scan.segment
@@ -154,7 +176,22 @@ def read_labelled(
         progress.note(f"{path.name}: numbers that the class map {class_map.name} lacks count as unlabelled: {unknown}")
     inputs = {name: values for name, values in (("color", scan.color), ("normal", scan.normal)) if values is not None}
     nothing = np.full(len(scan), np.nan, np.float32)
-    return LabelledCloud(scan.coord, inputs, class_map.labels(codes, table), nothing, class_map.labels(codes, base))
+    instance = None if scan.instance is None else scan.instance.astype(np.int64)
+    return LabelledCloud(scan.coord, inputs, class_map.labels(codes, table), nothing, class_map.labels(codes, base),
+                         instance)  # fmt: skip
+
+
+def _still(found: LabelledCloud, cloud: Cloud, progress: Progress) -> LabelledCloud:
+    """Leave out the points that have an uncertainty and no distance to a surface: those of what moves."""
+    gone = np.isnan(cloud.columns[_MARKS]) & ~np.isnan(found.uncertainty)
+    if not gone.any():
+        return found
+    progress.note(f"{int(gone.sum())} points of what moves are left out")
+    inputs = {name: values[~gone] for name, values in found.inputs.items()}
+    instance = None if found.instance is None else found.instance[~gone]
+    return LabelledCloud(
+        found.coord[~gone], inputs, found.labels[~gone], found.uncertainty[~gone], found.base[~gone], instance
+    )
 
 
 def _known(cloud: Cloud, name: str) -> bool:

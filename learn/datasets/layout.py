@@ -12,17 +12,19 @@ from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, space_errors
 from groundwork.foreign_file import check_regular
 from groundwork.settings import parse_settings
-from learn.datasets.labelled_cloud import INPUTS
+from learn.datasets.labelled_cloud import PIECE_INPUTS
 from learn.datasets.patch import Patch, Scaling
 from learn.datasets.settings import DatasetSettings
 from usd_schemas.components import UNLABELLED
 
 FORMAT = "falsework.dataset"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+_READABLE = (1, 2)  # the first had no `height`, `row` and `instance`: it can be trained on
 MANIFEST = "dataset.json"
 _IGNORED = -1  # Pointcept's number for what no loss is computed on
 _KINDS = {"coord": ("float32", 3), "color": ("uint8", 3), "normal": ("float32", 3), "n_views": ("uint16", 1),
-          "segment": ("int32", 1), "uncertainty": ("float32", 1)}  # fmt: skip
+          "height": ("float32", 1), "segment": ("int32", 1), "uncertainty": ("float32", 1), "row": ("int32", 1),
+          "instance": ("int32", 1)}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,7 @@ class DatasetFacts:
         scaling: How positions become numbers for a network.
         pieces: All pieces, in the order in which they were cut.
         sources: JSON facts of each source.
+        identified: Whether pieces say which points of their cloud they hold.
     """
 
     settings: DatasetSettings
@@ -69,6 +72,7 @@ class DatasetFacts:
     scaling: Scaling
     pieces: tuple[PieceRow, ...]
     sources: tuple[Mapping[str, Any], ...]
+    identified: bool = True
 
 
 def write_piece(folder: Path, patch: Patch) -> None:
@@ -81,30 +85,41 @@ def write_piece(folder: Path, patch: Patch) -> None:
     segment = patch.labels.astype(np.int32)
     arrays = {"coord": patch.coord, **patch.inputs, "uncertainty": patch.uncertainty,
               "segment": np.where(segment == UNLABELLED, _IGNORED, segment)}  # fmt: skip
+    if patch.row is not None and patch.instance is not None:
+        arrays |= {"row": patch.row, "instance": np.where(patch.instance > 0, patch.instance, _IGNORED)}
     folder.mkdir(parents=True)
     with space_errors(folder):
         for name, values in arrays.items():
             np.save(folder / f"{name}.npy", values.astype(_KINDS[name][0]))  # inside an atomic folder
 
 
-def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str]) -> Patch:
+def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str], *, identified: bool = False) -> Patch:
     """Read the arrays of one piece.
 
     Args:
         folder: Root of the data set.
         row: Which piece.
         inputs: Columns to read beside positions, labels and uncertainty.
+        identified: Whether to read rows and instances, too.
 
     Raises:
         InputError: A column is missing, damaged, or of a wrong length or type.
     """
     place = folder / row.split / row.name
-    columns = {name: _column(place / f"{name}.npy", name, row.points)
-               for name in ("coord", "segment", "uncertainty", *inputs)}  # fmt: skip
+    columns = {
+        name: _column(place / f"{name}.npy", name, row.points)
+        for name in ("coord", "segment", "uncertainty", *inputs, *(("row", "instance") if identified else ()))
+    }
     segment = columns["segment"]
     labels = np.where(segment == _IGNORED, UNLABELLED, segment).astype(np.uint8)
     return Patch(columns["coord"], {name: columns[name] for name in inputs}, labels, columns["uncertainty"],
-                 np.array(row.origin), row.seed)  # fmt: skip
+                 np.array(row.origin), row.seed, *_identity(columns))  # fmt: skip
+
+
+def _identity(columns: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
+    if "row" not in columns:
+        return None, None
+    return columns["row"].astype(np.int64), np.maximum(columns["instance"], 0).astype(np.int64)
 
 
 def _column(path: Path, name: str, count: int) -> NDArray[Any]:
@@ -151,20 +166,21 @@ def read_facts(folder: Path) -> DatasetFacts:
         raise MissingError(f"not a data set: no {MANIFEST}", where=folder, mend="Name a folder of falsework dataset")
     stored = read_json(path)
     found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
-    if found != (FORMAT, FORMAT_VERSION):
+    if not isinstance(stored, dict) or found not in [(FORMAT, version) for version in _READABLE]:
         raise InputError("not a data set of this version", where=path, field="format", value=found,
-                         allowed=f"{FORMAT}, version {FORMAT_VERSION}")  # fmt: skip
+                         allowed=f"{FORMAT}, versions {_READABLE[0]} to {_READABLE[-1]}")  # fmt: skip
     try:
         facts = DatasetFacts(
             parse_settings(DatasetSettings, stored["settings"], path), tuple(stored["classes"]),
             tuple(stored["inputs"]),
             Scaling(**stored["scaling"]), tuple(_row(path, row) for row in stored["pieces"]), tuple(stored["sources"]),
+            stored["format_version"] > 1,
         )  # fmt: skip
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
-    if not set(facts.inputs) <= set(INPUTS) or not all(isinstance(name, str) for name in facts.classes):
+    if not set(facts.inputs) <= set(PIECE_INPUTS) or not all(isinstance(name, str) for name in facts.classes):
         raise InputError("inputs or classes that cannot be", where=path, field="inputs", value=facts.inputs,
-                         allowed=", ".join(INPUTS))  # fmt: skip
+                         allowed=", ".join(PIECE_INPUTS))  # fmt: skip
     return facts
 
 

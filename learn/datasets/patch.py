@@ -19,7 +19,7 @@ U8 = NDArray[np.uint8]
 # Each channel that a network may have, and the column that it needs; the list is closed: truth is not in it.
 CHANNELS: Mapping[str, str] = {
     "x": "coord", "y": "coord", "z": "coord", "red": "color", "green": "color", "blue": "color",
-    "nx": "normal", "ny": "normal", "nz": "normal", "n_views": "n_views",
+    "nx": "normal", "ny": "normal", "nz": "normal", "n_views": "n_views", "height": "height",
 }  # fmt: skip
 _AXES = {"x": 0, "y": 1, "z": 2, "red": 0, "green": 1, "blue": 2, "nx": 0, "ny": 1, "nz": 2}
 _VIEWS = np.float32(np.log(100.0))  # as many views become 1
@@ -32,11 +32,14 @@ class Patch:
     Attributes:
         coord: Positions from `origin` [m], shape (N, 3), float32.
         inputs: Columns that channels are made of: color uint8 and normal float32, shape (N, 3),
-            n_views uint16, shape (N,).
+            n_views uint16 and height above the ground [m] float32, shape (N,).
         labels: Label of each point, 255 where unknown, shape (N,), uint8.
-        uncertainty: For scores by threshold, never an input [m], shape (N,), float32.
+        uncertainty: For scores by threshold and the weights of a training, never an input [m], shape (N,), float32.
         origin: Where `coord` counts from, in the source [m], shape (3,), float64.
         seed: Seed of the draws that visit every point.
+        row: Row of each point in its cloud as it was cut, thinned or not, by which pieces that overlap know their
+            common points, shape (N,), int64; None where it was not asked for.
+        instance: Instance of each point in its cloud, 0 for none, never an input, shape (N,), int64; None likewise.
     """
 
     coord: F32
@@ -45,6 +48,8 @@ class Patch:
     uncertainty: F32
     origin: F64
     seed: int
+    row: I64 | None = None
+    instance: I64 | None = None
 
     def __len__(self) -> int:
         """Count the points."""
@@ -111,6 +116,7 @@ def make_sample(
         change: Augmentation [1], shape (3, 3), float64, or None.
     """
     coord, normal = patch.coord[rows], patch.inputs["normal"][rows] if "normal" in patch.inputs else None
+    factor = 1.0 if change is None else abs(np.linalg.det(change)) ** (1 / 3)
     if change is not None:
         coord, normal = apply_change(change, coord, normal)
     coord = scaling.apply(coord)
@@ -124,6 +130,8 @@ def make_sample(
         elif column == "normal":
             assert normal is not None
             features[:, place] = normal[:, _AXES[name]]
+        elif column == "height":
+            features[:, place] = patch.inputs["height"][rows] * np.float32(factor / scaling.length)
         else:
             features[:, place] = np.log1p(patch.inputs["n_views"][rows].astype(np.float32)) / _VIEWS
     return Sample(coord, features, patch.labels[rows].astype(np.int64), channels)

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from groundwork.errors import InputError
 from groundwork.settings import Settings, parse_settings
 
 MOST_TILES_ACROSS = 16  # tiles that cover one place along one axis
@@ -19,6 +20,9 @@ class TileSettings(Settings):
     voxel: float = Field(default=0.05, ge=0.001, le=10.0, description="One point is kept in each cube of this side [m]")
     ground_reach: float = Field(
         default=30.0, gt=0.0, le=1000.0, description="Distance within which the ground below a tile is looked for [m]"
+    )
+    height_reach: float = Field(
+        default=10.0, gt=0.0, le=1000.0, description="The same for the channel `height`, which follows a bank [m]"
     )
 
     @model_validator(mode="after")
@@ -53,6 +57,19 @@ class AugmentSettings(Settings):
         return self
 
 
+class SensorSettings(Settings):
+    """Random changes that make a training sample look as if another sensor, or another flight, had taken it."""
+
+    range: float = Field(
+        default=0.5, ge=0.0, le=1.0,
+        description="Share of the samples that a scanner at a random place thins by the square of the distance [1]",
+    )  # fmt: skip
+    gaps: float = Field(default=0.3, ge=0.0, le=1.0, description="Share of the samples with holes, as of occlusion [1]")
+    half: float = Field(default=0.1, ge=0.0, le=1.0, description="Share of the samples that are cut through [1]")
+    tilt: float = Field(default=2.0, ge=0.0, le=30.0, description="Standard deviation of the lean of the vertical [°]")
+    colorless: float = Field(default=0.2, ge=0.0, le=1.0, description="Share of the samples without colour [1]")
+
+
 class DatasetSettings(Settings):
     """What both kinds of data set share."""
 
@@ -60,13 +77,17 @@ class DatasetSettings(Settings):
     mode: Literal["metric", "paper"] = Field(
         default="metric", description="Tiles that need no truth, as in prediction; or the paper's windows and draws"
     )
-    table: str = Field(default="kim2023", description="Table of classes, one of those in docs/classes.md")
+    table: str = Field(
+        default="kim2023", description="Table of classes, one of those in docs/classes.md; or own: those of a class map"
+    )
+    own: Mapping[str, int] = Field(default={}, description="Own classes and their numbers: filled from the class map")
     points: int = Field(default=4096, ge=16, le=1_000_000, description="Points of a draw")
     fewest: int = Field(default=1024, ge=1, le=1_000_000, description="Pieces with fewer points are left out")
     noisy: float = Field(default=0.1, gt=0.0, le=1000.0, description="Uncertainty above which a point is noisy [m]")
     noisy_class: bool = Field(
         default=False, description="Noisy points are a class; otherwise they are left out of training"
     )
+    moving: bool = Field(default=False, description="Points of what moves are kept; otherwise they are left out")
     stratified: int = Field(
         default=0, ge=0, le=100_000, description="Points of each class that a training draw keeps where it has them"
     )
@@ -82,6 +103,13 @@ class DatasetSettings(Settings):
     window: WindowSettings = Field(default_factory=WindowSettings, description="The paper's windows")
     augment: AugmentSettings = Field(default_factory=AugmentSettings, description="Changes of training samples")
 
+    @field_validator("shares", mode="before")
+    @classmethod
+    def _three(cls, value: Any) -> Any:
+        if not isinstance(value, list | tuple) or len(value) != 3:
+            raise ValueError("shares must be three numbers from 0 that add up to 1, such as [0.6, 0.2, 0.2]")
+        return value
+
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if min(self.shares) < 0.0 or abs(sum(self.shares) - 1.0) > 1e-6:
@@ -91,6 +119,7 @@ class DatasetSettings(Settings):
         return self
 
 
+_TABLES = {"tile": "size=10", "window": "length=10", "augment": "flip=false"}
 _OF_KIND: Mapping[str, Mapping[str, Any]] = {
     "local": {},
     "global": {
@@ -114,5 +143,8 @@ def dataset_settings(kind: str, values: Mapping[str, Any], where: object) -> Dat
     whole: dict[str, Any] = {"kind": kind, **_OF_KIND.get(kind, {})}
     for key, value in values.items():
         before = whole.get(key)
+        if key in _TABLES and not isinstance(value, Mapping):
+            raise InputError("a table, not a value", where=where, field=key, value=value,
+                             mend=f"Give its keys, such as {key}.{_TABLES[key]}")  # fmt: skip
         whole[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value
     return parse_settings(DatasetSettings, whole, where)

@@ -1,5 +1,6 @@
 """One split of a data set on disk as a source of samples."""
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -10,8 +11,10 @@ from learn.datasets.augment import draw_change
 from learn.datasets.draws import exhaustive_draw, random_draw, stratified_draw
 from learn.datasets.layout import PieceRow, read_facts, read_piece
 from learn.datasets.patch import CHANNELS, Patch, check_channels, make_sample
+from learn.datasets.sensors import other_sensor
+from learn.datasets.settings import SensorSettings
 from learn.datasets.split import SPLITS, TRAIN
-from learn.sample import Sample
+from learn.sample import Sample, Truth
 
 XYZ = ("x", "y", "z")
 
@@ -23,7 +26,10 @@ class StoredSplit:
     they visit every point of every piece, unchanged, and neither labels nor uncertainty have a part in them.
     """
 
-    def __init__(self, folder: Path, split: str, channels: tuple[str, ...] = XYZ, *, augment: bool = True) -> None:
+    def __init__(
+        self, folder: Path, split: str, channels: tuple[str, ...] = XYZ, *, augment: bool = True,
+        sensors: SensorSettings | None = None,
+    ) -> None:  # fmt: skip
         """Open a split.
 
         Args:
@@ -31,6 +37,7 @@ class StoredSplit:
             split: train, val or test.
             channels: What a network gets to see of a point.
             augment: Whether training samples are changed at random.
+            sensors: Further changes of training samples, towards other sensors; None for none.
 
         Raises:
             InputError: Not a data set, an unknown split, or channels that the data set lacks.
@@ -41,6 +48,7 @@ class StoredSplit:
         self.facts = read_facts(folder)
         check_channels(channels, self.facts.inputs, folder)
         self._changes = augment and split == TRAIN
+        self._sensors, self._still = sensors, False
 
     @cached_property
     def _items(self) -> list[tuple[PieceRow, int]]:
@@ -55,6 +63,12 @@ class StoredSplit:
     def __len__(self) -> int:
         """Count the samples of one pass."""
         return len(self._items)
+
+    def unchanged(self) -> "StoredSplit":
+        """Give the same split with samples as those of validation, for bridges that are held out of a training."""
+        still = StoredSplit(self.folder, self.split, self.channels, augment=False)
+        still._still = True
+        return still
 
     def bridge(self, index: int) -> str:
         """Name the bridge of a sample.
@@ -78,6 +92,26 @@ class StoredSplit:
         patch = read_piece(self.folder, row, [name for name in self.facts.inputs if name in needed])
         return patch, exhaustive_draw(len(patch), self.facts.settings.points, number, patch.seed)
 
+    def truth(self, index: int) -> Truth:
+        """Tell which points of which cloud a sample of validation or test holds, for scores.
+
+        Args:
+            index: Number of the sample.
+
+        Raises:
+            InputError: The data set is too old to know.
+        """
+        if not self.facts.identified:
+            raise InputError("made before pieces said which points of a cloud they hold", where=self.folder,
+                             mend="Make the data set again")  # fmt: skip
+        row, number = self._items[index]
+        patch = read_piece(self.folder, row, (), identified=True)
+        drawn = exhaustive_draw(len(patch), self.facts.settings.points, number, patch.seed)
+        assert patch.row is not None
+        assert patch.instance is not None
+        return Truth(row.source, patch.row[drawn], patch.coord[drawn] + patch.origin, patch.uncertainty[drawn],
+                     patch.instance[drawn])  # fmt: skip
+
     def sample(self, index: int, seed: int) -> Sample:
         """Draw one sample.
 
@@ -86,14 +120,17 @@ class StoredSplit:
             seed: Seed of a training sample; the others are always the same.
         """
         patch, rows = self.piece(index)
-        change = None
         settings = self.facts.settings
-        if self.split == TRAIN:
-            rng = np.random.default_rng([seed, index])
-            if settings.stratified:
-                rows = stratified_draw(patch.labels, settings.points, settings.stratified, rng)
-            else:
-                rows = random_draw(len(patch), settings.points, rng)
-            if self._changes:
-                change = draw_change(settings.augment, rng)
-        return make_sample(patch, rows, self.channels, self.facts.scaling, change)
+        if self.split != TRAIN or self._still:
+            return make_sample(patch, rows, self.channels, self.facts.scaling)
+        lean = np.eye(3)
+        if self._changes and self._sensors is not None:
+            patch, lean = other_sensor(patch, self._sensors, np.random.default_rng([seed, index, 1]))
+        rng = np.random.default_rng([seed, index])
+        if settings.stratified:
+            rows = stratified_draw(patch.labels, settings.points, settings.stratified, rng)
+        else:
+            rows = random_draw(len(patch), settings.points, rng)
+        change = draw_change(settings.augment, rng) @ lean if self._changes else None
+        sample = make_sample(patch, rows, self.channels, self.facts.scaling, change)
+        return replace(sample, uncertainty=patch.uncertainty[rows])

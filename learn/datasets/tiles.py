@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.datasets.ground import estimate_ground
+from learn.datasets.labelled_cloud import HEIGHT
 from learn.datasets.settings import TileSettings
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
 
@@ -49,6 +50,20 @@ def thin(coord: F64, columns: Mapping[str, NDArray[Any]], settings: TileSettings
     """
     grid = lay_grid(coord.min(axis=0), coord.max(axis=0), settings.voxel)
     return add_points(empty_cloud(grid), coord, columns)
+
+
+def with_heights(cloud: VoxelCloud, settings: TileSettings) -> VoxelCloud:
+    """Add how high every point stands above the estimated ground: what z says of a tile on a plain, on a bank too.
+
+    Args:
+        cloud: Thinned points, at least one.
+        settings: Distance within which the ground is looked for.
+
+    Returns:
+        The cloud with a column `height` [m], shape (V,), float32.
+    """
+    heights = estimate_ground(cloud.coord).heights_above(cloud.coord, settings.height_reach)
+    return VoxelCloud(cloud.grid, cloud.keys, cloud.coord, {**cloud.columns, HEIGHT: heights})
 
 
 def cut_tiles(cloud: VoxelCloud, settings: TileSettings) -> Iterator[Tile]:

@@ -2,6 +2,7 @@
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 
 def gather(values: Tensor, index: Tensor) -> Tensor:
@@ -63,7 +64,28 @@ class Shared(nn.Module):
         Returns:
             Shape (…, outputs).
         """
-        flat = self.norm(self.linear(values.reshape(-1, values.shape[-1])))
+        rows = values.reshape(-1, values.shape[-1])
+        flat = _normalized(rows, self.linear, self.norm) if self.norm.training else self.norm(self.linear(rows))
         if self.activation is not None:
             flat = self.activation(flat)
         return flat.view(*values.shape[:-1], flat.shape[-1])
+
+
+def _normalized(rows: Tensor, linear: nn.Linear, norm: nn.BatchNorm1d) -> Tensor:
+    """Apply a layer in training, its bias left out: normalisation takes a bias away with the mean of the batch.
+
+    It moves the running mean alone, and its gradient is nought. To write it to every row and to sum its gradient up
+    takes a tenth of a step.
+    """
+    if linear.bias is None:
+        return norm(linear(rows))
+    assert norm.running_mean is not None
+    assert norm.num_batches_tracked is not None
+    bias = linear.bias.detach()
+    mean = norm.running_mean - bias
+    after = norm.bias + 0.0 * linear.bias  # so that the bias has its gradient of nought
+    found = functional.batch_norm(functional.linear(rows, linear.weight), mean, norm.running_var, norm.weight, after,
+                                  True, norm.momentum or 0.0, norm.eps)  # fmt: skip
+    norm.running_mean.copy_(mean + bias)
+    norm.num_batches_tracked += 1
+    return found

@@ -11,6 +11,7 @@ from torch import Tensor, cat, nn
 from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather, interpolate
+from learn.models.pooled import pooled
 from learn.neighbourhoods.pyramids import Indices, farthest_pyramid
 
 F32 = NDArray[np.float32]
@@ -109,7 +110,8 @@ class PointNet2(nn.Module):
             for ring, mlp in enumerate(mlps):
                 index = geometry[f"ball{level}_{ring}"]
                 offset = gather(coords[-1], index) - centers[:, :, None]
-                found.append(mlp(cat([offset, gather(levels[-1], index)], dim=-1)).amax(dim=2))
+                assert isinstance(mlp, nn.Sequential)
+                found.append(pooled(mlp, cat([offset, gather(levels[-1], index)], dim=-1)))
             coords.append(centers)
             levels.append(cat(found, dim=-1))
         values = levels[-1]

@@ -11,6 +11,7 @@ from torch import Tensor, cat, nn
 from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather, interpolate
+from learn.models.pooled import pooled
 from learn.neighbourhoods.pyramids import Indices, add_own_balls, farthest_pyramid
 
 F32 = NDArray[np.float32]
@@ -150,7 +151,7 @@ class SetAbstraction(nn.Module):
             Features, shape (B, M, outputs).
         """
         values = _around(features, coord, gather(coord, kept), ball, self.radius)
-        values = self.mlp(values).amax(dim=2)
+        values = pooled(self.mlp, values)
         if self.shortcut is None:
             return values
         return (values + self.shortcut(gather(features, kept))).relu()
@@ -177,7 +178,7 @@ class InvertedResidual(nn.Module):
         Returns:
             Features, shape (B, N, width).
         """
-        values = self.local(_around(features, coord, coord, ball, self.radius)).amax(dim=2)
+        values = self.local(_around(features, coord, coord, ball, self.radius)).max(dim=2).values
         return (self.narrow(self.widen(values)) + features).relu()
 
 

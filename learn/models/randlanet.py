@@ -111,7 +111,7 @@ class RandlaNet(nn.Module):
             if level == 0:
                 skips.append(values)
             rows = gather(near, kept)
-            values = gather(values, rows).amax(dim=2)
+            values = gather(values, rows).max(dim=2).values
             coord = gather(coord, kept)
             skips.append(values)
         values = self.bottom(skips.pop())

@@ -1,12 +1,15 @@
 """Probabilities of a model's classes summed into the classes of another table."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from learn.datasets.class_tables import BACKGROUND_CLASS, NOISY_CLASS, class_of
+from learn.datasets.class_tables import BACKGROUND_CLASS, COMPONENTS, NOISY_CLASS, OWN, class_of
+from learn.sample import Sample
+from learn.scoring.votes import Predicting
 from usd_schemas.components import UNLABELLED, component_classes
 from usd_schemas.taxonomies import BASE, TAXONOMIES, taxonomy
 
@@ -19,6 +22,7 @@ class ClassSum:
     """How classes of a model become classes of a file.
 
     Attributes:
+        table: The table that the classes of the file are of.
         names: Classes of the file.
         ids: Id of each in the file, shape (T,), uint8.
         matrix: Which class of the model goes into which [1], shape (K, T), float32, one 1 in each row.
@@ -26,6 +30,7 @@ class ClassSum:
         rest: Whether each class is what is no part of a bridge, or noise, shape (T,), bool.
     """
 
+    table: str
     names: tuple[str, ...]
     ids: NDArray[np.uint8]
     matrix: F32
@@ -58,7 +63,55 @@ class ClassSum:
         return tuple(self.ids[self.rest].tolist())
 
 
-def sum_classes(classes: tuple[str, ...], own: str, table: str, kept: tuple[str, ...]) -> ClassSum:
+@dataclass(frozen=True, eq=False)
+class SummedModel:
+    """A model whose classes are led into those of a data set, so that it can be scored there.
+
+    Attributes:
+        model: The model.
+        matrix: Which class of it goes into which of the data set [1], shape (K, T), float32.
+    """
+
+    model: Predicting
+    matrix: F32
+
+    def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
+        """Say how likely each class of the data set is at each point.
+
+        Args:
+            samples: Clouds as in training.
+
+        Returns:
+            For each sample probabilities [1], shape (N, T), float32.
+        """
+        return [told @ self.matrix for told in self.model.probabilities(samples)]
+
+
+def summed_model(model: Predicting, classes: tuple[str, ...], own: str, table: str, names: Sequence[str]) -> Predicting:
+    """Lead a model into the classes of a data set; a model that has them already stays what it is.
+
+    Args:
+        model: The model.
+        classes: Its classes.
+        own: Their table.
+        table: Table of the data set.
+        names: Classes of the data set.
+
+    Raises:
+        InputError: The model's classes do not settle those of the table.
+    """
+    if tuple(names) == classes:
+        return model
+    if table in (COMPONENTS, OWN) or not own:
+        raise InputError("the data set has other classes than the model", field="classes", value=", ".join(names),
+                         allowed=", ".join(classes))  # fmt: skip
+    summing = sum_classes(classes, own, table, ())
+    return SummedModel(model, np.ascontiguousarray(summing.matrix[:, [summing.names.index(name) for name in names]]))
+
+
+def sum_classes(
+    classes: tuple[str, ...], own: str, table: str, kept: tuple[str, ...], ids: tuple[int, ...] = ()
+) -> ClassSum:
     """Lead the classes of a model into a table.
 
     Args:
@@ -66,14 +119,17 @@ def sum_classes(classes: tuple[str, ...], own: str, table: str, kept: tuple[str,
         own: Table of these.
         table: Table to sum into; empty for the model's own.
         kept: Classes of it to write; none for all.
+        ids: Id of each class in the file, where they are no table's.
 
     Raises:
         InputError: No such table, one that the model's classes do not settle, or a class that it lacks.
     """
-    wanted = table or own
+    if own == OWN and table in ("", OWN):
+        return _as_they_are(classes, ids or tuple(range(len(classes))), kept)
+    wanted = table or (BASE if own == COMPONENTS else own)
     if wanted not in TAXONOMIES:
         raise InputError("unknown table", field="--table", value=wanted, allowed=", ".join(TAXONOMIES))
-    if own not in (wanted, BASE):
+    if own not in (wanted, BASE, COMPONENTS):
         raise InputError(f"the model's classes are those of {own}, too coarse for another table", field="--table",
                          value=wanted, allowed=own)  # fmt: skip
     rows = [row for row in taxonomy(wanted).rows if row.id != UNLABELLED]
@@ -85,12 +141,24 @@ def sum_classes(classes: tuple[str, ...], own: str, table: str, kept: tuple[str,
             raise InputError("a class of the model that the table does not know", field="--table", value=name,
                              allowed=", ".join(names))  # fmt: skip
         matrix[place, names.index(found)] = 1.0
-    for name in kept:
-        if name not in names:
-            raise InputError("no such class", field="--classes", value=name, allowed=", ".join(names))
+    _check_kept(kept, names)
     reached = matrix.any(axis=0)
     surroundings = np.array([component_classes().get(name, name) == BACKGROUND_CLASS for name in classes])
     always = {class_of(known, "", BACKGROUND_CLASS), NOISY_CLASS}
     rest = np.array([name in always for name in names]) | (reached & ~matrix[~surroundings].any(axis=0))
     chosen = np.array([row.name in kept or not kept for row in rows])
-    return ClassSum(names, np.array([row.id for row in rows], np.uint8), matrix, chosen & reached, rest)
+    return ClassSum(wanted, names, np.array([row.id for row in rows], np.uint8), matrix, chosen & reached, rest)
+
+
+def _as_they_are(classes: tuple[str, ...], ids: tuple[int, ...], kept: tuple[str, ...]) -> ClassSum:
+    """Write a user's own classes with their own numbers."""
+    _check_kept(kept, classes)
+    chosen = np.array([name in kept or not kept for name in classes])
+    rest = np.array([name in (BACKGROUND_CLASS, NOISY_CLASS) for name in classes])
+    return ClassSum(OWN, classes, np.array(ids, np.uint8), np.eye(len(classes), dtype=np.float32), chosen, rest)
+
+
+def _check_kept(kept: tuple[str, ...], names: tuple[str, ...]) -> None:
+    for name in kept:
+        if name not in names:
+            raise InputError("no such class", field="--classes", value=name, allowed=", ".join(names))

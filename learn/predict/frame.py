@@ -34,7 +34,7 @@ class Frame:
         """Change positions.
 
         Args:
-            coord: Positions in the unit of the scan, shape (N, 3), float64.
+            coord: Positions [scan units], shape (N, 3), float64.
 
         Returns:
             Positions [m], z up, shape (N, 3), float64.

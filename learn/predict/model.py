@@ -3,13 +3,14 @@
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.errors import InputError
+from groundwork.errors import InputError, MissingError
 from learn.datasets.settings import TileSettings
 from learn.sample import Sample
 
@@ -56,16 +57,31 @@ class PointModel(Protocol):
         ...
 
 
+def shipped_folder() -> Path:
+    """Give the folder of the model that comes with the package; its README.md is the model's card.
+
+    Raises:
+        MissingError: This installation was built without it.
+    """
+    folder = Path(str(files("learn").joinpath("shipped")))
+    if not (folder / "model.json").is_file():
+        raise MissingError("this installation has no model of its own", field="--model",
+                           mend="Name a model that falsework train has written")  # fmt: skip
+    return folder
+
+
 def named_model(name: str) -> PointModel:
     """Read a trained model, or call a function of the user's own that makes one.
 
     Args:
         name: Folder that `falsework train` has written, or `module:function`; the module is looked for in the folder
-            that the command is called in, too.
+            that the command is called in, too. Empty: the model of the package.
 
     Raises:
         InputError: No such folder, module or function, or what it gives is not a model.
     """
+    if not name:
+        name = str(shipped_folder())
     if Path(name).is_dir():
         from learn.predict.trained_model import read_trained_model  # torch is imported for a trained model alone
 

@@ -1,6 +1,7 @@
 """The conductor: a scan, tile by tile through a model, and back to every one of its points."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,18 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.errors import InputError
+from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_json
-from groundwork.output_file import check_output_file
+from groundwork.output_file import check_output_file, fresh_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
 from learn.datasets.draws import count_draws, exhaustive_draw
+from learn.datasets.labelled_cloud import HEIGHT
 from learn.datasets.patch import CHANNELS, Scaling, check_channels, make_sample
-from learn.datasets.tiles import cut_tiles
+from learn.datasets.tiles import cut_tiles, with_heights
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
+from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
 from learn.predict.frame import Frame, choose_frame
-from learn.predict.instances import Boxes, connected_parts
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
 from learn.sample import Sample
@@ -71,15 +73,15 @@ def predict_scan(
         InputError: The scan cannot be read, says no unit, or lacks a channel of the model.
     """
     file, said = _file_of(source, out)
-    boxes_file = out.with_suffix(BOXES)
-    former = _boxes_record(boxes_file)
-    check_output_file(boxes_file, [source], lambda path: bool(former))
+    former = _boxes_record(out.with_suffix(BOXES))
+    check_output_file(out.with_suffix(BOXES), [source], lambda path: bool(former))
     check_output_file(out, [source], lambda path: _is_former(former, path))
     check_copy(file, out)
     if settings.link < model.tile.voxel:
         raise InputError("smaller than the cubes of which the model sees one point each", field="--link",
                          value=settings.link, allowed=f"at least {model.tile.voxel:g} m")  # fmt: skip
-    summing = sum_classes(model.classes, model.table, settings.table, settings.classes)
+    ids = tuple(getattr(model, "ids", ()))  # of own classes, which no table numbers
+    summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
         frame = choose_frame(stream.unit if said is None else said or None, settings, source)
         cloud = thin_stream(stream, frame, model, settings.chunk, source)
@@ -100,17 +102,31 @@ def predict_scan(
                 progress.advance(done)
                 yield part
 
-        table = settings.table or model.table
-        write_labelled_copy(file, stream, out, labels, settings.chunk, table == _ASPRS)
         names = {int(i): name for i, name in zip(summing.ids, summing.names, strict=True)}
-        found = boxes.rows(names, frame.meters)
-        write_json(boxes_file, {
-            "format": FORMAT, "format_version": 1, "copy": {"suffix": out.suffix, "bytes": out.stat().st_size},
-            "table": table, "meters_per_unit": frame.meters,
-            "classes": {str(i): name for i, name in names.items()}, "instances": found,
-        })  # fmt: skip
+        with _copy_and_boxes(source, out, former) as (copy, record):
+            write_labelled_copy(file, stream, copy, labels, settings.chunk, summing.table == _ASPRS)
+            found = boxes.rows(names, frame.meters)
+            record |= {"table": summing.table, "meters_per_unit": frame.meters, "instances": found,
+                       "classes": {str(i): name for i, name in names.items()}}  # fmt: skip
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
         return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found))
+
+
+@contextmanager
+def _copy_and_boxes(source: Path, out: Path, former: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Give a name for the copy and a record to fill, and put both into place.
+
+    The boxes go first and speak of both copies, the new and the former one, so that a kill in between leaves nothing
+    that the next command takes for somebody else's.
+    """
+    record: dict[str, Any] = {"format": FORMAT, "format_version": 1}
+    with fresh_file(out, [source], lambda path: _is_former(former, path)) as copy:
+        yield copy, record
+        record["copy"] = _size_of(copy, out)
+        replaced = {"replaces": _size_of(out, out)} if out.exists() else {}
+        write_json(out.with_suffix(BOXES), {**record, **replaced})
+    if replaced:
+        write_json(out.with_suffix(BOXES), record)
 
 
 def _boxes_record(boxes_file: Path) -> dict[str, Any]:
@@ -124,7 +140,11 @@ def _boxes_record(boxes_file: Path) -> dict[str, Any]:
 
 def _is_former(record: dict[str, Any], copy: Path) -> bool:
     """Tell whether the boxes beside a copy speak of this very one, whose format may lack room for a signature."""
-    return record.get("copy") == {"suffix": copy.suffix, "bytes": copy.stat().st_size}
+    return _size_of(copy, copy) in (record.get("copy"), record.get("replaces"))
+
+
+def _size_of(copy: Path, name: Path) -> dict[str, object]:
+    return {"suffix": name.suffix, "bytes": copy.stat().st_size}
 
 
 def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int, where: object) -> VoxelCloud:
@@ -147,7 +167,7 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
     cloud = empty_cloud(lay_grid(low, high, model.tile.voxel))
     for scan in stream.chunks(chunk):
         columns = _inputs(scan, frame)
-        check_channels(model.channels, columns, where)
+        check_channels(model.channels, (*columns, HEIGHT), where)
         needed = {CHANNELS[name] for name in model.channels}
         kept = {name: values for name, values in columns.items() if name in needed}
         cloud = add_points(cloud, frame.apply(scan.coord), kept)
@@ -166,6 +186,8 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
     Returns:
         Probabilities of the model's classes [1], shape (V, K), float32.
     """
+    if HEIGHT in model.channels:
+        cloud = with_heights(cloud, model.tile)
     total = np.zeros((len(cloud), len(model.classes)), np.float32)
     seen = np.zeros(len(cloud), np.float32)
     overlap = round(model.tile.size / model.tile.stride) ** 2  # tiles that hold each point
@@ -235,8 +257,11 @@ def _file_of(source: Path, out: Path) -> tuple[Path, float | None]:
     if not (source / "cloud.json").is_file():
         raise InputError("not a cloud: no cloud.json", where=source, mend="Name a scan, or the folder of a cloud")
     name = _OWN_FILES.get(out.suffix.lower())
-    if name is None or not (source / name).is_file():
+    if name is None:
         raise InputError("a cloud can be copied as LAZ, LAS or PLY", where=out, field="-o", value=out.suffix,
                          allowed=", ".join(_OWN_FILES))  # fmt: skip
+    if not (source / name).is_file():
+        mend = f"Make it with falsework export {source} --to {Path(name).suffix[1:]} -o DIR, and label that"
+        raise MissingError(f"this cloud holds no {name} to copy", where=source, mend=mend)
     alignment = read_json(source / "cloud.json").get("alignment", {})
     return source / name, 0.0 if alignment.get("target") == "none" else 1.0

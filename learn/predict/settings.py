@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from groundwork.settings import Settings
+from learn.instances import FEWEST, LINK
 
 Up = Literal["x", "-x", "y", "-y", "z", "-z"]
 Unit = Literal["m", "cm", "mm", "ft", "us-ft"]
@@ -23,11 +24,13 @@ class PredictSettings(Settings):
     classes: tuple[str, ...] = Field(default=(), description="Classes to keep; the others become 255; empty for all")
     min_confidence: float = Field(default=0.0, ge=0.0, le=1.0, description="Less sure points become 255 [1]")
     link: float = Field(
-        default=0.3,
+        default=LINK,
         gt=0.0,
         le=100.0,
         description="Points of a class in touching cubes of this side are connected [m]",
     )
-    fewest: int = Field(default=20, ge=1, description="Thinned points without which a connected part is no instance")
+    fewest: int = Field(
+        default=FEWEST, ge=1, description="Thinned points without which a connected part is no instance"
+    )
     batch: int = Field(default=8, ge=1, le=1024, description="Samples that the model gets at once")
     chunk: int = Field(default=2_000_000, ge=1, description="Points of the scan in memory at once")

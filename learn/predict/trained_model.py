@@ -40,6 +40,11 @@ class TrainedModel:
         return self.settings.table
 
     @property
+    def ids(self) -> tuple[int, ...]:
+        """Number of each class in the user's files, where the classes are the user's own."""
+        return tuple(self.settings.own[name] for name in self.classes) if self.settings.own else ()
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """Names of `learn.datasets.patch.CHANNELS` that it sees."""
         return self.trained.channels

@@ -67,7 +67,9 @@ def train_forest(
                          depth=chosen.depth, seed=settings.seed)  # fmt: skip
     facts = ModelFacts(
         network=FOREST, settings=chosen.model_dump(mode="json"), classes=source.classes, channels=channels,
-        data=data or {}, training={"settings": settings.model_dump(mode="json")},
+        data=data or {},
+        training={"settings": settings.model_dump(mode="json"),
+                  "training_bridges": sorted({source.bridge(row) for row in range(len(source))})},
     )  # fmt: skip
     write_model(folder, facts, {name: torch.from_numpy(np.ascontiguousarray(rows)) for name, rows in arrays.items()})
     progress.advance(1)

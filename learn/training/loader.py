@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset, Sampler
 
+from learn.losses import uncertainty_weights
 from learn.models.backbone import Backbone, batched, geometry_of
 from learn.sample import UNLABELLED, SampleSource
 from learn.trained import check_channels
@@ -22,10 +23,23 @@ Place = tuple[int, int]
 
 
 class EpochOrder(Sampler[Place]):
-    """Each epoch's order of the samples, decided by the seed and the epoch alone."""
+    """Each epoch's order of the samples, decided by the seed and the epoch alone.
 
-    def __init__(self, rows: Sequence[int], seed: int) -> None:
-        self._rows, self._seed, self._epoch = list(rows), seed, 0
+    Some samples of an epoch may give way to others that are chosen by class: a class first, each as likely as the
+    other, then a sample as likely as it holds points of that class.
+    """
+
+    def __init__(self, rows: Sequence[int], seed: int, counts: I64 | None = None, share: float = 0.0) -> None:
+        """Say which samples there are.
+
+        Args:
+            rows: Their numbers.
+            seed: Seed of every order.
+            counts: Points of each class in each of them, shape (rows, C), int64; needed for a share above 0.
+            share: Share of an epoch that is chosen by class [1].
+        """
+        self._rows, self._seed, self._epoch, self._share = list(rows), seed, 0, share
+        self._likely = np.zeros((0, len(self._rows))) if counts is None else _by_class(counts)
 
     def set_epoch(self, epoch: int) -> None:
         """Say which epoch comes; Lightning does so, after a resumption too.
@@ -36,14 +50,28 @@ class EpochOrder(Sampler[Place]):
         self._epoch = epoch
 
     def __len__(self) -> int:
-        """Count the samples of an epoch."""
-        return len(self._rows)
+        """Count the samples of an epoch; of several processes that train together each has its share."""
+        return -(-len(self._rows) // _processes()[1])
 
     def __iter__(self) -> Iterator[Place]:
         """Go through the epoch."""
-        order = np.random.default_rng([self._seed, self._epoch]).permutation(len(self._rows))
+        rng = np.random.default_rng([self._seed, self._epoch])
+        order = rng.permutation(len(self._rows))
+        for place in range(round(self._share * len(order)) if len(self._likely) else 0):
+            order[place] = rng.choice(len(order), p=self._likely[rng.integers(len(self._likely))])
+        order = rng.permutation(order) if self._share else order
+        here, processes = _processes()
+        order = np.resize(order, processes * len(self))[
+            here::processes
+        ]  # the first ones again, so that all have as many
         for row in order:
             yield self._epoch, self._rows[row]
+
+
+def _processes() -> tuple[int, int]:
+    """Number of this process, and of all that train together."""
+    there = torch.distributed.is_available() and torch.distributed.is_initialized()
+    return (torch.distributed.get_rank(), torch.distributed.get_world_size()) if there else (0, 1)
 
 
 @dataclass(frozen=True)
@@ -56,6 +84,7 @@ class Loaded(Dataset[dict[str, Any]]):
         channels: Inputs of the network.
         seed: Seed of the draws.
         cache: Folder of pyramids, for samples that are always the same; None for those that are drawn anew.
+        doubt: Uncertainty at which a point counts for 1/e [m]; 0: every point counts alike.
     """
 
     source: SampleSource
@@ -63,17 +92,22 @@ class Loaded(Dataset[dict[str, Any]]):
     channels: tuple[str, ...]
     seed: int
     cache: Path | None = None
+    doubt: float = 0.0
 
     def __getitem__(self, place: Place) -> dict[str, Any]:
         """Draw a sample and search its neighbourhoods."""
         epoch, row = place
         sample = self.source.sample(row, int(np.random.SeedSequence([self.seed, epoch, row]).generate_state(1)[0]))
         check_channels(sample, self.channels)
-        return {
+        item = {
             "features": torch.from_numpy(np.ascontiguousarray(sample.features)),
             "labels": torch.from_numpy(np.ascontiguousarray(sample.labels)),
             "geometry": geometry_of(self.network, sample.coord, self.cache),
         }
+        if self.doubt and sample.uncertainty is not None:
+            known = torch.from_numpy(sample.uncertainty).nan_to_num(nan=0.0, posinf=torch.inf)  # a scan does not say it
+            item["weights"] = uncertainty_weights(known, self.doubt)
+        return item
 
 
 def collate(items: list[dict[str, Any]]) -> dict[str, Any]:
@@ -85,14 +119,13 @@ def collate(items: list[dict[str, Any]]) -> dict[str, Any]:
     Returns:
         The same with a batch axis in front.
     """
-    return {
-        "features": torch.stack([item["features"] for item in items]),
-        "labels": torch.stack([item["labels"] for item in items]),
-        "geometry": batched([item["geometry"] for item in items]),
+    plain = [name for name in ("features", "labels", "weights") if name in items[0]]
+    return {name: torch.stack([item[name] for item in items]) for name in plain} | {
+        "geometry": batched([item["geometry"] for item in items])
     }
 
 
-def count_labels(source: SampleSource, rows: Sequence[int], seed: int) -> Tensor:
+def count_labels(source: SampleSource, rows: Sequence[int], seed: int) -> I64:
     """Count the training points of each class over one draw of every sample.
 
     Args:
@@ -101,13 +134,36 @@ def count_labels(source: SampleSource, rows: Sequence[int], seed: int) -> Tensor
         seed: Seed of the draws.
 
     Returns:
-        Counts, shape (C,), int64.
+        Counts of each sample, shape (rows, C), int64.
     """
-    total = np.zeros(len(source.classes), np.int64)
-    for row in rows:
+    total = np.zeros((len(rows), len(source.classes)), np.int64)
+    for place, row in enumerate(rows):
         labels = source.sample(row, seed).labels
-        total += np.bincount(labels[labels != UNLABELLED], minlength=len(total))
-    return torch.from_numpy(total)
+        total[place] = np.bincount(labels[labels != UNLABELLED], minlength=total.shape[1])
+    return total
+
+
+def expected_counts(counts: I64, share: float) -> Tensor:
+    """Give the points of each class that an epoch shows on average.
+
+    Args:
+        counts: Of `count_labels`, shape (rows, C), int64.
+        share: Share of an epoch that is chosen by class [1].
+
+    Returns:
+        Counts, shape (C,), float64.
+    """
+    chosen = round(share * len(counts))
+    times = np.full(len(counts), 1.0 - chosen / len(counts))
+    if chosen:
+        times += chosen * _by_class(counts).mean(axis=0)
+    return torch.from_numpy(times @ counts)
+
+
+def _by_class(counts: I64) -> NDArray[np.float64]:
+    """How likely each sample is where a class was chosen: one row for each class that there is."""
+    present = counts[:, counts.any(axis=0)].T.astype(np.float64)
+    return present / present.sum(axis=1, keepdims=True)
 
 
 def hold_out(source: SampleSource, share: float, seed: int) -> tuple[list[int], list[int]]:

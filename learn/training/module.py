@@ -1,6 +1,7 @@
 """The Lightning module: one step, one validation, and what is kept of them. Nothing but `train` imports it."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,13 @@ from groundwork.files import write_bytes, write_text
 from groundwork.progress import Progress
 from learn.losses import components_only, cross_entropy, lovasz_softmax, noise_loss
 from learn.metrics import confusion, scores
+from learn.sample import UNLABELLED
 from learn.trained import as_probabilities
 from learn.training.settings import Recipe, TrainSettings
 
 LAST, BEST = "last.ckpt", "best.safetensors"
 ENCODER = ("stem", "down", "blocks", "bottom")
+_SURE = math.exp(-1.0) - 1e-6  # weight of a point whose uncertainty is the recipe's doubt
 _WARM = 0.1  # share of the steps in which the learning rate of a cycle rises
 _CYCLE_START = 0.04  # learning rate at the beginning of a cycle, as a share of the largest
 
@@ -28,8 +31,10 @@ class Segmentation(lightning.LightningModule):
     """A network in training.
 
     Attributes:
-        history: One row an epoch: epoch, mean loss, validation's mean IoU and accuracies.
-        best: Epoch with the highest mean IoU of validation, the earliest of equals; -1 before the first.
+        history: One row an epoch: epoch, mean loss, validation's mean IoU and accuracies, None where nothing is held
+            out.
+        best: Epoch with the highest mean IoU of validation, the earliest of equals; the last one where nothing is held
+            out; -1 before the first.
     """
 
     def __init__(
@@ -40,7 +45,7 @@ class Segmentation(lightning.LightningModule):
         self.network, self._settings, self._recipe, self._noisy = network, settings, recipe, noisy
         self._steps, self._folder, self._listener = steps, folder, progress
         self.register_buffer("class_weights", weights, persistent=False)
-        self.history: list[dict[str, float]] = []
+        self.history: list[dict[str, float | None]] = []
         self.best = -1
         self._losses: list[Tensor] = []
         self._matrix = np.zeros((len(weights), len(weights)), np.int64)
@@ -75,7 +80,8 @@ class Segmentation(lightning.LightningModule):
             The loss.
         """
         # Dropout depends on the seed and the step alone, so that a resumed training goes on alike.
-        torch.manual_seed(int(np.random.SeedSequence([self._settings.seed, self.global_step]).generate_state(1)[0]))
+        place = [self._settings.seed, self.global_step] + ([self.global_rank] if self.global_rank else [])
+        torch.manual_seed(int(np.random.SeedSequence(place).generate_state(1)[0]))
         logits = self.network(batch["features"], batch["geometry"]).float().flatten(0, 1)
         labels, loss = batch["labels"].flatten(), torch.zeros((), device=logits.device)
         if self._noisy is not None:
@@ -83,9 +89,12 @@ class Segmentation(lightning.LightningModule):
             logits, labels = components_only(logits, labels, self._noisy)
         assert isinstance(self.class_weights, Tensor)
         smoothing = 0.0 if self._noisy is not None else self._recipe.smoothing  # it would reach the masked column
-        loss = loss + cross_entropy(logits, labels, self.class_weights, smoothing=smoothing)
+        weights = batch["weights"].flatten() if "weights" in batch else None
+        loss = loss + cross_entropy(logits, labels, self.class_weights, weights, smoothing)
         if self._recipe.lovasz:
-            loss = loss + self._recipe.lovasz * lovasz_softmax(logits, labels)
+            # of sets of points, which have no weights: those that are less sure than the recipe's doubt stay out
+            sure = labels if weights is None else labels.masked_fill(weights < _SURE, UNLABELLED)
+            loss = loss + self._recipe.lovasz * lovasz_softmax(logits, sure)
         self._losses.append(loss.detach())
         return loss
 
@@ -106,14 +115,24 @@ class Segmentation(lightning.LightningModule):
 
     def on_validation_epoch_end(self) -> None:
         """Log the epoch, and keep the weights where they are the best so far."""
-        loss = float(torch.stack(self._losses).mean()) if self._losses else float("nan")
         result = scores(self._matrix)
-        ahead = max((row["miou"] for row in self.history), default=-1.0)
+        ahead = max((row["miou"] or 0.0 for row in self.history), default=-1.0)
         miou = 0.0 if np.isnan(result.mean_iou) else result.mean_iou
-        self.history.append({"epoch": self.current_epoch, "loss": loss, "miou": miou,
-                             "accuracy": result.overall_accuracy, "mean_accuracy": result.mean_accuracy})  # fmt: skip
-        if miou > ahead:
-            self.best = self.current_epoch
+        self._close(miou > ahead, miou, result.overall_accuracy, result.mean_accuracy)
+
+    def on_train_epoch_end(self) -> None:
+        """Log an epoch without validation, and keep its weights."""
+        if len(self.history) == self.current_epoch:
+            self._close(True, None, None, None)
+
+    def _close(self, kept: bool, miou: float | None, accuracy: float | None, mean_accuracy: float | None) -> None:
+        loss = float(torch.stack(self._losses).mean()) if self._losses else float("nan")
+        self.history.append({"epoch": self.current_epoch, "loss": loss, "miou": miou, "accuracy": accuracy,
+                             "mean_accuracy": mean_accuracy})  # fmt: skip
+        self.best = self.current_epoch if kept else self.best
+        if not self.trainer.is_global_zero:
+            return
+        if kept:
             state = {name: value.cpu().contiguous() for name, value in self.network.state_dict().items()}
             write_bytes(self._folder / BEST, save(state))
         write_text(self._folder / "log.csv", log_table(self.history))
@@ -146,17 +165,19 @@ class Segmentation(lightning.LightningModule):
         return 0.5 * (1.0 + float(np.cos(np.pi * (place - _WARM) / (1.0 - _WARM))))
 
 
-def log_table(history: list[dict[str, float]]) -> str:
+def log_table(history: list[dict[str, float | None]]) -> str:
     """Spell the history as CSV.
 
     Args:
         history: Rows with the same keys.
 
     Returns:
-        A header and one line an epoch; floats as Python spells them, so that equal trainings have equal logs.
+        A header and one line an epoch; floats as Python spells them, so that equal trainings have equal logs; nothing
+        where nothing was measured.
     """
     lines = [",".join(history[0])] if history else []
-    return "\n".join(lines + [",".join(str(value) for value in row.values()) for row in history]) + "\n"
+    told = [",".join("" if value is None else str(value) for value in row.values()) for row in history]
+    return "\n".join(lines + told) + "\n"
 
 
 def keeper(folder: Path) -> ModelCheckpoint:

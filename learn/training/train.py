@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from torch import Tensor, nn
 from torch.utils.data import DataLoader
@@ -21,12 +22,14 @@ from learn.losses import class_weights
 from learn.models.registry import build_network
 from learn.sample import UNLABELLED, SampleSource
 from learn.trained import ModelFacts, as_probabilities, load_weights, read_facts, read_weights, write_model
-from learn.training.loader import EpochOrder, Loaded, collate, count_labels, hold_out
+from learn.training.loader import EpochOrder, Loaded, collate, count_labels, expected_counts, hold_out
 from learn.training.settings import TrainSettings, recipe_of
 
 NOISY = "noisy_point"
 _REQUEST = "request.json"
 _CALIBRATION_POINTS = 200_000
+
+I64 = NDArray[np.int64]
 
 
 def train_network(
@@ -51,16 +54,12 @@ def train_network(
         InputError: No samples, one class alone, or a model to begin with that does not fit.
     """
     torch.use_deterministic_algorithms(True)
-    if validation is None:
-        rows, held = hold_out(source, settings.validation, settings.seed)
-        validation = source
-    else:
-        rows, held = list(range(len(source))), list(range(len(validation)))
+    validation, rows, held = _shared_out(source, validation, settings)
     channels = _check(source, validation, rows, held, settings)
     recipe, classes = recipe_of(settings), source.classes
     noisy = classes.index(NOISY) if recipe.noise_head and NOISY in classes and len(classes) > 2 else None
     counts = count_labels(source, rows, settings.seed)
-    if int((counts > 0).sum()) < 2:
+    if int(counts.any(axis=0).sum()) < 2:
         raise InputError("nothing to tell apart: the labelled points are of one class", field="classes",
                          value=", ".join(classes), mend="Add clouds that show other classes")  # fmt: skip
     torch.manual_seed(settings.seed)
@@ -73,8 +72,7 @@ def train_network(
                       "init": None if init is None else asdict(read_facts(init))})  # fmt: skip
     progress.stage("train", settings.epochs)
     module = _fit(network, (source, rows), (validation, held), settings, folder, progress, request=request,
-                  channels=channels, weights=class_weights(counts, recipe.weights), noisy=noisy, cache=cache,
-                  stop_after=stop_after)  # fmt: skip
+                  channels=channels, counts=counts, noisy=noisy, cache=cache, stop_after=stop_after)  # fmt: skip
     if len(module.history) < settings.epochs:
         return
     best = _best_weights(folder)
@@ -83,7 +81,8 @@ def train_network(
         network=settings.model, settings=settings.network, classes=classes, channels=channels, data=data or {},
         noisy=noisy, temperature=_temperature(network, validation, held, channels, noisy),
         training={"settings": settings.model_dump(mode="json"), "picked_epoch": module.best,
-                  "validation": module.history[module.best], "training_points": counts.tolist(),
+                  "validation": module.history[module.best], "training_points": counts.sum(axis=0).tolist(),
+                  "training_bridges": sorted({source.bridge(row) for row in rows}),
                   "validation_bridges": sorted({validation.bridge(row) for row in held})},
     )  # fmt: skip
     write_model(folder, facts, best)
@@ -115,12 +114,27 @@ def begin_with(network: nn.Module, folder: Path, channels: tuple[str, ...], clas
     load_weights(network, weights, folder)
 
 
+def _shared_out(
+    source: SampleSource, validation: SampleSource | None, settings: TrainSettings
+) -> tuple[SampleSource, list[int], list[int]]:
+    """Say what is trained on, and what is validated on: samples of other bridges, or of bridges that are held out."""
+    if validation is not None:
+        return validation, list(range(len(source))), list(range(len(validation)))
+    if not settings.validation:
+        return source, list(range(len(source))), []
+    rows, held = hold_out(source, settings.validation, settings.seed)
+    unchanged = getattr(source, "unchanged", None)
+    return source if unchanged is None else unchanged(), rows, held
+
+
 def _check(
     source: SampleSource, validation: SampleSource, rows: Sequence[int], held: Sequence[int], settings: TrainSettings
 ) -> tuple[str, ...]:
-    if not rows or not held:
-        raise InputError("too few samples: whole bridges are held out for validation", field="samples",
-                         value=len(source), mend="Add clouds of another bridge")  # fmt: skip
+    if not rows or not (held or not settings.validation):
+        raise InputError("too few bridges: a whole one is held out for validation", field="bridges",
+                         value=len({source.bridge(row) for row in range(len(source))}), allowed="2 or more",
+                         mend="Add clouds of another bridge, or give --set validation=0: nothing is held out then, "
+                         "and the last epoch is taken")  # fmt: skip
     if validation.classes != source.classes:
         raise InputError("training and validation have other classes", field="classes",
                          value=", ".join(validation.classes), allowed=", ".join(source.classes))  # fmt: skip
@@ -141,7 +155,7 @@ def _freeze(network: nn.Module) -> None:
 def _fit(
     network: Any, training: tuple[SampleSource, Sequence[int]], held: tuple[SampleSource, Sequence[int]],
     settings: TrainSettings, folder: Path, progress: Progress, *, request: str, channels: tuple[str, ...],
-    weights: Tensor, noisy: int | None, cache: Path | None, stop_after: int | None,
+    counts: I64, noisy: int | None, cache: Path | None, stop_after: int | None,
 ) -> Any:  # fmt: skip
     import lightning
 
@@ -149,27 +163,38 @@ def _fit(
 
     going_on = (folder / LAST).is_file() and _former(folder) == request
     write_text(folder / _REQUEST, canonical_json(request))
-    order = EpochOrder(training[1], settings.seed)
+    recipe = recipe_of(settings)
+    order = EpochOrder(training[1], settings.seed, counts, recipe.class_aware)
+    weights = class_weights(expected_counts(counts, recipe.class_aware), recipe.weights)
     several: dict[str, Any] = {"collate_fn": collate, "num_workers": settings.workers}
-    loader = DataLoader(Loaded(training[0], network, channels, settings.seed), batch_size=settings.batch,
-                        sampler=order, **several)  # fmt: skip
+    drawn = Loaded(training[0], network, channels, settings.seed, doubt=recipe.doubt)
+    loader = DataLoader(drawn, batch_size=settings.batch, sampler=order, **several)
     same = Loaded(held[0], network, channels, settings.seed, cache)
     fixed = DataLoader(same, batch_size=settings.batch, sampler=[(0, row) for row in held[1]], **several)
-    steps = settings.epochs * -(-len(training[1]) // settings.batch)
-    module = Segmentation(network, settings, recipe_of(settings), weights, noisy, steps, folder, progress)
+    steps = settings.epochs * -(-len(training[1]) // (settings.batch * settings.devices))
+    module = Segmentation(network, settings, recipe, weights, noisy, steps, folder, progress)
     epochs = settings.epochs if stop_after is None else min(stop_after, settings.epochs)
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)  # it advises on devices and services
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Lightning's advice on loaders and logging is for nobody here
         trainer = lightning.Trainer(
-            max_epochs=epochs, accelerator=settings.accelerator, devices=1,
+            max_epochs=epochs, accelerator=settings.accelerator, devices=settings.devices,
+            strategy="auto" if settings.devices == 1 else "ddp_fork",
             deterministic=True, precision=settings.precision, logger=False, callbacks=[keeper(folder)],
             enable_progress_bar=False, enable_model_summary=False, num_sanity_val_steps=0, default_root_dir=folder,
             use_distributed_sampler=False,
         )  # fmt: skip
-        trainer.fit(module, loader, fixed, ckpt_path=str(folder / LAST) if going_on else None, weights_only=True)
+        trainer.fit(
+            module,
+            loader,
+            fixed if held[1] else None,
+            ckpt_path=str(folder / LAST) if going_on else None,
+            weights_only=True,
+        )
     if trainer.interrupted:
         raise KeyboardInterrupt
+    if settings.devices > 1:  # what the processes have seen is in their checkpoint
+        module.on_load_checkpoint(torch.load(folder / LAST, weights_only=True))
     return module
 
 

@@ -28,7 +28,6 @@ _STEP = 2  # [px] between its samples
 _SIDE = 2 * _RADIUS // _STEP + 1
 _SIMILAR = 14.0  # [grey levels] in which a sample's weight falls to 1/e
 _ROUNDS = 3
-_BEST = 2  # sources whose mean cost counts; the others may not see the place
 _WORST = 2.0  # cost of what no source sees
 _GOOD = 0.3  # 1 - correlation up to which a depth is believed
 _STEEP = 0.15  # [1] smallest cosine between normal and ray

@@ -37,7 +37,7 @@ class PosedImage:
 
     Attributes:
         gray: Grey values, shape (H, W), uint8.
-        pose: camera_to_world, shape (4, 4), float64.
+        pose: camera_to_world [m], shape (4, 4), float64.
     """
 
     gray: U8

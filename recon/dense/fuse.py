@@ -32,7 +32,7 @@ class DepthView:
         normal: Unit normals in camera axes, towards the camera, shape (H, W, 3), float32.
         color: Working image, shape (H, W, 3), uint8.
         used: Pixels that are part of a point already, shape (H, W), bool; fusion sets them.
-        pose: camera_to_world, shape (4, 4), float64.
+        pose: camera_to_world [m], shape (4, 4), float64.
     """
 
     image: int

@@ -73,7 +73,7 @@ def choose_sources(view: View, poses: F64, camera: Pinhole, wanted: int) -> tupl
 
     Args:
         view: The view and its neighbours.
-        poses: camera_to_world of every image, shape (I, 4, 4), float64.
+        poses: camera_to_world [m] of every image, shape (I, 4, 4), float64.
         camera: Working camera of all of them.
         wanted: Sum of the shares that is enough; at most twice as many images are taken.
 

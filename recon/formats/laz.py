@@ -16,6 +16,11 @@ _UNCLASSIFIED = 1
 _CREATED = date(2000, 1, 1)
 _COUNTS = 2**31 - 1  # steps of the scale that fit beside the offset
 _CHUNK = 1_000_000  # points in memory a second time
+# A scene lies nowhere on Earth: a local system whose unit is the metre, in the WKT 1 that LAS 1.4 wants.
+FRAME = (
+    'LOCAL_CS["Falsework scene",LOCAL_DATUM["Falsework scene",0],UNIT["metre",1],'
+    'AXIS["X",OTHER],AXIS["Y",OTHER],AXIS["Z",UP]]'
+)
 EXTRA = {
     "segment": "class id",
     "instance": "component id",
@@ -53,7 +58,7 @@ def write_laz(path: Path, cloud: Cloud, compress: bool = True) -> None:
 
 def _header(cloud: Cloud) -> Any:
     import laspy
-    from laspy.vlrs.known import ClassificationLookupVlr
+    from laspy.vlrs.known import ClassificationLookupVlr, WktCoordinateSystemVlr
 
     header = laspy.LasHeader(point_format=7, version="1.4")
     header.creation_date = _CREATED
@@ -72,6 +77,8 @@ def _header(cloud: Cloud) -> Any:
         if row.id != UNLABELLED:
             table[FIRST_USER_CLASS + row.id] = row.name[:15]
     header.vlrs.append(table)
+    if cloud.alignment.get("target") != "none":  # such a cloud has no unit
+        header.vlrs.append(WktCoordinateSystemVlr(FRAME))
     return header
 
 

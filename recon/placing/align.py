@@ -48,7 +48,7 @@ class Target:
         """Take the rotations of cameras as if each had been held as its picture is looked at.
 
         Args:
-            poses: camera_to_world in model units, shape (I, 4, 4), float64.
+            poses: camera_to_world [model units], shape (I, 4, 4), float64.
             rows: Their rows in the capture, shape (I,), int64.
 
         Returns:
@@ -113,7 +113,7 @@ def align(
     Source: the paper aligns by RANSAC over centres (method `paper`).
 
     Args:
-        poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
+        poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.
         rows: Their rows in the capture, shape (I,), int64.
         target: Where they were.
         settings: Method and limits.
@@ -162,7 +162,7 @@ def stand_upright(poses: F64, rows: NDArray[np.int64], target: Target) -> Alignm
     """Leave a model in its own units, and only stand it upright, its cameras round the origin.
 
     Args:
-        poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
+        poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.
         rows: Their rows in the capture, shape (I,), int64.
         target: For the number of images, and how each was held.
 

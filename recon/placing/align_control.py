@@ -109,7 +109,7 @@ def triangulate(centres: F64, directions: F64) -> F64:
     """Find the point that is nearest to some rays, each counting by the inverse of its distance: as pixels do.
 
     Args:
-        centres: Starts of the rays, shape (N, 3), float64.
+        centres: Starts of the rays [model units], shape (N, 3), float64.
         directions: Unit directions [1], shape (N, 3), float64.
 
     Returns:

@@ -22,7 +22,7 @@ def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.
     the fit, its camera is not.
 
     Args:
-        poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
+        poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.
         rows: Their rows in the capture, shape (I,), int64.
         target: The fixes, with `sigmas`.
         rng: Draws triples of cameras to start from.

@@ -31,7 +31,7 @@ class MapSystem:
         """Turn coordinates into latitude, longitude and height; not those of a plane system.
 
         Args:
-            points: Coordinates as the file has them, shape (N, 3), float64.
+            points: Coordinates as the file has them, [deg] or [m], shape (N, 3), float64.
 
         Returns:
             Latitude [deg], longitude [deg] and height [m], array of shape (N, 3), float64.
@@ -44,7 +44,7 @@ class MapSystem:
         """Turn coordinates into metres east, north and up of an origin.
 
         Args:
-            points: Coordinates as the file has them, shape (N, 3), float64.
+            points: Coordinates as the file has them, [deg] or [m], shape (N, 3), float64.
             origin: Latitude [deg], longitude [deg], height [m]; of a plane system, a point in its own coordinates.
 
         Returns:

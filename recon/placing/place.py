@@ -32,7 +32,7 @@ def place(
     Photographs whose GPS is absent, or does not fix the frame, leave the model in its own units, standing upright.
 
     Args:
-        poses: camera_to_world of the registered images in model units, shape (I, 4, 4), float64.
+        poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.
         rows: Their rows in the capture, shape (I,), int64.
         reasons: Why an image is not in the model, by file, where more is known than that.
         capture: Photographs.

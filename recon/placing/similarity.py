@@ -29,7 +29,7 @@ class Similarity:
         """Carry points into the world.
 
         Args:
-            points: Local positions, shape (N, 3), float64.
+            points: Local positions [model units], shape (N, 3), float64.
 
         Returns:
             World positions [m], shape (N, 3), float64.
@@ -40,7 +40,7 @@ class Similarity:
         """Carry camera poses into the world; their rotations stay rotations.
 
         Args:
-            poses: Local camera_to_world, shape (N, 4, 4), float64.
+            poses: Local camera_to_world [model units], shape (N, 4, 4), float64.
 
         Returns:
             World camera_to_world [m], shape (N, 4, 4), float64.

@@ -14,7 +14,7 @@ I64 = NDArray[np.int64]
 _SAME = 1e-9  # of the model's extent: nearer than this, the last bits alone differ
 
 
-def merge_duplicates(model: SparseModel) -> SparseModel:
+def merge_duplicates(model: SparseModel) -> tuple[SparseModel, I64]:
     """Make one point of all that lie in the same place, or were seen by the same cameras at the same keypoints.
 
     Args:
@@ -22,26 +22,29 @@ def merge_duplicates(model: SparseModel) -> SparseModel:
 
     Returns:
         The model with the first of each set of equal points, in the same order; it keeps the views of all, each once.
+        Size of the set that each point stands for, shape (N,), int64.
     """
     count = len(model.points)
     if not count:
-        return model
+        return model, np.ones(0, np.int64)
     place, views = _by_place(model), _by_views(model)
     links = coo_matrix((np.ones(count, bool), (place, views + count)), shape=(2 * count, 2 * count))
     group = connected_components(links, directed=False)[1][place]
     kept = np.sort(np.unique(group, return_index=True)[1])
+    alike = np.bincount(group)[group[kept]].astype(np.int64)
     if len(kept) == count:
-        return model
+        return model, alike
     renamed = np.zeros(2 * count, np.int64)
     renamed[group[kept]] = np.arange(len(kept))
     point = renamed[group][model.obs_point]
     seen = np.column_stack([point, model.obs_image, np.ascontiguousarray(model.obs_uv).view(np.int64)])
     once = np.sort(np.unique(seen, axis=0, return_index=True)[1])
     order = once[np.argsort(point[once], kind="stable")]
-    return replace(
+    merged = replace(
         model, points=model.points[kept], colors=model.colors[kept], errors=model.errors[kept],
         obs_point=point[order], obs_image=model.obs_image[order], obs_uv=model.obs_uv[order],
     )  # fmt: skip
+    return merged, alike
 
 
 def _by_place(model: SparseModel) -> I64:

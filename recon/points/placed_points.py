@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from groundwork.errors import RejectedSceneError
 from recon.dense.points import DensePoints
 from recon.placing.align import Similarity
+from recon.points.fates import DEVIATION, FEW_VIEWS, KEPT, REPROJECTION
 from recon.points.observations import Observations, select_dense, select_points
-from recon.points.precision import deviations
+from recon.points.precision import deviations, keypoint_noise
 from recon.settings import ReconSettings
 from recon.sfm.colmap_model import SparseModel
 
@@ -21,9 +22,11 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class PlacedPoints:
-    """N points that valid cameras saw.
+    """N points that valid cameras saw, those that do not stay included.
 
     Attributes:
+        judged: Which points of those that were made these are, shape (P,), bool.
+        fate: What becomes of each, a number of `FATES`, shape (N,), uint8.
         coord: World positions [m], shape (N, 3), float64.
         normal: Unit normals, shape (N, 3), float32.
         color: sRGB colours, shape (N, 3), uint8.
@@ -32,6 +35,8 @@ class PlacedPoints:
         seen: Who saw them, and where.
     """
 
+    judged: Mask
+    fate: NDArray[np.uint8]
     coord: F64
     normal: F32
     color: NDArray[np.uint8]
@@ -53,32 +58,36 @@ def place_sparse(
         metric: Whether the world is in metres; else `max_deviation` tells nothing, and is not asked.
 
     Returns:
-        Those seen well enough; their normals point to the mean of their cameras.
+        What any valid camera saw; normals point to the mean of the cameras.
 
     Raises:
         RejectedSceneError: `no_points`.
     """
-    kept, seen = select_points(model, rows, valid, settings.max_reprojection_error, settings.min_views)
+    judged, seen = select_points(model, rows, valid, np.inf, 1)
+    _check_some(judged)
     centres = np.full((len(valid), 3), np.nan)
     centres[rows] = similarity.move(model.poses[:, :3, 3])
-    _check_some(kept)
+    coord, errors, fate = similarity.move(model.points[judged]), model.errors[judged], _all_kept(judged)
     if metric:
-        rays = seen.once()
-        sure = rays.counts >= settings.sure_views
-        points = similarity.move(model.points[kept][~sure])
-        sure[~sure] = deviations(points, centres, model.camera_params[0], rays.of(~sure)) <= settings.max_deviation
-        if not sure.any():
-            raise RejectedSceneError(
-                "no_points", f"all {len(sure):,} points were seen by fewer than {settings.sure_views} cameras and may "
-                f"be off by more than {settings.max_deviation:g} m: raise [recon] max_deviation, or set sure_views = 2",
-            )  # fmt: skip
-        kept[kept], seen = sure, seen.of(sure)
-    coord = similarity.move(model.points[kept])
+        rays, poor = seen.once(), errors > settings.max_reprojection_error
+        noise = keypoint_noise(errors, np.where(poor, 0, rays.counts))
+        unsure = noise * deviations(coord, centres, model.camera_params[0], rays) > settings.max_deviation
+        if settings.sure_views is not None:
+            unsure &= rays.counts < settings.sure_views
+        fate[unsure] = DEVIATION
+    fate[errors > settings.max_reprojection_error] = REPROJECTION
+    fate[seen.counts < settings.min_views] = FEW_VIEWS
+    if (fate == DEVIATION).any() and not (fate == KEPT).any():
+        raise RejectedSceneError(
+            "no_points", f"all {len(fate):,} points may be off by more than {settings.max_deviation:g} m: raise "
+            "[recon] max_deviation, or set sure_views = 2",
+        )  # fmt: skip
+    _check_some(fate == KEPT)
     normal = np.add.reduceat(centres[seen.image], seen.start[:-1]) / seen.counts[:, None] - coord
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return PlacedPoints(
-        coord, normal.astype(np.float32), model.colors[kept], model.errors[kept].astype(np.float32), seen
-    )
+        judged, fate, coord, normal.astype(np.float32), model.colors[judged], errors.astype(np.float32), seen
+    )  # fmt: skip
 
 
 def place_dense(points: DensePoints, rows: I64, valid: Mask, similarity: Similarity, min_views: int) -> PlacedPoints:
@@ -92,18 +101,31 @@ def place_dense(points: DensePoints, rows: I64, valid: Mask, similarity: Similar
         min_views: Valid views that a point needs.
 
     Returns:
-        Those seen by enough valid cameras.
+        What any valid camera saw.
 
     Raises:
         RejectedSceneError: `no_points`.
     """
-    kept, seen = select_dense(points, rows, valid, min_views)
-    _check_some(kept)
-    normal = points.normals[kept] @ similarity.rotation.T
-    unknown = np.full(int(kept.sum()), np.nan, np.float32)
+    judged, seen = select_dense(points, rows, valid, 1)
+    _check_some(judged)
+    fate = _all_kept(judged)
+    fate[seen.counts < min_views] = FEW_VIEWS
+    _check_some(fate == KEPT)
+    normal = points.normals[judged] @ similarity.rotation.T
+    unknown = np.full(len(fate), np.nan, np.float32)
     return PlacedPoints(
-        similarity.move(points.points[kept]), normal.astype(np.float32), points.colors[kept], unknown, seen
+        judged,
+        fate,
+        similarity.move(points.points[judged]),
+        normal.astype(np.float32),
+        points.colors[judged],
+        unknown,
+        seen,
     )
+
+
+def _all_kept(judged: Mask) -> NDArray[np.uint8]:
+    return np.full(int(judged.sum()), KEPT, np.uint8)
 
 
 def _check_some(kept: Mask) -> None:

@@ -8,6 +8,31 @@ from recon.points.observations import Observations
 F64 = NDArray[np.float64]
 
 _CHUNK = 200_000  # observations, of some 400 bytes each
+_DOUBT = 100  # numbers that say one pixel before any point has spoken: a handful of points proves no better keypoints
+_COMMON = 6  # numbers that all points together are worth beside a point's own: a point of two views has but one
+_SQUARE = 4.0 / np.pi  # mean square of distances over the square of their mean, where both axes deviate alike
+_SEVERAL = 3  # views from which on a point's residuals check its place; two rays always nearly meet
+
+
+def keypoint_noise(errors: F64, views: NDArray[np.int64]) -> F64:
+    """Tell how far the keypoints of each point deviate: from what all points leave over, and what it leaves itself.
+
+    A point of n views leaves 2n - 3 numbers of its 2n. Those of all points give the common variance, and a point's own
+    move it as far as they are many: who matches worse than others is less sure than others.
+
+    Source: Gelman et al., Bayesian Data Analysis, 3rd edition, section 2.6 (scaled inverse chi-squared prior).
+
+    Args:
+        errors: Mean distance between keypoints and reprojected point [px], shape (N,), float64.
+        views: Cameras of each point, shape (N,), int64.
+
+    Returns:
+        Standard deviation of a keypoint along either axis [px], shape (N,), float64.
+    """
+    squares, freedom = _SQUARE * views * errors**2, np.maximum(2 * views - 3, 0)
+    checked = views >= _SEVERAL
+    common = (_DOUBT + squares[checked].sum()) / (_DOUBT + freedom[checked].sum())
+    return np.sqrt((_COMMON * common + squares) / (_COMMON + freedom))
 
 
 def deviations(points: F64, centres: F64, focal: float, seen: Observations) -> F64:

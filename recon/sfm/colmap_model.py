@@ -31,10 +31,10 @@ class SparseModel:
 
     Attributes:
         names: File name of each registered image, in ascending order.
-        poses: camera_to_world of each registered image, shape (I, 4, 4), float64.
+        poses: camera_to_world [model units] of each registered image, shape (I, 4, 4), float64.
         camera_model: Name of the camera model of all images.
         camera_params: Its parameters as COLMAP orders them [px].
-        points: Positions, shape (P, 3), float64, in ascending order of COLMAP's point ids.
+        points: Positions [model units], shape (P, 3), float64, in ascending order of COLMAP's point ids.
         colors: sRGB colours, shape (P, 3), uint8.
         errors: Mean reprojection error of each point [px], shape (P,), float64.
         obs_point: Row in `points` of each observation, ascending, shape (M,), int64.

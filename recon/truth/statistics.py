@@ -1,7 +1,7 @@
 """The figures of a cloud: how many cameras and points, how far off, how well labelled."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -57,10 +57,11 @@ def describe(
         "surface_distance_median": _quantile(columns["surface_distance"], 0.5),
         "surface_distance_p95": _quantile(columns["surface_distance"], 0.95),
     }
-    return figures | _label_figures(columns)
+    moving = int((np.isnan(columns["surface_distance"]) & ~np.isnan(uncertainty)).sum())
+    return figures | _label_figures(columns) | ({"moving_points": moving} if moving else {})
 
 
-def verdict_in_words(status: tuple[str, ...], points: int, found: int, note: str, *, limited: bool) -> str:
+def verdict_in_words(status: tuple[str, ...], points: int, found: int, note: str, lost: Sequence[str]) -> str:
     """Say in one line what became of the photographs.
 
     Args:
@@ -68,12 +69,13 @@ def verdict_in_words(status: tuple[str, ...], points: int, found: int, note: str
         points: Number of points in the cloud.
         found: Number of points that there were before unsure ones were left out.
         note: What the model was aligned to.
-        limited: Whether `max_deviation` was asked: where it took three quarters of the points, the line says so.
+        lost: Classes of which `max_deviation` took more than half.
     """
     others = ", ".join(f"{count} {code}" for code, count in sorted(Counter(status).items()) if code != OK)
     where = f" ({others})" if others else ""
     count = f"{points:,} of {found:,}" if points < found else f"{points:,}"
-    hint = " (raise [recon] max_deviation for more)" if limited and points < found / 4 else ""
+    who = "the points" if lost == ["unlabelled"] else ", ".join(lost)
+    hint = f" (more than half of {who} left out as unsure: raise [recon] max_deviation for more)" if lost else ""
     return f"{status.count(OK)} of {len(status)} photographs ok{where}, {count} points{hint}; {note}"
 
 

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from recon.truth.triangle_points import nearest_on_triangles
 from render.capture import Truth
+from usd_schemas.components import UNLABELLED
 
 F64 = NDArray[np.float64]
 
@@ -29,3 +30,21 @@ def nearest_surface(points: F64, truth: Truth) -> tuple[F64, NDArray[np.uint8]]:
     points = np.asarray(points, np.float64)
     foot = nearest_on_triangles(points, np.asarray(corners, np.float64), triangle)
     return np.linalg.norm(points - foot, axis=1), labels[triangle]
+
+
+def still_surface(
+    instance: NDArray[np.uint32], truth: Truth, distance: NDArray[np.float64], nearest: NDArray[np.uint8]
+) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Take back what was said of points on things that move: the true surface stands as at the first image.
+
+    Args:
+        instance: Instance id of each point, shape (N,), uint32.
+        truth: The truth, whose table marks what moves.
+        distance: Distance of each point to the true surface [m], shape (N,), float64.
+        nearest: Class of that surface, shape (N,), uint8.
+
+    Returns:
+        The same, NaN and 255 on things that move, shape (N,) each.
+    """
+    moving = np.isin(instance, [row.id for row in truth.instances if row.moves])
+    return np.where(moving, np.nan, distance), np.where(moving, np.uint8(UNLABELLED), nearest)

@@ -61,6 +61,8 @@ def survey_scene(scene: FlatScene, triangle_budget: int) -> SurveyedScene:
     product = scene.products[0]
     track = scene.cameras[product.camera]
     camera = product_camera(track, product.width, product.height)
+    if scene.moments:  # what moves comes near when it likes
+        return SurveyedScene(scene, camera, {})
     sight = survey_sight(track, camera)
     scene = level_of_detail(scene, track, camera, sight, triangle_budget)
     return SurveyedScene(scene, camera, texel_needs(scene, sight))

@@ -37,7 +37,7 @@ class Facets:
 
     Attributes:
         draw: Draw of each, ascending, shape (N,), int64.
-        positions: Mesh-local corners, shape (N, 3, 3), float32.
+        positions: Mesh-local corners [m], shape (N, 3, 3), float32.
         corners: Corners counted from `anchor` [m], shape (N, 3, 3), float64.
         normals: Unit normals, shape (3, N), float64.
         heights: Distance of the plane from `anchor` along the normal [m], shape (N,), float64.
@@ -79,7 +79,7 @@ class Facets:
             visible: Whether to look at the facets of a draw, shape (D,), bool.
             camera: Intrinsics.
             window: First row of the image that is drawn, and the row after the last.
-            pose: Camera pose, shape (4, 4), float64.
+            pose: Camera pose [m], shape (4, 4), float64.
             near: Near plane [m].
             origins: Origin of each draw [m], shape (D, 3), float64.
 

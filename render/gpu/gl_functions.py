@@ -7,6 +7,7 @@ _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _COLOR, _DEPTH = 0x1800, 0x1801
 _TEXTURE_2D, _TEXTURE_2D_ARRAY = 0x0DE1, 0x8C1A
 _BYTES = {1: 0x8229, 4: 0x8058}  # internal formats R8 and RGBA8
+_WRAP_S, _WRAP_T, _MINIFIED, _MAGNIFIED, _ANISOTROPY = 0x2802, 0x2803, 0x2801, 0x2800, 0x84FE
 _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x1902, 0x8CAC, 0x1406
 
 
@@ -27,11 +28,44 @@ class GlFunctions:
         self._clear_float = _function(load, "glClearBufferfv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
         self._clear_uint = _function(load, "glClearBufferuiv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
         self.flush = _function(load, "glFlush")
+        self._bind_sampler = _function(load, "glBindSampler", ctypes.c_uint, ctypes.c_uint)
+        self._make_samplers = _function(load, "glGenSamplers", ctypes.c_int, ctypes.c_void_p)
+        number = (ctypes.c_uint, ctypes.c_uint)
+        self._sampler_number = _function(load, "glSamplerParameteri", *number, ctypes.c_int)
+        self._sampler_float = _function(load, "glSamplerParameterf", *number, ctypes.c_float)
         self._bind_texture = _function(load, "glBindTexture", ctypes.c_uint, ctypes.c_uint)
         sizes = (ctypes.c_uint, *[ctypes.c_int] * 5, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
         self._texture_image = _function(load, "glTexImage2D", *sizes)
         self._texture_storage = _function(load, "glTexStorage3D", ctypes.c_uint, ctypes.c_int, ctypes.c_uint,
                                           *[ctypes.c_int] * 3)  # fmt: skip
+
+    def bind_sampler(self, unit: int, sampler: int) -> None:
+        """Let a texture unit look up as a sampler says.
+
+        Args:
+            unit: Texture unit.
+            sampler: OpenGL name of the sampler; 0 for what its texture says.
+        """
+        self._bind_sampler(unit, sampler)
+
+    def make_sampler(self, modes: tuple[int, int], filters: tuple[int, int], anisotropy: float) -> int:
+        """Make a sampler, whose border is black and transparent.
+
+        Args:
+            modes: OpenGL's modes beyond the edges along s and t.
+            filters: OpenGL's filters of minified and magnified texels.
+            anisotropy: Anisotropic filtering [1]; 1 for none.
+
+        Returns:
+            OpenGL name of the sampler.
+        """
+        name = (ctypes.c_uint * 1)()
+        self._make_samplers(1, name)
+        for parameter, value in zip((_WRAP_S, _WRAP_T, _MINIFIED, _MAGNIFIED), (*modes, *filters), strict=True):
+            self._sampler_number(name[0], parameter, value)
+        if anisotropy > 1.0:
+            self._sampler_float(name[0], _ANISOTROPY, anisotropy)
+        return int(name[0])
 
     def clip_depth_zero_to_one(self) -> None:
         """Let clip-space depth run from 0 to w, so that reversed depth keeps all digits of its float."""

@@ -1,17 +1,20 @@
 """A scene in OpenGL buffers: all vertices in one, all draws in another, and the draw commands of one view."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from render.gpu.context import Gl
 from render.gpu.facets import Facets
 from render.gpu.materials import ROW, MaterialTable, Variant
 from render.gpu.row_texture import DRAW_UNIT, row_texture
+from render.gpu.wraps import Wraps
 from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
@@ -48,6 +51,8 @@ class GpuScene:
         material_rows: Row of the material of each draw, shape (D,), int64.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
         facets: Triangles whose depth may have to be drawn anew.
+        of_material: Row in `variants` of each material, shape (M,), int64.
+        wraps: How textures go on beyond their edges.
     """
 
     vertices: moderngl.Buffer
@@ -65,6 +70,38 @@ class GpuScene:
     material_rows: I64
     anchor: F64
     facets: Facets
+    of_material: I64
+    wraps: Wraps
+
+    def moved(self, context: moderngl.Context, scene: FlatScene, facets: Facets) -> "GpuScene":
+        """Return the same meshes and materials, drawn where another moment of the scene has them.
+
+        Args:
+            context: Open context.
+            scene: The scene at that moment.
+            facets: Its triangles whose depth may have to be drawn anew.
+        """
+        return replace(self, facets=facets, **_placed(context, scene, self.of_material))
+
+    def release_places(self) -> None:
+        """Give back what `moved` made."""
+        for held in (self.draw_numbers, self.draws, self.offsets):
+            held.release()
+
+    @property
+    def cut_out(self) -> NDArray[np.bool_]:
+        """Which draws have holes that only a texture knows, shape (D,)."""
+        return np.array(["CUT_OUT" in variant.features for variant in self.variants])[self.variant_rows]
+
+    @property
+    def blended(self) -> NDArray[np.bool_]:
+        """Which draws let what is behind them shine through, shape (D,)."""
+        return np.array(["BLEND" in variant.features for variant in self.variants])[self.variant_rows]
+
+    @property
+    def ghosts(self) -> NDArray[np.bool_]:
+        """Which draws the truth does not hold, and no shadow, shape (D,)."""
+        return np.array([variant.ghost for variant in self.variants])[self.variant_rows]
 
     def place(self, eye: F64) -> None:
         """Count every draw's origin from a point, subtracted in float64.
@@ -124,13 +161,11 @@ class GpuScene:
         return context.vertex_array(program, content, self.indices)
 
 
-def upload_scene(
-    context: moderngl.Context, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets
-) -> GpuScene:
+def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets) -> GpuScene:
     """Check a scene and put it into buffers.
 
     Args:
-        context: Open context.
+        gl: Open context.
         scene: Scene to upload.
         table: Its materials.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
@@ -140,11 +175,29 @@ def upload_scene(
         InputError: Nothing to draw, an index out of range, or a number that is not finite.
     """
     check_scene(scene)
-    geometry, draws = scene.geometry, scene.draws
+    geometry, context = scene.geometry, gl.context
     vertices = np.zeros(len(geometry.positions), _VERTEX)
     vertices["p"], vertices["n"] = geometry.positions, geometry.normals
     vertices["st"], vertices["st1"] = geometry.st, geometry.st1
     vertices["color"][:, :3] = geometry.colors
+    materials = np.zeros((len(table.rows), _APART // 4), np.float32)
+    materials[:, : ROW.itemsize // 4] = _numbers(table.rows)
+    variants = tuple(dict.fromkeys(table.variants))
+    number = {variant: row for row, variant in enumerate(variants)}
+    of_material = np.array([number[variant] for variant in table.variants], np.int64)
+    return GpuScene(
+        vertices=context.buffer(vertices.tobytes()),
+        indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
+        materials=context.buffer(materials.tobytes()),
+        variants=variants, of_material=of_material, anchor=anchor, facets=facets,
+        wraps=Wraps(gl.functions),
+        **_placed(context, scene, of_material),
+    )  # fmt: skip
+
+
+def _placed(context: moderngl.Context, scene: FlatScene, of_material: I64) -> dict[str, Any]:
+    """Upload where everything is drawn: the fields of a `GpuScene` that change as things move."""
+    geometry, draws = scene.geometry, scene.draws
     count = len(draws.part)
     linear = draws.transform[:, :3, :3]
     rows = np.zeros(count, _DRAW)
@@ -156,22 +209,13 @@ def upload_scene(
     commands["count"], commands["first"] = geometry.part_count[draws.part] * 3, geometry.part_first[draws.part] * 3
     commands["instances"], commands["draw"] = 1, np.arange(count)
     lower, upper = draw_boxes(scene)
-    materials = np.zeros((len(table.rows), _APART // 4), np.float32)
-    materials[:, : ROW.itemsize // 4] = _numbers(table.rows)
-    variants = tuple(dict.fromkeys(table.variants))
-    number = {variant: row for row, variant in enumerate(variants)}
-    of_material = np.array([number[variant] for variant in table.variants], np.int64)
-    return GpuScene(
-        vertices=context.buffer(vertices.tobytes()),
-        indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
-        draw_numbers=context.buffer(np.arange(count, dtype=np.uint32).tobytes()),
-        draws=row_texture(context, _numbers(rows)),
-        materials=context.buffer(materials.tobytes()),
-        offsets=context.buffer(reserve=count * 12, dynamic=True),
-        origins=draws.transform[:, :3, 3].copy(), lower=lower, upper=upper, commands=commands,
-        variants=variants, variant_rows=of_material[draws.material],
-        material_rows=draws.material.astype(np.int64), anchor=anchor, facets=facets,
-    )  # fmt: skip
+    return {
+        "draw_numbers": context.buffer(np.arange(count, dtype=np.uint32).tobytes()),
+        "draws": row_texture(context, _numbers(rows)),
+        "offsets": context.buffer(reserve=count * 12, dynamic=True),
+        "origins": draws.transform[:, :3, 3].copy(), "lower": lower, "upper": upper, "commands": commands,
+        "variant_rows": of_material[draws.material], "material_rows": draws.material.astype(np.int64),
+    }  # fmt: skip
 
 
 def run_commands(

@@ -26,15 +26,21 @@ ROW = np.dtype(
         ("metallic", "(2,4)f4"),
         ("frequencies", "4f4"),  # detail: tiles per metre of each octave, layer
         ("amplitudes", "4f4"),  # detail: contrast of each octave, macro layer
-        ("options", "4f4"),  # opacity threshold, takes the vertex colour
+        ("options", "4f4"),  # opacity threshold, takes the vertex colour, opacity
+        ("emission", "(2,4)f4"),
+        ("specular", "4f4"),  # colour of the shine straight on
     ]
 )
-_AVERAGED = {"fast": ("roughness", "metallic"), "standard": ("roughness",), "fine": ()}
-_KINDS: dict[str, Literal["color", "vector", "number"]] = {
-    "albedo": "color", "roughness": "number", "normal": "vector", "metallic": "number",
+_AVERAGED = {
+    "fast": ("roughness", "metallic", "specular"), "standard": ("roughness", "specular"), "fine": ("specular",),
 }  # fmt: skip
+_KINDS: dict[str, Literal["color", "vector", "number"]] = {
+    "albedo": "color", "roughness": "number", "normal": "vector", "metallic": "number", "emission": "color",
+    "specular": "color",
+}  # fmt: skip
+_REPEATS = ("repeat", "repeat")
 _UNREAD = {"fast": ("normal",), "standard": (), "fine": ()}
-SLOTS = ("albedo", "roughness", "normal", "detail", "macro", "metallic")
+SLOTS = ("albedo", "roughness", "normal", "detail", "macro", "metallic", "emission")
 
 
 @dataclass(frozen=True)
@@ -44,10 +50,14 @@ class Variant:
     Attributes:
         features: Names that the shader is compiled with.
         arrays: Texture array of each of `SLOTS`, shape (side, side, layers), uint8, or None.
+        wraps: How each goes on beyond its edges along s and t; None where it repeats.
+        ghost: Lets more light through than it holds back: neither in the truth nor in shadows.
     """
 
     features: tuple[str, ...]
     arrays: tuple[moderngl.TextureArray | None, ...]
+    wraps: tuple[tuple[str, str] | None, ...] = (None,) * len(SLOTS)
+    ghost: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,7 +101,7 @@ def layer_mates(materials: tuple[Material, ...]) -> list[Mates]:
     mates: list[Mates] = []
     for material in materials:
         keys, albedo, roughness = _keys(material), material.base_texture, material.roughness_texture
-        cut_out = material.opacity_threshold > 0
+        cut_out = material.opacity_threshold > 0  # blended ones have one, too
         if "albedo" in keys and cut_out:
             mates.append((keys["albedo"], None))
         mates += [(None, keys[name]) for name in ("metallic", "detail") if name in keys]
@@ -134,8 +144,13 @@ def tabulate_materials(
             features.append("CUT_OUT")
         if quality != "fast" and (roughness < _MIRROR_ROUGHNESS or metallic > 0.5 or "metallic" in found):
             features.append("MIRROR")
+        if material.specular is not None:
+            features.append("SPECULAR")
+        if material.blends:
+            features.append("BLEND")
+        found = {name: slot for name, slot in found.items() if name in SLOTS}
         arrays = tuple(found[name].array if name in found else None for name in SLOTS)
-        variants.append(Variant(tuple(features), arrays))
+        variants.append(Variant(tuple(features), arrays, _wraps(material, found), material.is_ghost))
         means[number] = found["albedo"].mean if "albedo" in found else material.base_color
     return MaterialTable(rows, tuple(variants), means)
 
@@ -146,7 +161,16 @@ def _maps(material: Material) -> dict[str, Texture | None]:
         "roughness": material.roughness_texture,
         "normal": material.normal_texture,
         "metallic": material.metallic_texture,
+        "emission": material.emissive_texture,
+        "specular": material.specular_texture,
     }
+
+
+def _wraps(material: Material, found: dict[str, TextureSlot]) -> tuple[tuple[str, str] | None, ...]:
+    """How the texture of each slot goes on beyond its edges; None where it repeats."""
+    maps = _maps(material)
+    told = (texture.wrap if (texture := maps.get(name)) and name in found else _REPEATS for name in SLOTS)
+    return tuple(None if wrap == _REPEATS else wrap for wrap in told)
 
 
 def _keys(material: Material) -> dict[str, TextureKey]:
@@ -154,7 +178,10 @@ def _keys(material: Material) -> dict[str, TextureKey]:
     for name, texture in _maps(material).items():
         if texture is not None and texture.file:
             channel = texture.channel if _KINDS[name] == "number" else 0
-            keys[name] = TextureKey(texture.file, texture.srgb, _KINDS[name], channel, texture.gain, texture.bias)
+            keys[name] = TextureKey(
+                texture.file, texture.srgb, _KINDS[name], channel, texture.gain, texture.bias, texture.alpha,
+                texture.alpha_channel,
+            )  # fmt: skip
     if material.detail.file and material.detail.periods:
         keys["detail"] = TextureKey(material.detail.file, False, "number")
     if material.detail.macro_file:
@@ -185,8 +212,10 @@ def placed_textures(material: Material) -> Iterator[tuple[TextureKey, float, int
 def _fill(row: NDArray[np.void], material: Material, found: dict[str, TextureSlot]) -> None:
     row["base"] = (*material.base_color, material.roughness)
     row["emissive"] = (*material.emissive, material.metallic)
+    specular = found["specular"].mean if "specular" in found else material.specular or (0.0, 0.0, 0.0)
+    row["specular"] = (*specular, 0.0)
     for name, texture in _maps(material).items():
-        if texture is not None and name in found:
+        if texture is not None and name in found and name != "specular":
             row[name] = _placement(texture, found[name].layer)
     octaves = min(MOST_OCTAVES, len(material.detail.periods), len(material.detail.amplitudes))
     for octave in range(octaves):
@@ -194,7 +223,7 @@ def _fill(row: NDArray[np.void], material: Material, found: dict[str, TextureSlo
         row["amplitudes"][octave] = material.detail.amplitudes[octave]
     row["frequencies"][3] = found["detail"].layer if "detail" in found else 0
     row["amplitudes"][3] = found["macro"].layer if "macro" in found else 0
-    row["options"] = (material.opacity_threshold, float(material.use_display_color), 0, 0)
+    row["options"] = (material.opacity_threshold, float(material.use_display_color), material.opacity, 0)
 
 
 def _placement(texture: Texture, layer: int) -> F32:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 F32 = NDArray[np.float32]
 
-DRAW_UNIT = 11  # behind those of light and materials
+DRAW_UNIT = 12  # behind those of light and materials
 UNITS = {"draw_rows": DRAW_UNIT}
 _ROWS_ACROSS = 1024  # of rows.glsl; a texture has at most 16384 texels a side
 

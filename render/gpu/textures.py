@@ -18,6 +18,8 @@ from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from render.gpu.context import Gl
 from render.images import image_files
+from render.images.float_files import decode_float
+from render.images.tga import decode_tga
 
 U8 = NDArray[np.uint8]
 
@@ -42,6 +44,8 @@ class TextureKey:
         channel: Channel of a `number`: 0 red, 1 green, 2 blue, 3 alpha.
         gain: Multiplier of linear red, green, blue [1].
         bias: Added after `gain` [1].
+        alpha: File whose channel is its opacity; empty for its own.
+        alpha_channel: Channel of that file: 0 red, 1 green, 2 blue, 3 alpha.
     """
 
     file: str
@@ -50,6 +54,8 @@ class TextureKey:
     channel: int = 0
     gain: tuple[float, float, float] = _ONE
     bias: tuple[float, float, float] = _NONE
+    alpha: str = ""
+    alpha_channel: int = _OPACITY
 
 
 Mates = tuple[TextureKey | None, TextureKey | None]
@@ -231,22 +237,37 @@ def _side(key: TextureKey, largest: int) -> int:
 
 def _read(key: TextureKey, side: int) -> U8:
     """Return (side, side, 4) texels, or (side, side, 1) of a number, first row at the bottom."""
-    pixels = _decode(Path(key.file))
-    if pixels.dtype == np.uint16:
-        pixels = (pixels >> 8).astype(np.uint8)
-    if pixels.dtype != np.uint8:
-        raise InputError("not an 8- or 16-bit texture", where=key.file)
+    pixels = _bytes(key.file, key.srgb)
     if key.kind == "number":
         texels = _channel(pixels, key.channel)
     else:
         pixels = cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB) if pixels.ndim == 2 else pixels
         texels = cv2.cvtColor(pixels, cv2.COLOR_RGB2RGBA) if pixels.shape[2] == 3 else pixels
+        if key.alpha:
+            opacity = _channel(_bytes(key.alpha, False), key.alpha_channel)
+            rows, columns = texels.shape[:2]
+            texels = np.dstack([texels[..., :3], cv2.resize(opacity, (columns, rows), interpolation=cv2.INTER_AREA)])
     if texels.shape[:2] != (side, side):
         shrink = max(texels.shape[:2]) > side
         texels = cv2.resize(texels, (side, side), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_LINEAR)
     if key.srgb or key.kind == "color" or (key.gain, key.bias) != (_ONE, _NONE):
         texels = cv2.LUT(texels, _table(key, 1 if texels.ndim == 2 else 4))
     return np.ascontiguousarray(texels[::-1]).astype(np.uint8, copy=False).reshape(side, side, -1)
+
+
+def _bytes(file: str, srgb: bool) -> U8:
+    """Decode a file to 8 bits a channel; floating-point values above 1 are cut."""
+    pixels = _decode(Path(file))
+    if pixels.dtype == np.uint16:
+        return (pixels >> 8).astype(np.uint8)
+    if pixels.dtype == np.float32:
+        plain = np.clip(pixels, 0.0, 1.0)
+        if srgb:  # what the table decodes again: eight bits of linear values would show steps
+            plain = np.where(plain <= 0.0031308, 12.92 * plain, 1.055 * plain ** (1 / 2.4) - 0.055)
+        return np.rint(255.0 * plain).astype(np.uint8)
+    if pixels.dtype != np.uint8:
+        raise InputError("not an 8- or 16-bit texture", where=file)
+    return pixels
 
 
 def _channel(pixels: U8, channel: int) -> U8:
@@ -258,7 +279,9 @@ def _channel(pixels: U8, channel: int) -> U8:
 
 def _decode(path: Path) -> NDArray[Any]:
     if path.suffix.lower() in (".exr", ".hdr"):
-        raise InputError("a floating-point texture is not read for surfaces", where=path)
+        return decode_float(path)
+    if path.suffix.lower() == ".tga":
+        return decode_tga(path)
     return image_files.decode(path)
 
 

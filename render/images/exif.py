@@ -13,6 +13,8 @@ MAKE = MODEL = "Falsework"
 _EPOCH = datetime(2024, 6, 21, 12, 0, 0)  # every capture was taken at this moment, plus its capture times
 _EARTH_A, _EARTH_E2 = 6_378_137.0, 6.694_379_990_14e-3  # WGS 84
 _ASCII, _BYTE, _SHORT, _LONG, _RATIONAL = 2, 1, 3, 4, 5
+_LARGEST_SHORT, _LARGEST_LONG = 0xFFFF, 0xFFFFFFFF
+_LONGEST = 100 * 365 * 86_400.0  # [s] a survey of a century
 _SIZES = {_BYTE: "B", _SHORT: "H", _LONG: "I", _RATIONAL: "II"}
 
 Entry = tuple[int, int, bytes, int]
@@ -84,8 +86,9 @@ def geodetic(gps: tuple[float, float, float], origin: tuple[float, float, float]
 
 
 def _tiff(shot: Shot, width: int, height: int) -> bytes:
-    moment = (_EPOCH + timedelta(seconds=round(shot.seconds))).strftime("%Y:%m:%d %H:%M:%S")
-    equivalent = round(shot.focal_length / shot.sensor_width * 36.0)
+    moment = (_EPOCH + timedelta(seconds=round(_within(shot.seconds, _LONGEST)))).strftime("%Y:%m:%d %H:%M:%S")
+    ratio = shot.focal_length / shot.sensor_width if shot.sensor_width > 0.0 else 0.0
+    equivalent = round(_within(ratio * 36.0, _LARGEST_SHORT))
     root = [
         _text(0x010F, shot.make or MAKE), _text(0x0110, shot.model or MODEL), _numbers(0x0112, _SHORT, 1),
         _text(0x0131, "Falsework"), _text(0x0132, moment),
@@ -96,7 +99,7 @@ def _tiff(shot: Shot, width: int, height: int) -> bytes:
         _numbers(0xA001, _SHORT, 1), _numbers(0xA002, _LONG, width), _numbers(0xA003, _LONG, height),
         _numbers(0xA405, _SHORT, equivalent),
     ]  # fmt: skip
-    place = _gps_entries(shot) if shot.gps is not None else []
+    place = _gps_entries(shot) if shot.gps is not None and np.isfinite([*shot.gps, *shot.origin]).all() else []
     links = [(0x8769, photo)] + ([(0x8825, place)] if place else [])
     offset = 8 + _directory_size([*root, *(_numbers(tag, _LONG, 0) for tag, _ in links)])
     pointers, tail = [], b""
@@ -111,21 +114,29 @@ def _gps_entries(shot: Shot) -> list[Entry]:
     latitude, longitude, height = geodetic(shot.gps, shot.origin)
     return [
         (0x0000, _BYTE, bytes([2, 3, 0, 0]), 4),
-        _text(0x0001, "N" if latitude >= 0 else "S"), _degrees(0x0002, latitude),
-        _text(0x0003, "E" if longitude >= 0 else "W"), _degrees(0x0004, longitude),
+        _text(0x0001, "N" if latitude >= 0 else "S"), _degrees(0x0002, latitude, 90.0),
+        _text(0x0003, "E" if longitude >= 0 else "W"), _degrees(0x0004, longitude, 180.0),
         (0x0005, _BYTE, bytes([int(height < 0)]), 1), _rational(0x0006, abs(height), 1000),
     ]  # fmt: skip
 
 
-def _degrees(tag: int, value: float) -> Entry:
-    ticks = round(abs(value) * 3600 * 1_000_000)  # a millionth of a second is 0.03 mm
+def _within(value: float, most: float) -> float:
+    """Bring a number of a stage into what a field can hold: no photograph fails for what is noted of it."""
+    return min(max(value, 0.0), most) if np.isfinite(value) else 0.0
+
+
+def _degrees(tag: int, value: float, most: float) -> Entry:
+    ticks = round(_within(abs(value), most) * 3600 * 1_000_000)  # a millionth of a second is 0.03 mm
     degrees, rest = divmod(ticks, 3600 * 1_000_000)
     minutes, seconds = divmod(rest, 60 * 1_000_000)
     return tag, _RATIONAL, struct.pack("<6I", degrees, 1, minutes, 1, seconds, 1_000_000), 3
 
 
 def _rational(tag: int, value: float, denominator: int) -> Entry:
-    return tag, _RATIONAL, struct.pack("<II", round(value * denominator), denominator), 1
+    value = _within(value, _LARGEST_LONG)
+    while denominator > 1 and round(value * denominator) > _LARGEST_LONG:
+        denominator //= 10  # a lens of metres has no room for its micrometres
+    return tag, _RATIONAL, struct.pack("<II", round(value * denominator), max(denominator, 1)), 1
 
 
 def _numbers(tag: int, kind: int, value: int) -> Entry:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from groundwork.foreign_file import check_regular
 from render.images import image_files
+from render.images.float_files import decode_exr
 from usd_schemas.flat_scene import Dome, FlatScene, Sun
 
 F32 = NDArray[np.float32]
@@ -144,29 +144,12 @@ def _decode_panorama(path: Path) -> F32:
     if not path.is_file():
         raise InputError("no such texture", where=path)
     if path.suffix.lower() == ".exr":
-        return _decode_exr(path)
+        return decode_exr(path)
     pixels = image_files.decode(path)[..., :3]
     if pixels.dtype == np.uint8:
         coded = pixels.astype(np.float32) / 255
         return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
     return pixels.astype(np.float32)
-
-
-def _decode_exr(path: Path) -> F32:
-    import OpenEXR
-
-    try:
-        check_regular(path)
-        with OpenEXR.File(str(path), header_only=True) as file:
-            low, high = file.header()["dataWindow"]
-        if (int(high[0]) - int(low[0]) + 1) * (int(high[1]) - int(low[1]) + 1) > image_files.MOST_PIXELS:
-            raise ValueError("too large")
-        with OpenEXR.File(str(path)) as file:
-            channels = file.channels()
-            name = next(name for name in ("RGB", "RGBA") if name in channels)
-            return np.array(channels[name].pixels[..., :3], np.float32)
-    except (RuntimeError, OSError, StopIteration, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"not readable as an RGB OpenEXR image: {error}", where=path) from None
 
 
 def _reduced(panorama: F32) -> F32:

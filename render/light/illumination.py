@@ -1,5 +1,6 @@
 """What lights a scene, and how the shaders come to know it."""
 
+from copy import copy
 from dataclasses import dataclass
 
 import moderngl
@@ -84,6 +85,16 @@ class Lamps:
         self._panorama.repeat_y = False
         self._volume = _volume_textures(context, light.volume) if light.volume is not None else []
         self._values = _uniforms(light, anchor)
+
+    def shaded_by(self, shadow: Shadows) -> "Lamps":
+        """Return the same light with the shadows of another moment.
+
+        Args:
+            shadow: The sun's shadow maps.
+        """
+        other = copy(self)
+        other.shadow, other._values = shadow, {**self._values, **shadow.uniforms()}
+        return other
 
     def shine_on(self, program: moderngl.Program) -> None:
         """Set a program's uniforms, and bind the textures that they name.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from groundwork.progress import Progress
 from render.light.daylight import Daylight, irradiance_coefficients, sphere
-from usd_schemas.flat_scene import FlatScene, world_triangles
+from usd_schemas.flat_scene import FlatScene, without_ghosts, world_triangles
 from usd_schemas.raycast import RayScene
 
 F32 = NDArray[np.float32]
@@ -101,6 +101,7 @@ def cast_light_volume(
 def _gather(
     scene: FlatScene, light: Daylight, albedo: F64, positions: F64, directions: F64, progress: Progress
 ) -> tuple[F32, _Hits, NDArray[np.bool_]]:
+    scene = without_ghosts(scene)
     corners, _, draws = world_triangles(scene)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)).astype(np.float32)

@@ -56,7 +56,7 @@ def share_squares(poses: F64, camera: Pinhole, across: F64, size: int) -> Shadow
     """Give each pose a square that holds all that it can see near itself; the first that it fits into.
 
     Args:
-        poses: camera_to_world, shape (N, 4, 4), float64.
+        poses: camera_to_world [m], shape (N, 4, 4), float64.
         camera: Intrinsics of every view.
         across: World position to right and up of the sun's view, counted from the anchor [m], shape (2, 4), float64.
         size: Side of the sharp map [px].

@@ -72,11 +72,16 @@ class Shadows:
             half = float(np.max(np.ptp(flat, axis=0))) / 2 + 0.1
             self._draw(number, (flat.min(axis=0) + flat.max(axis=0)) / 2, half)
 
+    def release(self) -> None:
+        """Give the maps back."""
+        self._framebuffer.release()
+        self.texture.release()
+
     def squares(self, poses: F64, camera: Pinhole) -> ShadowSquares:
         """Choose the squares that the cameras of a survey need sharp.
 
         Args:
-            poses: camera_to_world, shape (N, 4, 4), float64.
+            poses: camera_to_world [m], shape (N, 4, 4), float64.
             camera: Intrinsics of every view.
         """
         across = self.axes[:2].copy()
@@ -142,7 +147,8 @@ def depth_groups(gpu: GpuScene, rows: I64) -> list[tuple[tuple[str, ...], int, I
         Features, material, and rows of the draws, shape (M,), int64, of each group; the material counts where there
         are features.
     """
-    cut_out = np.array(["CUT_OUT" in variant.features for variant in gpu.variants])[gpu.variant_rows[rows]]
+    rows = rows[~gpu.ghosts[rows]]
+    cut_out = gpu.cut_out[rows]
     groups: list[tuple[tuple[str, ...], int, I64]] = [((), 0, rows[~cut_out])] if not cut_out.all() else []
     return groups + [(("HAS_ALBEDO", "CUT_OUT"), *group) for group in gpu.grouped(rows[cut_out])]
 
@@ -154,15 +160,16 @@ def _draw_depth(gl: Gl, programs: Programs, gpu: GpuScene, clip: F64, reached: I
         set_uniform(program, "clip_from_relative", np.asarray(clip.T, np.float32).tobytes())
         if features:
             gpu.wear(material)
-            albedo = gpu.variants[gpu.variant_rows[rows[0]]].arrays[0]
-            assert albedo is not None
-            albedo.use(_CUT_OUT_UNIT)
+            variant = gpu.variants[gpu.variant_rows[rows[0]]]
+            assert variant.arrays[0] is not None
+            gpu.wraps.bind(_CUT_OUT_UNIT, variant.arrays[0], variant.wraps[0])
             set_uniform(program, "albedo_array", _CUT_OUT_UNIT)
         commands = gl.context.buffer(gpu.commands[rows].tobytes())
         vertices = gpu.vertex_array(gl.context, program)
         waiting = run_commands(gl.functions.flush, vertices, commands, gpu.triangles(rows), 0, waiting)
         vertices.release()
         commands.release()
+    gpu.wraps.clear()
 
 
 def _sun_axes(to_sun: F64, casters: F64) -> F64:

@@ -20,6 +20,7 @@ _TILE = 128  # the noise tile is larger than a frame by this, so that every fram
 _STEPS = 4096  # entries of the tone table
 _WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
 _EXPOSED_GREY, _LATITUDE = 0.20, 1.7  # where the middle tone and the brightest 2 % of a survey come to lie
+_LIT = 0.1  # share of the brightest card from which on a card counts as lit [1]
 _METER_STEP = 8  # [px]
 _MOST_FOLLOWED = 2.0  # [EV] under a deck a camera opens that far
 
@@ -47,8 +48,9 @@ class Sensor:
     """Develops the frames of one survey."""
 
     def __init__(
-        self, settings: SensorSettings, gain: float, brightest: float, shape: tuple[int, int], seed: int
-    ) -> None:
+        self, settings: SensorSettings, gain: float, brightest: float, shape: tuple[int, int], seed: int,
+        follows: bool = True,
+    ) -> None:  # fmt: skip
         """Draw the noise tile and the tone table.
 
         Args:
@@ -57,8 +59,10 @@ class Sensor:
             brightest: Radiance of the largest pixel code [1].
             shape: Height and width of a frame [px].
             seed: Seed of the survey's sensor.
+            follows: Whether the exposure of a frame follows its surfaces at all.
         """
         self._settings, self._gain, self._seed = settings, gain, seed
+        self._auto_exposure = settings.auto_exposure if follows else 0.0
         self._scale = brightest / 65535.0**2
         self._curve = _tone_table()
         self._tile: F32 | None = None
@@ -82,7 +86,7 @@ class Sensor:
         metered = code[::_METER_STEP, ::_METER_STEP, 1]
         chosen = metered[surfaces[::_METER_STEP, ::_METER_STEP]] if surfaces is not None else metered
         green = float(np.median(chosen if chosen.size else metered)) ** 2 * self._scale * self._gain
-        follow = settings.auto_exposure * float(np.log2(_EXPOSED_GREY / max(green, 1e-3)))
+        follow = self._auto_exposure * float(np.log2(_EXPOSED_GREY / max(green, 1e-3)))
         follow = min(max(follow, -_MOST_FOLLOWED), _MOST_FOLLOWED)
         rng = np.random.default_rng(np.random.SeedSequence([self._seed, 1, frame]))
         stops, red, blue = rng.standard_normal(3) * (
@@ -152,11 +156,12 @@ class Sensor:
         return light
 
 
-def meter(luminance: F32) -> float:
+def meter(luminance: F32, card: F32 | None = None) -> float:
     """Choose one exposure for a survey: its middle tone becomes a middle grey, unless highlights would burn out.
 
     Args:
         luminance: Linear luminance of surfaces in some frames [1], shape (N,), float32.
+        card: That of grey cards in their place [1], shape (N,), float32: the middle of what is lit of them counts then.
 
     Returns:
         Gain [1].
@@ -164,6 +169,9 @@ def meter(luminance: F32) -> float:
     if not len(luminance):
         return 1.0
     median, bright = (max(float(value), 1e-4) for value in np.quantile(luminance, [0.5, 0.98]))
+    if card is not None:
+        lit = card[card > _LIT * np.quantile(card, 0.98)]
+        median = max(float(np.median(lit)), 1e-4) if len(lit) else median
     return min(_EXPOSED_GREY / median, _LATITUDE / bright)
 
 

@@ -14,6 +14,10 @@ uniform sampler2DArray normal_array;
 #ifdef HAS_METALLIC
 uniform sampler2DArray metallic_array;
 #endif
+#ifdef HAS_EMISSION
+uniform sampler2DArray emission_array;
+in vec2 emission_place;
+#endif
 #ifdef HAS_DETAIL
 uniform sampler2DArray detail_array;
 #endif

@@ -10,5 +10,7 @@ layout(std140, binding = 0) uniform MaterialRow {
     vec4 metallic_map[2];
     vec4 frequencies;       // detail: tiles per metre of each octave, layer
     vec4 amplitudes;        // detail: contrast of each octave, macro layer
-    vec4 options;           // opacity threshold, takes the vertex colour
+    vec4 options;           // opacity threshold, takes the vertex colour, opacity
+    vec4 emission_map[2];
+    vec4 specular;          // linear colour of the shine straight on
 };

@@ -1,4 +1,5 @@
-// Shades a surface. Features (HAS_…, CUT_OUT, ROUGHNESS_IN_ALBEDO, MIRROR, VOLUME, SUN, LOCAL_LIGHTS n, NORMALS) are put in front when it is compiled.
+// Shades a surface. Features (HAS_…, CUT_OUT, BLEND, ROUGHNESS_IN_ALBEDO, SPECULAR, MIRROR, VOLUME, SUN, LOCAL_LIGHTS n,
+// NORMALS, GREY_CARD) are put in front when it is compiled.
 // #include material.glsl
 
 uniform vec3 eye;               // camera centre, counted from the scene's anchor [m]
@@ -124,6 +125,9 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #ifdef HAS_METALLIC
     metallic = texture(metallic_array, vec3(metallic_place, metallic_map[0].w), SHARPER).r;
 #endif
+#ifdef GREY_CARD
+    metallic = 0.0;
+#endif
     vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
 #ifdef SOFT
 #ifdef HAS_ROUGHNESS
@@ -131,6 +135,9 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #endif
     roughness = clamp(roughness, 0.05, 1.0);
     vec3 f0 = mix(vec3(0.04), albedo, metallic);
+#ifdef SPECULAR
+    f0 = specular.rgb;
+#endif
     vec3 middle = normalize(view + to_sun);
     float ndv = max(dot(n, view), 0.02);
     float grazing = fifth(1.0 - max(dot(middle, view), 0.0));
@@ -155,6 +162,9 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
         if (dot(face, towards) < -sqrt(size)) continue;
         vec3 received = local_intensities[number] / square * ball_cosine(cosine, size);
         light += albedo * (1.0 - metallic) / PI * received;
+#ifndef SOFT
+        light += albedo * metallic / PI * received;  // no shine is drawn: a metal scatters all that it reflects
+#endif
 #ifdef SOFT
         // Karis (as above): a ball widens the highlight, which keeps its energy.
         float wide = min(roughness * roughness + 0.5 * sqrt(size), 1.0);
@@ -165,7 +175,14 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #endif
     }
 #endif
+#ifndef GREY_CARD
+#ifdef HAS_EMISSION
+    vec3 glow = texture(emission_array, vec3(emission_place, emission_map[0].w), SHARPER).rgb;
+    light += glow * glow;
+#else
     light += emissive.rgb;
+#endif
+#endif
     return mix(haze, light, exp2(-away * haze_density));
 }
 
@@ -178,15 +195,27 @@ void main() {
 #ifdef ROUGHNESS_IN_ALBEDO
     roughness = texel.a;
 #endif
-#ifdef CUT_OUT
+#if defined(CUT_OUT) && !defined(BLEND)
     if (texel.a < options.x) discard;
 #endif
 #endif
     if (options.y > 0.5) albedo = vertex_color;
     albedo = min(albedo * detail_factor() * macro_factor(), vec3(0.95));
+#ifdef GREY_CARD
+    albedo = vec3(0.18);
+    roughness = 1.0;
+#endif
     vec3 face = normalize(normal + vec3(0.0, 0.0, 1e-12));  // a mesh without area has no normal
     if (gl_FrontFacing == (mirrored != 0u)) face = -face;
+#ifdef BLEND
+    float held = options.z;  // of the light behind
+#ifdef CUT_OUT
+    held = texel.a;
+#endif
+    out_color = vec4(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0), held);
+#else
     out_color = vec4(sqrt(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0)), 1.0);
+#endif
     out_draw = draw + 1u;
     out_depth = 1.0 / gl_FragCoord.w;
 #ifdef NORMALS

@@ -25,6 +25,9 @@ out vec2 albedo_place;
 out vec2 roughness_place;
 out vec2 normal_place;
 out vec2 metallic_place;
+#ifdef HAS_EMISSION
+out vec2 emission_place;
+#endif
 out vec3 vertex_color;
 flat out uint draw;
 flat out uint mirrored;
@@ -49,6 +52,9 @@ void main() {
     roughness_place = place(roughness_map);
     normal_place = place(normal_map);
     metallic_place = place(metallic_map);
+#ifdef HAS_EMISSION
+    emission_place = place(emission_map);
+#endif
     vertex_color = in_color.rgb;
     draw = in_draw;
     mirrored = row.mirrored ? 1u : 0u;

@@ -5,6 +5,7 @@ triangles that the wider view shows around its place, in double precision, and t
 depth and normal. Nothing is blended across an edge.
 """
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,7 +37,7 @@ class Geometry:
     """What a ray may meet, as the kernel reads it.
 
     Attributes:
-        positions: Mesh-local positions, shape (V, 3), float32.
+        positions: Mesh-local positions [m], shape (V, 3), float32.
         normals: Mesh-local normals [1], shape (V, 3), float32.
         triangles: Vertex numbers, shape (T, 3), uint32.
         first: First triangle of each draw, shape (D,), int64.
@@ -80,6 +81,16 @@ def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
 class Lens:
     """A distorted camera: which wider view it needs, and what it makes of it."""
 
+    def meeting(self, geometry: Geometry) -> "Lens":
+        """Return the same lens, whose rays meet another moment of the scene.
+
+        Args:
+            geometry: What a ray may meet.
+        """
+        other = copy(self)
+        other._geometry = geometry
+        return other
+
     def __init__(self, camera: Pinhole, distortion: Distortion, geometry: Geometry, *, normals: bool) -> None:
         """Find each pixel's place in the wider view.
 
@@ -118,7 +129,7 @@ class Lens:
 
         Args:
             views: The window of each band.
-            poses: Camera pose of each band, shape (B, 4, 4), float64.
+            poses: Camera pose of each band [m], shape (B, 4, 4), float64.
             bands: First row of each band of the image and the row after its last.
             near: Near plane [m].
         """

@@ -17,6 +17,7 @@ from render.gpu.materials import SLOTS
 from render.gpu.programs import Programs, set_uniform
 from render.light.illumination import FIRST_FREE_UNIT, Lamps
 from render.light.shadows import depth_groups
+from render.views.blending import Blending
 from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
@@ -51,16 +52,9 @@ class Painter:
     """Draws views of one scene at one size."""
 
     def __init__(
-        self,
-        gl: Gl,
-        programs: Programs,
-        gpu: GpuScene,
-        lamps: Lamps,
-        camera: Pinhole,
-        quality: str,
-        extra: str = "",
-        finer: int = 1,
-    ) -> None:
+        self, gl: Gl, programs: Programs, gpu: GpuScene, lamps: Lamps, camera: Pinhole, quality: str, extra: str = "",
+        finer: int = 1, cards: bool = False,
+    ) -> None:  # fmt: skip
         """Make the targets.
 
         Args:
@@ -72,8 +66,9 @@ class Painter:
             quality: `fast`, `standard` or `fine`.
             extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
             finer: How many times finer than the photograph the exact images are, along rows and columns.
+            cards: Everything is drawn as a grey card.
         """
-        self._gl, self._programs, self._gpu, self._camera = gl, programs, gpu, camera
+        self._gl, self._programs, self._camera = gl, programs, camera
         self._fine, self._finer, self._apart = quality == "fine", finer, quality == "fine" or finer > 1
         context = gl.context
         exact = (finer * camera.width, finer * camera.height)
@@ -82,7 +77,8 @@ class Painter:
         self._truth = [context.texture(exact, 1, dtype="u4"), context.texture(exact, 1, dtype="f4")]
         self._extra = (extra,) if extra else ()
         if extra:
-            self._truth.append(_extra_texture(context, exact, extra))
+            channels, kind = (4, "f2") if extra == "NORMALS" else (1, "u4")
+            self._truth.append(context.texture(exact, channels, dtype=kind))
         self._exact = self._framebuffer(self._truth if self._apart else [self._color, *self._truth])
         if self._apart:
             doubled = (2 * camera.width, 2 * camera.height)
@@ -90,16 +86,42 @@ class Painter:
             self._photo = self._framebuffer([self._samples])
             self._resolved = context.framebuffer([self._color])
         self._depth = context.framebuffer([self._truth[1]], self._exact.depth_attachment)
-        shaded = self._photo if self._apart else self._exact
-        self._nearest = context.framebuffer(depth_attachment=shaded.depth_attachment)
-        cut_out = np.array(["CUT_OUT" in variant.features for variant in gpu.variants])
-        self._solid = ~cut_out[gpu.variant_rows]
+        self._shaded = self._photo if self._apart else self._exact
+        self._nearest = context.framebuffer(depth_attachment=self._shaded.depth_attachment)
+        self._blending: Blending | None = None
         self._readers = {image: context.framebuffer([image]) for image in (self._color, *self._truth)}
-        self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
         self._corners = context.buffer(reserve=1 << 16, dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
-        self._features = (*lamps.features, *(("SOFT",) if quality != "fast" else ()))
-        self._lamps = lamps
+        self._features = (
+            *lamps.features,
+            *(("SOFT",) if quality != "fast" else ()),
+            *(("GREY_CARD",) if cards else ()),
+        )
+        self._commands = context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
+        self._aim_at(gpu, lamps)
+
+    def _aim_at(self, gpu: GpuScene, lamps: Lamps) -> None:
+        self._gpu, self._lamps = gpu, lamps
+        self._blended = gpu.blended
+        self._solid = ~gpu.cut_out & ~self._blended
+        if self._blended.any() and self._blending is None:
+            color = self._samples if self._fine else self._color
+            self._blending = Blending(self._gl, self._programs, color, self._shaded.depth_attachment)
+            self._solid_truth = self._gl.context.framebuffer(self._truth, self._exact.depth_attachment)
+
+    def move(self, gpu: GpuScene, lamps: Lamps) -> None:
+        """Draw another moment of the scene from now on.
+
+        Args:
+            gpu: The scene, uploaded.
+            lamps: What lights it.
+        """
+        for array in self._arrays.values():
+            array.release()
+        self._arrays.clear()
+        if gpu.commands.nbytes > self._commands.size:
+            self._commands.orphan(gpu.commands.nbytes)
+        self._aim_at(gpu, lamps)
 
     def draw(self, camera_to_world: F64, near: float) -> View:
         """Draw one view.
@@ -114,7 +136,7 @@ class Painter:
         """Draw one view whose rows were read out one band after the other while the camera moved.
 
         Args:
-            poses: Camera pose of each band, shape (B, 4, 4), float64.
+            poses: Camera pose of each band [m], shape (B, 4, 4), float64.
             bands: First row of each band and the row after its last; rows of no band stay empty.
             near: Near plane [m].
         """
@@ -127,7 +149,7 @@ class Painter:
         """Draw some rows of a view, and return these alone.
 
         Args:
-            pose: Camera pose, shape (4, 4), float64.
+            pose: Camera pose [m], shape (4, 4), float64.
             window: First row, and the row after the last.
             near: Near plane [m].
         """
@@ -143,19 +165,25 @@ class Painter:
         gpu.place(pose[:3, 3])
         gpu.bind()
         clip = clip_from_relative(camera, pose, near).T.tobytes()
+        opaque, through = rows[~self._blended[rows]], rows[self._blended[rows]]
         if self._apart:
             samples = 2 if self._fine else 1
-            self._draw_nearest((samples * first, samples * end), rows, clip, pose[:3, 3])
+            self._draw_nearest((samples * first, samples * end), opaque, clip, pose[:3, 3])
             self._open(self._photo, samples * first, samples * end)
-            self._draw_surfaces(rows, clip, pose, self._features)
+            self._draw_surfaces(opaque, clip, pose, self._features)
             self._draw_sky(pose, ())
+            self._draw_blended((samples * first, samples * end), through, clip, pose)
             self._open(self._exact, self._finer * first, self._finer * end)
             self._draw_ids(rows, clip)
         else:
-            self._draw_nearest((first, end), rows, clip, pose[:3, 3])
+            self._draw_nearest((first, end), opaque, clip, pose[:3, 3])
             self._open(self._exact, first, end)
-            self._draw_surfaces(rows, clip, pose, self._features + self._extra)
+            self._draw_surfaces(opaque, clip, pose, self._features + self._extra)
             self._draw_sky(pose, self._extra)
+            self._draw_blended((first, end), through, clip, pose)
+            if len(through):
+                self._open(self._solid_truth, first, end)
+                self._draw_ids(through, clip)
         if "TRIANGLES" not in self._extra:
             self._draw_facets((first, end), rows, clip, pose, near)
 
@@ -216,7 +244,26 @@ class Painter:
 
     def _draw_surfaces(self, rows: NDArray[np.int64], clip: bytes, pose: F64, features: tuple[str, ...]) -> None:
         self._gl.context.depth_func = ">="
-        groups = self._gpu.grouped(rows)
+        self._shade(self._gpu.grouped(rows), clip, pose, features)
+
+    def _draw_blended(self, span: tuple[int, int], rows: NDArray[np.int64], clip: bytes, pose: F64) -> None:
+        """Blend what light shines through over the photograph, from the farthest to the nearest."""
+        if not len(rows) or self._blending is None:
+            return
+        gpu = self._gpu
+        away = np.linalg.norm((gpu.lower[rows] + gpu.upper[rows]) / 2 - pose[:3, 3], axis=1)
+        ordered = rows[np.argsort(-away, kind="stable")]
+        groups = [(int(gpu.material_rows[row]), np.array([row])) for row in ordered]
+        self._blending.begin(span)
+        for group in groups:
+            for culled in ("front", "back"):  # the far side of each body first
+                self._gl.context.cull_face = culled
+                self._shade([group], clip, pose, self._features)
+        self._blending.end(span)
+
+    def _shade(
+        self, groups: list[tuple[int, NDArray[np.int64]]], clip: bytes, pose: F64, features: tuple[str, ...]
+    ) -> None:
         self._write_commands([members for _, members in groups])
         first = waiting = 0
         aimed: set[moderngl.Program] = set()
@@ -226,9 +273,9 @@ class Painter:
             program = self._programs.get("surface.vert", "surface.frag", features + variant.features)
             if program not in self._arrays:
                 self._lamps.shine_on(program)
-            for unit, array in enumerate(variant.arrays, FIRST_FREE_UNIT):
+            for unit, (array, wrap) in enumerate(zip(variant.arrays, variant.wraps, strict=True), FIRST_FREE_UNIT):
                 if array is not None:
-                    array.use(unit)
+                    self._gpu.wraps.bind(unit, array, wrap)
             if program not in aimed:
                 aimed.add(program)
                 for unit, name in enumerate(SLOTS, FIRST_FREE_UNIT):
@@ -237,6 +284,7 @@ class Painter:
                 self._lamps.aim(program, pose[:3, 3] - self._gpu.anchor)
             waiting = self._run(program, members, first, waiting)
             first += len(members)
+        self._gpu.wraps.clear()
 
     def _draw_ids(self, rows: NDArray[np.int64], clip: bytes) -> None:
         groups = depth_groups(self._gpu, rows)
@@ -246,13 +294,14 @@ class Painter:
             program = self._programs.get("surface.vert", "ids.frag", self._extra + features)
             if features:
                 self._gpu.wear(material)
-                albedo = self._gpu.variants[self._gpu.variant_rows[members[0]]].arrays[0]
-                assert albedo is not None
-                albedo.use(FIRST_FREE_UNIT)
+                variant = self._gpu.variants[self._gpu.variant_rows[members[0]]]
+                assert variant.arrays[0] is not None
+                self._gpu.wraps.bind(FIRST_FREE_UNIT, variant.arrays[0], variant.wraps[0])
                 set_uniform(program, "albedo_array", FIRST_FREE_UNIT)
             set_uniform(program, "clip_from_relative", clip)
             waiting = self._run(program, members, first, waiting)
             first += len(members)
+        self._gpu.wraps.clear()
 
     def _draw_facets(self, span: tuple[int, int], rows: NDArray[np.int64], clip: bytes, pose: F64, near: float) -> None:
         """Draw the depth of long thin triangles anew, where they are what is seen."""
@@ -347,7 +396,3 @@ class Painter:
         else:
             data = self._readers[image].read((0, first, width, end - first), channels, dtype=image.dtype)
         return np.frombuffer(data, kind).reshape(end - first, width, channels)
-
-
-def _extra_texture(context: moderngl.Context, size: tuple[int, int], extra: str) -> moderngl.Texture:
-    return context.texture(size, 4, dtype="f2") if extra == "NORMALS" else context.texture(size, 1, dtype="u4")

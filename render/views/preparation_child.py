@@ -14,22 +14,26 @@ from groundwork.files import write_bytes
 from groundwork.progress import Progress
 from render.detail.surveyed_scene import SurveyedScene, survey_scene
 from render.light.light_volume import LightVolume, cast_light_volume
+from usd_schemas.reading.choices import StageChoices
 
 _CHILD = "render.views.preparation_child"
 _TIME_LIMIT = 8 * 3600.0  # [s]; who watches the parent has a tighter one, and this process dies with it
 _MEMORY_LIMIT = 16.0  # [GB] who watches the parent does not see what its children take
 
 
-def survey_scene_apart(path: Path, survey: str | None, triangle_budget: int, progress: Progress) -> SurveyedScene:
+def survey_scene_apart(
+    path: Path, survey: str | None, triangle_budget: int, choices: StageChoices, progress: Progress
+) -> SurveyedScene:
     """Take a stage over as `load_scene` and `survey_scene` do, without USD in this process.
 
     Args:
         path: A USD file.
         survey: Name of the one product to keep; the first when None.
         triangle_budget: Most triangles in view; 0 leaves all of them.
+        choices: What of the stage is rendered.
         progress: Listener.
     """
-    return _apart("survey", (path, survey, triangle_budget), progress)
+    return _apart("survey", (path, survey, triangle_budget, choices), progress)
 
 
 def cast_volume_apart(*work: Any) -> LightVolume:
@@ -62,8 +66,8 @@ def _serve(request: dict[str, Any], progress: Progress) -> None:
     else:
         from usd_schemas.reading.scene_cache import load_scene
 
-        path, survey, triangle_budget = arguments
-        result = survey_scene(load_scene(path, survey=survey), triangle_budget)
+        path, survey, triangle_budget, choices = arguments
+        result = survey_scene(load_scene(path, survey=survey, choices=choices), triangle_budget)
     write_bytes(Path(request["answer"]), pickle.dumps(result, pickle.HIGHEST_PROTOCOL), durable=False)
 
 

@@ -1,7 +1,7 @@
 """From a flat scene to something that draws views: textures, materials, light and buffers, made once per survey."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +29,9 @@ from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole
 
 if TYPE_CHECKING:
-    from render.views.lens import Lens  # numba takes long to load, and most lenses do not distort
+    from render.views.lens import Geometry, Lens  # numba takes long to load, and most lenses do not distort
+
+F64 = NDArray[np.float64]
 
 CastVolume = Callable[..., LightVolume]
 
@@ -45,6 +47,9 @@ class Prepared:
         lamps: What lights it.
         settings: How to draw it.
         warnings: One line for each thing that is drawn otherwise than authored.
+        light: What lights it, as it was prepared.
+        box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
+        flight: Centres of all cameras [m], shape (N, 3), float64, and how far one may stray [m]; None for any.
     """
 
     gl: Gl
@@ -53,24 +58,48 @@ class Prepared:
     lamps: Lamps
     settings: RenderSettings
     warnings: tuple[str, ...]
+    light: Illumination
+    box: tuple[F64, F64]
+    flight: tuple[F64, float] | None
 
-    def painter(self, camera: Pinhole, *, sharp: bool) -> Painter:
+    def moved(self, scene: FlatScene) -> "Prepared":
+        """Return the scene as it stands at another of its moments; the light volume stays that of the first.
+
+        Args:
+            scene: The scene at that moment.
+        """
+        facets = find_facets(scene, self.gpu.anchor)
+        gpu = self.gpu.moved(self.gl.context, scene, facets.near(*self.flight) if self.flight is not None else facets)
+        if self.lamps.shadow is None:
+            return replace(self, gpu=gpu)
+        daylight, size = self.light.daylight, self.settings.shadow_size
+        shadow = Shadows(self.gl, self.programs, gpu, daylight, self.box, size)
+        return replace(self, gpu=gpu, lamps=self.lamps.shaded_by(shadow))
+
+    def release_moment(self) -> None:
+        """Give back what `moved` made."""
+        self.gpu.release_places()
+        if self.lamps.shadow is not None:
+            self.lamps.shadow.release()
+
+    def painter(self, camera: Pinhole, *, sharp: bool, cards: bool = False) -> Painter:
         """Make what draws views of one size.
 
         Args:
             camera: Intrinsics of every view.
             sharp: Draw as the settings say; else with one sample a pixel, which is enough for metering.
+            cards: Draw everything as grey cards, which show how much light there is.
         """
         quality, extra = self.settings.quality, "NORMALS" if self.settings.normals else ""
         if not sharp:
             quality, extra = "standard" if quality == "fine" else quality, ""
-        return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, quality, extra)
+        return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, quality, extra, cards=cards)
 
     def shadow_squares(self, poses: NDArray[np.float64], camera: Pinhole) -> ShadowSquares:
         """Choose which squares the cameras of a survey need sharp shadows in.
 
         Args:
-            poses: camera_to_world, shape (N, 4, 4), float64.
+            poses: camera_to_world [m], shape (N, 4, 4), float64.
             camera: Intrinsics of every view.
         """
         if self.lamps.shadow is None:
@@ -98,12 +127,21 @@ class Prepared:
         Returns:
             The lens, and what draws the wider views that it looks at.
         """
-        from render.views.lens import Lens, ray_geometry
+        from render.views.lens import Lens
 
-        cut_out = np.array(["CUT_OUT" in variant.features for variant in self.gpu.variants])[self.gpu.variant_rows]
-        lens = Lens(camera, distortion, ray_geometry(scene, cut_out), normals=self.settings.normals)
+        lens = Lens(camera, distortion, self.ray_geometry(scene), normals=self.settings.normals)
         lamps, quality = self.lamps, self.settings.quality
         return lens, Painter(self.gl, self.programs, self.gpu, lamps, lens.wide, quality, "TRIANGLES", lens.finer)
+
+    def ray_geometry(self, scene: FlatScene) -> "Geometry":
+        """Lay out what the rays of a distorting lens may meet.
+
+        Args:
+            scene: The scene that was prepared, or moved to.
+        """
+        from render.views.lens import ray_geometry
+
+        return ray_geometry(scene, self.gpu.cut_out)
 
 
 def prepare(
@@ -126,8 +164,7 @@ def prepare(
         InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
     """
     check_scene(scene)
-    lower, upper = draw_boxes(scene)
-    box = region_of_interest(scene, lower, upper)
+    box = _interest(scene)
     daylight, dark = read_daylight(scene)
     times = halvings(scene, daylight, box)
     if times:
@@ -141,7 +178,7 @@ def prepare(
     table = tabulate_materials(scene.materials, slots, settings.quality)
     anchor = (box[0] + box[1]) / 2
     facets = find_facets(scene, anchor)
-    gpu = upload_scene(gl.context, scene, table, anchor, facets.near(*flight) if flight is not None else facets)
+    gpu = upload_scene(gl, scene, table, anchor, facets.near(*flight) if flight is not None else facets)
     programs = Programs(gl.context)
     sunny = bool(daylight.sun_irradiance.any())
     shadow = Shadows(gl, programs, gpu, daylight, box, settings.shadow_size) if sunny else None
@@ -151,4 +188,15 @@ def prepare(
     local, unlit = choose_local_lights(scene, box)
     light = Illumination(daylight, shadow, volume, haze_distance(scene, settings), local)
     lamps = Lamps(gl.context, light, gpu.anchor)
-    return Prepared(gl, programs, gpu, lamps, settings, (*scene.warnings, *warnings, *dark, *unlit))
+    said = (*scene.warnings, *warnings, *dark, *unlit)
+    return Prepared(gl, programs, gpu, lamps, settings, said, light, box, flight)
+
+
+def _interest(scene: FlatScene) -> tuple[F64, F64]:
+    """Box what matters, wherever it is at any moment."""
+    boxes = []
+    for number in range(len(scene.moments) or 1):
+        moment = scene.at_moment(number)
+        boxes.append(region_of_interest(moment, *draw_boxes(moment)))
+    low, high = zip(*boxes, strict=True)
+    return np.min(low, axis=0), np.max(high, axis=0)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.files import space_errors, write_bytes, write_json
+from groundwork.files import space_errors, write_json
 from render.capture import CAMERAS, FORMAT, FORMAT_VERSION, TRUTH, CamerasFile, Capture, Readout
 from render.images import image_files
 from render.images.depth_tiff import encode_depth_tiff
 from usd_schemas.distortion import NO_DISTORTION, Distortion
-from usd_schemas.flat_scene import FlatScene
+from usd_schemas.flat_scene import FlatScene, without_ghosts
 from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
@@ -89,19 +89,6 @@ def encode_frame_truth(name: str, frame: FrameTruth, *, wide_ids: bool) -> dict[
     return files
 
 
-def write_frame_truth(folder: Path, name: str, frame: FrameTruth, *, wide_ids: bool) -> None:
-    """Write the exact images of one frame.
-
-    Args:
-        folder: The capture's folder, with its sub-folders.
-        name: Name of the image.
-        frame: Its exact images.
-        wide_ids: Whether any instance id of the scene is above 65,535.
-    """
-    for file, data in encode_frame_truth(name, frame, wide_ids=wide_ids).items():
-        write_bytes(folder / file, data)
-
-
 def write_truth(
     folder: Path, camera: Pinhole, names: tuple[str, ...], poses: F64, scene: FlatScene,
     distortion: Distortion = NO_DISTORTION, readout: Readout | None = None,
@@ -136,6 +123,7 @@ def write_truth(
             "component": row.component,
             "class": row.class_name,
             "parameters": row.parameters,
+            **({"moves": True} if row.moves else {}),
         }
         for row in scene.instances
     ]
@@ -145,7 +133,7 @@ def write_truth(
 
 
 def _write_surface(path: Path, scene: FlatScene) -> None:
-    geometry, draws = scene.geometry, scene.draws
+    geometry, draws = scene.geometry, without_ghosts(scene).draws
     arrays = {
         "positions": geometry.positions, "triangles": geometry.triangles,
         "part_first": geometry.part_first, "part_count": geometry.part_count,

@@ -14,7 +14,8 @@ import numpy as np
 
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
-from groundwork.files import folder_lock, read_json, sweep, write_bytes, write_json
+from groundwork.files import read_json, sweep, write_bytes, write_json
+from groundwork.locks import hold_lock
 from render.light.light_volume import LightVolume
 
 RECORD = "truth/render.json"
@@ -36,7 +37,7 @@ class Journal:
         if self.is_complete():
             return
         self._notes.mkdir(exist_ok=True)
-        with folder_lock(self._notes / "lock"):
+        with hold_lock(self._notes / "lock"):
             if self._read("recipe.json") == recipe:
                 return
             for name in _RESULTS:
@@ -44,7 +45,7 @@ class Journal:
             (folder / "cameras.json").unlink(missing_ok=True)
             for path in self._notes.iterdir():
                 if path.name != "lock":
-                    path.unlink()
+                    path.unlink(missing_ok=True)  # without locks another worker may clear it, too
             write_json(self._notes / "recipe.json", recipe)
 
     def is_complete(self) -> bool:

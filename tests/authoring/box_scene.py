@@ -10,7 +10,7 @@ from authoring.layers.geometry import BACKGROUND, BRIDGE, SITE, geometry_layer, 
 from authoring.layers.layer import export, new_stage
 from authoring.layers.looks import look_layer
 from authoring.layers.render_settings import CLASSES, render_layer
-from authoring.layers.root import edits_layer, root_layer
+from authoring.layers.root import bounds_of, edits_layer, root_layer
 from authoring.layers.semantics import semantics_layer
 from authoring.layers.site import site_layer
 from authoring.layers.surveys import survey_layer, surveys_layer
@@ -34,7 +34,7 @@ def write_box_scene(folder: Path) -> Path:
     assets = ((BRIDGE, bridge, "bridge"), (SITE, site, "site"), (BACKGROUND, FAR, "background/house"))
     for asset, pieces, place in assets:
         export(geometry_layer(asset, pieces), folder / place / "geometry.usdc")
-        export(semantics_layer(asset, pieces), folder / place / "semantics.usdc")
+        export(semantics_layer(asset, pieces), folder / place / "semantics.usda")
     export(site_layer(_flat(roles_of(site), 0.4)), folder / "site/site.usda")
     export(background_layer("house", _flat(roles_of(FAR), 0.5)), folder / "background/house/house.usda")
     for look, shade in SHADES.items():
@@ -55,7 +55,7 @@ def write_box_scene(folder: Path) -> Path:
     sun.CreateNormalizeAttr(True)
     export(stage.GetRootLayer(), folder / "lighting.usda")
     backgrounds = {"none": "", "house": "./background/house/house.usda"}
-    export(root_layer("weathered", "house", backgrounds, len(path.poses)), folder / "scene.usda")
+    export(root_layer("weathered", "house", backgrounds, len(path.poses), bounds_of(bridge)), folder / "scene.usda")
     return folder / "scene.usda"
 
 

@@ -98,7 +98,7 @@ def test_a_turned_sun_comes_home(scene: Path, other: Usd.Stage) -> None:
     UsdLux.DistantLight.Define(other, "/Another")
     other.GetRootLayer().pseudoRoot.nameChildrenOrder = ["Another", "World"]
     found, _ = bring_home(scene, other)
-    assert (found.moved, found.lights) == (["Sun"], ["Another"])
+    assert (found.moved, found.lights) == (["Sun"], {"Another": "DistantLight"})
     home = read_lights(Usd.Stage.Open(str(scene)), np.eye(4), lambda line: None).sun
     assert home is not None
     assert expected is not None
@@ -113,7 +113,8 @@ def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
     file = tmp_path / "centimetres.usda"
     _write_centimetres(scene, file, lamp=True)
     found = harvest_edits(file, scene, Labelling())
-    assert (found.cameras, found.lights, found.moved, found.left_out) == ({"Drone": 3}, ["Lamp"], [], [])
+    assert (found.cameras, found.lights, found.moved) == ({"Drone": 3}, {"Lamp": "SphereLight"}, [])
+    assert found.left_out == ["global_Camera: a Camera that the file lacks stays"]
     assert validate_scene(scene) == []
     flat = read_stage(scene)
     (track,) = [camera for camera in flat.cameras if camera.name == "Drone"]
@@ -136,7 +137,7 @@ def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
     harvest_edits(file, scene, Labelling())
     assert (scene.parent / EDITS).read_bytes() == before
     _write_centimetres(scene, file, lamp=False)
-    assert harvest_edits(file, scene, Labelling()).lights == []
+    assert harvest_edits(file, scene, Labelling()).lights == {}
     assert not Usd.Stage.Open(str(scene)).GetPrimAtPath("/World/Environment/Lamp")
 
 

@@ -1,5 +1,7 @@
 """Looks: sheets that tile and look like their material, bytes that repeat, materials that validate."""
 
+import errno
+import fcntl
 import hashlib
 import json
 import os
@@ -17,6 +19,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
 from authoring.looks.bake import LookSettings, bake_look, bake_surface
 from authoring.looks.charts import draw_charts, spread
 from authoring.looks.detail import detail_texture
+from authoring.looks.library import _ensure
 from authoring.looks.material import MaterialRecipe, author_material, author_sheets
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, SUITS, fill_roles
@@ -24,6 +27,7 @@ from authoring.looks.scenery import SURFACES
 from authoring.looks.weathering import ground_patches, weather
 from authoring.shapes.component import Component, Mesh
 from groundwork.errors import InputError
+from groundwork.marks import TEMPORARY
 from tests.conftest import RecordProof
 from usd_schemas.tokens import ROLES
 
@@ -353,3 +357,33 @@ def test_wheel_tracks_follow_the_edge_of_the_road() -> None:
         darker.append(1 - np.mean([strips[k] for k in (2, 7, 12, 17)]) / np.mean([strips[k] for k in (4, 5, 14, 15)]))
     assert darker[0] < -0.04
     assert abs(darker[1]) < 0.02
+
+
+@pytest.mark.parametrize("number", [None, errno.EOPNOTSUPP])
+def test_two_bakers_of_one_sheet_do_not_collide(
+    number: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a killed one left is swept where there are locks; where there are none, two at once both have the sheet."""
+    left = tmp_path / f"{TEMPORARY}0123456789abcdef-key"
+    left.mkdir()
+    others, bakers = [], [1]
+
+    def make() -> tuple[dict[str, bytes], dict[str, object]]:
+        if number is not None and bakers:
+            bakers.pop()
+            others.append(_ensure(tmp_path, "key", make))
+        return {"a.png": b"pixels"}, {}
+
+    def refuse(handle: int, operation: int) -> None:
+        raise OSError(number, "no locks")
+
+    if number is not None:
+        monkeypatch.setattr(fcntl, "flock", refuse)
+    place = _ensure(tmp_path, "key", make)
+    assert (place / "a.png").read_bytes() == b"pixels"
+    assert left.exists() == (number is not None)
+    assert others == ([place] if number is not None else [])
+    assert len([path for path in tmp_path.iterdir() if path.is_dir() and path != left]) == 1
+    (place / "a.png").chmod(0o644)
+    (place / "a.png").write_bytes(b"painted")
+    assert (_ensure(tmp_path, "key", make) / "a.png").read_bytes() == b"pixels"

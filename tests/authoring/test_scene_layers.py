@@ -31,7 +31,7 @@ def bridge_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write the bridge of boxes with a dark and a light look."""
     folder = tmp_path_factory.mktemp("bridge")
     export(geometry_layer(BRIDGE, PIECES), folder / "geometry.usdc")
-    export(semantics_layer(BRIDGE, PIECES), folder / "semantics.usdc")
+    export(semantics_layer(BRIDGE, PIECES), folder / "semantics.usda")
     export(payload_layer(), folder / "payload.usda")
     for name, grey in (("dark", 0.2), ("light", 0.6)):
         recipes = {role: MaterialRecipe(role, color=(grey, grey, grey)) for role in roles_of(PIECES)}
@@ -83,7 +83,7 @@ def test_labels_stand_in_their_own_layer(bridge_file: Path) -> None:
     cap = stage.GetPrimAtPath(f"{BRIDGE.group('Substructure')}/Pier_001_Cap")
     assert list(UsdSemantics.LabelsAPI(cap, "class").GetLabelsAttr().Get()) == ["pier_cap"]
     assert cap.GetAttribute(tokens.USER_INSTANCE_ID).Get() == 2
-    layer = next(layer for layer in stage.GetUsedLayers() if layer.identifier.endswith("semantics.usdc"))
+    layer = next(layer for layer in stage.GetUsedLayers() if layer.identifier.endswith("semantics.usda"))
     stage.MuteLayer(layer.identifier)
     assert not cap.GetAttribute(tokens.USER_CLASS)
     assert len(UsdGeom.Mesh(cap).GetPointsAttr().Get()) == 8

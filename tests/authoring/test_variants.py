@@ -3,6 +3,7 @@
 import re
 import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -14,12 +15,14 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdMedia, UsdShade
 from authoring.layers.change import change_layer
 from authoring.layers.selection import offered, selected
 from authoring.looks.material import MaterialRecipe, author_material
-from authoring.scenes.manifest import changed_files
+from authoring.scenes.manifest import changed_files, refresh_manifest
 from authoring.scenes.validate import validate_scene
 from authoring.settings import AuthoringSettings
-from authoring.variants.add import set_choices, write_variant
+from authoring.variants.add import LOCK, set_choices, write_variant
 from benchmarks.stage import measure
 from groundwork.errors import InputError
+from groundwork.locks import BusyError, hold_lock
+from groundwork.marks import TEMPORARY
 from groundwork.settings import parse_settings
 from tests.authoring.small_scene import SEED, SMALL, file_bytes, write_small_scene
 from tests.conftest import Count, RecordProof
@@ -205,8 +208,29 @@ def test_world_without_its_texture_is_named(own_scene: Path, tmp_path: Path) -> 
     before = file_bytes(own_scene.parent)
     with pytest.raises(InputError, match=r"/export/Brick.*textures/brick\.png"):
         set_choices(own_scene, {"background": str(world)}, print)
-    after = {name: data for name, data in file_bytes(own_scene.parent).items() if ".partial" not in name}
-    assert after == before
+    assert file_bytes(own_scene.parent) == before
+
+
+@pytest.mark.parametrize("write", [set_choices, lambda scene, choices, warn: write_variant(scene, "x", choices, warn)])
+def test_one_edits_a_scene_at_a_time(
+    write: Callable[..., object], own_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who adds a choice holds the scene's lock from the first file to the manifest; what was killed is swept."""
+    world, held = _world(tmp_path / "town.usda"), []
+    left = own_scene.parent / "background" / f"{TEMPORARY}0123456789abcdef-town"
+    left.mkdir(parents=True)
+
+    def refresh(folder: Path) -> None:
+        with pytest.raises(BusyError), hold_lock(folder / LOCK, wait=False):
+            pass
+        held.append(not left.exists())
+        refresh_manifest(folder)
+
+    monkeypatch.setattr("authoring.variants.add.refresh_manifest", refresh)
+    write(own_scene, {"background": str(world)}, lambda line: None)
+    assert held == [True]
+    assert "town" in offered(Usd.Stage.Open(str(own_scene)))["background"]
+    assert not [path for path in own_scene.parent.rglob(f"{TEMPORARY}*")]
 
 
 def test_texture_names_are_unique(stored_scene: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario
-from groundwork.files import folder_lock
+from groundwork.locks import hold_lock
 from groundwork.progress import SILENT
 from groundwork.settings import parse_settings
 
@@ -51,7 +51,7 @@ def chain(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Chain:
     shared = (base if worker_id == "master" else base.parent) / "chain"
     shared.mkdir(exist_ok=True)
     out, made = shared / "out", shared / "made"
-    with folder_lock(shared / "lock"):
+    with hold_lock(shared / "lock"):
         if not made.exists():
             made.write_text(str(run_scenario(scenario, out, SILENT).made))
     return Chain(scenario, out, int(made.read_text()))

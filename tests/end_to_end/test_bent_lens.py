@@ -10,6 +10,7 @@ from falsework.scenario import scene_seed
 from falsework.stages import STAGES
 from groundwork.progress import SILENT
 from recon.cloud import Cloud, read_cloud
+from recon.reconstruct import reconstruct
 from tests.conftest import RecordProof
 from tests.end_to_end.conftest import Chain
 
@@ -33,13 +34,9 @@ def label_error(cloud: Cloud) -> float:
 
 def clouds_of(capture: Path, chain: Chain, folder: Path) -> dict[str, Cloud]:
     """Reconstruct a capture sparsely, and densely."""
-    found = {}
-    for mode in ("sparse", "dense"):
-        (folder / mode).mkdir(parents=True)
-        settings = {**chain.scenario.recon.model_dump(mode="json"), "mode": mode}
-        STAGES["cloud"].run({"recon": settings}, {"capture": capture}, folder / mode, SILENT)
-        found[mode] = read_cloud(folder / mode)
-    return found
+    folder.mkdir(parents=True)
+    reconstruct(capture, folder, chain.scenario.recon.model_copy(update={"mode": "both"}), SILENT)
+    return {mode: read_cloud(folder / "cloud" / mode) for mode in ("sparse", "dense")}
 
 
 @pytest.mark.proof_only

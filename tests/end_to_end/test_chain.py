@@ -26,7 +26,7 @@ DEMO_SEEDS = (7, 11, 23, 42)
 
 def test_chain_makes_an_annotated_cloud(chain: Chain) -> None:
     """Stage, capture, cloud and report exist, are whole, and the points carry the class of the nearest surface."""
-    assert chain.made == 4
+    assert chain.made == 5
     assert Store(chain.out).verify() == []
     scene = chain.out / "scenes" / "0000"
     assert (scene / "stage" / "scene.usda").is_file()
@@ -39,16 +39,17 @@ def test_chain_makes_an_annotated_cloud(chain: Chain) -> None:
 def test_second_run_makes_nothing(chain: Chain) -> None:
     """Everything is there already, and is said to be."""
     outcome = run_scenario(chain.scenario, chain.out, SILENT)
-    assert (outcome.made, outcome.reused) == (0, 4)
+    assert (outcome.made, outcome.reused) == (0, 5)
 
 
 def test_changed_section_redoes_what_depends_on_it(chain: Chain, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another reconstruction keeps stage and capture; the former results stay in the store."""
+    """Another choice of points keeps stage, capture and model; the former results stay in the store."""
     former = chain.out / "scenes" / "0000" / "cloud" / "global"
 
     def copy_former(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
         assert settings["recon"]["min_views"] == 3
         assert (inputs["capture"] / "cameras.json").is_file()
+        assert (inputs["model"] / "model.json").is_file()
         names = [path.name for path in former.iterdir() if path.name != MANIFEST]
         for name in names:  # what is tested is which results are made, not once more how
             (shutil.copytree if (former / name).is_dir() else shutil.copyfile)(former / name, folder / name)
@@ -56,7 +57,7 @@ def test_changed_section_redoes_what_depends_on_it(chain: Chain, monkeypatch: py
     monkeypatch.setitem(STAGES, "cloud", replace(STAGES["cloud"], run=copy_former))
     recon = chain.scenario.recon.model_copy(update={"min_views": 3})
     outcome = run_scenario(chain.scenario.model_copy(update={"recon": recon}), chain.out, SILENT)
-    assert (outcome.made, outcome.reused) == (2, 2)
+    assert (outcome.made, outcome.reused) == (2, 3)
     assert len(list(chain.out.glob("store/cloud/*"))) == 2
     assert len(list(chain.out.glob("store/stage/*"))) == 1
 

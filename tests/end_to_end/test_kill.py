@@ -31,7 +31,7 @@ def test_killed_run_goes_on(chain: Chain, tmp_path: Path, proof_count: Count) ->
         process.wait()
     subprocess.run(command, check=True, capture_output=True)
     wanted = {path.name for path in chain.out.glob("store/*/*")}
-    for stage in ("stage", "capture", "cloud"):
+    for stage in ("stage", "capture", "model", "cloud"):
         (done,) = out.glob(f"store/{stage}/*")
         assert done.name in wanted
         assert _digests(done) == _digests(chain.out / "store" / stage / done.name)

@@ -70,10 +70,12 @@ def test_label_images_are_those_of_the_table(
     for row in base.instances:
         ids[row.id] = table.row_of(row.component).id
     shown: set[int] = set()
+    unequal = 0
     for image in range(len(base.names)):
         expected = ids[base.instance(image)]
-        np.testing.assert_array_equal(truth.semantic(image), expected)
+        unequal += int((truth.semantic(image) != expected).sum())
         shown |= set(np.unique(expected).tolist())
+    assert unequal == 0
     assert len(shown) >= min(4, len(table.rows) - 2)
     assert {0, *ids.tolist()} >= shown
     assert truth.classes == table.rows
@@ -85,7 +87,7 @@ def test_label_images_are_those_of_the_table(
         *(f"truth/semantic/{name}.png" for name in base.names),
     }  # fmt: skip
     name = f"stage/labels: images carry the table {name}"
-    record_proof(name, len(base.names), SEED, {"classes_shown": len(shown), "unequal_pixels": 0})
+    record_proof(name, len(base.names), SEED, {"classes_shown": len(shown), "unequal_pixels": unequal})
 
 
 def changed_files(first: Path, second: Path) -> set[str]:

@@ -13,9 +13,9 @@ from falsework.commands.clean import Cleaning, clean
 from falsework.execution import chain
 from falsework.pipeline import Outcome, run_scenario
 from falsework.stages import STAGES
-from falsework.store.locks import exclusive
 from falsework.store.store import Store
 from groundwork.errors import InputError
+from groundwork.locks import hold_lock
 from groundwork.marks import TEMPORARY
 from groundwork.progress import SILENT
 from tests.falsework.tiny_chain import contents, tiny_scenario, tiny_stages
@@ -88,7 +88,7 @@ def test_nothing_of_a_running_process_goes(run: Run, tmp_path: Path) -> None:
     _leave(out)
     _leave_other = out / "work" / ("cd" * 32)
     _leave_other.mkdir()
-    with exclusive(out / "work" / f"{KEY}.lock"):
+    with hold_lock(out / "work" / f"{KEY}.lock"):
         with pytest.raises(InputError, match="a run is working"):
             clean(out, SILENT, unused=True)
         assert (out / "work" / KEY / "inner/000000.jpg").is_file()
@@ -110,7 +110,7 @@ def test_lock_taken_after_the_look_is_respected(run: Run, tmp_path: Path, monkey
     run()
     _leave(out)
     monkeypatch.setattr(leftovers, "is_held", lambda lock: False)
-    with exclusive(out / "work" / f"{KEY}.lock"):
+    with hold_lock(out / "work" / f"{KEY}.lock"):
         done = clean(out, SILENT)
     assert (out / "work" / KEY / "inner/000000.jpg").is_file()
     assert (done.freed, len(done.left)) == (60, 1)
@@ -137,7 +137,7 @@ def test_strangers_files_stay(run: Run, tmp_path: Path) -> None:
     run_scenario(tiny_scenario(1, seed=99), out, SILENT)  # nothing of the former scenes is needed any more
     done = _clean_twice(out, unused=True)
     assert all(path.read_text() == "mine" for path in (*mine, strangers_result, elsewhere / "thesis.txt"))
-    assert len(done.removed) == 7  # of eight results, the cloud with a stranger's file stays
+    assert len(done.removed) == 9  # of ten results, the cloud with a stranger's file stays
     assert done.left == [f"{strangers_result.relative_to(out)}: not in the manifest"]
 
 
@@ -148,7 +148,7 @@ def test_unused_results_go_and_the_others_stay(run: Run, tmp_path: Path) -> None
     run(2, {"cloud:1": "reject"}, **settings)
     whole = contents(out)
     shutil.rmtree(out)
-    run(4, {"cloud:1": "reject", "capture:3": "input"}, keep=("stage", "capture", "report"))
+    run(4, {"cloud:1": "reject", "capture:3": "input"}, keep=("stage", "capture", "model", "report"))
     run(2, {"cloud:1": "reject"}, **settings)
     assert clean(out, SILENT).removed == []
     _clean_twice(out, unused=True)
@@ -163,14 +163,14 @@ def test_unused_results_go_and_the_others_stay(run: Run, tmp_path: Path) -> None
 def test_results_of_other_machines_stay(run: Run, tmp_path: Path) -> None:
     """Captures, clouds and reports of the same scenario from another graphics card are used; the rest is as before."""
     out = tmp_path / "out"
-    assert run(2, gpu="another").made == 8
-    assert run(2, keep=("stage", "cloud", "report")).made == 6
+    assert run(2, gpu="another").made == 10
+    assert run(2, keep=("stage", "cloud", "report")).made == 8
     before = contents(out)
     assert _clean_twice(out, unused=True).removed == []
     assert contents(out) == before
     run_scenario(tiny_scenario(1), out, SILENT)
     removed = [one.about for one in _clean_twice(out, unused=True).removed]
-    assert len(removed) == 1 + 3 + 3 + 0  # of the second scene: its stage, and three of each machine
+    assert len(removed) == 1 + 4 + 4 + 0  # of the second scene: its stage, and three of each machine
 
 
 def test_texture_goes_with_the_last_scene(run: Run, tmp_path: Path) -> None:

@@ -3,12 +3,13 @@
 import json
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import pytest
 
 from falsework.cli import main
-from falsework.stages import STAGES, Stage
+from falsework.doctor import package_names
 from groundwork.errors import RejectedSceneError
 
 EMPTY_STAGE = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\ndef Xform "World"\n{\n}\n'
@@ -162,7 +163,7 @@ def test_rejected_reconstruction_has_a_code_of_its_own(
     def reject(*unused: object) -> None:
         raise RejectedSceneError("too_few_cameras", "5 of 40 cameras registered")
 
-    monkeypatch.setitem(STAGES, "cloud", Stage(1, reject, resumes=True))
+    monkeypatch.setattr("recon.reconstruct.reconstruct", reject)
     (tmp_path / "photographs").mkdir()
     with pytest.raises(SystemExit) as caught:
         main(["reconstruct", str(tmp_path / "photographs"), "-o", str(tmp_path / "out")])
@@ -180,6 +181,17 @@ def test_doctor_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert answer["version"] == 1
     assert verdicts["frame"] == "OK"
     assert caught.value.code == 0
+
+
+def test_the_doctor_names_what_takes_the_place_of_a_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file `learn.py` of the user's own, found before ours, is named with its path."""
+    foreign = types.ModuleType("learn")
+    foreign.__file__ = "elsewhere/learn.py"
+    assert [check.verdict for check in package_names()] == ["OK"]
+    monkeypatch.setitem(sys.modules, "learn", foreign)
+    (check,) = package_names()
+    assert check.verdict == "FAIL"
+    assert "elsewhere/learn.py" in check.found
 
 
 def test_an_edited_scene_is_not_authored_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,9 +22,10 @@ from tests.falsework.tiny_chain import SEED, contents, tiny_scenario, tiny_stage
 
 Agree = Callable[..., Plan]
 LET_GO = {  # what a run makes, and lets go when it keeps only this
-    ("stage", "cloud"): {"capture"},
-    ("cloud",): {"stage", "capture"},
-    ("report",): {"stage", "capture", "cloud"},
+    ("stage", "cloud"): {"capture", "model"},
+    ("cloud",): {"stage", "capture", "model"},
+    ("model", "cloud"): {"stage", "capture"},
+    ("report",): {"stage", "capture", "model", "cloud"},
     ("capture",): {"stage"},
 }
 
@@ -89,24 +90,40 @@ def _theres(plan: Plan) -> list[int]:
 
 def test_empty_partial_and_complete_output(agree: Agree, tmp_path: Path) -> None:
     """Nothing there, two scenes of four there, and all there."""
-    assert _makes(agree(4, range(2))) == [2, 2, 2, 2]
+    assert _makes(agree(4, range(2))) == [2, 2, 2, 2, 2]
     plan = agree(4)
-    assert (_makes(plan), _theres(plan), plan.scenes_to_do) == ([2] * 4, [2] * 4, 2)
+    assert (_makes(plan), _theres(plan), plan.scenes_to_do) == ([2] * 5, [2] * 5, 2)
     plan = agree(4)
-    assert (_makes(plan), _theres(plan), plan.seconds, plan.peak_bytes) == ([0] * 4, [4] * 4, 0, 0)
+    assert (_makes(plan), _theres(plan), plan.seconds, plan.peak_bytes) == ([0] * 5, [4] * 5, 0, 0)
     shutil.rmtree(tmp_path / "out/store/cloud")
-    assert _makes(agree(4)) == [0, 0, 4, 0]
+    assert _makes(agree(4)) == [0, 0, 0, 4, 0]
 
 
 def test_changed_section_is_made_again_from_there_on(agree: Agree) -> None:
-    """Another setting of the reconstruction needs clouds and reports; of the rendering, captures as well."""
+    """Another setting of the points needs clouds and reports; of the cameras, models too; of the images, captures."""
     agree(2)
-    assert _makes(agree(2, recon={"max_reprojection_error": 2.5})) == [0, 0, 2, 2]
-    assert _makes(agree(2, render={"quality": "fast"})) == [0, 2, 2, 2]
-    assert _makes(agree(3, survey=[{"kind": "global"}, {"kind": "local"}])) == [3, 6, 6, 3]  # a stage holds its flights
+    assert _makes(agree(2, recon={"max_reprojection_error": 2.5})) == [0, 0, 0, 2, 2]
+    assert _makes(agree(2, recon={"sparse": {"neighbours": 9}})) == [0, 0, 2, 2, 2]
+    assert _makes(agree(2, render={"quality": "fast"})) == [0, 2, 2, 2, 2]
+    flights = [{"kind": "global"}, {"kind": "local"}]
+    assert _makes(agree(3, survey=flights)) == [3, 6, 6, 6, 3]  # a stage holds its flights
 
 
-@pytest.mark.parametrize("stage", ["stage", "capture", "cloud"])
+def test_one_model_serves_every_cloud(agree: Agree, tmp_path: Path) -> None:
+    """The other mode, both, and another quality: the model is never made again, nor a cloud that does not use it."""
+    links = tmp_path / "out/scenes/0000/cloud"
+    agree(2)
+    assert _makes(agree(2, recon={"mode": "dense"})) == [0, 0, 0, 2, 2]
+    assert _makes(agree(2, recon={"mode": "both"})) == [0, 0, 0, 0, 2]
+    assert sorted(path.name for path in links.iterdir()) == ["global+dense", "global+sparse"]
+    assert _makes(agree(2, recon={"mode": "both", "quality": "low"})) == [0, 0, 0, 2, 2]
+    assert _makes(agree(2, recon={"mode": "both", "quality": "low", "min_views": 3})) == [0, 0, 0, 2, 2]
+    assert _makes(agree(2, recon={"mode": "both", "sparse": {"memory_limit": 4}, "dense": {"threads": 1}})) == [0] * 5
+    agree(2)
+    assert [path.name for path in links.iterdir()] == ["global"]  # links of clouds that are no more wanted are gone
+
+
+@pytest.mark.parametrize("stage", ["stage", "capture", "model", "cloud"])
 @pytest.mark.parametrize(("fault", "kind"), [("reject", "rejected"), ("input", "failed")])
 def test_rejected_and_failed(stage: str, fault: str, kind: str, agree: Agree, run: Callable[..., Outcome]) -> None:
     """What was rejected or failed counts as that, what would follow it is left out; failures may be tried again."""
@@ -140,7 +157,7 @@ def test_damaged_input_is_planned_to_be_made_again(agree: Agree, tmp_path: Path)
     agree(1)
     (frame,) = tmp_path.glob("out/store/capture/*/000002.jpg")
     frame.unlink()
-    assert _makes(agree(1, recon={"max_reprojection_error": 2.5})) == [0, 1, 1, 1]
+    assert _makes(agree(1, recon={"max_reprojection_error": 2.5})) == [0, 1, 0, 1, 1]
 
 
 def test_costs_are_the_demos_and_then_ones_own(agree: Agree, tmp_path: Path) -> None:
@@ -162,13 +179,13 @@ def test_costs_are_the_demos_and_then_ones_own(agree: Agree, tmp_path: Path) -> 
     (out / "run/b.jsonl").write_text(json.dumps({"stage": "cloud", "made": True, "seconds": 80}) + "\n")
     assert found.seconds("cloud") == 40  # another process has gone on
     plan = plan_run(tiny_scenario(4), out, SILENT)
-    assert plan.stages["cloud"].make * 40 == 80 == round(plan.seconds - 2 * (13.7 + 19.7 + 2.0))
+    assert plan.stages["cloud"].make * 40 == 80 == round(plan.seconds - 2 * (13.7 + 19.7 + 160.0 + 2.0))
 
 
 def test_peak_is_lower_where_less_is_kept(agree: Agree) -> None:
     """What is let go makes room for the next scene: all of one scene, and the clouds of those before it."""
     plan = agree(3, keep=("cloud",))
-    kept, others = DEFAULT_BYTES["cloud"], DEFAULT_BYTES["stage"] + DEFAULT_BYTES["capture"]
+    kept, others = DEFAULT_BYTES["cloud"], sum(DEFAULT_BYTES[name] for name in ("stage", "capture", "model"))
     assert plan.peak_bytes == pytest.approx(3 * kept + others)
 
 
@@ -190,7 +207,7 @@ def test_full_disk_stops_before_the_work(
         run(2)
     assert not list(tmp_path.glob("out/work/*")) and not list(tmp_path.glob("out/store/*"))  # noqa: PT018
     free += 1
-    assert run(2, part=range(1)).made == 4
+    assert run(2, part=range(1)).made == 5
     most = Costs(tmp_path / "out").most_bytes("stage")
     assert most < 200_000  # learned now
     free = most - 1
@@ -198,7 +215,7 @@ def test_full_disk_stops_before_the_work(
         run(2)
     assert len(_stored(tmp_path / "out", "stage")) == 1
     free = most
-    assert run(2).made == 4
+    assert run(2).made == 5
 
 
 def test_what_an_interrupted_run_left_counts_as_there(
@@ -230,15 +247,15 @@ def test_verb(
     scenario.write_text(f'seed = {SEED}\nscenes = 3\n[[survey]]\nkind = "global"\n')
     code, said = ask("plan", scenario)
     assert code == 0
-    assert "12 results to make in 3 of 3 scenes: about 10 min in one process, 735 MB more" in said
+    assert "15 results to make in 3 of 3 scenes: about 10 min in one process, 789 MB more" in said
     assert ask("plan", scenario, "-o", out) == (code, said)
     assert not out.exists()
     run(3, {"cloud:2": "reject"}, range(1, 3))
     said = json.loads(ask("plan", scenario, "-o", out, "--json")[1])
-    assert (said["made"], said["reused"], said["scenes_to_do"]) == (4, 6, 1)
+    assert (said["made"], said["reused"], said["scenes_to_do"]) == (5, 8, 1)
     assert (said["version"], said["stages"]["cloud"]["rejected"]) == (1, 1)
     assert json.loads(ask("plan", scenario, "-o", out, "--json", "--scenes", "1:2")[1])["made"] == 0
-    assert "nothing to do: all 4 results are there" in ask("plan", scenario, "-o", out, "--scenes", "1:2")[1]
+    assert "nothing to do: all 5 results are there" in ask("plan", scenario, "-o", out, "--scenes", "1:2")[1]
     monkeypatch.setattr(costs, "free_space", lambda path: 0)
     code, said = ask("run", scenario, "-o", out)
     assert (code, "0.0 MB are free" in said) == (4, True)

@@ -13,9 +13,15 @@ from groundwork.progress import SILENT
 from tests.falsework import tiny_chain
 from tests.falsework.test_run import Run, _flip, contents, run  # noqa: F401 (a fixture)
 
-STAGES = ("stage", "capture", "cloud", "report")
+STAGES = ("stage", "capture", "model", "cloud", "report")
 DAMAGES = ("flip", "gone", "manifest", "moved", "extra")
-FILES = {"stage": "scene.usda", "capture": "000001.jpg", "cloud": "coord.npy", "report": "report.html"}
+FILES = {
+    "stage": "scene.usda",
+    "capture": "000001.jpg",
+    "model": "model.json",
+    "cloud": "coord.npy",
+    "report": "report.html",
+}
 
 
 def _count(out: Path) -> dict[str, int]:
@@ -26,13 +32,13 @@ def test_what_is_not_kept_goes(run: Run, tmp_path: Path) -> None:  # noqa: F811
     """Captures and their links are gone, a second run makes nothing, and all is whole; rejected scenes as well."""
     keep = ("stage", "cloud")
     outcome = run(3, faults={"cloud:1": "reject"}, keep=keep)
-    assert (outcome.made, list(outcome.rejected)) == (8, ["0001"])
+    assert (outcome.made, list(outcome.rejected)) == (11, ["0001"])
     out = tmp_path / "out"
-    assert _count(out) == {"stage": 3, "capture": 0, "cloud": 2, "report": 0}
+    assert _count(out) == {"stage": 3, "capture": 0, "model": 0, "cloud": 2, "report": 0}
     assert not list(out.glob("scenes/*/capture/*"))
     assert run(3, keep=keep).made == 0
     assert Store(out).verify() == []
-    assert run(3).made == 4  # now all is wanted: the captures of two clouds, and two reports
+    assert run(3).made == 6  # now all is wanted: captures and models of two clouds, and two reports
     assert Store(out).verify() == []
 
 
@@ -41,15 +47,15 @@ def test_let_go_for_good(run: Run, tmp_path: Path) -> None:  # noqa: F811
     run(2, keep=("cloud",))
     out = tmp_path / "out"
     whole = contents(out)
-    assert _count(out) == {"stage": 0, "capture": 0, "cloud": 2, "report": 0}
+    assert _count(out) == {"stage": 0, "capture": 0, "model": 0, "cloud": 2, "report": 0}
     shutil.rmtree(out / "store/cloud")
-    assert run(2, keep=("cloud",)).made == 6
+    assert run(2, keep=("cloud",)).made == 8
     assert contents(out) == whole
 
 
 @pytest.mark.parametrize(
     ("damage", "stage", "keep"),
-    [(damage, stage, STAGES) for damage in DAMAGES for stage in STAGES[:3]]
+    [(damage, stage, STAGES) for damage in DAMAGES for stage in STAGES[:4]]
     + [(damage, "cloud", ("stage", "cloud")) for damage in DAMAGES]
     + [("flip", "capture", ("stage", "cloud"))],
 )

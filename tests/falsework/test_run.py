@@ -33,7 +33,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
         scenes: int = 1, out: Path = tmp_path / "out", faults: dict[str, str] | None = None, **more: Any
     ) -> Outcome:
         monkeypatch.setenv("TINY_FAULTS", json.dumps(faults or {}))
-        how = {name: more.pop(name) for name in ("retry_failed", "workers", "shard") if name in more}
+        how = {name: more.pop(name) for name in ("retry_failed", "workers", "shard", "cluster") if name in more}
         return run_scenario(tiny_scenario(scenes, **more), out, SILENT, **how)
 
     return run
@@ -57,8 +57,8 @@ def _flip(path: Path, bit: int) -> None:
 
 def test_same_bytes_anywhere_and_nothing_left_behind(run: Run, tmp_path: Path) -> None:
     """Two runs in two places give the same tree; the second call makes nothing; no work and no lock is left."""
-    assert (run(3).made, run(3).made, run(3).reused) == (12, 0, 12)
-    assert run(3, tmp_path / "other").made == 12
+    assert (run(3).made, run(3).made, run(3).reused) == (15, 0, 15)
+    assert run(3, tmp_path / "other").made == 15
     assert contents(tmp_path / "out") == contents(tmp_path / "other")
     assert not list((tmp_path / "out/work").iterdir())
     assert Store(tmp_path / "out").verify() == []
@@ -68,7 +68,7 @@ def test_result_without_manifest_is_made_again_once(run: Run, tmp_path: Path) ->
     """It stands where the new one belongs: it is replaced, and the next run finds all there."""
     run()
     whole = contents(tmp_path / "out")
-    for stage in ("stage", "capture", "cloud", "report"):
+    for stage in sorted(set(STAGES) - {"sample"}):
         folder = _only(tmp_path / "out", stage)
         (folder / MANIFEST).unlink()
         assert (run().made, run().made) == (1, 0)
@@ -89,7 +89,13 @@ def test_torn_record_of_a_failure_is_tried_again(torn: bytes, run: Run, tmp_path
 
 @pytest.mark.parametrize(
     ("stage", "file", "needed_by"),
-    [("stage", "scene.usda", "capture"), ("capture", "000002.jpg", "cloud"), ("cloud", "coord.npy", "report")],
+    [
+        ("stage", "scene.usda", "capture"),
+        ("capture", "000002.jpg", "model"),
+        ("capture", "000002.jpg", "cloud"),
+        ("model", "model.json", "cloud"),
+        ("cloud", "coord.npy", "report"),
+    ],
 )
 @pytest.mark.parametrize("damage", ["flip", "short", "missing", "extra", "manifest"])
 def test_damaged_input_is_made_again_before_use(
@@ -129,6 +135,30 @@ def test_sound_inputs_are_hashed_once(run: Run, tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(artefact, "file_digest", lambda path: (read.append(path), digest(path))[1])
     assert run().made == 2
     assert len(read) == len(set(read)) > 5
+
+
+@pytest.mark.parametrize(
+    "address", ["", "localhost", "tcp://h", "tcp://:1", "tcp://h:99999", "ws://h:1", "tcp://h:1/x"]
+)
+def test_no_address_of_a_scheduler(address: str, run: Run, tmp_path: Path) -> None:
+    """It is refused by its form before the output folder is claimed."""
+    with pytest.raises(InputError, match=r"--cluster.*tcp://HOST:PORT"):
+        run(2, cluster=address)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_nobody_asks_for_counts_nowhere(run: Run, tmp_path: Path) -> None:
+    """With stages and captures alone, no model or cloud is made, counted, named, or asked why there is none."""
+    keep = ("stage", "capture")
+    for made, reused in ((4, 0), (0, 4)):
+        outcome = run(2, faults={"cloud:1": "reject"}, keep=keep)
+        assert (outcome.made, outcome.reused, outcome.clouds, outcome.rejected) == (made, reused, [], {})
+    rejected = run(2, faults={"cloud:1": "reject"})
+    assert list(rejected.rejected) == ["0001"]
+    assert [path.is_dir() for path in rejected.clouds] == [True]
+    again = run(2, keep=keep)  # the clouds go; the rejection is of something that nobody wants now
+    assert (again.made, again.reused, again.clouds, again.rejected) == (0, 4, [], {})
+    assert not list((tmp_path / "out/store/cloud").iterdir())
 
 
 def test_what_stands_in_the_way_is_one_line(run: Run, tmp_path: Path) -> None:
@@ -244,7 +274,7 @@ def test_several_processes_share_one_output(count: int, tmp_path: Path) -> None:
     processes = [start(*words, TINY_WAIT="0.01") for _ in range(count)]
     answers = [process.communicate(timeout=120) for process in processes]
     assert [process.returncode for process in processes] == [0] * count, answers
-    assert sum(json.loads(said)["made"] for said, _ in answers) == 12
+    assert sum(json.loads(said)["made"] for said, _ in answers) == 15
     alone = start("run", scenario, "-o", tmp_path / "alone")
     assert alone.communicate(timeout=60)[1].count("Traceback") == 0
     assert contents(tmp_path / "out") == contents(tmp_path / "alone")

@@ -140,6 +140,44 @@ def test_a_photographed_sky_has_a_name_and_a_path(tmp_path: Path) -> None:
         load_scenario(path)
 
 
+def test_its_paths_hold_in_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scenario that was named from where its user stands leads to the same files from everywhere else."""
+    for name in ("in/world", "in/more", "in/wood", "in/stone"):
+        (tmp_path / name).mkdir(parents=True)
+    for name in ("in/day.hdr", "in/dusk.hdr", "in/stage.usda"):
+        (tmp_path / name).write_bytes(b"")
+    authored = tmp_path / "in/authored.toml"
+    authored.write_text(
+        '[background]\nname = "world"\n[worlds]\nmore = "more"\n[light]\nsky = "day.hdr"\n'
+        '[skies]\nlater = "dusk.hdr"\n[look]\nfolders = ["wood"]\n[surfaces]\nstone = "stone"\n'
+    )
+    (tmp_path / "in/given.toml").write_text('[stage]\npath = "stage.usda"\nallow_root = ["../in", "more"]\n')
+    monkeypatch.chdir(tmp_path)
+    scenario, given = load_scenario(Path("in/authored.toml")), load_scenario(Path("in/given.toml")).stage
+    monkeypatch.chdir("/")
+    names = {"world/more": "more", "world/world": "world", "sky/day.hdr": "day.hdr", "sky/later": "dusk.hdr",
+             "surface/stone": "stone", "surface/wood": "wood"}  # fmt: skip
+    assert given_files(scenario) == {name: tmp_path / "in" / place for name, place in names.items()}
+    assert given is not None
+    assert given.path == str(tmp_path / "in/stage.usda")
+    assert given.allow_root == (str(tmp_path / "in"), str(tmp_path / "in/more"))
+    monkeypatch.chdir(tmp_path / "in")
+    assert load_scenario(Path("authored.toml")) == scenario == load_scenario(authored)
+
+
+@pytest.mark.parametrize("text", ['[background]\nname = "town.usda"\n', '[worlds]\ntown = "town.usda"\n'])
+def test_a_loose_usd_file_is_no_world(text: str, tmp_path: Path) -> None:
+    """It is refused with the two ways to use it, before its folder counts as the world; a world's root layer is not."""
+    (tmp_path / "town.usda").write_text('#usda 1.0\ndef Xform "Town" {}\n')
+    file = tmp_path / "s.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=r"is no imported world.*background import.*scene set"):
+        load_scenario(file)
+    data = 'customLayerData = {\n string "falsework:city" = "{}"\n }'
+    (tmp_path / "town.usda").write_text(f"#usda 1.0\n(\n    {data}\n)\n")
+    assert load_scenario(file).worlds == {"town": str(tmp_path / "town.usda")}
+
+
 @pytest.mark.parametrize("count", [1, 3, 7, 20])
 def test_parts_are_disjoint_and_complete(count: int) -> None:
     """Every scene is in one part of n; the parts differ by one scene at most."""

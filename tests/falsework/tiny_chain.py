@@ -33,9 +33,10 @@ def tiny_scenario(scenes: int = 1, **more: Any) -> Scenario:
 
 
 def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    """Write a layer that says the seed, and a texture that all scenes have in common."""
+    """Write a layer that says the seed and the hash of each input, and a texture that all scenes have in common."""
     _go_wrong("stage", settings["seed"])
-    (folder / "scene.usda").write_text(f"#usda 1.0\n# {settings['seed']}\n")
+    given = "".join(f"# {name} {folder_digest(path)}\n" for name, path in sorted(inputs.items()))
+    (folder / "scene.usda").write_text(f"#usda 1.0\n# {settings['seed']}\n{given}")
     (folder / "textures").mkdir()
     (folder / "textures" / "steel.png").write_bytes(TEXTURE)
 
@@ -55,11 +56,19 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
     (folder / "seed.json").write_text(str(settings["seed"]))
 
 
-def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    """Hash every frame into points; goes on where it was."""
-    _go_wrong("cloud", int((inputs["capture"] / "seed.json").read_text()))
+def model(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Hash every frame into a camera; goes on where it was."""
+    _go_wrong("model", int((inputs["capture"] / "seed.json").read_text()))
     parts = [hashlib.sha256(path.read_bytes()).digest() for path in sorted(inputs["capture"].glob("*.jpg"))]
-    (folder / "coord.npy").write_bytes(b"".join(parts))
+    (folder / "model.json").write_text(json.dumps([settings["recon"], [part.hex() for part in parts]]))
+
+
+def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    """Hash the model and every frame into points; goes on where it was."""
+    _go_wrong("cloud", int((inputs["capture"] / "seed.json").read_text()))
+    seen = [inputs["model"] / "model.json", *sorted(inputs["capture"].glob("*.jpg"))]
+    parts = [hashlib.sha256(path.read_bytes()).digest() for path in seen]
+    (folder / "coord.npy").write_bytes(json.dumps(settings["recon"], sort_keys=True).encode() + b"".join(parts))
 
 
 def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
@@ -76,7 +85,9 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     (folder / "report.html").write_text(settings["title"] + "\n" + "".join(lines))
 
 
-TINY: dict[str, Run] = {"stage": author, "capture": capture, "cloud": cloud, "sample": sample, "report": report}
+TINY: dict[str, Run] = {
+    "stage": author, "capture": capture, "model": model, "cloud": cloud, "sample": sample, "report": report,
+}  # fmt: skip
 
 
 def tiny_stages() -> dict[str, Stage]:
@@ -89,11 +100,13 @@ def command(*words: str | Path) -> list[str]:
     return [sys.executable, "-m", "tests.falsework.tiny_chain", *map(str, words)]
 
 
-def start(*words: str | Path, **environment: str) -> subprocess.Popen[str]:
+def start(
+    *words: str | Path, cwd: Path = ROOT, stderr: int = subprocess.PIPE, **environment: str
+) -> subprocess.Popen[str]:
     """Begin `falsework …` with the tiny stages, in a session of its own."""
     return subprocess.Popen(
-        command(*words), cwd=ROOT, env={**os.environ, **environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, start_new_session=True,
+        command(*words), cwd=cwd, env={**os.environ, "PYTHONPATH": str(ROOT), **environment}, stdout=subprocess.PIPE,
+        stderr=stderr, text=True, start_new_session=True,
     )  # fmt: skip
 
 
@@ -148,11 +161,16 @@ def _go_wrong(stage: str, seed: int, folder: Path | None = None) -> None:
                 os.kill(os.getpid(), signal.SIGKILL)
 
 
-if __name__ in ("__main__", "__mp_main__"):  # the second one in the worker processes of a cluster
+def use_tiny_stages() -> None:
+    """Replace the stages of this process."""
     STAGES.update(tiny_stages())
     chain.render_platform = lambda device="auto": {"gl_renderer": "none"}
     chain.recon_platform = lambda: {"cpu": "none"}
     chain.sample_platform = lambda: {"cpu": "none"}
+
+
+if __name__ in ("__main__", "__mp_main__"):  # the second one in the worker processes of a cluster
+    use_tiny_stages()
 
 if __name__ == "__main__":
     from falsework.cli import main

@@ -21,7 +21,8 @@ from authoring.looks.user_maps import find_sets
 from authoring.scenes.manifest import FORMAT as SCENE_FORMAT
 from authoring.scenes.manifest import changed_files, read_recipe
 from falsework.scenario import load_scenario
-from groundwork.files import check_manifest, write_json, write_manifest
+from falsework.store.artefact import read_manifest, seal
+from groundwork.files import write_json
 from recon.cloud import read_cloud, write_cloud
 from recon.formats.laz import write_laz
 from recon.formats.ply import write_ply
@@ -30,12 +31,14 @@ from recon.photos.photos import open_photographs
 from recon.sfm.colmap_model import read_model
 from render.capture import load_image, read_capture, read_truth
 from render.images.image_files import encode_png
+from render.images.tga import decode_tga
 from render.light.daylight import _decode_panorama
 from tests.authoring import mesh_files
 from tests.authoring.test_imported_city import document
 from tests.recon.conftest import poses_on_arc, write_capture
 from tests.recon.test_scan import small_cloud
 from usd_schemas.guard.guard import check_stage
+from usd_schemas.reading.mtlx import read_document, translate
 from usd_schemas.reading.stage_reader import read_stage
 
 
@@ -145,12 +148,24 @@ def _worlds(home: Path) -> dict[str, Sample]:
     }
 
 
+_LOOK = """<?xml version="1.0"?>
+<materialx version="1.38">
+  <standard_surface name="S" type="surfaceshader"><input name="base" type="float" value="0.5"/></standard_surface>
+  <surfacematerial name="M" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="S"/>
+  </surfacematerial>
+</materialx>
+"""
+
+
 def _plain(home: Path) -> dict[str, Sample]:
     scenario = home / "scenario.toml"
     scenario.write_text('seed = 7\nscenes = 2\n\n[bridge]\nfamily = "slab"\n\n[[survey]]\nkind = "global"\n')
     sky = np.linspace(0.1, 1.0, 32 * 64 * 3, dtype=np.float32).reshape(32, 64, 3)
     (home / "dome.exr").write_bytes(encode_exr(sky))
     cv2.imwrite(str(home / "sky.hdr"), sky)
+    (home / "wood.tga").write_bytes(struct.pack("<BBBHHBHHHHBB", 0, 0, 2, 0, 0, 0, 0, 0, 8, 8, 24, 0x20) + bytes(192))
+    (home / "look.mtlx").write_text(_LOOK, encoding="utf-8")
     with zipfile.ZipFile(home / "brick.zip", "w") as archive:
         archive.writestr("brick/albedo.png", encode_png(np.zeros((16, 16, 3), np.uint8)))
     scene, folder = home / "scene", home / "artefact"
@@ -159,7 +174,7 @@ def _plain(home: Path) -> dict[str, Sample]:
         (place / "x.txt").write_text("x")
     write_json(scene / "manifest.json", {"format": SCENE_FORMAT, "format_version": 1, "seed": 3, "settings": {},
                                          "files": {"x.txt": "0"}})  # fmt: skip
-    write_manifest(folder, {"format_version": 1})
+    seal(folder, {"stage": "cloud", "version": 1, "settings": {}, "inputs": {}})
 
     def surfaces() -> list[bytes]:
         return [picture.read() for one in find_sets(home / "brick.zip") for picture in one.maps.values()]
@@ -167,8 +182,12 @@ def _plain(home: Path) -> dict[str, Sample]:
     return {
         "scenario": Sample(scenario, lambda: load_scenario(scenario).seed),
         "dome": Sample(home / "dome.exr", lambda: _decode_panorama(home / "dome.exr")),
+        "tga": Sample(home / "wood.tga", lambda: decode_tga(home / "wood.tga")),
+        "mtlx": Sample(
+            home / "look.mtlx", lambda: translate(read_document(home / "look.mtlx")).ExportToString(), native=True
+        ),
         "sky": Sample(home / "sky.hdr", lambda: read_panorama(home / "sky.hdr")),
         "surfaces": Sample(home / "brick.zip", surfaces, sealed=True),
         "manifest": Sample(scene / "manifest.json", lambda: (read_recipe(scene).seed, changed_files(scene))),
-        "artefact": Sample(folder / "artefact.json", lambda: check_manifest(folder)),
+        "artefact": Sample(folder / "artefact.json", lambda: read_manifest(folder / "artefact.json"), sealed=True),
     }

@@ -15,8 +15,9 @@ from authoring.foreign.model_files import check_archive, unpack
 from authoring.looks.user_maps import find_sets
 from falsework.commands.given_settings import given_settings
 from falsework.scenario import load_scenario
+from falsework.store.artefact import read_manifest
 from groundwork.errors import InputError
-from groundwork.files import check_manifest, read_json
+from groundwork.files import read_json
 from groundwork.settings import read_toml
 from recon.cloud import read_cloud, write_cloud
 from recon.photos.photos import open_photographs
@@ -105,7 +106,7 @@ PARSERS: dict[str, tuple[Attack, str]] = {
     "scenario long path": (
         text("a.toml", f'[stage]\npath = "{"a" * 300}"\n', load_scenario), "names a file that cannot be: File name too",
     ),
-    "manifest without files": (text("artefact.json", "[]", beside(check_manifest)), "not a manifest"),
+    "manifest without files": (text("artefact.json", "[]", read_manifest), "artefact.json: changed"),
     "photograph pipe": (pipe("a.jpg", beside(open_photographs)), "a.jpg: is a pipe, not a file"),
     "photograph device": (device("a.jpg", beside(open_photographs)), "a.jpg: is a device, not a file"),
     "zip of a file and a folder": (

@@ -111,7 +111,7 @@ def test_no_name_becomes_script_in_the_report(tmp_path: Path) -> None:
         )
         write_cloud(folder / "cloud", replace(cloud, cameras=cameras, statistics={word: word}))
         page = folder / "report.html"
-        write_report(page, word, Path("stage") / word.replace("/", ""), {word: (capture, folder / "cloud")})
+        write_report(page, word, Path("stage") / word.replace("/", ""), {word: (capture, {"": folder / "cloud"})})
         pages.append(page)
     innocent, attacked = (tags_of(page) for page in pages)
     assert attacked.elements == innocent.elements

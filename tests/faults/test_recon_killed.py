@@ -140,22 +140,29 @@ class Interrupted(Silent):
 @pytest.mark.faults
 @pytest.mark.proof_only
 def test_interrupted_run_goes_on_in_the_store(few_planes: Path, calm: Path, tmp_path: Path) -> None:
-    """In a run's store, too, an interrupted cloud keeps its finished steps and ends with the same bytes."""
-    stage = STAGES["cloud"]
-    task = Task("cloud", stage.version, {"recon": SMALL.model_dump(mode="json")}, {"capture": "0"})
-    inputs = {"capture": few_planes}
+    """In a run's store, too, an interrupted model keeps its finished steps; it and its cloud have the same bytes."""
+    model = Task("model", STAGES["model"].version, {"recon": SMALL.of_model()}, {"capture": "0"})
+    cloud = Task("cloud", STAGES["cloud"].version, {"recon": SMALL.of_cloud("sparse")}, {"model": model.key})
+    store, inputs = Store(tmp_path / "out"), {"capture": few_planes}
 
-    def run(root: Path, listener: Silent) -> Path:
-        store = Store(root)
+    def run(task: Task, listener: Silent) -> Path:
+        stage = STAGES[task.stage]
         store.produce(task, lambda folder: stage.run(task.settings, inputs, folder, listener), resume=stage.resumes)
         return store.folder(task)
 
     with pytest.raises(KeyboardInterrupt):
-        run(tmp_path / "out", Interrupted("annotate"))
+        run(model, Interrupted("mapping"))
     listener = Interrupted("nothing")
-    assert contents(run(tmp_path / "out", listener)) == contents(calm)
-    assert "features" not in listener.heard
-    assert "mapping" not in listener.heard
+    inputs["model"] = run(model, listener)
+    assert not {"features", "matching"} & set(listener.heard)
+    with pytest.raises(KeyboardInterrupt):
+        run(cloud, Interrupted("annotate"))
+    assert contents(inputs["model"]) == contents(calm / "model")
+    both = {
+        **contents(run(cloud, listener)),
+        **{f"model/{name}": what for name, what in contents(calm / "model").items()},
+    }
+    assert both == contents(calm)
 
 
 EXTRACTING, MATCHING = MOMENTS[1], MOMENTS[2]

@@ -14,16 +14,19 @@ from groundwork.canonical import digest, file_digest, folder_digest
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.files import (
     MANIFEST,
-    check_manifest,
     commit_folder,
     read_json,
     space_errors,
     sweep,
+    sweep_folders,
     temporary_name,
+    whole_file,
+    whole_folder,
     write_bytes,
     write_json,
     write_manifest,
 )
+from tests.manifest_faults import manifest_faults
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -130,12 +133,12 @@ def test_manifest_finds_every_kind_of_damage(tmp_path: Path) -> None:
     for name in ("a", "b", "in/c"):
         (tmp_path / name).write_text(name)
     write_manifest(tmp_path, {"stage": "render"})
-    assert check_manifest(tmp_path) == []
+    assert manifest_faults(tmp_path) == []
     assert read_json(tmp_path / MANIFEST)["files"]["in/c"]["bytes"] == 4
     (tmp_path / "a").unlink()
     (tmp_path / "in" / "c").write_text("in/x")
     (tmp_path / "extra").write_text("")
-    assert check_manifest(tmp_path) == ["a: missing", "extra: not in the manifest", "in/c: changed"]
+    assert manifest_faults(tmp_path) == ["a: missing", "extra: not in the manifest", "in/c: changed"]
 
 
 def test_commit_folder(tmp_path: Path) -> None:
@@ -161,7 +164,7 @@ def test_leftovers_of_killed_writers_are_swept(tmp_path: Path) -> None:
     write_manifest(tmp_path, {})
     assert not left.exists()
     left.write_bytes(b"half")
-    assert check_manifest(tmp_path) == []
+    assert manifest_faults(tmp_path) == []
     sweep(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [MANIFEST, "file"]
 
@@ -181,30 +184,73 @@ def test_two_writers_of_one_file_do_not_meet(tmp_path: Path, monkeypatch: pytest
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
 
 
-HOLDER = """
-import sys, time
-from pathlib import Path
-from groundwork.files import folder_lock
-with folder_lock(Path(sys.argv[1])):
-    print("held", flush=True)
-    time.sleep(60)
-"""
+def test_a_folder_takes_the_place_of_a_former_one_whole(tmp_path: Path) -> None:
+    """An error leaves the former one; a second filler that ends meanwhile is replaced; nothing else stays."""
+    place = tmp_path / "look"
+    with whole_folder(place) as fresh:
+        (fresh / "a").write_text("first")
+    with pytest.raises(IsADirectoryError), whole_folder(place) as fresh:
+        fresh.write_text("no file")
+    assert (place / "a").read_text() == "first"
+    with whole_folder(place) as fresh:
+        (fresh / "a").write_text("slow")
+        with whole_folder(place) as other:
+            (other / "b").write_text("quick")
+        assert [path.name for path in place.iterdir()] == ["b"]
+    assert (place / "a").read_text() == "slow"
+    assert [path.name for path in tmp_path.iterdir()] == ["look"]
 
 
-@pytest.mark.faults
-def test_a_lock_falls_with_its_holder(tmp_path: Path) -> None:
-    """A second process waits for the lock, and gets it the moment the first is killed."""
-    path = tmp_path / "lock"
-    first = python(HOLDER, path)
-    assert first.stdout is not None
-    assert first.stdout.readline() == "held\n"
-    second = python(HOLDER, path)
-    time.sleep(0.3)
-    first.kill()
-    first.communicate()
-    killed = time.monotonic()
-    assert second.stdout is not None
-    assert second.stdout.readline() == "held\n"
-    assert time.monotonic() - killed < 10.0
-    second.kill()
-    second.communicate()
+def test_a_folder_that_comes_between_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another filler puts its folder there after the former one went away and before ours comes: ours stays."""
+    place, rename, came = tmp_path / "look", Path.rename, []
+    place.mkdir()
+
+    def slow(self: Path, target: Path) -> Path:
+        if target == place and not came:
+            came.append((place / "theirs").mkdir(parents=True))
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", slow)
+    with whole_folder(place) as fresh:
+        (fresh / "ours").write_text("x")
+    assert came
+    assert [path.name for path in place.iterdir()] == ["ours"]
+    assert [path.name for path in tmp_path.iterdir()] == ["look"]
+
+
+def test_killed_fillers_of_one_folder_are_swept(tmp_path: Path) -> None:
+    """What they left of this folder goes; the folders of others, in the making or not, stay."""
+    for name in ("look", "other"):
+        temporary_name(tmp_path / name, f"-{name}").mkdir()
+    (tmp_path / "look").mkdir()
+    sweep_folders(tmp_path, "look")
+    assert sorted(path.name.rpartition("-")[2] for path in tmp_path.iterdir()) == ["look", "other"]
+    sweep_folders(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["look"]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_whole_file_is_on_the_disk_before_it_has_its_name(
+    count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its bytes are synced, then it is renamed, then its folder is synced; what the check refuses gets no name."""
+    calls, path = [], tmp_path / "x.bin"
+    replace = Path.replace
+    monkeypatch.setattr("groundwork.files.sync", lambda one: calls.append(f"sync {one.suffix}"))
+    monkeypatch.setattr(Path, "replace", lambda self, target: (calls.append("rename"), replace(self, target))[1])
+
+    def check() -> None:
+        calls.append("check")
+        if count == 2:
+            raise InputError("changed meanwhile")
+
+    try:
+        with whole_file(path, check) as partial:
+            partial.write_bytes(b"x")
+    except InputError:
+        assert calls == ["sync .bin", "check"]
+        assert list(tmp_path.iterdir()) == []
+    else:
+        assert calls == ["sync .bin", "check", "rename", "sync "]
+        assert list(tmp_path.iterdir()) == [path]

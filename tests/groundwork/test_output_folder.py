@@ -1,5 +1,6 @@
 """An output folder is claimed, made inside itself, and put into place; what others have in it stays."""
 
+import errno
 import fcntl
 import os
 from collections.abc import Callable
@@ -167,7 +168,7 @@ def test_the_lock_is_what_keeps_others_out(
     assert capsys.readouterr().err == ""
 
     def refuse_locks(*_: object) -> None:
-        raise OSError(output_lock.errno.ENOLCK, "no locks")
+        raise OSError(errno.ENOLCK, "no locks")
 
     monkeypatch.setattr(fcntl, "flock", refuse_locks)
     fresh_output(out, "cloud", writes("a"))

@@ -12,7 +12,7 @@ ARRAY = re.compile(r"\b(ndarray|NDArray|ArrayLike|\w*Array|[FIU](8|16|32|64))\b"
 UNIT = re.compile(
     r"\[(?:[\d.]+ )?(?:(?:1/)?"
     r"(?:mm|cm|km|m|px|rad|deg|ms|min|s|h|kg|N|lx|lm|W|EV|K|B|bytes|[kMG]i?B)(?![A-Za-z])[^\]]*"
-    r"|1|%|(?:stage|model) units?)\]"
+    r"|1|%|(?:stage|model|scan|any) units?)\]"
 )
 # The last word of a name that is a length, an angle or a time wherever it stands.
 PHYSICAL = frozenset(
@@ -20,6 +20,14 @@ PHYSICAL = frozenset(
     | {"elevation", "altitude", "offset", "overhang", "span", "spans", "chainage", "station"}
     | {"angle", "heading", "yaw", "roll", "skew", "azimuth", "fov", "time", "duration", "seconds", "speed"}
 )
+# Arrays of these names hold lengths, whatever the word before them: a unit belongs to each.
+PLACES = frozenset(
+    {"points", "point", "positions", "position", "poses", "pose", "centers", "center", "centres", "vertices"}
+    | {"coord", "coords", "origin", "origins", "translation", "translations", "bounds", "box", "boxes", "extent"}
+    | {"depths", "distances", "heights", "widths", "lengths", "radii", "elevations", "angles", "offsets", "stations"}
+    | {"intrinsics", "uncertainty", "displacement", "residuals"}
+)
+COUNTED = re.compile(r"\b(I64|I32|U8|U16|U32|U64|Bool|np\.u?int\d*|np\.bool_?)\b|moderngl")
 MEASURED = re.compile(r"\bfloat\b")  # an int is a count, an index or pixels
 
 
@@ -78,7 +86,12 @@ def is_array(annotation: ast.expr | None, aliases: set[str]) -> bool:
 
 def is_physical(name: str, annotation: ast.expr | None, aliases: set[str]) -> bool:
     """Tell whether a name and its annotation speak of a number with a unit."""
-    if annotation is None or name.split("_")[-1] not in PHYSICAL:
+    if annotation is None:
+        return False
+    last = name.split("_")[-1]
+    if last in PLACES and is_array(annotation, aliases):
+        return not COUNTED.search(ast.unparse(annotation))  # rows and flags have names such as `obs_point`, too
+    if last not in PHYSICAL:
         return False
     text = ast.unparse(annotation)
     return (bool(MEASURED.search(text)) and "Callable" not in text) or is_array(annotation, aliases)

@@ -29,7 +29,8 @@ FLOORS: dict[str, tuple[str, ...]] = {
     ),
     "learn": (
         "settings.py", "sample.py", "neighbourhoods", "datasets", "models", "losses.py", "metrics.py", "statistics.py",
-        "panoptic.py", "trained.py", "evaluate.py", "training", "compare", "predict",
+        "panoptic.py", "instances.py", "trained.py", "scoring", "evaluate.py", "training", "demo", "compare",
+        "predict",
     ),
     "falsework": (
         "platform.py", "scenario.py", "report", "stages.py", "children", "store", "execution", "pipeline.py",

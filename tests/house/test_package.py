@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -47,3 +49,17 @@ def test_the_demo_scenario_is_package_data(wheel: Path, tmp_path: Path) -> None:
     where, _, text = done.stdout.partition("\n")
     assert str(wheel) in where
     assert text.rstrip("\n") == (ROOT / "scenarios" / "demo.toml").read_text(encoding="utf-8").rstrip("\n")
+
+
+def test_the_notice_names_every_package() -> None:
+    """Whatever pyproject.toml asks for, in the core or an extra, has a line with its license."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [
+        *project["dependencies"],
+        *(line for lines in project["optional-dependencies"].values() for line in lines),
+    ]
+    names = {re.split(r"[^\w.-]", line)[0] for line in wanted}
+    notice = (ROOT / "NOTICE").read_text(encoding="utf-8")
+    named = {name.strip() for line in re.findall(r"^  (\S.*?)  +\S", notice, re.M) for name in line.split(",")}
+    assert names - named == set()
+    assert named - names == set()

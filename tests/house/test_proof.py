@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
@@ -12,12 +13,17 @@ from typing import Any
 
 import pytest
 
-from tests.house.house import ROOT
+from tests.house.house import ROOT, python_files
+from tests.proof_rows import state_of
+from tests.provenance import digest_of
+
+CODE = '"""Counts."""\n\n\ndef one():\n    """Give 1."""\n    return 1\n'
 
 SAMPLE = """
 import pytest
 
 def test_counts(proof_count, record_proof):
+    assert "learn.counting"
     record_proof("b: sample", proof_count(2, 50), 7, {"error_m": 0.5})
     record_proof("a: sample", 1, 7, {"error_m": 0.25})
 
@@ -35,7 +41,10 @@ def test_blender():
 def project(tmp_path: Path) -> Path:
     """Lay out a project of one test with our conftest and settings."""
     (tmp_path / "tests").mkdir()
-    shutil.copy(ROOT / "tests" / "conftest.py", tmp_path / "tests")
+    for name in ("conftest.py", "proof_rows.py", "provenance.py"):
+        shutil.copy(ROOT / "tests" / name, tmp_path / "tests")
+    (tmp_path / "learn").mkdir()
+    (tmp_path / "learn" / "counting.py").write_text(CODE)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     (tmp_path / "tests" / "test_sample.py").write_text(SAMPLE)
     return tmp_path
@@ -68,10 +77,14 @@ def test_a_proof_run_writes_sorted_rows(project: Path) -> None:
     assert run(project, "--proof").startswith("2 passed, 1 skipped")
     written = rows(project)
     assert [row["name"] for row in written] == ["a: sample", "b: sample", "z: other"]
+    code = written[1].pop("code")
+    assert len(code) == 16
+    assert written[0]["code"] == code
     assert written[1] == {
         "name": "b: sample",
         "count": 50,
         "seed": 7,
+        "test": "tests/test_sample.py::test_counts",
         "commit": "none",
         "dirty": False,
         "figures": {"error_m": 0.5},
@@ -79,9 +92,46 @@ def test_a_proof_run_writes_sorted_rows(project: Path) -> None:
     assert list((project / "docs").iterdir()) == [project / "docs" / "proof.json"]
 
 
-def test_a_failed_proof_run_writes_nothing(project: Path) -> None:
-    """One failure, and no figure of that run is kept."""
+def test_the_rows_of_a_failed_test_are_not_written(project: Path) -> None:
+    """What a test recorded before it failed is dropped; those of the tests that passed arrive, from processes too."""
     with (project / "tests" / "test_sample.py").open("a") as file:
-        file.write("\ndef test_wrong():\n    assert False\n")
-    assert "1 failed" in run(project, "--proof")
-    assert not (project / "docs").exists()
+        file.write('\ndef test_wrong(record_proof):\n    record_proof("c: wrong", 1, 7, {})\n    assert False\n')
+    assert "1 failed" in run(project, "--proof", "-n", "2")
+    assert [row["name"] for row in rows(project)] == ["a: sample", "b: sample"]
+
+
+def test_stale_runs_only_what_speaks_of_other_code(project: Path) -> None:
+    """Fresh rows are left alone; another result of a function that a test names, or a new test, runs again."""
+    assert run(project, "--proof", "--stale").startswith("1 passed, 2 deselected")
+    code = project / "learn" / "counting.py"
+    code.write_text(CODE.replace("Give 1", "Give one").replace("Counts", "Counting"))
+    assert run(project, "--proof", "--stale").startswith("3 deselected")
+    code.write_text(CODE.replace("return 1", "return 2"))
+    assert run(project, "--proof", "--stale").startswith("1 passed, 2 deselected")
+
+
+def test_states_of_rows(project: Path) -> None:
+    """A row whose test is gone, and one that never said its code, are told apart from fresh and stale ones."""
+    codes: dict[str, str] = {}
+    code = digest_of(project / "tests" / "test_sample.py", project)
+    first = {"name": "a: sample", "test": "tests/test_sample.py::test_counts", "code": code}
+    assert state_of(first, project, codes) == "fresh"
+    assert state_of({**first, "code": "0" * 16}, project, codes) == "stale"
+    assert state_of({**first, "test": "tests/test_sample.py::test_no_more[1]"}, project, codes) == "gone"
+    assert state_of({**first, "test": "tests/test_other.py::test_counts"}, project, codes) == "gone"
+    assert state_of({"name": "old"}, project, codes) == "unknown"
+
+
+def test_figures_are_measured() -> None:
+    """No test records a number that stands in its text, nor a limit: a figure is what was found."""
+    found = [
+        f"{path.relative_to(ROOT)}:{value.lineno}"
+        for path in python_files("tests")
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(call, ast.Call) and ast.unparse(call.func) == "record_proof"
+        for table in ast.walk(call)
+        if isinstance(table, ast.Dict)
+        for value in table.values
+        if isinstance(value, ast.Constant) or (isinstance(value, ast.Name) and value.id.isupper())
+    ]
+    assert found == []

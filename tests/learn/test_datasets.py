@@ -12,7 +12,6 @@ import pytest
 
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
-from groundwork.files import check_manifest
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.class_tables import class_table, labels_of_cloud
 from learn.datasets.labelled_cloud import SourceFacts, read_labelled
@@ -23,9 +22,10 @@ from learn.datasets.stored import StoredSplit
 from learn.datasets.windows import cut_windows
 from recon.cloud import COLUMNS, OBSERVATION_COLUMNS, read_cloud
 from tests.learn.toy_bridge import DECK_HEIGHT, LENGTH, WIDTH, toy_cloud, write_toy
+from tests.manifest_faults import manifest_faults
 from usd_schemas.taxonomies import taxonomy
 
-ALL = ("x", "y", "z", "red", "green", "blue", "nx", "ny", "nz", "n_views")
+ALL = ("x", "y", "z", "red", "green", "blue", "nx", "ny", "nz", "n_views", "height")
 SMALL = {"points": 256, "fewest": 64, "tile": {"voxel": 0.2}}
 
 
@@ -73,12 +73,12 @@ def test_the_same_clouds_make_the_same_bytes(clouds: list[Path], metric: Path, t
     """Two builds are equal byte for byte, the manifest proves the files, and names no place of this machine."""
     again = build(tmp_path / "again", clouds)
     assert folder_digest(again) == folder_digest(metric)
-    assert check_manifest(metric, MANIFEST) == []
+    assert manifest_faults(metric, MANIFEST) == []
     assert str(clouds[0].parent) not in (metric / MANIFEST).read_text() + (metric / "README.md").read_text()
     victim = next(metric.glob("train/*/color.npy"))
     kept = victim.read_bytes()
     victim.write_bytes(kept[:-1] + bytes([kept[-1] ^ 1]))
-    assert check_manifest(metric, MANIFEST) == [f"{victim.relative_to(metric).as_posix()}: changed"]
+    assert manifest_faults(metric, MANIFEST) == [f"{victim.relative_to(metric).as_posix()}: changed"]
     victim.write_bytes(kept)
 
 
@@ -307,3 +307,19 @@ def test_bad_input_is_one_line(clouds: list[Path], metric: Path, tmp_path: Path)
         (folder / MANIFEST).write_text(json.dumps({**stored, **change}))
         with pytest.raises(InputError, match=words):
             read_facts(folder)
+
+
+def test_what_moves_is_left_out_unless_asked_for(tmp_path: Path) -> None:
+    """Points with an uncertainty and no distance to a surface, which lie on what moves, are no part of a data set."""
+    still = toy_cloud(1)
+    distance = np.full(len(still.columns["coord"]), 0.01, np.float32)
+    distance[::5] = np.nan
+    sure = np.full(len(distance), 0.01, np.float32)
+    path = write_toy(tmp_path / "cloud", 1, surface_distance=distance, uncertainty=sure)
+    table = class_table("falsework")
+    kept = read_labelled(path, None, table)
+    np.testing.assert_array_equal(kept.coord, read_cloud(path).columns["coord"][~np.isnan(distance)])
+    assert len(kept.labels) == len(kept.coord) == len(kept.inputs["color"])
+    assert len(read_labelled(path, None, table, moving=True)) == len(distance)
+    facts = [settings().moving, settings(moving=True).moving]
+    assert facts == [False, True]

@@ -135,6 +135,76 @@ def test_a_second_prediction_replaces_its_former_output_alone(
     assert "lies in what" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("again", [False, True])
+def test_a_prediction_killed_between_copy_and_boxes_is_repeated_without_ado(
+    chain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, again: bool
+) -> None:
+    """Whichever rename is the last one, first prediction or second: the same command ends with the same two files."""
+    words = ("predict", chain / "scan.laz", "--model", chain / "forest", "--unit", "m", "-o")
+    out, boxes = tmp_path / "labelled.laz", tmp_path / "labelled.instances.json"
+    assert call(*words, out) == 0
+    whole = out.read_bytes(), boxes.read_bytes()
+    rename = Path.replace
+    kills = 4 if again else 2  # labels and boxes; in place of former ones the boxes are written twice
+    for dies in range(kills):
+        out.unlink()
+        boxes.unlink()
+        if again:
+            assert call(*words, out, "--classes", "deck") == 0
+        left = [dies]
+
+        def replace(self: Path, target: Path, left: list[int] = left) -> Path:
+            if Path(target).parent == tmp_path and left[0] == 0:
+                raise SystemExit(137)
+            left[0] -= Path(target).parent == tmp_path
+            return rename(self, target)
+
+        with monkeypatch.context() as patched:
+            patched.setattr(Path, "replace", replace)
+            call(*words, out)
+        assert call(*words, out) == 0
+        assert (out.read_bytes(), boxes.read_bytes()) == whole
+        assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_cloud_is_labelled_by_the_unit_it_says(
+    chain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Our own LAZ needs no --unit; a cloud's folder without one says how to make it; a run without a cloud is said."""
+    out = tmp_path / "labelled.laz"
+    assert call("predict", chain / "scan.laz", "--model", chain / "forest", "-o", out) == 0
+    assert json.loads((tmp_path / "labelled.instances.json").read_text())["meters_per_unit"] == 1.0
+    capsys.readouterr()
+    assert call("predict", chain / "3", "--model", chain / "forest", "-o", out) == 2
+    assert "falsework export" in capsys.readouterr().err
+    (tmp_path / "run" / "scenes" / "0000").mkdir(parents=True)
+    assert call("dataset", "local", tmp_path / "run", "-o", tmp_path / "set") == 2
+    assert "a run without a cloud" in capsys.readouterr().err
+
+
+def test_clouds_of_a_run_are_told_apart_and_empty_splits_are_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Named by scene and cloud; one bridge leaves validation and test empty, and a network refuses to train on it."""
+    for scene in ("0000", "0001"):
+        write_toy(tmp_path / "run" / "scenes" / scene / "cloud" / "local", int(scene), COUNT, "b0")
+    assert call("dataset", "local", tmp_path / "run", "-o", tmp_path / "set", *CUT[:4], *CUT[6:]) == 0
+    said = capsys.readouterr().err
+    assert "val is empty: the sources show 1 bridge" in said
+    assert "test is empty" in said
+    assert [row["name"] for row in json.loads((tmp_path / "set" / "dataset.json").read_text())["sources"]] == [
+        "0000/local", "0001/local",
+    ]  # fmt: skip
+    assert "| 0001/local | mesh |" in (tmp_path / "set" / "README.md").read_text()
+    assert call("train", tmp_path / "set", "-o", tmp_path / "model", *MODELS["net"]) == 2
+    assert "too few bridges" in capsys.readouterr().err
+    for words, told in {("--set", "shares=1"): "three numbers", ("--set", "tile=3"): "tile.size=10"}.items():
+        assert call("dataset", "local", tmp_path / "run", "-o", tmp_path / "other", *words) == 2
+        assert told in capsys.readouterr().err
+    assert call("train", tmp_path / "set", "-o", tmp_path / "model", "--epochs", 0) == 2
+    assert "train: epochs" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", list(MODELS))
 def test_what_no_scan_knows_leaves_the_logits_unchanged(chain: Path, tmp_path: Path, name: str) -> None:
     """Shuffled uncertainty, confidence, margin and instance of the clouds change no logit of validation and test."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -13,6 +14,8 @@ from torch import Tensor, nn
 
 from groundwork.errors import InputError
 from learn.models.backbone import COORD, batched, geometry_of
+from learn.models.gather import Shared
+from learn.models.pooled import pooled
 from learn.models.registry import NETWORKS, build_network
 from tests.learn import literal_networks as literal
 
@@ -137,6 +140,33 @@ def test_logits_equal_those_of_the_literal_randlanet(
     assert (found - wanted).abs().max() < 1e-5
 
 
+def test_a_layer_in_training_is_the_usual_one() -> None:
+    """Output, gradients and running statistics are those of linear, normalisation and activation in turn."""
+    torch.manual_seed(0)
+    ours = Shared(7, 5, nn.ReLU(), momentum=0.3).double()
+    nn.init.normal_(ours.linear.bias)
+    nn.init.normal_(ours.norm.bias)
+    usual = copy.deepcopy(ours)
+    values = torch.randn(4, 30, 7, dtype=torch.float64)
+    for _ in range(3):
+        inputs = [values.clone().requires_grad_() for _ in range(2)]
+        found = ours(inputs[0])
+        wanted = usual.norm(usual.linear(inputs[1].reshape(-1, 7))).relu().view(4, 30, 5)
+        assert torch.allclose(found, wanted, atol=1e-12)
+        for layer, outputs in ((ours, found), (usual, wanted)):
+            layer.zero_grad()
+            outputs.square().sum().backward()
+        assert torch.allclose(inputs[0].grad, inputs[1].grad, atol=1e-10)  # type: ignore[arg-type]
+        for (name, a), b in zip(ours.named_parameters(), usual.parameters(), strict=True):
+            assert torch.allclose(a.grad, b.grad, atol=1e-10), name  # type: ignore[arg-type]
+        for name, buffer in ours.norm.named_buffers():
+            assert torch.allclose(buffer, usual.norm.get_buffer(name), atol=1e-12), name
+    ours.norm.eval()
+    usual.norm.eval()
+    wanted = usual.norm(usual.linear(values.reshape(-1, 7))).relu().view(4, 30, 5)
+    assert torch.allclose(ours(values), wanted, atol=1e-12)
+
+
 SMALL: dict[str, dict[str, Any]] = {
     "pointnet2-ssg": {"counts": (256, 64)},
     "pointnet2-msg": {"counts": (256, 64)},
@@ -238,3 +268,33 @@ def test_a_cloud_too_small_for_its_network_is_refused() -> None:
     for name in ("pointnet2-ssg", "randlanet", "pointnext-s"):
         with pytest.raises(InputError, match=r"too few points|fewer points"):
             geometry_of(drawn(name), cloud(60)[0])
+
+
+@pytest.mark.parametrize("active", [True, False])
+def test_the_maximum_before_the_norm_is_the_maximum_after_it(active: bool) -> None:
+    """Output, gradients and running statistics are those of layer and maximum in turn, for weights of either sign."""
+    torch.manual_seed(1)
+    relu = nn.ReLU() if active else None
+    ours = nn.Sequential(Shared(7, 6, nn.ReLU()), Shared(6, 5, relu, bias=active, momentum=0.3)).double()
+    last = ours[-1]
+    assert isinstance(last, Shared)
+    nn.init.normal_(last.norm.weight)
+    nn.init.normal_(last.norm.bias)
+    assert 0 < int((last.norm.weight < 0).sum()) < 5
+    usual = copy.deepcopy(ours)
+    values = torch.randn(2, 9, 8, 7, dtype=torch.float64)
+    for _ in range(3):
+        inputs = [values.clone().requires_grad_() for _ in range(2)]
+        found, wanted = pooled(ours, inputs[0]), usual(inputs[1]).max(dim=2).values
+        assert torch.allclose(found, wanted, atol=1e-12)
+        for layers, outputs in ((ours, found), (usual, wanted)):
+            layers.zero_grad()
+            (outputs.square() + outputs).sum().backward()
+        assert torch.allclose(inputs[0].grad, inputs[1].grad, atol=1e-10)  # type: ignore[arg-type]
+        for (name, a), b in zip(ours.named_parameters(), usual.parameters(), strict=True):
+            assert torch.allclose(a.grad, b.grad, atol=1e-10), name  # type: ignore[arg-type]
+        for name, buffer in ours.named_buffers():
+            assert torch.allclose(buffer, usual.get_buffer(name), atol=1e-12), name
+    ours.eval()
+    usual.eval()
+    assert torch.allclose(pooled(ours, values), usual(values).max(dim=2).values, atol=1e-12)

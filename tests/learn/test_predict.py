@@ -17,8 +17,8 @@ from groundwork.errors import InputError
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
+from learn.instances import connected_parts
 from learn.predict.class_sum import sum_classes
-from learn.predict.instances import connected_parts
 from learn.predict.predict import predict_scan
 from learn.predict.settings import PredictSettings
 from recon.formats.laz import write_laz
@@ -120,7 +120,7 @@ def test_prediction_cuts_as_training_does(tmp_path: Path) -> None:
     settings = dataset_settings("local", values, "test")
     (tmp_path / "set").mkdir()
     build_dataset([Source(path) for path in names], tmp_path / "set", settings)
-    model = ColorModel(tile=settings.tile)
+    model = ColorModel(tile=settings.tile, channels=("x", "y", "z", "red", "height"))
     split = StoredSplit(tmp_path / "set", "test", model.channels)
     write_ply(names[1] / "cloud.ply", toy_cloud(1, 4000, "b1"))
     predict_scan(names[1], tmp_path / "out.ply", model, PredictSettings())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from learn.sample import Sample
+from learn.sample import Sample, Truth
 
 CLASSES = ("background", "column", "deck")
 
@@ -59,3 +59,11 @@ class ToyBridges:
             labels = rng.permutation(labels)
         labels[:4] = 255
         return Sample(coord, coord.copy(), labels.astype(np.int64), ("x", "y", "z"))
+
+    def truth(self, index: int) -> Truth:
+        """Each sample is a cloud of its own; its points lie meters apart, so that instances are single points."""
+        labels = self.sample(index, 0).labels
+        rows = np.arange(len(labels))
+        coord = np.zeros((len(rows), 3))
+        coord[:, 0] = 5.0 * rows
+        return Truth(index, rows, coord, np.full(len(rows), 0.05, np.float32), labels % 255)

@@ -14,7 +14,8 @@ from recon.truth.annotate import ObservedTruth, annotate, gather
 from recon.truth.label_margin import edge_distance
 from recon.truth.uncertainty import depths, measure
 from render.capture import Truth
-from render.writing.capture_writer import FrameTruth, make_folders, write_frame_truth
+from render.writing.capture_writer import FrameTruth, make_folders
+from tests.frame_truth import write_frame_truth
 from usd_schemas.pinhole import Pinhole, look_at, project
 
 CAMERA = Pinhole(16, 12, 20.0, 20.0, 8.0, 6.0)

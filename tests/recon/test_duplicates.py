@@ -26,7 +26,7 @@ def test_equal_points_become_one() -> None:
     """The first of each set of equal points stays, in order, with each view of the set once."""
     for seed in range(20):
         model = told_twice(np.random.default_rng(seed))
-        found = merge_duplicates(model)
+        found, alike = merge_duplicates(model)
         views: dict[tuple[float, ...], set[tuple[float, ...]]] = {}
         firsts: dict[tuple[float, ...], int] = {}
         for row, place in enumerate(map(tuple, model.points.tolist())):
@@ -36,6 +36,7 @@ def test_equal_points_become_one() -> None:
                 zip(model.obs_image[mine].tolist(), *model.obs_uv[mine].T.tolist(), strict=True)
             )
         np.testing.assert_array_equal(found.points, model.points[list(firsts.values())])
+        assert alike.tolist() == [model.points.tolist().count(list(place)) for place in firsts]
         np.testing.assert_array_equal(found.errors, model.errors[list(firsts.values())])
         assert (np.diff(found.obs_point) >= 0).all()
         for row, place in enumerate(firsts):
@@ -43,9 +44,9 @@ def test_equal_points_become_one() -> None:
             seen = list(zip(found.obs_image[mine].tolist(), *found.obs_uv[mine].T.tolist(), strict=True))
             assert len(seen) == len(set(seen))
             assert set(seen) == views[place]
-        assert merge_duplicates(found) is found
+        assert merge_duplicates(found)[0] is found
         nothing = replace(model, points=np.zeros((0, 3)))
-        assert merge_duplicates(nothing) is nothing
+        assert merge_duplicates(nothing)[0] is nothing
 
 
 def test_the_same_keypoints_make_one_point() -> None:
@@ -60,7 +61,8 @@ def test_the_same_keypoints_make_one_point() -> None:
         model, points=np.eye(3), colors=model.colors[:3], errors=model.errors[:3], obs_point=point, obs_image=image,
         obs_uv=uv.astype(np.float64),
     )  # fmt: skip
-    found = merge_duplicates(three)
+    found, alike = merge_duplicates(three)
+    assert alike.tolist() == [2, 1]
     np.testing.assert_array_equal(found.points, np.eye(3)[[0, 2]])
     np.testing.assert_array_equal(found.obs_point, [0, 0, 0, 1, 1])
     np.testing.assert_array_equal(found.obs_image, [0, 1, 2, 0, 1])

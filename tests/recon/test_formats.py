@@ -15,6 +15,8 @@ from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
 from recon.cloud import COLUMNS, Cloud, read_cloud, without_observations, write_cloud
 from recon.formats.export import EXPORTS, export_cloud
+from recon.formats.laz import write_laz
+from recon.formats.scan import open_scan
 from usd_schemas.components import class_rows
 from usd_schemas.raycast import load_open3d
 
@@ -98,6 +100,24 @@ def test_las(source: Path, to: str) -> None:
     table = next(vlr for vlr in back.header.vlrs if type(vlr).__name__ == "ClassificationLookupVlr")
     assert (table[73], table[64]) == ("deck", "background")
     assert b"\x4cpier_cap\0" in path.read_bytes()  # laspy drops the underscore
+
+
+def test_las_says_its_unit_where_there_is_one(source: Path) -> None:
+    """Our reader takes the metre from the reference system; a cloud that nothing brought to scale says no unit.
+
+    The record stands in the header beside the class table, and the file has the same bytes each time.
+    """
+    first = export(source, "laz") / "cloud.laz"
+    with open_scan(first) as stream:
+        assert stream.unit == 1.0
+    header = laspy.read(first).header
+    assert [vlr.record_id for vlr in header.vlrs if vlr.user_id == "LASF_Projection"] == [2112]
+    cloud = dataclasses.replace(sampled_cloud(), alignment={"target": "none"})
+    write_laz(source.parent / "free.laz", cloud)
+    with open_scan(source.parent / "free.laz") as stream:
+        assert stream.unit is None
+    write_laz(source.parent / "again.laz", sampled_cloud())
+    assert (source.parent / "again.laz").read_bytes() == first.read_bytes()
 
 
 def test_las_of_a_wide_cloud_takes_a_coarser_scale(source: Path, tmp_path: Path) -> None:

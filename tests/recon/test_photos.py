@@ -175,7 +175,7 @@ def test_a_rejected_folder_leaves_nothing(tmp_path: Path) -> None:
     for name in ("a.jpg", "b.jpg"):
         (photographs / name).write_bytes(jpeg())
     with pytest.raises(RejectedSceneError) as rejected:
-        reconstruct_folder(photographs, tmp_path / "cloud", None, SILENT)
+        reconstruct_folder(photographs, tmp_path / "cloud", ReconSettings(), SILENT)
     assert rejected.value.reason == "too_few_images"
     assert [path.name for path in tmp_path.iterdir()] == ["photographs"]
 
@@ -251,14 +251,14 @@ class Notes(Silent):
 def test_the_last_line_counts_the_reasons() -> None:
     """Whoever reads nothing but the last line knows how many photographs are missing, and why."""
     status = ("ok", "no_overlap", "ok", "no_texture", "no_overlap")
-    assert verdict_in_words(status, 1234, 1234, "in metres", limited=True) == (
+    assert verdict_in_words(status, 1234, 1234, "in metres", []) == (
         "2 of 5 photographs ok (2 no_overlap, 1 no_texture), 1,234 points; in metres"
     )
-    all_but_a_few = verdict_in_words(("ok",), 12, 5678, "in metres", limited=False)
+    all_but_a_few = verdict_in_words(("ok",), 12, 5678, "in metres", [])
     assert all_but_a_few == "1 of 1 photographs ok, 12 of 5,678 points; in metres"
-    hint = " (raise [recon] max_deviation for more)"
-    assert verdict_in_words(("ok",), 12, 5678, "in metres", limited=True) == all_but_a_few.replace(";", f"{hint};")
-    assert hint not in verdict_in_words(("ok",), 3000, 5678, "in metres", limited=True)
+    for lost, said in ((["abutment", "cable"], "abutment, cable"), (["unlabelled"], "the points")):
+        hint = f" (more than half of {said} left out as unsure: raise [recon] max_deviation for more)"
+        assert verdict_in_words(("ok",), 12, 5678, "in metres", lost) == all_but_a_few.replace(";", f"{hint};")
 
 
 def test_bare_photographs_become_a_cloud(

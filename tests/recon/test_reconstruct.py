@@ -119,7 +119,7 @@ def test_without_truth_the_model_is_the_same(plane_capture: Path, plane_settings
     assert found.statistics["right_class_share"] is None
     assert found.statistics["center_error_median"] < 1.0
     assert capfd.readouterr().out == ""
-    assert sorted(p.name for p in folder.iterdir() if p.is_dir()) == ["observations", "sparse"]
+    assert sorted(p.name for p in folder.iterdir() if p.is_dir()) == ["model", "observations", "sparse"]
 
 
 @pytest.mark.proof_only

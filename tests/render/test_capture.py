@@ -13,7 +13,8 @@ from render.capture import CalibrationPrior, Capture, CaptureImage, Readout, loa
 from render.images import image_files
 from render.images.depth_tiff import encode_depth_tiff
 from render.images.grey_png import decode_grey_png
-from render.writing.capture_writer import FrameTruth, make_folders, write_cameras, write_frame_truth, write_truth
+from render.writing.capture_writer import FrameTruth, make_folders, write_cameras, write_truth
+from tests.frame_truth import write_frame_truth
 from tests.render.scenes import CAMERA, random_scene
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene, world_triangles

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from groundwork.canonical import folder_digest
-from groundwork.files import folder_lock, write_json
+from groundwork.files import write_json
+from groundwork.locks import hold_lock
 from groundwork.progress import SILENT
 from render.frames import render_scene
 from render.settings import RenderSettings
@@ -88,12 +89,12 @@ def test_workers_meter_once(tmp_path: Path, small: RenderSettings, monkeypatch: 
 
     @contextmanager
     def wait_for_the_other(lock: Path) -> Iterator[None]:
-        with folder_lock(lock):
+        with hold_lock(lock):
             if lock.name == "gain.lock":
                 write_json(lock.with_name("gain.json"), 2.5)
             yield
 
-    monkeypatch.setattr("render.frames.folder_lock", wait_for_the_other)
+    monkeypatch.setattr("render.frames.hold_lock", wait_for_the_other)
     settings = small.model_copy(update={"quality": "fast", "normals": False})
     drawn = render_scene(random_scene(4, np.zeros(3), count=8), tmp_path, settings, 3, SILENT, share=(0, 2))
     assert drawn["gain"] == 2.5

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from render.images.exif import Shot, geodetic, insert_exif
 from render.images.image_files import encode_jpeg
@@ -174,3 +176,31 @@ def test_exif_is_read_back() -> None:
         assert degrees == pytest.approx(value, abs=1e-9)
     assert gps[6] == [pytest.approx(height)]
     assert (latitude - 46.0) * 111_140 == pytest.approx(-250.0, rel=2e-3)
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 4),
+    st.one_of(st.none(), st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 3)),
+    st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 3),
+)
+def test_no_number_keeps_a_photograph_from_its_exif(
+    told: tuple[float, float, float, float],
+    gps: tuple[float, float, float] | None,
+    origin: tuple[float, float, float],
+) -> None:
+    """Whatever a stage makes of lens, sensor, shutter, time and place, the file has tags that can be read."""
+    jpeg = encode_jpeg(np.zeros((8, 8, 3), np.uint8), 90)
+    tagged = insert_exif(jpeg, Shot(*told, gps, origin), 8, 8)
+    tags = read_tags(tagged[12:], 8)
+    assert tags[0x010F] == "Falsework"
+
+
+def test_a_lens_of_metres_is_noted_as_far_as_exif_goes() -> None:
+    """A focal length of 5 m (50 tenths of a unit of 1 m) stands in the file to a tenth of a micrometre."""
+    jpeg = encode_jpeg(np.zeros((8, 8, 3), np.uint8), 90)
+    tagged = insert_exif(jpeg, Shot(5.0, 2.0955, 0.001, 0.0, None, (0.0, 0.0, 0.0)), 8, 8)
+    tiff = tagged[12:]
+    photo = read_tags(tiff, int(str(read_tags(tiff, 8)[0x8769])))
+    assert photo[0x920A] == [pytest.approx(5000.0, rel=1e-7)]
+    assert photo[0xA405] == round(5.0 / 2.0955 * 36)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usd_schemas.flat_scene import FlatScene, world_triangles
+from usd_schemas.reading.choices import StageChoices
 from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
@@ -35,15 +36,16 @@ def write_stage(folder: Path, body: str, header: str = Z_UP, name: str = "stage.
     return path
 
 
-def read_body(folder: Path, body: str, header: str = Z_UP) -> FlatScene:
+def read_body(folder: Path, body: str, header: str = Z_UP, subdivision: int = 1) -> FlatScene:
     """Write a text stage and read it flat.
 
     Args:
         folder: Where to write.
         body: Its prims.
         header: Its layer metadata.
+        subdivision: How many times subdivision surfaces are refined.
     """
-    return read_stage(write_stage(folder, body, header))
+    return read_stage(write_stage(folder, body, header), choices=StageChoices(subdivision=subdivision))
 
 
 def area_vectors(scene: FlatScene) -> F64:

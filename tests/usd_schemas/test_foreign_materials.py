@@ -113,7 +113,7 @@ def test_omnipbr_fed_by_a_node_is_named(tmp_path: Path) -> None:
 
 
 def test_standard_surface_constants(tmp_path: Path) -> None:
-    """Its weights multiply its colours; glass is drawn opaque, with a warning."""
+    """Its weights multiply its colours; glass is drawn blended, with a warning."""
     scene, material = read_one(tmp_path, standard("""
         float inputs:base = 0.5
         color3f inputs:base_color = (0.8, 0.4, 0.2)
@@ -126,7 +126,8 @@ def test_standard_surface_constants(tmp_path: Path) -> None:
     assert material.base_color == pytest.approx((0.4, 0.2, 0.1))
     assert (material.roughness, material.metallic) == pytest.approx((0.35, 1.0))
     assert material.emissive == pytest.approx((1.5, 0.0, 0.0))
-    assert scene.warnings == ("/Mat: is transparent: drawn opaque",)
+    assert (material.opacity, material.blends) == (pytest.approx(0.19), True)
+    assert scene.warnings == ("/Mat: its transmission is drawn as an opacity of 0.19",)
 
 
 def test_standard_surface_textures(tmp_path: Path) -> None:

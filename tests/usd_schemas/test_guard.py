@@ -1,5 +1,6 @@
 """Stages from elsewhere: what leads outside, in a circle or beyond all measure is refused by name, in time."""
 
+import shlex
 import time
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from groundwork.errors import InputError, MissingError
 from groundwork.progress import Progress
 from tests.conftest import RecordProof
 from usd_schemas.guard.guard import check_stage
+from usd_schemas.reading.stage_reader import read_stage
 
 HUGE = 120_000_000  # integers, 0.48 GB
 HEAD = '#usda 1.0\n(\n    defaultPrim = "A"\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
@@ -78,7 +80,7 @@ def test_what_leads_outside_is_refused(tmp_path: Path, record_proof: RecordProof
         if "://" not in name:
             write(place / "scene/in/x.usda", MESH)
             assert warnings(place / "scene/scene.usda", place) == [], (kind, how)
-    record_proof("stage/guard: escapes are refused with layer, prim and path", refused, 0, {"let_through": 0})
+    record_proof("stage/guard: escapes are refused with layer, prim and path", refused, 0, {})
 
 
 def test_sublayers_and_inner_layers_count_too(tmp_path: Path) -> None:
@@ -107,7 +109,7 @@ def test_circles_are_named(tmp_path: Path, record_proof: RecordProof) -> None:
     assert "back to where they started" in refusal(tmp_path / "a.usda")
     stacked = write(tmp_path / "stacked.usda", "#usda 1.0\n(\n    subLayers = [@./stacked.usda@]\n)\n")
     assert "sublayer of itself" in refusal(stacked)
-    record_proof("stage/guard: circles are refused by name", 3, 0, {"let_through": 0})
+    record_proof("stage/guard: circles are refused by name", 3, 0, {})
 
 
 def bomb(path: Path, levels: int) -> Path:
@@ -208,7 +210,7 @@ def test_odd_things_are_warned_of(tmp_path: Path, record_proof: RecordProof) -> 
     assert "upAxis Y" in said
     assert len(said.splitlines()) == 5
     name = "stage/guard: missing texture, untyped prim, unknown variant, other unit and up axis are named"
-    record_proof(name, 5, 0, {"unnamed": 0})
+    record_proof(name, 5, 0, {"lines": len(said.splitlines())})
 
 
 def test_warnings_reach_the_user(tmp_path: Path) -> None:
@@ -241,3 +243,32 @@ def test_files_that_are_no_stage(tmp_path: Path) -> None:
     assert "broken.usda: not readable as USD" in refusal(write(tmp_path / "broken.usda", "#usda 1.0\ndef {"))
     (tmp_path / "cut.usdc").write_bytes(b"PXR-USDC" + bytes(20))
     assert "cut.usdc: not readable as USD" in refusal(tmp_path / "cut.usdc")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "cause"),
+    [
+        ("def {", 7, "expected"),
+        ('def "A"\n{\n    point3f[] points = [(0, 0, 0)\n}\n', 10, "expected ListValueClose at '}'"),
+    ],
+)
+def test_what_cannot_be_parsed_is_named_with_line_and_cause(tmp_path: Path, text: str, line: int, cause: str) -> None:
+    """A text file that breaks off says in which line, and what was expected there, wherever it is read."""
+    path = write(tmp_path / "broken.usda", text)
+    said = [refusal(path)]
+    with pytest.raises(InputError) as error:
+        read_stage(path)
+    for words in (*said, str(error.value)):
+        assert f"line {line}, column " in words
+        assert cause in words
+        assert "pxrInternal" not in words
+
+
+def test_a_refused_path_says_which_words_would_allow_it(tmp_path: Path) -> None:
+    """The words that the refusal of `../` prints are those with which the stage is read."""
+    write(tmp_path / "lib o" / "a.usda", MESH)
+    path = write(tmp_path / "shot" / "scene.usda", 'def "A" (\n    references = @../lib o/a.usda@</A>\n)\n{\n}\n')
+    words = shlex.split(refusal(path).partition("or add ")[2])
+    assert words[0] == "--allow-root"
+    assert Path(words[1]) == tmp_path
+    assert warnings(path, Path(words[1])) == []

@@ -114,7 +114,7 @@ def test_labels_and_ids_of_subsets(tmp_path: Path) -> None:
         {label("class", "deck")}
         {subset}
     }}"""
-    scene = read_body(tmp_path, body)
+    scene = read_body(tmp_path, body, subdivision=0)
     assert classes(scene) == {"/M": "deck", "/M/Crack": "parapet"}
     assert scene.geometry.part_count.tolist() == [2, 2]
 

@@ -174,14 +174,13 @@ def test_what_a_flat_material_cannot_hold_is_named(tmp_path: Path) -> None:
     ))  # fmt: skip
     assert material.base_texture
     assert material.normal_texture
-    assert material.normal_texture.is_plain
+    assert (material.normal_texture.gain, material.normal_texture.bias) == ((1.0, -1.0, 1.0), (0.0, 1.0, 0.0))
+    assert material.base_texture.wrap == ("mirror", "repeat")
+    assert material.emissive_texture is not None
+    assert material.specular == (0.0, 0.0, 0.0)
     assert sorted(scene.warnings) == [
-        "/Mat: a texture of emissiveColor is left out",
         "/Mat: clearcoat is left out",
         "/Mat: displacement is left out",
-        "/Mat: scale and bias of the normal texture are read as 2 and -1",
-        "/Mat: the diffuseColor texture repeats beyond its edge, not mirror",
-        "/Mat: useSpecularWorkflow is left out: drawn by its metallic",
     ]
 
 
@@ -228,7 +227,7 @@ def test_display_color_reader(tmp_path: Path) -> None:
 
 
 def test_cut_outs_and_glass(tmp_path: Path) -> None:
-    """Alpha of the colour texture with a threshold is a cut-out; a see-through constant is drawn opaque."""
+    """Alpha of the colour texture with a threshold is a cut-out; a see-through constant is blended."""
     diffuse = "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
     alpha = "float inputs:opacity.connect = </Mat/A.outputs:a>\nfloat inputs:opacityThreshold = 0.375\n"
     scene, material = read_one(tmp_path, network(diffuse + alpha, texture("A", "./a.png")))
@@ -236,7 +235,18 @@ def test_cut_outs_and_glass(tmp_path: Path) -> None:
     assert not scene.warnings
     scene, material = read_one(tmp_path, network("float inputs:opacity = 0.3"))
     assert material.opacity_threshold == 0.0
-    assert scene.warnings == ("/Mat: is transparent: drawn opaque",)
+    assert (material.opacity, material.blends, material.is_ghost) == (pytest.approx(0.3), True, True)
+    _, material = read_one(tmp_path, network("float inputs:opacity = 0.6"))
+    assert (material.blends, material.is_ghost) == (True, False)
+    _, material = read_one(tmp_path, network(diffuse + alpha.splitlines()[0], texture("A", "./a.png")))
+    assert (material.blends, material.opacity_threshold) == (True, 0.5)
+    plain = "color3f inputs:diffuseColor = (0.2, 0.4, 0.6)\n"
+    _, material = read_one(
+        tmp_path, network(plain + alpha.replace("outputs:a>", "outputs:g>"), texture("A", "./a.png"))
+    )
+    assert material.base_texture is not None
+    assert (material.base_texture.alpha, material.base_texture.alpha_channel) == (material.base_texture.file, 1)
+    assert material.base_texture.bias == pytest.approx((0.2, 0.4, 0.6))
 
 
 def test_detail(tmp_path: Path) -> None:

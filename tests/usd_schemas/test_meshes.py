@@ -30,7 +30,7 @@ def test_concave_ngon(tmp_path: Path) -> None:
     scene = read_body(tmp_path, mesh("""
         point3f[] points = [(0,0,0), (3,0,0), (3,1,0), (1,1,0), (1,4,0), (0,4,0)]
         int[] faceVertexCounts = [6]
-        int[] faceVertexIndices = [0, 1, 2, 3, 4, 5]"""))  # fmt: skip
+        int[] faceVertexIndices = [0, 1, 2, 3, 4, 5]"""), subdivision=0)  # fmt: skip
     assert area(scene) == pytest.approx(6.0)
     assert area_vectors(scene)[:, 2].min() > 0.0
 
@@ -71,7 +71,7 @@ def test_flat_and_smooth_normals(tmp_path: Path) -> None:
     assert sorted(map(tuple, np.unique(np.abs(flat.geometry.normals), axis=0).tolist())) == [
         (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0),
     ]  # fmt: skip
-    smooth = read_body(tmp_path, mesh(CUBE))
+    smooth = read_body(tmp_path, mesh(CUBE), subdivision=0)
     assert len(smooth.geometry.positions) == 8
     outward = (smooth.geometry.positions - 0.5) / np.sqrt(0.75)
     np.testing.assert_allclose(smooth.geometry.normals, outward, atol=1e-6)
@@ -195,7 +195,7 @@ def test_face_subsets_split_the_mesh(tmp_path: Path) -> None:
             rel material:binding = </Looks/{name}>
         }}\n"""
     head = 'def Mesh "M" (apiSchemas = ["MaterialBindingAPI"]) {\n rel material:binding = </Looks/Rest>\n'
-    scene = read_body(tmp_path, body + head + CUBE + subsets + "}")
+    scene = read_body(tmp_path, body + head + CUBE + subsets + "}", subdivision=0)
     corners, _, rows = world_triangles(scene)
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
     found = {}
@@ -209,7 +209,9 @@ def test_face_subsets_split_the_mesh(tmp_path: Path) -> None:
 def test_holes_of_a_cage(tmp_path: Path) -> None:
     """A subdivision surface leaves its holes open; polygons have none."""
     holes = "int[] holeIndices = [0, 1]\n"
-    assert area(read_body(tmp_path, mesh(CUBE + holes))) == pytest.approx(4.0)
+    assert area(read_body(tmp_path, mesh(CUBE + holes), subdivision=0)) == pytest.approx(4.0)
+    whole, open_ = (len(read_body(tmp_path, mesh(CUBE + more)).geometry.triangles) for more in ("", holes))
+    assert (whole, open_) == (48, 32)
     assert area(read_body(tmp_path, mesh(CUBE + holes + 'uniform token subdivisionScheme = "none"'))) == pytest.approx(
         6
     )

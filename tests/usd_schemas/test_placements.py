@@ -205,14 +205,14 @@ def test_nothing_visible(tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_what_moves_is_drawn_at_its_first_place(tmp_path: Path) -> None:
-    """Animated parts stand still at the earliest time, and one line says so; a moving camera rig alone does not."""
+def test_what_moves_is_drawn_at_the_time_of_the_one_image(tmp_path: Path) -> None:
+    """With a camera that stands still, parts stand as at the earliest time, by name; a rig alone is no motion."""
     keys = "double3 xformOp:translate.timeSamples = {\n 1: (0, 0, 0),\n 5: (9, 0, 0),\n}\n"
     keys += 'uniform token[] xformOpOrder = ["xformOp:translate"]\n'
     rig = f'def Xform "Rig" {{\n{keys}def Camera "C" {{}}\n}}\n'
     assert not any("move" in line for line in read_body(tmp_path, rig + f'def Mesh "M" {{\n{SQUARE}}}').warnings)
     scene = read_body(tmp_path, f'def Xform "X" {{\n{keys}def Mesh "M" {{\n{SQUARE}}}\ndef Cube "C" {{}}\n}}\n')
-    assert "2 parts move: drawn as they stand at the earliest time" in scene.warnings
+    assert "2 parts move: drawn at the time of the one image; --frame FIRST:LAST takes more" in scene.warnings
     np.testing.assert_allclose(bounds(scene), [[-1, -1, -1], [1, 1, 1]])
 
 

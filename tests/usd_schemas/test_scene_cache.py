@@ -18,6 +18,7 @@ from groundwork.errors import InputError, MissingError
 from groundwork.user_cache import cache_folder
 from tests.usd_schemas.stages import SQUARE, write_stage
 from usd_schemas.flat_scene import FlatScene
+from usd_schemas.reading.choices import StageChoices
 from usd_schemas.reading.layer_contents import layer_contents
 from usd_schemas.reading.scene_cache import load_scene
 from usd_schemas.reading.stage_reader import read_stage
@@ -88,9 +89,9 @@ def composed(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     paths: list[Path] = []
     compose = scene_cache.compose_stage
 
-    def counted(path: Path) -> Any:
+    def counted(path: Path, choices: StageChoices) -> Any:
         paths.append(path)
-        return compose(path)
+        return compose(path, choices)
 
     monkeypatch.setattr(scene_cache, "compose_stage", counted)
     return paths
@@ -196,7 +197,8 @@ def test_who_comes_second_waits(stage: Path, tmp_path: Path) -> None:
     """Four processes that begin at once compose the stage once between them."""
     script = (
         "import sys, usd_schemas.reading.scene_cache as c\nfrom pathlib import Path\nkept = c.compose_stage\n"
-        "c.compose_stage = lambda path: print('composed') or kept(path)\nprint(c.load_scene(Path(sys.argv[1])).origin)"
+        "c.compose_stage = lambda path, choices: print('composed') or kept(path, choices)\n"
+        "print(c.load_scene(Path(sys.argv[1])).origin)"
     )
     environment = {**os.environ, "FALSEWORK_CACHE": str(tmp_path)}
     runs = [

@@ -46,6 +46,6 @@ def test_plugin_is_registered_from_the_room() -> None:
     assert Path(register_schemas()) == ROOM
     assert Plug.Registry().GetPluginWithName("falsework").isLoaded
     names = re.findall(r'(?m)^class "(\w+)"', (ROOM / "schema.usda").read_text())
-    assert len(names) == 7
+    assert len(names) == 8
     registry = Usd.SchemaRegistry()
     assert [name for name in names if not registry.FindAppliedAPIPrimDefinition(name)] == []

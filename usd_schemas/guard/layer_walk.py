@@ -1,6 +1,7 @@
 """What the layers of a stage refer to, read one by one without composing them."""
 
 import re
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,11 +9,14 @@ from pathlib import Path
 from pxr import Sdf
 
 from groundwork.errors import InputError
-from usd_schemas.guard.package_walk import check_package, found_by, named_by, reason_of
+from usd_schemas.guard.package_walk import check_package, found_by, named_by
+from usd_schemas.reading.mtlx import SUFFIX, named_files, read_document
+from usd_schemas.reading.parse_errors import reason_of
 
 Warn = Callable[[str], None]
 
 _REMOTE = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # a drive letter is one letter
+_SHALLOW = 2  # parts of a path such as /home: too much to allow at once
 _TILES = re.compile(r"<UDIM>|<UVTILE>|<ATTR:[^>]*>")
 
 
@@ -81,7 +85,20 @@ def walk_layers(path: Path, bounds: Bounds, warn: Warn) -> tuple[Path, ...]:
                 warn(f"{bounds.name(file)}{_holder(layer, name)}: there is no file {name}")
             elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):
                 pending.append(target)
+            elif target.suffix.lower() == SUFFIX:
+                _walk_document(target, bounds, warn)
     return tuple(layers)
+
+
+def _walk_document(file: Path, bounds: Bounds, warn: Warn) -> None:
+    """Look through a MaterialX document: its pictures may lie nowhere else either."""
+    document = read_document(file)
+    for name in named_files(document):
+        target = _inside(file, name, bounds, "")
+        if target.exists() and not target.is_file():
+            raise InputError(f"{name} is no picture", where=bounds.name(file), allowed="regular files")
+        if not target.exists() and not _TILES.search(name):
+            warn(f"{bounds.name(file)}: there is no file {name}")
 
 
 def open_layer(file: Path, bounds: Bounds) -> Sdf.Layer:
@@ -116,6 +133,14 @@ def _refuse_found(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> No
 
 
 def _target(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> Path:
+    try:
+        return _inside(file, name, bounds, "")
+    except InputError:
+        return _inside(file, name, bounds, _holder(layer, name))
+
+
+def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
+    """Find the file that a name means; refuse one that leads out of the roots."""
     remote = bool(_REMOTE.match(name))
     try:
         target = (file.parent / name.partition("[")[0]).resolve()
@@ -124,11 +149,18 @@ def _target(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> Path:
     if remote or not bounds.contain(target):
         how = "is remote" if remote else "leads out of the allowed folders"
         raise InputError(
-            f"{name} {how}", where=f"{bounds.name(file)}{_holder(layer, name)}",
+            f"{name} {how}", where=f"{bounds.name(file)}{holder}",
             allowed="files below the folder of the root layer",
-            mend="Copy the file there" + ("" if remote else ", or name its folder with --allow-root"),
+            mend="Copy the file there" + ("" if remote else f", or add {_allowing(bounds, target)}"),
         )  # fmt: skip
     return target
+
+
+def _allowing(bounds: Bounds, target: Path) -> str:
+    """Spell the words that would allow a file: the folder above both it and the stage, or its own where that is all."""
+    shared = [folder for folder in bounds.home.parents if target.is_relative_to(folder)]
+    near = shared[0] if shared and len(shared[0].parts) > _SHALLOW else target.parent
+    return f"--allow-root {shlex.quote(str(near))}"
 
 
 def _holder(layer: Sdf.Layer, name: str) -> str:

@@ -8,6 +8,7 @@ from pxr import Ar, Sdf, UsdUtils
 
 from groundwork.errors import InputError
 from groundwork.foreign_file import check_regular
+from usd_schemas.reading.parse_errors import reason_of
 
 MOST_LAYERS = 20_000  # of one package, packages inside it counted
 _ELSEWHERE = re.compile(r"^(?:[A-Za-z][A-Za-z0-9+.-]*:|[/\\])")  # a scheme, a drive or an absolute path
@@ -99,18 +100,6 @@ def found_by(layer: Sdf.Layer, name: str) -> str:
     """
     path = Sdf.ComputeAssetPathRelativeToLayer(layer, name)
     return str(Ar.GetResolver().Resolve(path)) or path
-
-
-def reason_of(error: Exception) -> str:
-    """Take the last line of what USD says about a file, which may hold bytes of it that are no text.
-
-    Args:
-        error: What opening it raised.
-    """
-    try:
-        return str(error).strip().splitlines()[-1].strip()
-    except (UnicodeDecodeError, IndexError):
-        return "it holds bytes that are no text"
 
 
 def _opened(identifier: str, where: str) -> Sdf.Layer:

@@ -1,6 +1,7 @@
 """Cameras with their poses, and the products that shall be rendered from them."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ from usd_schemas import tokens
 from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
+from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
 from usd_schemas.reading.labels import Warn
-from usd_schemas.reading.traversal import EARLIEST, composed_prims
+from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
 F64 = NDArray[np.float64]
 
@@ -25,9 +27,12 @@ _WHOLE_WINDOW = (0.0, 0.0, 1.0, 1.0)
 _SAME_ASPECT = 1e-3  # difference of aspects that is none [1]
 FRAMING_MARGIN = 0.9  # share of the picture that the scene may fill [1]
 DEFAULT_NEAR = 0.1  # [m]
+FARTHEST_NEAR = 1e6  # [m] what is nearer than this is drawn by every camera that means to show something
 
 
-def read_cameras(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[CameraTrack, ...]:
+def read_cameras(
+    stage: Usd.Stage, stage_to_world: F64, warn: Warn, frames: tuple[float, ...] = ()
+) -> tuple[CameraTrack, ...]:
     """Read every perspective camera.
 
     A survey's camera has one image for each integer time code at which it is sampled, and so has any other that is
@@ -38,29 +43,56 @@ def read_cameras(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> tuple[Cam
         stage: Composed stage.
         stage_to_world: Stage units to metres with z up, shape (4, 4), float64.
         warn: Called with one line for each camera that is left out.
+        frames: Time codes of every camera's images, whatever it says itself; empty for its own.
     """
     tracks = []
     for prim in composed_prims(stage):
         if not prim.IsA(UsdGeom.Camera):
             continue
-        camera = UsdGeom.Camera(prim)
-        if camera.GetProjectionAttr().Get(EARLIEST) != UsdGeom.Tokens.perspective:
-            warn(f"{prim.GetPath()}: only perspective cameras are rendered")
-            continue
-        lens = _read_lens(camera)
-        if not min(lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture) > 0.0:
-            warn(f"{prim.GetPath()}: a lens without focal length or aperture")
-            continue
-        track = _read_track(camera, lens, stage_to_world)
-        if not np.isfinite(track.poses).all():
-            warn(f"{prim.GetPath()}: its poses are not finite")
-            continue
-        fault = _lens_fault(prim, track)
-        if fault:
-            warn(f"{prim.GetPath()}: {fault}")
-            continue
-        tracks.append(track)
+        with guarded(prim, warn, "the camera is left out"):
+            track = _read_camera(UsdGeom.Camera(prim), stage_to_world, warn, frames)
+            tracks += [track] if track is not None else []
     return tuple(tracks)
+
+
+def _read_camera(
+    camera: UsdGeom.Camera, stage_to_world: F64, warn: Warn, frames: tuple[float, ...]
+) -> CameraTrack | None:
+    """Read one camera; None, with a line, where it cannot take a picture."""
+    path = camera.GetPath()
+    if camera.GetProjectionAttr().Get(EARLIEST) != UsdGeom.Tokens.perspective:
+        warn(f"{path}: only perspective cameras are rendered")
+        return None
+    lens = _read_lens(camera)
+    sizes = (lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture)
+    if not (min(sizes) > 0.0 and np.isfinite([*sizes, lens.horizontal_offset, lens.vertical_offset]).all()):
+        warn(f"{path}: a lens without focal length or aperture")
+        return None
+    track = _read_track(camera, lens, stage_to_world, warn, frames)
+    if not np.isfinite(track.poses).all():
+        warn(f"{path}: its poses are not finite")
+        return None
+    fault = _lens_fault(camera.GetPrim(), track)
+    if fault:
+        warn(f"{path}: {fault}")
+    return None if fault else track
+
+
+def image_codes(stage: Usd.Stage, track: CameraTrack, frames: tuple[float, ...] = ()) -> list[Usd.TimeCode]:
+    """Tell at which time codes the images of a camera are taken.
+
+    Args:
+        stage: Composed stage.
+        track: A camera of it; one without a prim takes one image.
+        frames: As for `read_cameras`.
+    """
+    if frames:
+        return [Usd.TimeCode(frame) for frame in frames]
+    prim = stage.GetPrimAtPath(track.path) if track.path else None
+    if not prim:
+        return [EARLIEST]
+    survey = read_survey(prim, 0)
+    return _codes(prim, bool(survey.kind or survey.image_names))
 
 
 def _lens_fault(prim: Usd.Prim, track: CameraTrack) -> str:
@@ -87,15 +119,17 @@ def _read_lens(camera: UsdGeom.Camera) -> UsdLens:
         camera.GetFocalLengthAttr(), camera.GetHorizontalApertureAttr(), camera.GetVerticalApertureAttr(),
         camera.GetHorizontalApertureOffsetAttr(), camera.GetVerticalApertureOffsetAttr(),
     )  # fmt: skip
-    return UsdLens(*(float(value.Get(EARLIEST)) for value in values))
+    return UsdLens(*(float(told) if (told := value.Get(EARLIEST)) is not None else 0.0 for value in values))
 
 
-def _read_track(camera: UsdGeom.Camera, lens: UsdLens, stage_to_world: F64) -> CameraTrack:
+def _read_track(
+    camera: UsdGeom.Camera, lens: UsdLens, stage_to_world: F64, warn: Warn, frames: tuple[float, ...]
+) -> CameraTrack:
     prim = camera.GetPrim()
     unit = float(np.linalg.norm(stage_to_world[:3, 0]))
     survey = read_survey(prim, 0)
     is_survey = bool(survey.kind or survey.image_names)
-    codes = _codes(prim, is_survey)
+    codes = [Usd.TimeCode(frame) for frame in frames] or _codes(prim, is_survey)
     names = survey.image_names
     facts: dict[str, object] = {}
     if is_survey:
@@ -104,7 +138,6 @@ def _read_track(camera: UsdGeom.Camera, lens: UsdLens, stage_to_world: F64) -> C
     if times is not None:
         facts["capture_times"] = times.tolist()
     gps = _sampled(prim, "falsework:gps:localPosition", codes)
-    near = float(camera.GetClippingRangeAttr().Get(EARLIEST)[0]) * unit
     sensor = prim.GetAttribute("falsework:cal:sensorWidth")
     has_sensor = sensor and sensor.HasAuthoredValue()
     return CameraTrack(
@@ -115,7 +148,7 @@ def _read_track(camera: UsdGeom.Camera, lens: UsdLens, stage_to_world: F64) -> C
         image_names=names if len(names) == len(codes) else tuple(f"{row:06d}" for row in range(len(codes))),
         calibration=survey.calibration,
         sensor_width=survey.sensor_width if has_sensor else lens.horizontal_aperture * TENTH * unit,
-        near=near if near > 0.0 else DEFAULT_NEAR,
+        near=_near(camera, unit, warn),
         gps=gps @ (stage_to_world[:3, :3] / unit).T if gps is not None else None,
         gps_sigma=survey.gps_sigma,
         facts=facts,
@@ -126,6 +159,17 @@ def _read_track(camera: UsdGeom.Camera, lens: UsdLens, stage_to_world: F64) -> C
         attitude=_sampled(prim, "falsework:gps:attitude", codes),
         attitude_sigma=survey.attitude_sigma,
     )
+
+
+def _near(camera: UsdGeom.Camera, unit: float, warn: Warn) -> float:
+    """Near clipping distance [m]; the usual one where the stage gives none that can be."""
+    told = camera.GetClippingRangeAttr().Get(EARLIEST)
+    near, far = (float(told[0]) * unit, float(told[1]) * unit) if told is not None else (0.0, 0.0)
+    if 0.0 < near < min(far, FARTHEST_NEAR):
+        return near
+    if near > 0.0 or not np.isfinite(near):
+        warn(f"{camera.GetPath()}: its clippingRange {tuple(told)} shows nothing: drawn from {DEFAULT_NEAR:g} m on")
+    return DEFAULT_NEAR
 
 
 def _sampled(prim: Usd.Prim, name: str, codes: list[Usd.TimeCode]) -> F64 | None:
@@ -172,13 +216,19 @@ def _pose(prim: Usd.Prim, code: Usd.TimeCode, stage_to_world: F64) -> F64:
     return pose
 
 
-def read_products(stage: Usd.Stage, cameras: tuple[CameraTrack, ...], warn: Warn) -> tuple[Product, ...]:
+def read_products(
+    stage: Usd.Stage, cameras: tuple[CameraTrack, ...], warn: Warn, choices: StageChoices = AS_AUTHORED
+) -> tuple[Product, ...]:
     """Read the render products; a stage without any gets one for each camera.
 
     Args:
         stage: Composed stage.
         cameras: Cameras that were read.
         warn: Called with one line for each product that is left out.
+        choices: Which camera, and how large its images.
+
+    Raises:
+        InputError: There is no such camera.
     """
     rows = {camera.path: row for row, camera in enumerate(cameras)}
     settings = UsdRender.Settings.GetStageRenderSettings(stage)
@@ -188,26 +238,61 @@ def read_products(stage: Usd.Stage, cameras: tuple[CameraTrack, ...], warn: Warn
     ]
     products: list[Product] = []
     for prim in prims:
-        if not prim or not prim.IsA(UsdRender.Product):
-            continue
-        base = UsdRender.SettingsBase(prim)
-        seen_by = base.GetCameraRel().GetForwardedTargets()
-        if not seen_by and settings:
-            seen_by = settings.GetCameraRel().GetForwardedTargets()
-        row = rows.get(str(seen_by[0])) if seen_by else None
-        if row is None:
-            warn(f"{prim.GetPath()}: a RenderProduct without a camera")
-            continue
-        resolution = base.GetResolutionAttr()
-        if not resolution.HasAuthoredValue() and settings:
-            resolution = settings.GetResolutionAttr()
-        width, height = (int(value) for value in resolution.Get())
-        if min(width, height) <= 0:
-            warn(f"{prim.GetPath()}: a RenderProduct of {width} x {height} pixels")
-            continue
-        _note_unread(prim, settings, cameras[row].lens, width / height, warn)
-        products.append(Product(_free_name(cameras[row].name, prim.GetName(), products), row, width, height))
-    return tuple(products) or tuple(_default_product(cameras, row) for row in range(len(cameras)))
+        if prim and prim.IsA(UsdRender.Product):
+            with guarded(prim, warn):
+                _add_product(prim, settings, rows, cameras, products, warn)
+    found = tuple(products) or tuple(_default_product(cameras, row) for row in range(len(cameras)))
+    return tuple(sized(product, choices) for product in _of_camera(found, cameras, choices.camera))
+
+
+def _of_camera(products: tuple[Product, ...], cameras: tuple[CameraTrack, ...], wanted: str) -> tuple[Product, ...]:
+    """Keep the products of one camera, named by its name or path; one of its own where it has none."""
+    if not wanted:
+        return products
+    rows = [row for row, camera in enumerate(cameras) if wanted in (camera.name, camera.path)]
+    rows = rows or [row for row, camera in enumerate(cameras) if wanted == camera.path.rpartition("/")[2]]
+    if not rows:
+        names = ", ".join(dict.fromkeys(camera.path or camera.name for camera in cameras))
+        raise InputError("no such camera on the stage", field="--camera", value=wanted, allowed=names)
+    kept = tuple(product for product in products if product.camera in rows)
+    return kept or tuple(_default_product(cameras, row) for row in rows)
+
+
+def sized(product: Product, choices: StageChoices) -> Product:
+    """Give a product the size that the user asks for; where one side is asked for, its shape stays.
+
+    Args:
+        product: A product.
+        choices: What the user chose.
+    """
+    width, height = choices.width, choices.height
+    if not width and not height:
+        return product
+    width = width or max(1, round(product.width * height / product.height))
+    return replace(product, width=width, height=height or max(1, round(product.height * width / product.width)))
+
+
+def _add_product(
+    prim: Usd.Prim, settings: UsdRender.Settings, rows: dict[str, int], cameras: tuple[CameraTrack, ...],
+    products: list[Product], warn: Warn,
+) -> None:  # fmt: skip
+    base = UsdRender.SettingsBase(prim)
+    seen_by = base.GetCameraRel().GetForwardedTargets()
+    if not seen_by and settings:
+        seen_by = settings.GetCameraRel().GetForwardedTargets()
+    row = rows.get(str(seen_by[0])) if seen_by else None
+    if row is None:
+        warn(f"{prim.GetPath()}: a RenderProduct without a camera")
+        return
+    resolution = base.GetResolutionAttr()
+    if not resolution.HasAuthoredValue() and settings:
+        resolution = settings.GetResolutionAttr()
+    width, height = (int(value) for value in resolution.Get())
+    if min(width, height) <= 0:
+        warn(f"{prim.GetPath()}: a RenderProduct of {width} x {height} pixels")
+        return
+    _note_unread(prim, settings, cameras[row].lens, width / height, warn)
+    products.append(Product(_free_name(cameras[row].name, prim.GetName(), products), row, width, height))
 
 
 def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, aspect: float, warn: Warn) -> None:
@@ -250,12 +335,13 @@ def _default_product(cameras: tuple[CameraTrack, ...], row: int) -> Product:
     return Product(f"{camera.name}_{same + 1}" if same else camera.name, row, DEFAULT_WIDTH, max(height, 1))
 
 
-def framing_camera(low: F64, high: F64) -> tuple[CameraTrack, Product]:
+def framing_camera(low: F64, high: F64, images: int = 1) -> tuple[CameraTrack, Product]:
     """Make a camera that sees a whole box from the south-west and above.
 
     Args:
         low: Lower corner [m], shape (3,), float64.
         high: Upper corner [m], shape (3,), float64.
+        images: How many it takes.
     """
     centre = (low + high) / 2
     pose = look_at(centre + np.array([-1.0, -1.0, 0.7]), centre)
@@ -266,5 +352,6 @@ def framing_camera(low: F64, high: F64) -> tuple[CameraTrack, Product]:
     distance = max(float(np.max(abs(local[:, :2]) / half - local[:, 2:])), 1e-3)
     pose[:3, 3] = centre - distance * pose[:3, 2]
     near = min(DEFAULT_NEAR, distance / 100)
-    track = CameraTrack("framing", "", lens, pose[None], ("000000",), near=near)
+    names = tuple(f"{row:06d}" for row in range(images))
+    track = CameraTrack("framing", "", lens, np.repeat(pose[None], images, axis=0), names, near=near)
     return track, Product("framing", 0, DEFAULT_WIDTH, FRAMING_HEIGHT)

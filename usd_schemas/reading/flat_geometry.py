@@ -12,7 +12,7 @@ from usd_schemas.reading.labels import Label, Register, Warn, inherit_label
 from usd_schemas.reading.materials import GREY, ReadMaterial, read_material
 from usd_schemas.reading.meshes import FlatMesh, UnreadableMeshError, read_mesh, subset_faces
 from usd_schemas.reading.placements import Placement
-from usd_schemas.reading.traversal import EARLIEST
+from usd_schemas.reading.traversal import guarded, numbers_of
 from usd_schemas.taxonomies import Taxonomy
 
 F64 = NDArray[np.float64]
@@ -48,59 +48,83 @@ class Flattened:
         draws: Their visible instances.
         materials: Materials.
         instances: Instance rows in ascending order.
+        ends: Number of draws up to the end of each run of placements.
     """
 
     geometry: Geometry
     draws: Draws
     materials: tuple[Material, ...]
     instances: tuple[InstanceRow, ...]
+    ends: tuple[int, ...]
 
 
-def flatten(placements: list[Placement], stage_to_world: F64, table: Taxonomy, warn: Warn) -> Flattened:
+def flatten(runs: list[list[Placement]], stage_to_world: F64, table: Taxonomy, level: int, warn: Warn) -> Flattened:
     """Read every placed mesh once and list its draws.
 
     Args:
-        placements: What is drawn.
+        runs: What is drawn, in runs: what never moves, then what does, moment by moment.
         stage_to_world: Stage units to metres with z up, shape (4, 4), float64.
         table: Class table in force.
+        level: How many times subdivision surfaces are refined.
         warn: Called with one line for each thing that could not be read as authored.
     """
+    placements = [placement for run in runs for placement in run]
     splits: dict[object, _Split] = {}
     for placement in placements:
-        key = mesh_key(placement.prim)
+        key = mesh_key(placement)
         if key not in splits:
-            splits[key] = _split(placement.prim, warn)
-    materials = _Materials(placements, splits, warn)
+            splits[key] = _split(placement, warn)
     register = Register(table, warn)
     register.reserve(_authored_ids(placements, splits))
-    pile = GeometryPile()
-    parts = _Parts(pile, warn)
-    for number, placement in enumerate(placements):
-        key = mesh_key(placement.prim)
-        mesh = parts.mesh(key, placement.prim, materials.uv_names(number))
-        transforms, rows = _usable(placement, stage_to_world @ placement.transforms, warn)
+    work = _Work(stage_to_world, splits, _Materials(placements, splits, warn), register, GeometryPile(), level, warn)
+    ends, number = [], 0
+    for run in runs:
+        for placement in run:
+            work.draw(placement, number)
+            number += 1
+        ends.append(work.pile.draw_count)
+    instances = tuple(register.rows[number] for number in sorted(register.rows))
+    return Flattened(work.pile.geometry(), work.pile.draws(), tuple(work.materials.flat), instances, tuple(ends))
+
+
+class _Work:
+    """What has been read so far, and what it is read with."""
+
+    def __init__(
+        self, stage_to_world: F64, splits: dict[object, _Split], materials: "_Materials", register: Register,
+        pile: GeometryPile, level: int, warn: Warn,
+    ) -> None:  # fmt: skip
+        self.pile, self.materials = pile, materials
+        self._parts = _Parts(pile, level, warn)
+        self._stage_to_world, self._splits, self._register, self._warn = stage_to_world, splits, register, warn
+
+    def draw(self, placement: Placement, number: int) -> None:
+        """Add the draws of one placement, the `number`th that the materials know."""
+        key = mesh_key(placement)
+        mesh = self._parts.mesh(key, placement, self.materials.uv_names(number))
+        transforms, rows = _usable(placement, self._stage_to_world @ placement.transforms, self._warn)
         if mesh is None or not len(rows):
-            continue
+            return
         numbers = placement.numbers[rows] if placement.numbers is not None else None
-        for group, names in enumerate(splits[key].groups):
+        for group, names in enumerate(self._splits[key].groups):
             label = _group_label(placement, names)
             own_numbers = numbers if label.instance_id == placement.label.instance_id else None
-            ids = register.instance_ids(label, placement.owner.GetPath(), own_numbers, len(rows))
-            material, class_id = materials.row(number, group, mesh.colored), register.class_id(label)
-            part = parts.row(key, group, splits[key].face)
+            ids = self._register.instance_ids(label, placement.owner.GetPath(), own_numbers, len(rows))
+            material, class_id = self.materials.row(number, group, mesh.colored), self._register.class_id(label)
+            part = self._parts.row(key, group, self._splits[key].face)
             if part is not None:
-                pile.add_draws(part, transforms, material, ids, class_id)
-    instances = tuple(register.rows[number] for number in sorted(register.rows))
-    return Flattened(pile.geometry(), pile.draws(), tuple(materials.flat), instances)
+                self.pile.add_draws(part, transforms, material, ids, class_id)
 
 
-def mesh_key(prim: Usd.Prim) -> object:
-    """Tell which mesh a prim shares with other instances.
+def mesh_key(placement: Placement) -> object:
+    """Tell which mesh a placement shares with others; what deforms is another mesh at another time.
 
     Args:
-        prim: A drawn prim, maybe an instance proxy.
+        placement: A drawn prim, maybe an instance proxy.
     """
-    return (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
+    prim = placement.prim
+    path = (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
+    return (path, placement.time.GetValue()) if placement.deforms else path
 
 
 def world_bounds(scene: FlatScene | Flattened) -> tuple[F64, F64]:
@@ -125,12 +149,15 @@ def world_bounds(scene: FlatScene | Flattened) -> tuple[F64, F64]:
     return low, high
 
 
-def _split(prim: Usd.Prim, warn: Warn) -> _Split:
-    whole = _Split((_Group("", ""),), None)
-    subsets = subset_faces(prim) if prim.IsA(UsdGeom.Mesh) else []
+def _split(placement: Placement, warn: Warn) -> _Split:
+    whole, prim = _Split((_Group("", ""),), None), placement.prim
+    subsets: list[tuple[Usd.Prim, str, I64]] = []
+    with guarded(prim, warn, "its subsets are left out"):
+        subsets = subset_faces(prim) if prim.IsA(UsdGeom.Mesh) else []
     if not subsets:
         return whole
-    count = len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(EARLIEST) or [])
+    counts = numbers_of(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(placement.time))
+    count = len(counts) if counts is not None else 0
     names = ["", *(subset.GetName() for subset, _, _ in subsets)]
     bound, labelled = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for row, (subset, family, faces) in enumerate(subsets, start=1):
@@ -157,7 +184,7 @@ def _authored_ids(placements: list[Placement], splits: dict[object, _Split]) -> 
     for placement in placements:
         if placement.numbers is not None:
             ids |= set(placement.numbers.tolist())
-        for group in splits[mesh_key(placement.prim)].groups:
+        for group in splits[mesh_key(placement)].groups:
             ids.add(_group_label(placement, group).instance_id)
     return ids
 
@@ -180,7 +207,7 @@ class _Materials:
         prims, self._starts = [], []
         for placement in placements:
             self._starts.append(len(prims))
-            for group in splits[mesh_key(placement.prim)].groups:
+            for group in splits[mesh_key(placement)].groups:
                 name = group.material_subset
                 prims.append(placement.prim.GetChild(name) if name else placement.prim)
         bound, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, UsdShade.Tokens.full)
@@ -193,9 +220,9 @@ class _Materials:
                 known[key] = (None if read.material is None else len(self.flat), read)
                 self.flat += [read.material] if read.material is not None else []
             self._found.append(known[key])
-        unbound = sum(1 for material in bound if not material)
+        unbound = {prim.GetPath() for prim, material in zip(prims, bound, strict=True) if not material}
         if unbound:
-            warn(f"{unbound} parts have no material: drawn in displayColor or grey")
+            warn(f"{len(unbound)} parts have no material: drawn in displayColor or grey")
 
     def row(self, placement: int, group: int, colored: bool) -> int:
         found = self._found[self._starts[placement] + group][0]
@@ -211,24 +238,28 @@ class _Materials:
 class _Parts:
     """Meshes already read, and the parts that their groups became."""
 
-    def __init__(self, pile: GeometryPile, warn: Warn) -> None:
+    def __init__(self, pile: GeometryPile, level: int, warn: Warn) -> None:
         self._pile = pile
+        self._level = level
         self._warn = warn
         self._meshes: dict[object, tuple[FlatMesh, int] | None] = {}
         self._rows: dict[tuple[object, int], int] = {}
 
-    def mesh(self, key: object, prim: Usd.Prim, uv_names: tuple[str, str]) -> FlatMesh | None:
+    def mesh(self, key: object, placement: Placement, uv_names: tuple[str, str]) -> FlatMesh | None:
         """Read a mesh, unless that was done; None where it cannot be drawn."""
         if key not in self._meshes:
-            self._meshes[key] = self._read(prim, uv_names)
+            self._meshes[key] = self._read(placement, uv_names)
         known = self._meshes[key]
         return known[0] if known else None
 
-    def _read(self, prim: Usd.Prim, uv_names: tuple[str, str]) -> tuple[FlatMesh, int] | None:
+    def _read(self, placement: Placement, uv_names: tuple[str, str]) -> tuple[FlatMesh, int] | None:
+        prim, mesh = placement.prim, None
         try:
-            mesh = read_mesh(prim, uv_names)
+            with guarded(prim, self._warn, "not drawn"):
+                mesh = read_mesh(prim, uv_names, placement.time, self._level)
         except UnreadableMeshError as error:
             self._warn(f"{prim.GetPath()}: {error}: not drawn")
+        if mesh is None:
             return None
         for note in mesh.notes:
             self._warn(f"{prim.GetPath()}: {note}")

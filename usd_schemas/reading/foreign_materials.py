@@ -1,11 +1,13 @@
-"""Simple surfaces of other programs as flat materials: OmniPBR, and MaterialX's standard_surface.
+"""Simple surfaces of other programs as flat materials: OmniPBR, and those of MaterialX.
 
 Each input may be a constant or one texture. What a flat material cannot hold is left out with a warning.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
+import numpy as np
 from pxr import UsdShade
 
 from usd_schemas.flat_scene import Material, Texture
@@ -17,17 +19,21 @@ Triple = tuple[float, float, float]
 
 _WHITE: Triple = (1.0, 1.0, 1.0)
 _BLACK: Triple = (0.0, 0.0, 0.0)
-_STANDARD = "ND_standard_surface_surfaceshader"
-_IMAGES = ("ND_image_", "ND_tiledimage_")
+_ZERO = (0.0, 0.0)
+_IMAGES = ("ND_image_", "ND_tiledimage_", "ND_gltf_image", "ND_gltf_colorimage", "ND_gltf_normalmap")
 _PASSED = ("ND_normalmap", "ND_convert_", "ND_extract_", "ND_separate")  # nodes that hand their one texture on
-_STANDARD_MAPS = ("base_color", "specular_roughness", "metalness", "normal")
+_MODES = {"clamp": "clamp", "mirror": "mirror", "constant": "black"}
+_DEEPEST = 32  # nodes behind one another
+_NIT = 1e-3  # of emission_luminance [cd/m2]: what a white card shows outdoors counts some thousands
+_CLEAREST = 0.1  # opacity of a body that lets all light through: its shine is still seen
+_SOLID = 0.5  # opacity from which on a blended surface is there
 _ORM_ROUGHNESS, _ORM_METALLIC = 1, 2  # channels of a picture of occlusion, roughness and metallic
 _ALPHA = 3
 _LINEAR_SPACES = ("raw", "lin_rec709", "lin_rec709_scene", "linear", "none", "data")
 
 
 def read_foreign_material(material: UsdShade.Material, warn: Warn) -> Flat | None:
-    """Read an OmniPBR or standard_surface material.
+    """Read a material of OmniPBR, or of a surface of MaterialX.
 
     Args:
         material: Bound material.
@@ -48,8 +54,8 @@ def read_foreign_material(material: UsdShade.Material, warn: Warn) -> Flat | Non
             return _read_omni(path, shader, note), ("", "")
     other, _, _ = material.ComputeSurfaceSource("mtlx")
     for shader in (other, plain):
-        if shader and shader.GetShaderId() == _STANDARD:
-            return _read_standard(path, shader, note)
+        if shader and shader.GetShaderId() in _SURFACES:
+            return _read_mtlx(path, shader, _SURFACES[shader.GetShaderId()], note)
     return None
 
 
@@ -108,52 +114,147 @@ def _read_omni(path: str, shader: UsdShade.Shader, note: Callable[[str], None]) 
     )
 
 
-def _read_standard(path: str, shader: UsdShade.Shader, note: Callable[[str], None]) -> Flat:
-    def source(name: str) -> Source:
-        return find_source(shader, name)
+@dataclass(frozen=True)
+class _Surface:
+    """What a surface of MaterialX calls its inputs, and what they are where it does not say.
 
-    names: dict[str, str] = {}
+    `weight` multiplies `color`, `glow` multiplies `emission`; an empty name stands for nothing.
+    """
+
+    color: str
+    roughness: str
+    metallic: str
+    normal: str
+    emission: str
+    opacity: str
+    transmission: str = ""
+    weight: str = ""
+    glow: str = ""
+    color_default: float = 0.8
+    roughness_default: float = 0.2
+    metallic_default: float = 0.0
+    emission_default: float = 1.0
+    glow_default: float = 0.0
+    glow_unit: float = 1.0
+
+
+_SURFACES = {
+    "ND_standard_surface_surfaceshader": _Surface(
+        "base_color", "specular_roughness", "metalness", "normal", "emission_color", "opacity", "transmission", "base",
+        "emission",
+    ),
+    "ND_gltf_pbr_surfaceshader": _Surface(
+        "base_color", "roughness", "metallic", "normal", "emissive", "alpha", "transmission", "", "emissive_strength",
+        1.0, 1.0, 1.0, 0.0, 1.0,
+    ),
+    "ND_open_pbr_surface_surfaceshader": _Surface(
+        "base_color", "specular_roughness", "base_metalness", "geometry_normal", "emission_color", "geometry_opacity",
+        "transmission_weight", "base_weight", "emission_luminance", roughness_default=0.3, glow_unit=_NIT,
+    ),
+    "ND_UsdPreviewSurface_surfaceshader": _Surface(
+        "diffuseColor", "roughness", "metallic", "normal", "emissiveColor", "opacity", color_default=0.18,
+        roughness_default=0.5, emission_default=0.0, glow_default=1.0,
+    ),
+}  # fmt: skip
+
+
+def _read_mtlx(path: str, shader: UsdShade.Shader, names: _Surface, note: Callable[[str], None]) -> Flat:
+    def source(name: str) -> Source:
+        return _constant(find_source(shader, name)) if name else Source()
+
+    placed: dict[str, str] = {}
 
     def texture(name: str, is_color: bool) -> Texture | None:
         found = _image(source(name), is_color, name, note)
         if found is None:
             return None
-        names[name] = found[1]
+        placed[name] = found[1]
         return found[0]
 
-    weight = number_of(source("base"), 1.0)
-    maps = {name: texture(name, name == "base_color") for name in _STANDARD_MAPS}
-    for name in ("emission_color", "opacity", "transmission"):
-        if source(name).shader:
-            note(f"a texture of {name} is left out")
-    if number_of(source("transmission"), 0.0) > 0.0 or min(triple_of(source("opacity"), _WHITE)) < 1.0:
-        note("is transparent: drawn opaque")
-    glow = number_of(source("emission"), 0.0)
-    used = [name for name in dict.fromkeys(names.values()) if name]
+    weight, glow = number_of(source(names.weight), 1.0), number_of(source(names.glow), names.glow_default)
+    glow *= names.glow_unit
+    base, emission = texture(names.color, True), texture(names.emission, True) if glow else None
+    rough, metal, normal = (texture(name, False) for name in (names.roughness, names.metallic, names.normal))
+    opacity, cut = _see_through(shader, source, names, note)
+    used = [name for name in dict.fromkeys(placed.values()) if name]
     second = used[1] if len(used) > 1 else ""
-    base, rough, metal, normal = (
-        one and replace(one, uv_set=int(names[name] == second != "")) for name, one in maps.items()
-    )
+
+    def numbered(name: str, one: Texture | None) -> Texture | None:
+        return one and replace(one, uv_set=int(placed[name] == second != ""))
+
+    if base is not None:
+        base = replace(base, gain=_times(base.gain, (weight,) * 3), bias=_times(base.bias, (weight,) * 3))
+        base = base if cut is None else replace(base, alpha=cut.file, alpha_channel=cut.channel)
     return Material(
         name=path,
-        base_color=_times(triple_of(source("base_color"), (0.8, 0.8, 0.8)), (weight, weight, weight)),
-        base_texture=base and replace(base, gain=(weight, weight, weight)),
-        roughness=number_of(source("specular_roughness"), 0.2),
-        roughness_texture=rough,
-        metallic=number_of(source("metalness"), 0.0),
-        metallic_texture=metal,
-        normal_texture=normal,
-        emissive=_times(triple_of(source("emission_color"), _WHITE), (glow, glow, glow)),
+        base_color=_times(_color_of(source(names.color), names.color_default), (weight, weight, weight)),
+        base_texture=numbered(names.color, base),
+        roughness=number_of(source(names.roughness), names.roughness_default),
+        roughness_texture=numbered(names.roughness, rough),
+        metallic=number_of(source(names.metallic), names.metallic_default),
+        metallic_texture=numbered(names.metallic, metal),
+        normal_texture=numbered(names.normal, normal),
+        emissive=_times(_color_of(source(names.emission), names.emission_default), (glow, glow, glow)),
+        emissive_texture=numbered(
+            names.emission, emission and replace(emission, gain=_times(emission.gain, (glow,) * 3))
+        ),
+        opacity_threshold=_SOLID if cut is not None and base is not None else 0.0,
+        opacity=opacity,
+        blends=opacity < 1.0 or (cut is not None and base is not None),
     ), (used[0] if used else "", second)
+
+
+def _color_of(source: Source, default: float) -> Triple:
+    return triple_of(source, (default,) * 3) if source.shader is None else (default,) * 3
+
+
+def _constant(source: Source) -> Source:
+    """What a node that only holds a value says."""
+    for _ in range(_DEEPEST):
+        if source.shader is None or not (source.shader.GetShaderId() or "").startswith("ND_constant_"):
+            break
+        source = find_source(source.shader, "value")
+    return source
+
+
+def _see_through(
+    shader: UsdShade.Shader, source: Callable[[str], Source], names: _Surface, note: Callable[[str], None]
+) -> tuple[float, Texture | None]:
+    """How much light a surface holds back, or the picture whose channel says it."""
+    sent = number_of(source(names.transmission), 0.0)
+    told = source(names.opacity)
+    if names.opacity == "alpha" and int(number_of(find_source(shader, "alpha_mode"), 0.0)) == 0:
+        told = Source()  # opaque, whatever the alpha
+    opacity = 1.0 - (1.0 - _CLEAREST) * min(max(sent, 0.0), 1.0)
+    if sent > 0.0:
+        note(f"its transmission is drawn as an opacity of {opacity:.2g}")
+    if told.shader is not None:
+        found = _image(told, False, names.opacity, note)
+        return opacity, found and found[0]
+    value = told.value
+    own = 1.0 if value is None else float(value) if isinstance(value, int | float) else sum(value) / 3
+    return opacity * min(max(own, 0.0), 1.0), None
 
 
 def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None]) -> tuple[Texture, str] | None:
     """Find the one texture that feeds an input, and the primvar that places it."""
     shader, channel = source.shader, channel_of(source.output) or 0
-    while shader is not None and (shader.GetShaderId() or "").startswith(_PASSED):
-        if (shader.GetShaderId() or "").startswith("ND_extract_"):
+    gain: Triple = _WHITE
+    for _ in range(_DEEPEST):
+        kind = (shader.GetShaderId() or "") if shader is not None else ""
+        if shader is None or not kind.startswith((*_PASSED, "ND_multiply_")):
+            break
+        if kind.startswith("ND_extract_"):
             channel = int(number_of(find_source(shader, "index"), 0.0))
-        inner = find_source(shader, "in")
+        ports = ("in1", "in2") if kind.startswith("ND_multiply_") else ("in",)
+        feeding = [_constant(find_source(shader, port)) for port in ports]
+        values = [one.value for one in feeding if one.shader is None and one.value is not None]
+        for value in values if len(ports) > 1 else ():
+            gain = _times(gain, (float(value),) * 3 if isinstance(value, int | float) else _three(value))
+        fed = [one for one in feeding if one.shader is not None]
+        if len(fed) != 1:  # a product of pictures, or of nothing
+            break
+        inner = fed[0]
         shader, channel = inner.shader, channel or channel_of(inner.output) or 0
     if shader is None:
         return None
@@ -166,13 +267,44 @@ def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None
     if not file:
         note(f"no texture for {name}: drawn plain")
         return None
-    space = told.color_space.lower()
-    tiling = pair_of(find_source(shader, "uvtiling"), (1.0, 1.0))
-    offset = pair_of(find_source(shader, "uvoffset"), (0.0, 0.0))
-    placed = find_source(shader, "texcoord").shader
-    varname = str(find_source(placed, "geomprop").value or "") if placed else ""
-    srgb = is_color and space not in _LINEAR_SPACES
-    return Texture(file, srgb, tiling, 0.0, offset, channel=0 if is_color else channel), varname
+    srgb = is_color and told.color_space.lower() not in _LINEAR_SPACES
+    found, varname = _placed(shader, note)
+    return replace(found, file=file, srgb=srgb, channel=0 if is_color else channel, gain=gain), varname
+
+
+def _three(value: Any) -> Triple:
+    return float(value[0]), float(value[1]), float(value[2])
+
+
+def _placed(shader: UsdShade.Shader, note: Callable[[str], None]) -> tuple[Texture, str]:
+    """Where a picture lies: its tiling, what turns and moves it, how it goes on, and its primvar."""
+    tiling, offset = (
+        pair_of(find_source(shader, "uvtiling"), (1.0, 1.0)),
+        pair_of(find_source(shader, "uvoffset"), _ZERO),
+    )
+    place = find_source(shader, "texcoord").shader
+    linear, shift = np.diag(tiling), -np.array(offset)
+    if place and (place.GetShaderId() or "").startswith("ND_place2d"):
+        pivot, scale, moved = (
+            np.array(pair_of(find_source(place, name), default))
+            for name, default in (("pivot", _ZERO), ("scale", (1.0, 1.0)), ("offset", _ZERO))
+        )
+        angle = np.deg2rad(number_of(find_source(place, "rotate"), 0.0))  # clockwise
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        if int(number_of(find_source(place, "operationorder"), 0.0)):
+            note("place2d of another order is read as scale, rotate, translate")
+        whole = turn @ np.diag(1.0 / np.where(scale == 0.0, 1.0, scale))
+        shift = shift + np.diag(tiling) @ (pivot - moved - whole @ pivot)
+        linear = np.diag(tiling) @ whole
+        place = find_source(place, "texcoord").shader
+    told = [str(find_source(shader, name).value or "") for name in ("uaddressmode", "vaddressmode")]
+    across, down = (_MODES.get(mode, "repeat") for mode in told)
+    turned = float(np.rad2deg(np.arctan2(linear[1, 0], linear[0, 0])))
+    back = np.deg2rad(turned)
+    scales = np.array([[np.cos(back), np.sin(back)], [-np.sin(back), np.cos(back)]]) @ linear
+    varname = str(find_source(place, "geomprop").value or "") if place else ""
+    scale = (float(scales[0, 0]), float(scales[1, 1]))
+    return Texture("", False, scale, turned, (float(shift[0]), float(shift[1])), wrap=(across, down)), varname
 
 
 def _times(one: Triple, other: Triple) -> Triple:

@@ -12,7 +12,11 @@ U32 = NDArray[np.uint32]
 
 
 class GeometryPile:
-    """Growing `Geometry` and `Draws`."""
+    """Growing `Geometry` and `Draws`.
+
+    Attributes:
+        draw_count: Number of draws so far.
+    """
 
     def __init__(self) -> None:
         self._meshes: list[FlatMesh] = []
@@ -20,6 +24,7 @@ class GeometryPile:
         self._double_sided: list[bool] = []
         self._draws: list[tuple[I64, F64, I64, U32, I64]] = []
         self._vertices = 0
+        self.draw_count = 0
 
     def add_mesh(self, mesh: FlatMesh) -> int:
         """Add a mesh's vertices.
@@ -60,6 +65,7 @@ class GeometryPile:
             label: Class id.
         """
         same = np.ones(len(transforms), np.int64)
+        self.draw_count += len(transforms)
         self._draws.append((same * part, transforms, same * material, instances, same * label))
 
     def geometry(self) -> Geometry:

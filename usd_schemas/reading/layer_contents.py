@@ -5,6 +5,8 @@ from pathlib import Path
 from pxr import Ar, Sdf, Tf, UsdUtils
 
 from groundwork.canonical import file_digest
+from groundwork.errors import InputError
+from usd_schemas.reading.mtlx import SUFFIX, named_files, read_document
 
 _VARIABLE = "${"  # what an asset path with a variable in it means depends on other layers
 _THERE, _MISSING = "there", "missing"
@@ -67,9 +69,27 @@ def _walk(root: Path) -> dict[str, str] | None:
                 found[f"{name}: {asset}"] = _MISSING
             elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):
                 pending.append(target)
+            elif target.suffix.lower() == SUFFIX:
+                _add_document(root.parent, target, found)
             else:
                 found[name_from(root.parent, target)] = _THERE
     return found
+
+
+def _add_document(home: Path, file: Path, found: dict[str, str]) -> None:
+    """A MaterialX document counts with its content, and so does whether its pictures are there."""
+    name = name_from(home, file)
+    found[name] = file_digest(file)
+    try:
+        pictures = named_files(read_document(file))
+    except InputError:
+        return
+    for picture in pictures:
+        target = (file.parent / picture).resolve()
+        if target.is_file():
+            found[name_from(home, target)] = _THERE
+        else:
+            found[f"{name}: {picture}"] = _MISSING
 
 
 def _resolve(layer: Sdf.Layer, asset: str) -> Path | None:

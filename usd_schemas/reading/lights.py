@@ -21,7 +21,7 @@ from pxr import Usd, UsdGeom, UsdLux
 from usd_schemas.flat_scene import Dome, SphereLight, Sun
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.shader_inputs import asset_file
-from usd_schemas.reading.traversal import EARLIEST, composed_prims
+from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
 F64 = NDArray[np.float64]
 
@@ -62,17 +62,18 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
         kind = str(prim.GetTypeName())
         if kind not in ("DistantLight", "DomeLight", "DomeLight_1", "SphereLight", *_UNLIT):
             continue
-        if UsdGeom.Imageable(prim).ComputeVisibility(EARLIEST) == UsdGeom.Tokens.invisible:
-            continue
-        if kind == "DistantLight" and not suns:
-            suns.append(_read_sun(prim, turn))
-        elif kind in ("DomeLight", "DomeLight_1") and not domes:
-            domes.append(_read_dome(prim, turn, warn))
-        elif kind == "SphereLight":
-            sphere = _read_sphere(prim, stage_to_world, warn)
-            spheres += [sphere] if sphere is not None else []
-        else:
-            left_out.setdefault(kind, []).append(str(prim.GetPath()))
+        with guarded(prim, warn, "the light is left out"):
+            if UsdGeom.Imageable(prim).ComputeVisibility(EARLIEST) == UsdGeom.Tokens.invisible:
+                continue
+            if kind == "DistantLight" and not suns:
+                suns.append(_read_sun(prim, turn))
+            elif kind in ("DomeLight", "DomeLight_1") and not domes:
+                domes.append(_read_dome(prim, turn, warn))
+            elif kind == "SphereLight":
+                sphere = _read_sphere(prim, stage_to_world, warn)
+                spheres += [sphere] if sphere is not None else []
+            else:
+                left_out.setdefault(kind, []).append(str(prim.GetPath()))
     for kind, paths in sorted(left_out.items()):
         warn(f"{paths[0]}: {kind} is left out" + (f" (and {len(paths) - 1} more)" if len(paths) > 1 else ""))
     return Lights(suns[0] if suns else None, domes[0] if domes else None, tuple(spheres))

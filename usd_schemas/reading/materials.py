@@ -15,6 +15,8 @@ _DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)
 _DEFAULT_ROUGHNESS = 0.5
 _WRAPS = ("mirror", "clamp", "black")  # how a texture goes on beyond its edge, other than by repeating
 _CODED_NORMAL = ((2.0, 2.0, 2.0), (-1.0, -1.0, -1.0))  # from a picture's 0 to 1 to a vector's -1 to 1
+_SOLID = 0.5  # opacity from which on a blended surface is there [1]
+_ALPHA = 3  # channel
 _CONTEXTS = ("mtlx", "mdl", "ri", "glslfx", "arnold", "cycles")
 
 
@@ -72,9 +74,15 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
     base, color, by_vertex = _read_color(find_source(surface, "diffuseColor"), note)
     rough, metal = (_read_number(surface, name, note) for name in ("roughness", "metallic"))
     normal = _read_normal(find_source(surface, "normal"), note)
+    glow = _read_plain(surface, "emissiveColor", note)
+    by_specular = bool(number_of(find_source(surface, "useSpecularWorkflow"), 0.0))
+    shine = _read_plain(surface, "specularColor", note) if by_specular else None
     _note_unread(surface, note)
     detail = _read_detail(material.GetPrim(), note)
-    names = _uv_names([sampled.varname for sampled in (base, rough, metal, normal) if sampled])
+    opacity = _read_opacity(surface, note)
+    base, threshold = _see_through(base, color, opacity, note)
+    used = (base, rough, metal, normal, glow, shine)
+    names = _uv_names([sampled.varname for sampled in used if sampled])
 
     def numbered(sampled: _Sampled | None) -> Texture | None:
         return replace(sampled.texture, uv_set=int(sampled.varname == names[1] != "")) if sampled else None
@@ -87,12 +95,17 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
             base_texture=numbered(base),
             roughness=number_of(find_source(surface, "roughness"), _DEFAULT_ROUGHNESS),
             roughness_texture=numbered(rough),
-            metallic=number_of(find_source(surface, "metallic"), 0.0),
-            metallic_texture=numbered(metal),
+            metallic=0.0 if by_specular else number_of(find_source(surface, "metallic"), 0.0),
+            metallic_texture=None if by_specular else numbered(metal),
             normal_texture=numbered(normal),
             emissive=triple_of(find_source(surface, "emissiveColor"), (0.0, 0.0, 0.0)),
-            opacity_threshold=_read_opacity(surface, base, note),
+            opacity_threshold=threshold,
             detail=detail,
+            emissive_texture=numbered(glow),
+            specular=triple_of(find_source(surface, "specularColor"), (0.0, 0.0, 0.0)) if by_specular else None,
+            specular_texture=numbered(shine),
+            opacity=opacity.value,
+            blends=opacity.blends,
         ),
         names,
     )
@@ -137,19 +150,32 @@ def _read_number(surface: UsdShade.Shader, name: str, note: Warn) -> _Sampled | 
 
 def _read_normal(source: Source, note: Warn) -> _Sampled | None:
     sampled = _read_texture(source, False, "normal", note)
-    if sampled:
-        told = tuple(values[:3] for values in _gain_and_bias(source.shader))
-        if told not in (_CODED_NORMAL, ((1.0,) * 3, (0.0,) * 3)):
-            note("scale and bias of the normal texture are read as 2 and -1")
-    return sampled and replace(sampled, texture=replace(sampled.texture, gain=(1.0,) * 3, bias=(0.0,) * 3))
+    if sampled is None:
+        return None
+    scale, bias = (values[:3] for values in _gain_and_bias(source.shader))
+    if (scale, bias) == ((1.0,) * 3, (0.0,) * 3):  # left out by many; no picture of 8 bits means itself
+        scale, bias = _CODED_NORMAL
+    gain, shift = tuple(value / 2 for value in scale), tuple((value + 1) / 2 for value in bias)
+    texture = replace(sampled.texture, gain=_three(gain), bias=_three(shift))
+    return replace(sampled, texture=texture)
+
+
+def _three(values: tuple[float, ...]) -> tuple[float, float, float]:
+    red, green, blue = values
+    return red, green, blue
+
+
+def _read_plain(surface: UsdShade.Shader, name: str, note: Warn) -> _Sampled | None:
+    """A texture of a colour that is taken as it is."""
+    sampled = _read_texture(find_source(surface, name), True, name, note)
+    if sampled and sampled.output not in ("rgb", ""):
+        note(f"{name} from output {sampled.output} of a texture is left out")
+        return None
+    return sampled
 
 
 def _note_unread(surface: UsdShade.Shader, note: Warn) -> None:
     """Name the inputs of a preview surface that change its look and have no place in a flat material."""
-    if find_source(surface, "emissiveColor").shader:
-        note("a texture of emissiveColor is left out")
-    if number_of(find_source(surface, "useSpecularWorkflow"), 0.0):
-        note("useSpecularWorkflow is left out: drawn by its metallic")
     for name in ("clearcoat", "displacement"):
         source = find_source(surface, name)
         if source.shader or number_of(source, 0.0) != 0.0:
@@ -169,9 +195,8 @@ def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sam
         note(f"no texture {value.path if isinstance(value, Sdf.AssetPath) else '(none)'} for {name}: drawn plain grey")
         return None
     gain, bias = _gain_and_bias(shader)
-    wraps = {str(find_source(shader, edge).value or "") for edge in ("wrapS", "wrapT")}
-    for wrap in sorted(wraps & set(_WRAPS)):
-        note(f"the {name} texture repeats beyond its edge, not {wrap}")
+    told = [str(find_source(shader, edge).value or "") for edge in ("wrapS", "wrapT")]
+    across, down = (wrap if wrap in _WRAPS else "repeat" for wrap in told)
     space = str(find_source(shader, "sourceColorSpace").value or "auto")
     placed = find_source(shader, "st")
     scale, rotation, translation = (1.0, 1.0), 0.0, (0.0, 0.0)
@@ -185,7 +210,9 @@ def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sam
         varname = str(find_source(placed.shader, "varname").value or "")
     # `auto` asks the file; files of colours are sRGB and files of data are not, whatever their header says.
     srgb = space == "sRGB" or (space == "auto" and is_color)
-    placed_texture = Texture(file, srgb, scale, rotation, translation, gain=gain[:3], bias=bias[:3])
+    placed_texture = Texture(
+        file, srgb, scale, rotation, translation, gain=gain[:3], bias=bias[:3], wrap=(across, down)
+    )
     return _Sampled(placed_texture, varname, source.output)
 
 
@@ -199,22 +226,48 @@ def _gain_and_bias(texture: UsdShade.Shader | None) -> tuple[_Four, _Four]:
     return found[0], found[1]
 
 
-def _read_opacity(surface: UsdShade.Shader, base: _Sampled | None, note: Warn) -> float:
-    """Threshold of a cut-out whose alpha is in the base texture; anything else transparent is drawn opaque."""
+@dataclass(frozen=True)
+class _Opacity:
+    """How a surface lets light through: by a number, or by a texture whose channel counts; 0 for no threshold."""
+
+    value: float = 1.0
+    blends: bool = False
+    threshold: float = 0.0
+    sampled: _Sampled | None = None
+    channel: int = 3
+
+
+def _read_opacity(surface: UsdShade.Shader, note: Warn) -> _Opacity:
     threshold = number_of(find_source(surface, "opacityThreshold"), 0.0)
-    opacity = find_source(surface, "opacity")
-    if opacity.shader is None:
-        if number_of(opacity, 1.0) < 1.0:
-            note("is transparent: drawn opaque")
-        return 0.0
-    file = asset_file(find_source(opacity.shader, "file").value) if opacity.shader.GetInput("file") else ""
-    if base is None or file != base.texture.file or opacity.output != "a":
-        note("opacity that is not the alpha of the diffuse texture is left out")
-        return 0.0
-    if threshold <= 0.0:
-        note("is blended by its alpha: drawn as a cut-out at 0.5")
-        return 0.5
-    return threshold
+    source = find_source(surface, "opacity")
+    if source.shader is None:
+        value = min(max(number_of(source, 1.0), 0.0), 1.0)
+        if threshold > 0.0:
+            return _Opacity() if value >= threshold else _Opacity(0.0, True)
+        return _Opacity(value, value < 1.0)
+    sampled = _read_texture(source, False, "opacity", note)
+    channel = channel_of(sampled.output) if sampled else None
+    if sampled is None or channel is None:
+        return _Opacity()
+    return _Opacity(1.0, threshold <= 0.0, threshold if threshold > 0.0 else _SOLID, sampled, channel)
+
+
+def _see_through(
+    base: _Sampled | None, color: tuple[float, float, float], opacity: _Opacity, note: Warn
+) -> tuple[_Sampled | None, float]:
+    """Bring opacity into the base texture, and find the threshold from which on it is solid."""
+    if opacity.sampled is None:
+        return base, 0.0
+    cut = opacity.sampled.texture
+    if base is None:  # a plain colour whose silhouette is a picture
+        plain = replace(cut, gain=(0.0, 0.0, 0.0), bias=color, alpha=cut.file, alpha_channel=opacity.channel)
+        return replace(opacity.sampled, texture=plain, output="rgb"), opacity.threshold
+    own = base.texture
+    if cut.file == own.file and opacity.channel == _ALPHA:
+        return base, opacity.threshold
+    if (cut.scale, cut.rotation, cut.translation) != (own.scale, own.rotation, own.translation):
+        note("opacity that lies otherwise on the surface than diffuseColor is drawn as that lies")
+    return replace(base, texture=replace(own, alpha=cut.file, alpha_channel=opacity.channel)), opacity.threshold
 
 
 def _read_detail(prim: Usd.Prim, note: Warn) -> Detail:

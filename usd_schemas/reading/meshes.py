@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from usd_schemas.reading.shapes import SHAPES, read_shape
-from usd_schemas.reading.traversal import COMPOSED, EARLIEST
+from usd_schemas.reading.subdivision import Cage, refine, smooth_normals
+from usd_schemas.reading.traversal import COMPOSED, EARLIEST, numbers_of, table_of
 from usd_schemas.triangulate import cross, face_normals, triangulate
 
 F32 = NDArray[np.float32]
@@ -17,6 +18,7 @@ I64 = NDArray[np.int64]
 PLAIN_ST = "st"
 ATLAS_ST = "st1"
 _SMOOTH = ("catmullClark", "loop")
+_MOST_CORNERS = 4_000_000  # of a refined mesh
 _SHORT = 1e-12  # a normal of this length or less points nowhere [1]
 _UV_TYPES = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
 _UV_LIKE = (*_UV_TYPES, "float2[]", "double2[]", "half2[]")
@@ -75,33 +77,41 @@ class _Faces:
     owner: I64
 
 
-def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str]) -> FlatMesh:
+def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EARLIEST, level: int = 1) -> FlatMesh:
     """Read a mesh or a native gprim.
 
     Args:
         prim: A Mesh, or a gprim out of `SHAPES`.
         uv_names: Primvars that the bound material reads as first and second UV set; either may be empty.
+        time: When.
+        level: How many times a subdivision surface is refined.
 
     Raises:
         UnreadableMeshError: Points or face arrays are wrong.
     """
     notes: list[str] = []
     if prim.GetTypeName() in SHAPES:
-        shape = read_shape(prim, EARLIEST)
+        shape = read_shape(prim, time)
         faces = _Faces(shape.points, shape.face_counts, shape.corners, _owners(shape.face_counts))
         number = np.arange(len(shape.corners))
         normals, st, st1 = _Values(shape.normals, number), _Values(shape.st, number), None
     else:
-        faces = _read_faces(UsdGeom.Mesh(prim))
-        normals = _read_normals(UsdGeom.Mesh(prim), faces, notes)
-        st, st1 = (_read_primvar(prim, name, faces, 2, notes) for name in choose_uv(prim, uv_names))
-    colors = _read_primvar(prim, "displayColor", faces, 3, notes)
+        faces = _read_faces(UsdGeom.Mesh(prim), time)
+        normals = _read_normals(UsdGeom.Mesh(prim), faces, time, notes)
+        st, st1 = (_read_primvar(prim, name, faces, 2, time, notes) for name in choose_uv(prim, uv_names))
+    colors = _read_primvar(prim, "displayColor", faces, 3, time, notes)
     left_handed = UsdGeom.Gprim(prim).GetOrientationAttr().Get(EARLIEST) == UsdGeom.Tokens.leftHanded
+    cage, parent = faces, np.arange(len(faces.counts))
+    if normals is None and level and prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.catmullClark:
+        faces, parent, (st, st1, colors), normals = _refined(prim, faces, (st, st1, colors), left_handed, level, notes)
+    elif prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.loop:
+        notes.append("a loop surface is drawn as its cage")
     normals = _complete_normals(prim, normals, faces, left_handed)
     triangles, face = triangulate(faces.points, faces.counts, faces.corners)
+    face = parent[face]
     corner = faces.points[faces.corners[triangles]]
     area = cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    solid = np.any(area != 0.0, axis=1) & ~_holes(prim, faces, face)
+    solid = np.any(area != 0.0, axis=1) & ~_holes(prim, cage, face, time)
     triangles, face = triangles[solid], face[solid]
     nothing = np.zeros((1, 2)), np.zeros(len(faces.corners), np.int64)
     white = _Values(np.ones((1, 3)), nothing[1])
@@ -109,8 +119,58 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str]) -> FlatMesh:
     vertex, (points, normal, first, second, color) = _weld(faces, [normals, *uv, colors or white])
     return FlatMesh(
         points, normal, first, second, color,
-        vertex[triangles[:, ::-1] if left_handed else triangles], face, len(faces.counts),
+        vertex[triangles[:, ::-1] if left_handed else triangles], face, len(cage.counts),
         bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(EARLIEST)), colors is not None, tuple(notes),
+    )  # fmt: skip
+
+
+def _refined(
+    prim: Usd.Prim, faces: _Faces, values: tuple[_Values | None, ...], left_handed: bool, level: int, notes: list[str]
+) -> tuple[_Faces, I64, tuple[_Values | None, ...], _Values]:
+    """Refine a subdivision surface: its faces, the face of the cage of each, the values at corners, and normals."""
+    while level and len(faces.corners) * 4 ** (level - 1) > _MOST_CORNERS:
+        level -= 1
+    if not level:
+        notes.append("a subdivision surface that is drawn as its cage: it is fine enough")
+    told = [None if one is None else one.data[one.index] for one in values]
+    cage, refined = _cage(prim, faces), [one for one in told if one is not None]
+    for _ in range(level):
+        cage, refined = refine(cage, refined)
+    finer = _Faces(cage.points, cage.counts, cage.corners, _owners(cage.counts))
+    areas = face_normals(finer.points, finer.counts, finer.corners) * (-1.0 if left_handed else 1.0)
+    total, group = smooth_normals(cage, areas)
+    fresh = iter(refined)
+    number = np.arange(len(cage.corners))
+    spread = tuple(None if one is None else _Values(next(fresh), number) for one in told)
+    return finer, cage.parent, spread, _Values(_unit(total), group)
+
+
+def _cage(prim: Usd.Prim, faces: _Faces) -> Cage:
+    mesh, count = UsdGeom.Mesh(prim), len(faces.points)
+
+    def whole(attribute: Usd.Attribute) -> I64:
+        found = numbers_of(attribute.Get(EARLIEST))
+        return np.zeros(0, np.int64) if found is None else found
+
+    def decimal(attribute: Usd.Attribute) -> F64:
+        return np.array(attribute.Get(EARLIEST) or [], np.float64).reshape(-1)
+
+    lengths, along = whole(mesh.GetCreaseLengthsAttr()), whole(mesh.GetCreaseIndicesAttr())
+    sharp, pairs, strengths, place = decimal(mesh.GetCreaseSharpnessesAttr()), [], [], 0
+    for number, length in enumerate(lengths.tolist()):
+        chain = along[place : place + length]
+        place += length
+        if length > 1 and len(chain) == length and chain.min() >= 0 and chain.max() < count and number < len(sharp):
+            pairs.append(np.sort(np.stack([chain[:-1], chain[1:]], axis=1), axis=1))
+            strengths.append(np.full(length - 1, sharp[number]))
+    corner, corner_sharp = whole(mesh.GetCornerIndicesAttr()), decimal(mesh.GetCornerSharpnessesAttr())
+    fixed = np.zeros(count)
+    if len(corner) == len(corner_sharp) and len(corner) and 0 <= corner.min() <= corner.max() < count:
+        fixed[corner] = corner_sharp
+    return Cage(
+        faces.points, faces.counts, faces.corners, np.concatenate([np.zeros((0, 2), np.int64), *pairs]),
+        np.concatenate([np.zeros(0), *strengths]), fixed,
+        mesh.GetInterpolateBoundaryAttr().Get(EARLIEST) != UsdGeom.Tokens.edgeOnly, np.arange(len(faces.counts)),
     )  # fmt: skip
 
 
@@ -134,10 +194,13 @@ def choose_uv(prim: Usd.Prim, uv_names: tuple[str, str]) -> tuple[str, str]:
     return first, second
 
 
-def _read_faces(mesh: UsdGeom.Mesh) -> _Faces:
-    points = np.array(mesh.GetPointsAttr().Get(EARLIEST) or [], np.float64).reshape(-1, 3)
-    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(EARLIEST) or [], np.int64)
-    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(EARLIEST) or [], np.int64)
+def _read_faces(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> _Faces:
+    points = table_of(mesh.GetPointsAttr().Get(time), 3)
+    counts = numbers_of(mesh.GetFaceVertexCountsAttr().Get(time))
+    corners = numbers_of(mesh.GetFaceVertexIndicesAttr().Get(time))
+    if points is None or counts is None or corners is None:
+        name = "points" if points is None else "faceVertexCounts" if counts is None else "faceVertexIndices"
+        raise UnreadableMeshError(f"its {name} are of another type")
     if not np.isfinite(points).all():
         raise UnreadableMeshError("its points are not finite")
     if np.any(counts < 0) or counts.sum() != len(corners):
@@ -151,30 +214,37 @@ def _owners(counts: I64) -> I64:
     return np.repeat(np.arange(len(counts)), counts)
 
 
-def _read_normals(mesh: UsdGeom.Mesh, faces: _Faces, notes: list[str]) -> _Values | None:
+def _read_normals(mesh: UsdGeom.Mesh, faces: _Faces, time: Usd.TimeCode, notes: list[str]) -> _Values | None:
     # primvars:normals wins where both are authored, as UsdGeomPointBased says.
-    found = _read_primvar(mesh.GetPrim(), "normals", faces, 3, notes)
+    found = _read_primvar(mesh.GetPrim(), "normals", faces, 3, time, notes)
     attribute = mesh.GetNormalsAttr()
     if found is not None or not attribute.HasAuthoredValue():
         return found
-    values = np.array(attribute.Get(EARLIEST) or [], np.float64).reshape(-1, 3)
+    values = table_of(attribute.Get(time), 3)
+    if values is None:
+        notes.append("normals are of another type: ignored")
+        return None
     return _on_corners("normals", values, None, str(mesh.GetNormalsInterpolation()), faces, notes)
 
 
-def _read_primvar(prim: Usd.Prim, name: str, faces: _Faces, width: int, notes: list[str]) -> _Values | None:
+def _read_primvar(
+    prim: Usd.Prim, name: str, faces: _Faces, width: int, time: Usd.TimeCode, notes: list[str]
+) -> _Values | None:
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name) if name else None
     if not primvar or not primvar.HasValue():
         return None
-    value = primvar.Get(EARLIEST)
-    data = np.array(value if value is not None else [], np.float64)
-    if data.size == 0 or data.size % width:
+    value = primvar.Get(time)
+    data = table_of([value] if _is_row(value, width) else value, width)
+    indices = numbers_of(primvar.GetIndices(time)) if primvar.IsIndexed() else None
+    if data is None or not len(data) or (primvar.IsIndexed() and indices is None):
         notes.append(f"primvars:{name} is empty or of another type: ignored")
         return None
-    indices = primvar.GetIndices(EARLIEST) if primvar.IsIndexed() else None
-    index = np.array(indices, np.int64) if indices is not None else None
-    return _on_corners(
-        f"primvars:{name}", data.reshape(-1, width), index, str(primvar.GetInterpolation()), faces, notes
-    )
+    return _on_corners(f"primvars:{name}", data, indices, str(primvar.GetInterpolation()), faces, notes)
+
+
+def _is_row(value: object, width: int) -> bool:
+    """Tell whether a value is one row, which some write where an array of one is meant."""
+    return np.shape(value) == (width,) and not isinstance(value, str)  # pyright: ignore[reportArgumentType]
 
 
 def _on_corners(
@@ -187,9 +257,14 @@ def _on_corners(
         UsdGeom.Tokens.vertex: faces.corners,
         UsdGeom.Tokens.varying: faces.corners,
         UsdGeom.Tokens.faceVarying: np.arange(len(faces.corners)),
-    }[interpolation]
+    }.get(interpolation)
     rows = len(data) if index is None else len(index)
-    if (len(corner) and corner.max() >= rows) or (index is not None and (index.min() < 0 or index.max() >= len(data))):
+    if corner is None:
+        notes.append(f"{name} has an interpolation that there is not: ignored")
+        return None
+    if (len(corner) and corner.max() >= rows) or (
+        index is not None and len(index) and (index.min() < 0 or index.max() >= len(data))
+    ):
         notes.append(f"{name} has too few values for interpolation {interpolation}: ignored")
         return None
     if not np.isfinite(data).all():
@@ -222,13 +297,12 @@ def _scheme(prim: Usd.Prim) -> str:
     return str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get(EARLIEST))
 
 
-def _holes(prim: Usd.Prim, faces: _Faces, face: I64) -> NDArray[np.bool_]:
+def _holes(prim: Usd.Prim, faces: _Faces, face: I64, time: Usd.TimeCode) -> NDArray[np.bool_]:
     """Mark the triangles of faces that a subdivision surface leaves open."""
-    holes = UsdGeom.Mesh(prim).GetHoleIndicesAttr().Get(EARLIEST) if prim.IsA(UsdGeom.Mesh) else None
-    if not holes or _scheme(prim) == UsdGeom.Tokens.none:
+    numbers = numbers_of(UsdGeom.Mesh(prim).GetHoleIndicesAttr().Get(time)) if prim.IsA(UsdGeom.Mesh) else None
+    if numbers is None or not len(numbers) or _scheme(prim) == UsdGeom.Tokens.none:
         return np.zeros(len(face), bool)
     open_faces = np.zeros(len(faces.counts), bool)
-    numbers = np.array(holes, np.int64)
     open_faces[numbers[(numbers >= 0) & (numbers < len(open_faces))]] = True
     return open_faces[face]
 
@@ -274,6 +348,7 @@ def subset_faces(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, I64]]:
         if child.IsA(UsdGeom.Subset):
             subset = UsdGeom.Subset(child)
             if subset.GetElementTypeAttr().Get() == UsdGeom.Tokens.face:
-                indices = np.array(subset.GetIndicesAttr().Get(EARLIEST) or [], np.int64)
+                indices = numbers_of(subset.GetIndicesAttr().Get(EARLIEST))
+                indices = np.full(1, -1, np.int64) if indices is None else indices  # of another type: of no face
                 found.append((child, str(subset.GetFamilyNameAttr().Get() or ""), indices))
     return found

@@ -7,17 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
+from usd_schemas.reading.choices import DRAWN_PURPOSES
 from usd_schemas.reading.labels import Label, Warn, inherit_label
 from usd_schemas.reading.shapes import SHAPES
-from usd_schemas.reading.traversal import COMPOSED, EARLIEST
+from usd_schemas.reading.traversal import COMPOSED, EARLIEST, guarded, numbers_of
 
 F64 = NDArray[np.float64]
 U32 = NDArray[np.uint32]
 
-DRAWN_PURPOSES = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
 # Prototypes of an instancer may stand under `over` or `class` prims, which the default leaves out.
 _PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 _DEEPEST = 8  # nested instancers
+_INSTANCED = ("protoIndices", "positions", "orientations", "orientationsf", "scales", "invisibleIds")
+_SHAPED = ("points", "normals", "faceVertexIndices", "size", "radius", "radiusTop", "radiusBottom", "height", "width",
+           "length", "axis")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,9 @@ class Placement:
         label: What it is called.
         numbers: Instance id of each of its N places where an instancer gives them, shape (N,), uint32, or None.
         owner: The prim that gets an id where none is authored: the instancer's path, or the prim's own.
+        moves: Its place, or whether it is there, may change with time.
+        deforms: Its own shape may change with time.
+        time: When it stands so.
     """
 
     prim: Usd.Prim
@@ -37,6 +43,9 @@ class Placement:
     label: Label
     numbers: U32 | None
     owner: Usd.Prim
+    moves: bool = False
+    deforms: bool = False
+    time: Usd.TimeCode = EARLIEST
 
 
 @dataclass(frozen=True)
@@ -57,58 +66,96 @@ class _Above:
     depth: int
 
 
-def find_placements(stage: Usd.Stage, warn: Warn) -> list[Placement]:
+@dataclass(frozen=True)
+class Placements:
+    """What is drawn of a stage at one time.
+
+    Attributes:
+        found: Everything that is drawn, in namespace order.
+        moving: Whether anything may be elsewhere, of another shape, or there at all, at another time.
+    """
+
+    found: list[Placement]
+    moving: bool
+
+
+def find_placements(
+    stage: Usd.Stage, warn: Warn, time: Usd.TimeCode = EARLIEST, purposes: tuple[str, ...] = DRAWN_PURPOSES
+) -> Placements:
     """List everything that is drawn, in namespace order.
 
     Args:
         stage: Composed stage.
         warn: Called with one line for each thing that cannot be drawn.
+        time: When.
+        purposes: Which purposes are drawn.
     """
-    walker = _Walker(warn)
+    walker = _Walker(warn, time, purposes)
     above = _Above(np.eye(4)[None], None, UsdGeom.Tokens.default_, Label(), None, None, False, False, 0)
     found = [item for prim in stage.GetPseudoRoot().GetFilteredChildren(COMPOSED) for item in walker.walk(prim, above)]
     for kind, paths in sorted(walker.undrawn.items()):
         warn(f"{paths[0]}: {kind} is not drawn" + (f" (nor {len(paths) - 1} more)" if len(paths) > 1 else ""))
-    if walker.moving:
-        warn(f"{walker.moving} parts move: drawn as they stand at the earliest time")
-    return found
+    return Placements(found, walker.moving)
 
 
 class _Walker:
-    def __init__(self, warn: Warn) -> None:
+    def __init__(self, warn: Warn, time: Usd.TimeCode, purposes: tuple[str, ...]) -> None:
         self.undrawn: dict[str, list[str]] = {}
-        self.moving = 0
+        self.moving = False
         self._warn = warn
-        self._cache = UsdGeom.XformCache(EARLIEST)
+        self._time = time
+        self._purposes = purposes
+        self._cache = UsdGeom.XformCache(time)
 
     def walk(self, prim: Usd.Prim, above: _Above) -> Iterator[Placement]:
-        imageable = UsdGeom.Imageable(prim)
-        if prim.IsA(UsdShade.Material) or (
-            imageable and imageable.GetVisibilityAttr().Get(EARLIEST) == UsdGeom.Tokens.invisible
-        ):
+        here = None
+        with guarded(prim, self._warn, "not drawn"):
+            here = self._look(prim, above)
+        if here is None:
             return
+        if prim.IsA(UsdGeom.PointInstancer):
+            yield from self._expand(UsdGeom.PointInstancer(prim), here)
+            return
+        if prim.IsA(UsdGeom.Gprim) and here.purpose in self._purposes:
+            with guarded(prim, self._warn, "not drawn"):
+                yield from self._placed(prim, here)
+        predicate = COMPOSED if above.root is None else _PROTOTYPE
+        for child in prim.GetFilteredChildren(predicate):
+            yield from self.walk(child, here)
+
+    def _look(self, prim: Usd.Prim, above: _Above) -> _Above | None:
+        """Find what a prim passes on to those below it; None where it is not to be seen."""
+        if prim.IsA(UsdShade.Material):
+            return None
+        imageable, xformable = UsdGeom.Imageable(prim), UsdGeom.Xformable(prim)
+        moves = above.moves or bool(xformable and xformable.TransformMightBeTimeVarying())
+        if imageable:
+            blinks = imageable.GetVisibilityAttr().ValueMightBeTimeVarying()
+            self.moving, moves = self.moving or blinks, moves or blinks
+            if imageable.GetVisibilityAttr().Get(self._time) == UsdGeom.Tokens.invisible:
+                return None
         purpose = above.purpose
         if imageable and imageable.GetPurposeAttr().HasAuthoredValue():
             purpose = str(imageable.GetPurposeAttr().Get())
         label = inherit_label(prim, above.label, above.own_id)
         # Everything inside an instance shares its prototype's ids: an id on the instance itself tells instances apart.
         own_id = above.own_id or (prim.IsInstance() and label.carrier == prim.GetPath())
-        xformable = UsdGeom.Xformable(prim)
-        moves = above.moves or bool(xformable and xformable.TransformMightBeTimeVarying())
-        here = replace(above, purpose=purpose, label=label, own_id=own_id, moves=moves)
         if prim.IsA(UsdGeom.PointInstancer):
-            yield from self._expand(UsdGeom.PointInstancer(prim), here)
+            moves = moves or any(
+                UsdGeom.PointInstancer(prim).GetPrim().GetAttribute(name).ValueMightBeTimeVarying()
+                for name in _INSTANCED
+            )
+        return replace(above, purpose=purpose, label=label, own_id=own_id, moves=moves)
+
+    def _placed(self, prim: Usd.Prim, here: _Above) -> Iterator[Placement]:
+        if not prim.IsA(UsdGeom.Mesh) and prim.GetTypeName() not in SHAPES:
+            self.undrawn.setdefault(str(prim.GetTypeName()), []).append(str(prim.GetPath()))
             return
-        if prim.IsA(UsdGeom.Gprim) and purpose in DRAWN_PURPOSES:
-            if prim.IsA(UsdGeom.Mesh) or prim.GetTypeName() in SHAPES:
-                transforms = above.base @ self._relative(prim, above.root)
-                self.moving += here.moves or _deforms(prim)
-                yield Placement(prim, transforms, label, above.numbers, above.owner or prim)
-            else:
-                self.undrawn.setdefault(str(prim.GetTypeName()), []).append(str(prim.GetPath()))
-        predicate = COMPOSED if above.root is None else _PROTOTYPE
-        for child in prim.GetFilteredChildren(predicate):
-            yield from self.walk(child, here)
+        transforms = here.base @ self._relative(prim, here.root)
+        deforms = any(attribute.ValueMightBeTimeVarying() for attribute in map(prim.GetAttribute, _SHAPED) if attribute)
+        self.moving = self.moving or here.moves or deforms
+        owner = here.owner or prim
+        yield Placement(prim, transforms, here.label, here.numbers, owner, here.moves or deforms, deforms, self._time)
 
     def _relative(self, prim: Usd.Prim, root: Usd.Prim | None) -> F64:
         """Transform of a prim to the space of a prototype's root, or to the stage, for column vectors: (4, 4)."""
@@ -118,26 +165,37 @@ class _Walker:
         return np.array(matrix).T
 
     def _expand(self, instancer: UsdGeom.PointInstancer, here: _Above) -> Iterator[Placement]:
+        below: list[tuple[Usd.Prim, _Above]] = []
+        with guarded(instancer.GetPrim(), self._warn, "not drawn"):
+            below = self._prototypes(instancer, here)
+        for target, above in below:
+            yield from self.walk(target, above)
+
+    def _prototypes(self, instancer: UsdGeom.PointInstancer, here: _Above) -> list[tuple[Usd.Prim, _Above]]:
+        """List the prototypes that an instancer places, each with what it takes over from there."""
         prim = instancer.GetPrim()
         path = prim.GetPath()
         targets = [
             prim.GetStage().GetPrimAtPath(target) for target in instancer.GetPrototypesRel().GetForwardedTargets()
         ]
-        chosen = np.array(instancer.GetProtoIndicesAttr().Get(EARLIEST) or [], np.int64)
+        chosen = numbers_of(instancer.GetProtoIndicesAttr().Get(self._time))
+        if chosen is None:
+            raise ValueError("protoIndices")
         matrices = instancer.ComputeInstanceTransformsAtTime(
-            EARLIEST, EARLIEST, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+            self._time, self._time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
         )
         matrices = np.array(matrices, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
         if len(matrices) != len(chosen) or here.depth >= _DEEPEST or not all(targets):
             if len(chosen):
                 self._warn(f"{path}: a PointInstancer whose prototypes or positions are missing: not drawn")
-            return
+            return []
         if len(chosen) and not 0 <= chosen.min() <= chosen.max() < len(targets):
             self._warn(f"{path}: protoIndices name prototypes that do not exist: those instances are not drawn")
-        mask = np.array(instancer.ComputeMaskAtTime(EARLIEST), bool)
+        mask = np.array(instancer.ComputeMaskAtTime(self._time), bool)
         seen = mask if len(mask) == len(chosen) else np.ones(len(chosen), bool)
         numbers = self._numbers(prim, len(chosen))
         to_stage = here.base @ self._relative(prim, here.root)
+        below = []
         for number, target in enumerate(targets):
             rows = np.flatnonzero((chosen == number) & seen)
             if not len(rows):
@@ -147,10 +205,11 @@ class _Walker:
             if here.numbers is not None:  # the outermost instancer knows what was placed
                 ids = np.repeat(here.numbers, len(rows))
             label = here.label if numbers is None or here.numbers is not None else replace(here.label, carrier=path)
-            yield from self.walk(target, _Above(
+            below.append((target, _Above(
                 base, target, here.purpose, label, ids, here.owner or prim, bool(here.own_id or here.label.instance_id),
                 here.moves, here.depth + 1,
-            ))  # fmt: skip
+            )))  # fmt: skip
+        return below
 
     def _numbers(self, prim: Usd.Prim, count: int) -> U32 | None:
         attribute = prim.GetAttribute("falsework:component:instanceIds")
@@ -161,7 +220,3 @@ class _Walker:
             self._warn(f"{prim.GetPath()}: instanceIds do not fit the instances: ignored")
             return None
         return values.astype(np.uint32)
-
-
-def _deforms(prim: Usd.Prim) -> bool:
-    return prim.IsA(UsdGeom.Mesh) and UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying()

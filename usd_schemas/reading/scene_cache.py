@@ -15,10 +15,12 @@ from pathlib import Path
 from pxr import Usd
 
 from groundwork.canonical import digest, file_digest, source_digest
-from groundwork.errors import FalseworkError
-from groundwork.files import folder_lock, write_bytes
+from groundwork.errors import FalseworkError, InputError
+from groundwork.files import write_bytes
+from groundwork.locks import hold_lock
 from groundwork.user_cache import cache_folder
 from usd_schemas.flat_scene import FlatScene, Material, Texture
+from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
 from usd_schemas.reading.layer_contents import layer_contents, name_from
 from usd_schemas.reading.packages import unpacked_folder
 from usd_schemas.reading.scene_file import pack_scene, unpack_scene
@@ -30,13 +32,16 @@ _SUFFIX = ".scene"
 Rename = Callable[[str], str]
 
 
-def load_scene(path: Path, *, survey: str | None = None, folder: Path | None = None) -> FlatScene:
+def load_scene(
+    path: Path, *, survey: str | None = None, folder: Path | None = None, choices: StageChoices = AS_AUTHORED
+) -> FlatScene:
     """Take a stage over as it was read before, or read and keep it; it is the same scene as `read_stage` returns.
 
     Args:
         path: A USD file (usda, usdc, usd or usdz).
         survey: Name of the one product to keep, with its camera; all when None.
         folder: The cache; that of the user when None.
+        choices: As for `read_stage`.
 
     Raises:
         MissingError: There is no such file.
@@ -44,22 +49,22 @@ def load_scene(path: Path, *, survey: str | None = None, folder: Path | None = N
     """
     contents = layer_contents(path)
     if contents is None:
-        return read_stage(path, survey=survey)
+        return read_stage(path, survey=survey, choices=choices)
     root, home = cache_folder("scenes") if folder is None else folder, path.resolve().parent
-    place = root / f"{digest([_code(), path.resolve().name, contents])}{_SUFFIX}"
+    place = root / f"{digest([_code(), path.resolve().name, contents, choices.as_json()])}{_SUFFIX}"
     scene = _kept(place, home)
     if scene is None:
         with _turn(place):  # who came first composes it, the others wait
-            scene = _kept(place, home) or _compose(path, contents, place)
+            scene = _kept(place, home) or _compose(path, contents, place, choices)
     return choose_survey(scene, survey, path)
 
 
 @contextmanager
 def _turn(place: Path) -> Iterator[None]:
     with ExitStack() as held:
-        with suppress(OSError):  # where nothing can be written, nothing is kept and nobody waits
+        with suppress(OSError, InputError):  # where nothing can be written, nothing is kept and nobody waits
             place.parent.mkdir(parents=True, exist_ok=True)
-            held.enter_context(folder_lock(place.with_suffix(".lock")))
+            held.enter_context(hold_lock(place.with_suffix(".lock")))
         yield
 
 
@@ -72,8 +77,8 @@ def _kept(place: Path, home: Path) -> FlatScene | None:
         return None
 
 
-def _compose(path: Path, contents: dict[str, str], place: Path) -> FlatScene:
-    composed, home = compose_stage(path), path.resolve().parent
+def _compose(path: Path, contents: dict[str, str], place: Path, choices: StageChoices) -> FlatScene:
+    composed, home = compose_stage(path, choices), path.resolve().parent
     pictures = [Path(file) for file in texture_files(composed.scene)]
     own = [file for file in pictures if file.parent != unpacked_folder().resolve()]  # the others: of a hashed package
     used = {name_from(home, file) for file in (*composed.files, *own)}
@@ -101,7 +106,7 @@ def _renamed(scene: FlatScene, rename: Rename) -> FlatScene:
     """Give the pictures of a scene other paths."""
 
     def texture(one: Texture | None) -> Texture | None:
-        return one and replace(one, file=rename(one.file))
+        return one and replace(one, file=rename(one.file), alpha=one.alpha and rename(one.alpha))
 
     def material(one: Material) -> Material:
         fine = one.detail
@@ -109,6 +114,7 @@ def _renamed(scene: FlatScene, rename: Rename) -> FlatScene:
             one,
             base_texture=texture(one.base_texture), roughness_texture=texture(one.roughness_texture),
             metallic_texture=texture(one.metallic_texture), normal_texture=texture(one.normal_texture),
+            emissive_texture=texture(one.emissive_texture), specular_texture=texture(one.specular_texture),
             detail=replace(
                 fine, file=fine.file and rename(fine.file), macro_file=fine.macro_file and rename(fine.macro_file)
             ),

@@ -11,12 +11,17 @@ from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError, MissingError
 from usd_schemas import tokens
 from usd_schemas.apis import read_visibility
-from usd_schemas.flat_scene import CameraTrack, Dome, FlatScene, Material, Product
-from usd_schemas.reading.cameras import framing_camera, read_cameras, read_products
-from usd_schemas.reading.flat_geometry import flatten, world_bounds
+from usd_schemas.flat_scene import CameraTrack, Dome, Draws, FlatScene, Material, Product
+from usd_schemas.reading.cameras import framing_camera, read_cameras, read_products, sized
+from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
+from usd_schemas.reading.flat_geometry import Flattened, world_bounds
 from usd_schemas.reading.labels import Warn, read_taxonomy
 from usd_schemas.reading.lights import read_lights
-from usd_schemas.reading.placements import find_placements
+from usd_schemas.reading.moments import Moving, flatten_moments
+from usd_schemas.reading.mtlx import Adopted
+from usd_schemas.reading.parse_errors import reason_of
+from usd_schemas.reading.skinning import bake_skins
+from usd_schemas.reading.unread import note_unread
 from usd_schemas.registration import register_schemas
 
 F64 = NDArray[np.float64]
@@ -39,30 +44,32 @@ class ComposedStage:
     files: tuple[Path, ...]
 
 
-def read_stage(path: Path, *, survey: str | None = None) -> FlatScene:
+def read_stage(path: Path, *, survey: str | None = None, choices: StageChoices = AS_AUTHORED) -> FlatScene:
     """Read a stage: everything that is drawn, its looks, lights, cameras and labels.
 
     Args:
         path: A USD file (usda, usdc, usd or usdz).
         survey: Name of the one product to keep, with its camera; all when None.
+        choices: Camera, frames, purposes, variants and the like where they shall not be those of the stage.
 
     Returns:
-        The stage in metres with z up, at its earliest time; only cameras keep their time samples.
+        The stage in metres with z up; what moves, at the time of each image.
 
     Raises:
         MissingError: There is no such file.
         InputError: It is not a USD file, shows nothing, or has no such product.
     """
-    composed = compose_stage(path)
+    composed = compose_stage(path, choices)
     scene = choose_survey(composed.scene, survey, path)
     return with_origin(scene, composed.layers)
 
 
-def compose_stage(path: Path) -> ComposedStage:
+def compose_stage(path: Path, choices: StageChoices = AS_AUTHORED) -> ComposedStage:
     """Compose a stage and read it.
 
     Args:
         path: A USD file (usda, usdc, usd or usdz).
+        choices: What of it is read.
 
     Raises:
         MissingError: There is no such file.
@@ -77,20 +84,56 @@ def compose_stage(path: Path) -> ComposedStage:
     # It holds back what USD would print; what matters comes back through `warn`.
     quiet = UsdUtils.CoalescingDiagnosticDelegate()
     try:
-        stage = _open(path)
+        documents, stage = _open(path)
+        for note in documents.notes:
+            warn(note)
+        choose_variants(stage, choices.variants)
         for error in stage.GetCompositionErrors():
             warn(str(error))
-        scene = _flatten_stage(stage, warn)
+        layers = stage.GetUsedLayers()
+        bake_skins(stage, warn)
+        scene = _flatten_stage(stage, choices, warn)
         if scene is None:
             hint = next(iter(warnings), "Check visibility, purpose, payloads and variant selections")
             raise InputError("the stage shows no geometry", where=path, mend=hint)
-        layers = [layer for layer in stage.GetUsedLayers() if layer != stage.GetSessionLayer()]
-        files = tuple(Path(layer.realPath.partition("[")[0]).resolve() for layer in layers if layer.realPath)
+        layers = [layer for layer in layers if layer != stage.GetSessionLayer()]
+        files = [Path(layer.realPath.partition("[")[0]).resolve() for layer in layers if layer.realPath]
+        adopted = [documents.files[layer.identifier] for layer in layers if layer.identifier in documents.files]
+        digests = [_layer_digest(layer) for layer in layers if layer.identifier not in documents.files]
         return ComposedStage(
-            replace(scene, warnings=tuple(warnings)), tuple(sorted(_layer_digest(layer) for layer in layers)), files
-        )
+            replace(scene, warnings=tuple(warnings)),
+            tuple(sorted([*digests, *map(file_digest, adopted)])), (*files, *adopted),
+        )  # fmt: skip
     finally:
         del quiet
+
+
+def choose_variants(stage: Usd.Stage, variants: tuple[tuple[str, str, str], ...]) -> None:
+    """Select variants on a stage, without touching its files.
+
+    Args:
+        stage: Composed stage.
+        variants: Prim path, set and name of each.
+
+    Raises:
+        InputError: There is no such prim, set or variant.
+    """
+    if not variants:
+        return
+    stage.SetEditTarget(stage.GetSessionLayer())
+    for path, name, chosen in variants:
+        told = f"{path}:{name}={chosen}"
+        prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
+        if not prim:
+            raise InputError("no such prim on the stage", field="--variant", value=told)
+        sets = prim.GetVariantSets()
+        if name not in sets.GetNames():
+            known = ", ".join(sets.GetNames()) or "none"
+            raise InputError("the prim has no such variant set", field="--variant", value=told, allowed=known)
+        known = sets.GetVariantSet(name).GetVariantNames()
+        if chosen not in known:
+            raise InputError("no such variant", field="--variant", value=told, allowed=", ".join(known))
+        sets.SetSelection(name, chosen)
 
 
 def choose_survey(scene: FlatScene, survey: str | None, path: Path) -> FlatScene:
@@ -152,39 +195,59 @@ def stage_to_world(stage: Usd.Stage) -> F64:
     return transform
 
 
-def _open(path: Path) -> Usd.Stage:
+def _open(path: Path) -> tuple[Adopted, Usd.Stage]:
     if not path.exists():
         raise MissingError("no such file", where=path, mend="Check the path")
     if path.is_dir():
         raise InputError("is a folder, not a USD file", where=path, mend="Name the stage inside it, e.g. scene.usda")
     try:
-        return Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
+        documents = Adopted(path)
+        return documents, Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
     except Tf.ErrorException as error:
-        reasons = [part.commentary for part in error.args if hasattr(part, "commentary")]
-        raise InputError(
-            "not readable as USD" + (f": {reasons[0]}" if reasons else ""), where=path, allowed="usda, usdc, usd, usdz"
-        ) from None
+        what = f"not readable as USD: {reason_of(error)}"
+        raise InputError(what, where=path, allowed="usda, usdc, usd, usdz") from None
 
 
-def _flatten_stage(stage: Usd.Stage, warn: Warn) -> FlatScene | None:
+def _flatten_stage(stage: Usd.Stage, choices: StageChoices, warn: Warn) -> FlatScene | None:
     """Everything but warnings and origin; None where nothing is drawn."""
     transform = stage_to_world(stage)
     table = read_taxonomy(stage, warn)
-    placements = find_placements(stage, warn)
-    flat = flatten(placements, transform, table, warn) if placements else None
-    if flat is None or not len(flat.draws.part):
+    cameras = read_cameras(stage, transform, warn, choices.frames)
+    moving = flatten_moments(stage, cameras or (_anywhere(choices),), choices, table, transform, warn)
+    if moving is None:
         return None
-    cameras = read_cameras(stage, transform, warn)
-    products = read_products(stage, cameras, warn)
-    if not cameras:
-        track, product = framing_camera(*world_bounds(flat))
-        cameras, products = (track,), (product,)
+    flat = moving.flat
+    products = read_products(stage, cameras, warn, choices)
+    if cameras:
+        cameras = moving.cameras
+    else:
+        low, high = zip(*(world_bounds(_at(moving, number)) for number in range(len(moving.moments) or 1)), strict=True)
+        track, product = framing_camera(np.min(low, axis=0), np.max(high, axis=0), max(len(choices.frames), 1))
+        cameras = (replace(track, moments=moving.cameras[0].moments),)
+        products = read_products(stage, cameras, warn, choices) if choices.camera else (sized(product, choices),)
     lights = read_lights(stage, transform, warn)
+    note_unread(stage, warn)
     visibility = read_visibility(stage.GetPrimAtPath(tokens.ENVIRONMENT))
     return FlatScene(
         flat.geometry, flat.draws, flat.materials, lights.sun, lights.dome, cameras, products, flat.instances,
-        table.rows, (), "", visibility, lights.spheres,
+        table.rows, (), "", visibility, lights.spheres, moving.moments,
     )  # fmt: skip
+
+
+def _anywhere(choices: StageChoices) -> CameraTrack:
+    """A camera that is not on the stage, and takes an image at each frame that is asked for."""
+    return framing_camera(np.zeros(3), np.ones(3), max(len(choices.frames), 1))[0]
+
+
+def _at(moving: Moving, number: int) -> Flattened:
+    """What is drawn at one moment."""
+    if not moving.moments:
+        return moving.flat
+    still, moved = len(moving.flat.draws.part) - len(moving.moments[0].part), moving.moments[number]
+    whole = {
+        name: np.concatenate([rows[:still], getattr(moved, name)]) for name, rows in vars(moving.flat.draws).items()
+    }
+    return replace(moving.flat, draws=Draws(**whole))
 
 
 def _layer_digest(layer: Sdf.Layer) -> str:
@@ -193,6 +256,7 @@ def _layer_digest(layer: Sdf.Layer) -> str:
 
 
 def _files(material: Material) -> list[str]:
-    maps = (material.base_texture, material.roughness_texture, material.metallic_texture, material.normal_texture)
-    files = [texture.file for texture in maps if texture] + [material.detail.file, material.detail.macro_file]
+    maps = material.textures()
+    files = [file for texture in maps for file in (texture.file, texture.alpha)]
+    files += [material.detail.file, material.detail.macro_file]
     return [file for file in files if file]

@@ -1,11 +1,20 @@
 """When a stage is read, and which of its prims count."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
-from pxr import Usd, UsdGeom
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Tf, Usd, UsdGeom
+
+from groundwork.errors import InputError
 
 # The first sample where there are samples, else the default: what a still picture of the stage shows.
 EARLIEST = Usd.TimeCode.EarliestTime()
+
+# What it comes to, in numpy or in the bindings of USD, that a value is of another type than its schema says.
+MISTYPED = (ValueError, TypeError, LookupError, AttributeError, OverflowError, RuntimeError, Tf.ErrorException)
 
 COMPOSED = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
@@ -21,3 +30,58 @@ def composed_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
         yield prim
         if prim.IsA(UsdGeom.PointInstancer):
             prims.PruneChildren()
+
+
+@contextmanager
+def guarded(prim: Usd.Prim, warn: Callable[[str], None], what: str = "left out") -> Iterator[None]:
+    """Let a prim with values of wrong types, or facts that are none, cost itself alone.
+
+    Args:
+        prim: The prim.
+        warn: Called with one line where it could not be read.
+        what: What becomes of it.
+    """
+    try:
+        yield
+    except (*MISTYPED, InputError) as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[-1].strip()
+        warn(f"{prim.GetPath()}: a value of another type than its schema says ({reason}): {what}")
+
+
+def table_of(value: Any, width: int) -> NDArray[np.float64] | None:
+    """Take a value as rows of numbers.
+
+    Args:
+        value: Value of an attribute.
+        width: Numbers in a row.
+
+    Returns:
+        Rows, shape (N, width), float64, none for no value; None where the value is something else.
+    """
+    if value is None:
+        return np.zeros((0, width))
+    try:
+        rows = np.array(value, np.float64)
+    except (ValueError, TypeError):
+        return None
+    if rows.size == 0:
+        return np.zeros((0, width))
+    return rows if rows.ndim == 2 and rows.shape[1] == width else None
+
+
+def numbers_of(value: Any) -> NDArray[np.int64] | None:
+    """Take a value as whole numbers.
+
+    Args:
+        value: Value of an attribute.
+
+    Returns:
+        Numbers, shape (N,), int64, none for no value; None where the value is something else.
+    """
+    try:
+        rows = np.array([] if value is None else value)
+        if rows.size == 0:
+            return np.zeros(0, np.int64)
+        return rows.astype(np.int64) if rows.ndim == 1 and rows.dtype.kind in "iu" else None
+    except (ValueError, TypeError):
+        return None

@@ -1,0 +1,232 @@
+"""What a DCC did that does not come home: one line each, so that nothing vanishes without a word."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade
+
+from authoring.edits.bodies import worn_by
+from authoring.edits.matching import Matches, is_blender, object_name, stable_id
+from authoring.edits.materials import materials_by_name, taken_inputs
+from authoring.edits.shapes import is_body
+from usd_schemas import tokens
+
+_TIME = Usd.TimeCode.EarliestTime()
+_NAMED = 12  # of a line; the others are counted
+_SAME = 1e-4  # relative: what single precision leaves of a number
+_TAKEN = (  # of matched prims, by the modules beside this one
+    "xformOp", "points", "faceVertex", "normals", "extent", "primvars:st:", "primvars:st1:", "primvars:normals",
+    "material:binding", "visibility", "userProperties:blender",
+)  # fmt: skip
+_TAKEN_WHOLE = {"primvars:st", "primvars:st1", tokens.USER_FALSEWORK_ID}
+_SUN = ("inputs:color", "inputs:intensity", "inputs:exposure", "inputs:enableColorTemperature")
+_LENS = ("focalLength", "horizontalAperture", "verticalAperture", "clippingRange", "fStop", "focusDistance", "shutter:")
+_LABELS = (tokens.USER_COMPONENT, tokens.USER_CLASS, tokens.USER_INSTANCE_ID)
+_PLAIN = (
+    UsdGeom.Xform, UsdGeom.Scope, UsdGeom.Camera, UsdGeom.Subset, UsdShade.Material, UsdShade.NodeGraph,
+    UsdShade.Shader, UsdRender.SettingsBase, UsdRender.Var, UsdLux.LightFilter,
+)  # fmt: skip
+
+
+def untaken(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> list[str]:
+    """List what of an edited stage the harvest leaves.
+
+    What Blender changes on every trip is no edit: of its files only what it can tell is looked at.
+
+    Args:
+        before: The scene without earlier edits.
+        after: What a DCC made of it.
+        matches: What the two have in common.
+
+    Returns:
+        One line for each kind of thing, sorted, with the names of what it is about.
+    """
+    found: dict[str, dict[str, None]] = {}
+    for name, reason in _all(before, after, matches):
+        found.setdefault(reason, {})[name] = None
+    return sorted(f"{_few(list(names))}: {reason}" for reason, names in found.items())
+
+
+def _all(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
+    yield from _strangers(before, after, matches)
+    for path, prim in sorted(matches.pairs.items()):
+        yield from _of_pair(before.GetPrimAtPath(path), prim)
+    for prim in matches.added.values():
+        yield from _of_addition(prim)
+    yield from _of_materials(before, after)
+    if not is_blender(after):
+        yield from _of_properties(before, after, matches)
+        yield from _gone(before, after, matches)
+
+
+def _few(names: list[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
+def _strangers(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
+    """New prims that are no body, camera or lamp."""
+    known = {prim.GetName() for prim in before.Traverse()}
+    taken = {prim.GetPath() for prim in (*matches.pairs.values(), *matches.added.values())}
+    prims = iter(after.Traverse())
+    for prim in prims:
+        if prim.IsA(UsdGeom.PointInstancer):
+            prims.PruneChildren()
+        kind = prim.GetTypeName()
+        new = prim.GetPath() not in taken and not {prim.GetName(), object_name(prim)} & known
+        if not new or not kind or any(prim.IsA(schema) for schema in _PLAIN):
+            continue
+        if prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1):
+            if not is_blender(after):
+                yield object_name(prim), "another sky is not taken over; scene set light=FILE.hdr brings one in"
+        elif is_body(prim):
+            if prim.IsA(UsdGeom.Mesh) and not prim.GetAttribute("points").Get(_TIME):
+                yield object_name(prim), "a mesh without points is not taken over"
+        elif prim.IsA(UsdGeom.PointInstancer):
+            if is_blender(after) and any(one.IsA(UsdGeom.PointInstancer) for one in before.Traverse()):
+                continue  # Blender gives those of the scene names of its own
+            yield object_name(prim), "an instancer is not taken over; make its instances real"
+        elif not prim.HasAPI(UsdLux.LightAPI):
+            yield object_name(prim), f"{kind} is not taken over; export it as a mesh"
+
+
+def _of_pair(ours: Usd.Prim, theirs: Usd.Prim) -> Iterator[tuple[str, str]]:
+    name, called = ours.GetName(), object_name(theirs)
+    if called != name and theirs.GetName() != name and not is_blender(theirs.GetStage()):
+        yield name, f"keeps its name, though the file calls it {called}"
+    above, now = _holder(ours), _holder(theirs)
+    if above != now and now and not is_blender(theirs.GetStage()):
+        yield name, f"stays below {above or 'the root'}, though the file has it below {now}"
+    for label in _LABELS:
+        old, new = ours.GetAttribute(label).Get(), theirs.GetAttribute(label).Get()
+        if new is not None and old is not None and new != old:
+            yield name, f"keeps {label.rpartition(':')[2]} {old}, though the file says {new}"
+    if is_body(ours) and not is_body(theirs):
+        yield name, f"is a {theirs.GetTypeName()} in the file, and keeps its shape"
+    if is_body(ours) and is_body(theirs):
+        if len({material.GetPath() for part, material in worn_by(theirs).items() if part}) > 1:
+            yield name, "wears more than one material in the file: the first is taken for all of it"
+        if _moves(theirs):
+            yield name, "moves in the file: it is taken as it is at the first frame"
+
+
+def _of_addition(prim: Usd.Prim) -> Iterator[tuple[str, str]]:
+    name = object_name(prim)
+    if _moves(prim):
+        yield name, "moves in the file: it is taken as it is at the first frame"
+    if prim.HasAPI(UsdLux.LightAPI):
+        yield name, "shines in the file: its shape is taken, its light is not"
+    scheme = UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr() if prim.IsA(UsdGeom.Mesh) else None
+    if scheme and scheme.HasAuthoredValue() and scheme.Get() != UsdGeom.Tokens.none:
+        yield name, f"is subdivided ({scheme.Get()}) in the file: its cage is taken; apply the subdivision"
+    sources = (
+        one
+        for shader in _networks(prim)
+        for attribute in shader.GetAuthoredAttributes()
+        for one in attribute.GetConnections()
+    )
+    homes = [material.GetPath() for material in worn_by(prim).values()]
+    if any(not any(source.HasPrefix(home) for home in homes) for source in sources):
+        yield name, "wears a material that is connected to something outside of itself, which is not taken over"
+
+
+def _networks(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    for material in worn_by(prim).values():
+        yield from Usd.PrimRange(material.GetPrim())
+
+
+def _of_materials(before: Usd.Stage, after: Usd.Stage) -> Iterator[tuple[str, str]]:
+    ours, theirs = materials_by_name(before), materials_by_name(after)
+    for name in sorted(ours.keys() & theirs.keys()):
+        if ours[name].ComputeSurfaceSource()[0] and not _is_preview(theirs[name]) and _is_preview(ours[name]):
+            yield name, "its surface is no UsdPreviewSurface in the file, and stays as it is"
+        elif not is_blender(after):
+            yield from _of_network(name, ours[name], theirs[name])
+    if not is_blender(after):
+        worn = {material.GetPath() for prim in after.Traverse() if is_body(prim) for material in worn_by(prim).values()}
+        for name in sorted(theirs.keys() - ours.keys()):
+            if theirs[name].GetPath() not in worn:
+                yield name, "a material that nothing wears is not taken over"
+
+
+def _of_network(name: str, ours: UsdShade.Material, theirs: UsdShade.Material) -> Iterator[tuple[str, str]]:
+    """Inputs of a material that the harvest does not compare: the placement of a texture, a coat, a scale."""
+    for prim in Usd.PrimRange(theirs.GetPrim()):
+        old = ours.GetPrim().GetStage().GetPrimAtPath(prim.GetPath().ReplacePrefix(theirs.GetPath(), ours.GetPath()))
+        if not old:
+            continue
+        surface = UsdShade.Shader(prim).GetShaderId() == "UsdPreviewSurface" if prim.IsA(UsdShade.Shader) else False
+        for attribute in prim.GetAuthoredAttributes():
+            word = attribute.GetName()
+            if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset or (surface and word in taken_inputs()):
+                continue
+            if not attribute.GetConnections() and _differs(old.GetAttribute(word), attribute):
+                yield name, f"{prim.GetName()}.{word} is not taken over"
+
+
+def _of_properties(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
+    """Properties that differ on prims that both stages have, and that nothing of the harvest compares."""
+    pairs = {prim.GetPath(): prim for prim in before.Traverse()}
+    there = {path: matches.pairs.get(path) or after.GetPrimAtPath(path) for path in pairs}
+    for path, theirs in sorted(there.items()):
+        ours = pairs[path]
+        if not theirs or any(ours.IsA(schema) for schema in (UsdShade.Material, UsdShade.Shader, UsdShade.NodeGraph)):
+            continue
+        taken = _TAKEN + (_LENS if ours.IsA(UsdGeom.Camera) else ()) + (_SUN if ours.IsA(UsdLux.DistantLight) else ())
+        for attribute in theirs.GetAuthoredAttributes():
+            word = attribute.GetName()
+            if word in _TAKEN_WHOLE or word in _LABELS or word.startswith(taken):
+                continue
+            if _differs(ours.GetAttribute(word), attribute):
+                yield path.name, f"{word} is not taken over"
+
+
+def _gone(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
+    """What is no body and is missing: plants, lights, cameras."""
+    names = {prim.GetName() for prim in after.Traverse()}
+    for prim in before.Traverse():
+        counted = prim.IsA(UsdGeom.PointInstancer) or prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI)
+        if counted and prim.GetPath() not in matches.pairs and prim.GetName() not in names:
+            yield prim.GetName(), f"a {prim.GetTypeName()} that the file lacks stays"
+
+
+def _differs(old: Usd.Attribute, new: Usd.Attribute) -> bool:
+    a, b = (attribute.Get(_TIME) if attribute else None for attribute in (old, new))
+    if b is None or a is None:
+        return b is not None
+    return not _same(a, b)
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, Sdf.AssetPath) and isinstance(b, Sdf.AssetPath):
+        return a.path.rpartition("/")[2] == b.path.rpartition("/")[2]
+    try:
+        one, two = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    except (TypeError, ValueError):
+        return bool(a == b)
+    return one.shape == two.shape and bool(np.allclose(one, two, rtol=_SAME, atol=_SAME))
+
+
+def _is_preview(material: UsdShade.Material) -> bool:
+    surface = material.ComputeSurfaceSource()[0]
+    return bool(surface) and surface.GetShaderId() == "UsdPreviewSurface"
+
+
+def _holder(prim: Usd.Prim) -> str:
+    """Find the nearest prim above that has a stable id."""
+    above = prim.GetParent()
+    while above and not above.IsPseudoRoot() and not stable_id(above):
+        above = above.GetParent()
+    return stable_id(above) if above else ""
+
+
+def _moves(prim: Usd.Prim) -> bool:
+    points = prim.GetAttribute("points")
+    if points and points.ValueMightBeTimeVarying():
+        return True
+    while prim and not prim.IsPseudoRoot():
+        if prim.IsA(UsdGeom.Xformable) and UsdGeom.Xformable(prim).TransformMightBeTimeVarying():
+            return True
+        prim = prim.GetParent()
+    return False

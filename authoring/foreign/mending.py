@@ -1,0 +1,81 @@
+"""What a file from elsewhere leaves out or spells otherwise, mended where its meaning is plain."""
+
+from collections.abc import Iterator
+
+from pxr import Kind, Sdf, Sdr, Usd, UsdGeom, UsdLux, UsdShade
+
+_TEXTS = {Sdf.ValueTypeNames.Token, Sdf.ValueTypeNames.String}
+
+
+def mend(layer: Sdf.Layer) -> None:
+    """Mend a flattened layer in place; what it shows stays as it is.
+
+    - Kinds: what lies in a background lies in a component, so that models in it are subcomponents, and groups nothing.
+    - Extents: what has none gets the one that its points or dimensions make.
+    - Bindings: what is bound says so by the API that the binding belongs to; a binding to nothing goes.
+    - Types: an input of a shader that holds what the shader asks for under another role (`float3` for `color3f`).
+
+    Args:
+        layer: Flattened layer in memory, its root prim a component.
+    """
+    stage = Usd.Stage.Open(layer, Usd.Stage.LoadAll)
+    for prim in _prims(stage):
+        _mend_kind(prim)
+        _mend_extent(prim)
+        _mend_binding(prim)
+        if prim.IsA(UsdShade.Shader):
+            _mend_types(UsdShade.Shader(prim))
+
+
+def _prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """Walk every prim that the layer speaks of, prototypes too; those above are changed before those below."""
+    yield from Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
+
+
+def _mend_kind(prim: Usd.Prim) -> None:
+    kind, model = Usd.ModelAPI(prim).GetKind(), Kind.Registry
+    if not kind or prim.GetPath().IsRootPrimPath() or not model.IsA(kind, Kind.Tokens.model):
+        return
+    if model.IsA(kind, Kind.Tokens.component):
+        Usd.ModelAPI(prim).SetKind(Kind.Tokens.subcomponent)
+    else:
+        prim.ClearMetadata("kind")
+
+
+def _mend_extent(prim: Usd.Prim) -> None:
+    body = UsdGeom.Boundable(prim)
+    if not body or prim.HasAPI(UsdLux.LightAPI) or body.GetExtentAttr().HasAuthoredValue():
+        return
+    points = prim.GetAttribute("points")
+    codes = points.GetTimeSamples() if points else []
+    for code in codes or [Usd.TimeCode.Default()]:
+        extent = UsdGeom.Boundable.ComputeExtentFromPlugins(body, Usd.TimeCode(code))
+        if extent:
+            body.CreateExtentAttr().Set(extent, code)
+
+
+def _mend_binding(prim: Usd.Prim) -> None:
+    word = UsdShade.Tokens.materialBinding
+    for binding in (one for one in prim.GetAuthoredRelationships() if one.GetName().startswith(word)):
+        if not binding.GetTargets():
+            prim.RemoveProperty(binding.GetName())
+        elif not prim.HasAPI(UsdShade.MaterialBindingAPI):
+            UsdShade.MaterialBindingAPI.Apply(prim)
+
+
+def _mend_types(shader: UsdShade.Shader) -> None:
+    node = Sdr.Registry().GetShaderNodeByIdentifier(shader.GetShaderId() or "")
+    for name in node.GetShaderInputNames() if node else ():
+        attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
+        asked = node.GetShaderInput(name).GetTypeAsSdfType().GetSdfType()
+        if not attribute or not asked or attribute.GetTypeName() == asked:
+            continue
+        if attribute.GetTypeName().type == asked.type:
+            attribute.SetTypeName(asked)
+        elif attribute.HasAuthoredConnections():  # what it holds itself does not count
+            attribute.Clear()
+            attribute.SetTypeName(asked)
+        elif {attribute.GetTypeName(), asked} == _TEXTS:
+            text = attribute.Get()
+            attribute.SetTypeName(asked)
+            attribute.Set(text or "")

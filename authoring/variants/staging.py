@@ -1,0 +1,102 @@
+"""A user's asset on its way into a scene: made beside its place, looked at there, and moved in when all is well."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pxr import Sdf, Usd
+
+from authoring.layers.selection import AXES
+from authoring.scenes.validate import RULES, asset_findings, usd_findings
+from groundwork.errors import InputError
+from groundwork.files import commit_folder, temporary_name
+from usd_schemas import tokens
+from usd_schemas.guard.layer_walk import Warn
+
+_TRIAL = "falsework_trial"  # a variant that no scene offers
+_NAMED = 3
+
+Offer = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Staged:
+    """An asset that is ready to be moved in; until then the scene is as it was.
+
+    Attributes:
+        name: What the scene will call it.
+        fresh: Its folder for now, beside its place.
+        place: Where it will lie.
+        offer: Lets the scene offer it.
+    """
+
+    name: str
+    fresh: Path
+    place: Path
+    offer: Offer
+
+    def commit(self) -> None:
+        """Move the asset to its place, in exchange for a former one of its name, and offer it."""
+        former = temporary_name(self.place, f"-{self.place.name}")
+        if self.place.exists():
+            self.place.rename(former)
+        commit_folder(self.fresh, self.place)
+        shutil.rmtree(former, ignore_errors=True)
+        self.offer()
+
+    def discard(self) -> None:
+        """Forget the asset, once it lies where it was made."""
+        shutil.rmtree(self.fresh, ignore_errors=True)
+        home = self.fresh.parent
+        if home.is_dir() and not any(home.iterdir()):
+            home.rmdir()  # made for this asset alone
+
+
+def fresh_folder(place: Path) -> Path:
+    """Make an empty folder beside the place of an asset, under a name that nobody else chooses.
+
+    Args:
+        place: Where the asset will lie.
+    """
+    fresh = temporary_name(place, f"-{place.name}")
+    fresh.mkdir(parents=True)
+    return fresh
+
+
+def check_asset(scene: Path, axis: str, layer: Path, file: Path, warn: Warn) -> None:
+    """Validate an asset as the scene will compose it.
+
+    Args:
+        scene: Root layer of the scene.
+        axis: `background` or `look`.
+        layer: Root layer of the asset.
+        file: The file that it came from, for errors.
+        warn: Called with one line for what only USD's own validators find: it is the file's, and stays as it is.
+
+    Raises:
+        InputError: The scene would not be sound with it.
+    """
+    owner, shown = AXES[axis], tokens.BACKGROUND if axis == "background" else f"{tokens.BRIDGE}/BridgeLooks"
+    mask = Usd.StagePopulationMask([shown, tokens.SEMANTIC_VAR])
+    session = Sdf.Layer.CreateAnonymous(".usda")
+    spec = Sdf.CreatePrimInLayer(session, owner)
+    spec.variantSelections[axis] = _TRIAL
+    variant = Sdf.VariantSpec(Sdf.VariantSetSpec(spec, axis), _TRIAL).primSpec
+    if axis == "background":
+        variant.payloadList.prependedItems = [Sdf.Payload(str(layer.resolve()))]
+    else:
+        looks = Sdf.PrimSpec(variant, "BridgeLooks", Sdf.SpecifierOver)
+        looks.referenceList.prependedItems = [Sdf.Reference(str(layer.resolve()))]
+    stage = Usd.Stage.OpenMasked(Sdf.Layer.FindOrOpen(str(scene.resolve())), session, mask)
+    wrong = [*asset_findings(layer), *(line for rule in RULES if rule is not usd_findings for line in rule(stage))]
+    if wrong:
+        raise InputError("would leave the scene unsound", where=file, field=axis, value=_few(wrong))
+    odd = sorted(set(usd_findings(stage)))
+    if odd:
+        warn(f"{file.name}: taken as it is, though USD's validators say: {_few(odd)}")
+
+
+def _few(lines: list[str]) -> str:
+    more = f"; and {len(lines) - _NAMED} more" if len(lines) > _NAMED else ""
+    return "; ".join(lines[:_NAMED]) + more

@@ -1,0 +1,96 @@
+"""`falsework render`: any USD stage into captures; what is wrong with its words is said before the stage is read."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from falsework.commands.console import ConsoleProgress
+from groundwork.errors import InputError
+
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+File = tyro.conf.Positional[Path]
+Several = tyro.conf.UseAppendAction[tuple[str, ...]]
+
+
+def render(
+    stage: File,
+    output: Output,
+    *,
+    survey: str | None = None,
+    camera: str = "",
+    frame: Several = (),
+    width: int = 0,
+    height: int = 0,
+    exposure: str = "auto",
+    purpose: Several = (),
+    variant: Several = (),
+    quality: Literal["fast", "standard", "fine"] = "standard",
+    subdivision: int = 1,
+    noise: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with noise)")] = True,
+    seed: int = 7,
+    workers: int = 1,
+    allow_root: tuple[Path, ...] = (),
+) -> int:
+    """Render any USD stage into captures: one folder for each RenderProduct, or for each camera where there is none.
+
+    Killed at any moment, the same command goes on where it stopped.
+
+    Args:
+        stage: USD file.
+        output: Folder to write into.
+        survey: Only this product or camera.
+        camera: Only this camera, by its name or prim path, whatever the products say.
+        frame: Time code of an image, or FIRST:LAST or FIRST:LAST:STEP; may be given more
+            than once. Else those of the camera.
+        width: Image width [px]; with it alone the image keeps its shape.
+        height: Image height [px].
+        exposure: `light` (dark things stay dark), `surfaces` (the middle tone becomes grey), a number of stops from
+            gain 1, or `auto`: surfaces for flights of ours, else light.
+        purpose: A purpose that is drawn beside `default`: render, proxy or guide; render alone when left out.
+        variant: /PRIM/PATH:SET=NAME; may be given more than once.
+        quality: How much shading.
+        subdivision: Times that subdivision surfaces are refined; 0 draws their cages.
+        noise: The sensor's noise is in the images; `--no-noise` leaves it out.
+        seed: Seed of the sensor's noise.
+        workers: Processes that share the frames of a survey; the bytes do not depend on them.
+        allow_root: Folders beside that of the stage from which it may take layers and textures.
+    """
+    from falsework.commands.verbs import render_file
+
+    sensor = {"noise": noise, **_exposure(exposure)}
+    settings = {"quality": quality, "sensor": sensor, "workers": workers, "subdivision": subdivision}
+    choices = _choices(settings, camera, frame, purpose, variant, (width, height))
+    with ConsoleProgress() as progress:
+        names = render_file(stage, output, survey, settings, seed, progress, allow_root, choices)
+    for name in names:
+        sys.stdout.write(f"capture {output / name}\n")
+    return 0
+
+
+def _choices(
+    settings: dict[str, Any], camera: str, frame: tuple[str, ...], purpose: tuple[str, ...], variant: tuple[str, ...],
+    size: tuple[int, int],
+) -> dict[str, Any] | None:  # fmt: skip
+    """Check settings and choices; the choices as JSON, None where the stage is read as it is."""
+    from groundwork.settings import parse_settings
+    from render.settings import RenderSettings
+    from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, check_choices, frames_of, variants_of
+
+    level = parse_settings(RenderSettings, settings, "render").subdivision
+    purposes = ("default", *(purpose or ("render",)))
+    choices = StageChoices(camera, frames_of(frame), purposes, variants_of(variant), *size, level)
+    check_choices(choices)
+    return None if choices == AS_AUTHORED else choices.as_json()
+
+
+def _exposure(word: str) -> dict[str, Any]:
+    """Turn the word into settings of the sensor."""
+    if word in ("auto", "light", "surfaces"):
+        return {"metering": word}
+    try:
+        return {"exposure": float(word)}
+    except ValueError:
+        allowed = "auto, light, surfaces, or a number [EV]"
+        raise InputError("no exposure", field="--exposure", value=word, allowed=allowed) from None

@@ -1,0 +1,149 @@
+"""How far a run is: a table of stages and scenes, its rate, the time that is left; to be drawn, or as a line."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from falsework.execution.board import Told
+
+MOST_ROWS = 12  # scenes shown at a time: those in work, then those that ended last
+_MANY = 100.0  # [1/h] from which a rate is told without a decimal
+_SHORT, _LONG = 120.0, 7200.0  # [s] up to which a time is told in seconds, and in minutes
+
+
+@dataclass
+class _Scene:
+    done: dict[str, set[str]] = field(default_factory=dict)
+    details: dict[str, str] = field(default_factory=dict)
+    state: str = ""
+    seen: int = 0
+
+
+@dataclass
+class RunTable:
+    """The state of a run as it was told.
+
+    Attributes:
+        seconds_of: Tells how long a result of a stage takes in the mean [s].
+        clock: Tells the time [s].
+    """
+
+    seconds_of: Callable[[str], float]
+    clock: Callable[[], float] = time.monotonic
+    _scenes: dict[str, _Scene] = field(default_factory=dict)
+    _steps: dict[str, int] = field(default_factory=dict)
+    _workers: int = 1
+    _begin: float = 0.0
+    _told: int = 0
+    _worked: set[str] = field(default_factory=set)
+
+    def expect(self, scenes: Sequence[str], steps: Mapping[str, int], workers: int) -> None:
+        """Take in what there is to do.
+
+        Args:
+            scenes: Numbers of the scenes.
+            steps: Name of each stage to the number of its results in one scene.
+            workers: How many scenes are worked on at once in other processes; 0 where this one does the work.
+        """
+        self._scenes, self._steps = {name: _Scene() for name in scenes}, dict(steps)
+        self._workers, self._begin = max(workers, 1), self.clock()
+
+    def tell(self, told: Told) -> None:
+        """Take in one thing that happened.
+
+        Args:
+            told: What happened.
+        """
+        scene = self._scenes.get(told.scene)
+        if scene is None:
+            return
+        self._told += 1
+        scene.seen = self._told
+        if not told.stage:
+            scene.state = told.state
+            scene.details.clear()
+        elif told.state == "done":
+            scene.done.setdefault(told.stage, set()).add(told.link)
+            scene.details.pop(told.stage, None)
+        else:
+            scene.details[told.stage] = told.detail or "…"
+            self._worked.add(told.scene)
+
+    @property
+    def ended(self) -> int:
+        """Number of scenes that have ended, well or not."""
+        return sum(scene.state != "" for scene in self._scenes.values())
+
+    @property
+    def rate(self) -> float:
+        """Scenes that were worked on and have ended, each hour [1/h]."""
+        ended = sum(self._scenes[name].state != "" for name in self._worked)
+        return 3600.0 * ended / max(self.clock() - self._begin, 1e-3)
+
+    @property
+    def seconds_left(self) -> float:
+        """Time that the rest takes, by the mean of each stage [s]; scenes that nobody looked at count as not begun."""
+        left = 0.0
+        for stage, each in self._steps.items():
+            missing = sum(each - len(scene.done.get(stage, ())) for scene in self._scenes.values() if not scene.state)
+            left += max(missing, 0) * self.seconds_of(stage)
+        open_scenes = len(self._scenes) - self.ended
+        return left / max(min(self._workers, open_scenes), 1)
+
+    def summary(self) -> str:
+        """Say in a line how far the run is."""
+        bad = {state: sum(scene.state == state for scene in self._scenes.values()) for state in ("rejected", "failed")}
+        parts = [f"{self.ended} of {len(self._scenes)} scenes"]
+        parts += [f"{count} {state}" for state, count in bad.items() if count]
+        if self.rate > 0:
+            parts.append(f"{self.rate:,.1f} an hour" if self.rate < _MANY else f"{self.rate:,.0f} an hour")
+        if self.ended < len(self._scenes):
+            parts.append(f"about {_duration(self.seconds_left)} left")
+        return ", ".join(parts)
+
+    def line(self) -> str:
+        """Say all of it in one line, for where no terminal is watching."""
+        counts = ", ".join(f"{stage} {self._count(stage)}" for stage in self._steps)
+        return f"{self.summary()} ({counts})"
+
+    def drawn(self) -> Group:
+        """Draw the scenes in work and those that ended last, the sums below, and how far the run is."""
+        if not self._steps:
+            return Group()
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold", show_footer=True)
+        table.add_column("scene", footer="all")
+        for stage in self._steps:
+            table.add_column(stage, footer=self._count(stage), min_width=12)
+        table.add_column("")
+        for name in self._shown():
+            scene = self._scenes[name]
+            table.add_row(name, *(self._cell(scene, stage) for stage in self._steps), scene.state.replace("done", ""))
+        return Group(table, Text(self.summary()))
+
+    def _shown(self) -> list[str]:
+        """Choose scenes: in work first, the last told last; in the order of their numbers."""
+        known = [name for name, scene in self._scenes.items() if scene.seen]
+        known.sort(key=lambda name: (self._scenes[name].state != "", -self._scenes[name].seen))
+        return sorted(known[:MOST_ROWS])
+
+    def _cell(self, scene: _Scene, stage: str) -> str:
+        done, each = len(scene.done.get(stage, ())), self._steps[stage]
+        if stage in scene.details:
+            return f"{done}/{each} {scene.details[stage]}" if each > 1 else scene.details[stage]
+        if done >= each:
+            return "done"
+        return f"{done}/{each}" if done else "-"
+
+    def _count(self, stage: str) -> str:
+        done = sum(min(len(scene.done.get(stage, ())), self._steps[stage]) for scene in self._scenes.values())
+        return f"{done}/{self._steps[stage] * len(self._scenes)}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < _SHORT:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < _LONG else f"{seconds / 3600:.1f} h"

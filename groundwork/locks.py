@@ -1,0 +1,114 @@
+"""One process at a time: kernel locks on files, which fall with their holder and can be asked for without waiting."""
+
+import errno
+import fcntl
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+from groundwork.errors import FalseworkError, InputError
+
+_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # what file systems without locks answer
+
+
+class BusyError(FalseworkError):
+    """Another process holds a lock that we do not wait for."""
+
+
+@contextmanager
+def hold_lock(path: Path, *, wait: bool = True) -> Iterator[bool]:
+    """Hold a kernel lock on a file; whoever holds it may remove the file.
+
+    On a file system without locks that is said, once. There nobody may remove what another process may have left, and
+    what is made needs a name that nobody else chooses.
+
+    Args:
+        path: The lock file; made where it is not there. Its folder must exist.
+        wait: Wait for another holder to end.
+
+    Yields:
+        True, or False on a file system without locks.
+
+    Raises:
+        BusyError: Another process holds it, and we do not wait.
+        InputError: Something else stands there.
+    """
+    try:
+        handle, held = open_locked(path, wait=wait)
+    except (IsADirectoryError, FileNotFoundError) as error:
+        raise _in_the_way(path) from error
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise _in_the_way(path) from error
+        raise
+    if not held:
+        _say_no_locks(_mount_point(path))
+    try:
+        yield held
+    finally:
+        os.close(handle)
+
+
+def open_locked(path: Path, *, wait: bool = True) -> tuple[int, bool]:
+    """Open a file and lock it; closing the handle gives the lock back.
+
+    Args:
+        path: The lock file; made where it is not there, and never a link.
+        wait: Wait for another holder to end.
+
+    Returns:
+        A handle of the file that has this name now, and whether it is locked: False on a file system without locks.
+
+    Raises:
+        BusyError: Another process holds it, and we do not wait.
+        OSError: It cannot be opened.
+    """
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+            if _is_at(handle, path):
+                return handle, True
+        except BlockingIOError:
+            os.close(handle)
+            raise BusyError(f"{path}: another process holds this lock") from None
+        except OSError as error:
+            if error.errno in _NO_LOCKS:
+                return handle, False
+            os.close(handle)
+            raise
+        except BaseException:  # interrupted while it waited
+            os.close(handle)
+            raise
+        os.close(handle)  # its former holder removed it between our two calls
+
+
+def _is_at(handle: int, path: Path) -> bool:
+    """Tell whether an open file still has its name."""
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _in_the_way(path: Path) -> InputError:
+    return InputError("is in the way of a lock", where=path, mend="Move it elsewhere")
+
+
+def _mount_point(path: Path) -> Path:
+    """Name the file system that a path lies on by its uppermost folder."""
+    folder = path.resolve().parent
+    while not folder.is_mount():
+        folder = folder.parent
+    return folder
+
+
+@cache
+def _say_no_locks(mount: Path) -> None:
+    sys.stderr.write(
+        f"falsework: {mount}: no locks in this file system: several processes may make the same, and what killed ones "
+        "left there stays\n"
+    )

@@ -1,0 +1,228 @@
+"""Training samples as other sensors, densities and surroundings would give them: for a model of strangers' scans."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from groundwork.settings import Settings
+from learn.datasets.augment import draw_change
+from learn.datasets.class_tables import BACKGROUND_CLASS
+from learn.datasets.draws import random_draw
+from learn.datasets.layout import PieceRow, read_piece
+from learn.datasets.patch import Patch, make_sample
+from learn.datasets.stored import StoredSplit
+from learn.sample import UNLABELLED, Sample, SampleSource
+from usd_schemas.components import component_classes
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+_FEWEST = 256  # points that a half of a piece must have
+
+
+class Variation(Settings):
+    """How training samples differ from what was scanned, beside being turned, mirrored and scaled."""
+
+    samples: int = Field(default=1000, ge=1, le=1_000_000, description="Samples of an epoch")
+    by_class: float = Field(default=0.5, ge=0.0, le=1.0, description="Share of the pieces chosen for a drawn class [1]")
+    thinned: float = Field(default=0.5, ge=0.0, le=1.0, description="Share of the samples that are thinned [1]")
+    least: float = Field(default=0.1, gt=0.0, le=1.0, description="Smallest share of the points that is left [1]")
+    halved: float = Field(default=0.15, ge=0.0, le=1.0, description="Share of the samples cut by a vertical plane [1]")
+    bare: float = Field(default=0.05, ge=0.0, le=1.0, description="Share of the samples without their bridge [1]")
+    tilt: float = Field(default=4.0, ge=0.0, le=45.0, description="Largest tilt [deg]")
+    jitter: float = Field(default=0.05, ge=0.0, le=1.0, description="Largest deviation of the points' noise [m]")
+    lift: float = Field(default=0.5, ge=0.0, le=10.0, description="Largest error of the height of the ground [m]")
+
+
+@dataclass(frozen=True)
+class VariedSplit:
+    """Samples of some bridges of a data set, every cloud as often as the others; a `learn.sample.SampleSource`.
+
+    A sample is a piece of its cloud: any, or one that holds a class drawn from all that the cloud has, so that what is
+    rare is seen. Positions are what changes; a model of colours or normals is not for this.
+
+    Attributes:
+        split: The split for training.
+        settings: How samples vary.
+        bridges: First digits of the bridges to take; none for all.
+    """
+
+    split: StoredSplit
+    settings: Variation
+    bridges: tuple[str, ...] = ()
+
+    @cached_property
+    def _clouds(self) -> list[list[PieceRow]]:
+        found: dict[int, list[PieceRow]] = {}
+        for row in self.split.facts.pieces:
+            if row.split == self.split.split and (not self.bridges or row.bridge.startswith(self.bridges)):
+                found.setdefault(row.source, []).append(row)
+        return [found[source] for source in sorted(found)]
+
+    @cached_property
+    def _counts(self) -> list[I64]:
+        """For each cloud the points of each class in its pieces, shape (pieces, classes)."""
+        return [np.stack([self._count(row) for row in rows]) for rows in self._clouds]
+
+    @cached_property
+    def _surroundings(self) -> I64:
+        """Labels of what is no part of a bridge, and of points without one."""
+        kinds = component_classes()
+        rest = [i for i, name in enumerate(self.classes) if kinds.get(name, name) == BACKGROUND_CLASS]
+        return np.array([*rest, UNLABELLED])
+
+    def _count(self, row: PieceRow) -> I64:
+        labels = read_piece(self.split.folder, row, ()).labels
+        return np.bincount(labels[labels != UNLABELLED], minlength=len(self.classes)).astype(np.int64)
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Name of each class, in the order of the labels."""
+        return self.split.classes
+
+    def __len__(self) -> int:
+        """Count the samples of an epoch."""
+        return self.settings.samples if self._clouds else 0
+
+    def bridge(self, index: int) -> str:
+        """Name the bridge of a sample.
+
+        Args:
+            index: Number of the sample.
+        """
+        return self._clouds[index % len(self._clouds)][0].bridge
+
+    def sample(self, index: int, seed: int) -> Sample:
+        """Draw a piece of a cloud and change it.
+
+        Args:
+            index: Number of the sample; it decides the cloud.
+            seed: Seed of everything else.
+        """
+        rng, number = np.random.default_rng([seed, index]), index % len(self._clouds)
+        row = self._clouds[number][draw_piece(self._counts[number], self.settings.by_class, rng)]
+        patch = vary(read_piece(self.split.folder, row, ()), self._surroundings, self.settings, rng)
+        facts = self.split.facts
+        rows = random_draw(len(patch), facts.settings.points, rng)
+        change = draw_change(facts.settings.augment, rng) @ draw_tilt(self.settings.tilt, rng)
+        return make_sample(patch, rows, self.split.channels, facts.scaling, change)
+
+
+@dataclass(frozen=True)
+class SomeSamples:
+    """Some samples of a source; a `learn.sample.SampleSource` too.
+
+    Attributes:
+        source: All samples.
+        rows: Numbers of those that are taken.
+    """
+
+    source: SampleSource
+    rows: Sequence[int]
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Name of each class, in the order of the labels."""
+        return self.source.classes
+
+    def __len__(self) -> int:
+        """Count the samples that are taken."""
+        return len(self.rows)
+
+    def bridge(self, index: int) -> str:
+        """Name the bridge of a sample.
+
+        Args:
+            index: Number of the sample.
+        """
+        return self.source.bridge(self.rows[index])
+
+    def sample(self, index: int, seed: int) -> Sample:
+        """Draw one sample.
+
+        Args:
+            index: Number of the sample.
+            seed: Seed of whatever is random in the draw.
+        """
+        return self.source.sample(self.rows[index], seed)
+
+
+def draw_piece(counts: I64, by_class: float, rng: np.random.Generator) -> int:
+    """Choose a piece of a cloud: any, or by one of the classes that the cloud has.
+
+    Args:
+        counts: Points of each class in each piece, shape (P, C), int64.
+        by_class: Share of the choices by class [1].
+        rng: Source of randomness.
+
+    Returns:
+        Number of the piece.
+    """
+    present = np.flatnonzero(counts.sum(axis=0))
+    if rng.random() >= by_class or not len(present):
+        return int(rng.integers(len(counts)))
+    column = counts[:, rng.choice(present)]
+    return int(rng.choice(len(counts), p=column / column.sum()))
+
+
+def vary(patch: Patch, surroundings: I64, settings: Variation, rng: np.random.Generator) -> Patch:
+    """Cut, empty, thin, lift and shake a piece.
+
+    Args:
+        patch: Piece with positions alone.
+        surroundings: Labels of what is no part of a bridge, shape (S,), int64.
+        settings: How much.
+        rng: Source of randomness.
+
+    Returns:
+        A piece with at least one point.
+    """
+    kept = np.arange(len(patch))
+    if rng.random() < settings.halved:
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        along = patch.coord[:, :2] @ np.array([np.cos(angle), np.sin(angle)])
+        half = np.flatnonzero(along > rng.choice(along))
+        kept = half if len(half) >= _FEWEST else kept
+    if rng.random() < settings.bare:
+        rest = kept[np.isin(patch.labels[kept], surroundings)]
+        kept = rest if len(rest) >= _FEWEST else kept
+    if rng.random() < settings.thinned:
+        share = np.exp(rng.uniform(np.log(settings.least), 0.0))
+        kept = np.sort(rng.permutation(kept)[: max(1, round(share * len(kept)))])
+    noise = rng.normal(size=(len(kept), 3)) * rng.uniform(0.0, settings.jitter)
+    noise[:, 2] += rng.uniform(-settings.lift, settings.lift)
+    coord = (patch.coord[kept] + noise).astype(np.float32)
+    return Patch(coord, {}, patch.labels[kept], patch.uncertainty[kept], patch.origin, patch.seed)
+
+
+def draw_tilt(largest: float, rng: np.random.Generator) -> F64:
+    """Draw a rotation about a level axis.
+
+    Args:
+        largest: Largest angle [deg].
+        rng: Source of randomness.
+
+    Returns:
+        Rotation for column vectors [1], shape (3, 3), float64.
+    """
+    return tilt_about(rng.uniform(0.0, 2.0 * np.pi), np.radians(rng.uniform(0.0, largest)))
+
+
+def tilt_about(heading: float, angle: float) -> F64:
+    """Rotate about a level axis.
+
+    Args:
+        heading: Angle of the axis from +x [rad].
+        angle: By how much [rad].
+
+    Returns:
+        Rotation for column vectors [1], shape (3, 3), float64.
+
+    Source: Rodrigues' formula.
+    """
+    x, y = np.cos(heading), np.sin(heading)
+    cross = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross

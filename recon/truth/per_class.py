@@ -1,0 +1,101 @@
+"""What became of the points of each class, and where along the bridge they are few."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recon.points.fates import DEVIATION, FATES, KEPT
+from recon.truth.windows import BACKGROUND, LENGTH, Windows
+from usd_schemas.components import UNLABELLED, ClassRow
+
+U8 = NDArray[np.uint8]
+I64 = NDArray[np.int64]
+
+FEW = 50  # points of a class in a window: fewer teach a network little
+_MUCH = 0.5  # share of a class's points that `max_deviation` takes before its user is told
+
+
+def describe_classes(
+    segment: U8, fate: U8, copies: I64, coord: NDArray[np.float64], classes: tuple[ClassRow, ...],
+    windows: Windows | None,
+) -> dict[str, Any]:  # fmt: skip
+    """Count what stays and what goes, and what stays in each window.
+
+    A class counts as few in the windows that hold its surface and that the flight saw: where any point of the bridge
+    was made.
+
+    Args:
+        segment: Class id of every point that was made, shape (N,), uint8.
+        fate: What became of each, a number of `FATES`, shape (N,), uint8.
+        copies: Equal points that each stands for, itself included, shape (N,), int64.
+        coord: Their places [m], shape (N, 3), float64.
+        classes: Class table in force.
+        windows: Cuts across the bridge, or None where nobody knows it.
+
+    Returns:
+        JSON figures: `windows` and, by name, `classes`.
+    """
+    count = 1 if windows is None else windows.count
+    window = np.zeros(len(segment), np.int64) if windows is None else windows.of(coord)
+    bridge = (segment != BACKGROUND) & (segment != UNLABELLED)
+    seen = np.zeros(count, bool)
+    seen[window[bridge]] = True
+    figures: dict[str, Any] = {}
+    for row in classes:
+        mine = segment == row.id
+        if not mine.any() and (windows is None or not windows.present[row.id].any()):
+            continue
+        numbers = np.bincount(fate[mine], minlength=len(FATES))
+        kept = mine & (fate == KEPT)
+        dropped = {name: int(number) for name, number in zip(FATES, numbers, strict=True) if name != FATES[KEPT]}
+        dropped["duplicate"] = int((copies[mine] - 1).sum())
+        figures[row.name] = {"kept": int(numbers[KEPT]), "dropped": dropped}
+        if windows is not None:
+            inside = np.bincount(window[kept], minlength=count)
+            there = windows.present[row.id] & seen
+            few = int((there & (inside < FEW)).sum())
+            figures[row.name] |= {"in_windows": inside.tolist(), "windows": int(there.sum()), "few_in": few}
+    along = None if windows is None else {
+        "length": LENGTH, "count": count, "origin": windows.origin.tolist(), "direction": windows.direction.tolist(),
+        "seen": seen.tolist(),
+    }  # fmt: skip
+    return {"classes": figures, "windows": along}
+
+
+def lost_classes(figures: Mapping[str, Any]) -> list[str]:
+    """Name the classes of which `max_deviation` took more than half.
+
+    Args:
+        figures: What `describe_classes` found.
+    """
+    lost = []
+    for name, row in figures["classes"].items():
+        gone = row["dropped"][FATES[DEVIATION]]
+        if gone > _MUCH * (row["kept"] + sum(row["dropped"].values()) - row["dropped"]["duplicate"]):
+            lost.append(name)
+    return lost
+
+
+def few_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
+    """Name the classes that are few somewhere, over one cloud or several, those that most often are first.
+
+    Args:
+        clouds: Statistics of each cloud.
+
+    Returns:
+        One line; empty where nothing is few, or nobody knows.
+    """
+    few: dict[str, int] = {}
+    of: dict[str, int] = {}
+    for statistics in clouds:
+        for name, row in statistics.get("classes", {}).items():
+            if row.get("few_in"):
+                few[name] = few.get(name, 0) + row["few_in"]
+            of[name] = of.get(name, 0) + row.get("windows", 0)
+    if not few:
+        return ""
+    order = sorted(few, key=lambda name: (-few[name] / of[name], name))
+    named = ", ".join(f"{name} in {few[name]} of {of[name]}" for name in order)
+    return f"fewer than {FEW} points in a window of {LENGTH:g} m: {named}"

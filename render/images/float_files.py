@@ -1,0 +1,58 @@
+"""Pictures of floating-point numbers: OpenEXR, and what OpenCV reads of Radiance HDR."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from groundwork.foreign_file import check_regular
+from render.images import image_files
+
+F32 = NDArray[np.float32]
+
+
+def decode_exr(path: Path) -> F32:
+    """Decode red, green and blue of an OpenEXR picture.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Linear values, shape (H, W, 3), float32.
+
+    Raises:
+        InputError: Not such a picture, without colours, or too large.
+    """
+    import OpenEXR
+
+    try:
+        check_regular(path)
+        with OpenEXR.File(str(path), header_only=True) as file:
+            low, high = file.header()["dataWindow"]
+        if (int(high[0]) - int(low[0]) + 1) * (int(high[1]) - int(low[1]) + 1) > image_files.MOST_PIXELS:
+            raise ValueError("too large")
+        with OpenEXR.File(str(path)) as file:
+            channels = file.channels()
+            name = next(name for name in ("RGB", "RGBA") if name in channels)
+            return np.array(channels[name].pixels[..., :3], np.float32)
+    except (RuntimeError, OSError, StopIteration, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"not readable as an RGB OpenEXR image: {error}", where=path) from None
+
+
+def decode_float(path: Path) -> F32:
+    """Decode a floating-point picture; what is not finite becomes 0.
+
+    Args:
+        path: `.exr` or `.hdr`.
+
+    Returns:
+        Linear values, shape (H, W, 3), float32.
+
+    Raises:
+        InputError: Not readable as one.
+    """
+    pixels = decode_exr(path) if path.suffix.lower() == ".exr" else image_files.decode(path)
+    if pixels.ndim != 3 or pixels.dtype != np.float32:
+        raise InputError("not a floating-point picture in colours", where=path)
+    return np.nan_to_num(pixels[..., :3], nan=0.0, posinf=1.0, neginf=0.0)

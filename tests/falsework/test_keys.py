@@ -1,0 +1,120 @@
+"""Which settings a result's name in the store depends on: every one of them, held by changing each."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from pydantic import BaseModel
+
+from falsework.execution import chain
+from falsework.execution.chain import look_at_sources, scene_chain
+from falsework.stages import STAGES
+from groundwork.progress import SILENT
+from recon.settings import ReconSettings
+from tests.falsework.tiny_chain import tiny_scenario
+
+LIMITS = {"threads", "seconds_per_image", "memory_limit", "memory_per_image", "memory_per_megapixel"}
+OF_DENSE = {("quality",), ("filter",)}
+OF_SPARSE = {("max_reprojection_error",), ("min_views",), ("sure_views",), ("max_deviation",)}
+
+
+@pytest.fixture(autouse=True)
+def no_platform(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ask no driver."""
+    monkeypatch.setattr(chain, "render_platform", lambda device="auto": {"gl_renderer": "none"})
+    monkeypatch.setattr(chain, "recon_platform", lambda: {"cpu": "none"})
+
+
+def keys(recon: ReconSettings) -> dict[str, str]:
+    """Give the key of every step of a scene whose clouds are both made, by what it is."""
+    scenario = tiny_scenario().model_copy(update={"recon": recon})
+    found = scene_chain(scenario, 0, look_at_sources(scenario, SILENT))
+    return {step.link.partition("+")[2] or step.task.stage: step.task.key for step in (*found.steps, found.report())}
+
+
+def leaves(model: BaseModel, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Name every setting below a section."""
+    for name in type(model).model_fields:
+        value = getattr(model, name)
+        yield from leaves(value, (*path, name)) if isinstance(value, BaseModel) else [(*path, name)]
+
+
+def changed(model: Any, path: tuple[str, ...]) -> Any:
+    """Change one setting to another value that is allowed."""
+    name, *rest = path
+    value = getattr(model, name)
+    if rest:
+        return model.model_copy(update={name: changed(value, tuple(rest))})
+    choices = [choice for choice in get_args(type(model).model_fields[name].annotation) if choice != value]
+    if isinstance(value, bool):
+        other: Any = not value
+    elif isinstance(value, int):
+        other = value + 1
+    elif isinstance(value, float):
+        other = value * 0.99
+    else:
+        other = 0.25 if value is None else choices[0]
+    return model.model_copy(update={name: other})
+
+
+def wanted(path: tuple[str, ...]) -> set[str]:
+    """Tell what a setting changes, beside the report."""
+    if path[-1] in LIMITS:
+        return set()
+    if path in OF_DENSE or path[0] == "dense":
+        return {"dense"}
+    if path in OF_SPARSE:
+        return {"sparse"}
+    if path[0] == "alignment":
+        return {"sparse", "dense"}
+    assert path == ("seed",) or path[0] == "sparse", f"nobody has thought about {path}"
+    return {"model", "sparse", "dense"}
+
+
+@pytest.mark.parametrize("path", [path for path in leaves(ReconSettings()) if path != ("mode",)], ids=".".join)
+def test_every_setting_of_the_reconstruction_counts_where_it_works(path: tuple[str, ...]) -> None:
+    """One of the cameras changes model and clouds, one of a cloud that cloud alone, a limit of the work nothing."""
+    base = ReconSettings(mode="both")
+    before, after = keys(base), keys(changed(base, path))
+    moved = {name for name in before if before[name] != after[name]}
+    assert moved == (wanted(path) | {"report"} if wanted(path) else set())
+
+
+def test_threads_count_where_the_mapper_uses_them() -> None:
+    """A mapper that is not deterministic gives other bytes with other threads."""
+    loose = changed(ReconSettings(mode="both"), ("sparse", "deterministic"))
+    assert keys(loose)["model"] != keys(changed(loose, ("sparse", "threads")))["model"]
+
+
+def test_clouds_are_the_same_alone_and_together() -> None:
+    """Which other cloud is made changes neither model nor cloud."""
+    both = keys(ReconSettings(mode="both"))
+    for mode in ("sparse", "dense"):
+        alone = keys(ReconSettings(mode=mode))
+        assert (alone["model"], alone["cloud"]) == (both["model"], both[mode])
+
+
+@pytest.mark.parametrize("mode", ["sparse", "dense", "both"])
+def test_work_is_done_with_the_settings_of_the_user(mode: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Key and limits together give a stage every setting that it looks at."""
+    base = ReconSettings(mode=mode)
+    for path in leaves(base):
+        base = base if path == ("mode",) else changed(base, path)
+    got: list[ReconSettings] = []
+    monkeypatch.setattr("recon.reconstruct.reconstruct_model", lambda *given: got.append(given[2]))
+    monkeypatch.setattr("recon.reconstruct.reconstruct_cloud", lambda *given: got.append(given[3]))
+    scenario = tiny_scenario().model_copy(update={"recon": base})
+    (flight,) = scene_chain(scenario, 0, look_at_sources(scenario, SILENT)).flights
+    for step in (flight.model, *flight.clouds):
+        inputs: dict[str, Path] = {"capture": tmp_path, "model": tmp_path}
+        STAGES[step.task.stage].run({**step.task.settings, **step.task.manner}, inputs, tmp_path, SILENT)
+    model, *clouds = got
+    assert (model.sparse, model.seed) == (base.sparse, base.seed)
+    assert [cloud.mode for cloud in clouds] == list(base.modes)
+    for cloud in clouds:
+        looked_at = {"quality", "filter", "dense"} if cloud.mode == "dense" else {"min_views", "sure_views"}
+        for name in ("alignment", "seed", *looked_at):
+            assert getattr(cloud, name) == getattr(base, name)
+        assert cloud.sparse.memory_limit == base.sparse.memory_limit
+        assert cloud.dense.threads == base.dense.threads

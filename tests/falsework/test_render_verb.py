@@ -1,0 +1,71 @@
+"""What `falsework render` takes: words are checked before the stage is read, and do what they say."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from falsework.cli import main
+from tests.usd_schemas.stages import SQUARE, write_stage
+
+DARK = f"""def Camera "Empty" {{}}
+def Camera "Above" {{
+    double3 xformOp:translate.timeSamples = {{1: (0, 0, 4), 2: (0, 0, 5)}}
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    float focalLength = 0.24
+    float horizontalAperture = 0.36
+    float verticalAperture = 0.27
+}}
+def Mesh "Coal" {{
+{SQUARE.replace("1, ", "9, ").replace(", 9, 2", ", 1, 2").replace("-1", "-9").replace("9, 0)", "9, -1)")}
+    color3f[] primvars:displayColor = [(0.01, 0.01, 0.01)] (interpolation = "constant")
+}}
+"""
+
+
+def run(words: list[str]) -> int:
+    """Run a command and return its exit code."""
+    with pytest.raises(SystemExit) as stopped:
+        main(words)
+    return int(stopped.value.code or 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--width", "-3"], "--width"), (["--height", "99999"], "--height"), (["--frame", "first"], "--frame"),
+        (["--exposure", "bright"], "--exposure"), (["--purpose", "all"], "--purpose"),
+        (["--variant", "roof=flat"], "--variant"), (["--subdivision", "9"], "subdivision"),
+    ],
+)  # fmt: skip
+def test_wrong_words_are_said_before_the_stage_is_read(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Beside a file that is no stage, what is named is the word."""
+    stage = tmp_path / "broken.usda"
+    stage.write_text("no stage")
+    assert run(["render", str(stage), "-o", str(tmp_path / "out"), *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert "broken" not in error
+
+
+def test_words_do_what_they_say(tmp_path: Path) -> None:
+    """A metre stage with an empty camera is drawn; size, camera and frames are those asked for; coal stays black."""
+    stage = write_stage(tmp_path, DARK)
+    fast = ["--quality", "fast", "--no-noise", "--width", "48"]
+    assert run(["render", str(stage), "-o", str(tmp_path / "all"), *fast, "--height", "36"]) == 0
+    for name, count in (("Empty", 1), ("Above", 2)):
+        images = sorted((tmp_path / "all" / name / "images").iterdir())
+        assert [cv2.imread(str(image)).shape for image in images] == [(36, 48, 3)] * count
+    means = []
+    for exposure in ("light", "surfaces", "2"):
+        out = tmp_path / exposure
+        words = [*fast, "--camera", "/Above", "--frame", "2", "--exposure", exposure]
+        assert run(["render", str(stage), "-o", str(out), *words]) == 0
+        assert [folder.name for folder in out.iterdir() if folder.is_dir()] == ["Above"]
+        (image,) = (out / "Above" / "images").iterdir()
+        means.append(float(np.mean(cv2.imread(str(image)))))
+    assert means[0] < 40.0 < 80.0 < means[1]
+    assert means[2] != pytest.approx(means[0], abs=2.0)

@@ -1,0 +1,101 @@
+"""Nothing of the test is in the training: no bridge, no point, and nothing that depends on either."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from falsework.cli import main
+from groundwork.canonical import folder_digest
+from learn.datasets.labelled_cloud import SourceFacts
+from learn.datasets.layout import MANIFEST, read_facts, read_piece
+from learn.datasets.settings import dataset_settings
+from learn.datasets.split import split_bridges
+from learn.trained import FACTS, WEIGHTS
+from tests.learn.toy_bridge import write_toy
+
+CUT = ("--set", "points=128", "--set", "fewest=1", "--set", 'test=["b4"]', "--set", "tile.voxel=0.4", "--set",
+       "tile.size=20.0", "--set", "tile.stride=20.0")  # fmt: skip
+NET = ("--epochs", "1", "--batch", "8", "--set", "network.counts=[64, 16]", "--set", "accelerator=cpu")
+
+
+def call(*words: object) -> int:
+    """Run the command line."""
+    with pytest.raises(SystemExit) as left:
+        main([str(word) for word in words])
+    return int(left.value.code or 0)
+
+
+@given(st.lists(st.tuples(st.integers(0, 12), st.booleans(), st.booleans()), min_size=1, max_size=40),
+       st.integers(0, 99), st.tuples(st.floats(0, 1), st.floats(0, 1), st.floats(0.01, 1)))  # fmt: skip
+def test_no_bridge_is_in_two_splits(
+    drawn: list[tuple[int, bool, bool]], seed: int, shares: tuple[float, float, float]
+) -> None:
+    """Whatever looks, worlds and sensors of whichever bridges; what is for the test alone is in no other split."""
+    sources = [SourceFacts(f"{i}", f"b{bridge}", f"d{i}", "mesh", evaluate_only=only, test=kept)
+               for i, (bridge, only, kept) in enumerate(drawn)]  # fmt: skip
+    whole = [share / sum(shares) for share in shares]
+    found = split_bridges(sources, dataset_settings("local", {"seed": seed, "shares": whole}, "test"))
+    assert found.keys() == {source.bridge for source in sources}  # one split each
+    assert {found[s.bridge] for s in sources if s.evaluate_only or s.test} <= {"test"}
+    assert split_bridges(sources[::-1], dataset_settings("local", {"seed": seed, "shares": whole}, "test")) == found
+
+
+@pytest.fixture(scope="module")
+def chains(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Train twice on the same four bridges in two looks each; the bridge of the test is another one each time."""
+    root = tmp_path_factory.mktemp("leaks")
+    shared = [write_toy(root / f"b{i}_{look}", 10 * i + look, 1500, f"b{i}") for i in range(4) for look in range(2)]
+    for number in range(2):
+        tests = [
+            write_toy(root / f"test{number}_{look}", 90 + 7 * number + look, 1500, f"b4{number}") for look in (0, 1)
+        ]
+        assert call("dataset", "local", *shared, *tests, "-o", root / f"set{number}", *CUT) == 0
+        assert call("train", root / f"set{number}", "-o", root / f"net{number}", *NET) == 0
+    return root
+
+
+def test_a_manifest_keeps_the_test_apart(chains: Path) -> None:
+    """No bridge and no source of the test split is in another; nor is any point of a training piece in a test piece."""
+    facts = read_facts(chains / "set0")
+    parts = {split: [row for row in facts.pieces if row.split == split] for split in ("train", "val", "test")}
+    assert all(parts.values())
+    for key in ("bridge", "source"):
+        sets = [{getattr(row, key) for row in rows} for rows in parts.values()]
+        assert sum(map(len, sets)) == len(set().union(*sets))
+    assert {row.bridge for row in parts["test"]} == {"b40"}
+    places = {split: {tuple(place) for row in rows for place in
+                      (read_piece(chains / "set0", row, ()).coord + np.array(row.origin)).round(3).tolist()}
+              for split, rows in parts.items()}  # fmt: skip
+    assert len(places["train"]) > 1000
+    assert not places["train"] & places["test"]
+    assert not places["val"] & places["test"]
+
+
+def test_the_test_has_no_part_in_what_is_trained(chains: Path) -> None:
+    """With other bridges in the test, training and validation splits and the trained weights are the same bytes."""
+    first, second = (json.loads((chains / f"set{n}" / MANIFEST).read_text()) for n in (0, 1))
+    assert first["sources"] != second["sources"]
+    for split in ("train", "val"):
+        a, b = ([row for row in found["pieces"] if row["split"] == split] for found in (first, second))
+        assert a == b
+        assert folder_digest(chains / "set0" / split) == folder_digest(chains / "set1" / split)
+    assert (chains / "net0" / WEIGHTS).read_bytes() == (chains / "net1" / WEIGHTS).read_bytes()
+
+
+def test_a_model_knows_its_bridges_and_evaluate_says_so(chains: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The bridges of a model are those of its two splits; scores on them are announced as too good, others are not."""
+    facts = read_facts(chains / "set0")
+    training = json.loads((chains / "net0" / FACTS).read_text())["training"]
+    for key, split in (("training_bridges", "train"), ("validation_bridges", "val")):
+        assert training[key] == sorted({row.bridge for row in facts.pieces if row.split == split})
+    assert not {*training["training_bridges"], *training["validation_bridges"]} & {"b40"}
+    for split, told in (("test", False), ("train", True), ("val", True)):
+        capsys.readouterr()
+        assert call("evaluate", chains / "net0", chains / "set0", "--split", split) == 0
+        assert ("was trained on" in capsys.readouterr().err) is told

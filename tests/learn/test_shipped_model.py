@@ -1,0 +1,87 @@
+"""The command that makes the model of the package, on toys: held bridges stay out, and the card says what was done."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.robustness import page
+from benchmarks.scan_scores import label_scan, read_labelled_scan
+from benchmarks.shipped_card import card_text
+from benchmarks.shipped_model import STRIDE, bridge_of, clouds_below, dataset_of, ship, train_on
+from groundwork.canonical import file_digest
+from groundwork.errors import InputError
+from groundwork.files import write_json
+from learn.datasets.layout import read_facts
+from learn.predict.trained_model import read_trained_model
+from learn.trained import WEIGHTS, read_weights
+from tests.learn.toy_bridge import write_toy
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three toy bridges; a model of two steps; one bridge picks the epoch, one is for the test."""
+    root = tmp_path_factory.mktemp("shipped")
+    for number, name in enumerate(("train", "pick", "test")):
+        write_toy(root / "clouds" / name / "mesh", number, 4_000, f"{name}bridge")
+    clouds = clouds_below([root / "clouds"])
+    dataset_of(clouds, ["pick", "test"], 0, root / "dataset")
+    train_on(root / "dataset", ["pick"], root / "model", {"epochs": 1, "batch": 2, "precision": "32-true"}, 4)
+    ship(root / "model", root / "shipped")
+    (root / "shipped" / "README.md").write_text(
+        card_text(root / "shipped", root / "dataset", [root / "clouds" / "test" / "mesh"], ["pick"])
+    )
+    return root
+
+
+def test_held_bridges_are_not_trained_on(made: Path) -> None:
+    """Only the bridge that nobody holds is in the split for training; the epoch was picked on the one named."""
+    facts = read_facts(made / "dataset")
+    assert {row.bridge for row in facts.pieces if row.split == "train"} == {"trainbridge"}
+    model = read_trained_model(made / "shipped")
+    assert model.trained.facts.training is not None
+    assert model.trained.facts.training["validation_bridges"] == ["pickbridge"]
+
+
+def test_the_shipped_weights_are_the_trained_ones_and_tiles_overlap(made: Path) -> None:
+    """Every array is equal; what differs is how far the tiles of a prediction lie apart."""
+    before, after = read_weights(made / "model"), read_weights(made / "shipped")
+    assert before.keys() == after.keys()
+    assert all(bool((before[name] == after[name]).all()) for name in before)
+    assert read_trained_model(made / "shipped").tile.stride == STRIDE
+    assert read_trained_model(made / "model").tile.stride == 2 * STRIDE
+
+
+def test_the_card_says_what_was_done(made: Path) -> None:
+    """The hash of the weights, the part of every bridge, and the scores of the test scan as they are found again."""
+    card = (made / "shipped" / "README.md").read_text()
+    assert file_digest(made / "shipped" / WEIGHTS) in card
+    parts = {row.split("|")[1].strip(): row.split("|")[2].strip() for row in card.splitlines() if row.startswith("| `")}
+    assert parts == {"`trainbridge`": "training", "`pickbridge`": "epoch", "`testbridge`": "test"}
+    found = label_scan(read_labelled_scan(made / "clouds" / "test" / "mesh"), read_trained_model(made / "shipped"))
+    right = (found.truth["kim2023"] == found.found["kim2023"])[found.truth["kim2023"] != 255].mean()
+    assert f"{right:.3f}" in next(line for line in card.splitlines() if line.startswith("| test mesh"))
+
+
+def test_units_axes_and_places_cost_nothing(made: Path) -> None:
+    """Feet, y up and a place 1,000 km away are the same scan to the model, whatever it has learnt."""
+    scan = read_labelled_scan(made / "clouds" / "test" / "mesh")
+    lines = page({"toy": scan}, read_trained_model(made / "shipped"), "a toy").splitlines()
+    rows = {
+        line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")[2:-1]] for line in lines if "|" in line
+    }
+    for way in ("feet", "y up", "moved by 1,000 km"):
+        assert np.abs([float(value) for value in rows[way][:4]]).max() < 0.02, way
+        assert rows[way][4] == "yes"
+    assert "falsely bridge" in rows["scan"]
+
+
+def test_a_cloud_that_says_no_bridge_is_refused(tmp_path: Path) -> None:
+    """Older clouds are named by the geometry in the manifest beside them."""
+    cloud = write_toy(tmp_path / "0000" / "tls", 0, 100, "")
+    with pytest.raises(InputError, match="which bridge"):
+        bridge_of(cloud)
+    write_json(tmp_path / "0000" / "manifest.json", {"files": {"bridge/geometry.usdc": "abc"}})
+    assert bridge_of(cloud) == "abc"

@@ -1,0 +1,105 @@
+"""Training samples for strangers' scans: what varies is what was said, and labels stay with their points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from learn.datasets.build import Source, build_dataset
+from learn.datasets.class_tables import class_table
+from learn.datasets.layout import read_piece
+from learn.datasets.settings import dataset_settings
+from learn.datasets.stored import StoredSplit
+from learn.datasets.varied import SomeSamples, Variation, VariedSplit, draw_piece, draw_tilt
+from learn.predict.class_sum import sum_classes
+from tests.learn.toy_bridge import write_toy
+from usd_schemas.components import component_classes
+
+STILL = {"thinned": 0.0, "halved": 0.0, "bare": 0.0, "tilt": 0.0, "jitter": 0.0, "lift": 0.0}
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set of components of two bridges, nothing held out, nothing turned, mirrored or scaled."""
+    place = tmp_path_factory.mktemp("varied")
+    clouds = [write_toy(place / f"{i}", i, 24_000, f"b{i}") for i in range(2)]
+    chosen = {"points": 512, "fewest": 64, "table": "components", "shares": (1.0, 0.0, 0.0), "tile": {"voxel": 0.1},
+              "augment": {"flip": False, "rotate": False, "scale": (1.0, 1.0)}}  # fmt: skip
+    (place / "set").mkdir()
+    build_dataset([Source(path) for path in clouds], place / "set", dataset_settings("local", chosen, "test"))
+    return place / "set"
+
+
+def varied(stored: Path, **chosen: float) -> VariedSplit:
+    """Samples that vary in what is named alone."""
+    return VariedSplit(StoredSplit(stored, "train"), Variation(samples=40, **{**STILL, **chosen}))  # type: ignore[arg-type]
+
+
+def test_components_are_classes_and_lead_into_every_other_table(stored: Path) -> None:
+    """Labels are component kinds; each of them is summed into the class that the tables give it."""
+    names = StoredSplit(stored, "train").classes
+    assert names == tuple(component_classes())
+    sample = varied(stored).sample(0, 0)
+    assert {names[label] for label in np.unique(sample.labels)} <= {"deck_slab", "column", "ground", "pier_cap"}
+    summing = sum_classes(names, "components", "", ())
+    assert summing.table == "falsework"
+    for number, name in enumerate(names):
+        assert summing.names[int(summing.matrix[number].argmax())] == component_classes()[name]
+    assert class_table("components", noisy=True).names[-1] == "noisy_point"
+
+
+def test_samples_follow_the_seed_and_clouds_take_turns(stored: Path) -> None:
+    """The same seed gives the same sample, another one another; every cloud comes equally often."""
+    source = VariedSplit(StoredSplit(stored, "train"), Variation(samples=40))
+    first, again, other = source.sample(3, 1), source.sample(3, 1), source.sample(3, 2)
+    assert np.array_equal(first.features, again.features)
+    assert not np.array_equal(first.features, other.features)
+    assert [source.bridge(row) for row in range(4)] == ["b0", "b1", "b0", "b1"]
+    assert len(source) == 40
+    assert len(VariedSplit(source.split, source.settings, ("b1",)).sample(0, 0).coord) == 512
+    some = SomeSamples(source, [5, 7])
+    assert (len(some), some.bridge(0)) == (2, "b1")
+    assert np.array_equal(some.sample(0, 9).coord, source.sample(5, 9).coord)
+
+
+def test_a_still_sample_is_a_piece_and_each_change_does_what_it_says(stored: Path) -> None:
+    """Nothing changed: points of the piece. Thinned: fewer places. Halved: a narrower one. Bare: ground alone."""
+    plain = varied(stored).sample(1, 4)
+    facts = StoredSplit(stored, "train").facts
+    pieces = [read_piece(stored, row, ()) for row in facts.pieces]
+    known = {point.tobytes(): label for piece in pieces
+             for point, label in zip(facts.scaling.apply(piece.coord), piece.labels, strict=True)}  # fmt: skip
+    assert [known[point.tobytes()] for point in plain.coord] == plain.labels.tolist()
+    thinned = varied(stored, thinned=1.0, least=0.1)
+    places = [len(np.unique(thinned.sample(row, 0).coord, axis=0)) for row in range(40)]
+    assert min(places) < 100 < max(places)
+    ground = [row for row in range(40) if not varied(stored).sample(row, 0).labels.any()]
+    bare = [row for row in range(40) if not varied(stored, bare=1.0).sample(row, 0).labels.any()]  # 0 is ground
+    assert len(bare) > 20 + len(ground)
+    halved = varied(stored, halved=1.0)
+    areas = [np.prod(np.ptp(source.sample(row, 0).coord[:, :2], axis=0)) for row in range(10)
+             for source in (varied(stored), halved)]  # fmt: skip
+    assert sum(areas[1::2]) < 0.9 * sum(areas[::2])
+    lifted = varied(stored, lift=2.0).sample(1, 4)
+    assert len(known.keys() & {point.tobytes() for point in lifted.coord}) < 10
+
+
+def test_rare_classes_are_seen_where_pieces_are_chosen_by_class() -> None:
+    """A class in one of 100 pieces: chosen by class, one half of the choices fall on it."""
+    counts = np.zeros((100, 2), np.int64)
+    counts[:, 0], counts[41, 1] = 50, 1
+    rng = np.random.default_rng(0)
+    assert np.mean([draw_piece(counts, 1.0, rng) == 41 for _ in range(400)]) == pytest.approx(0.5, abs=0.1)
+    assert np.mean([draw_piece(counts, 0.0, rng) == 41 for _ in range(400)]) < 0.05
+
+
+def test_a_tilt_is_a_rotation_by_no_more_than_was_said() -> None:
+    """Orthogonal, right-handed, and the vertical leans by at most the largest angle."""
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        turn = draw_tilt(4.0, rng)
+        assert np.allclose(turn @ turn.T, np.eye(3))
+        assert np.linalg.det(turn) == pytest.approx(1.0)
+        assert np.degrees(np.arccos(min(1.0, turn[2, 2]))) <= 4.0 + 1e-6

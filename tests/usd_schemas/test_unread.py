@@ -1,0 +1,58 @@
+"""What a stage says and nobody reads: one line a kind, and none for a stage that says no such thing."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.usd_schemas.stages import SQUARE, read_body
+
+MESH = f'def Mesh "M" {{\n{SQUARE}}}\n'
+FAMILY = f"""def Xform "{{}}" (
+    prepend apiSchemas = ["GeomModelAPI"]
+    kind = "component"
+) {{{{
+    uniform token model:drawMode = "cards"
+    def Mesh "M" {{{{
+{SQUARE}}}}}
+}}}}
+"""
+SAID = {
+    "drawMode": (FAMILY.format("A") + FAMILY.format("B"),
+                 "/A: model:drawMode cards is left out: drawn as its geometry (and 1 more)"),
+    "light linking": (
+        MESH + 'def DistantLight "Sun" {\n rel collection:lightLink:excludes = </M>\n}\n',
+        "/Sun: lightLink is left out: the light shines on everything",
+    ),
+    "shadow linking": (
+        MESH + 'def DistantLight "Sun" {\n uniform bool collection:shadowLink:includeRoot = 0\n}\n',
+        "/Sun: shadowLink is left out: the light is shadowed by everything",
+    ),
+    "mesh light": (
+        MESH.replace('"M"', '"M" (prepend apiSchemas = ["MeshLightAPI"])'),
+        "/M: MeshLightAPI is left out: the mesh is drawn, and gives no light",
+    ),
+    "volume": (MESH + 'def Volume "Smoke" {}\n', "/Smoke: Volume is not drawn"),
+    "curves": (MESH + 'def BasisCurves "Hair" {}\n', "/Hair: BasisCurves is not drawn"),
+    "displayOpacity": (
+        MESH.replace(SQUARE, SQUARE + "float[] primvars:displayOpacity = [0.5]\n"),
+        "/M: displayOpacity is left out: drawn opaque",
+    ),
+    "focus": (MESH + 'def Camera "C" {\n float fStop = 2.8\n}\n', "/C: fStop is left out: everything is sharp"),
+    "shutter": (
+        MESH + 'def Camera "C" {\n double shutter:open = -0.25\n double shutter:close = 0.25\n}\n',
+        "/C: the shutter's interval is left out: what moves is not blurred",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_what_is_left_out_is_said(name: str, tmp_path: Path) -> None:
+    """One line, which names the first prim and counts the others."""
+    body, line = SAID[name]
+    assert line in read_body(tmp_path, body).warnings
+
+
+def test_nothing_is_said_of_a_plain_stage(tmp_path: Path) -> None:
+    """A mesh, a light and a camera that say nothing unusual cost no line of this kind."""
+    scene = read_body(tmp_path, MESH + 'def DistantLight "Sun" {}\ndef Camera "C" {}\n')
+    assert scene.warnings == ("1 parts have no material: drawn in displayColor or grey",)

@@ -1,0 +1,119 @@
+"""What a user may choose about a stage before it is read: camera, frames, purposes, variants, size, subdivision."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from groundwork.errors import InputError
+
+DRAWN_PURPOSES = ("default", "render")
+PURPOSES = ("default", "render", "proxy", "guide")
+MOST_FRAMES = 100_000
+LARGEST_SIDE = 32_768  # [px]
+_ROUNDED = 1e-9  # [frames] a step such as 0.1 reaches its last frame
+
+
+@dataclass(frozen=True)
+class StageChoices:
+    """How a stage is read.
+
+    Attributes:
+        camera: Name or prim path of the one camera; empty for all products.
+        frames: Time codes of the images; empty for those of each camera.
+        purposes: Which purposes are drawn.
+        variants: Prim path, variant set and name of each variant that is chosen otherwise than on the stage.
+        width: Image width [px]; 0 as the product says, or as the height asks for.
+        height: Image height [px]; 0 as the product says, or as the width asks for.
+        subdivision: How many times subdivision surfaces are refined; 0 draws their cages.
+    """
+
+    camera: str = ""
+    frames: tuple[float, ...] = ()
+    purposes: tuple[str, ...] = DRAWN_PURPOSES
+    variants: tuple[tuple[str, str, str], ...] = ()
+    width: int = 0
+    height: int = 0
+    subdivision: int = 1
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `choices_from` takes."""
+        return asdict(self)
+
+
+AS_AUTHORED = StageChoices()
+
+
+def choices_from(told: dict[str, Any] | None) -> StageChoices:
+    """Take choices over from JSON.
+
+    Args:
+        told: What `as_json` returned, or None for a stage as it is.
+    """
+    if not told:
+        return AS_AUTHORED
+    return StageChoices(
+        str(told["camera"]), tuple(float(value) for value in told["frames"]), tuple(told["purposes"]),
+        tuple((str(path), str(name), str(chosen)) for path, name, chosen in told["variants"]),
+        int(told["width"]), int(told["height"]), int(told["subdivision"]),
+    )  # fmt: skip
+
+
+def frames_of(words: Sequence[str]) -> tuple[float, ...]:
+    """Read time codes from words such as `12`, `1:48` or `1:48:2`; the last number of a range belongs to it.
+
+    Args:
+        words: What the user wrote.
+
+    Raises:
+        InputError: Neither a number nor a range, or too many.
+    """
+    found: dict[float, None] = {}
+    for word in words:
+        try:
+            first, *others = (float(part) for part in word.split(":"))
+            last, step = (*others, *(first, 1.0)[len(others) :])
+            count = math.floor((last - first) / step + _ROUNDED) + 1
+        except (ValueError, OverflowError, ZeroDivisionError):
+            first, step, count = 0.0, 1.0, 0
+        if not (0 < count <= MOST_FRAMES and math.isfinite(first) and step > 0.0):
+            allowed = "a time code, or FIRST:LAST or FIRST:LAST:STEP"
+            raise InputError("no frames", field="--frame", value=word, allowed=allowed)
+        found.update(dict.fromkeys(first + step * number for number in range(count)))
+    return tuple(found)
+
+
+def variants_of(words: Sequence[str]) -> tuple[tuple[str, str, str], ...]:
+    """Read variants from words such as `/World/House:roof=tiles`.
+
+    Args:
+        words: What the user wrote.
+
+    Raises:
+        InputError: Another form.
+    """
+    found = []
+    for word in words:
+        place, equals, chosen = word.partition("=")
+        path, colon, name = place.partition(":")
+        if not (path.startswith("/") and colon and name and equals):
+            raise InputError("not a variant", field="--variant", value=word, allowed="/PRIM/PATH:SET=NAME")
+        found.append((path, name, chosen))
+    return tuple(found)
+
+
+def check_choices(choices: StageChoices) -> None:
+    """Refuse what no stage could give.
+
+    Args:
+        choices: What the user asks for.
+
+    Raises:
+        InputError: A purpose that there is not, or a size that no image has.
+    """
+    for purpose in choices.purposes:
+        if purpose not in PURPOSES:
+            raise InputError("no purpose of USD", field="--purpose", value=purpose, allowed=", ".join(PURPOSES))
+    for name, side in (("--width", choices.width), ("--height", choices.height)):
+        if not 0 <= side <= LARGEST_SIDE:
+            raise InputError("no size of an image", field=name, value=side, allowed=f"1 to {LARGEST_SIDE} px")

@@ -1,0 +1,52 @@
+"""Meshes that a skeleton bends become meshes whose points move: baked in memory, the files stay as they are."""
+
+from pxr import Gf, Usd, UsdGeom, UsdSkel
+
+from usd_schemas.reading.labels import Warn
+from usd_schemas.reading.traversal import COMPOSED, MISTYPED
+
+
+def bake_skins(stage: Usd.Stage, warn: Warn) -> None:
+    """Bake every skinned mesh of a stage, at all times at which its skeleton is animated.
+
+    What is written goes into the session layer. Instances that hold a skeleton become prims of their own there.
+
+    Args:
+        stage: Composed stage; its edit target becomes the session layer.
+        warn: Called with one line for each skeleton that cannot be baked.
+    """
+    roots = [prim for prim in Usd.PrimRange.Stage(stage, COMPOSED) if prim.IsA(UsdSkel.Root)]
+    if not roots:
+        return
+    stage.SetEditTarget(stage.GetSessionLayer())
+    _free_instances(stage, roots)
+    for root in [prim for prim in stage.Traverse() if prim.IsA(UsdSkel.Root)]:
+        path = root.GetPath()
+        try:
+            baked = UsdSkel.BakeSkinning(UsdSkel.Root(root), Gf.Interval.GetFullInterval())
+        except MISTYPED:
+            baked = False
+        if not baked:
+            warn(f"{path}: its skeleton cannot be read: drawn as its meshes rest")
+
+
+def _free_instances(stage: Usd.Stage, roots: list[Usd.Prim]) -> None:
+    """Let prims that share a prototype with a skeleton in it go their own ways."""
+    for root in roots:
+        while root.IsInstanceProxy():
+            holder = root
+            while holder.IsInstanceProxy():
+                holder = holder.GetParent()
+            holder.SetInstanceable(False)
+            root = stage.GetPrimAtPath(root.GetPath())
+        if root.IsInstance():
+            root.SetInstanceable(False)
+
+
+def is_skinned(prim: Usd.Prim) -> bool:
+    """Tell whether a prim is bent by a skeleton or by blend shapes.
+
+    Args:
+        prim: A prim.
+    """
+    return prim.IsA(UsdGeom.Mesh) and prim.HasAPI(UsdSkel.BindingAPI)

@@ -1,0 +1,77 @@
+"""What a stage says that would change a picture and is not read: one line for each kind of thing."""
+
+from collections.abc import Iterator
+
+from pxr import Usd, UsdGeom, UsdLux
+
+from usd_schemas.reading.labels import Warn
+from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
+
+_DRAW_MODES = ("cards", "bounds", "origin")
+_LINKS = ("lightLink", "shadowLink")
+
+
+def note_unread(stage: Usd.Stage, warn: Warn) -> None:
+    """Name what is left out, each kind once, with the first prim and how many more there are.
+
+    Args:
+        stage: Composed stage.
+        warn: Called with one line a kind.
+    """
+    found: dict[str, list[str]] = {}
+    for prim in composed_prims(stage):
+        with guarded(prim, warn):
+            for kind in _unread(prim):
+                found.setdefault(kind, []).append(str(prim.GetPath()))
+    for kind, paths in sorted(found.items()):
+        warn(f"{paths[0]}: {kind}" + (f" (and {len(paths) - 1} more)" if len(paths) > 1 else ""))
+
+
+def _unread(prim: Usd.Prim) -> Iterator[str]:
+    mode = _value(prim, "model:drawMode")
+    if mode in _DRAW_MODES:
+        yield f"model:drawMode {mode} is left out: drawn as its geometry"
+    if prim.IsA(UsdGeom.Camera):
+        yield from _of_camera(UsdGeom.Camera(prim))
+    if prim.HasAPI(UsdLux.LightAPI) or prim.HasAPI(UsdLux.MeshLightAPI):
+        yield from _of_light(prim)
+    if prim.IsA(UsdGeom.Gprim):
+        opacity = UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayOpacity")
+        values = opacity.Get(EARLIEST) if opacity and opacity.HasAuthoredValue() else None
+        if values is not None and len(values) and min(values) < 1.0:
+            yield "displayOpacity is left out: drawn opaque"
+
+
+def _of_camera(camera: UsdGeom.Camera) -> Iterator[str]:
+    told = {
+        name: camera.GetPrim().GetAttribute(name).Get(EARLIEST) for name in ("fStop", "shutter:open", "shutter:close")
+    }
+    if (told["fStop"] or 0.0) > 0.0 and camera.GetFStopAttr().HasAuthoredValue():
+        yield "fStop is left out: everything is sharp"
+    if told["shutter:open"] != told["shutter:close"]:
+        yield "the shutter's interval is left out: what moves is not blurred"
+    if camera.GetClippingPlanesAttr().Get(EARLIEST):
+        yield "clippingPlanes are left out"
+
+
+def _of_light(prim: Usd.Prim) -> Iterator[str]:
+    if prim.HasAPI(UsdLux.MeshLightAPI):
+        yield "MeshLightAPI is left out: the mesh is drawn, and gives no light"
+    for name in _LINKS:
+        root, targets = _value(prim, f"collection:{name}:includeRoot"), []
+        for side in ("includes", "excludes"):
+            relation = prim.GetRelationship(f"collection:{name}:{side}")
+            targets += relation.GetTargets() if relation else []
+        if targets or root is False:
+            what = "shines on" if name == "lightLink" else "is shadowed by"
+            yield f"{name} is left out: the light {what} everything"
+    filters = prim.GetRelationship("light:filters")
+    if filters and filters.GetTargets():
+        yield "light:filters are left out"
+    if _value(prim, "inputs:shadow:enable") is False:
+        yield "inputs:shadow:enable is left out"
+
+
+def _value(prim: Usd.Prim, name: str) -> object:
+    attribute = prim.GetAttribute(name)
+    return attribute.Get(EARLIEST) if attribute and attribute.HasAuthoredValue() else None
