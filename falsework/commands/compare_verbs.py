@@ -24,7 +24,7 @@ JSON_VERSION = 1
 FORMAT_VERSION = 1
 TABLES, PAGE = "comparison.json", "comparison.md"
 
-Sources = tyro.conf.Positional[tuple[str, ...]]
+Sources = tyro.conf.Positional[Annotated[tuple[str, ...], tyro.conf.arg(metavar="[NAME=]FOLDER ...")]]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 Given = tyro.conf.UseAppendAction[tuple[str, ...]]
 
@@ -90,12 +90,18 @@ def _experiment(
     from falsework.commands.compared_bridges import find_bridges
     from falsework.commands.comparison import Experiment
     from falsework.store.store import Store
-    from learn.compare.selection import parts_in
+    from learn.compare.selection import check_bridges, parts_in
+    from learn.compare.trial import check_models
+    from learn.datasets.class_tables import class_table
 
+    check_models(settings.models, settings.network)
+    class_table(settings.table, settings.noisy_class)
     wanted: dict[str, set[str]] = {}
     for part in (*parts_in(settings, settings.arms), *(settings.test(name) for name in settings.tests)):
         wanted.setdefault(part.set, set()).update({part.cloud, part.like} - {""})
-    return Experiment(settings, find_bridges(named, wanted, bridges), Store(output), progress)
+    experiment = Experiment(settings, find_bridges(named, wanted, bridges), Store(output), progress)
+    check_bridges(settings, experiment.splits, [(one.set, one.bridge, {*one.clouds}) for one in experiment.bridges])
+    return experiment
 
 
 def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
@@ -132,7 +138,9 @@ def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
 def _facts(experiment: "Experiment") -> list[str]:
     """Say in lines what was compared."""
     settings, splits = experiment.settings, experiment.splits
-    lines = [f"arm `{arm}`: {', '.join(map(str, settings.parts(arm)))}" for arm in settings.arms]
+    kept = {arm: f", points up to {settings.kept(arm):g} m of uncertainty" if arm in settings.filters else ""
+            for arm in settings.arms}  # fmt: skip
+    lines = [f"arm `{arm}`: {', '.join(map(str, settings.parts(arm)))}{kept[arm]}" for arm in settings.arms]
     lines += [f"test `{name}`: {settings.test(name)}" for name in settings.tests]
     for name in dict.fromkeys(one.set for one in experiment.bridges):
         of_set = [split for (own, _), split in splits.items() if own == name]

@@ -8,6 +8,7 @@ from falsework.store.artefact import read_manifest
 from groundwork.canonical import digest
 from groundwork.errors import InputError, MissingError
 from groundwork.files import MANIFEST
+from learn.compare.experiment import DEFAULT_SET
 from learn.datasets.labelled_cloud import identify
 
 
@@ -44,40 +45,59 @@ def find_bridges(
         All bridges that have any of the clouds.
 
     Raises:
-        InputError: No bridge in a source, a set that is not there, clouds of two bridges in one place, or clouds that
-            do not say which bridge they show.
+        InputError: No cloud in a source, a set or a cloud that is not there, clouds of two bridges in one place, or
+            clouds that do not say which bridge they show.
     """
     if names and len(names) != len(sources):
         raise InputError("not one name for each source", field="--bridge", value=len(names), allowed=str(len(sources)))
     for name in sorted(wanted):
         if name not in {found for found, _ in sources}:
-            raise MissingError("no folder is given for a set of bridges", field="sources", value=name,
-                               mend=f"Name it: {name}=FOLDER")  # fmt: skip
+            mend = "Name the folder of a run" if name == DEFAULT_SET else f"Name it: {name}=FOLDER"
+            raise MissingError("no folder is given for a set of bridges", field="sources", value=name, mend=mend)
     bridges: list[Bridge] = []
+    there: dict[str, set[str]] = {}
     for number, (name, folder) in enumerate(sources):
-        places = _places(folder)
-        for place in places:
-            clouds = {path.name: path for path in sorted(place.iterdir())
-                      if path.name in wanted.get(name, ()) and (path / "cloud.json").is_file()}  # fmt: skip
+        if name not in wanted:
+            raise InputError("the experiment names no such set of bridges", where=folder, field="sources", value=name,
+                             allowed=", ".join(sorted(wanted)), mend="Write NAME=FOLDER")  # fmt: skip
+        if folder.resolve() in {other.resolve() for _, other in sources[:number]}:
+            raise InputError("given twice", where=folder, field="sources", mend="Name every folder once")
+        places = {place: _clouds(place) for place in _places(folder)}
+        if not any(places.values()):
+            raise InputError("no clouds are in it", where=folder, field="sources",
+                             mend="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such "
+                             "folders")  # fmt: skip
+        for place, found in places.items():
+            there.setdefault(name, set()).update(found)
+            clouds = {cloud: path for cloud, path in found.items() if cloud in wanted[name]}
             if clouds:
                 label = place.parent.name if place.name == "cloud" else place.name
                 taken = {one.name for one in bridges if one.set == name}
                 label = label if label not in taken else f"{label}.{number}"
                 bridges.append(_bridge(name, label, place, clouds, names[number] if names else ""))
     for name, needed in sorted(wanted.items()):
-        if not any(one.set == name for one in bridges):
-            raise InputError("no bridge has the clouds that the experiment names", field="sources", value=name,
-                             allowed=", ".join(sorted(needed)), mend="See the names in scenes/0000/cloud")  # fmt: skip
+        if lacking := sorted(needed - there[name]):
+            raise InputError(
+                "no bridge has a cloud of this name", field=f"clouds of the set {name}", value=lacking[0],
+                allowed=", ".join(sorted(there[name])), mend="Name clouds that there are in arms and tests",
+            )  # fmt: skip
     return bridges
 
 
+def _clouds(place: Path) -> dict[str, Path]:
+    """Name the clouds of a bridge: the folders that hold one."""
+    return {path.name: path for path in sorted(place.iterdir()) if (path / "cloud.json").is_file()}
+
+
 def _places(folder: Path) -> list[Path]:
-    """List the folders that hold a folder for each cloud of a bridge."""
+    """List the folders that hold a folder for each cloud of a bridge: of a run, itself, or those that are in it."""
     if not folder.is_dir():
         raise MissingError("no such folder", where=folder, mend="Name a run, or a folder with a bridge's clouds")
     if (folder / "scenes").is_dir():
         return sorted(path for path in folder.glob("scenes/*/cloud") if path.is_dir())
-    return [folder]
+    if _clouds(folder):
+        return [folder]
+    return sorted(path for path in folder.iterdir() if path.is_dir() and _clouds(path)) or [folder]
 
 
 def _bridge(name: str, label: str, place: Path, clouds: Mapping[str, Path], given: str) -> Bridge:

@@ -14,17 +14,17 @@ from falsework.commands.compared_bridges import Bridge
 from falsework.execution.costs import bytes_added
 from falsework.execution.events import write_event
 from falsework.platform import processor
-from falsework.store.locks import BusyError
 from falsework.store.store import Store, Task
 from groundwork.canonical import digest
 from groundwork.files import read_json, write_json
+from groundwork.locks import BusyError
 from groundwork.progress import Progress
 from learn.compare.experiment import ExperimentSettings, Part
 from learn.compare.findings import Trial
 from learn.compare.noise import fit_noise
 from learn.compare.pieces import CloudSource, counts_of, cut_pieces
 from learn.compare.selection import CutScene, cloud_name, parts_in, share_out, windows_of, windows_to_test
-from learn.compare.sources import HeldWindows, TrainingWindows, WindowPlace
+from learn.compare.sources import HeldWindows, SampleSettings, TrainingWindows, WindowPlace
 from learn.compare.trial import SCORES, score_trial, train_trial
 from learn.datasets.split import TRAIN, VAL
 from learn.trained import FOREST
@@ -179,24 +179,25 @@ class Experiment:
                 for model in self.settings.models:
                     for number in range(self.settings.seeds):
                         seed = self.settings.first_seed + number
-                        training = self._training(model, seed, chosen, keys, names)
+                        training = self._training(arm, model, seed, chosen, keys, names)
                         tests = {name: self._test(training, places, keys, names) for name, places in held.items()}
                         found.append(TrialJobs(group, model, arm, seed, training, tests))
         return found
 
     def _training(
-        self, model: str, seed: int, chosen: Mapping[str, list[WindowPlace]], keys: Mapping[Path, str],
+        self, arm: str, model: str, seed: int, chosen: Mapping[str, list[WindowPlace]], keys: Mapping[Path, str],
         names: Mapping[Path, str],
     ) -> Job:  # fmt: skip
         train = self.settings.training(model, seed)
         is_forest = model == FOREST
         validation = [] if is_forest else chosen[VAL]
         count = self.settings.forest_draws if is_forest else self.settings.samples_each
-        source = TrainingWindows(chosen[TRAIN], self.settings.sampling, count)
+        sampling = self.settings.sampling_of(arm)
+        source = TrainingWindows(chosen[TRAIN], sampling, count)
         checked = HeldWindows(validation, self.settings.sampling, 1)
-        data = data_facts(self.settings)
+        data = data_facts(self.settings, self.settings.kept(arm))
         settings = {
-            "train": train.model_dump(mode="json"), "sampling": _sampling(self.settings), "count": count, "data": data,
+            "train": train.model_dump(mode="json"), "sampling": _spelt(sampling), "count": count, "data": data,
             "windows": _named(chosen[TRAIN], keys), "validation": _named(validation, keys), "platform": _platform(),
         }  # fmt: skip
         inputs = {names[place.folder]: keys[place.folder] for place in (*chosen[TRAIN], *validation)}
@@ -208,7 +209,7 @@ class Experiment:
         self, training: Job, places: list[WindowPlace], keys: Mapping[Path, str], names: Mapping[Path, str]
     ) -> Job:
         source = HeldWindows(places, self.settings.sampling, self.settings.test_draws)
-        settings = {"sampling": _sampling(self.settings), "windows": _named(places, keys), "platform": _platform(),
+        settings = {"sampling": _spelt(source.settings), "windows": _named(places, keys), "platform": _platform(),
                     "draws": self.settings.test_draws}  # fmt: skip
         inputs = {"training": training.task.key, **{names[one.folder]: keys[one.folder] for one in places}}
         make = partial(_score, self.store.folder(training.task), source, progress=self.progress)
@@ -251,23 +252,25 @@ class Experiment:
         for one in trials:
             for name, job in one.tests.items():
                 record = read_json(self.store.folder(job.task) / SCORES)
-                matrices = {bridge: np.array(rows, np.int64) for bridge, rows in record["bridges"].items()}
-                found.append(Trial(one.group, one.model, one.arm, one.seed, name, matrices))
+                matrices = [{bridge: np.array(rows, np.int64) for bridge, rows in record[key].items()}
+                            for key in ("bridges", "sure")]  # fmt: skip
+                found.append(Trial(one.group, one.model, one.arm, one.seed, name, *matrices))
         return found
 
 
-def data_facts(settings: ExperimentSettings) -> dict[str, Any]:
+def data_facts(settings: ExperimentSettings, noisy: float) -> dict[str, Any]:
     """Say how samples were made, in the words of a data set: what a prediction needs to cut a scan alike.
 
     Args:
         settings: The experiment.
+        noisy: Uncertainty above which points were left out of training [m].
     """
     from learn.datasets.settings import dataset_settings
 
     kind = "global" if settings.mode == "whole" else "local"
     values = {
         "mode": "metric" if settings.mode == "metric" else "paper", "table": settings.table, "points": settings.points,
-        "fewest": settings.fewest, "noisy": settings.noisy, "noisy_class": settings.noisy_class,
+        "fewest": settings.fewest, "noisy": noisy, "noisy_class": settings.noisy_class,
         "tile": settings.tile.model_dump(mode="json"), "window": settings.window.model_dump(mode="json"),
         "augment": settings.augment.model_dump(mode="json"),
     }  # fmt: skip
@@ -284,8 +287,7 @@ def _score(model: Path, source: HeldWindows, folder: Path, progress: Progress) -
     score_trial(model, source, folder, progress)
 
 
-def _sampling(settings: ExperimentSettings) -> dict[str, Any]:
-    sampling = settings.sampling
+def _spelt(sampling: SampleSettings) -> dict[str, Any]:
     return {
         "classes": sampling.classes, "channels": sampling.channels, "scaling": vars(sampling.scaling),
         "points": sampling.points, "noisy": str(sampling.noisy), "augment": sampling.augment.model_dump(mode="json"),

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from itertools import combinations
 from pathlib import Path
@@ -15,11 +15,12 @@ from groundwork.foreign_file import parse_toml
 from groundwork.settings import Settings, parse_settings, read_toml
 from learn.compare.pieces import CutSettings, known_inputs
 from learn.compare.sources import SampleSettings
-from learn.datasets.patch import Scaling
+from learn.datasets.patch import CHANNELS, Scaling
 from learn.datasets.settings import AugmentSettings, TileSettings, WindowSettings
 from learn.training.settings import TrainSettings
 
 DEFAULT_SET = "bridges"
+MOST = 1000.0  # [m] uncertainty that no point exceeds
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_@.-]*"
 _PART = re.compile(rf"(?:({_NAME})/)?({_NAME})(?:\s*~\s*({_NAME}))?")
 
@@ -98,10 +99,13 @@ class ExperimentSettings(Settings):
     """Metric tiles, the paper's windows along the bridge, or draws from whole bridges."""
     table: str = "kim2023"
     """Table of classes."""
-    noisy: float = Field(default=0.1, gt=0.0, le=1000.0)
+    noisy: float = Field(default=0.1, gt=0.0, le=MOST)
     """Uncertainty above which a point is noisy: left out of training, never out of tests [m]."""
     noisy_class: bool = False
     """Noisy points are a class instead."""
+    filters: dict[str, float] = Field(default_factory=dict)
+    """Arms that keep points up to another uncertainty than `noisy`, at least as large: the windows that they share with
+    the others are those that `noisy` leaves full enough; 1000 keeps all points [m]."""
     points: int = Field(default=4096, ge=16, le=1_000_000)
     """Points of a draw."""
     fewest: int = Field(default=1024, ge=1, le=1_000_000)
@@ -113,7 +117,7 @@ class ExperimentSettings(Settings):
     split_seed: int = Field(default=0, ge=0, le=2**31 - 1)
     """Seed of the order in which bridges are shared out."""
     held: tuple[str, ...] = ()
-    """Bridges for the test, by name or the first digits of their hash; empty: by the shares."""
+    """Bridges for the test, by the first digits of their hash; empty: by the shares."""
     tile: TileSettings = Field(default_factory=lambda: TileSettings(stride=10.0))
     """Metric tiles."""
     window: WindowSettings = Field(default_factory=WindowSettings)
@@ -137,9 +141,27 @@ class ExperimentSettings(Settings):
             for name in pair:
                 if name not in self.arms:
                     raise ValueError(f"pairs names no arm with {name!r}; allowed: {', '.join(self.arms)}")
+        self._check_filters()
+        for name in self.channels:
+            if name not in CHANNELS:
+                raise ValueError(f"not a channel: {name!r}; allowed: {', '.join(CHANNELS)}")
+        if "height" in self.channels and self.mode != "metric":
+            raise ValueError('the channel height needs mode = "metric"')
+        if not self.channels:
+            raise ValueError("a network needs channels, such as x, y, z")
         if min(self.shares) < 0.0 or abs(sum(self.shares) - 1.0) > 1e-6:
             raise ValueError("shares must be three numbers from 0 that add up to 1")
         return self
+
+    def _check_filters(self) -> None:
+        for name, most in self.filters.items():
+            if name not in self.arms:
+                raise ValueError(f"filters names no arm with {name!r}; allowed: {', '.join(self.arms)}")
+            if not self.noisy <= most <= MOST:
+                raise ValueError(f"filters.{name} is {most:g}; allowed: {self.noisy:g} (noisy) to {MOST:g}, which "
+                                 "keeps all points")  # fmt: skip
+        if self.filters and self.noisy_class:
+            raise ValueError("filters leave noisy points out, noisy_class makes them a class; choose one of them")
 
     def parts(self, arm: str) -> tuple[Part, ...]:
         """List the clouds of an arm.
@@ -188,9 +210,25 @@ class ExperimentSettings(Settings):
             inputs=tuple(known_inputs(self.channels)), tile=self.tile, window=self.window,
         )  # fmt: skip
 
+    def kept(self, arm: str) -> float:
+        """Tell up to which uncertainty an arm is trained on points [m].
+
+        Args:
+            arm: Its name.
+        """
+        return self.filters.get(arm, self.noisy)
+
+    def sampling_of(self, arm: str) -> SampleSettings:
+        """How the training samples of an arm are drawn.
+
+        Args:
+            arm: Its name.
+        """
+        return self.sampling if self.noisy_class else replace(self.sampling, noisy=self.kept(arm))
+
     @property
     def sampling(self) -> SampleSettings:
-        """How samples are drawn."""
+        """How samples are drawn, those of arms with a filter of their own excepted."""
         scaling = {"metric": Scaling("constant", self.tile.scale), "paper": Scaling("extent"),
                    "whole": Scaling("constant", 1.0)}[self.mode]  # fmt: skip
         noisy = float("inf") if self.noisy_class else self.noisy

@@ -25,6 +25,7 @@ class Trial:
         seed: Seed of the training.
         test: Name of the test.
         bridges: Hash of each test bridge to its confusion matrix, shape (C, C), int64.
+        sure: The same of the points whose uncertainty is known and small.
     """
 
     group: tuple[str, ...]
@@ -33,6 +34,7 @@ class Trial:
     seed: int
     test: str
     bridges: Mapping[str, I64]
+    sure: Mapping[str, I64]
 
 
 def findings(trials: Sequence[Trial], classes: Sequence[str], settings: ExperimentSettings) -> dict[str, Any]:
@@ -62,7 +64,9 @@ def findings(trials: Sequence[Trial], classes: Sequence[str], settings: Experime
 
 def _scores(trials: Sequence[Trial], classes: Sequence[str]) -> dict[str, Any]:
     """Scores of an arm: mean over the seeds, each from the matrix summed over the bridges."""
-    sums = [sum(trial.bridges.values(), np.zeros((len(classes),) * 2, np.int64)) for trial in trials]
+    nothing = np.zeros((len(classes),) * 2, np.int64)
+    sums = [sum(trial.bridges.values(), nothing) for trial in trials]
+    sure = _mean([scores(sum(trial.sure.values(), nothing)).mean_iou for trial in trials])
     found = [scores(matrix) for matrix in sums]
     several = {name: [getattr(one, name) for one in found] for name in ("mean_iou", "mean_accuracy",
                "overall_accuracy")}  # fmt: skip
@@ -73,7 +77,7 @@ def _scores(trials: Sequence[Trial], classes: Sequence[str]) -> dict[str, Any]:
     return {
         **_names(trials[0]), "arm": trials[0].arm, "seeds": [trial.seed for trial in trials],
         "bridges": len(trials[0].bridges), **{name: _plain(np.mean(values)) for name, values in several.items()},
-        **deviations, "classes_averaged": whole.classes_averaged,
+        **deviations, "sure_mean_iou": _plain(sure), "classes_averaged": whole.classes_averaged,
         "iou": {name: _plain(_mean([one.iou[k] for one in found])) for k, name in enumerate(classes)},
         "accuracy": {name: _plain(_mean([one.accuracy[k] for one in found])) for k, name in enumerate(classes)},
         "confusion": total.tolist(),

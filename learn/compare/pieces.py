@@ -18,10 +18,10 @@ from groundwork.settings import Settings
 from groundwork.slug import slug
 from learn.compare.noise import noise_from_json, sensor_places, with_noise
 from learn.datasets.class_tables import NOISY_CLASS, class_table
-from learn.datasets.labelled_cloud import INPUTS, LabelledCloud, read_labelled
-from learn.datasets.patch import Patch
+from learn.datasets.labelled_cloud import HEIGHT, PIECE_INPUTS, LabelledCloud, read_labelled
+from learn.datasets.patch import CHANNELS, Patch
 from learn.datasets.settings import TileSettings, WindowSettings
-from learn.datasets.tiles import cut_tiles
+from learn.datasets.tiles import cut_tiles, with_heights
 from learn.datasets.voxels import add_points, empty_cloud, lay_grid
 from learn.datasets.windows import lay_windows
 from recon.cloud import read_cloud
@@ -139,7 +139,7 @@ def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> Lab
         cloud = LabelledCloud(coord, inputs, cloud.labels[rows], cloud.uncertainty[rows], cloud.base[rows])
     if not len(cloud):
         raise InputError("nothing is left of it", where=source.path, field="arms", value=source.name)
-    lacking = [name for name in settings.inputs if name not in cloud.inputs]
+    lacking = [name for name in settings.inputs if name not in (*cloud.inputs, HEIGHT)]
     if lacking:
         raise InputError(f"has no column {lacking[0]} for a channel", where=source.path, field="channels",
                          value=lacking[0], mend="Choose channels that every cloud has, such as x, y, z")  # fmt: skip
@@ -180,12 +180,14 @@ def _tiles(
     thin: dict[str, LabelledCloud] = {}
     tiles: dict[str, dict[tuple[int, int], tuple[I64, F64]]] = {}
     for name, cloud in clouds.items():
-        kept = {key: cloud.inputs[key] for key in settings.inputs}
+        kept = {key: cloud.inputs[key] for key in settings.inputs if key != HEIGHT}
         columns = {**kept, "labels": cloud.labels, "uncertainty": cloud.uncertainty, "base": cloud.base}
         voxels = add_points(empty_cloud(grid), cloud.coord, columns)
+        if HEIGHT in settings.inputs:
+            voxels = with_heights(voxels, settings.tile)
         part = voxels.columns
-        thin[name] = LabelledCloud(voxels.coord, {key: part[key] for key in kept}, part["labels"], part["uncertainty"],
-                                   part["base"])  # fmt: skip
+        thin[name] = LabelledCloud(voxels.coord, {key: part[key] for key in settings.inputs}, part["labels"],
+                                   part["uncertainty"], part["base"])  # fmt: skip
         tiles[name] = {tile.place: (tile.rows, tile.origin) for tile in cut_tiles(voxels, settings.tile)}
     places = sorted({place for own in tiles.values() for place in own})
     nothing = (np.zeros(0, np.int64), np.zeros(3))
@@ -230,7 +232,7 @@ def read_window(folder: Path, cloud: str, number: int, inputs: tuple[str, ...] =
     coord = (columns["coord"][rows].astype(np.float64) - origins[number]).astype(np.float32)
     kept = {name: np.array(columns[name][rows]) for name in inputs}
     return Patch(coord, kept, np.array(columns["labels"][rows]), np.array(columns["uncertainty"][rows]),
-                 np.array(origins[number]), number)  # fmt: skip
+                 np.array(origins[number]), number, rows)  # fmt: skip
 
 
 @lru_cache(maxsize=256)
@@ -245,7 +247,5 @@ def known_inputs(channels: Sequence[str]) -> Iterator[str]:
     Args:
         channels: Names of `learn.datasets.patch.CHANNELS`.
     """
-    from learn.datasets.patch import CHANNELS
-
     needed = {CHANNELS[name] for name in channels if name in CHANNELS}
-    yield from (name for name in INPUTS if name in needed)
+    yield from (name for name in PIECE_INPUTS if name in needed)

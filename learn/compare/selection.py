@@ -10,7 +10,8 @@ from learn.compare.pieces import PieceCounts
 from learn.compare.sources import WindowPlace
 from learn.datasets.labelled_cloud import SourceFacts
 from learn.datasets.settings import DatasetSettings
-from learn.datasets.split import TEST, TRAIN, split_bridges
+from learn.datasets.split import TEST, TRAIN, VAL, split_bridges
+from learn.trained import FOREST
 
 
 @dataclass(frozen=True)
@@ -86,11 +87,12 @@ def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]
         Set and bridge to train, val or test.
 
     Raises:
-        InputError: A bridge would be both trained on and tested on.
+        InputError: A bridge would be both trained on and tested on, or one to be held is not there.
     """
     trained = {part.set for part in parts_in(settings, settings.arms)}
     tested = {settings.test(name).set for name in settings.tests}
     found: dict[tuple[str, str], str] = {}
+    strange = set(settings.held)
     for name, own in sorted(bridges.items()):
         if name not in trained:
             found |= {(name, bridge): TEST for bridge in own}
@@ -100,14 +102,58 @@ def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]
             train, val, test = train / max(train + val, 1e-9), val / max(train + val, 1e-9), 0.0
         facts = [SourceFacts(bridge, bridge, bridge, "") for bridge in own]
         held = tuple(one for one in settings.held if any(bridge.startswith(one) for bridge in own))
+        if name in tested:
+            strange -= {*held}
         how = DatasetSettings(shares=(train, val, test), seed=settings.split_seed, test=held if name in tested else ())
         found |= {(name, bridge): split for bridge, split in split_bridges(facts, how).items()}
+    if strange:
+        names = sorted({bridge[:12] for name, own in bridges.items() if name in trained & tested for bridge in own})
+        raise InputError("begins the name of no bridge that could be held out", field="held", value=min(strange),
+                         allowed=", ".join(names) or "nothing: no set is both trained on and tested on")  # fmt: skip
     seen = {bridge for (_, bridge), split in found.items() if split != TEST}
     both = sorted(bridge for (_, bridge), split in found.items() if split == TEST and bridge in seen)
     if both:
         raise InputError("a bridge is in a set to train on and in one to test on", field="tests", value=both[0],
                          mend="Take other bridges for one of them")  # fmt: skip
     return found
+
+
+def check_bridges(
+    settings: ExperimentSettings, splits: Mapping[tuple[str, str], str], bridges: Iterable[tuple[str, str, set[str]]]
+) -> None:
+    """Refuse an experiment that lacks a bridge to train on, to choose on or to test on, before anything is made.
+
+    Args:
+        settings: The experiment.
+        splits: Of `share_out`.
+        bridges: Set, bridge, and the names of its clouds.
+
+    Raises:
+        InputError: An arm or a test has no bridge.
+    """
+    rows = [(part_set, splits[part_set, bridge], clouds) for part_set, bridge, clouds in bridges]
+
+    def lacks(part: Part, parts: Iterable[Part], split: str) -> bool:
+        needed = {name for other in parts if other.set == part.set for name in (other.cloud, other.like) if name}
+        return not any((part.set, split) == (own, its) and needed <= clouds for own, its, clouds in rows)
+
+    tests = [settings.test(name) for name in settings.tests]
+    for name, part in zip(settings.tests, tests, strict=True):
+        if lacks(part, tests if settings.windows == "all" else [part], TEST):
+            raise _too_few("test", f"tests.{name}", part)
+    for group in settings.groups:
+        for arm in group:
+            parts = settings.parts(arm)
+            for part in parts:
+                if lacks(part, parts_in(settings, group), TRAIN):
+                    raise _too_few("train on", f"arms.{arm}", part)
+            if set(settings.models) != {FOREST} and all(lacks(part, parts_in(settings, group), VAL) for part in parts):
+                raise _too_few("validate on", f"arms.{arm}", parts[0])
+
+
+def _too_few(what: str, field: str, part: Part) -> InputError:
+    return InputError(f"no bridge is left to {what}", field=field, value=str(part), mend="Give more bridges (they have "
+                      "to have the clouds of everything compared), or change shares or held")  # fmt: skip
 
 
 def windows_of(

@@ -6,13 +6,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from learn.compare.pieces import known_inputs, read_window
 from learn.datasets.augment import draw_change
 from learn.datasets.draws import count_draws, exhaustive_draw, random_draw
 from learn.datasets.patch import Patch, Scaling, make_sample
 from learn.datasets.settings import AugmentSettings
-from learn.sample import Sample
+from learn.sample import Sample, Truth
 
 
 @dataclass(frozen=True)
@@ -144,10 +145,31 @@ class HeldWindows:
             index: Number of the sample, 0 to `len` - 1.
             seed: Without effect: no point is drawn twice before all were.
         """
+        patch, rows = self._drawn(index)
+        return make_sample(patch, rows, self.settings.channels, self.settings.scaling)
+
+    def truth(self, index: int) -> Truth:
+        """Tell which points of which cloud a sample holds; instances are not kept.
+
+        Args:
+            index: Number of the sample.
+        """
+        place = self._items[index][0]
+        patch, rows = self._drawn(index)
+        assert patch.row is not None
+        cloud = self._clouds[place.folder, place.cloud]
+        return Truth(cloud, patch.row[rows], patch.coord[rows] + patch.origin, patch.uncertainty[rows],
+                     np.zeros(len(rows), np.int64))  # fmt: skip
+
+    @cached_property
+    def _clouds(self) -> dict[tuple[Path, str], int]:
+        names = dict.fromkeys((place.folder, place.cloud) for place in self.windows)
+        return {name: number for number, name in enumerate(names)}
+
+    def _drawn(self, index: int) -> tuple[Patch, NDArray[np.int64]]:
         place, number = self._items[index]
         patch = _read(place, self.settings)
-        rows = exhaustive_draw(len(patch), self.settings.points, number, place.number)
-        return make_sample(patch, rows, self.settings.channels, self.settings.scaling)
+        return patch, exhaustive_draw(len(patch), self.settings.points, number, place.number)
 
 
 def _read(place: WindowPlace, settings: SampleSettings) -> Patch:

@@ -31,7 +31,8 @@ def page(record: Row) -> str:
         "## Scores",
         "",
         "Mean over the seeds (standard deviation); each seed scores the confusion matrix summed "
-        "over the test bridges. A class that occurs nowhere has a dash and no part in a mean.",
+        "over the test bridges. A class that occurs nowhere has a dash and no part in a mean. *Sure*: over the points "
+        "whose uncertainty is known and at most 0.1 m; the other columns count every point, however uncertain.",
         "",
     ]
     lines += [*_scores(record), "", "## Differences", "", *_about_intervals(record), "", *_differences(record), ""]
@@ -106,11 +107,19 @@ def _scores(record: Row) -> list[str]:
                 _spread(row, "mean_iou"),
                 _spread(row, "mean_accuracy"),
                 _spread(row, "overall_accuracy"),
+                _percent(row["sure_mean_iou"]),
                 *(_percent(row["iou"][name]) for name in classes),
             ]
             for row in rows
         ]
-        heads = ["trained on", "mean IoU", "mean accuracy", "accuracy", *(f"IoU {name}" for name in classes)]
+        heads = [
+            "trained on",
+            "mean IoU",
+            "mean accuracy",
+            "accuracy",
+            "mean IoU, sure",
+            *(f"IoU {name}" for name in classes),
+        ]
         lines += [*_table(heads, table), ""]
     return lines
 

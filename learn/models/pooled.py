@@ -11,8 +11,8 @@ from learn.models.gather import Shared
 def pooled(layers: nn.Sequential, values: Tensor) -> Tensor:
     """Apply a shared MLP to neighbourhoods, and take the maximum over each.
 
-    Normalisation and activation rise or fall with their input, so that the maximum may be taken before them, which saves
-    time in training. Elsewhere, and under autocast, everything is done in turn.
+    Normalisation and activation rise or fall with their input, so that the maximum may be taken before them, which
+    saves time in training. Elsewhere, and under autocast, everything is done in turn.
 
     Args:
         layers: Of `Shared` layers, at least one; the last one is active by ReLU or not at all.

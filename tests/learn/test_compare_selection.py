@@ -10,12 +10,12 @@ from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from learn.compare.experiment import ExperimentSettings, Part, experiment_settings, preset_names, read_part
 from learn.compare.pieces import CloudSource, PieceCounts, counts_of, cut_pieces, read_window
-from learn.compare.selection import CutScene, losses_of, share_out, windows_of, windows_to_test
-from learn.compare.sources import HeldWindows, TrainingWindows
+from learn.compare.selection import CutScene, check_bridges, losses_of, share_out, windows_of, windows_to_test
+from learn.compare.sources import HeldWindows, TrainingWindows, WindowPlace
 from learn.datasets.class_tables import class_table
 from learn.datasets.labelled_cloud import read_labelled
 from learn.datasets.windows import cut_windows
-from tests.learn.toy_bridge import write_toy
+from tests.learn.toy_bridge import toy_cloud, write_toy
 
 
 def experiment(**more: object) -> ExperimentSettings:
@@ -137,15 +137,80 @@ def test_arms_draw_alike_whatever_their_number_of_windows(tmp_path: Path) -> Non
     assert seen == whole
 
 
+def test_a_filter_leaves_out_what_it_says_in_training_alone(tmp_path: Path) -> None:
+    """An arm sees the points up to its own uncertainty, the others those up to the common one; a test sees all."""
+    out = tmp_path / "pieces"
+    out.mkdir()
+    still = {"flip": False, "rotate": False, "scale": [1.0, 1.0]}
+    settings = experiment(mode="whole", filters={"b": 0.2, "ab": 1000.0}, points=8000, augment=still)
+    cloud = toy_cloud(0, 3000)
+    uncertainty = cloud.columns["uncertainty"]
+    cut_pieces([CloudSource("a", write_toy(tmp_path / "a", 0, 3000))], out, settings.cut, SILENT)
+    places = [WindowPlace(out, "a", 0, "b0", counts_of(out)["a"].all[0])]
+    seen = {}
+    for arm in ("a", "b", "ab"):
+        sample = TrainingWindows(places, settings.sampling_of(arm), 1).sample(0, 0)
+        seen[arm] = len(np.unique(sample.coord, axis=0))
+    held = HeldWindows(places, settings.sampling, 10)
+    wanted = {"a": (uncertainty <= 0.1).sum(), "b": (uncertainty <= 0.2).sum(), "ab": len(cloud)}
+    assert seen == wanted
+    assert sorted(held.truth(0).row[: len(cloud)]) == list(range(len(cloud)))
+
+
+def test_what_is_held_for_a_test_says_which_point_is_which(tmp_path: Path) -> None:
+    """A point that overlapping tiles share has one row; rows lead to the cloud's places and labels."""
+    out = tmp_path / "pieces"
+    out.mkdir()
+    settings = experiment(points=64, tile={"voxel": 0.3, "stride": 5.0})
+    cut_pieces([CloudSource("a", write_toy(tmp_path / "a", 0, 6000))], out, settings.cut, SILENT)
+    counts = counts_of(out)["a"].all
+    places = [WindowPlace(out, "a", number, "b0", points) for number, points in enumerate(counts) if points >= 64]
+    held = HeldWindows(places, settings.sampling, 10_000)
+    known: dict[int, tuple[np.ndarray, int]] = {}
+    for index in range(len(held)):
+        truth, sample = held.truth(index), held.sample(index, 0)
+        assert (truth.cloud, held.bridge(index)) == (0, "b0")
+        for row, coord, label in zip(truth.row.tolist(), truth.coord, sample.labels.tolist(), strict=True):
+            before = known.setdefault(row, (coord, label))
+            np.testing.assert_allclose(before[0], coord, atol=1e-5)
+            assert before[1] == label
+    assert len(known) < sum(counts)  # tiles overlap
+
+
+def test_too_few_bridges_are_said_before_anything_is_made() -> None:
+    """No bridge for a test, for an arm, for validation; a forest needs none of the last."""
+    settings = experiment(tests={"b": "b"})
+    names = {f"h{number}": split for number, split in enumerate(("train", "train", "val", "test"))}
+    splits = {("bridges", bridge): split for bridge, split in names.items()}
+    both = [("bridges", bridge, {"a", "b"}) for bridge in names]
+    check_bridges(settings, splits, both)
+    for gone, reason in (("h3", "left to test"), ("h2", "left to validate")):
+        with pytest.raises(InputError, match=reason):
+            check_bridges(settings, splits, [row for row in both if row[1] != gone])
+    check_bridges(experiment(tests={"b": "b"}, models=("forest",)), splits, [row for row in both if row[1] != "h2"])
+    with pytest.raises(InputError, match="left to train"):
+        check_bridges(
+            settings, splits, [("bridges", bridge, {"b"} if bridge < "h2" else {"a", "b"}) for bridge in names]
+        )
+    with pytest.raises(InputError, match="could be held out"):
+        share_out(experiment(held=("zz",)), {"bridges": ["a", "b", "c"]})
+
+
 def test_presets_and_what_is_refused() -> None:
     """Every preset of the package loads; parts are read; what cannot be is one line."""
-    assert preset_names() == ("global", "sensor-matrix", "task-local-1", "task-local-2", "task-local-3")
+    assert preset_names() == (
+        "global", "sensor-matrix", "task-local-1", "task-local-2", "task-local-3", "uncertainty-filter",
+    )  # fmt: skip
     for name in preset_names():
         assert experiment_settings(name, {"seeds": 2}).seeds == 2
     assert experiment_settings("sensor-matrix", {}).parts("visible_noise") == (Part("bridges", "visible", "local"),)
     assert read_part("korea/tls~ local") == Part("korea", "tls", "local")
     for given, reason in (({"pairs": [["mesh", "mash"]]}, "mash"), ({"arms": {"x": ["a b"]}}, "no such clouds"),
-                          ({"shares": [1, 1, 1]}, "add up to 1"), ({"sede": 1}, "Did you mean 'seeds'")):  # fmt: skip
+                          ({"shares": [1, 1, 1]}, "add up to 1"), ({"sede": 1}, "Did you mean 'seeds'"),
+                          ({"filters": {"mesh": 0.05}}, "0.1 .noisy. to 1000"), ({"filters": {"m": 1.0}}, "no arm"),
+                          ({"filters": {"mesh": 1.0}, "noisy_class": True}, "choose one"),
+                          ({"channels": ["x", "uncertainty"]}, "not a channel"),
+                          ({"channels": ["height"], "mode": "paper"}, "needs mode")):  # fmt: skip
         with pytest.raises(InputError, match=reason):
             experiment_settings("sensor-matrix", given)
     with pytest.raises(InputError, match=r"sensor-matrix.*or a \.toml file"):
