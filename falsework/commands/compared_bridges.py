@@ -67,6 +67,9 @@ def find_bridges(
             raise InputError("no clouds are in it", where=folder, field="sources",
                              mend="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such "
                              "folders")  # fmt: skip
+        if names and len(places) > 1:
+            raise InputError("has several bridges, and --bridge names one", where=folder, field="--bridge",
+                             value=names[number], mend="Name the folder of each bridge")  # fmt: skip
         for place, found in places.items():
             there.setdefault(name, set()).update(found)
             clouds = {cloud: path for cloud, path in found.items() if cloud in wanted[name]}

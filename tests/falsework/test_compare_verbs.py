@@ -239,7 +239,7 @@ def test_what_cannot_be_is_one_line(
 def test_a_folder_of_bridges_is_as_good_as_each(
     bridges: list[Path], whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The folder that holds all bridges gives the same results; a bridge that is given twice, or no cloud, is refused."""
+    """The folder that holds all bridges gives the same results; one given twice, or no cloud at all, is refused."""
     preset = bridges[0].parents[1] / "tiny.toml"
     words = ["-o", whole / "cmp", "--preset", preset, "--plan", "--json"]
     code, said, _ = call(capsys, "compare", bridges[0].parent, *words)
