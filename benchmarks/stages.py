@@ -148,7 +148,8 @@ def photograph(scene: FlatScene) -> Image:
     finally:
         gl.close()
     light, card = (
-        (one.code.astype(np.float32)[..., 1][one.draw > 0] / 65535) ** 2 * BRIGHTEST for one in (view, cards)
+        ((one.code.astype(np.float32)[..., 1][one.draw > 0] / 65535) ** 2 * BRIGHTEST).astype(np.float32)
+        for one in (view, cards)
     )
     sensor = Sensor(SETTINGS.sensor, meter(light, card), BRIGHTEST, view.depth.shape, 1)
     return np.ascontiguousarray(sensor.develop(view.code, sensor.expose(0, view.code))[..., ::-1])

@@ -1,4 +1,16 @@
-"""Falsework: bridges as USD stages, a virtual inspection flight around them, and annotated point clouds."""
+"""Falsework: bridges as USD stages, a virtual inspection flight around them, and annotated point clouds.
+
+    import falsework
+
+    scene = falsework.author({"bridge": {"family": "beam"}}, "scene")  # a layered USD stage
+    flight = falsework.render(scene, "captures")["local"]  # photographs, cameras, truth
+    cloud = falsework.reconstruct(flight, "cloud")  # labelled points, each with its uncertainty
+    scan = falsework.sample(scene, "scan", falsework.TerrestrialSettings())  # the bridge as a laser sees it
+
+Each writes one folder as a whole and gives back what lies in it; a folder that is there is read with `read_stage`,
+`read_capture`, `read_truth` and `read_cloud`. `load_scenario` and `run_scenario` make many scenes, as `falsework run`.
+Whatever is wrong with a file or a setting is an `InputError` of one line. docs/python.md shows all of it.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -6,44 +18,67 @@ from typing import TYPE_CHECKING
 from usd_schemas.registration import register_schemas
 
 if TYPE_CHECKING:
-    from authoring.scene import author_scene
+    from falsework.api import author, reconstruct, render, sample, save_cloud
+    from falsework.commands.console import ConsoleProgress
     from falsework.pipeline import Outcome, run_scenario
-    from falsework.scenario import Scenario, load_scenario
+    from falsework.scenario import Scenario, load_scenario, scenario_of
+    from groundwork.errors import FalseworkError, InputError, RejectedSceneError
+    from groundwork.progress import Progress
     from recon.cloud import Cloud, read_cloud
-    from recon.reconstruct import reconstruct
-    from render.capture import Capture, read_capture
+    from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
+    from recon.settings import ReconSettings
+    from render.capture import Capture, Truth, read_capture, read_truth
+    from render.settings import RenderSettings
     from usd_schemas.flat_scene import FlatScene
     from usd_schemas.reading.stage_reader import read_stage
 
 __all__ = [
     "Capture",
     "Cloud",
+    "ConsoleProgress",
+    "FalseworkError",
     "FlatScene",
+    "InputError",
+    "MeshSettings",
+    "MobileSettings",
     "Outcome",
+    "Progress",
+    "ReconSettings",
+    "RejectedSceneError",
+    "RenderSettings",
     "Scenario",
-    "author_scene",
+    "TerrestrialSettings",
+    "Truth",
+    "author",
     "load_scenario",
     "read_capture",
     "read_cloud",
     "read_stage",
+    "read_truth",
     "reconstruct",
+    "render",
     "run_scenario",
+    "sample",
+    "save_cloud",
+    "scenario_of",
 ]
 
-_HOME = {
-    "Capture": "render.capture",
-    "Cloud": "recon.cloud",
-    "FlatScene": "usd_schemas.flat_scene",
-    "Outcome": "falsework.pipeline",
-    "Scenario": "falsework.scenario",
-    "author_scene": "authoring.scene",
-    "load_scenario": "falsework.scenario",
-    "read_capture": "render.capture",
-    "read_cloud": "recon.cloud",
-    "read_stage": "usd_schemas.reading.stage_reader",
-    "reconstruct": "recon.reconstruct",
-    "run_scenario": "falsework.pipeline",
+_HOMES = {
+    "falsework.api": ("author", "reconstruct", "render", "sample", "save_cloud"),
+    "falsework.commands.console": ("ConsoleProgress",),
+    "falsework.pipeline": ("Outcome", "run_scenario"),
+    "falsework.scenario": ("Scenario", "load_scenario", "scenario_of"),
+    "groundwork.errors": ("FalseworkError", "InputError", "RejectedSceneError"),
+    "groundwork.progress": ("Progress",),
+    "recon.cloud": ("Cloud", "read_cloud"),
+    "recon.sampling.sampler_settings": ("MeshSettings", "MobileSettings", "TerrestrialSettings"),
+    "recon.settings": ("ReconSettings",),
+    "render.capture": ("Capture", "Truth", "read_capture", "read_truth"),
+    "render.settings": ("RenderSettings",),
+    "usd_schemas.flat_scene": ("FlatScene",),
+    "usd_schemas.reading.stage_reader": ("read_stage",),
 }
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 register_schemas()
 
@@ -60,3 +95,8 @@ def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'falsework' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    """List the public names, for completion in a notebook."""
+    return sorted(__all__)

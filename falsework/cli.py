@@ -52,27 +52,12 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
         output: Folder to write: the scene folder itself.
         scene: Number of the scene.
     """
-    from authoring.scenes.manifest import edits_since
-    from falsework.scenario import given_files, load_scenario, scene_seed, values_of
-    from falsework.stages import STAGES
-    from groundwork.errors import InputError
-    from groundwork.output_folder import fresh_output
-    from groundwork.output_reading import reading
+    from falsework.commands.verbs import author_file
+    from falsework.scenario import load_scenario, values_of
 
     loaded = load_scenario(scenario)
-    if not 0 <= scene < loaded.scenes:
-        raise InputError("no such scene", field="--scene", value=scene, allowed=f"0 to {loaded.scenes - 1}")
-    settings = {"seed": scene_seed(loaded.seed, scene), "authoring": loaded.authoring()}
-    worlds = given_files(loaded)
-
-    def write(folder: Path) -> None:
-        if changed := edits_since(output):
-            raise InputError(f"was edited after authoring ({changed[0]})", where=output, mend="Choose another folder")
-        STAGES["stage"].run(settings, worlds, folder, progress)
-
-    inputs = [scenario, *worlds.values()]
-    with ConsoleProgress() as progress, values_of(scenario), reading(*inputs):
-        fresh_output(output, "scene", write, inputs=inputs)
+    with ConsoleProgress() as progress, values_of(scenario):
+        author_file(loaded, output, scene, progress, [scenario])
     _say(f"scene   {output / 'scene.usda'}")
     return 0
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -119,7 +119,23 @@ def load_scenario(path: Path) -> Scenario:
     Raises:
         InputError: Missing, not TOML, or a key or value that is not allowed.
     """
-    given = parse_settings(Scenario, read_toml(path), path)
+    return scenario_of(read_toml(path), path)
+
+
+def scenario_of(values: Mapping[str, Any], path: Path = Path("scenario")) -> Scenario:
+    """Check a scenario that a program has put together: the sections and keys of the file.
+
+    Args:
+        values: Sections and keys, as TOML would give them.
+        path: What errors call it; what it names is looked for beside that: by default in the current folder.
+
+    Returns:
+        The scenario, its paths absolute.
+
+    Raises:
+        InputError: A key or value that is not allowed.
+    """
+    given = parse_settings(Scenario, dict(values), path)
     try:
         return _with_stage(_with_surfaces(_with_skies(_with_worlds(given, path), path), path), path)
     except OSError as error:

@@ -6,17 +6,9 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from falsework.children.products import read_safely
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
-from groundwork.errors import MissingError
-from groundwork.output_folder import fresh_output
-from groundwork.output_reading import reading
 from groundwork.settings import Settings, parse_settings
-
-WORKER = "falsework.children.sample_work"
-TIME_LIMIT = 6 * 3600.0  # [s]
-MEMORY_LIMIT = 16.0  # [GB]
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -92,17 +84,11 @@ def lidar(
 def _sample(
     kind: str, model: type[Settings], settings: dict[str, Any], stage: Path, output: Path, roots: tuple[Path, ...]
 ) -> int:
+    from falsework.commands.verbs import sample_file
+
     checked = parse_settings(model, settings, "--set")
-    request = {
-        "kind": kind, "settings": checked.model_dump(mode="json"), "stage": str(stage.absolute()),
-        "allow_roots": [str(root.absolute()) for root in roots],
-    }  # fmt: skip
-    with ConsoleProgress() as progress, reading(stage):
-        if not stage.is_file():
-            raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
-        fresh_output(output, "cloud", lambda folder: read_safely(
-            WORKER, request | {"folder": str(folder.absolute())}, stage, progress, TIME_LIMIT, MEMORY_LIMIT
-        ), inputs=[stage])  # fmt: skip
+    with ConsoleProgress() as progress:
+        sample_file(stage, output, kind, checked, progress, roots)
     sys.stdout.write(f"cloud   {output}\n")
     return 0
 

@@ -79,8 +79,14 @@ def train(
     if init is not None and settings.model == "forest":
         raise InputError("a forest begins anew", field="--init", value=init, mend="Leave --init out")
     names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
-    source, held = _training_split(dataset, names, settings), _split(dataset, "val", names)
-    asked = [file_digest(dataset / "dataset.json"), names, str(init), settings.model_dump(mode="json")]
+    _fit(dataset, output, settings, names, init)
+    sys.stdout.write(f"model   {output}\n")
+    return 0
+
+
+def _fit(dataset: Path, output: Path, settings: "TrainSettings", channels: tuple[str, ...], init: Path | None) -> None:
+    source, held = _training_split(dataset, channels, settings), _split(dataset, "val", channels)
+    asked = [file_digest(dataset / "dataset.json"), channels, str(init), settings.model_dump(mode="json")]
     inputs = [dataset] if init is None else [dataset, init]
     with ConsoleProgress() as progress, reading(*inputs):
         if settings.model == "forest":
@@ -95,8 +101,6 @@ def train(
             fresh_output(output, "model", lambda folder: train_network(
                 source, held if len(held) else None, settings, folder, progress, data=_facts(source), init=init,
             ), inputs=inputs, asked=asked, resume=True)  # fmt: skip
-    sys.stdout.write(f"model   {output}\n")
-    return 0
 
 
 def evaluate(

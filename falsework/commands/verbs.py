@@ -1,20 +1,92 @@
 """The verbs that write one plain folder, with the same functions that the pipeline's stages call."""
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from falsework.children.products import surveys_of
+from falsework.children.products import read_safely, surveys_of
 from falsework.report.report import write_report
-from falsework.scenario import scene_title
+from falsework.scenario import Scenario, given_files, scene_seed, scene_title
 from falsework.stages import STAGES, clouds_of
 from groundwork.errors import InputError, MissingError
 from groundwork.output_file import fresh_file
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
 from groundwork.progress import Progress
-from groundwork.settings import read_toml
+from groundwork.settings import Settings, read_toml
 from recon.settings import ReconSettings
+
+SAMPLER = "falsework.children.sample_work"
+SAMPLE_TIME_LIMIT = 6 * 3600.0  # [s]
+SAMPLE_MEMORY_LIMIT = 16.0  # [GB]
+
+
+def author_file(
+    scenario: Scenario, out: Path, scene: int, progress: Progress, inputs: Sequence[Path] = ()
+) -> Path:  # fmt: skip
+    """Author the layered stage of one scene into a plain folder.
+
+    Args:
+        scenario: What to make.
+        out: Folder to write; a former scene of ours is replaced, unless it was edited since.
+        scene: Number of the scene.
+        progress: Listener.
+        inputs: Files that the scenario was read from.
+
+    Returns:
+        Its root layer.
+
+    Raises:
+        InputError: No such scene, or an output folder that is not ours or was edited.
+    """
+    if not 0 <= scene < scenario.scenes:
+        raise InputError("no such scene", field="--scene", value=scene, allowed=f"0 to {scenario.scenes - 1}")
+    settings = {"seed": scene_seed(scenario.seed, scene), "authoring": scenario.authoring()}
+    given = given_files(scenario)
+
+    def write(folder: Path) -> None:
+        from authoring.scenes.manifest import edits_since
+
+        if changed := edits_since(out):
+            raise InputError(f"was edited after authoring ({changed[0]})", where=out, mend="Choose another folder")
+        STAGES["stage"].run(settings, given, folder, progress)
+
+    read = [*inputs, *given.values()]
+    with reading(*read):
+        fresh_output(out, "scene", write, inputs=read)
+    return out / "scene.usda"
+
+
+def sample_file(
+    stage: Path, out: Path, kind: str, settings: Settings, progress: Progress, allow_roots: tuple[Path, ...] = ()
+) -> None:
+    """Sample the surface of any stage into a plain folder; in a child, because the stage may come from anywhere.
+
+    Args:
+        stage: USD file.
+        out: Folder to write; a former one of ours is replaced.
+        kind: mesh, terrestrial or mobile.
+        settings: Settings of that sampler.
+        progress: Listener.
+        allow_roots: Folders beside that of the stage from which it may take files.
+
+    Raises:
+        InputError: No such file, nothing to sample, or an output folder that is not ours.
+    """
+    request = {
+        "kind": kind, "settings": settings.model_dump(mode="json"), "stage": str(stage.absolute()),
+        "allow_roots": [str(root.absolute()) for root in allow_roots],
+    }  # fmt: skip
+
+    def write(folder: Path) -> None:
+        read_safely(SAMPLER, request | {"folder": str(folder.absolute())}, stage, progress, SAMPLE_TIME_LIMIT,
+                    SAMPLE_MEMORY_LIMIT)  # fmt: skip
+
+    with reading(stage):
+        if not stage.is_file():
+            raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
+        fresh_output(out, "cloud", write, inputs=[stage])
 
 
 def render_file(

@@ -21,9 +21,9 @@ def pooled(layers: nn.Sequential, values: Tensor) -> Tensor:
     Returns:
         Shape (B, M, outputs).
     """
-    last = layers[-1]
+    *former, last = layers
     assert isinstance(last, Shared)
-    for layer in layers[:-1]:
+    for layer in former:
         values = layer(values)
     if not last.norm.training or torch.is_autocast_enabled(values.device.type):
         return last(values).max(dim=2).values

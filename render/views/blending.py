@@ -42,7 +42,7 @@ class Blending:
         context.depth_func, context.front_face = ">=", "cw"  # as where the opaque ones are drawn
         context.blend_func = (
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA,
-        )  # fmt: skip
+        )  # fmt: skip  # pyright: ignore[reportAttributeAccessIssue]
         self._surfaces.depth_mask = False
 
     def end(self, span: tuple[int, int]) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from falsework.cli import main
 from tests.usd_schemas.stages import SQUARE, write_stage
@@ -22,6 +23,13 @@ def Mesh "Coal" {{
     color3f[] primvars:displayColor = [(0.01, 0.01, 0.01)] (interpolation = "constant")
 }}
 """
+
+
+def photograph(path: Path) -> NDArray[np.uint8]:
+    """Read a picture, shape (H, W, 3)."""
+    image = cv2.imread(str(path))
+    assert image is not None
+    return image.astype(np.uint8)
 
 
 def run(words: list[str]) -> int:
@@ -58,7 +66,7 @@ def test_words_do_what_they_say(tmp_path: Path) -> None:
     assert run(["render", str(stage), "-o", str(tmp_path / "all"), *fast, "--height", "36"]) == 0
     for name, count in (("Empty", 1), ("Above", 2)):
         images = sorted((tmp_path / "all" / name / "images").iterdir())
-        assert [cv2.imread(str(image)).shape for image in images] == [(36, 48, 3)] * count
+        assert [photograph(image).shape for image in images] == [(36, 48, 3)] * count
     means = []
     for exposure in ("light", "surfaces", "2"):
         out = tmp_path / exposure
@@ -66,6 +74,6 @@ def test_words_do_what_they_say(tmp_path: Path) -> None:
         assert run(["render", str(stage), "-o", str(out), *words]) == 0
         assert [folder.name for folder in out.iterdir() if folder.is_dir()] == ["Above"]
         (image,) = (out / "Above" / "images").iterdir()
-        means.append(float(np.mean(cv2.imread(str(image)))))
+        means.append(float(photograph(image).mean()))
     assert means[0] < 40.0 < 80.0 < means[1]
     assert means[2] != pytest.approx(means[0], abs=2.0)

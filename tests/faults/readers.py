@@ -134,7 +134,8 @@ OPENED_RAW: dict[str, set[str]] = {
         "failures.write_failure",
         "flatten._is_ours", "locks.open_locked", "marks.read_listing", "module.Segmentation.on_load_checkpoint",
         "output_file.is_signed", "output_folder._said",
-        "repair._clear", "store.Store.evict", "train._best_weights", "train._former",
+        "repair._clear", "store.Store.evict", "train._best_weights", "train._fit", "train._former",
+        "stored_model.write_stored_model",
         "scene_cache._kept", "scene_file.unpack_scene", "bake_down.bake_down", "additions._label",
         "foreign_background._dropped", "mending.mend",  # layers in memory
         "labels.write_replicator_layer", "geometry.geometry_layer", "layer.new_stage",
@@ -146,7 +147,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "matching._take_over", "matching._name_pairs", "matching._verified", "tie_points.write_tie_points",
     },
     PACKAGE: {
-        "class_map._toml", "class_map.read_class_map",
+        "class_map._toml", "class_map.read_class_map", "clouds.demo_clouds",
         "components.class_rows", "components.component_classes", "taxonomies.taxonomy", "camera_models.camera_models",
         "programs._source", "doctor._available_memory", "platform.processor", "report.write_report",
         "survey_figures.write_page", "child._resident",
@@ -197,7 +198,8 @@ READ_SAFELY_ANYHOW = {
     "library._whole", "steps.take_step",
     "labelled_cloud.identify", "layout.read_facts", "predict._file_of", "predict._boxes_record",
     "train_verbs._is_evaluation", "verbs._title",
-    "verification._starts_from_a_stage",  # ours
+    "run_verbs._few", "verification._starts_from_a_stage",  # ours
     # tested with their own rooms
     "class_map._read", "ground_control.read_ground_control", "trained.read_facts", "trained.read_weights",
+    "stored_model.read_stored_model",
 }  # fmt: skip

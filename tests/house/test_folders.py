@@ -34,7 +34,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     ),
     "falsework": (
         "platform.py", "scenario.py", "report", "stages.py", "children", "store", "execution", "pipeline.py",
-        "gallery", "doctor.py", "commands", "cli.py", "__main__.py",
+        "gallery", "doctor.py", "commands", "api.py", "cli.py", "__main__.py",
     ),
 }  # fmt: skip
 

@@ -33,6 +33,7 @@ from tests.conftest import RecordProof
 from tests.render.scenes import CAMERA, SceneBuilder, placed, random_scene
 from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Sun, Texture
 from usd_schemas.pinhole import look_at
+from usd_schemas.reading.choices import AS_AUTHORED
 from usd_schemas.reading.scene_cache import load_scene
 
 SQUARE = np.array([[[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0]], [[-0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]])
@@ -289,7 +290,7 @@ def test_a_worker_loads_nothing_that_drawing_does_not_need(tmp_path: Path) -> No
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert answer.stdout.strip() == "[]"
-    apart, here = survey_scene_apart(stage, "Drone", 0, SILENT), survey_scene(load_scene(stage), 0)
+    apart, here = survey_scene_apart(stage, "Drone", 0, AS_AUTHORED, SILENT), survey_scene(load_scene(stage), 0)
     assert (apart.camera, apart.needs, apart.scene.origin) == (here.camera, here.needs, here.scene.origin)
     np.testing.assert_array_equal(apart.scene.geometry.positions, here.scene.geometry.positions)
     np.testing.assert_array_equal(apart.track.poses, here.track.poses)

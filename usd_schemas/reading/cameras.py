@@ -164,11 +164,12 @@ def _read_track(
 def _near(camera: UsdGeom.Camera, unit: float, warn: Warn) -> float:
     """Near clipping distance [m]; the usual one where the stage gives none that can be."""
     told = camera.GetClippingRangeAttr().Get(EARLIEST)
-    near, far = (float(told[0]) * unit, float(told[1]) * unit) if told is not None else (0.0, 0.0)
+    range_told = (0.0, 0.0) if told is None else (float(told[0]), float(told[1]))
+    near, far = range_told[0] * unit, range_told[1] * unit
     if 0.0 < near < min(far, FARTHEST_NEAR):
         return near
     if near > 0.0 or not np.isfinite(near):
-        warn(f"{camera.GetPath()}: its clippingRange {tuple(told)} shows nothing: drawn from {DEFAULT_NEAR:g} m on")
+        warn(f"{camera.GetPath()}: its clippingRange {range_told} shows nothing: drawn from {DEFAULT_NEAR:g} m on")
     return DEFAULT_NEAR
 
 

@@ -244,7 +244,7 @@ def _read_primvar(
 
 def _is_row(value: object, width: int) -> bool:
     """Tell whether a value is one row, which some write where an array of one is meant."""
-    return np.shape(value) == (width,) and not isinstance(value, str)  # pyright: ignore[reportArgumentType]
+    return np.shape(value) == (width,) and not isinstance(value, str)  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
 def _on_corners(

@@ -108,8 +108,8 @@ def smooth_normals(cage: Cage, areas: F64) -> tuple[F64, I64]:
     ]
     rows, columns = (np.concatenate(side) for side in zip(*pairs, strict=True))
     group = _joined(rows, columns, len(cage.corners))
-    total = np.stack([np.bincount(group, areas[owner, axis], group.max(initial=0) + 1) for axis in range(3)], axis=1)
-    return total, group
+    sums = [np.bincount(group, areas[owner, axis], group.max(initial=0) + 1) for axis in range(3)]
+    return np.stack(sums, axis=1).astype(np.float64), group
 
 
 def _joined(rows: I64, columns: I64, count: int) -> I64:

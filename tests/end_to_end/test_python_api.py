@@ -1,0 +1,63 @@
+"""The Python API: what docs/python.md shows runs as it stands, every name is there, and help tells the story."""
+
+from __future__ import annotations
+
+import re
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import falsework
+from falsework.api import reconstruct
+from tests.end_to_end.conftest import TINY, Chain
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "python.md"
+# The page's scene has textures and photographs for people; these are for a test.
+SMALLER = {
+    '"background": {"name": "none"},': '"background": {"name": "none"}, **tiny,',
+    '"images": 40}': '"images": 8, "spacing": 40.0, "width": 160, "height": 120}',
+}
+
+
+def test_the_page_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every block in its order, in an empty folder, with a smaller scene and the cameras of a flight that is there."""
+    flown = chain.out / "scenes/0000"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("falsework.api.reconstruct", partial(reconstruct, model=flown / "model/global"))
+    text = PAGE.read_text(encoding="utf-8")
+    for large, small in SMALLER.items():
+        assert large in text
+        text = text.replace(large, small)
+    names: dict[str, Any] = {"tiny": {key: TINY[key] for key in ("look", "light", "site")}}
+    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S)
+    for block in blocks:
+        if "falsework.reconstruct(" in block:
+            assert names["flight"].folder == Path("captures/global")
+            names["flight"] = falsework.read_capture(flown / "capture/global")
+        exec(compile(block, str(PAGE), "exec"), names)
+    assert len(blocks) == 7
+    assert names["cloud"].source == "sfm-sparse"
+    assert [path.name for path in names["outcome"].clouds] == ["mesh"]
+    assert (tmp_path / "above/cloud.json").is_file()
+
+
+def test_every_public_name_is_there() -> None:
+    """`dir`, `__all__` and what can be had are one list; each function's help has an example or says what it reads."""
+    assert sorted(falsework.__all__) == dir(falsework)
+    for name in falsework.__all__:
+        what = getattr(falsework, name)
+        assert what.__doc__, name
+    for name in ("author", "render", "reconstruct", "sample", "save_cloud"):
+        assert ">>> " in getattr(falsework, name).__doc__
+    with pytest.raises(AttributeError, match="no attribute 'auhtor'"):
+        falsework.auhtor  # noqa: B018
+
+
+def test_several_clouds_at_once_are_refused(tmp_path: Path) -> None:
+    """One call gives one cloud; the line says how to get both."""
+    with pytest.raises(falsework.InputError, match="Call twice"):
+        falsework.reconstruct(tmp_path, tmp_path / "out", settings=falsework.ReconSettings(mode="both"))
+    assert "falsework.author(" in str(sys.modules["falsework"].__doc__)
