@@ -58,7 +58,7 @@ def benchmark_page(record: Mapping[str, Any]) -> str:
     """
     heading, _, rest = page(record).partition("\n")
     about = (
-        "`python -m benchmarks.compare BRIDGE... -o OUT` writes this page; `benchmarks/compare.toml` is the experiment. "
+        "`python -m benchmarks.compare BRIDGE... -o OUT` writes this page, from `benchmarks/compare.toml`. "
         "[How to read it](../comparisons.md). A forest on few bridges: the direction of a large difference is worth "
         "something, its size is not, and networks trained for longer may differ."
     )

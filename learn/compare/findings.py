@@ -25,7 +25,7 @@ class Trial:
         seed: Seed of the training.
         test: Name of the test.
         bridges: Hash of each test bridge to its confusion matrix, shape (C, C), int64.
-        sure: The same of the points whose uncertainty is known and small.
+        sure: The same of the points whose uncertainty is known and small, shape (C, C), int64.
     """
 
     group: tuple[str, ...]
