@@ -43,14 +43,16 @@ def compare(
     """Train arms that differ in their clouds alone, test each on the same bridges, and tell how sure one can be.
 
     Every training is kept under its key: the same command goes on where it was stopped, and several may share OUT.
+    Begin with --plan. Needs the extra learn.
 
     Args:
-        sources: Output folders of runs, or folders of single bridges with a folder for each cloud; `NAME=FOLDER` puts
-            its bridges into the set of that name.
+        sources: Output folders of runs, folders of single bridges with a folder for each cloud, or folders of such
+            folders; `NAME=FOLDER` puts its bridges into the set of that name.
         output: Folder to write: results, comparison.json and comparison.md.
-        preset: sensor-matrix, task-local-1, task-local-2, task-local-3, global, or a TOML file.
+        preset: sensor-matrix, uncertainty-filter, task-local-1, task-local-2, task-local-3, global, or a TOML file of
+            your own (docs/comparisons.md).
         plan: Say what there is to make, hours and disk space; write nothing.
-        page: Also write the tables to this Markdown file, such as docs/experiments/sensors.md.
+        page: Also write the tables to this Markdown file.
         bridge: Name of the bridge of each source, where its clouds do not know it; once for each, in their order.
         set: A further setting, such as `seeds=8`, `steps=2000` or `tile.voxel=0.1`; may be given more than once.
         as_json: Print one JSON object instead of lines.
@@ -173,10 +175,14 @@ def _write(record: dict[str, Any], output: Path) -> str:
 
 
 def _lines(record: dict[str, Any], counts: dict[str, int], output: Path) -> str:
+    from learn.compare.tables import weakness
+
     lines = [f"{row['model']:<16}{row['test']:<14}{row['first']} - {row['second']}: {100 * row['difference']:+.1f}"
              + ("" if row["interval"] is None else
                 f" ({100 * row['interval'][0]:+.1f} to {100 * row['interval'][1]:+.1f}) points of mean IoU")
              for row in record["differences"]]  # fmt: skip
+    if few := weakness(record):
+        lines.append(f"weak    {few}: the intervals tell how little is known")
     lines.append(f"made    {counts['made']}, {counts['reused']} were there")
     return "\n".join([*lines, f"tables  {output / PAGE}"]) + "\n"
 

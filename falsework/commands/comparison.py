@@ -45,12 +45,14 @@ class Job:
         make: Fills its folder.
         kind: What its time is learned by.
         work: Samples that pass through a network, or clouds that are cut: what its time grows with.
+        about: What it is of, for people.
     """
 
     task: Task
     make: Make
     kind: str
     work: float
+    about: str
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class Experiment:
             inputs = {f"given/{one.name}/{name}": one.digests[name] for one in mine for name in (part.cloud, part.like)}
             pairs = [(one.clouds[part.cloud], one.clouds[part.like]) for one in mine]
             task = Task("noise", VERSIONS["noise"], {"platform": _platform()}, inputs)
-            jobs[part] = Job(task, partial(_fit, pairs), "noise", len(pairs))
+            jobs[part] = Job(task, partial(_fit, pairs), "noise", len(pairs), str(part))
         return jobs
 
     def piece_jobs(self, noise: Mapping[Part, Job]) -> dict[tuple[str, str], Job]:
@@ -145,7 +147,7 @@ class Experiment:
             ]  # fmt: skip
             make = partial(cut_pieces, sources, settings=self.settings.cut, progress=self.progress)
             task = Task("pieces", VERSIONS["pieces"], settings, inputs)
-            jobs[bridge.set, bridge.name] = Job(task, make, "pieces", len(parts))
+            jobs[bridge.set, bridge.name] = Job(task, make, "pieces", len(parts), bridge.name)
         return jobs
 
     def cut_scenes(self, pieces: Mapping[tuple[str, str], Job]) -> list[CutScene]:
@@ -180,7 +182,7 @@ class Experiment:
                     for number in range(self.settings.seeds):
                         seed = self.settings.first_seed + number
                         training = self._training(arm, model, seed, chosen, keys, names)
-                        tests = {name: self._test(training, places, keys, names) for name, places in held.items()}
+                        tests = {name: self._test(name, training, places, keys, names) for name, places in held.items()}
                         found.append(TrialJobs(group, model, arm, seed, training, tests))
         return found
 
@@ -203,10 +205,16 @@ class Experiment:
         inputs = {names[place.folder]: keys[place.folder] for place in (*chosen[TRAIN], *validation)}
         make = partial(train_trial, source, checked, train, progress=self.progress, data=data)
         work = count if is_forest else count * self.settings.looks
-        return Job(Task("training", VERSIONS["training"], settings, inputs), make, f"training {model}", work)
+        return Job(
+            Task("training", VERSIONS["training"], settings, inputs),
+            make,
+            f"training {model}",
+            work,
+            f"{arm}, seed {seed}",
+        )
 
     def _test(
-        self, training: Job, places: list[WindowPlace], keys: Mapping[Path, str], names: Mapping[Path, str]
+        self, name: str, training: Job, places: list[WindowPlace], keys: Mapping[Path, str], names: Mapping[Path, str]
     ) -> Job:
         source = HeldWindows(places, self.settings.sampling, self.settings.test_draws)
         settings = {"sampling": _spelt(source.settings), "windows": _named(places, keys), "platform": _platform(),
@@ -214,7 +222,8 @@ class Experiment:
         inputs = {"training": training.task.key, **{names[one.folder]: keys[one.folder] for one in places}}
         make = partial(_score, self.store.folder(training.task), source, progress=self.progress)
         model = training.kind.removeprefix("training ")
-        return Job(Task("scores", VERSIONS["scores"], settings, inputs), make, f"scores {model}", len(places))
+        task = Task("scores", VERSIONS["scores"], settings, inputs)
+        return Job(task, make, f"scores {model}", len(places), f"{training.about}, on {name}")
 
     def make_all(self, jobs: Iterable[Job]) -> None:
         """Make what is missing; what another process makes just now comes last.
@@ -222,8 +231,13 @@ class Experiment:
         Args:
             jobs: Results that shall exist, none needing a later one.
         """
+        jobs = list(jobs)
+        missing = [job.task.key for job in jobs if not self.store.has(job.task)]
         later = []
         for job in jobs:
+            if job.task.key in missing:
+                which = f"{missing.index(job.task.key) + 1} of {len(missing)}"
+                self.progress.note(f"{job.kind} {which}: {job.about}")
             try:
                 self._make(job, wait=False)
             except BusyError:

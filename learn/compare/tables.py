@@ -55,15 +55,24 @@ def page(record: Row) -> str:
     return "\n".join(lines)
 
 
-def _caution(record: Row) -> list[str]:
-    """Say what a small experiment cannot show, before its figures."""
+def weakness(record: Row) -> str:
+    """Say what an experiment has too few of; empty where it has enough.
+
+    Args:
+        record: What `falsework compare` writes as JSON.
+    """
     few = [f"{row['bridges']} test bridges" for row in record["differences"] if row["bridges"] < 12]
     seeds = [f"{row['seeds']} seeds" for row in record["differences"] if row["seeds"] < 5]
-    found = list(dict.fromkeys([*few, *seeds]))
+    return ", ".join(dict.fromkeys([*few, *seeds]))
+
+
+def _caution(record: Row) -> list[str]:
+    """Say what a small experiment cannot show, before its figures."""
+    found = weakness(record)
     if not found:
         return ["Bridges are the sampling unit: intervals hold for bridges like these."]
     return [
-        f"**Weak figures: {', '.join(found)}.** A difference of three points needs some eight seeds and a dozen "
+        f"**Weak figures: {found}.** A difference of three points needs some eight seeds and a dozen "
         "test bridges; here the intervals tell how little is known, not which arm is better."
     ]
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from falsework.store.store import Store
+from learn.compare.experiment import preset_names
 from learn.metrics import mean_iou
 from learn.trained import read_model
 from recon.cloud import Cloud, write_cloud
@@ -267,3 +268,10 @@ def test_clouds_of_two_bridges_in_one_folder(
     code, _, error = compare(capsys, [*bridges[2:], mixed], tmp_path / "cmp")
     assert code == 2
     assert "clouds of several bridges" in error
+
+
+def test_the_help_names_every_preset(capsys: pytest.CaptureFixture[str]) -> None:
+    """A preset that the help does not name is one that nobody finds."""
+    _, said, _ = call(capsys, "compare", "--help")
+    words = "".join(said.replace("│", " ").split())
+    assert [name for name in preset_names() if name not in words] == []
