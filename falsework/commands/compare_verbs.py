@@ -181,6 +181,9 @@ def _lines(record: dict[str, Any], counts: dict[str, int], output: Path) -> str:
              + ("" if row["interval"] is None else
                 f" ({100 * row['interval'][0]:+.1f} to {100 * row['interval'][1]:+.1f}) points of mean IoU")
              for row in record["differences"]]  # fmt: skip
+    if not lines:  # one arm: nothing to compare
+        lines = [f"{row['model']:<16}{row['test']:<14}{row['arm']}: {100 * (row['mean_iou'] or 0.0):.1f} % mean IoU"
+                 for row in record["scores"]]  # fmt: skip
     if few := weakness(record):
         lines.append(f"weak    {few}: the intervals tell how little is known")
     lines.append(f"made    {counts['made']}, {counts['reused']} were there")

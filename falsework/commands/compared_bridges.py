@@ -59,7 +59,7 @@ def find_bridges(
     for number, (name, folder) in enumerate(sources):
         if name not in wanted:
             raise InputError("the experiment names no such set of bridges", where=folder, field="sources", value=name,
-                             allowed=", ".join(sorted(wanted)), mend="Write NAME=FOLDER")  # fmt: skip
+                             allowed=", ".join(sorted(wanted)), mend="Leave it out, or write NAME=FOLDER")  # fmt: skip
         if folder.resolve() in {other.resolve() for _, other in sources[:number]}:
             raise InputError("given twice", where=folder, field="sources", mend="Name every folder once")
         places = {place: _clouds(place) for place in _places(folder)}

@@ -35,15 +35,7 @@ def page(record: Row) -> str:
         "whose uncertainty is known and at most 0.1 m; the other columns count every point, however uncertain.",
         "",
     ]
-    lines += [*_scores(record), "", "## Differences", "", *_about_intervals(record), "", *_differences(record), ""]
-    lines += [
-        "## Differences of the classes' IoU",
-        "",
-        "In brackets Wilcoxon's p over the test bridges, with Holm's correction.",
-        "",
-        *_class_differences(record),
-        "",
-    ]
+    lines += [*_scores(record), *(_compared(record) if record["differences"] else [])]
     lines += [
         "## Confusion matrices",
         "",
@@ -55,14 +47,32 @@ def page(record: Row) -> str:
     return "\n".join(lines)
 
 
+def _compared(record: Row) -> list[str]:
+    """Spell what one arm is worth more than another."""
+    return [
+        "## Differences",
+        "",
+        *_about_intervals(record),
+        "",
+        *_differences(record),
+        "",
+        "## Differences of the classes' IoU",
+        "",
+        "In brackets Wilcoxon's p over the test bridges, with Holm's correction.",
+        "",
+        *_class_differences(record),
+        "",
+    ]
+
+
 def weakness(record: Row) -> str:
     """Say what an experiment has too few of; empty where it has enough.
 
     Args:
         record: What `falsework compare` writes as JSON.
     """
-    few = [f"{row['bridges']} test bridges" for row in record["differences"] if row["bridges"] < 12]
-    seeds = [f"{row['seeds']} seeds" for row in record["differences"] if row["seeds"] < 5]
+    few = [_several(row["bridges"], "test bridge") for row in record["scores"] if row["bridges"] < 12]
+    seeds = [_several(len(row["seeds"]), "seed") for row in record["scores"] if len(row["seeds"]) < 5]
     return ", ".join(dict.fromkeys([*few, *seeds]))
 
 
@@ -105,10 +115,10 @@ def _losses(record: Row) -> list[str]:
 
 def _scores(record: Row) -> list[str]:
     lines: list[str] = []
-    classes = record["classes"]
+    classes = _present(record)
     for model, test, rows in _by(record["scores"]):
         first = rows[0]
-        about = f"{first['bridges']} bridges, {first['classes_averaged']} classes"
+        about = f"{_several(first['bridges'], 'bridge')}, {first['classes_averaged']} classes"
         lines += [f"**{model}**, tested on `{test}`, {about}:", ""]
         table = [
             [
@@ -153,21 +163,33 @@ def _differences(record: Row) -> list[str]:
 def _class_differences(record: Row) -> list[str]:
     rows = []
     for row in record["differences"]:
-        cells = [_of_class(row["classes"].get(name)) for name in record["classes"]]
+        cells = [_of_class(row["classes"].get(name)) for name in _present(record)]
         rows.append([row["model"], row["test"], f"{row['first']} − {row['second']}", *cells])
-    return _table(["model", "tested on", "arms", *record["classes"]], rows)
+    return _table(["model", "tested on", "arms", *_present(record)], rows)
 
 
 def _matrices(record: Row) -> list[str]:
     lines: list[str] = []
+    names = _present(record)
+    places = [record["classes"].index(name) for name in names]
     for row in record["scores"]:
         lines += [f"{row['model']}, trained on {_arm(row, record)}, tested on `{row['test']}`:", ""]
-        cells = [
-            [name, *(_percent(value / sum(counts)) if sum(counts) else "-" for value in counts), f"{sum(counts):,}"]
-            for name, counts in zip(record["classes"], row["confusion"], strict=True)
-        ]
-        lines += [*_table(["", *record["classes"], "points"], cells), ""]
+        cells = []
+        for name, place in zip(names, places, strict=True):
+            counts = row["confusion"][place]
+            shares = (_percent(counts[k] / sum(counts)) if sum(counts) else "-" for k in places)
+            cells.append([name, *shares, f"{sum(counts):,}"])
+        lines += [*_table(["", *names, "points"], cells), ""]
     return lines
+
+
+def _present(record: Row) -> list[str]:
+    """Name the classes that are true or predicted anywhere; the others would be columns of dashes."""
+    return [name for name in record["classes"] if any(row["iou"][name] is not None for row in record["scores"])]
+
+
+def _several(count: int, thing: str) -> str:
+    return f"{count} {thing}" + ("" if count == 1 else "s")
 
 
 def _by(rows: Sequence[Row]) -> list[tuple[str, str, list[Row]]]:

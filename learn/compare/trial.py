@@ -44,7 +44,7 @@ def check_models(models: Sequence[str], network: Mapping[str, Mapping[str, Any]]
             raise InputError("settings of no model", field="network", value=name,
                              allowed=", ".join((*NETWORKS, FOREST)))  # fmt: skip
         if name == FOREST:
-            parse_settings(ForestSettings, values, f"network.{name}")
+            parse_settings(ForestSettings, dict(values), f"network.{name}")
         else:
             parse_settings(NETWORKS[name][0], {**values, "kind": name}, f"network.{name}")
 

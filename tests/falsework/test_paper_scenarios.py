@@ -76,7 +76,10 @@ def test_pseudo_illinois_shares_nothing_of_the_way_it_is_made() -> None:
     """Camera, world, light, pairs, mapper and depth are others than those of the clouds that arms are trained on."""
     ours, theirs = (load_scenario(SCENARIOS / f"{name}.toml") for name in ("learning", "pseudo-illinois"))
     assert ours.recon.mode == theirs.recon.mode == "dense"
-    for one, other in ((ours.survey[0].camera, theirs.survey[0].camera), (ours.light, theirs.light),
+    flight, other_flight = ours.survey[0], theirs.survey[0]
+    assert flight.kind == "local"
+    assert other_flight.kind == "local"
+    for one, other in ((flight.camera, other_flight.camera), (ours.light, theirs.light),
                        (ours.background.name, theirs.background.name), (ours.seed, theirs.seed),
                        (ours.recon.sparse.pairing, theirs.recon.sparse.pairing),
                        (ours.recon.sparse.mapper, theirs.recon.sparse.mapper),
