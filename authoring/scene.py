@@ -97,7 +97,7 @@ def author_scene(
         export(render_layer(paths), folder / "render.usda")
         export(taxonomy_layer(taxonomy(BASE)), folder / CLASSES)
         export(edits_layer(), folder / "edits/user.usda")
-        images = max(len(path.poses) for path in paths)
+        images = max((len(path.poses) for path in paths), default=1)
         root = root_layer(settings.look.name, settings.background.name, backgrounds, images, bounds_of(bridge))
         author_provenance(root, tokens.WORLD, {"seed": str(seed), "settings": digest(settings)})
         export(root, folder / "scene.usda")

@@ -101,8 +101,8 @@ def benchmark_page(record: Mapping[str, Any], grounds: Mapping[str, tuple[float,
     )
     rows = [f"| {name} | {middle:+.2f} m | {low:+.2f} m |" for name, (middle, low) in grounds.items()]
     table = ["| clouds | median | lowest tenth |", "|---|---|---|", *rows]
-    lines = [heading, "", about, "", "## Where the ground is", "", ground, "", "Estimate minus the laser's, over the tiles "
-             "that all show:", "", *table]  # fmt: skip
+    what = "Estimate minus the laser's, over the tiles that all show:"
+    lines = [heading, "", about, "", "## Where the ground is", "", ground, "", what, "", *table]
     return "\n".join(lines) + f"\n{rest}"
 
 

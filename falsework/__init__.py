@@ -8,7 +8,7 @@
     scan = falsework.sample(scene, "scan", falsework.TerrestrialSettings())  # the bridge as a laser sees it
 
 Each writes one folder as a whole and gives back what lies in it; a folder that is there is read with `read_stage`,
-`read_capture`, `read_truth` and `read_cloud`. `load_scenario` and `run_scenario` make many scenes, as `falsework run`.
+`read_capture`, `read_truth` and `read_cloud`. `load_scenario` and `run` make many scenes, as `falsework run` does.
 Whatever is wrong with a file or a setting is an `InputError` of one line. docs/python.md shows all of it.
 """
 
@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 from usd_schemas.registration import register_schemas
 
 if TYPE_CHECKING:
-    from falsework.api import author, reconstruct, render, sample, save_cloud
+    from falsework.api import author, reconstruct, render, run, sample, save_cloud
     from falsework.commands.console import ConsoleProgress
-    from falsework.pipeline import Outcome, run_scenario
+    from falsework.pipeline import Outcome
     from falsework.scenario import Scenario, load_scenario, scenario_of
     from groundwork.errors import FalseworkError, InputError, RejectedSceneError
     from groundwork.progress import Progress
@@ -57,16 +57,16 @@ __all__ = [
     "read_truth",
     "reconstruct",
     "render",
-    "run_scenario",
+    "run",
     "sample",
     "save_cloud",
     "scenario_of",
 ]
 
 _HOMES = {
-    "falsework.api": ("author", "reconstruct", "render", "sample", "save_cloud"),
+    "falsework.api": ("author", "reconstruct", "render", "run", "sample", "save_cloud"),
     "falsework.commands.console": ("ConsoleProgress",),
-    "falsework.pipeline": ("Outcome", "run_scenario"),
+    "falsework.pipeline": ("Outcome",),
     "falsework.scenario": ("Scenario", "load_scenario", "scenario_of"),
     "groundwork.errors": ("FalseworkError", "InputError", "RejectedSceneError"),
     "groundwork.progress": ("Progress",),

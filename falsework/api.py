@@ -1,11 +1,11 @@
-"""The verbs for scripts and notebooks: what `falsework author`, `render`, `reconstruct` and `sample` do, as functions.
+"""The verbs as functions: what `falsework author`, `render`, `reconstruct`, `sample` and `run` do, for scripts.
 
 Each writes one folder as a whole, in place of a former one of ours, and gives back what lies in it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from groundwork.errors import InputError
 from groundwork.progress import SILENT, Progress
 
 if TYPE_CHECKING:
+    from falsework.pipeline import Outcome
     from falsework.scenario import Scenario
     from recon.cloud import Cloud
     from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
@@ -164,6 +165,45 @@ def sample(
     kind = "mesh" if isinstance(settings, MeshSettings) else settings.kind
     sample_file(Path(stage), Path(out), kind, settings, progress, allow_roots)
     return read_cloud(Path(out))
+
+
+def run(
+    scenario: Scenario | Mapping[str, Any],
+    out: Path | str,
+    *,
+    scenes: Iterable[int] | None = None,
+    retry_failed: bool = False,
+    workers: int = 0,
+    cluster: str | None = None,
+    progress: Progress = SILENT,
+) -> Outcome:
+    """Run the whole chain for many scenes, or what is left of it; several processes may do so in one folder.
+
+    Args:
+        scenario: What to make: of `load_scenario`, or the sections and keys of its file.
+        out: Output folder.
+        scenes: Their numbers; all when None.
+        retry_failed: Try again what failed before.
+        workers: Processes of this machine; 0 works in this one.
+        cluster: Address of a Dask scheduler.
+        progress: Listener.
+
+    Returns:
+        Counts, paths, failures and warnings.
+
+    Raises:
+        InputError: A value that is not allowed, an output folder that is not ours, or no room on the disk.
+
+    Example:
+        >>> outcome = falsework.run(falsework.load_scenario("bridges.toml"), "out", workers=2)
+    """
+    from falsework.pipeline import run_scenario
+    from falsework.scenario import Scenario, scenario_of
+
+    wanted = scenario if isinstance(scenario, Scenario) else scenario_of(scenario)
+    return run_scenario(
+        wanted, Path(out), progress, scenes, retry_failed=retry_failed, workers=workers, cluster=cluster
+    )
 
 
 def save_cloud(cloud: Cloud, out: Path | str) -> None:

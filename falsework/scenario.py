@@ -107,7 +107,7 @@ class Scenario(AuthoringSettings):
         return tomli_w.dumps(values)
 
 
-def load_scenario(path: Path) -> Scenario:
+def load_scenario(path: Path | str) -> Scenario:
     """Read a scenario file.
 
     Args:
@@ -119,7 +119,7 @@ def load_scenario(path: Path) -> Scenario:
     Raises:
         InputError: Missing, not TOML, or a key or value that is not allowed.
     """
-    return scenario_of(read_toml(path), path)
+    return scenario_of(read_toml(Path(path)), Path(path))
 
 
 def scenario_of(values: Mapping[str, Any], path: Path = Path("scenario")) -> Scenario:

@@ -195,5 +195,5 @@ STAGES: dict[str, Stage] = {
     "model": Stage(1, model, resumes=True),
     "cloud": Stage(14, cloud, resumes=True),
     "sample": Stage(1, sample),
-    "report": Stage(6, report),
+    "report": Stage(7, report),
 }

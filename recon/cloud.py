@@ -164,7 +164,7 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
     })  # fmt: skip
 
 
-def read_cloud(folder: Path) -> Cloud:
+def read_cloud(folder: Path | str) -> Cloud:
     """Read a cloud and check that it is whole.
 
     Args:
@@ -174,8 +174,8 @@ def read_cloud(folder: Path) -> Cloud:
         MissingError: Not a cloud.
         InputError: A column is missing, damaged, of a wrong type or length, or a coordinate is not finite.
     """
-    with reading(folder):
-        return _read_cloud(folder)
+    with reading(Path(folder)):
+        return _read_cloud(Path(folder))
 
 
 def _read_cloud(folder: Path) -> Cloud:

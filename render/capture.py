@@ -95,7 +95,7 @@ class CamerasFile(Settings):
     images: tuple[CaptureImage, ...]
 
 
-def read_capture(folder: Path) -> Capture:
+def read_capture(folder: Path | str) -> Capture:
     """Read what lies outside `truth/`; no image is decoded yet.
 
     Args:
@@ -105,8 +105,8 @@ def read_capture(folder: Path) -> Capture:
         InputError: Not a capture, a wrong value, a name twice, or a path that leaves the folder.
         MissingError: An image that it lists is not there.
     """
-    with reading(folder):
-        return _read_capture(folder)
+    with reading(Path(folder)):
+        return _read_capture(Path(folder))
 
 
 def _read_capture(folder: Path) -> Capture:

@@ -49,9 +49,9 @@ def _author(stage: Usd.Stage, paths: list[CameraPath]) -> None:
         product.CreateOrderedVarsRel().SetTargets(variables)
         targets.append(product.GetPath())
     settings.CreateProductsRel().SetTargets(targets)
-    first = paths[0]
-    settings.CreateResolutionAttr(Gf.Vec2i(first.calibration.width, first.calibration.height))
-    settings.CreateCameraRel().SetTargets([camera_path(first.id)])
+    for first in paths[:1]:  # a scene that is only sampled has no flight
+        settings.CreateResolutionAttr(Gf.Vec2i(first.calibration.width, first.calibration.height))
+        settings.CreateCameraRel().SetTargets([camera_path(first.id)])
 
 
 def _author_variable(stage: Usd.Stage, name: str) -> Sdf.Path:

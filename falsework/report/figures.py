@@ -1,8 +1,7 @@
-"""The report's pictures: contact sheet, flight path, histograms, and the cloud to turn around."""
+"""The report's pictures: contact sheet, flight path and histograms."""
 
 import base64
 from html import escape
-from typing import Any
 
 import cv2
 import numpy as np
@@ -17,7 +16,6 @@ U8 = NDArray[np.uint8]
 
 SHEET_FRAMES = 6
 SHEET_WIDTH = 420  # [px]
-CLOUD_POINTS = 30_000
 FONT = {"family": "system-ui, sans-serif", "size": 13, "color": "#2b2f33"}
 
 
@@ -75,21 +73,6 @@ def paint_depth(depth: NDArray[np.float32]) -> U8:
     level = np.clip((far - scale) / max(far - near, 1e-6), 0, 1)
     painted = cv2.applyColorMap((level * 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[..., ::-1]
     return np.where(seen[..., None], painted, 0).astype(np.uint8)
-
-
-def paint_uncertainty(uncertainty: NDArray[np.float32]) -> U8:
-    """Color points by their uncertainty on a logarithmic scale: 1 mm blue, 10 m and more red, unknown as 1 m.
-
-    Args:
-        uncertainty: Uncertainty of each point [m], shape (N,), float32.
-
-    Returns:
-        sRGB colors, shape (N, 3), uint8.
-    """
-    log = np.log10(np.clip(np.nan_to_num(uncertainty, nan=1.0, posinf=10.0), 1e-3, 10.0))
-    level = ((log + 3) / 4 * 255).astype(np.uint8)
-    # One column: what OpenCV returns for an array of one dimension differs between its versions.
-    return cv2.applyColorMap(level[:, None], cv2.COLORMAP_TURBO)[:, 0, ::-1].astype(np.uint8)
 
 
 def flight_figure(centres: F64, statuses: list[str], bridge: F64, good_label: str = "registered") -> go.Figure:
@@ -167,53 +150,6 @@ def uncertainty_figure(uncertainty: NDArray[np.float32], threshold: float) -> go
     return figure.update_layout(xaxis={"type": "log", "title": "uncertainty [m]"}, yaxis={"title": "points"}, bargap=0)
 
 
-def cloud_figure(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...], centres: F64) -> go.Figure:
-    """Show the cloud and the cameras in 3D, with buttons for the colouring.
-
-    Args:
-        columns: `coord` [m], shape (N, 3), `color`, shape (N, 3), uint8, `segment`, shape (N,), uint8, and
-            `uncertainty` [m], shape (N,), float32.
-        classes: Class table.
-        centres: Camera centres [m], shape (M, 3), float64; none of a sampled cloud.
-    """
-    every = max(1, len(columns["coord"]) // CLOUD_POINTS)
-    part = {name: values[::every] for name, values in columns.items()}
-    xyz = part["coord"].astype(np.float32).round(3)
-    palette = np.zeros((256, 3), np.uint8)
-    for row in classes:
-        palette[row.id] = row.color
-    heat = paint_uncertainty(part["uncertainty"])
-    painted = {"photo": part["color"], "class": palette[part["segment"]], "uncertainty": heat}
-    colours = {name: _css_all(values) for name, values in painted.items()}
-    figure = go.Figure(
-        [
-            go.Scatter3d(
-                x=xyz[:, 0], y=xyz[:, 1], z=xyz[:, 2], mode="markers", name="points", hoverinfo="skip",
-                marker={"size": 1.6, "color": colours["photo"]},
-            ),
-            go.Scatter3d(
-                x=centres[:, 0], y=centres[:, 1], z=centres[:, 2], mode="lines+markers", name="cameras",
-                marker={"size": 3, "color": "#1f5fa8"}, line={"color": "#1f5fa8", "width": 1},
-            ),
-        ]
-    )  # fmt: skip
-    buttons = [
-        {"label": name, "method": "restyle", "args": [{"marker.color": [colour]}, [0]]}
-        for name, colour in colours.items()
-    ]
-    _plain_layout(figure, 620)
-    shown = centres if len(centres) else xyz  # the cameras' own box: what they look at stands in it
-    low, high = shown.min(axis=0) - 5, shown.max(axis=0) + 5
-    axis = {"showbackground": False, "title": "", "showticklabels": False}
-    ranges = {f"{k}axis": {**axis, "range": [float(low[i]), float(high[i])]} for i, k in enumerate("xy")}
-    menu = {"type": "buttons", "direction": "right", "buttons": buttons, "x": 0, "y": 1.06, "xanchor": "left"}
-    return figure.update_layout(
-        updatemenus=[menu],
-        scene={"aspectmode": "data", **ranges, "zaxis": {**axis, "range": [float(low[2]) - 3, float(high[2])]}},
-        showlegend=False,
-    )  # fmt: skip
-
-
 def _plain_layout(figure: go.Figure, height: int) -> None:
     figure.update_layout(
         height=height, margin={"l": 55, "r": 15, "t": 30, "b": 45}, font=FONT, template="plotly_white",
@@ -223,10 +159,6 @@ def _plain_layout(figure: go.Figure, height: int) -> None:
 
 def _css(color: tuple[int, int, int]) -> str:
     return f"rgb({color[0]},{color[1]},{color[2]})"
-
-
-def _css_all(colors: U8) -> list[str]:
-    return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in colors.tolist()]
 
 
 def _data_uri(pixels: U8, *, smooth: bool = True) -> str:

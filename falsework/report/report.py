@@ -11,13 +11,8 @@ import plotly.graph_objects as go
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from falsework.report.figures import (
-    class_figure,
-    cloud_figure,
-    contact_sheet,
-    flight_figure,
-    uncertainty_figure,
-)
+from falsework.report.cloud_view import cloud_view
+from falsework.report.figures import class_figure, contact_sheet, flight_figure, uncertainty_figure
 from groundwork.files import read_json, write_text
 from groundwork.output_file import SIGNATURE
 from groundwork.slug import slug
@@ -52,13 +47,16 @@ def write_report(
         surveys: Survey id to its capture folder, and each cloud by what tells it apart, empty for an only one.
         samples: Id of each sample to its cloud folder.
     """
-    template = files("falsework.report").joinpath("templates/report.html.j2").read_text(encoding="utf-8")
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    page = environment.from_string(template).render(
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("falsework.report"), autoescape=True, undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+    )  # fmt: skip
+    page = environment.get_template("report.html.j2").render(
         signature=SIGNATURE,
         title=title,
         lead=_lead(stage),
         plotly=Markup(get_plotlyjs()),
+        cloud_script=Markup(_template("cloud.js")),
         surveys=[part for name, (capture, clouds) in sorted(surveys.items()) for part in _parts(name, capture, clouds)],
         samples=[_sample(name, folder) for name, folder in sorted((samples or {}).items())],
     )
@@ -96,30 +94,25 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None, *, pictu
         "threshold": None if noise is None else f"{noise['threshold']:g} m",
         "noise": _noise(noise),
         "kept": [] if cloud is None else _kept(cloud.statistics),
-        "cloud": "",
+        "cloud": None,
     }
     if cloud is None:
         return shown
-    columns = {key: cloud.columns[key] for key in ("coord", "color", "segment", "uncertainty")}
     figures = {
-        "cloud": cloud_figure(columns, cloud.classes, centres),
         "classes": class_figure(cloud.columns["segment"], cloud.classes),
         "uncertainty": uncertainty_figure(cloud.columns["uncertainty"], NOISE_THRESHOLD),
     }
-    return shown | {key: _html(figure, f"{key}-{slug(name)}") for key, figure in figures.items()}
+    view = cloud_view(dict(cloud.columns), cloud.classes, centres)
+    return shown | {"cloud": view} | {key: _html(figure, f"{key}-{slug(name)}") for key, figure in figures.items()}
 
 
 def _sample(name: str, folder: Path) -> dict[str, Any]:
     from recon.cloud import read_cloud
 
     cloud = read_cloud(folder)
-    columns = {key: cloud.columns[key] for key in ("coord", "color", "segment", "uncertainty")}
-    figures = {
-        "cloud": cloud_figure(columns, cloud.classes, np.zeros((0, 3))),
-        "classes": class_figure(cloud.columns["segment"], cloud.classes),
-    }
-    shown = {key: _html(figure, f"{key}-{slug(name)}") for key, figure in figures.items()}
-    return {"name": name, "source": cloud.source, "points": f"{len(cloud):,}", **shown}
+    view = cloud_view(dict(cloud.columns), cloud.classes, np.zeros((0, 3)))
+    classes = _html(class_figure(cloud.columns["segment"], cloud.classes), f"classes-{slug(name)}")
+    return {"name": name, "source": cloud.source, "points": f"{len(cloud):,}", "cloud": view, "classes": classes}
 
 
 def _tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:
@@ -240,7 +233,11 @@ def _lead(stage: Path) -> str:
     return ", ".join([f"{settings['bridge']['family']} bridge", *names, f"random streams of {recipe['seed']}"])
 
 
+def _template(name: str) -> str:
+    return files("falsework.report").joinpath("templates", name).read_text(encoding="utf-8")
+
+
 def _html(figure: go.Figure, name: str) -> Any:
-    options = {"displaylogo": False, "displayModeBar": False}
+    options = {"displaylogo": False, "displayModeBar": False, "responsive": True}
     text = figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=options)
     return Markup(text)

@@ -44,7 +44,7 @@ class ComposedStage:
     files: tuple[Path, ...]
 
 
-def read_stage(path: Path, *, survey: str | None = None, choices: StageChoices = AS_AUTHORED) -> FlatScene:
+def read_stage(path: Path | str, *, survey: str | None = None, choices: StageChoices = AS_AUTHORED) -> FlatScene:
     """Read a stage: everything that is drawn, its looks, lights, cameras and labels.
 
     Args:
@@ -59,8 +59,9 @@ def read_stage(path: Path, *, survey: str | None = None, choices: StageChoices =
         MissingError: There is no such file.
         InputError: It is not a USD file, shows nothing, or has no such product.
     """
-    composed = compose_stage(path, choices)
-    scene = choose_survey(composed.scene, survey, path)
+    place = Path(path)
+    composed = compose_stage(place, choices)
+    scene = choose_survey(composed.scene, survey, place)
     return with_origin(scene, composed.layers)
 
 
