@@ -116,5 +116,6 @@ def _bytes(experiment: Experiment, missing: Iterable[Job], counts: Counter[str])
 def _points(cloud: Any) -> int:
     from groundwork.files import read_json
 
-    count = read_json(cloud / "cloud.json").get("count", 0)
+    stored = read_json(cloud / "cloud.json")
+    count = stored.get("count", 0) if isinstance(stored, dict) else 0
     return count if isinstance(count, int) else 0

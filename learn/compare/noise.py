@@ -70,8 +70,23 @@ def sensor_places(folder: Path) -> F64:
         Stations, places along the path, or camera centres [m], shape (S, 3), float64.
 
     Raises:
-        InputError: It was sampled without any sensor.
+        InputError: It was sampled without any sensor, or what it says of it is no places.
     """
+    try:
+        places = _places(folder)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+        places = np.full((1, 3), np.nan)
+    if places is None:
+        raise InputError("no sensor stood anywhere: its noise cannot be fitted", where=folder, field="arms",
+                         mend="Name a laser's or a reconstruction's clouds after ~")  # fmt: skip
+    if not len(places) or not np.isfinite(places).all():
+        raise InputError("does not say where its sensor stood", where=folder, field="statistics",
+                         mend="Make the cloud again")  # fmt: skip
+    return places
+
+
+def _places(folder: Path) -> F64 | None:
+    """Read where a sensor stood, of whatever kind it is; None where there was none."""
     statistics = read_json(folder / "cloud.json").get("statistics", {})
     if "stations" in statistics:
         return np.array(statistics["stations"], np.float64).reshape(-1, 3)
@@ -85,8 +100,7 @@ def sensor_places(folder: Path) -> F64:
         poses = read_json(folder / "cameras_sfm.json")["poses"]
         if poses:
             return np.array([np.array(row["camera_to_world"])[:3, 3] for row in poses])
-    raise InputError("no sensor stood anywhere: its noise cannot be fitted", where=folder, field="arms",
-                     mend="Name a laser's or a reconstruction's clouds after ~")  # fmt: skip
+    return None
 
 
 def fit_noise(pairs: Sequence[tuple[Path, Path]]) -> SensorNoise:

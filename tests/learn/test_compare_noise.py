@@ -1,5 +1,6 @@
 """Noise that is fitted on one draw of a known sensor and given to exact points shows what the sensor would have."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -93,3 +94,16 @@ def test_where_the_sensor_stood(tmp_path: Path) -> None:
     assert sensor_places(sfm).tolist() == [[4.0, 5.0, 6.0]]
     with pytest.raises(InputError, match="no training bridge"):
         fit_noise([])
+
+
+@pytest.mark.parametrize(
+    "statistics", [{"stations": "here"}, {"stations": [[1.0, float("nan"), 0.0]]}, {"path": [[0, 0]]}, {"stations": []}]
+)
+def test_a_sensor_nowhere_is_one_line(statistics: dict[str, object], tmp_path: Path) -> None:
+    """Words, gaps and half places in cloud.json are no places of a sensor."""
+    moved = Cloud(**{**vars(floor_cloud(1, 50)), "statistics": {}})
+    folder = written(tmp_path / "c", moved)
+    stored = json.loads((folder / "cloud.json").read_text())
+    (folder / "cloud.json").write_text(json.dumps({**stored, "statistics": statistics}))
+    with pytest.raises(InputError, match="sensor"):
+        sensor_places(folder)
