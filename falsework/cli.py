@@ -198,6 +198,7 @@ SINGLE = {
     "clean": ("store_verbs", "Remove what killed runs left in the folder of a run, and results of no scene if asked."),
     "train": ("train_verbs", "Train a network on a data set: falsework train --help."),
     "evaluate": ("train_verbs", "Score a model on a data set: falsework evaluate --help."),
+    "compare": ("compare_verbs", "Compare ways of making training clouds, with intervals: falsework compare --help."),
     "predict": ("predict_verbs", "Label a scan of one's own with a trained model: falsework predict --help."),
 }
 ELSEWHERE = {**GROUPS, **{name: about for name, (_, about) in SINGLE.items()}}

@@ -106,7 +106,7 @@ def _build(
     from learn.datasets.class_map import read_class_map
     from learn.datasets.settings import dataset_settings
 
-    settings = dataset_settings(kind, values | _nested(given_settings(given)), "--set")
+    settings = dataset_settings(kind, values | nested(given_settings(given)), "--set")
     paths = [path for source in sources for path in clouds_in(source)]
     if bridges and len(bridges) != len(paths):
         raise InputError("not one name for each source", field="--bridge", value=len(bridges), allowed=str(len(paths)))
@@ -123,8 +123,12 @@ def _build(
     return 0
 
 
-def _nested(given: dict[str, Any]) -> dict[str, Any]:
-    """Turn `tile.size` into a table with a key."""
+def nested(given: dict[str, Any]) -> dict[str, Any]:
+    """Turn `tile.size` into a table with a key.
+
+    Args:
+        given: What stood behind `--set`.
+    """
     whole: dict[str, Any] = {}
     for key, value in given.items():
         group, point, inner = key.partition(".")

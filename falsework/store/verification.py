@@ -14,7 +14,7 @@ from groundwork.files import MANIFEST
 from groundwork.settings import read_toml
 
 # The first part of an input's name tells the stage that made it.
-REFERRED = ("stage", "capture", "model", "cloud", "sample")
+REFERRED = ("stage", "capture", "model", "cloud", "sample", "noise", "pieces", "training")
 KEY_LENGTH = 64
 
 

@@ -21,7 +21,7 @@ _FEWEST_DECK = 10  # points of the deck without which a window has no width
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A box across the bridge.
+    """Points in a box across the bridge.
 
     Attributes:
         number: Which one along the bridge.
@@ -34,11 +34,44 @@ class Window:
     origin: F64
 
 
+@dataclass(frozen=True, eq=False)
+class WindowBox:
+    """A box across the bridge.
+
+    Attributes:
+        number: Which one along the bridge.
+        axis: Direction of the bridge [1], shape (2,), float64.
+        along: Where it begins and ends along the axis [m].
+        beside: Where it begins and ends across, to the left of the axis [m].
+        height: Its lower and upper end [m].
+        origin: Its centre, at the lower end [m], shape (3,), float64.
+    """
+
+    number: int
+    axis: F64
+    along: tuple[float, float]
+    beside: tuple[float, float]
+    height: tuple[float, float]
+    origin: F64
+
+    def holds(self, coord: F64) -> NDArray[np.bool_]:
+        """Tell which points lie in the box.
+
+        Args:
+            coord: Positions [m], shape (N, 3), float64.
+
+        Returns:
+            Whether each does, shape (N,), bool.
+        """
+        across = np.array([-self.axis[1], self.axis[0]])
+        inside = (coord[:, 2] >= self.height[0]) & (coord[:, 2] <= self.height[1])
+        for values, (low, high) in ((coord[:, :2] @ self.axis, self.along), (coord[:, :2] @ across, self.beside)):
+            inside &= (values >= low) & (values <= high)
+        return inside
+
+
 def cut_windows(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Iterator[Window]:
     """Cut boxes one after the other along the bridge.
-
-    The axis is the longer horizontal direction of the deck. Each box is as wide as the deck there and a margin, and
-    reaches from below the ground to above the bridge.
 
     Args:
         cloud: Labelled points.
@@ -50,6 +83,30 @@ def cut_windows(cloud: LabelledCloud, settings: WindowSettings, where: object) -
 
     Raises:
         InputError: No point of the deck is labelled.
+    """
+    for box, rows in _lay(cloud, settings, where):
+        yield Window(box.number, rows, box.origin)
+
+
+def lay_windows(cloud: LabelledCloud, settings: WindowSettings, where: object) -> list[WindowBox]:
+    """Give the boxes that `cut_windows` cuts, for other clouds of the same bridge.
+
+    Args:
+        cloud: Labelled points.
+        settings: Sizes.
+        where: Source, for the error.
+
+    Raises:
+        InputError: No point of the deck is labelled.
+    """
+    return [box for box, _ in _lay(cloud, settings, where)]
+
+
+def _lay(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Iterator[tuple[WindowBox, I64]]:
+    """Lay boxes along the bridge; with each, its points.
+
+    The axis is the longer horizontal direction of the deck. Each box is as wide as the deck there and a margin, and
+    reaches from below the ground to above the bridge.
 
     Source: the local data set of the method; margins as in its text.
     """
@@ -77,7 +134,10 @@ def cut_windows(cloud: LabelledCloud, settings: WindowSettings, where: object) -
         bottom, top = bottom - settings.below, top + settings.above
         rows = np.sort(rows[(height[rows] >= bottom) & (height[rows] <= top)])
         centre = (start + 0.5 * settings.length) * axis + middle * across
-        yield Window(number, rows, np.array([*centre, bottom]))
+        yield WindowBox(
+            number, axis, (float(start), float(start + settings.length)), (float(middle - half), float(middle + half)),
+            (bottom, top), np.array([*centre, bottom]),
+        ), rows  # fmt: skip
 
 
 def _long_axis(points: F64) -> F64:

@@ -1,9 +1,15 @@
-"""The two scenarios of the paper's data sets say what is known of them, and load."""
+"""The scenarios of the paper's data sets, and those that stand in for others, say what is known of them, and load."""
 
 from pathlib import Path
 
+import numpy as np
+
+from authoring.families.bridge_settings import draw_layout
 from authoring.families.registry import FAMILIES
-from falsework.scenario import Scenario, load_scenario
+from authoring.streams import stream
+from falsework.scenario import Scenario, load_scenario, scene_seed
+from learn.compare.experiment import experiment_settings, preset_names
+from learn.compare.selection import parts_in
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
@@ -53,3 +59,41 @@ def test_learning_set() -> None:
     assert (scenario.scenes, flight.kind, scenario.recon.mode) == (36, "local", "dense")
     assert flight.kind == "local"
     assert flight.images[1] <= 60
+
+
+def test_pseudo_korea() -> None:
+    """Seven concrete bridges within the lengths and spans that are known, of several lengths, by laser alone."""
+    scenario = load_scenario(SCENARIOS / "pseudo-korea.toml")
+    assert (scenario.scenes, scenario.bridge.family, scenario.survey) == (7, "beam", ())
+    spans = [np.diff(draw_layout(scenario.bridge, stream(scene_seed(scenario.seed, number), "bridge"))[0].supports)
+             for number in range(scenario.scenes)]  # fmt: skip
+    assert min(row.min() for row in spans) >= 17.0
+    assert max(row.max() for row in spans) <= 38.0
+    assert 54.0 <= min(row.sum() for row in spans) < 60.0 < 120.0 < max(row.sum() for row in spans) <= 272.0
+
+
+def test_pseudo_illinois_shares_nothing_of_the_way_it_is_made() -> None:
+    """Camera, world, light, pairs, mapper and depth are others than those of the clouds that arms are trained on."""
+    ours, theirs = (load_scenario(SCENARIOS / f"{name}.toml") for name in ("learning", "pseudo-illinois"))
+    assert ours.recon.mode == theirs.recon.mode == "dense"
+    flight, other_flight = ours.survey[0], theirs.survey[0]
+    assert flight.kind == "local"
+    assert other_flight.kind == "local"
+    for one, other in ((flight.camera, other_flight.camera), (ours.light, theirs.light),
+                       (ours.background.name, theirs.background.name), (ours.seed, theirs.seed),
+                       (ours.recon.sparse.pairing, theirs.recon.sparse.pairing),
+                       (ours.recon.sparse.mapper, theirs.recon.sparse.mapper),
+                       (ours.recon.dense.method, theirs.recon.dense.method)):  # fmt: skip
+        assert one != other
+
+
+def test_presets_name_clouds_that_the_scenarios_make() -> None:
+    """Every cloud of an arm or a test of every preset is a sample or a survey of its set's scenario."""
+    made = {"korea": "pseudo-korea", "illinois": "pseudo-illinois", "synthetic": "learning", "bridges": "learning"}
+    for preset in preset_names():
+        settings = experiment_settings(preset, {})
+        for part in (*parts_in(settings, settings.arms), *(settings.test(name) for name in settings.tests)):
+            name = "paper-global" if preset == "global" else made[part.set]
+            scenario = load_scenario(SCENARIOS / f"{name}.toml")
+            clouds = {sample.id for sample in scenario.sample} | {survey.id for survey in scenario.survey}
+            assert {part.cloud, part.like} - {""} <= clouds, (preset, part)

@@ -133,7 +133,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "events.parse_event", "events.read_events", "export.write_parquet", "failures.read_failure",
         "failures.write_failure",
         "flatten._is_ours", "locks.open_locked", "marks.read_listing", "module.Segmentation.on_load_checkpoint",
-        "output_file.is_signed", "output_folder._said",
+        "output_file.is_signed", "output_folder._said", "pieces._columns",
         "repair._clear", "store.Store.evict", "train._best_weights", "train._fit", "train._former",
         "stored_model.write_stored_model",
         "scene_cache._kept", "scene_file.unpack_scene", "bake_down.bake_down", "additions._label",
@@ -149,8 +149,8 @@ OPENED_RAW: dict[str, set[str]] = {
     PACKAGE: {
         "class_map._toml", "class_map.read_class_map", "clouds.demo_clouds",
         "components.class_rows", "components.component_classes", "taxonomies.taxonomy", "camera_models.camera_models",
-        "programs._source", "doctor._available_memory", "platform.processor", "report.write_report",
-        "survey_figures.write_page", "child._resident",
+        "experiment.experiment_settings", "programs._source", "doctor._available_memory", "platform.processor",
+        "report._template", "survey_figures.write_page", "child._resident",
     },
     WORDS: {"child.answer_parent", "child._listen", "given_settings.given_settings", "cli.main"},
 }  # fmt: skip
@@ -198,6 +198,8 @@ READ_SAFELY_ANYHOW = {
     "library._whole", "steps.take_step",
     "labelled_cloud.identify", "layout.read_facts", "predict._file_of", "predict._boxes_record",
     "train_verbs._is_evaluation", "verbs._title",
+    "compared_bridges._told", "compare_plan._points", "comparison.Experiment.read_trials",
+    "experiment.experiment_settings", "noise._places", "pieces._read", "pieces.counts_of",
     "run_verbs._few", "verification._starts_from_a_stage",  # ours
     # tested with their own rooms
     "class_map._read", "ground_control.read_ground_control", "trained.read_facts", "trained.read_weights",

@@ -1,0 +1,210 @@
+"""The verb that compares ways of making training clouds: the same bridges, windows, steps and seeds for each."""
+
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_settings import given_settings
+from groundwork.errors import InputError
+from groundwork.files import write_json, write_text
+from groundwork.output_file import SIGNATURE, check_output_file, write_fresh_file
+from groundwork.output_folder import check_run, claim_run
+from groundwork.output_reading import reading
+
+if TYPE_CHECKING:
+    from falsework.commands.comparison import Experiment
+    from learn.compare.experiment import ExperimentSettings
+
+JSON_VERSION = 1
+FORMAT_VERSION = 1
+TABLES, PAGE = "comparison.json", "comparison.md"
+
+Sources = tyro.conf.Positional[Annotated[tuple[str, ...], tyro.conf.arg(metavar="[NAME=]FOLDER ...")]]
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+Given = tyro.conf.UseAppendAction[tuple[str, ...]]
+
+
+def compare(
+    sources: Sources,
+    output: Output,
+    *,
+    preset: str = "sensor-matrix",
+    plan: bool = False,
+    page: Path | None = None,
+    bridge: Given = (),
+    set: Given = (),
+    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> int:
+    """Train arms that differ in their clouds alone, test each on the same bridges, and tell how sure one can be.
+
+    Every training is kept under its key: the same command goes on where it was stopped, and several may share OUT.
+    Begin with --plan. Needs the extra learn.
+
+    Args:
+        sources: Output folders of runs, folders of single bridges with a folder for each cloud, or folders of such
+            folders; `NAME=FOLDER` puts its bridges into the set of that name.
+        output: Folder to write: results, comparison.json and comparison.md.
+        preset: sensor-matrix, uncertainty-filter, task-local-1, task-local-2, task-local-3, global, or a TOML file of
+            your own (docs/comparisons.md).
+        plan: Say what there is to make, hours and disk space; write nothing.
+        page: Also write the tables to this Markdown file.
+        bridge: Name of the bridge of each source, where its clouds do not know it; once for each, in their order.
+        set: A further setting, such as `seeds=8`, `steps=2000` or `tile.voxel=0.1`; may be given more than once.
+        as_json: Print one JSON object instead of lines.
+    """
+    from falsework.commands.dataset_verbs import nested
+    from learn.compare.experiment import experiment_settings
+
+    settings = experiment_settings(preset, nested(given_settings(set)))
+    named = [_named(text) for text in sources]
+    inputs = [folder for _, folder in named]
+    if page is not None:
+        check_output_file(page, [*inputs, output])
+    with ConsoleProgress() as progress, reading(*inputs):
+        experiment = _experiment(settings, named, bridge, output, progress)
+        if plan:
+            check_run(output, inputs)
+            from falsework.commands.compare_plan import plan_lines, planned
+
+            found = planned(experiment)
+            text = json.dumps({"version": JSON_VERSION, **found}) if as_json else "\n".join(plan_lines(found))
+            sys.stdout.write(text + "\n")
+            return 0
+        claim_run(output, inputs)
+        record = _run(experiment, _command(sources, preset, bridge, set))
+    text = _write(record, output)
+    if page is not None:
+        write_fresh_file(page, f"{text}\n<!-- {SIGNATURE} -->\n".encode(), [*inputs, output])
+    counts = {"made": experiment.made, "reused": experiment.reused}
+    shown = {"version": JSON_VERSION, **counts, **record}
+    sys.stdout.write(json.dumps(shown) + "\n" if as_json else _lines(record, counts, output))
+    return 0
+
+
+def _experiment(
+    settings: "ExperimentSettings", named: list[tuple[str, Path]], bridges: tuple[str, ...], output: Path, progress: Any
+) -> "Experiment":
+    from falsework.commands.compared_bridges import find_bridges
+    from falsework.commands.comparison import Experiment
+    from falsework.store.store import Store
+    from learn.compare.selection import check_bridges, parts_in
+    from learn.compare.trial import check_models
+    from learn.datasets.class_tables import class_table
+
+    check_models(settings.models, settings.network)
+    class_table(settings.table, settings.noisy_class)
+    wanted: dict[str, set[str]] = {}
+    for part in (*parts_in(settings, settings.arms), *(settings.test(name) for name in settings.tests)):
+        wanted.setdefault(part.set, set()).update({part.cloud, part.like} - {""})
+    experiment = Experiment(settings, find_bridges(named, wanted, bridges), Store(output), progress)
+    check_bridges(settings, experiment.splits, [(one.set, one.bridge, {*one.clouds}) for one in experiment.bridges])
+    return experiment
+
+
+def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
+    """Make what is missing, and sum up."""
+    from learn.compare.findings import findings
+    from learn.compare.selection import losses_of
+
+    noise = experiment.noise_jobs()
+    experiment.make_all(noise.values())
+    pieces = experiment.piece_jobs(noise)
+    experiment.make_all(pieces.values())
+    scenes = experiment.cut_scenes(pieces)
+    trials = experiment.trials(pieces, scenes)
+    settings = experiment.settings
+    for name in settings.tests:
+        if not any(trial.tests[name].work for trial in trials):
+            raise InputError("no window of the test bridges is valid", field=f"tests.{name}",
+                             value=settings.tests[name], mend="Lower fewest, or give more bridges")  # fmt: skip
+    experiment.make_all({one.training.task.key: one.training for one in trials}.values())
+    tests = {job.task.key: job for one in trials for job in one.tests.values()}
+    experiment.make_all(tests.values())
+    experiment.store.sweep()
+    losses = losses_of(scenes, experiment.splits, settings)
+    classes = settings.cut.classes
+    return {
+        "format": "falsework.comparison", "format_version": FORMAT_VERSION, "title": settings.title or "Comparison",
+        "classes": list(classes), "groups": [list(group) for group in settings.groups],
+        "level": settings.level, "draws": settings.draws, "settings": settings.model_dump(mode="json"),
+        "facts": _facts(experiment), "losses": [vars(row) for row in losses],
+        **findings(experiment.read_trials(trials), classes, settings), "command": command,
+    }  # fmt: skip
+
+
+def _facts(experiment: "Experiment") -> list[str]:
+    """Say in lines what was compared."""
+    settings, splits = experiment.settings, experiment.splits
+    kept = {arm: f", points up to {settings.kept(arm):g} m of uncertainty" if arm in settings.filters else ""
+            for arm in settings.arms}  # fmt: skip
+    lines = [f"arm `{arm}`: {', '.join(map(str, settings.parts(arm)))}{kept[arm]}" for arm in settings.arms]
+    lines += [f"test `{name}`: {settings.test(name)}" for name in settings.tests]
+    for name in dict.fromkeys(one.set for one in experiment.bridges):
+        of_set = [split for (own, _), split in splits.items() if own == name]
+        counts = ", ".join(f"{of_set.count(split)} {word}" for split, word in
+                           (("train", "to train on"), ("val", "for validation"), ("test", "for the test")))  # fmt: skip
+        lines.append(f"bridges of the set `{name}`: {counts}")
+    cut = {"metric": f"tiles of {settings.tile.size:g} m, one point in each {settings.tile.voxel:g} m, heights over "
+                     "a ground that each cloud shows itself",
+           "paper": f"windows of {settings.window.length:g} m, each scaled to the cube from 0 to 1",
+           "whole": "draws from whole bridges"}[settings.mode]  # fmt: skip
+    lines.append(f"{cut}; {settings.points:,} points a draw, valid from {settings.fewest:,}, table `{settings.table}`, "
+                 f"inputs {', '.join(settings.channels)}")  # fmt: skip
+    if set(settings.models) - {"forest"}:
+        steps = settings.samples_each // settings.batch * settings.looks
+        lines.append(f"networks: {steps:,} steps of {settings.batch} samples in every arm, recipe `{settings.recipe}`, "
+                     f"weights of the best of {settings.looks} looks at the validation bridges")  # fmt: skip
+    if "forest" in settings.models:
+        lines.append(f"forest: {settings.forest_draws:,} draws in every arm, nothing picked")
+    lines.append(f"seeds {settings.first_seed} to {settings.first_seed + settings.seeds - 1}, the same in every arm")
+    return lines
+
+
+def _write(record: dict[str, Any], output: Path) -> str:
+    from learn.compare.tables import page
+
+    text = page(record)
+    write_json(output / TABLES, record)
+    write_text(output / PAGE, text)
+    return text
+
+
+def _lines(record: dict[str, Any], counts: dict[str, int], output: Path) -> str:
+    from learn.compare.tables import weakness
+
+    lines = [f"{row['model']:<16}{row['test']:<14}{row['first']} - {row['second']}: {100 * row['difference']:+.1f}"
+             + ("" if row["interval"] is None else
+                f" ({100 * row['interval'][0]:+.1f} to {100 * row['interval'][1]:+.1f}) points of mean IoU")
+             for row in record["differences"]]  # fmt: skip
+    if not lines:  # one arm: nothing to compare
+        lines = [f"{row['model']:<16}{row['test']:<14}{row['arm']}: {100 * (row['mean_iou'] or 0.0):.1f} % mean IoU"
+                 for row in record["scores"]]  # fmt: skip
+    if few := weakness(record):
+        lines.append(f"weak    {few}: the intervals tell how little is known")
+    lines.append(f"made    {counts['made']}, {counts['reused']} were there")
+    return "\n".join([*lines, f"tables  {output / PAGE}"]) + "\n"
+
+
+def _named(text: str) -> tuple[str, Path]:
+    from learn.compare.experiment import DEFAULT_SET
+
+    name, equals, folder = text.partition("=")
+    if equals and name.replace("-", "").replace("_", "").isalnum() and not Path(text).exists():
+        return name, Path(folder)
+    return DEFAULT_SET, Path(text)
+
+
+def _command(sources: tuple[str, ...], preset: str, bridges: tuple[str, ...], given: tuple[str, ...]) -> str:
+    """Spell the command without places of this machine: names of folders alone."""
+    short = [f"{name}={Path(folder).name}" if equals else Path(text).name
+             for text in sources for name, equals, folder in [text.partition("=")]]  # fmt: skip
+    preset = Path(preset).name
+    words = [*short, "--preset", preset]
+    words += [word for name in bridges for word in ("--bridge", name)]
+    words += [word for setting in given for word in ("--set", setting)]
+    return "falsework compare " + shlex.join(words) + " -o OUT"

@@ -1,0 +1,132 @@
+"""The bridges that an experiment finds in the folders that it is given: each with its clouds by name."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from falsework.store.artefact import read_manifest
+from groundwork.canonical import digest
+from groundwork.errors import InputError, MissingError
+from groundwork.files import MANIFEST
+from learn.compare.experiment import DEFAULT_SET
+from learn.datasets.labelled_cloud import identify
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """One bridge of one set.
+
+    Attributes:
+        set: Name of the set.
+        name: Its name in the set.
+        bridge: Hash that all clouds of the bridge share, or the name that the user gives.
+        clouds: Name of each cloud to its folder.
+        digests: The same names to hashes of their contents.
+    """
+
+    set: str
+    name: str
+    bridge: str
+    clouds: Mapping[str, Path]
+    digests: Mapping[str, str]
+
+
+def find_bridges(
+    sources: Sequence[tuple[str, Path]], wanted: Mapping[str, set[str]], names: Sequence[str] = ()
+) -> list[Bridge]:
+    """Look through runs and folders of clouds.
+
+    Args:
+        sources: Name of a set and a folder: of a run, or of one bridge with a folder for each of its clouds.
+        wanted: Name of each set to the clouds that the experiment uses.
+        names: A name for each source that is one bridge and has clouds of an older format.
+
+    Returns:
+        All bridges that have any of the clouds.
+
+    Raises:
+        InputError: No cloud in a source, a set or a cloud that is not there, clouds of two bridges in one place, or
+            clouds that do not say which bridge they show.
+    """
+    if names and len(names) != len(sources):
+        raise InputError("not one name for each source", field="--bridge", value=len(names), allowed=str(len(sources)))
+    for name in sorted(wanted):
+        if name not in {found for found, _ in sources}:
+            mend = "Name the folder of a run" if name == DEFAULT_SET else f"Name it: {name}=FOLDER"
+            raise MissingError("no folder is given for a set of bridges", field="sources", value=name, mend=mend)
+    bridges: list[Bridge] = []
+    there: dict[str, set[str]] = {}
+    for number, (name, folder) in enumerate(sources):
+        if name not in wanted:
+            raise InputError("the experiment names no such set of bridges", where=folder, field="sources", value=name,
+                             allowed=", ".join(sorted(wanted)), mend="Leave it out, or write NAME=FOLDER")  # fmt: skip
+        if folder.resolve() in {other.resolve() for _, other in sources[:number]}:
+            raise InputError("given twice", where=folder, field="sources", mend="Name every folder once")
+        places = {place: _clouds(place) for place in _places(folder)}
+        if not any(places.values()):
+            raise InputError("no clouds are in it", where=folder, field="sources",
+                             mend="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such "
+                             "folders")  # fmt: skip
+        if names and len(places) > 1:
+            raise InputError("has several bridges, and --bridge names one", where=folder, field="--bridge",
+                             value=names[number], mend="Name the folder of each bridge")  # fmt: skip
+        for place, found in places.items():
+            there.setdefault(name, set()).update(found)
+            clouds = {cloud: path for cloud, path in found.items() if cloud in wanted[name]}
+            if clouds:
+                label = place.parent.name if place.name == "cloud" else place.name
+                taken = {one.name for one in bridges if one.set == name}
+                label = label if label not in taken else f"{label}.{number}"
+                bridges.append(_bridge(name, label, place, clouds, names[number] if names else ""))
+    for name, needed in sorted(wanted.items()):
+        if lacking := sorted(needed - there[name]):
+            raise InputError(
+                "no bridge has a cloud of this name", field=f"clouds of the set {name}", value=lacking[0],
+                allowed=", ".join(sorted(there[name])), mend="Name clouds that there are in arms and tests",
+            )  # fmt: skip
+    return bridges
+
+
+def _clouds(place: Path) -> dict[str, Path]:
+    """Name the clouds of a bridge: the folders that hold one."""
+    return {path.name: path for path in sorted(place.iterdir()) if (path / "cloud.json").is_file()}
+
+
+def _places(folder: Path) -> list[Path]:
+    """List the folders that hold a folder for each cloud of a bridge: of a run, itself, or those that are in it."""
+    if not folder.is_dir():
+        raise MissingError("no such folder", where=folder, mend="Name a run, or a folder with a bridge's clouds")
+    if (folder / "scenes").is_dir():
+        return sorted(path for path in folder.glob("scenes/*/cloud") if path.is_dir())
+    if _clouds(folder):
+        return [folder]
+    return sorted(path for path in folder.iterdir() if path.is_dir() and _clouds(path)) or [folder]
+
+
+def _bridge(name: str, label: str, place: Path, clouds: Mapping[str, Path], given: str) -> Bridge:
+    found, digests = set(), {}
+    for cloud, path in clouds.items():
+        if (path / MANIFEST).is_file():  # of a store: its files are hashed already
+            digests[cloud] = digest(read_manifest(path / MANIFEST)["files"])
+            found.add(given or _told(path))
+        else:
+            facts = identify(path, None, given)
+            digests[cloud] = facts.digest
+            found.add(facts.bridge)
+    if len(found) > 1:
+        raise InputError("clouds of several bridges", where=place, field="bridge", value=", ".join(sorted(found)),
+                         mend="Keep the clouds of one bridge in one folder")  # fmt: skip
+    return Bridge(name, label, found.pop(), dict(clouds), digests)
+
+
+def _told(path: Path) -> str:
+    from groundwork.files import read_json
+
+    stored = read_json(path / "cloud.json")
+    bridge = stored.get("bridge", "") if isinstance(stored, dict) else ""
+    if not isinstance(bridge, str) or not bridge:
+        raise InputError(
+            "does not say which bridge it shows, so that no bridge can be kept for the test", where=path,
+            field="bridge", mend="Make the cloud again, or name it with --bridge",
+        )  # fmt: skip
+    return bridge

@@ -1,0 +1,317 @@
+"""The conductor of an experiment: every cut bridge, fit, training and test is a result of a store, under its key."""
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from falsework.commands.compared_bridges import Bridge
+from falsework.execution.costs import bytes_added
+from falsework.execution.events import write_event
+from falsework.platform import processor
+from falsework.store.store import Store, Task
+from groundwork.canonical import digest
+from groundwork.files import read_json, write_json
+from groundwork.locks import BusyError
+from groundwork.progress import Progress
+from learn.compare.experiment import ExperimentSettings, Part
+from learn.compare.findings import Trial
+from learn.compare.noise import fit_noise
+from learn.compare.pieces import CloudSource, counts_of, cut_pieces
+from learn.compare.selection import CutScene, cloud_name, parts_in, share_out, windows_of, windows_to_test
+from learn.compare.sources import HeldWindows, SampleSettings, TrainingWindows, WindowPlace
+from learn.compare.trial import SCORES, score_trial, train_trial
+from learn.datasets.split import TRAIN, VAL
+from learn.trained import FOREST
+
+VERSIONS = {"noise": 1, "pieces": 1, "training": 1, "scores": 1}  # raised by hand, as those of falsework.stages
+_PACKAGES = ("lightning", "numpy", "safetensors", "scikit-learn", "scipy", "torch")
+_NOISE = "noise.json"
+
+Make = Callable[[Path], None]
+
+
+@dataclass(frozen=True)
+class Job:
+    """A result that shall exist.
+
+    Attributes:
+        task: What its key is made of.
+        make: Fills its folder.
+        kind: What its time is learned by.
+        work: Samples that pass through a network, or clouds that are cut: what its time grows with.
+        about: What it is of, for people.
+    """
+
+    task: Task
+    make: Make
+    kind: str
+    work: float
+    about: str
+
+
+@dataclass(frozen=True)
+class TrialJobs:
+    """The training of one arm with one seed, and its tests.
+
+    Attributes:
+        group: Arms that share their windows.
+        model: Network, or forest.
+        arm: Name of the arm.
+        seed: Seed.
+        training: The training.
+        tests: Name of each test to its job.
+    """
+
+    group: tuple[str, ...]
+    model: str
+    arm: str
+    seed: int
+    training: Job
+    tests: dict[str, Job]
+
+
+@dataclass
+class Experiment:
+    """An experiment over bridges that are there, in an output folder.
+
+    Attributes:
+        settings: What is compared.
+        bridges: The bridges of all sets.
+        store: Where results are.
+        progress: Listener.
+        made: Results made now.
+        reused: Results that were there.
+    """
+
+    settings: ExperimentSettings
+    bridges: Sequence[Bridge]
+    store: Store
+    progress: Progress
+    made: int = 0
+    reused: int = 0
+    _scenes: list[CutScene] = field(default_factory=list)
+
+    @cached_property
+    def splits(self) -> dict[tuple[str, str], str]:
+        """Set and bridge to train, val or test."""
+        sets: dict[str, list[str]] = {}
+        for bridge in self.bridges:
+            sets.setdefault(bridge.set, []).append(bridge.bridge)
+        return share_out(self.settings, sets)
+
+    @property
+    def _parts(self) -> list[Part]:
+        """All clouds, those of arms first: windows along a bridge are laid over the first that it has."""
+        tests = (self.settings.test(name) for name in self.settings.tests)
+        return list(dict.fromkeys([*parts_in(self.settings, self.settings.arms), *tests]))
+
+    def noise_jobs(self) -> dict[Part, Job]:
+        """Fit the noise that parts ask for, each on the training bridges alone."""
+        jobs = {}
+        for part in self._parts:
+            if not part.like:
+                continue
+            needed = {part.cloud, part.like}
+            mine = [one for one in self.bridges if one.set == part.set and needed <= one.clouds.keys()
+                    and self.splits[one.set, one.bridge] == TRAIN]  # fmt: skip
+            inputs = {f"given/{one.name}/{name}": one.digests[name] for one in mine for name in (part.cloud, part.like)}
+            pairs = [(one.clouds[part.cloud], one.clouds[part.like]) for one in mine]
+            task = Task("noise", VERSIONS["noise"], {"platform": _platform()}, inputs)
+            jobs[part] = Job(task, partial(_fit, pairs), "noise", len(pairs), str(part))
+        return jobs
+
+    def piece_jobs(self, noise: Mapping[Part, Job]) -> dict[tuple[str, str], Job]:
+        """Cut each bridge: set and name to its job; a bridge without any of the clouds has none."""
+        jobs = {}
+        for bridge in self.bridges:
+            parts = [part for part in self._parts if part.set == bridge.set
+                     and {part.cloud, part.like} - {""} <= bridge.clouds.keys()]  # fmt: skip
+            if not parts:
+                continue
+            used = sorted({name for part in parts for name in (part.cloud, part.like) if name})
+            inputs = {f"given/{name}": bridge.digests[name] for name in used}
+            inputs |= {f"noise/{cloud_name(part)}": noise[part].task.key for part in parts if part.like}
+            names = [cloud_name(part) for part in parts]
+            settings = {"cut": self.settings.cut.model_dump(mode="json"), "clouds": names, "platform": _platform()}
+            sources = [
+                CloudSource(cloud_name(part), bridge.clouds[part.cloud],
+                            bridge.clouds[part.like] if part.like else None,
+                            self.store.folder(noise[part].task) / _NOISE if part.like else None)
+                for part in parts
+            ]  # fmt: skip
+            make = partial(cut_pieces, sources, settings=self.settings.cut, progress=self.progress)
+            task = Task("pieces", VERSIONS["pieces"], settings, inputs)
+            jobs[bridge.set, bridge.name] = Job(task, make, "pieces", len(parts), bridge.name)
+        return jobs
+
+    def cut_scenes(self, pieces: Mapping[tuple[str, str], Job]) -> list[CutScene]:
+        """Look at the bridges that are cut.
+
+        Args:
+            pieces: Of `piece_jobs`; each has to be there.
+        """
+        scenes = []
+        for bridge in self.bridges:
+            if (bridge.set, bridge.name) in pieces:
+                folder = self.store.folder(pieces[bridge.set, bridge.name].task)
+                scenes.append(CutScene(bridge.set, bridge.name, bridge.bridge, folder, counts_of(folder)))
+        return scenes
+
+    def trials(self, pieces: Mapping[tuple[str, str], Job], scenes: Sequence[CutScene]) -> list[TrialJobs]:
+        """Describe every training and its tests; arms that share windows in several groups are trained once.
+
+        Args:
+            pieces: Of `piece_jobs`.
+            scenes: Of `cut_scenes`.
+        """
+        keys = {scene.folder: pieces[scene.set, scene.name].task.key for scene in scenes}
+        names = {scene.folder: f"pieces/{scene.set}/{scene.name}" for scene in scenes}
+        held = {name: windows_to_test(scenes, self.splits, self.settings, name) for name in self.settings.tests}
+        found = []
+        for group in self.settings.groups:
+            for arm in group:
+                chosen = {split: windows_of(scenes, self.splits, self.settings, arm=arm, group=group, split=split)
+                          for split in (TRAIN, VAL)}  # fmt: skip
+                for model in self.settings.models:
+                    for number in range(self.settings.seeds):
+                        seed = self.settings.first_seed + number
+                        training = self._training(arm, model, seed, chosen, keys, names)
+                        tests = {name: self._test(name, training, places, keys, names) for name, places in held.items()}
+                        found.append(TrialJobs(group, model, arm, seed, training, tests))
+        return found
+
+    def _training(
+        self, arm: str, model: str, seed: int, chosen: Mapping[str, list[WindowPlace]], keys: Mapping[Path, str],
+        names: Mapping[Path, str],
+    ) -> Job:  # fmt: skip
+        train = self.settings.training(model, seed)
+        is_forest = model == FOREST
+        validation = [] if is_forest else chosen[VAL]
+        count = self.settings.forest_draws if is_forest else self.settings.samples_each
+        sampling = self.settings.sampling_of(arm)
+        source = TrainingWindows(chosen[TRAIN], sampling, count)
+        checked = HeldWindows(validation, self.settings.sampling, 1)
+        data = data_facts(self.settings, self.settings.kept(arm))
+        settings = {
+            "train": train.model_dump(mode="json"), "sampling": _spelt(sampling), "count": count, "data": data,
+            "windows": _named(chosen[TRAIN], keys), "validation": _named(validation, keys), "platform": _platform(),
+        }  # fmt: skip
+        inputs = {names[place.folder]: keys[place.folder] for place in (*chosen[TRAIN], *validation)}
+        make = partial(train_trial, source, checked, train, progress=self.progress, data=data)
+        work = count if is_forest else count * self.settings.looks
+        return Job(
+            Task("training", VERSIONS["training"], settings, inputs),
+            make,
+            f"training {model}",
+            work,
+            f"{arm}, seed {seed}",
+        )
+
+    def _test(
+        self, name: str, training: Job, places: list[WindowPlace], keys: Mapping[Path, str], names: Mapping[Path, str]
+    ) -> Job:
+        source = HeldWindows(places, self.settings.sampling, self.settings.test_draws)
+        settings = {"sampling": _spelt(source.settings), "windows": _named(places, keys), "platform": _platform(),
+                    "draws": self.settings.test_draws}  # fmt: skip
+        inputs = {"training": training.task.key, **{names[one.folder]: keys[one.folder] for one in places}}
+        make = partial(_score, self.store.folder(training.task), source, progress=self.progress)
+        model = training.kind.removeprefix("training ")
+        task = Task("scores", VERSIONS["scores"], settings, inputs)
+        return Job(task, make, f"scores {model}", len(places), f"{training.about}, on {name}")
+
+    def make_all(self, jobs: Iterable[Job]) -> None:
+        """Make what is missing; what another process makes just now comes last.
+
+        Args:
+            jobs: Results that shall exist, none needing a later one.
+        """
+        jobs = list(jobs)
+        missing = [job.task.key for job in jobs if not self.store.has(job.task)]
+        later = []
+        for job in jobs:
+            if job.task.key in missing:
+                which = f"{missing.index(job.task.key) + 1} of {len(missing)}"
+                self.progress.note(f"{job.kind} {which}: {job.about}")
+            try:
+                self._make(job, wait=False)
+            except BusyError:
+                later.append(job)
+        for job in later:
+            self._make(job, wait=True)
+
+    def _make(self, job: Job, *, wait: bool) -> None:
+        begin = time.monotonic()
+        resumes = job.task.stage == "training" and job.kind != f"training {FOREST}"
+        made = self.store.produce(job.task, job.make, resume=resumes, wait=wait)
+        self.made, self.reused = self.made + made, self.reused + (not made)
+        if made:
+            write_event(self.store.root, {
+                "stage": job.kind, "key": job.task.key, "made": True, "seconds": time.monotonic() - begin,
+                "work": job.work, "bytes": bytes_added(self.store.folder(job.task)),
+            })  # fmt: skip
+
+    def read_trials(self, trials: Sequence[TrialJobs]) -> list[Trial]:
+        """Read what the tests found.
+
+        Args:
+            trials: Of `trials`; every test has to be there.
+        """
+        found = []
+        for one in trials:
+            for name, job in one.tests.items():
+                record = read_json(self.store.folder(job.task) / SCORES)
+                matrices = [{bridge: np.array(rows, np.int64) for bridge, rows in record[key].items()}
+                            for key in ("bridges", "sure")]  # fmt: skip
+                found.append(Trial(one.group, one.model, one.arm, one.seed, name, *matrices))
+        return found
+
+
+def data_facts(settings: ExperimentSettings, noisy: float) -> dict[str, Any]:
+    """Say how samples were made, in the words of a data set: what a prediction needs to cut a scan alike.
+
+    Args:
+        settings: The experiment.
+        noisy: Uncertainty above which points were left out of training [m].
+    """
+    from learn.datasets.settings import dataset_settings
+
+    kind = "global" if settings.mode == "whole" else "local"
+    values = {
+        "mode": "metric" if settings.mode == "metric" else "paper", "table": settings.table, "points": settings.points,
+        "fewest": settings.fewest, "noisy": noisy, "noisy_class": settings.noisy_class,
+        "tile": settings.tile.model_dump(mode="json"), "window": settings.window.model_dump(mode="json"),
+        "augment": settings.augment.model_dump(mode="json"),
+    }  # fmt: skip
+    made = dataset_settings(kind, values, "experiment")
+    return {"settings": made.model_dump(mode="json"), "scaling": vars(settings.sampling.scaling),
+            "table": settings.table}  # fmt: skip
+
+
+def _fit(pairs: Sequence[tuple[Path, Path]], folder: Path) -> None:
+    write_json(folder / _NOISE, fit_noise(pairs).as_json())
+
+
+def _score(model: Path, source: HeldWindows, folder: Path, progress: Progress) -> None:
+    score_trial(model, source, folder, progress)
+
+
+def _spelt(sampling: SampleSettings) -> dict[str, Any]:
+    return {
+        "classes": sampling.classes, "channels": sampling.channels, "scaling": vars(sampling.scaling),
+        "points": sampling.points, "noisy": str(sampling.noisy), "augment": sampling.augment.model_dump(mode="json"),
+    }  # fmt: skip
+
+
+def _named(places: Sequence[WindowPlace], keys: Mapping[Path, str]) -> dict[str, Any]:
+    """Spell windows for a key: how many, and the hash of which."""
+    return {"count": len(places), "digest": digest([[keys[one.folder], one.cloud, one.number] for one in places])}
+
+
+def _platform() -> dict[str, str]:
+    return {**{name: version(name) for name in _PACKAGES}, "cpu": processor()}

@@ -1,0 +1,275 @@
+"""What an experiment compares: arms to train, clouds to test on, and how; a preset of the package, or a TOML file."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from itertools import combinations
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from groundwork.errors import InputError
+from groundwork.foreign_file import parse_toml
+from groundwork.settings import Settings, parse_settings, read_toml
+from learn.compare.pieces import CutSettings, known_inputs
+from learn.compare.sources import SampleSettings
+from learn.datasets.patch import CHANNELS, Scaling
+from learn.datasets.settings import AugmentSettings, TileSettings, WindowSettings
+from learn.training.settings import TrainSettings
+
+DEFAULT_SET = "bridges"
+MOST = 1000.0  # [m] uncertainty that no point exceeds
+_NAME = r"[A-Za-z0-9][A-Za-z0-9_@.-]*"
+_PART = re.compile(rf"(?:({_NAME})/)?({_NAME})(?:\s*~\s*({_NAME}))?")
+
+__all__ = ["DEFAULT_SET", "ExperimentSettings", "Part", "experiment_settings", "preset_names"]
+
+
+@dataclass(frozen=True, order=True)
+class Part:
+    """Clouds of one name, of one set of bridges.
+
+    Attributes:
+        set: Name of the set of bridges.
+        cloud: Name of the clouds.
+        like: Name of the clouds whose noise, density and gaps they get; empty for none.
+    """
+
+    set: str
+    cloud: str
+    like: str = ""
+
+    def __str__(self) -> str:
+        """Spell it as in a file."""
+        return f"{self.set}/{self.cloud}" + (f" ~ {self.like}" if self.like else "")
+
+
+def read_part(text: str) -> Part:
+    """Read `CLOUD`, `SET/CLOUD` or `SET/CLOUD ~ LIKE`.
+
+    Args:
+        text: What stands in the file.
+
+    Raises:
+        ValueError: Not of this form.
+    """
+    found = _PART.fullmatch(text.strip())
+    if found is None:
+        raise ValueError(f"no such clouds: {text!r}; allowed: CLOUD, SET/CLOUD, or CLOUD ~ OTHER-CLOUD for its noise")
+    return Part(found[1] or DEFAULT_SET, found[2], found[3] or "")
+
+
+class ExperimentSettings(Settings):
+    """An experiment."""
+
+    title: str = ""
+    """Heading of its page."""
+    arms: dict[str, tuple[str, ...]]
+    """What is trained: a name, and the clouds that its windows come from: `CLOUD`, `SET/CLOUD` or, with the noise of
+    another cloud fitted on the training bridges, `CLOUD ~ OTHER`."""
+    tests: dict[str, str]
+    """What every arm is tested on: a name, and the clouds."""
+    pairs: tuple[tuple[str, str], ...] = ()
+    """Arms to compare, first minus second; empty for all pairs."""
+    windows: Literal["all", "pair"] = "all"
+    """Train on the windows that are valid in all arms, each arm once; or for each pair on those valid in both."""
+    models: tuple[str, ...] = Field(default=("pointnet2-ssg",), min_length=1)
+    """Networks, or `forest`."""
+    seeds: int = Field(default=5, ge=1, le=100)
+    """Trainings of each arm and model; the same seeds in every arm."""
+    first_seed: int = Field(default=0, ge=0, le=10**6)
+    """The first of them."""
+    steps: int = Field(default=5000, ge=1, le=10**7)
+    """Steps of a training, the same in every arm, however many windows it has."""
+    epochs: int = Field(default=10, ge=1, le=1000)
+    """Looks at validation on the way; the weights of the best are kept."""
+    batch: int = Field(default=8, ge=1, le=1024)
+    """Samples of a step."""
+    recipe: Literal["paper", "modern"] = "modern"
+    """As in `falsework train`."""
+    learning_rate: float | None = Field(default=None, gt=0.0, le=1.0)
+    """Largest learning rate [1]; that of the recipe when left out."""
+    network: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    """Settings of the networks and the forest, by name."""
+    channels: tuple[str, ...] = ("x", "y", "z")
+    """What is seen of a point. Colours of meshes and lasers are unlit materials: comparisons with them say nothing."""
+    mode: Literal["metric", "paper", "whole"] = "metric"
+    """Metric tiles, the paper's windows along the bridge, or draws from whole bridges."""
+    table: str = "kim2023"
+    """Table of classes."""
+    noisy: float = Field(default=0.1, gt=0.0, le=MOST)
+    """Uncertainty above which a point is noisy: left out of training, never out of tests [m]."""
+    noisy_class: bool = False
+    """Noisy points are a class instead."""
+    filters: dict[str, float] = Field(default_factory=dict)
+    """Arms that keep points up to another uncertainty than `noisy`, at least as large: the windows that they share with
+    the others are those that `noisy` leaves full enough; 1000 keeps all points [m]."""
+    points: int = Field(default=4096, ge=16, le=1_000_000)
+    """Points of a draw."""
+    fewest: int = Field(default=1024, ge=1, le=1_000_000)
+    """Points with which a window is valid."""
+    test_draws: int = Field(default=2, ge=1, le=10_000)
+    """Draws of each test window at most; without repetition until all of its points were drawn."""
+    shares: tuple[float, float, float] = (0.6, 0.1, 0.3)
+    """Shares of the bridges for training, validation and test; of a set that is not tested on, the first two count."""
+    split_seed: int = Field(default=0, ge=0, le=2**31 - 1)
+    """Seed of the order in which bridges are shared out."""
+    held: tuple[str, ...] = ()
+    """Bridges for the test, by the first digits of their hash; empty: by the shares."""
+    tile: TileSettings = Field(default_factory=lambda: TileSettings(stride=10.0))
+    """Metric tiles."""
+    window: WindowSettings = Field(default_factory=WindowSettings)
+    """The paper's windows, laid along the first named cloud of each set."""
+    augment: AugmentSettings = Field(default_factory=AugmentSettings)
+    """Changes of training samples."""
+    forest_draws: int = Field(default=400, ge=1, le=1_000_000)
+    """Draws that a forest is trained on, the same number in every arm; it takes no steps."""
+    draws: int = Field(default=2000, ge=100, le=1_000_000)
+    """Draws of the bootstrap."""
+    level: float = Field(default=0.95, gt=0.5, lt=1.0)
+    """Coverage of the intervals [1]."""
+
+    @model_validator(mode="after")
+    def _names_fit(self) -> Self:
+        if not self.arms or not self.tests or not all(self.arms.values()):
+            raise ValueError("an experiment needs arms, each of some clouds, and tests")
+        for text in (*self.tests.values(), *(part for parts in self.arms.values() for part in parts)):
+            read_part(text)
+        for pair in self.pairs:
+            for name in pair:
+                if name not in self.arms:
+                    raise ValueError(f"pairs names no arm with {name!r}; allowed: {', '.join(self.arms)}")
+        self._check_filters()
+        for name in self.channels:
+            if name not in CHANNELS:
+                raise ValueError(f"not a channel: {name!r}; allowed: {', '.join(CHANNELS)}")
+        if "height" in self.channels and self.mode != "metric":
+            raise ValueError('the channel height needs mode = "metric"')
+        if not self.channels:
+            raise ValueError("a network needs channels, such as x, y, z")
+        if min(self.shares) < 0.0 or abs(sum(self.shares) - 1.0) > 1e-6:
+            raise ValueError("shares must be three numbers from 0 that add up to 1")
+        return self
+
+    def _check_filters(self) -> None:
+        for name, most in self.filters.items():
+            if name not in self.arms:
+                raise ValueError(f"filters names no arm with {name!r}; allowed: {', '.join(self.arms)}")
+            if not self.noisy <= most <= MOST:
+                raise ValueError(f"filters.{name} is {most:g}; allowed: {self.noisy:g} (noisy) to {MOST:g}, which "
+                                 "keeps all points")  # fmt: skip
+        if self.filters and self.noisy_class:
+            raise ValueError("filters leave noisy points out, noisy_class makes them a class; choose one of them")
+
+    def parts(self, arm: str) -> tuple[Part, ...]:
+        """List the clouds of an arm.
+
+        Args:
+            arm: Its name.
+        """
+        return tuple(dict.fromkeys(read_part(text) for text in self.arms[arm]))
+
+    def test(self, name: str) -> Part:
+        """Give the clouds of a test.
+
+        Args:
+            name: Its name.
+        """
+        return read_part(self.tests[name])
+
+    @property
+    def compared(self) -> tuple[tuple[str, str], ...]:
+        """The pairs of arms that are compared."""
+        return self.pairs or tuple(combinations(self.arms, 2))
+
+    @property
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """Arms that are trained on the windows that are valid in all of them."""
+        return (tuple(self.arms),) if self.windows == "all" or len(self.arms) < 2 else self.compared
+
+    def training(self, model: str, seed: int) -> TrainSettings:
+        """Spell one training; every epoch has as many steps.
+
+        Args:
+            model: Network, or forest.
+            seed: Its seed.
+        """
+        values: dict[str, Any] = {
+            "model": model, "network": self.network.get(model, {}), "recipe": self.recipe, "epochs": self.looks,
+            "batch": self.batch, "learning_rate": self.learning_rate, "seed": seed, "accelerator": "cpu",
+        }  # fmt: skip
+        return TrainSettings.model_validate(values)
+
+    @property
+    def cut(self) -> CutSettings:
+        """How clouds are cut."""
+        return CutSettings(
+            mode=self.mode, table=self.table, noisy=self.noisy, noisy_class=self.noisy_class,
+            inputs=tuple(known_inputs(self.channels)), tile=self.tile, window=self.window,
+        )  # fmt: skip
+
+    def kept(self, arm: str) -> float:
+        """Tell up to which uncertainty an arm is trained on points [m].
+
+        Args:
+            arm: Its name.
+        """
+        return self.filters.get(arm, self.noisy)
+
+    def sampling_of(self, arm: str) -> SampleSettings:
+        """How the training samples of an arm are drawn.
+
+        Args:
+            arm: Its name.
+        """
+        return self.sampling if self.noisy_class else replace(self.sampling, noisy=self.kept(arm))
+
+    @property
+    def sampling(self) -> SampleSettings:
+        """How samples are drawn, those of arms with a filter of their own excepted."""
+        scaling = {"metric": Scaling("constant", self.tile.scale), "paper": Scaling("extent"),
+                   "whole": Scaling("constant", 1.0)}[self.mode]  # fmt: skip
+        noisy = float("inf") if self.noisy_class else self.noisy
+        return SampleSettings(self.cut.classes, self.channels, scaling, self.points, noisy, self.augment)
+
+    @property
+    def looks(self) -> int:
+        """Epochs: no more than steps."""
+        return min(self.epochs, self.steps)
+
+    @property
+    def samples_each(self) -> int:
+        """Samples of an epoch: whole steps, in all at least `steps`."""
+        return -(-self.steps // self.looks) * self.batch
+
+
+def preset_names() -> tuple[str, ...]:
+    """Name the presets of the package."""
+    found = (entry.name for entry in files("learn").joinpath("compare/presets").iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in found if name.endswith(".toml")))
+
+
+def experiment_settings(what: str, given: Mapping[str, Any]) -> ExperimentSettings:
+    """Read an experiment.
+
+    Args:
+        what: Name of a preset, or path of a TOML file.
+        given: What the command line changes.
+
+    Raises:
+        InputError: Neither of them, or a value that is not allowed.
+    """
+    if what in preset_names():
+        entry = files("learn").joinpath(f"compare/presets/{what}.toml")
+        values = parse_toml(entry.read_bytes(), Path(what))
+    elif Path(what).suffix == ".toml":
+        values = read_toml(Path(what))
+    else:
+        raise InputError("no such experiment", field="--preset", value=what,
+                         allowed=f"{', '.join(preset_names())}, or a .toml file")  # fmt: skip
+    for key, value in given.items():
+        before = values.get(key)
+        values[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value
+    return parse_settings(ExperimentSettings, values, what)

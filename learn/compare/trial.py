@@ -1,0 +1,106 @@
+"""One training of an arm, and one test of what came of it."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundwork.errors import InputError
+from groundwork.files import write_json
+from groundwork.progress import Progress
+from groundwork.settings import parse_settings
+from learn.compare.sources import HeldWindows, TrainingWindows
+from learn.metrics import confusion, confusion_by_threshold
+from learn.models.registry import NETWORKS
+from learn.scoring.record import SURE
+from learn.scoring.votes import scored_clouds
+from learn.trained import FOREST, read_model
+from learn.training.forest import ForestSettings, train_forest
+from learn.training.settings import TrainSettings
+
+I64 = NDArray[np.int64]
+
+FORMAT_VERSION = 1
+SCORES = "scores.json"
+
+
+def check_models(models: Sequence[str], network: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse a model that there is not, or a setting that it does not know, before anything is made.
+
+    Args:
+        models: Networks, or `forest`.
+        network: Settings of each, by name.
+
+    Raises:
+        InputError: The first that is wrong.
+    """
+    for name in models:
+        if name not in (*NETWORKS, FOREST):
+            raise InputError("no such model", field="models", value=name, allowed=", ".join((*NETWORKS, FOREST)))
+    for name, values in network.items():
+        if name not in (*NETWORKS, FOREST):
+            raise InputError("settings of no model", field="network", value=name,
+                             allowed=", ".join((*NETWORKS, FOREST)))  # fmt: skip
+        if name == FOREST:
+            parse_settings(ForestSettings, dict(values), f"network.{name}")
+        else:
+            parse_settings(NETWORKS[name][0], {**values, "kind": name}, f"network.{name}")
+
+
+def train_trial(
+    source: TrainingWindows, validation: HeldWindows, settings: TrainSettings, folder: Path, progress: Progress,
+    data: Mapping[str, Any],
+) -> None:  # fmt: skip
+    """Train an arm's model; goes on where it was stopped.
+
+    Args:
+        source: Its samples.
+        validation: Windows of other bridges, seen by the arm's own clouds; a forest picks nothing and needs none.
+        settings: The training.
+        folder: Where the model goes: empty, or left by an interrupted call.
+        progress: Listener.
+        data: How the samples were made: kept with the model.
+
+    Raises:
+        InputError: No windows to train on.
+    """
+    if not source.windows:
+        raise InputError("no window is left to train on", field="fewest",
+                         mend="Lower fewest, or take bridges that all arms show")  # fmt: skip
+    if settings.model == FOREST:
+        train_forest(source, settings, folder, progress, data)
+        return
+    from learn.training.train import train_network
+
+    if not validation.windows:
+        raise InputError("no bridge is left for validation", field="shares", mend="Give more bridges")
+    train_network(source, validation, settings, folder, progress, data=data)
+
+
+def score_trial(model: Path, source: HeldWindows, folder: Path, progress: Progress) -> None:
+    """Score a trained model and write the record: for each bridge, the confusion of all its points and of sure ones.
+
+    Every point counts once, with the mean of what the draws and windows that hold it say.
+
+    Args:
+        model: Its folder.
+        source: Windows of bridges that it never saw.
+        folder: Empty folder to fill.
+        progress: Listener.
+    """
+    count = len(source.classes)
+    nothing = np.zeros((count, count), np.int64)
+    whole: dict[str, I64] = {}
+    sure: dict[str, I64] = {}
+    for cloud in scored_clouds(read_model(model), source, progress):
+        found = cloud.probabilities.argmax(axis=1)
+        (low,) = confusion_by_threshold(cloud.truth, found, cloud.uncertainty, (SURE,), count)
+        sure[cloud.bridge] = sure.get(cloud.bridge, nothing) + low
+        whole[cloud.bridge] = whole.get(cloud.bridge, nothing) + confusion(cloud.truth, found, count)
+    write_json(folder / SCORES, {
+        "format": "falsework.trial", "format_version": FORMAT_VERSION, "classes": list(source.classes),
+        "bridges": {name: matrix.tolist() for name, matrix in sorted(whole.items())},
+        "uncertainty": SURE, "sure": {name: matrix.tolist() for name, matrix in sorted(sure.items())},
+    })  # fmt: skip
