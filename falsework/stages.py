@@ -191,7 +191,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 STAGES: dict[str, Stage] = {
     "stage": Stage(9, author),
-    "capture": Stage(9, capture, resumes=True),
+    "capture": Stage(10, capture, resumes=True),
     "model": Stage(1, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),

@@ -28,9 +28,9 @@ from render.sensor.sensor import Exposure, Sensor, meter
 from render.sensor.shutter import read_out
 from render.settings import RenderSettings
 from render.views.camera_body import CameraBody, Shot
-from render.views.passes import View
 from render.views.preparation_child import cast_volume_apart, survey_scene_apart
 from render.views.prepare import Prepared, prepare
+from render.views.targets import View
 from render.writing.capture_writer import FrameTruth, encode_frame_truth, make_folders, write_cameras, write_truth
 from render.writing.journal import Journal
 from render.writing.records import capture_record, draw_prior, note_shot, write_render_record
@@ -42,7 +42,7 @@ _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _LOOKED_UP = 64  # rows at once
-_RECIPE = 7  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_RECIPE = 8  # raised whenever frames that an interrupted run left would no longer fit to new ones
 Share = tuple[int, int]
 ALL: Share = (0, 1)
 
@@ -190,8 +190,9 @@ def _prepare(gl: Gl, scene: FlatScene, assignment: Assignment, journal: Journal,
 
     eyes, readout = assignment.track.poses[:, :3, 3], assignment.readout
     strays = np.linalg.norm(readout.poses[..., :3, 3] - eyes[:, None], axis=2) if readout is not None else np.zeros(1)
+    surveyed = assignment.surveyed
     flight = (eyes, 1.001 * float(strays.max()))
-    prepared = prepare(gl, scene, assignment.settings, progress, cast, assignment.surveyed.needs, flight)
+    prepared = prepare(gl, scene, assignment.settings, progress, cast, surveyed.needs, flight, surveyed.bars)
     for warning in prepared.warnings:
         progress.note(warning)
     return prepared

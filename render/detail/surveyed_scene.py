@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from groundwork.errors import InputError
+from render.gpu.bars import Bars, find_bars
 from render.gpu.gpu_scene import check_scene
 from render.gpu.textures import TextureKey
 from usd_schemas.flat_scene import CameraTrack, FlatScene, Geometry
@@ -21,11 +22,13 @@ class SurveyedScene:
         scene: The scene, with this survey's product first.
         camera: Exact intrinsics of its images.
         needs: For each texture, the least width of a pixel in widths of the texture [1].
+        bars: Members that may be too thin for samples.
     """
 
     scene: FlatScene
     camera: Pinhole
     needs: Mapping[TextureKey, float]
+    bars: Bars
 
     @property
     def track(self) -> CameraTrack:
@@ -62,10 +65,10 @@ def survey_scene(scene: FlatScene, triangle_budget: int) -> SurveyedScene:
     track = scene.cameras[product.camera]
     camera = product_camera(track, product.width, product.height)
     if scene.moments:  # what moves comes near when it likes
-        return SurveyedScene(scene, camera, {})
+        return SurveyedScene(scene, camera, {}, find_bars(scene))
     sight = survey_sight(track, camera)
     scene = level_of_detail(scene, track, camera, sight, triangle_budget)
-    return SurveyedScene(scene, camera, texel_needs(scene, sight))
+    return SurveyedScene(scene, camera, texel_needs(scene, sight), find_bars(scene))
 
 
 def product_camera(track: CameraTrack, width: int, height: int) -> Pinhole:

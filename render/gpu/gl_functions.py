@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _COLOR, _DEPTH = 0x1800, 0x1801
+_BLEND = 0x0BE2
 _TEXTURE_2D, _TEXTURE_2D_ARRAY = 0x0DE1, 0x8C1A
 _BYTES = {1: 0x8229, 4: 0x8058}  # internal formats R8 and RGBA8
 _WRAP_S, _WRAP_T, _MINIFIED, _MAGNIFIED, _ANISOTROPY = 0x2802, 0x2803, 0x2801, 0x2800, 0x84FE
@@ -28,6 +29,7 @@ class GlFunctions:
         self._clear_float = _function(load, "glClearBufferfv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
         self._clear_uint = _function(load, "glClearBufferuiv", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
         self.flush = _function(load, "glFlush")
+        self._enable_one = _function(load, "glEnablei", ctypes.c_uint, ctypes.c_uint)
         self._bind_sampler = _function(load, "glBindSampler", ctypes.c_uint, ctypes.c_uint)
         self._make_samplers = _function(load, "glGenSamplers", ctypes.c_int, ctypes.c_void_p)
         number = (ctypes.c_uint, ctypes.c_uint)
@@ -95,6 +97,14 @@ class GlFunctions:
             value: What every pixel becomes [1].
         """
         self._clear_float(_DEPTH, 0, (ctypes.c_float * 1)(value))
+
+    def blend_only(self, attachment: int) -> None:
+        """Let one attachment of the bound framebuffer be blended, and no other.
+
+        Args:
+            attachment: Number of the colour attachment.
+        """
+        self._enable_one(_BLEND, attachment)
 
     def make_array(self, texture: int, side: int, layers: int, channels: int) -> None:
         """Give a texture array storage for all of its levels; else mipmaps are built in a copy, twice as large.

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from render.gpu.bars import Bars
 from render.gpu.context import Gl
 from render.gpu.facets import Facets
 from render.gpu.materials import ROW, MaterialTable, Variant
+from render.gpu.ribbons import Ribbons, shape_attributes, upload_ribbons
 from render.gpu.row_texture import DRAW_UNIT, row_texture
 from render.gpu.wraps import Wraps
 from usd_schemas.flat_scene import FlatScene
@@ -51,6 +53,7 @@ class GpuScene:
         material_rows: Row of the material of each draw, shape (D,), int64.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
         facets: Triangles whose depth may have to be drawn anew.
+        ribbons: What may be too thin for samples.
         of_material: Row in `variants` of each material, shape (M,), int64.
         wraps: How textures go on beyond their edges.
     """
@@ -70,6 +73,7 @@ class GpuScene:
     material_rows: I64
     anchor: F64
     facets: Facets
+    ribbons: Ribbons
     of_material: I64
     wraps: Wraps
 
@@ -81,7 +85,8 @@ class GpuScene:
             scene: The scene at that moment.
             facets: Its triangles whose depth may have to be drawn anew.
         """
-        return replace(self, facets=facets, **_placed(context, scene, self.of_material))
+        placed = _placed(context, scene, self.of_material)
+        return replace(self, facets=facets, ribbons=self.ribbons.moved(scene.draws, placed["commands"]), **placed)
 
     def release_places(self) -> None:
         """Give back what `moved` made."""
@@ -160,8 +165,25 @@ class GpuScene:
                    (self.offsets, "3f4/i", "in_offset")]  # fmt: skip
         return context.vertex_array(program, content, self.indices)
 
+    def bar_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
+        """Connect a program to the buffers of bars, as `vertex_array` does to those of all.
 
-def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets) -> GpuScene:
+        Args:
+            context: Open context.
+            program: Compiled program.
+
+        Returns:
+            OpenGL's vertex array over the vertices of bars, shape (B,).
+        """
+        ribbons, (shapes, names) = self.ribbons, shape_attributes(program)
+        used = [name for name in VERTEX_NAMES if name in program]
+        formats = [code if name in used else f"{size}x" for name, (code, size) in _ATTRIBUTES.items()]
+        content = [(ribbons.vertices, " ".join(formats), *used), (ribbons.shapes, shapes, *names),
+                   (self.draw_numbers, "1u4/i", "in_draw"), (self.offsets, "3f4/i", "in_offset")]  # fmt: skip
+        return context.vertex_array(program, content, ribbons.indices)
+
+
+def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets, bars: Bars) -> GpuScene:
     """Check a scene and put it into buffers.
 
     Args:
@@ -170,6 +192,7 @@ def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, fa
         table: Its materials.
         anchor: Point that shading counts positions from [m], shape (3,), float64.
         facets: Triangles whose depth may have to be drawn anew.
+        bars: Members that may be too thin for samples.
 
     Raises:
         InputError: Nothing to draw, an index out of range, or a number that is not finite.
@@ -185,13 +208,14 @@ def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, fa
     variants = tuple(dict.fromkeys(table.variants))
     number = {variant: row for row, variant in enumerate(variants)}
     of_material = np.array([number[variant] for variant in table.variants], np.int64)
+    placed = _placed(context, scene, of_material)
     return GpuScene(
         vertices=context.buffer(vertices.tobytes()),
         indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
         materials=context.buffer(materials.tobytes()),
         variants=variants, of_material=of_material, anchor=anchor, facets=facets,
-        wraps=Wraps(gl.functions),
-        **_placed(context, scene, of_material),
+        wraps=Wraps(gl.functions), ribbons=upload_ribbons(context, scene, bars, vertices, placed["commands"]),
+        **placed,
     )  # fmt: skip
 
 

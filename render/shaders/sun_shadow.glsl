@@ -35,7 +35,11 @@ vec2 sun_slope(vec3 ray) {
 // techniques, GDC 2006 (receiver plane).
 float sun_visibility() {
     vec3 ray = vec3(dot(sun_axes[0], relative), dot(sun_axes[1], relative), dot(sun_axes[2], relative));
+#ifdef RIBBON
+    vec2 slope = vec2(0.0);
+#else
     vec2 slope = sun_slope(ray);
+#endif
     ray += sun_eye;
     vec2 sharp = abs(ray.xy * shadow_maps[0].x + shadow_maps[0].yz);
     vec2 near = abs(ray.xy * shadow_maps[1].x + shadow_maps[1].yz);

@@ -28,6 +28,23 @@ uniform mat3 dome_from_world;
 in vec3 relative;
 in vec3 normal;
 
+#ifdef FADES
+in float shown;
+#endif
+#ifdef VEILED
+uniform sampler2D ribbons_away; // [m]
+#endif
+#ifdef RIBBON
+in float width_times_depth;
+in float across_times_depth;
+flat in vec2 across;
+flat in float one_share;
+in vec3 one_normal;
+in vec3 other_normal;
+
+layout(location = 0) out vec4 out_veil;     // linear light over the brightest one, times what is covered; that
+layout(location = 1) out float out_away;    // [m]
+#else
 layout(location = 0) out vec4 out_color;
 layout(location = 1) out uint out_draw;
 layout(location = 2) out float out_depth;
@@ -36,6 +53,7 @@ layout(location = 3) out vec4 out_normal;
 #endif
 #ifdef TRIANGLES
 layout(location = 3) out uint out_triangle;
+#endif
 #endif
 
 const float PI = 3.14159265;
@@ -186,6 +204,17 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
     return mix(haze, light, exp2(-away * haze_density));
 }
 
+#ifdef RIBBON
+// Share of a pixel that lies on one side of a line at some distance from its middle [px]: exact for a square.
+float beside(float away) {
+    vec2 slope = abs(across);
+    float low = max(min(slope.x, slope.y), 1e-4), high = max(slope.x, slope.y);
+    float corner = max(0.5 * (low + high) - abs(away), 0.0);
+    float inside = abs(away) <= 0.5 * (high - low) ? 0.5 - abs(away) / high : corner * corner / (2.0 * low * high);
+    return away > 0.0 ? 1.0 - inside : inside;
+}
+#endif
+
 void main() {
     vec3 albedo = base.rgb;
     float roughness = base.a;
@@ -205,6 +234,14 @@ void main() {
     albedo = vec3(0.18);
     roughness = 1.0;
 #endif
+#ifdef RIBBON
+    float away = across_times_depth * gl_FragCoord.w, wide = width_times_depth * gl_FragCoord.w;
+    float cover = (beside(away + wide) - beside(away - wide)) * (1.0 - smoothstep(1.5, 2.5, 2.0 * wide));
+    if (cover < 1e-3) discard;
+    vec3 light = mix(shade(albedo, normalize(other_normal), roughness), shade(albedo, normalize(one_normal), roughness), one_share);
+    out_veil = vec4(min(light * code_scale, 1.0), 1.0) * cover;
+    out_away = 1.0 / gl_FragCoord.w;
+#else
     vec3 face = normalize(normal + vec3(0.0, 0.0, 1e-12));  // a mesh without area has no normal
     if (gl_FrontFacing == (mirrored != 0u)) face = -face;
 #ifdef BLEND
@@ -213,8 +250,18 @@ void main() {
     held = texel.a;
 #endif
     out_color = vec4(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0), held);
+#ifdef VEILED  // it holds back light of the ribbons behind it, and covers as much of the photograph as they do
+    if (1.0 / gl_FragCoord.w > texelFetch(ribbons_away, ivec2(gl_FragCoord.xy), 0).r) discard;
+    out_color.rgb *= held;
+#endif
 #else
     out_color = vec4(sqrt(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0)), 1.0);
+#endif
+#ifdef FADES
+    out_color.a = shown;
+#ifdef PANES  // what is not shown must not hide them
+    if (shown <= 0.0) discard;
+#endif
 #endif
     out_draw = draw + 1u;
     out_depth = 1.0 / gl_FragCoord.w;
@@ -223,5 +270,6 @@ void main() {
 #endif
 #ifdef TRIANGLES
     out_triangle = uint(gl_PrimitiveID);
+#endif
 #endif
 }

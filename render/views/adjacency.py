@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from render.gpu.welding import mixed, welded_places
 from usd_schemas.flat_scene import Geometry
 
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
-U64 = NDArray[np.uint64]
 
 NONE = -1
 
@@ -26,10 +26,10 @@ def edge_neighbours(geometry: Geometry) -> I32:
     part = np.zeros(count, np.int64)
     for row in range(len(geometry.part_first)):
         part[geometry.part_first[row] :][: geometry.part_count[row]] = row
-    corners = _places(geometry)[geometry.triangles.astype(np.int64)]
+    corners = welded_places(geometry)[geometry.triangles.astype(np.int64)]
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1)
     low, high = ends.min(axis=-1).ravel(), ends.max(axis=-1).ravel()
-    key = _mixed(_mixed(low.astype(np.uint64), high.astype(np.uint64)), np.repeat(part, 3).astype(np.uint64))
+    key = mixed(mixed(low.astype(np.uint64), high.astype(np.uint64)), np.repeat(part, 3).astype(np.uint64))
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero(key[order][1:] == key[order][:-1])
     one, other = order[same], order[same + 1]
@@ -38,22 +38,3 @@ def edge_neighbours(geometry: Geometry) -> I32:
     result[one] = other // 3 - first[one // 3]
     result[other] = one // 3 - first[other // 3]
     return result.reshape(count, 3)
-
-
-def _places(geometry: Geometry) -> I64:
-    """Number the places of vertices, shape (V,)."""
-    bits = (geometry.positions + np.float32(0)).view(np.uint32).astype(np.uint64)  # -0 and 0 are one place
-    key = _mixed(_mixed(bits[:, 0], bits[:, 1]), bits[:, 2])
-    return np.unique(key, return_inverse=True)[1].astype(np.int64)
-
-
-def _mixed(one: U64, other: U64) -> U64:
-    """Hash two columns into one of 64 bits.
-
-    Source: the finalizer of SplitMix64, Steele et al., OOPSLA 2014.
-    """
-    with np.errstate(over="ignore"):
-        value = one * np.uint64(0x9E3779B97F4A7C15) + other
-        value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        value = (value ^ (value >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return value ^ (value >> np.uint64(31))

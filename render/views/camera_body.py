@@ -3,8 +3,9 @@
 from collections.abc import Callable
 
 from render.capture import Readout
-from render.views.passes import Painter, View
+from render.views.passes import Painter
 from render.views.prepare import Prepared
+from render.views.targets import View
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole
 

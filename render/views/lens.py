@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from render.views.adjacency import edge_neighbours
-from render.views.passes import View
+from render.views.targets import View
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole

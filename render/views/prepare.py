@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.progress import Progress
+from render.gpu.bars import Bars, find_bars
 from render.gpu.context import Gl
 from render.gpu.facets import find_facets
 from render.gpu.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
@@ -147,6 +148,7 @@ class Prepared:
 def prepare(
     gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress, cast: CastVolume = cast_light_volume,
     needs: Mapping[TextureKey, float] | None = None, flight: tuple[NDArray[np.float64], float] | None = None,
+    bars: Bars | None = None,
 ) -> Prepared:  # fmt: skip
     """Upload a scene and light it.
 
@@ -159,6 +161,7 @@ def prepare(
         needs: Least width of a pixel in widths of each texture; None for every texel.
         flight: Centres of all cameras that will be drawn [m], shape (N, 3), float64, and how far one may stray from
             its own [m]; None for cameras anywhere.
+        bars: Members that may be too thin for samples; found here when not given.
 
     Raises:
         InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
@@ -178,7 +181,8 @@ def prepare(
     table = tabulate_materials(scene.materials, slots, settings.quality)
     anchor = (box[0] + box[1]) / 2
     facets = find_facets(scene, anchor)
-    gpu = upload_scene(gl, scene, table, anchor, facets.near(*flight) if flight is not None else facets)
+    near = facets.near(*flight) if flight is not None else facets
+    gpu = upload_scene(gl, scene, table, anchor, near, bars if bars is not None else find_bars(scene))
     programs = Programs(gl.context)
     sunny = bool(daylight.sun_irradiance.any())
     shadow = Shadows(gl, programs, gpu, daylight, box, settings.shadow_size) if sunny else None

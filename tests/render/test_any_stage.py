@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from groundwork.progress import SILENT
 from render.gpu.context import Gl
 from render.settings import RenderSettings
-from render.views.passes import View
 from render.views.prepare import prepare
+from render.views.targets import View
 from tests.render.scenes import CAMERA
 from tests.usd_schemas.stages import SQUARE, Z_UP, write_stage
 from tests.usd_schemas.test_foreign_materials import omni, standard
@@ -141,7 +141,10 @@ SHAPES: dict[str, tuple[str, list[tuple[Point, tuple[Color | None, float]]]]] = 
     "face subsets": (BLUE + mesh(SUBSET, points=STRIP), [((-0.5, 0, 0), RED_SEEN), ((0.5, 0, 0), BLUE_SEEN)]),
     "negative scale": (mesh(moved("float3 xformOp:scale = (-2, 1, 1)")), [((1.5, 0, 0), RED_SEEN)]),
     "left-handed": (mesh(LEFT, points=SQUARE.replace("[0, 1, 2, 3]", "[3, 2, 1, 0]")), [((0, 0, 0), RED_SEEN)]),
-    "subdivision cage": (mesh("", points=CAGE), [((0, 0, 1), ((0.8, 0, 0), 1.0)), ((0.9, 0.9, 1), (None, 1.0))]),
+    "cage": (
+        mesh('uniform token subdivisionScheme = "none"', points=CAGE),
+        [((0, 0, 1), ((0.8, 0, 0), 1.0)), ((0.9, 0.9, 1), (None, 1.0))],
+    ),
     "instances": (INSTANCES, [((-2, 0, 0), RED_SEEN), ((2, 0, 0), RED_SEEN), ((0, 0, -1), FLOOR_SEEN)]),
     "point instancer": (INSTANCER, [((-2, 0, 0), RED_SEEN), ((2, 0, 0), RED_SEEN), ((0, 0, -1), FLOOR_SEEN)]),
     "purpose guide": (mesh('uniform token purpose = "guide"'), [((0, 0, -1), FLOOR_SEEN)]),
@@ -177,7 +180,7 @@ def surface(body: str) -> str:
 
 IMAGE = 'def Shader "I" {{\nuniform token info:id = "ND_image_{}"\nasset inputs:file = @./{}.png@\n{} outputs:out\n}}\n'
 ORANGE = "diffuseColor = (0.6, 0.3, 0.1)"
-OPEN_PBR = network("").replace("UsdPreviewSurface", "ND_open_pbr_surface_surfaceshader")
+STRANGER = network("").replace("UsdPreviewSurface", "StrangerSurface")
 DETAIL = """asset falsework:detail:texture = @./white.png@
         uniform float[] falsework:detail:periods = [0.5]
         uniform float[] falsework:detail:amplitudes = [0.2]
@@ -210,8 +213,8 @@ MATERIALS: dict[str, tuple[str, list[tuple[Point, Color]], int]] = {
     "standard_surface texture": (
         surface(standard("color3f inputs:base_color.connect = </Mat/I.outputs:out>",
                          IMAGE.format("color3", "sides", "color3f"))), SIDES, 0),
-    "unknown": (OPEN_PBR, [((0, 0, 0), GREY)], 1),
-    "unknown with displayColor": (OPEN_PBR.replace(SQUARE, SQUARE + RED), [((0, 0, 0), (0.8, 0, 0))], 1),
+    "unknown": (STRANGER, [((0, 0, 0), GREY)], 1),
+    "unknown with displayColor": (STRANGER.replace(SQUARE, SQUARE + RED), [((0, 0, 0), (0.8, 0, 0))], 1),
     "missing texture": (network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>",
                                 texture("A", "./gone.png")), [((0, 0, 0), GREY)], 1),
 }  # fmt: skip

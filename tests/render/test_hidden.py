@@ -9,7 +9,7 @@ import pytest
 from groundwork.progress import SILENT
 from render.gpu.context import Gl
 from render.settings import RenderSettings
-from render.views.passes import Painter
+from render.views.draw_calls import DrawCalls
 from render.views.prepare import prepare
 from tests.render.scenes import CAMERA, random_scene
 from usd_schemas.flat_scene import Dome
@@ -24,18 +24,18 @@ def test_every_pixel_is_shaded_once_and_all_images_stay(
     settings = small.model_copy(update={"quality": quality, "normals": False})
     painter = prepare(gl, scene, settings, SILENT).painter(CAMERA, sharp=True)
     counts: list[int] = []
-    draw_surfaces = Painter._draw_surfaces
+    draw_surfaces = DrawCalls.surfaces
 
-    def counted(self: Painter, *arguments: Any) -> None:
+    def counted(self: DrawCalls, *arguments: Any) -> None:
         query = gl.context.query(samples=True)
         with query:
             draw_surfaces(self, *arguments)
         counts.append(query.samples)
 
-    monkeypatch.setattr(Painter, "_draw_surfaces", counted)
+    monkeypatch.setattr(DrawCalls, "surfaces", counted)
     shaded, images = [], []
     for large in (0.0, 30.0, np.inf):
-        monkeypatch.setattr("render.views.passes._LARGE", large)
+        monkeypatch.setattr("render.views.draw_calls._LARGE", large)
         counts.clear()
         images.append([painter.draw(pose, 0.1) for pose in scene.cameras[0].poses])
         shaded.append(sum(counts))

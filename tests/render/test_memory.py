@@ -26,9 +26,10 @@ from render.light.daylight import read_daylight
 from render.light.illumination import BRIGHTEST
 from render.light.light_volume import cast_light_volume
 from render.settings import RenderSettings
-from render.views.passes import Painter, View
+from render.views.passes import Painter
 from render.views.preparation_child import cast_volume_apart, survey_scene_apart
 from render.views.prepare import prepare
+from render.views.targets import View
 from tests.conftest import RecordProof
 from tests.render.scenes import CAMERA, SceneBuilder, placed, random_scene
 from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Sun, Texture
@@ -219,7 +220,7 @@ def test_no_pixel_depends_on_how_much_waits_for_the_driver(
     images = []
     for waiting, resolved in ((30_000, 64), (1, 7), (50, 1000)):
         monkeypatch.setattr("render.gpu.gpu_scene._WAITING", waiting)
-        monkeypatch.setattr("render.views.passes._RESOLVED", resolved)
+        monkeypatch.setattr("render.views.targets._RESOLVED", resolved)
         painter = prepare(gl, scene, settings, SILENT).painter(CAMERA, sharp=True)
         view = painter.draw(scene.cameras[0].poses[0], 0.1)
         images.append((view.code, view.draw, view.depth, view.normal))

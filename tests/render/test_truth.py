@@ -8,8 +8,8 @@ from scipy.optimize import linprog
 from groundwork.progress import SILENT
 from render.gpu.context import Gl
 from render.settings import RenderSettings
-from render.views.passes import View
 from render.views.prepare import prepare
+from render.views.targets import View
 from tests.render.scenes import CAMERA, SceneBuilder, placed, random_scene
 from usd_schemas.flat_scene import FlatScene, world_triangles
 from usd_schemas.pinhole import Pinhole, look_at, project

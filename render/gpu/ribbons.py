@@ -1,0 +1,200 @@
+"""Bars in OpenGL buffers: surfaces that fade where they get thinner than two pixels, and the ribbons drawn instead.
+
+A ribbon is a strip that faces the camera and knows how much of each pixel its bar covers.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from render.gpu.bars import Bars
+from usd_schemas.flat_scene import Draws, FlatScene
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+BAR_NAMES = ("in_axis", "in_first", "in_second", "in_shape")
+_BAR_FORMATS = ("3f4", "3f4", "3f4", "3f4")
+# Way to the segment's other end, half axes of the cross-section here; then side of a ribbon, whether it is round or
+# `_NOT_A_BAR`, and 1 at one end of a segment, -1 at the other.
+_BAR = np.dtype([("axis", "3f4"), ("first", "3f4"), ("second", "3f4"), ("shape", "3f4")])
+_NOT_A_BAR = -1.0
+WIDEST = 2.5  # [px] from here on a surface alone is drawn; as in bar.glsl
+_SHORTEST = 8.0  # [px]; what is shorter, as grass from afar, is no line for the eye, and there is much of it
+_LEAST = 1e-3  # [m] thickness that a flat bar is taken to have as seen from the side
+
+
+@dataclass(frozen=True)
+class PartBars:
+    """Where the bars of each part of a geometry are, and their size in mesh-local axes.
+
+    Attributes:
+        first: First triangle of its surfaces and of its ribbons, shape (P, 2), int64.
+        count: Number of these triangles, 0 without bars, shape (P, 2), int64.
+        thickness: Thickness of its thinnest bar [stage units], +inf without any, shape (P,), float64.
+        length: Length of its longest segment [stage units], shape (P,), float64.
+    """
+
+    first: I64
+    count: I64
+    thickness: F64
+    length: F64
+
+    def placed(self, draws: Draws, commands: NDArray[np.void]) -> dict[str, Any]:
+        """Find what of a `Ribbons` depends on where things are drawn.
+
+        Args:
+            draws: What is drawn.
+            commands: Their draw commands, shape (D,).
+        """
+        part, scale = draws.part, np.linalg.norm(draws.transform[:, :3, :3], axis=1)
+        tables = [commands.copy(), commands.copy()]
+        for kind, table in enumerate(tables):
+            table["count"], table["first"] = 3 * self.count[part, kind], 3 * self.first[part, kind]
+        thickness = np.full(len(part), np.inf)
+        np.multiply(self.thickness[part], scale.min(axis=1), out=thickness, where=self.count[part, 1] > 0)
+        length = self.length[part] * scale.max(axis=1)
+        return {"surfaces": tables[0], "ribbons": tables[1], "thickness": thickness, "length": length}
+
+
+@dataclass(frozen=True)
+class Ribbons:
+    """What of a scene may be too thin for samples.
+
+    Attributes:
+        vertices: Vertices of the parts that have bars, then four for each segment.
+        shapes: What these know of their bars.
+        indices: Triangles of both.
+        surfaces: Draw command of the surfaces of each draw, shape (D,), dtype as the scene's.
+        ribbons: Draw command of the ribbons of each draw, shape (D,), dtype as the scene's.
+        thickness: Thickness of the thinnest bar of each draw [m], +inf without any, shape (D,), float64.
+        length: Length of the longest segment of each draw [m], shape (D,), float64.
+        parts: Where to find the bars of each part.
+    """
+
+    vertices: moderngl.Buffer
+    shapes: moderngl.Buffer
+    indices: moderngl.Buffer
+    surfaces: NDArray[np.void]
+    ribbons: NDArray[np.void]
+    thickness: F64
+    length: F64
+    parts: PartBars
+
+    def moved(self, draws: Draws, commands: NDArray[np.void]) -> "Ribbons":
+        """Return the same bars, drawn where another moment of the scene has them.
+
+        Args:
+            draws: What is drawn then.
+            commands: Their draw commands, shape (D,).
+        """
+        return replace(self, **self.parts.placed(draws, commands))
+
+    def thin(self, rows: I64, lower: F64, upper: F64, eye: F64, focal: float) -> NDArray[np.bool_]:
+        """Tell which draws have bars that a view may show too thin, shape (N,).
+
+        Args:
+            rows: Draws, shape (N,), int64.
+            lower: Lower corner of each draw's box [m], shape (D, 3), float64.
+            upper: Upper corner of each draw's box [m], shape (D, 3), float64.
+            eye: Camera centre [m], shape (3,), float64.
+            focal: Focal length [px].
+        """
+        one, other = np.abs(lower[rows] - eye), np.abs(upper[rows] - eye)
+        farthest = np.linalg.norm(np.maximum(one, other), axis=1)
+        inside = (lower[rows] <= eye) & (upper[rows] >= eye)
+        nearest = np.linalg.norm(np.where(inside, 0.0, np.minimum(one, other)), axis=1)
+        is_long = self.length[rows] * focal > _SHORTEST * nearest
+        return is_long & (self.thickness[rows] * focal < WIDEST * farthest)
+
+
+def upload_ribbons(
+    context: moderngl.Context, scene: FlatScene, bars: Bars, vertices: NDArray[np.void], commands: NDArray[np.void]
+) -> Ribbons:
+    """Put the bars of a scene into buffers.
+
+    Args:
+        context: Open context.
+        scene: The scene.
+        bars: Its bars.
+        vertices: Its vertices as the renderer has them, positions in mesh-local axes [stage units], shape (V,).
+        commands: Draw command of each draw, shape (D,).
+    """
+    geometry = scene.geometry
+    counts = np.bincount(bars.part, minlength=len(geometry.part_first))
+    parts = np.flatnonzero(counts)
+    runs = [
+        np.arange(geometry.part_first[part], geometry.part_first[part] + geometry.part_count[part]) for part in parts
+    ]
+    corners = geometry.triangles[np.concatenate([np.zeros(0, np.int64), *runs])].astype(np.int64)
+    used, places = np.unique(corners.ravel(), return_inverse=True)
+    strips = np.arange(4 * len(bars.part)).reshape(-1, 2, 2) + len(used)  # by segment, end and side
+    quads = strips.reshape(-1, 4)[:, [0, 1, 2, 2, 1, 3]]
+    ends = np.repeat(bars.vertex.reshape(-1), 2)
+    every = np.concatenate([vertices[used], vertices[ends]])
+    every["p"][len(used) :] = np.repeat(bars.ends.reshape(-1, 3), 2, axis=0)
+    shapes = np.concatenate([_surface_shapes(bars, used), _ribbon_shapes(bars)])
+    surfaces = np.where(counts > 0, geometry.part_count, 0)
+    found = PartBars(
+        np.stack([_starts(surfaces), len(corners) + 2 * _starts(counts)], axis=1),
+        np.stack([surfaces, 2 * counts], axis=1).astype(np.int64),
+        *_sizes(bars, len(counts)),
+    )
+    return Ribbons(
+        context.buffer(every.tobytes() or bytes(4)), context.buffer(shapes.tobytes() or bytes(4)),
+        context.buffer(np.concatenate([places.ravel(), quads.ravel()]).astype(np.uint32).tobytes() or bytes(4)),
+        parts=found, **found.placed(scene.draws, commands),
+    )  # fmt: skip
+
+
+def shape_attributes(program: moderngl.Program) -> tuple[str, list[str]]:
+    """Describe what of the shapes a program reads, as moderngl wants it.
+
+    Args:
+        program: Compiled program.
+
+    Returns:
+        Formats, and the names of the attributes.
+    """
+    names = [name for name in BAR_NAMES if name in program]
+    formats = [
+        code if name in names else f"{int(code[0]) * 4}x" for name, code in zip(BAR_NAMES, _BAR_FORMATS, strict=True)
+    ]
+    return " ".join(formats), names
+
+
+def _surface_shapes(bars: Bars, used: I64) -> NDArray[np.void]:
+    shapes = np.zeros(len(used), _BAR)
+    shapes["shape"][:] = [0.0, _NOT_A_BAR, 1.0]
+    on, segment, end = np.searchsorted(used, bars.vertices), bars.segment, bars.end
+    shapes["axis"][on] = bars.ends[segment, 1 - end] - bars.ends[segment, end]
+    shapes["first"][on], shapes["second"][on] = bars.first[segment, end], bars.second[segment, end]
+    shapes["shape"][on, 1] = bars.round[segment]
+    return shapes
+
+
+def _ribbon_shapes(bars: Bars) -> NDArray[np.void]:
+    shapes = np.zeros((len(bars.part), 2, 2), _BAR)
+    way = bars.ends[:, 1] - bars.ends[:, 0]
+    shapes["axis"] = np.stack([way, -way], axis=1)[:, :, None]
+    shapes["first"], shapes["second"] = bars.first[:, :, None], bars.second[:, :, None]
+    shapes["shape"][..., 0] = [-1.0, 1.0]
+    shapes["shape"][..., 1] = bars.round[:, None, None]
+    shapes["shape"][..., 2] = np.array([1.0, -1.0])[:, None]
+    return shapes.reshape(-1)
+
+
+def _sizes(bars: Bars, parts: int) -> tuple[F64, F64]:
+    """Thickness of the thinnest bar and length of the longest segment of each part, each shape (P,)."""
+    least, longest = np.full(parts, np.inf), np.zeros(parts)
+    half = np.minimum(np.linalg.norm(bars.second, axis=-1), np.linalg.norm(bars.first, axis=-1)).min(axis=1)
+    np.minimum.at(least, bars.part, np.maximum(2 * half, _LEAST))
+    np.maximum.at(longest, bars.part, np.linalg.norm(bars.ends[:, 1] - bars.ends[:, 0], axis=-1))
+    return least, longest
+
+
+def _starts(counts: I64) -> I64:
+    return np.cumsum(counts) - counts

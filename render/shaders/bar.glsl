@@ -1,0 +1,31 @@
+// How wide a bar is on the image, and where the edges of its ribbon lie. Included by the surface shader's vertices.
+
+#ifdef BAR
+uniform vec2 half_size;         // of the image [px]
+in vec3 in_axis;                // from here to the other end of a segment
+in vec3 in_first;               // half axes of the cross-section
+in vec3 in_second;
+in vec3 in_shape;               // side of a ribbon; 1 for round, 0 for rectangular, -1 for no bar; which end, 1 or -1
+
+const float FADING = 1.5, WIDEST = 2.5;     // [px] between them a surface gives way to its ribbon
+const float NEAREST = 0.3;                  // [m] in front of the camera
+
+// Where a place goes on the image if it is shifted [px].
+vec2 shifted(vec4 clip, vec3 way) {
+    vec4 change = clip_from_relative * vec4(way, 0.0);
+    return (change.xy - clip.xy / clip.w * change.w) / clip.w * half_size;
+}
+
+// Direction across a bar on the image [1].
+vec2 across_bar(vec4 clip, vec3 axis) {
+    vec2 along = shifted(clip, axis);
+    float size = length(along);
+    return size > 1e-6 ? vec2(-along.y, along.x) / size : vec2(1.0, 0.0);
+}
+
+// Half the width of a bar on the image [px].
+float half_width(vec4 clip, vec2 across, vec3 first, vec3 second, bool is_round) {
+    float one = dot(across, shifted(clip, first)), other = dot(across, shifted(clip, second));
+    return is_round ? sqrt(one * one + other * other) : abs(one) + abs(other);
+}
+#endif

@@ -1,0 +1,191 @@
+"""The images that a painter draws on: the photograph, the exact ones, and how their rows are cleared and read."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from render.gpu.context import Gl
+from render.gpu.programs import Programs, set_uniform
+from render.light.illumination import FIRST_FREE_UNIT
+from usd_schemas.pinhole import Pinhole
+
+F32 = NDArray[np.float32]
+U16 = NDArray[np.uint16]
+U32 = NDArray[np.uint32]
+
+_RESOLVED = 64  # rows of finer samples' means that are taken at once
+
+
+@dataclass(frozen=True)
+class View:
+    """What one pass sees.
+
+    Attributes:
+        code: Square root of linear radiance over `BRIGHTEST` [65535], shape (H, W, 3), uint16.
+        draw: Row of the draw plus 1, 0 for sky, shape (H, W), uint32.
+        depth: Planar depth [m], +inf for sky, shape (H, W), float32.
+        normal: Unit normals in world axes [1], zero for sky, shape (H, W, 3), float32, or None.
+        triangle: Triangle within the draw's part, shape (H, W), uint32, or None.
+    """
+
+    code: U16
+    draw: U32
+    depth: F32
+    normal: F32 | None
+    triangle: U32 | None = None
+
+
+class Targets:
+    """The images of one size.
+
+    Attributes:
+        apart: Whether photograph and exact images come from passes of their own.
+        samples: Samples of the photograph along each side of a pixel.
+        finer: How many times finer than the photograph the exact images are.
+        shaded: What surfaces are shaded on.
+        color: The photograph's code where it is shaded, shape (samples H, samples W, 4).
+        exact: What ids and depth are drawn on, beside the photograph unless they are apart.
+        truth: Ids and depth alone, over the depth of `exact`.
+        depth: The depth image alone, over the same.
+        nearest: The depth of what is shaded, alone.
+        extra: `NORMALS` or `TRIANGLES` where one more exact image is drawn, in a tuple.
+    """
+
+    def __init__(self, gl: Gl, programs: Programs, camera: Pinhole, extra: str, finer: int, *, fine: bool) -> None:
+        """Make the images.
+
+        Args:
+            gl: Open context.
+            programs: Shader programs.
+            camera: Intrinsics of every view.
+            extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
+            finer: How many times finer than the photograph the exact images are, along rows and columns.
+            fine: Whether the photograph has 2x2 samples a pixel.
+        """
+        self._gl, self._programs, self._width = gl, programs, camera.width
+        self.apart, self.samples, self.finer = fine or finer > 1, 2 if fine else 1, finer
+        self.extra = (extra,) if extra else ()
+        context, exact = gl.context, (finer * camera.width, finer * camera.height)
+        rows = min(_RESOLVED, camera.height) if fine else camera.height
+        self._means = self.color = context.texture((camera.width, rows), 4, dtype="nu2")
+        self._truth = [context.texture(exact, 1, dtype="u4"), context.texture(exact, 1, dtype="f4")]
+        if extra:
+            channels, kind = (4, "f2") if extra == "NORMALS" else (1, "u4")
+            self._truth.append(context.texture(exact, channels, dtype=kind))
+        self.exact = self.shaded = self._framebuffer(self._truth if self.apart else [self.color, *self._truth])
+        if fine:
+            self.color = context.texture((2 * camera.width, 2 * camera.height), 4, dtype="nu2")
+            self._resolved = context.framebuffer([self._means])
+        if self.apart:
+            self.shaded = self._framebuffer([self.color])
+        self.truth = context.framebuffer(self._truth, self.exact.depth_attachment)
+        self.depth = context.framebuffer([self._truth[1]], self.exact.depth_attachment)
+        self.nearest = context.framebuffer(depth_attachment=self.shaded.depth_attachment)
+        self._readers = {image: context.framebuffer([image]) for image in (self._means, *self._truth)}
+        self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
+
+    def open(self, framebuffer: moderngl.Framebuffer, first: int, end: int) -> None:
+        """Let some rows of a framebuffer be cleared and drawn on.
+
+        Args:
+            framebuffer: Which one.
+            first: Its first row.
+            end: The row after the last.
+        """
+        framebuffer.scissor = (0, first, framebuffer.width, end - first)
+        framebuffer.use()
+        context = self._gl.context
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func, context.front_face = ">", "cw"  # rows run downwards, so that windings look reversed
+
+    def clear(self, first: int, end: int) -> None:
+        """Clear some rows of a view.
+
+        Args:
+            first: First row.
+            end: Row after the last.
+        """
+        if self.apart:
+            self.open(self.shaded, self.samples * first, self.samples * end)
+            self._clear(self.shaded, 1)
+        self.open(self.exact, self.finer * first, self.finer * end)
+        self._clear(self.exact, 0 if self.apart else 1)
+
+    def read(self, first: int, end: int) -> View:
+        """Read some rows of a view.
+
+        Args:
+            first: First row.
+            end: Row after the last.
+        """
+        code = self._read_code(first, end)
+        self.exact.scissor = None  # pyright: ignore[reportAttributeAccessIssue]  # else what comes next keeps to some rows
+        self.exact.use()
+        first, end = self.finer * first, self.finer * end
+        draw = self._rows(self._truth[0], first, end, np.uint32, 1)[..., 0]
+        depth = self._rows(self._truth[1], first, end, np.float32, 1)[..., 0]
+        if not self.extra:
+            return View(code, draw, depth, None)
+        if "TRIANGLES" in self.extra:
+            return View(code, draw, depth, None, self._rows(self._truth[2], first, end, np.uint32, 1)[..., 0])
+        normal = self._rows(self._truth[2], first, end, np.float16, 4)[..., :3]
+        return View(code, draw, depth, normal.astype(np.float32))
+
+    def _framebuffer(self, colors: list[moderngl.Texture]) -> moderngl.Framebuffer:
+        width, height = colors[0].size
+        depth = self._gl.context.depth_texture((width, height))
+        self._gl.functions.make_depth_float(depth.glo, width, height)
+        return self._gl.context.framebuffer(colors, depth)
+
+    def _clear(self, framebuffer: moderngl.Framebuffer, colors: int) -> None:
+        """Clear the `colors` photographs of a framebuffer, and what follows them: ids, depth, one image more."""
+        functions = self._gl.functions
+        functions.clear_depth(0.0)
+        for attachment in range(colors):
+            functions.clear_color(attachment, (0.0, 0.0, 0.0, 0.0))
+        if len(framebuffer.color_attachments) > colors:
+            functions.clear_ids(colors)
+            functions.clear_color(colors + 1, (np.inf, 0.0, 0.0, 0.0))
+        if len(framebuffer.color_attachments) > colors + 2:
+            if "TRIANGLES" in self.extra:
+                functions.clear_ids(colors + 2)
+            else:
+                functions.clear_color(colors + 2, (0.0, 0.0, 0.0, 0.0))
+
+    def _read_code(self, first: int, end: int) -> U16:
+        """Read some rows of the photograph; OpenCV drops the fourth number many times faster than a slice does."""
+        code = np.empty((end - first, self._width, 3), np.uint16)
+        if self.samples == 1:
+            cv2.cvtColor(self._rows(self.color, first, end, np.uint16, 4), cv2.COLOR_RGBA2RGB, dst=code)
+            return code
+        for top in range(0, end - first, _RESOLVED):
+            count = min(_RESOLVED, end - first - top)
+            self._resolve(first + top, count)
+            band = self._rows(self._means, 0, count, np.uint16, 4)
+            cv2.cvtColor(band, cv2.COLOR_RGBA2RGB, dst=code[top : top + count])
+        return code
+
+    def _resolve(self, first: int, count: int) -> None:
+        """Take the means of finer samples, of some rows of the photograph."""
+        self.open(self._resolved, 0, count)
+        self._gl.context.enable_only(moderngl.NOTHING)
+        program = self._programs.get("sky.vert", "downsample.frag")
+        if program not in self._arrays:
+            self._arrays[program] = self._gl.context.vertex_array(program, [])
+        self.color.use(FIRST_FREE_UNIT)
+        set_uniform(program, "samples", FIRST_FREE_UNIT)
+        set_uniform(program, "first_row", first)
+        self._arrays[program].render(moderngl.TRIANGLES, 3)
+
+    def _rows(self, image: moderngl.Texture, first: int, end: int, kind: type, channels: int) -> NDArray[Any]:
+        """Read some rows of an image back, shape (rows, W, channels)."""
+        width, height = image.size
+        if (first, end) == (0, height):
+            data = image.read()
+        else:
+            data = self._readers[image].read((0, first, width, end - first), channels, dtype=image.dtype)
+        return np.frombuffer(data, kind).reshape(end - first, width, channels)

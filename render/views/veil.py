@@ -1,0 +1,100 @@
+"""The veil: what members too thin for samples add to a photograph, by the share of each pixel that they cover."""
+
+import cv2
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from render.gpu.context import Gl
+
+AWAY_UNIT = 13  # behind those of light, materials and draws
+U16 = NDArray[np.uint16]
+
+
+class Veil:
+    """An image of ribbons alone: linear light times the share covered, and that share."""
+
+    def __init__(self, gl: Gl, behind: moderngl.Framebuffer) -> None:
+        """Make the target.
+
+        Args:
+            gl: Open context.
+            behind: Its depth hides ribbons.
+        """
+        self._gl, context = gl, gl.context
+        self._image = context.texture(behind.size, 4, dtype="f2")
+        self._target = context.framebuffer([self._image], behind.depth_attachment)
+        self._away: moderngl.Texture | None = None  # depth of ribbons [m], where panes may hide them
+        self._measured = self._target
+        self._reader = context.framebuffer([self._image])
+        self._touched = False
+
+    def clear(self) -> None:
+        """Begin a view."""
+        self._touched = False
+
+    def open(self, first: int, end: int, rows: int, *, panes: bool = False) -> None:
+        """Let ribbons be drawn on some rows of the photograph.
+
+        Args:
+            first: First row.
+            end: Row after the last.
+            rows: Rows of the whole photograph.
+            panes: Whether what light shines through comes after them.
+        """
+        context, scale = self._gl.context, self._image.height // rows
+        self._target.scissor = None  # pyright: ignore[reportAttributeAccessIssue]
+        if not self._touched:
+            self._reader.clear()
+        self._touched = True
+        self._target.scissor = (0, scale * first, self._target.width, scale * (end - first))
+        self._target.depth_mask = self._measured.depth_mask = False
+        if panes and self._away is None:
+            self._away = context.texture(self._image.size, 1, dtype="f4")
+            self._measured = context.framebuffer([self._image, self._away], self._target.depth_attachment)
+            self._measured.depth_mask = False
+        target = self._measured if panes else self._target
+        target.scissor = self._target.scissor
+        target.use()
+        context.enable_only(moderngl.DEPTH_TEST)
+        self._gl.functions.blend_only(0)
+        context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+
+    def open_panes(self) -> None:
+        """Let what light shines through be drawn over the ribbons behind it, on the rows that were opened for it.
+
+        A pane over a ribbon over all else is the pane over all else but where the ribbon covers it, and then the pane
+        over the ribbon: its light counts by the share that ribbons cover, which it leaves as it is.
+        """
+        context = self._gl.context
+        self._target.use()
+        context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
+        context.front_face = "cw"
+        context.blend_func = (  # pyright: ignore[reportAttributeAccessIssue]  # its type knows two of the four
+            moderngl.DST_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE,
+        )  # fmt: skip
+        assert self._away is not None
+        self._away.use(AWAY_UNIT)
+
+    def lay(self, code: U16, first: int, end: int, rows: int) -> None:
+        """Lay what was drawn over some rows of a photograph, in place.
+
+        Args:
+            code: Square root of linear radiance over the brightest one [65535], shape (end - first, W, 3), uint16.
+            first: First row.
+            end: Row after the last.
+            rows: Rows of the whole photograph.
+        """
+        if not self._touched:
+            return
+        scale = self._image.height // rows
+        box = (0, scale * first, self._image.width, scale * (end - first))
+        data = np.frombuffer(self._reader.read(box, 4, dtype="f2"), np.float16).reshape(box[3], box[2], 4)
+        if scale > 1:
+            small = (code.shape[1], code.shape[0])
+            data = cv2.resize(data.astype(np.float32), small, interpolation=cv2.INTER_AREA)
+        place = np.flatnonzero(data[..., 3].reshape(-1).view(np.uint16 if scale == 1 else np.uint32))
+        veil = data.reshape(-1, 4)[place].astype(np.float32)
+        pixels = code.reshape(-1, 3)
+        light = (pixels[place].astype(np.float32) / 65535) ** 2 * (1 - veil[:, 3:]) + veil[:, :3]
+        pixels[place] = np.rint(np.sqrt(np.minimum(light, 1)) * 65535).astype(np.uint16)
