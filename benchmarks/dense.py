@@ -119,7 +119,7 @@ def dense_points(folder: Path, cloud: Path, settings: ReconSettings) -> tuple[De
     sparse = Sparse(read_model(cloud / "sparse"), cloud / "sparse", "benchmark", {}, {})
     with tempfile.TemporaryDirectory() as scratch:
         begin = time.perf_counter()
-        points, _ = run_dense(capture, sparse, Path(scratch), settings, SILENT)
+        points, _, _ = run_dense(capture, sparse, Path(scratch), settings, SILENT)
         wall = time.perf_counter() - begin
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = (spent.ru_utime + spent.ru_stime) / len(capture.images)

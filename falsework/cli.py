@@ -76,8 +76,11 @@ def reconstruct(
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
         gcp: Ground control points and scale bars, as a gcp_list.txt or as Metashape's tables; not with truth.
-        mode: Which points; both: a cloud of each, from one model. Stands above the scenario's.
-        quality: How fine the depth maps of a dense cloud are. Stands above the scenario's.
+        mode: Which points. sparse: those of structure from motion; dense: one for nearly every pixel that enough
+            photographs confirm, the way to train on; both: a cloud of each, from one model. Left out: as the scenario
+            says, else sparse.
+        quality: How fine the depth maps of a dense cloud are. ultra: a depth for every pixel of the photographs; high
+            for each 2 x 2 of them, medium 4 x 4, low 8 x 8. Left out: as the scenario says, else high.
         model: A cloud of the same photographs: its cameras are used again, and not looked for.
     """
     from falsework.commands.verbs import reconstruct_folder
@@ -188,7 +191,7 @@ GROUPS = {
 }
 # Verbs whose arguments a module of their own describes: the module, and what the verb does.
 SINGLE = {
-    "demo": ("run_verbs", "Make one small bridge from nothing to an annotated point cloud and a report."),
+    "demo": ("run_verbs", "Make one small bridge from nothing to an annotated dense point cloud and a report."),
     "run": ("run_verbs", "Run the whole chain of a scenario; a second call makes only what is missing."),
     "plan": ("plan_verbs", "Tell what a run would do, how long it takes and what disk space it needs."),
     "verify": ("store_verbs", "Find what is not as it was written in the folder of a run: falsework verify --help."),

@@ -193,7 +193,7 @@ STAGES: dict[str, Stage] = {
     "stage": Stage(9, author),
     "capture": Stage(10, capture, resumes=True),
     "model": Stage(1, model, resumes=True),
-    "cloud": Stage(14, cloud, resumes=True),
+    "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),
-    "report": Stage(7, report),
+    "report": Stage(8, report),
 }

@@ -29,6 +29,7 @@ from recon.truth.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.truth.bridge_digest import bridge_digest
 from recon.truth.noise_figures import describe_noise
 from recon.truth.per_class import describe_classes, few_in_words, lost_classes
+from recon.truth.pixel_classes import describe_pixels
 from recon.truth.statistics import describe, verdict_in_words
 from recon.truth.surface_distance import nearest_surface, still_surface
 from recon.truth.uncertainty import Uncertainty, depths, measure
@@ -130,7 +131,9 @@ def _make_cloud(
     valid = np.array([code == OK for code in alignment.status])
     figures: dict[str, Any] = {"sparse": sparse.facts}
     if settings.mode == "dense":
-        dense, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
+        dense, fates, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
+        table = truth.classes if truth else class_rows()
+        figures["pixels"] = describe_pixels(fates, rows, valid, truth, table)
         found, copies = len(dense.counts), np.ones(len(dense.counts), np.int64)
         placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
         del dense  # as large as what follows

@@ -21,6 +21,7 @@ from groundwork.foreign_file import read_regular
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard.guard import check_stage
 from usd_schemas.guard.layer_walk import Warn
+from usd_schemas.reading.choices import StageChoices
 from usd_schemas.reading.stage_reader import read_stage
 
 F64 = NDArray[np.float64]
@@ -60,7 +61,7 @@ def read_usd(file: Path, warn: Warn, scale: float = 1.0) -> CityModel:
     if missing:
         raise MissingError(missing[0], where=file, mend="Copy the texture there")
     check_count(_face_count(file), file)
-    scene = read_stage(file)
+    scene = read_stage(file, choices=StageChoices(subdivision=0))  # a surveyed world keeps its polygons
     for line in scene.warnings:
         warn(line)
     for material in scene.materials:

@@ -15,7 +15,7 @@ File = tyro.conf.Positional[Path]
 
 
 def demo(output: Output = Path("demo-out"), *, seed: int | None = None) -> int:
-    """Make one small bridge from nothing to an annotated point cloud and a report.
+    """Make one small bridge from nothing to an annotated dense point cloud and a report.
 
     Args:
         output: Folder to write into.

@@ -94,6 +94,7 @@ def _survey(name: str, capture_folder: Path, cloud_folder: Path | None, *, pictu
         "threshold": None if noise is None else f"{noise['threshold']:g} m",
         "noise": _noise(noise),
         "kept": [] if cloud is None else _kept(cloud.statistics),
+        "pixels": [] if cloud is None else _pixels(cloud.statistics),
         "cloud": None,
     }
     if cloud is None:
@@ -169,6 +170,16 @@ def _kept(statistics: Mapping[str, Any]) -> list[list[str]]:
         dropped = [f"{row['dropped'][why]:,}" for why in REASONS]
         few = f"{row['few_in']} of {row['windows']}" if row.get("windows") else ""
         rows.append([name, f"{row['kept']:,}", *dropped, few])
+    return rows
+
+
+def _pixels(statistics: Mapping[str, Any]) -> list[list[str]]:
+    """Say of each class how many pixels of the depth maps show it, which share is in points, and why others are not."""
+    rows = []
+    for name, row in statistics.get("pixels", {}).items():
+        total = sum(row.values())
+        shares = [_share(row[fate] / total) for fate in ("in_points", "no_depth", "views", "seen_through", "angle")]
+        rows.append([name, f"{total:,}", *shares])
     return rows
 
 

@@ -6,22 +6,24 @@ from typing import Any
 from groundwork.canonical import folder_digest
 from groundwork.child import run_child
 from groundwork.progress import Progress
+from recon.dense.pixel_fates import PixelFates
 from recon.dense.points import FOLDER, DensePoints, read_points
+from recon.dense.undistort import working_camera
 from recon.settings import DOWNSCALE, ReconSettings
 from recon.sfm.sparse import Sparse
 from recon.shortage import check_space, plain_shortage
 from recon.steps import take_step
 from render.capture import Capture
 
-_VERSION = 3  # of what the step writes
+_VERSION = 4  # of what the step writes
 _CHILD = "recon.dense.dense_child"
 _SLACK = 120.0  # [s] beside the time per image
-_BYTES_PER_PIXEL = 12  # on the disk: working image, depth, and the points' share
+_BYTES_PER_PIXEL = 44  # on the disk: working image 3, depth 4, fate 1, and points: up to 36 where all pixels are in one
 
 
 def run_dense(
     capture: Capture, sparse: Sparse, work: Path, settings: ReconSettings, progress: Progress
-) -> tuple[DensePoints, dict[str, Any]]:
+) -> tuple[DensePoints, PixelFates, dict[str, Any]]:
     """Measure a depth for nearly every pixel and fuse the depth maps; never looks at the truth.
 
     Args:
@@ -32,7 +34,7 @@ def run_dense(
         progress: Listener.
 
     Returns:
-        The points, in the model's own units, and JSON figures of the step.
+        The points, in the model's own units, what became of every pixel, and JSON figures of the step.
 
     Raises:
         RejectedSceneError: `bad_lens` or `no_depth`.
@@ -59,4 +61,6 @@ def run_dense(
             )
 
     step = take_step(work, "dense", recipe, make)
-    return read_points(step.folder), {**step.result, "points_sha256": folder_digest(step.folder / FOLDER)}
+    camera = working_camera(sparse.model, capture.size, DOWNSCALE[settings.quality])
+    fates = PixelFates(step.folder, sparse.model, camera)
+    return read_points(step.folder), fates, {**step.result, "points_sha256": folder_digest(step.folder / FOLDER)}

@@ -20,6 +20,7 @@ from recon.dense.depth_patchmatch import measure_slanted
 from recon.dense.depth_sgm import PosedImage, measure_depth
 from recon.dense.fuse import DepthView, fuse_view
 from recon.dense.neighbours import View, choose_sources, choose_views
+from recon.dense.pixel_fates import NO_DEPTH, TOO_FEW, write_fates
 from recon.dense.points import DensePoints, save_array, write_points
 from recon.dense.smooth import smooth
 from recon.dense.undistort import WorkingCamera, covered, undistort, working_camera
@@ -63,6 +64,7 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     count = write_points(out, _fuse_all(views, maps, settings, progress))
     if not count:
         raise RejectedSceneError("no_depth", _why_nothing(views, known, settings))
+    write_fates(out, maps.fates)
     maps.clear()
     return {
         "method": method, "reproducible": method != "colmap", "quality": settings.quality, "filter": settings.filter,
@@ -86,7 +88,12 @@ def choose_method(settings: DenseSettings) -> str:
 
 
 class DepthMaps:
-    """Working images and depth maps on disk; those in use lately stay in memory."""
+    """Working images and depth maps on disk; those in use lately stay in memory.
+
+    Attributes:
+        camera: Their camera.
+        fates: What becomes of each pixel, numbers of `PIXEL_FATES`, shape (I, H, W), uint8; fusion sets them.
+    """
 
     def __init__(self, folder: Path, model: SparseModel, camera: WorkingCamera) -> None:
         """Make the folders.
@@ -102,6 +109,7 @@ class DepthMaps:
             path.mkdir(parents=True, exist_ok=True)
         shape = (camera.pinhole.height, camera.pinhole.width)
         self._used = np.zeros((len(model.names), *shape), bool)
+        self.fates = np.full((len(model.names), *shape), NO_DEPTH, np.uint8)
         self._views: OrderedDict[int, DepthView] = OrderedDict()
         self._room = max(1, int(_CACHE // (shape[0] * shape[1] * 19)))
 
@@ -141,7 +149,7 @@ class DepthMaps:
             self._views.move_to_end(row)
             return self._views[row]
         depth, normal = smooth(self.depth(row), intrinsics(self.camera))
-        view = DepthView(row, depth, normal, self.image(row), self._used[row], self.poses[row])
+        view = DepthView(row, depth, normal, self.image(row), self._used[row], self.poses[row], self.fates[row])
         self._views[row] = view
         while len(self._views) > self._room:
             self._views.popitem(last=False)
@@ -209,6 +217,8 @@ def _fuse_all(
             )  # fmt: skip
             uv = maps.camera.to_photograph(found.uv.astype(np.float64)).astype(np.float32)
             yield replace(found, uv=uv)
+        else:
+            maps.fates[view.row][maps.depth(view.row) > 0] = TOO_FEW  # colmap measures such, too
         progress.advance(view.row + 1)
 
 

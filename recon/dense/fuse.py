@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from recon.dense.pixel_fates import IN_POINTS, NARROW, SEEN_THROUGH, TOO_FEW
 from recon.dense.points import DensePoints
 
 F32 = NDArray[np.float32]
@@ -33,6 +34,7 @@ class DepthView:
         color: Working image, shape (H, W, 3), uint8.
         used: Pixels that are part of a point already, shape (H, W), bool; fusion sets them.
         pose: camera_to_world [m], shape (4, 4), float64.
+        fate: What became of its pixels, numbers of `PIXEL_FATES`, shape (H, W), uint8; fusion sets them.
     """
 
     image: int
@@ -41,6 +43,7 @@ class DepthView:
     color: U8
     used: Mask
     pose: F64
+    fate: U8
 
 
 def fuse_view(
@@ -50,7 +53,8 @@ def fuse_view(
 
     Args:
         reference: The view.
-        others: The views that it is checked against; their used pixels are marked, and so are its own.
+        others: The views that it is checked against; their used pixels are marked, and so are its own, with what
+            became of them.
         camera: fx, fy, cx, cy of the working camera [px], shape (4,), float64.
         min_views: Views that must agree, this one among them.
         tolerance: Largest difference of depths, as a share of the depth [1].
@@ -63,12 +67,13 @@ def fuse_view(
     to_other = np.linalg.inv(poses) @ reference.pose
     depths = np.stack([view.depth for view in others])
     used = np.stack([view.used for view in others])
+    fates = np.stack([view.fate for view in others])
     points, counts, seen, uv = _agreeing(
-        reference.depth, reference.used, to_other, depths, used, camera, min_views, tolerance,
+        reference.depth, reference.used, reference.fate, to_other, depths, used, fates, camera, min_views, tolerance,
         float(np.cos(np.radians(min_angle))),
     )  # fmt: skip
-    for view, mask in zip(others, used, strict=True):
-        view.used[:] = mask
+    for view, mask, fate in zip(others, used, fates, strict=True):
+        view.used[:], view.fate[:] = mask, fate
     world = points @ reference.pose[:3, :3].T + reference.pose[:3, 3]
     normals, colors = _blend(
         counts, seen, uv, np.stack([reference.normal, *(view.normal for view in others)]),
@@ -86,8 +91,8 @@ def fuse_view(
 
 @njit(cache=True, nogil=True)
 def _agreeing(
-    depth: F32, taken: Mask, to_other: F64, depths: F32, used: Mask, camera: F64, min_views: int, tolerance: float,
-    max_cosine: float,
+    depth: F32, taken: Mask, fate: U8, to_other: F64, depths: F32, used: Mask, fates: U8, camera: F64,
+    min_views: int, tolerance: float, max_cosine: float,
 ) -> tuple[F64, I64, U8, F32]:  # fmt: skip
     """Find what agrees: points in the view's axes, view counts, view numbers (0 is it), their pixels."""
     height, width = depth.shape
@@ -106,10 +111,15 @@ def _agreeing(
             x, y = (j + 0.5 - camera[2]) / camera[0] * z, (i + 0.5 - camera[3]) / camera[1] * z
             views[0], place[0, 0], place[0, 1] = 0, i, j
             agreeing, through = _ask(x, y, z, to_other, depths, camera, tolerance, views, place, mean)
-            if agreeing < min_views or 2 * through >= agreeing:
+            fate[i, j] = TOO_FEW
+            if agreeing < min_views:
+                continue
+            if 2 * through >= agreeing:
+                fate[i, j] = SEEN_THROUGH
                 continue
             x, y, z = mean[0], mean[1], mean[2]
             if _narrowest(to_other, views, agreeing, x, y, z) > max_cosine:
+                fate[i, j] = NARROW
                 continue
             first = filled
             for n in range(agreeing):
@@ -123,13 +133,25 @@ def _agreeing(
                 if pz > 0.0 and 0.0 <= s < width - _RIM_OFF and 0.0 <= t < height - _RIM_OFF:
                     seen[filled], uv[filled, 0], uv[filled, 1] = k, s, t
                     filled += 1
-            if filled - first < min_views:
+            enough = filled - first >= min_views
+            for n in range(agreeing):
+                _settle(fate if views[n] == 0 else fates[views[n] - 1], place[n, 0], place[n, 1], enough)
+            if not enough:
                 filled = first
                 continue
             counts[made] = filled - first
             points[made, 0], points[made, 1], points[made, 2] = x, y, z
             made += 1
     return points[:made], counts[:made], seen[:filled], uv[:filled]
+
+
+@njit(cache=True, nogil=True)
+def _settle(fate: U8, row: int, column: int, in_points: bool) -> None:
+    """Note of a used pixel whether it is part of a point; a pixel that is part of one stays so."""
+    if in_points:
+        fate[row, column] = IN_POINTS
+    elif fate[row, column] != IN_POINTS:
+        fate[row, column] = TOO_FEW
 
 
 @njit(cache=True, nogil=True)

@@ -14,6 +14,11 @@ U8 = NDArray[np.uint8]
 I64 = NDArray[np.int64]
 
 FEW = 50  # points of a class in a window: fewer teach a network little
+PIXEL_WORDS = {
+    "no_depth": "no depth found", "views": "too few photographs agree", "seen_through": "others see past it",
+    "angle": "photographs too close together",
+}  # fmt: skip
+"""Why pixels of a dense cloud's depth maps are in no point, by their names in its statistics."""
 _MUCH = 0.5  # share of a class's points that `max_deviation` takes before its user is told
 
 
@@ -81,6 +86,8 @@ def lost_classes(figures: Mapping[str, Any]) -> list[str]:
 def few_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
     """Name the classes that are few somewhere, over one cloud or several, those that most often are first.
 
+    Of dense clouds it says, too, how many of a class's pixels are in points and why most others are not.
+
     Args:
         clouds: Statistics of each cloud.
 
@@ -89,7 +96,12 @@ def few_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
     """
     few: dict[str, int] = {}
     of: dict[str, int] = {}
+    pixels: dict[str, dict[str, int]] = {}
     for statistics in clouds:
+        for name, row in statistics.get("pixels", {}).items():
+            sums = pixels.setdefault(name, dict.fromkeys(row, 0))
+            for fate, number in row.items():
+                sums[fate] += number
         for name, row in statistics.get("classes", {}).items():
             if row.get("few_in"):
                 few[name] = few.get(name, 0) + row["few_in"]
@@ -97,5 +109,15 @@ def few_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
     if not few:
         return ""
     order = sorted(few, key=lambda name: (-few[name] / of[name], name))
-    named = ", ".join(f"{name} in {few[name]} of {of[name]}" for name in order)
+    named = ", ".join(f"{name} in {few[name]} of {of[name]}{_why(pixels.get(name, {}))}" for name in order)
     return f"fewer than {FEW} points in a window of {LENGTH:g} m: {named}"
+
+
+def _why(pixels: Mapping[str, int]) -> str:
+    """Say how many of a class's pixels are in points, and why most others are not."""
+    lost = {fate: pixels.get(fate, 0) for fate in PIXEL_WORDS}
+    if not sum(lost.values()):
+        return ""
+    most = max(lost, key=lambda fate: lost[fate])
+    share = pixels["in_points"] / sum(pixels.values())
+    return f" ({share:.0%} of its pixels in points; most others: {PIXEL_WORDS[most]})"

@@ -280,6 +280,7 @@ def test_a_world_in_map_coordinates_is_moved(own_scene: Path, tmp_path: Path) ->
     house = UsdGeom.Mesh.Define(stage, "/Town/House")
     house.CreatePointsAttr([(0, 0, 0), (1000, 0, 0), (0, 500, 0)])
     house.CreateFaceVertexCountsAttr([3])
+    house.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     house.CreateFaceVertexIndicesAttr([0, 1, 2])
     house.AddTranslateOp().Set(Gf.Vec3d(50_012_345.6, 12_300, -580_000_000.0 - 5_000))  # east, up, south [cm]
     stage.Save()

@@ -81,7 +81,7 @@ def test_plan_run_and_keep(agree: Agree, tmp_path: Path) -> None:  # noqa: F811
     out = tmp_path / "out"
     plan = agree(2, sample=[MESH, TRIPOD])
     assert {name: row.make for name, row in plan.stages.items()} == {
-        "stage": 2, "capture": 2, "cloud": 2, "sample": 4, "report": 2}  # fmt: skip
+        "stage": 2, "capture": 2, "model": 2, "cloud": 2, "sample": 4, "report": 2}  # fmt: skip
     assert {path.name for path in (out / "scenes/0001/cloud").iterdir()} == {"global", "mesh", "tls"}
     assert len(plan.outcome.clouds) == 6
     assert Store(out).verify() == []

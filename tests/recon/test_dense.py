@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,12 +20,14 @@ from recon.cloud import Cloud, read_cloud
 from recon.dense import dense_child
 from recon.dense.dense import run_dense
 from recon.dense.depth_sgm import PosedImage
-from recon.dense.points import read_points
+from recon.dense.pixel_fates import PIXEL_FATES, PixelFates
+from recon.dense.points import DensePoints, read_points
 from recon.reconstruct import reconstruct
 from recon.settings import DenseSettings, ReconSettings
 from recon.sfm.colmap_model import read_model
 from recon.sfm.sparse import Sparse
 from recon.truth.completeness import count_cameras, measure_completeness, visible_surface
+from recon.truth.pixel_classes import describe_pixels
 from render.capture import Truth, read_capture, read_truth
 from tests.conftest import Count
 
@@ -93,12 +96,97 @@ def read_poses(cloud: Cloud, truth: Truth) -> np.ndarray:
     return truth.poses
 
 
-def test_without_truth_the_points_are_the_same(bare: Path, sparse: Sparse, dense_cloud: Cloud, tmp_path: Path) -> None:
-    """Deleting truth/ leaves every dense point as it was, byte for byte, with another number of threads, too."""
+@pytest.fixture(scope="module")
+def without_truth(
+    bare: Path, sparse: Sparse, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[DensePoints, PixelFates, dict[str, Any]]:
+    """Make the dense points of the capture without its truth, by three threads."""
     settings = SETTINGS.model_copy(update={"dense": DenseSettings(sources=3, threads=3)})
-    points, facts = run_dense(read_capture(bare), sparse, tmp_path, settings, SILENT)
+    return run_dense(read_capture(bare), sparse, tmp_path_factory.mktemp("step"), settings, SILENT)
+
+
+def test_without_truth_the_points_are_the_same(
+    without_truth: tuple[DensePoints, PixelFates, dict[str, Any]], dense_cloud: Cloud
+) -> None:
+    """Deleting truth/ leaves every dense point as it was, byte for byte, with another number of threads, too."""
+    points, _, facts = without_truth
     assert facts == dense_cloud.statistics["dense"]
     assert len(points.points) == len(dense_cloud)
+
+
+def test_every_pixel_is_counted_once(
+    without_truth: tuple[DensePoints, PixelFates, dict[str, Any]], truth: Truth, dense_cloud: Cloud
+) -> None:
+    """One image's fates by class are those of a loop over its pixels; all images' sums are the pixels they have."""
+    _, fates, _ = without_truth
+    rows = np.arange(len(fates.model.names))
+    found = describe_pixels(fates, rows, rows == 4, truth, truth.classes)
+    fate, label, photograph = fates.of(4), truth.semantic(4), fates.camera.photograph
+    names = {row.id: row.name for row in truth.classes}
+    expected: dict[str, dict[str, int]] = {}
+    inside = 0
+    for i, j in np.ndindex(fate.shape):
+        x, y = np.floor(fates.camera.to_photograph(np.array([j + 0.5, i + 0.5]))).astype(int).tolist()
+        if 0 <= x < photograph.width and 0 <= y < photograph.height:
+            counts = expected.setdefault(names[int(label[y, x])], dict.fromkeys(PIXEL_FATES, 0))
+            counts[PIXEL_FATES[fate[i, j]]] += 1
+            inside += 1
+    assert found == expected
+    assert len(found) >= 3
+    every = dense_cloud.statistics["pixels"]
+    assert every == describe_pixels(fates, rows, rows >= 0, truth, truth.classes)
+    assert sum(sum(row.values()) for row in every.values()) == inside * len(rows)
+    unknown = describe_pixels(fates, rows, rows >= 0, None, truth.classes)
+    sums = {fate: sum(row[fate] for row in every.values()) for fate in PIXEL_FATES}
+    assert unknown == {"unlabelled": sums}
+
+
+def test_pixels_in_points_are_those_that_points_show(
+    without_truth: tuple[DensePoints, PixelFates, dict[str, Any]], truth: Truth, dense_cloud: Cloud
+) -> None:
+    """Points are seen where pixels are part of one, and nowhere else, within the pixel that averaging moves them."""
+    points, fates, _ = without_truth
+    camera = fates.camera
+    photograph = camera.photograph
+    rays = (points.uv.astype(np.float64) - [photograph.cx, photograph.cy]) / [photograph.fx, photograph.fy]
+    shown = camera.distortion.undistort(rays)
+    pixel = np.floor(shown * [camera.pinhole.fx, camera.pinhole.fy] + [camera.pinhole.cx, camera.pinhole.cy])
+    column, row = np.clip(pixel.astype(int), 0, [camera.pinhole.width - 1, camera.pinhole.height - 1]).T
+    around = np.ones((3, 3), np.uint8)
+    places = fates.in_photograph().clip(0, [photograph.width - 1, photograph.height - 1])
+    counts = np.zeros(256, int)
+    for image in range(len(fates.model.names)):
+        mine = points.image == image
+        used = fates.of(image) == PIXEL_FATES.index("in_points")
+        seen = np.zeros_like(used)
+        seen[row[mine], column[mine]] = True
+        assert cv2.dilate(used.astype(np.uint8), around)[seen].all()
+        assert cv2.dilate(seen.astype(np.uint8), around)[used].all()
+        counts += np.bincount(truth.semantic(image)[places[seen, 1], places[seen, 0]], minlength=256)
+    told = dense_cloud.statistics["pixels"]
+    shown_of = {one.name: counts[one.id] for one in truth.classes if counts[one.id]}
+    assert {name: row["in_points"] for name, row in told.items()} == pytest.approx(shown_of, rel=0.03)
+
+
+def test_the_step_needs_no_more_room_than_it_asks_for(
+    without_truth: tuple[DensePoints, PixelFates, dict[str, Any]], bare: Path, sparse: Sparse, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """What it has on the disk at most, and would have if every pixel were in a point, stays below what it asks for."""
+    _, fates, _ = without_truth
+    asked = list[int]()
+    monkeypatch.setattr("recon.dense.dense.check_space", lambda _folder, needed, _what: asked.append(needed))
+    monkeypatch.setattr("recon.dense.dense.run_child", lambda *_request, **_limits: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        run_dense(read_capture(bare), sparse, tmp_path, SETTINGS, SILENT)
+    every = np.stack([fates.of(row) for row in range(len(fates.model.names))])
+    points, left = (sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+                    for folder in (fates.folder / "points", fates.folder))  # fmt: skip
+    images_and_depths = 7 * every.size
+    used = float((every == PIXEL_FATES.index("in_points")).mean())
+    most = left - points + points / used + images_and_depths
+    assert left + images_and_depths < asked[0]
+    assert 0.5 * asked[0] < most < asked[0]
 
 
 def test_filters_and_qualities_are_steps(bare: Path, sparse: Sparse, tmp_path: Path, proof_count: Count) -> None:
@@ -138,7 +226,7 @@ class Stop(Silent):
 def test_an_interrupted_step_goes_on(
     bare: Path, sparse: Sparse, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Depth maps that are there are not measured again, and the points are those of a run in one go."""
+    """Depth maps that are there are not measured again, and points and fates are those of a run in one go."""
     settings = SETTINGS.model_copy(update={"quality": "low"})
     calls = done = 0
     measure = dense_child.measure_depth
@@ -164,7 +252,7 @@ def test_an_interrupted_step_goes_on(
             assert 4 <= done < 10
         dense_child.serve(request, SILENT)
         assert calls == (10 if name == "undisturbed" else 10 - done)
-        results.append(folder_digest(folder / "points"))
+        results.append((folder_digest(folder / "points"), folder_digest(folder / "fates")))
     assert results[0] == results[1]
     assert len(read_points(tmp_path / "interrupted").points) > 100
 

@@ -1,15 +1,19 @@
 """Fusion against its plain twin, and what becomes of planes, floating points and narrow angles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from recon.dense.fuse import DepthView, fuse_view
+from recon.dense.pixel_fates import PIXEL_FATES
 from recon.dense.smooth import smooth
 from tests.recon.wavy_plane import WavyPlane
 from usd_schemas.pinhole import Pinhole, look_at, project, unproject
 
 F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
 CAMERA = Pinhole(48, 36, 60.0, 62.0, 24.5, 17.5)
 LENS = np.array([60.0, 62.0, 24.5, 17.5])
 PLANE = WavyPlane(np.array([0.4, -np.sqrt(0.84), 0.0]), -4.0)
@@ -22,7 +26,9 @@ def view_of(image: int, depth: F64) -> DepthView:
     near = np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
     normal = np.tile((POSES[image][:3, :3].T @ PLANE.normal).astype(np.float32), (*depth.shape, 1))
     color = np.full((*depth.shape, 3), 10 * image, np.uint8)
-    return DepthView(image, near, normal, color, np.zeros(depth.shape, bool), POSES[image])
+    return DepthView(
+        image, near, normal, color, np.zeros(depth.shape, bool), POSES[image], np.zeros(depth.shape, np.uint8)
+    )
 
 
 def planes(noise: float = 0.0, seed: int = 0) -> list[DepthView]:
@@ -32,9 +38,12 @@ def planes(noise: float = 0.0, seed: int = 0) -> list[DepthView]:
             for i, pose in enumerate(POSES)]  # fmt: skip
 
 
-def twin(views: list[DepthView], min_views: int, tolerance: float, min_angle: float) -> list[tuple[F64, list[int]]]:
-    """Fuse the first view with the others, one pixel at a time, in world coordinates."""
+def twin(
+    views: list[DepthView], min_views: int, tolerance: float, min_angle: float
+) -> tuple[list[tuple[F64, list[int]]], list[U8]]:
+    """Fuse the first view with the others, one pixel at a time, in world coordinates; tell the fates of all pixels."""
     reference, others = views[0], views[1:]
+    names = [np.full(view.depth.shape, "no_depth", object) for view in views]
     found = []
     for i, j in np.ndindex(reference.depth.shape):
         z = float(reference.depth[i, j])
@@ -42,7 +51,8 @@ def twin(views: list[DepthView], min_views: int, tolerance: float, min_angle: fl
             continue
         point = unproject(np.array([[j + 0.5, i + 0.5]]), np.array([z]), CAMERA, reference.pose)[0]
         parts, weights, agreeing, through = [point], [1 / z**2], [reference], 0
-        for other in others:
+        pixels = [(0, i, j)]
+        for number, other in enumerate(others, 1):
             pixel, depth = project(point[None], CAMERA, other.pose)
             (s, t), expected = pixel[0], float(depth[0])
             if expected <= 0.0 or not (0 <= s < CAMERA.width and 0 <= t < CAMERA.height):
@@ -52,18 +62,27 @@ def twin(views: list[DepthView], min_views: int, tolerance: float, min_angle: fl
                 parts.append(unproject(pixel, np.array([there]), CAMERA, other.pose)[0])
                 weights.append(1 / there**2)
                 agreeing.append(other)
+                pixels.append((number, int(t), int(s)))
             elif there > 1.02 * expected:
                 through += 1
-        if len(agreeing) < min_views or 2 * through >= len(agreeing):
+        if len(agreeing) < min_views:
+            names[0][i, j] = "views"
+            continue
+        if 2 * through >= len(agreeing):
+            names[0][i, j] = "seen_through"
             continue
         mean = np.average(parts, axis=0, weights=weights)
         rays = [(mean - view.pose[:3, 3]) / np.linalg.norm(mean - view.pose[:3, 3]) for view in agreeing]
         if max(np.degrees(np.arccos(np.clip(a @ b, -1, 1))) for a in rays for b in rays) < min_angle:
+            names[0][i, j] = "angle"
             continue
         images = sorted(view.image for view in agreeing if is_inside(mean, view.pose))
         if len(images) >= min_views:
             found.append((mean, images))
-    return found
+        for number, row, column in pixels:
+            if len(images) >= min_views or names[number][row, column] != "in_points":
+                names[number][row, column] = "in_points" if len(images) >= min_views else "views"
+    return found, [np.vectorize(PIXEL_FATES.index, otypes=[np.uint8])(name) for name in names]
 
 
 def is_inside(point: F64, pose: F64) -> bool:
@@ -83,21 +102,45 @@ def depth_between(depth: NDArray[np.float32], s: float, t: float) -> float:
     return float(depth[int(t), int(s)])
 
 
-@pytest.mark.parametrize("min_views", [2, 3])
-def test_fusion_has_a_plain_twin(min_views: int) -> None:
-    """The compiled loops give the points, and the views of each, that a slow loop in world coordinates gives."""
-    views = planes(noise=0.008, seed=min_views)
+@pytest.mark.parametrize(
+    ("min_views", "tolerance", "min_angle", "happens"),
+    [(2, 0.01, 7.0, {0, 1, 2, 3, 4}), (3, 0.01, 10.0, {0, 1, 3, 4})],
+)
+def test_fusion_has_a_plain_twin(min_views: int, tolerance: float, min_angle: float, happens: set[int]) -> None:
+    """The compiled loops give the points, their views and the fate of every pixel that a slow loop gives."""
+    views = planes(noise=0.8 * tolerance, seed=min_views)
     rng = np.random.default_rng(7)
     for view in views:
         view.depth[rng.random(view.depth.shape) < 0.1] = 0.0
         view.depth[rng.random(view.depth.shape) < 0.1] *= 0.8
         view.used[:] = rng.random(view.used.shape) < 0.1
-    expected = twin(views, min_views, 0.01, 3.0)
-    fused = fuse_view(views[0], views[1:], LENS, min_views, 0.01, 3.0)
+    expected, fates = twin(views, min_views, tolerance, min_angle)
+    assert set(np.unique(fates[0]).tolist()) == happens
+    fused = fuse_view(views[0], views[1:], LENS, min_views, tolerance, min_angle)
+    for view, fate in zip(views, fates, strict=True):
+        np.testing.assert_array_equal(view.fate, fate)
     assert len(fused.points) == len(expected) > 100
     np.testing.assert_allclose(fused.points, [point for point, _ in expected], atol=1e-9)
     split = np.split(fused.image, np.cumsum(fused.counts)[:-1])
     assert [part.tolist() for part in split] == [images for _, images in expected]
+
+
+@pytest.mark.parametrize(("back", "stays"), [(0.0, False), (1.25, True)])
+def test_what_is_given_up_at_a_rim_is_no_point(back: float, stays: bool) -> None:
+    """Pixels that only make a point beyond a rim count as seen by too few; one that is part of a point stays so."""
+    reference, other = view_of(0, np.full((36, 48), 5.0)), view_of(1, np.full((36, 48), 5.0 + back))
+    sideways = (47.995 - 24.5 - 23.0 * 5.0 / (5.0 + back)) * (5.0 + back) / 60.0  # takes the last column to 0.005 px
+    pose = np.eye(4)
+    pose[:3, 3] = [-sideways, 0.0, -back]
+    views = [replace(reference, pose=np.eye(4)), replace(other, pose=pose)]
+    fused = fuse_view(views[0], views[1:], LENS, 2, 0.01, 0.1)
+    assert len(fused.points) == 47 * 36
+    names = np.array(PIXEL_FATES)
+    assert set(names[views[0].fate[:, :47]].flat) == {"in_points"}
+    assert set(names[views[0].fate[:, 47]]) == {"views"}
+    asked = views[1].used[:, 47]
+    assert asked.any()
+    assert set(names[views[1].fate[asked, 47]]) == {"in_points" if stays else "views"}
 
 
 def test_a_plane_comes_back() -> None:

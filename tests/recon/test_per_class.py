@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from recon.dense.pixel_fates import PIXEL_FATES
 from recon.points.fates import FATES
-from recon.truth.per_class import FEW, describe_classes, few_in_words, lost_classes
+from recon.truth.per_class import FEW, PIXEL_WORDS, describe_classes, few_in_words, lost_classes
 from recon.truth.windows import LENGTH, lay_windows
 from usd_schemas.components import UNLABELLED, class_rows
 
@@ -82,6 +83,14 @@ def test_few_and_lost_are_named() -> None:
         "fewer than 50 points in a window of 10 m: bearing in 4 of 4, abutment in 2 of 6"
     )
     assert few_in_words([{"classes": {"deck": rows["deck"]}}]) == ""
+    pixels = {"bearing": {"no_depth": 20, "views": 25, "seen_through": 0, "angle": 5, "in_points": 50},
+              "deck": dict.fromkeys(PIXEL_FATES, 9)}  # fmt: skip
+    other = {"bearing": {"no_depth": 30, "views": 10, "seen_through": 0, "angle": 0, "in_points": 10}}
+    assert few_in_words([{"classes": rows, "pixels": pixels}, {"classes": rows, "pixels": other}]) == (
+        "fewer than 50 points in a window of 10 m: bearing in 4 of 4 (40% of its pixels in points; most others: "
+        "no depth found), abutment in 2 of 6"
+    )
+    assert {*PIXEL_WORDS, "in_points"} == set(PIXEL_FATES)
     dropped = {"views": 40, "reprojection": 0, "duplicate": 900}
     table = {
         "half": {"kept": 10, "dropped": {**dropped, "deviation": 50}},

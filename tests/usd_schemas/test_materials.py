@@ -195,11 +195,11 @@ def test_missing_texture_is_grey(tmp_path: Path) -> None:
 
 def test_unknown_surface_falls_back(tmp_path: Path) -> None:
     """A material that is no preview surface: one warning, then displayColor where there is one, else grey."""
-    body = network("").replace("UsdPreviewSurface", "ND_open_pbr_surface_surfaceshader")
+    body = network("").replace("UsdPreviewSurface", "ND_surface_of_nobody")
     scene, material = read_one(tmp_path, body)
     assert material == scene.materials[0]
     assert len(scene.warnings) == 1
-    assert "ND_open_pbr_surface_surfaceshader" in scene.warnings[0]
+    assert "ND_surface_of_nobody" in scene.warnings[0]
     colored = body.replace(
         SQUARE, SQUARE + 'color3f[] primvars:displayColor = [(1, 0, 0)] (interpolation = "constant")\n'
     )

@@ -1,6 +1,6 @@
-"""The report says how far a model may be off, and what control points leave over."""
+"""The report says how far a model may be off, what control points leave over, and why pixels became no point."""
 
-from falsework.report.report import _placing
+from falsework.report.report import _pixels, _placing
 
 
 def test_limits_and_residuals_stand_in_the_report() -> None:
@@ -17,3 +17,16 @@ def test_limits_and_residuals_stand_in_the_report() -> None:
         ("control point B off by", "2.500 m, left out"), ("scale bar A to B off by", "-0.0012 m"),
     ]  # fmt: skip
     assert _placing({"target": "truth"}) == []
+
+
+def test_pixels_of_each_class_stand_in_the_report() -> None:
+    """A row a class: how many pixels show it, the share in points and of each reason; without depth maps, none."""
+    rows = _pixels({"pixels": {
+        "bearing": {"angle": 1, "in_points": 1000, "no_depth": 800, "seen_through": 9, "views": 190},
+        "deck": {"angle": 0, "in_points": 1, "no_depth": 0, "seen_through": 0, "views": 0},
+    }})  # fmt: skip
+    assert rows == [
+        ["bearing", "2,000", "50.0%", "40.0%", "9.5%", "0.4%", "0.1%"],
+        ["deck", "1", "100.0%", "0.0%", "0.0%", "0.0%", "0.0%"],
+    ]
+    assert _pixels({"points": 3}) == []
