@@ -53,10 +53,8 @@ def changed(model: Any, path: tuple[str, ...]) -> Any:
         other = value + 1
     elif isinstance(value, float):
         other = value * 0.99
-    elif value is None:
-        other = 5 if int in choices else 0.25
     else:
-        other = choices[0]
+        other = (5 if int in choices else 0.25) if value is None else choices[0]
     return model.model_copy(update={name: other})
 
 

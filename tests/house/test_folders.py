@@ -31,7 +31,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     ),
     "learn": (
         "settings.py", "sample.py", "neighbourhoods", "datasets", "models", "losses.py", "metrics.py", "statistics.py",
-        "panoptic.py", "instances.py", "trained.py", "scoring", "evaluate.py", "training", "demo", "compare",
+        "panoptic.py", "instances.py", "trained.py", "scoring", "evaluate.py", "training", "compare", "demo",
         "predict",
     ),
     "falsework": (
