@@ -1,4 +1,4 @@
-"""Write the pages that are generated from the code: every key of the scenario and the samplers, the tables of classes.
+"""Write the pages that are generated from the code: keys of the scenario and the samplers, classes, architecture.
 
 Usage: python -m docs.generate [--check]
 """
@@ -11,6 +11,7 @@ from pathlib import Path
 from pydantic_core import PydanticUndefined
 
 from authoring.surveys.settings import LegSettings
+from docs.architecture import FIGURE, architecture_figure, architecture_page
 from falsework.scenario import Scenario
 from groundwork.files import write_text
 from groundwork.settings import Settings
@@ -62,7 +63,10 @@ def classes_page() -> str:
     return "\n".join(lines)
 
 
-PAGES = {"scenario.md": scenario_page, "classes.md": classes_page, "samplers.md": samplers_page}
+PAGES = {
+    "scenario.md": scenario_page, "classes.md": classes_page, "samplers.md": samplers_page,
+    "architecture.md": architecture_page, FIGURE: architecture_figure,
+}  # fmt: skip
 
 
 def main(arguments: list[str]) -> int:

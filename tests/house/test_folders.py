@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from docs.architecture import ROOMS as ARCHITECTURE
+from docs.architecture import folders_of
 from tests.house.house import ROOT, python_files
 from tests.house.test_imports import imported_names
 
@@ -79,6 +81,14 @@ def test_imports_point_to_lower_folders(room: str) -> None:
 def test_every_floor_is_there(room: str) -> None:
     """The table names nothing that the room does not have; learn has its floors before it has its modules."""
     assert [name for name in FLOORS[room] if not (ROOT / room / name).exists()] == []
+
+
+@pytest.mark.parametrize("room", FLOORS)
+def test_the_page_of_the_house_knows_every_folder(room: str) -> None:
+    """docs/architecture.md lists the folders of each room in this order, and no others."""
+    floors = [name for name in FLOORS[room] if not name.endswith(".py")]
+    assert list(ARCHITECTURE[room][1]) == floors
+    assert sorted(floors) == folders_of(room)
 
 
 @pytest.mark.parametrize(
