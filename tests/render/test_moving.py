@@ -67,6 +67,31 @@ def test_every_frame_is_that_of_a_scene_that_never_moved(
         np.testing.assert_array_equal(view.depth, wanted.depth)
 
 
+def test_thin_members_move_as_all_else(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+    """A strip of 2 cm that slides and grows: at each moment its ribbon is that of a scene that never moved."""
+    scaled = "float3 xformOp:scale.timeSamples = {1: (1, 1, 1), 3: (2, 1.5, 1)}"
+    black = "color3f[] primvars:displayColor = [(0, 0, 0)]"
+    narrow = SQUARE.replace("(-1,", "(-0.01,").replace("(1,", "(0.01,")
+    order = "    uniform token[] xformOpOrder"
+    strip = SLIDING.replace(SQUARE, narrow).replace(order, f"    {scaled}\n    {black}\n{order}")
+    strip = strip.replace('["xformOp:translate"]', '["xformOp:translate", "xformOp:scale"]')
+    scene = read_body(tmp_path, EYE + SUN + FLOOR + strip)
+    settings = ideal.model_copy(update={"quality": "standard", "normals": False})
+    body = CameraBody(scene.cameras[0], CAMERA, None, prepare(gl, scene, settings, SILENT), scene)
+    for row in (2, 0, 1):
+        body.move(row)
+        alone = replace(scene.at_moment(row), moments=())
+        still = prepare(gl, alone, settings, SILENT)
+        ours, wanted = body.prepared.gpu.ribbons, still.gpu.ribbons
+        assert np.isfinite(ours.thickness).any()
+        for name in ("surfaces", "ribbons", "thickness", "length"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(wanted, name), name)
+        code = body.shoot(row)().code.astype(float)
+        shown = CameraBody(replace(scene.cameras[0], moments=()), CAMERA, None, still, alone).shoot(row)().code
+        assert np.ptp(code, axis=1).max() > 1000
+        np.testing.assert_allclose(code, shown, atol=200)  # the light volume stays that of the first moment
+
+
 def test_shadows_move_with_what_throws_them(gl: Gl, ideal: RenderSettings, scene: FlatScene) -> None:
     """The floor beside the sliding square is lit where the square was, and dark below it."""
     settings = ideal.model_copy(update={"quality": "fast", "normals": False})
