@@ -190,7 +190,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(9, author),
+    "stage": Stage(10, author),
     "capture": Stage(10, capture, resumes=True),
     "model": Stage(1, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),

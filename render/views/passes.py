@@ -128,12 +128,12 @@ class Painter:
         self._draw_photograph(seen, sight, (targets.samples * first, targets.samples * end))
         exact = (targets.finer * first, targets.finer * end)
         if targets.apart or (len(seen.thin) and len(seen.through)):  # else the photograph's pass drew them
-            targets.open(targets.truth, *exact)
+            targets.bind(targets.truth, *exact)
             self._calls.ids(np.concatenate([seen.opaque, seen.thin]), sight, targets.extra)
         if self._veil is not None and len(seen.thin):
             self._draw_ribbons(self._veil, seen, sight, (first, end))
         if len(seen.through):  # last, for the truth has them solid, and the photograph does not
-            targets.open(targets.truth, *exact)
+            targets.bind(targets.truth, *exact)
             self._calls.ids(seen.through, sight, targets.extra)
         if "TRIANGLES" not in targets.extra:
             self._draw_facets((first, end), rows, sight)
@@ -157,9 +157,9 @@ class Painter:
         # surface is drawn where nothing is nearer, in whatever order.
         large = calls.worth_hiding(seen.opaque, sight)
         if len(large):
-            targets.open(targets.nearest, *span)
+            targets.bind(targets.nearest, *span)
             calls.depth(large, sight)
-        targets.open(targets.shaded, *span)
+        targets.bind(targets.shaded, *span)
         calls.surfaces(seen.opaque, sight, self._features + extra)
         calls.sky(sight, extra)
         if len(seen.thin):  # after all else: where they are too thin for samples, what is behind them is what is left
@@ -174,7 +174,7 @@ class Painter:
 
     def _draw_ribbons(self, veil: Veil, seen: _Seen, sight: Sight, rows: tuple[int, int]) -> None:
         """Draw members that are too thin for samples, and what light shines through before them."""
-        veil.open(*rows, self._camera.height, panes=bool(len(seen.through)))
+        veil.bind(*rows, self._camera.height, panes=bool(len(seen.through)))
         self._calls.surfaces(seen.thin, sight, self._features, "RIBBON")
         if len(seen.through):
             veil.open_panes()
@@ -186,7 +186,7 @@ class Painter:
         visible[rows] = True
         corners = self._gpu.facets.seen(visible, self._camera, span, sight.pose, sight.near, self._gpu.origins)
         if len(corners):
-            self._targets.open(self._targets.depth, *span)
+            self._targets.bind(self._targets.depth, *span)
             self._calls.facets(corners, sight)
 
     def _read(self, first: int, end: int) -> View:

@@ -88,7 +88,7 @@ class Targets:
         self._readers = {image: context.framebuffer([image]) for image in (self._means, *self._truth)}
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
 
-    def open(self, framebuffer: moderngl.Framebuffer, first: int, end: int) -> None:
+    def bind(self, framebuffer: moderngl.Framebuffer, first: int, end: int) -> None:
         """Let some rows of a framebuffer be cleared and drawn on.
 
         Args:
@@ -110,9 +110,9 @@ class Targets:
             end: Row after the last.
         """
         if self.apart:
-            self.open(self.shaded, self.samples * first, self.samples * end)
+            self.bind(self.shaded, self.samples * first, self.samples * end)
             self._clear(self.shaded, 1)
-        self.open(self.exact, self.finer * first, self.finer * end)
+        self.bind(self.exact, self.finer * first, self.finer * end)
         self._clear(self.exact, 0 if self.apart else 1)
 
     def read(self, first: int, end: int) -> View:
@@ -171,7 +171,7 @@ class Targets:
 
     def _resolve(self, first: int, count: int) -> None:
         """Take the means of finer samples, of some rows of the photograph."""
-        self.open(self._resolved, 0, count)
+        self.bind(self._resolved, 0, count)
         self._gl.context.enable_only(moderngl.NOTHING)
         program = self._programs.get("sky.vert", "downsample.frag")
         if program not in self._arrays:

@@ -33,7 +33,7 @@ class Veil:
         """Begin a view."""
         self._touched = False
 
-    def open(self, first: int, end: int, rows: int, *, panes: bool = False) -> None:
+    def bind(self, first: int, end: int, rows: int, *, panes: bool = False) -> None:
         """Let ribbons be drawn on some rows of the photograph.
 
         Args:

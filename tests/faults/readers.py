@@ -143,6 +143,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "user_sets._decode_exr", "journal.Journal.light_volume", "preparation_child._apart",
         "preparation_child._serve", "database.count_rows", "database.empty_journal", "database.paired",
         "database._attached", "dense_child.DepthMaps.image", "dense_child.DepthMaps.depth", "points.read_points",
+        "pixel_fates.PixelFates.of",
         "depth_colmap.read_depth_map", "mapping.transform", "mapping._map_globally", "matching.match_share",
         "matching._take_over", "matching._name_pairs", "matching._verified", "tie_points.write_tie_points",
     },
