@@ -59,7 +59,7 @@ def noise_of(folder: Path) -> dict[str, Any]:
     cloud = read_cloud(folder)
     noise = cloud.statistics.get("noise")
     if noise is None:
-        raise InputError("has no uncertainty", where=folder, mend="Take a cloud of a capture with truth")
+        raise InputError("has no uncertainty", where=folder, hint="Take a cloud of a capture with truth")
     columns, limit = cloud.columns, noise["threshold"]
     there = (columns["uncertainty"] > limit) & (columns["surface_distance"] <= limit)
     same = columns["segment"][there] == columns["surface_class"][there]

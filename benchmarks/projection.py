@@ -35,7 +35,7 @@ def main() -> None:
     for name in SETS:
         measured = [row["figures"] for row in rows if row["name"].startswith(f"{name}: ") and "cpu_s" in row["figures"]]
         if not measured:
-            raise InputError("no scene has been measured", where=PROOF, field=name, mend="Run make proof")
+            raise InputError("no scene has been measured", where=PROOF, field=name, hint="Run make proof")
         seconds = [figures["cpu_s"] for figures in measured]
         count = load_scenario(ROOT / "scenarios" / f"{name}.toml").scenes
         hours = count * fmean(seconds) / _HOUR

@@ -62,7 +62,7 @@ def bridge_of(cloud: Path) -> str:
         return str(said)
     manifest = cloud.parent / "manifest.json"
     if not manifest.is_file():
-        raise InputError("does not say which bridge it shows", where=cloud, mend="Make the cloud again")
+        raise InputError("does not say which bridge it shows", where=cloud, hint="Make the cloud again")
     return str(read_json(manifest)["files"]["bridge/geometry.usdc"])
 
 

@@ -126,7 +126,7 @@ def reconstruct(
     wanted = settings or ReconSettings()
     if len(wanted.modes) > 1:
         raise InputError("one cloud a call", field="mode", value=wanted.mode, allowed=", ".join(wanted.modes),
-                         mend="Call twice, the second time with the first cloud as model")  # fmt: skip
+                         hint="Call twice, the second time with the first cloud as model")  # fmt: skip
     folder = capture.folder if isinstance(capture, Capture) else Path(capture)
     (place,) = reconstruct_folder(folder, Path(out), wanted, progress, control, model)
     return read_cloud(place)

@@ -37,10 +37,10 @@ def doctor(*, as_json: Annotated[bool, tyro.conf.arg(name="json")] = False) -> i
 
     checks = examine()
     if as_json:
-        _answer({"checks": [{"name": c.name, "verdict": c.verdict, "found": c.found, "mend": c.mend} for c in checks]})
+        _answer({"checks": [{"name": c.name, "verdict": c.verdict, "found": c.found, "hint": c.hint} for c in checks]})
     else:
         for check in checks:
-            _say(f"{check.verdict:<4} {check.name:<18} {check.found}" + (f"  -> {check.mend}" if check.mend else ""))
+            _say(f"{check.verdict:<4} {check.name:<18} {check.found}" + (f"  -> {check.hint}" if check.hint else ""))
     return int(any(check.verdict == "FAIL" for check in checks))
 
 
@@ -270,7 +270,7 @@ def _check_here() -> None:
         Path.cwd()
     except FileNotFoundError:
         raise MissingError(
-            "the folder that you are in is no longer there", where=Path(), mend="Change to one that is"
+            "the folder that you are in is no longer there", where=Path(), hint="Change to one that is"
         ) from None
 
 
@@ -285,7 +285,7 @@ def _call(verbs: dict[str, Callable[..., int]], words: list[str], program: str, 
     if words[:1] and not words[0].startswith("-") and words[0] not in verbs:
         near = difflib.get_close_matches(words[0], verbs, n=1, cutoff=0.5)
         raise InputError("no such verb", where=program, value=words[0], allowed=", ".join(verbs),
-                         mend=f"Did you mean {near[0]!r}?" if near else f"See {program} --help")  # fmt: skip
+                         hint=f"Did you mean {near[0]!r}?" if near else f"See {program} --help")  # fmt: skip
     checked = {name: files_first(verb) for name, verb in verbs.items()}
     return tyro.extras.subcommand_cli_from_dict(
         checked, prog=program, description=about, args=words, config=(tyro.conf.FlagCreatePairsOff,)

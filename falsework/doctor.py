@@ -34,13 +34,13 @@ class Check:
         name: What was tried.
         verdict: OK, WARN (works with less) or FAIL (does not work).
         found: What was seen.
-        mend: What to do, empty when nothing.
+        hint: What to do, empty when nothing.
     """
 
     name: str
     verdict: Verdict
     found: str
-    mend: str = ""
+    hint: str = ""
 
 
 def examine() -> list[Check]:
@@ -100,10 +100,10 @@ def _graphics() -> list[Check]:
         ]
     wrong = int(answer["wrong_pixels"])
     verdict: Verdict = "FAIL" if wrong else "OK"
-    mend = "Update or replace the graphics driver" if wrong else ""
+    hint = "Update or replace the graphics driver" if wrong else ""
     return [
         Check("gl", "OK", f"{answer['renderer']}, {answer['version']}, by {answer['backend']}"),
-        Check("frame", verdict, f"64x64 frame, {wrong} wrong pixels", mend),
+        Check("frame", verdict, f"64x64 frame, {wrong} wrong pixels", hint),
     ]
 
 
@@ -122,15 +122,15 @@ def _threads() -> Check:
 def _memory() -> Check:
     free = _available_memory()
     short = free < MEMORY_NEEDED
-    mend = "Close other programs, or use fewer images" if short else ""
-    return Check("memory", "WARN" if short else "OK", f"{free:.1f} GB available", mend)
+    hint = "Close other programs, or use fewer images" if short else ""
+    return Check("memory", "WARN" if short else "OK", f"{free:.1f} GB available", hint)
 
 
 def _disk() -> Check:
     free = shutil.disk_usage(Path.cwd()).free / 1e9
     short = free < DISK_NEEDED
-    mend = "Free some space, or choose another folder with -o" if short else ""
-    return Check("disk", "WARN" if short else "OK", f"{free:.1f} GB free in this folder", mend)
+    hint = "Free some space, or choose another folder with -o" if short else ""
+    return Check("disk", "WARN" if short else "OK", f"{free:.1f} GB free in this folder", hint)
 
 
 def package_names() -> list[Check]:

@@ -141,7 +141,7 @@ def scenario_of(values: Mapping[str, Any], path: Path = Path("scenario")) -> Sce
     except OSError as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"names a file that cannot be: {error.strerror}", where=path, mend="Shorten it") from None
+        raise InputError(f"names a file that cannot be: {error.strerror}", where=path, hint="Shorten it") from None
 
 
 def _with_stage(scenario: Scenario, path: Path) -> Scenario:
@@ -151,7 +151,7 @@ def _with_stage(scenario: Scenario, path: Path) -> Scenario:
     if scenario.variants.combinations():
         raise InputError(
             "variants are authored with a scene, not with a stage that is there", where=path, field="variants",
-            mend="Choose there: falsework scene set SCENE look=… --variant NAME, then name variant_NAME.usda here",
+            hint="Choose there: falsework scene set SCENE look=… --variant NAME, then name variant_NAME.usda here",
         )  # fmt: skip
     stage = _beside(path, scenario.stage.path)
     if not stage.exists():
@@ -178,7 +178,7 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
         if not place.exists():
             raise MissingError(
                 "no such background", where=path, field="background.name", value=background,
-                allowed=", ".join((*BACKGROUNDS, *worlds)), mend="Or the path of a world: falsework background import",
+                allowed=", ".join((*BACKGROUNDS, *worlds)), hint="Or the path of a world: falsework background import",
             )  # fmt: skip
         worlds[place.stem] = str(place)
         return place.stem
@@ -191,7 +191,7 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
         if world.is_file() and not claims_city(world):  # else all of its folder would count as the world
             raise InputError(
                 "is no imported world", where=path, field="worlds", value=str(world),
-                mend="Make one: falsework background import FILE -o DIR. Or put the file round a finished scene: "
+                hint="Make one: falsework background import FILE -o DIR. Or put the file round a finished scene: "
                 "falsework scene set SCENE background=FILE",
             )  # fmt: skip
     return scenario.model_copy(
@@ -235,7 +235,7 @@ def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
             (folder, surfaces[folder]) if folder in surfaces else (Path(folder).name, str(_beside(path, folder)))
         )
         if surfaces.setdefault(name, place) != place:
-            raise InputError("two folders of one name", where=path, field="look.folders", value=name, mend="Rename one")
+            raise InputError("two folders of one name", where=path, field="look.folders", value=name, hint="Rename one")
         names.append(name)
     for place in surfaces.values():
         if not Path(place).exists():

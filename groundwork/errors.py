@@ -8,14 +8,14 @@ _LONGEST, _LONGEST_LINE = 400, 3000  # characters of a value in an error, and of
 class FalseworkError(Exception):
     """Base of every error that Falsework raises on purpose.
 
-    Its text is one line that a user can act on: what happened, where, and the mend.
+    Its text is one line that a user can act on: what happened, where, and a hint.
     """
 
     exit_code: ClassVar[int] = 1
 
 
 class InputError(FalseworkError, ValueError):
-    """Bad input: names the file, the field, the value, what is allowed, and the mend, all in one line.
+    """Bad input: names the file, the field, the value, what is allowed, and a hint, all in one line.
 
     Attributes:
         where: File, folder or stage that holds it; None while nobody has said.
@@ -31,7 +31,7 @@ class InputError(FalseworkError, ValueError):
         field: str | None = None,
         value: object = None,
         allowed: str | None = None,
-        mend: str | None = None,
+        hint: str | None = None,
     ) -> None:
         """Put the parts together in a fixed order.
 
@@ -41,7 +41,7 @@ class InputError(FalseworkError, ValueError):
             field: Key, prim path or column.
             value: The value found.
             allowed: The values that would be right.
-            mend: What to do about it.
+            hint: What to do about it.
         """
         parts = [str(where)] if where is not None else []
         if field is not None:
@@ -49,8 +49,8 @@ class InputError(FalseworkError, ValueError):
         sentence = what if value is None else f"{what} (found {_shown(value)})"
         if allowed is not None:
             sentence += f"; allowed: {allowed}"
-        if mend is not None:
-            sentence += f". {mend}"
+        if hint is not None:
+            sentence += f". {hint}"
         parts.append(sentence)
         self.where = where
         super().__init__(_one_line(": ".join(parts)))

@@ -127,10 +127,10 @@ def space_errors(where: Path) -> Iterator[None]:
             ) from None
         if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
             raise InputError(
-                "not writable", where=where, mend="Choose another folder with -o, or change its rights"
+                "not writable", where=where, hint="Choose another folder with -o, or change its rights"
             ) from None
         if error.errno == errno.ENAMETOOLONG:
-            raise InputError("a name or path that is too long", where=where, mend="Choose a shorter one") from None
+            raise InputError("a name or path that is too long", where=where, hint="Choose a shorter one") from None
         raise
 
 

@@ -113,7 +113,7 @@ def read_picture(path: Path) -> bytes:
     """
     data = read_regular(path)
     if not data.startswith(_PICTURES):
-        raise InputError("not an image", where=path, allowed="JPEG, PNG, TIFF, WebP or BMP", mend="Leave it out")
+        raise InputError("not an image", where=path, allowed="JPEG, PNG, TIFF, WebP or BMP", hint="Leave it out")
     return data
 
 
@@ -138,7 +138,7 @@ def parse_json(text: str | bytes, where: object) -> Any:
         reason = "nested too deep"
     except ValueError as error:  # among them what UTF-8 cannot decode, and integers beyond Python's limit
         reason = _first_sentence(error)
-    raise InputError(f"not readable as JSON: {reason}", where=where, mend="Write it anew")
+    raise InputError(f"not readable as JSON: {reason}", where=where, hint="Write it anew")
 
 
 def parse_toml(text: bytes, where: object) -> dict[str, Any]:
@@ -159,7 +159,7 @@ def parse_toml(text: bytes, where: object) -> dict[str, Any]:
         reason = "nested too deep"
     except ValueError as error:
         reason = _first_sentence(error)
-    raise InputError(f"not readable as TOML: {reason}", where=where, mend="Correct this line")
+    raise InputError(f"not readable as TOML: {reason}", where=where, hint="Correct this line")
 
 
 def _integer(text: str) -> int:
@@ -207,12 +207,12 @@ def _first_sentence(error: ValueError) -> str:
 
 def _refuse_name(path: Path, error: OSError | ValueError) -> NoReturn:
     if isinstance(error, FileNotFoundError | NotADirectoryError):
-        raise MissingError("no such file", where=path, mend="Check the path") from None
+        raise MissingError("no such file", where=path, hint="Check the path") from None
     shown = str(path).replace("\0", "\\0")
     if len(shown) > 300:
         shown = f"{shown[:100]} … {shown[-100:]}"
     reason = error.strerror if isinstance(error, OSError) else "there is a NUL in its name"
-    raise InputError(f"cannot be opened: {reason}", where=shown, mend="Check the path") from None
+    raise InputError(f"cannot be opened: {reason}", where=shown, hint="Check the path") from None
 
 
 def _refuse_kind(path: Path, found: os.stat_result, most: int | None) -> NoReturn:

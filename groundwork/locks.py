@@ -95,7 +95,7 @@ def _is_at(handle: int, path: Path) -> bool:
 
 
 def _in_the_way(path: Path) -> InputError:
-    return InputError("is in the way of a lock", where=path, mend="Move it elsewhere")
+    return InputError("is in the way of a lock", where=path, hint="Move it elsewhere")
 
 
 def _mount_point(path: Path) -> Path:

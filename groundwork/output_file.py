@@ -44,13 +44,13 @@ def check_output_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs =
     """
     place = output_place(path, inputs)
     if place.is_dir():
-        raise InputError("is a folder, not a file", where=path, mend="Name a file with -o")
+        raise InputError("is a folder, not a file", where=path, hint="Name a file with -o")
     if place.exists() and not place.is_file():
-        raise InputError("is not a plain file", where=path, mend="Name another file with -o")
+        raise InputError("is not a plain file", where=path, hint="Name another file with -o")
     with space_errors(place):
         if place.exists() and place.stat().st_size and not is_ours(place):
             raise InputError("is a file that Falsework did not write", where=path,
-                             mend="Remove it, or name another file with -o")  # fmt: skip
+                             hint="Remove it, or name another file with -o")  # fmt: skip
     return place
 
 
@@ -80,7 +80,7 @@ def fresh_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs = is_sig
         try:
             temporary = held.enter_context(writer)
         except FileNotFoundError:  # such as /proc: its rights say that one may write, and one may not
-            raise InputError("not writable", where=place.parent, mend="Name another file with -o") from None
+            raise InputError("not writable", where=place.parent, hint="Name another file with -o") from None
         yield temporary
 
 

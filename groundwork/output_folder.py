@@ -106,7 +106,7 @@ def claim_run(folder: Path, inputs: Iterable[Path] = ()) -> None:
         try:
             place.mkdir(parents=True, exist_ok=True)
         except FileNotFoundError:  # such as /proc: its rights say that one may write, and one may not
-            raise InputError("not writable", where=place.parent, mend=_ELSEWHERE) from None
+            raise InputError("not writable", where=place.parent, hint=_ELSEWHERE) from None
         if not (place / MARK).is_file():
             write_bytes(place / MARK, Listing(RUN, is_complete=False).as_text().encode())
             sync(place)
@@ -117,7 +117,7 @@ def _refuse_filled(place: Path, kind: str, is_marked: bool) -> None:
     if not place.exists() or is_ready(place):
         return
     if not place.is_dir():
-        raise InputError("is a file, not a folder", where=place, mend=_ELSEWHERE)
+        raise InputError("is a file, not a folder", where=place, hint=_ELSEWHERE)
     mark = place / MARK
     found = read_listing(mark).kind if mark.is_file() else ""
     if not found:
@@ -126,11 +126,11 @@ def _refuse_filled(place: Path, kind: str, is_marked: bool) -> None:
         elif _has_other_work(place / NEXT, kind):
             found = f"an unfinished {read_listing(place / NEXT / MARK).kind}"
     if found and not is_marked:
-        raise InputError("is not empty", where=place, value=found, mend="Name a new folder with -o")
+        raise InputError("is not empty", where=place, value=found, hint="Name a new folder with -o")
     if found not in ("", kind):
         raise InputError(
             f"the output folder holds {found}", where=place, allowed=f"an empty folder or a former {kind}",
-            mend=_ELSEWHERE,
+            hint=_ELSEWHERE,
         )  # fmt: skip
 
 

@@ -93,14 +93,14 @@ def _enter(place: Path, work: Path) -> tuple[int, bool]:
             continue  # its former holder removed it between our calls
         except BusyError:
             raise InputError("another command is writing this folder", where=place,
-                             mend="Wait for it to end, or choose another folder with -o") from None  # fmt: skip
+                             hint="Wait for it to end, or choose another folder with -o") from None  # fmt: skip
         except (IsADirectoryError, FileExistsError, NotADirectoryError):
-            raise InputError("is in the way", where=work, mend=f"Move it elsewhere. {_ELSEWHERE}") from None
+            raise InputError("is in the way", where=work, hint=f"Move it elsewhere. {_ELSEWHERE}") from None
         except OSError as error:
             if error.errno != errno.ELOOP:
                 raise
-            raise InputError("is a link", where=work / LOCK, mend="Remove it") from None
-    raise InputError("not writable", where=place.parent, mend=_ELSEWHERE)  # such as /proc, whatever its rights say
+            raise InputError("is a link", where=work / LOCK, hint="Remove it") from None
+    raise InputError("not writable", where=place.parent, hint=_ELSEWHERE)  # such as /proc, whatever its rights say
 
 
 def _make_work(work: Path) -> None:

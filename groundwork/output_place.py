@@ -33,15 +33,15 @@ def output_place(path: Path, inputs: Iterable[Path] = ()) -> Path:
     place = Path(os.path.realpath(path))
     for folder in (place, *place.parents):
         if os.path.islink(folder):  # noqa: PTH114 - a path that is too long is no link, and no error here
-            raise InputError("is a link that leads to itself", where=folder, mend=_ELSEWHERE)
+            raise InputError("is a link that leads to itself", where=folder, hint=_ELSEWHERE)
     for given in inputs:
         source = Path(os.path.realpath(given))
         if place == source:
-            raise InputError("is what the output is made from", where=path, mend=_ELSEWHERE)
+            raise InputError("is what the output is made from", where=path, hint=_ELSEWHERE)
         if source in place.parents:
-            raise InputError("lies in what the output is made from", where=path, value=str(given), mend=_ELSEWHERE)
+            raise InputError("lies in what the output is made from", where=path, value=str(given), hint=_ELSEWHERE)
         if place in source.parents:
-            raise InputError("holds what the output is made from", where=path, value=str(given), mend=_ELSEWHERE)
+            raise InputError("holds what the output is made from", where=path, value=str(given), hint=_ELSEWHERE)
     _check_writable(place)
     _refuse_stores(place, path)
     return place
@@ -52,23 +52,23 @@ def _check_names(path: Path) -> None:
         try:
             length = len(os.fsencode(name))
         except UnicodeEncodeError:
-            raise InputError("a name that no file can have", where=repr(str(path)), mend=_ELSEWHERE) from None
+            raise InputError("a name that no file can have", where=repr(str(path)), hint=_ELSEWHERE) from None
         if "\0" in name:
-            raise InputError("a name with a null character", where=repr(str(path)), mend=_ELSEWHERE)
+            raise InputError("a name with a null character", where=repr(str(path)), hint=_ELSEWHERE)
         if length > _LONGEST:
             raise InputError("a name that is too long", where=path, value=f"{length} bytes",
-                             allowed=f"{_LONGEST} bytes", mend="Choose a shorter one with -o")  # fmt: skip
+                             allowed=f"{_LONGEST} bytes", hint="Choose a shorter one with -o")  # fmt: skip
 
 
 def _refuse_stores(place: Path, path: Path) -> None:
     for folder in (place, *place.parents):
         if (folder / MANIFEST).is_file():
-            raise InputError("lies in a stored result, which is never changed", where=path, mend=_ELSEWHERE)
+            raise InputError("lies in a stored result, which is never changed", where=path, hint=_ELSEWHERE)
         mark = folder / MARK
         if folder != place and mark.is_file() and read_listing(mark).kind == RUN:
             top = place.relative_to(folder).parts[0]
             if top in _OF_A_RUN:
-                raise InputError(f"lies in {top}/ of a run, which the run alone writes", where=path, mend=_ELSEWHERE)
+                raise InputError(f"lies in {top}/ of a run, which the run alone writes", where=path, hint=_ELSEWHERE)
 
 
 def _check_writable(place: Path) -> None:
@@ -78,9 +78,9 @@ def _check_writable(place: Path) -> None:
             parent = parent.parent
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
-            raise InputError("a path that is too long", where=place, mend="Choose a shorter one with -o") from None
-        raise InputError("not to be reached", where=place, mend=_ELSEWHERE) from None
+            raise InputError("a path that is too long", where=place, hint="Choose a shorter one with -o") from None
+        raise InputError("not to be reached", where=place, hint=_ELSEWHERE) from None
     if parent != place and not parent.is_dir():
-        raise InputError("is a file, not a folder", where=parent, mend="Choose another folder with -o")
+        raise InputError("is a file, not a folder", where=parent, hint="Choose another folder with -o")
     if not os.access(parent, os.W_OK):
-        raise InputError("not writable", where=parent, mend="Choose another folder with -o, or change its rights")
+        raise InputError("not writable", where=parent, hint="Choose another folder with -o, or change its rights")

@@ -39,7 +39,7 @@ def _compare(stamps: dict[Path, _Stamp | None], cause: Exception | None) -> None
     for place, stamp in stamps.items():
         if _stamp(place) != stamp or is_ready(place):
             raise InputError(
-                "was replaced while it was read", where=place, mend="Run the same command again"
+                "was replaced while it was read", where=place, hint="Run the same command again"
             ) from cause
 
 
@@ -54,7 +54,7 @@ def _outputs_over(path: Path) -> list[Path]:
             found.append(folder)
     if found[:1] == [here] and not (here / MARK).exists() and not is_ready(here):
         kind = read_listing(here / NEXT / MARK).kind
-        raise InputError(f"an unfinished {kind}", where=path, mend="Run the command that writes it again")
+        raise InputError(f"an unfinished {kind}", where=path, hint="Run the command that writes it again")
     return found
 
 
@@ -66,7 +66,7 @@ def _open(place: Path) -> _Stamp | None:
     work = place / NEXT
     handle = lock_if_free(work)
     if handle is None:
-        raise InputError("is being replaced by another command", where=place, mend="Wait until it is finished")
+        raise InputError("is being replaced by another command", where=place, hint="Wait until it is finished")
     try:
         with space_errors(place):
             if is_ready(place):

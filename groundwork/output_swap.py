@@ -136,7 +136,7 @@ def _refuse_strangers(place: Path, new: Listing, waiting: list[str], former: Lis
 
 def _refuse(path: Path) -> None:
     raise InputError("is in the way, and Falsework did not write it", where=path,
-                     mend="Move it elsewhere, then run the same command again: the finished work waits")  # fmt: skip
+                     hint="Move it elsewhere, then run the same command again: the finished work waits")  # fmt: skip
 
 
 def _is_below(folder: Path, place: Path) -> bool:

@@ -64,8 +64,8 @@ def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) 
     if detail["type"] == "extra_forbidden":
         known = _known_keys(model, detail["loc"][:-1])
         near = difflib.get_close_matches(str(detail["loc"][-1]), known, n=1, cutoff=0.0)
-        mend = f"Did you mean {near[0]!r}?" if near else "Remove it"
-        return InputError("unknown key", where=where, field=field, allowed=", ".join(known) or "none", mend=mend)
+        hint = f"Did you mean {near[0]!r}?" if near else "Remove it"
+        return InputError("unknown key", where=where, field=field, allowed=", ".join(known) or "none", hint=hint)
     context = detail.get("ctx", {})
     if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
         key = str(context["discriminator"]).replace("'", "")
@@ -79,8 +79,8 @@ def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) 
             "says no known kind", where=where, field=f"{field}.{key}", value=found, allowed=", ".join(tags)
         )
     if not field:  # several keys that do not go together: the message names them, the whole file would drown it
-        return InputError(_plain(detail["msg"]), where=where, mend="Correct this value")
-    return InputError(_plain(detail["msg"]), where=where, field=field, value=detail["input"], mend="Correct this value")
+        return InputError(_plain(detail["msg"]), where=where, hint="Correct this value")
+    return InputError(_plain(detail["msg"]), where=where, field=field, value=detail["input"], hint="Correct this value")
 
 
 def _plain(message: str) -> str:

@@ -230,7 +230,7 @@ def read_facts(folder: Path) -> ModelFacts:
     """
     path = folder / FACTS
     if not path.is_file():
-        raise MissingError("no model", where=folder, mend="Name a folder that falsework train has written")
+        raise MissingError("no model", where=folder, hint="Name a folder that falsework train has written")
     record = read_json(path)
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise InputError("not a model", where=path, allowed=FORMAT)
@@ -244,7 +244,7 @@ def read_facts(folder: Path) -> ModelFacts:
             noisy=record["noisy"], temperature=float(record["temperature"]), training=record["training"],
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"a torn model: {error}", where=path, mend="Train it anew, or fetch it anew") from None
+        raise InputError(f"a torn model: {error}", where=path, hint="Train it anew, or fetch it anew") from None
     if not facts.classes or not facts.temperature > 0 or facts.noisy not in (None, *range(len(facts.classes))):
         raise InputError("a torn model", where=path, field="classes, noisy or temperature")
     return facts
@@ -268,7 +268,7 @@ def read_weights(folder: Path) -> dict[str, Tensor]:
     except MissingError:
         raise MissingError("no weights", where=path) from None
     except (SafetensorError, ValueError, KeyError, json.JSONDecodeError) as error:
-        raise InputError(f"not readable as safetensors: {error}", where=path, mend="Fetch it anew") from None
+        raise InputError(f"not readable as safetensors: {error}", where=path, hint="Fetch it anew") from None
 
 
 def read_network(folder: Path) -> TrainedNetwork:

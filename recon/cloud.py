@@ -181,7 +181,7 @@ def read_cloud(folder: Path | str) -> Cloud:
 def _read_cloud(folder: Path) -> Cloud:
     path = folder / "cloud.json"
     if not path.is_file():
-        raise MissingError("not a cloud: no cloud.json", where=folder, mend="Name the folder that holds cloud.json")
+        raise MissingError("not a cloud: no cloud.json", where=folder, hint="Name the folder that holds cloud.json")
     stored = read_json(path)
     found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
     if found not in [(FORMAT, version) for version in _READABLE]:
@@ -256,9 +256,9 @@ def _load(path: Path) -> Column:
             raise ValueError("an archive, not an array")
         return np.array(mapped)
     except FileNotFoundError:
-        raise MissingError("a column is missing", where=path, mend="Reconstruct again") from None
+        raise MissingError("a column is missing", where=path, hint="Reconstruct again") from None
     except (OSError, ValueError, EOFError, TokenError) as error:  # the last one from the text of a header
-        raise InputError(f"damaged: {error}", where=path, mend="Reconstruct again") from None
+        raise InputError(f"damaged: {error}", where=path, hint="Reconstruct again") from None
 
 
 def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_count: int | None = None) -> None:
@@ -288,4 +288,4 @@ def _check_column(path: Path, column: Column, kind: ColumnKind, rows: int) -> No
     shape = (rows,) if kind.width == 1 else (rows, kind.width)
     if column.shape != shape or column.dtype != np.dtype(kind.dtype):
         raise InputError("a column of a wrong shape or type", where=path, value=f"{column.dtype} {column.shape}",
-                         allowed=f"{kind.dtype} {shape}", mend="Reconstruct again")  # fmt: skip
+                         allowed=f"{kind.dtype} {shape}", hint="Reconstruct again")  # fmt: skip

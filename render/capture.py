@@ -113,7 +113,7 @@ def _read_capture(folder: Path) -> Capture:
     path = folder / CAMERAS
     if not path.is_file():
         raise MissingError(
-            "not a capture: no cameras.json", where=folder, mend="Name the folder that holds cameras.json"
+            "not a capture: no cameras.json", where=folder, hint="Name the folder that holds cameras.json"
         )
     value = read_json(path)
     if not isinstance(value, dict):
@@ -151,7 +151,7 @@ def load_image(capture: Capture, index: int) -> U8:
     pixels = image_files.decode(path, capture.size)
     size = (pixels.shape[1], pixels.shape[0])
     if pixels.dtype != np.uint8:
-        raise InputError("not an image of 8 bits a colour", where=path, mend="Save it with 8 bits, or leave it out")
+        raise InputError("not an image of 8 bits a colour", where=path, hint="Save it with 8 bits, or leave it out")
     pixels = np.dstack([pixels] * 3) if pixels.ndim == 2 else pixels[:, :, :3]  # grey; or with an opacity
     if size != capture.size:
         raise InputError("not the size that cameras.json states", where=path, value=size, allowed=str(capture.size))
@@ -333,10 +333,10 @@ def _read_truth(capture: Capture) -> Truth | None:
         if isinstance(error, InputError):
             raise
         raise InputError(
-            f"not the truth of a capture: {error!r}", where=folder, mend="Render the survey again"
+            f"not the truth of a capture: {error!r}", where=folder, hint="Render the survey again"
         ) from None
     if truth.names != tuple(image.name for image in capture.images):
-        raise InputError("truth and cameras.json list different images", where=folder, mend="Render the survey again")
+        raise InputError("truth and cameras.json list different images", where=folder, hint="Render the survey again")
     return truth
 
 
@@ -380,4 +380,4 @@ def _check_file(folder: Path, path: Path, name: str) -> None:
     if relative.is_absolute() or ".." in relative.parts or not name:
         raise InputError("a path that leaves the capture", where=path, field="images.file", value=name)
     if not is_regular(folder / relative):
-        raise MissingError("no such image", where=folder / relative, mend="Put it back, or take it out of cameras.json")
+        raise MissingError("no such image", where=folder / relative, hint="Put it back, or take it out of cameras.json")

@@ -26,5 +26,5 @@ def refuse_hill(layout: Layout, stations: F64, lefts: F64, heights: F64) -> None
         raise InputError(
             f"the ground lies {over:.1f} m above the deck", field="bridge.clearance",
             allowed="ground below the deck between the abutments",
-            mend=f"Raise it by {np.ceil(10.0 * over + 10.0) / 10.0:.1f} m, or choose a lower site or less site.relief",
+            hint=f"Raise it by {np.ceil(10.0 * over + 10.0) / 10.0:.1f} m, or choose a lower site or less site.relief",
         )  # fmt: skip

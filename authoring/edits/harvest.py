@@ -97,7 +97,7 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
     if not matches.pairs:
         raise InputError(
             "holds no prim with a userProperties:falseworkId of the scene", where=edited,
-            mend="Export with custom properties, from a file that the scene was imported into",
+            hint="Export with custom properties, from a file that the scene was imported into",
         )  # fmt: skip
     former = _former_ids(layer)
     place = _placer(before)
@@ -136,7 +136,7 @@ def _open_scene(scene: Path) -> tuple[Usd.Stage, Sdf.Layer, Path]:
     target = scene.resolve().parent / EDITS
     own = next((layer for layer in full.GetLayerStack(False) if Path(layer.realPath or ".").resolve() == target), None)
     if own is None:
-        raise InputError(f"has no sublayer ./{EDITS}", where=scene, mend="Name the scene.usda of a scene")
+        raise InputError(f"has no sublayer ./{EDITS}", where=scene, hint="Name the scene.usda of a scene")
     chosen = {
         (prim, name): full.GetPrimAtPath(prim).GetVariantSet(name).GetVariantSelection()
         for prim, name in ((tokens.BRIDGE, "look"), (tokens.BACKGROUND, "background"), (tokens.ENVIRONMENT, "light"))
@@ -158,7 +158,7 @@ def _open(path: Path) -> Usd.Stage:
     try:
         return Usd.Stage.Open(str(path))
     except Exception as error:
-        raise InputError("not readable as a USD stage", where=path, mend="Check the file") from error
+        raise InputError("not readable as a USD stage", where=path, hint="Check the file") from error
 
 
 def _placer(scene: Usd.Stage) -> Place:

@@ -33,7 +33,7 @@ def flatten_scene(scene: Path, out: Path) -> list[str]:
     try:
         stage = Usd.Stage.Open(str(scene.resolve()))
     except Exception as error:
-        raise InputError("not readable as a USD stage", where=scene, mend="Check the file") from error
+        raise InputError("not readable as a USD stage", where=scene, hint="Check the file") from error
     inputs = [Path(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath]
     with fresh_file(out, inputs, _is_ours) as temporary:
         return _flatten(stage, out, temporary)

@@ -118,7 +118,7 @@ def _refuse(settings: AlignmentSettings) -> None:
         if value not in (None, plain):
             raise InputError(
                 "arches and cables hang in one plane: their bridges are straight, square and without a crest",
-                field=f"bridge.alignment.{key}", value=value, allowed=str(plain), mend="Leave it out",
+                field=f"bridge.alignment.{key}", value=value, allowed=str(plain), hint="Leave it out",
             )  # fmt: skip
 
 
@@ -127,7 +127,7 @@ def _check_grade(grade: float, service: str) -> None:
     if abs(grade) > steepest:
         raise InputError(
             f"steeper than a {service} bridge is built", field="bridge.grade", value=grade,
-            allowed=f"{-steepest:g} to {steepest:g}", mend=f"Nearest valid: {np.copysign(steepest, grade):g}",
+            allowed=f"{-steepest:g} to {steepest:g}", hint=f"Nearest valid: {np.copysign(steepest, grade):g}",
         )  # fmt: skip
 
 
@@ -180,7 +180,7 @@ def _radius(
         raise InputError(
             f"too small: {rule}", field="bridge.alignment.radius", value=settings.radius,
             allowed=f"at least {max(least, turning):.1f} m",
-            mend=f"Nearest valid: {np.ceil(10.0 * max(least, turning)) / 10.0:.1f}",
+            hint=f"Nearest valid: {np.ceil(10.0 * max(least, turning)) / 10.0:.1f}",
         )  # fmt: skip
     return settings.radius
 
@@ -196,7 +196,7 @@ def _wave(
         raise InputError(
             f"the wave bends harder than {least:.0f} m of radius, or turns more than 35 deg against its chord",
             field="bridge.alignment.amplitude", value=settings.amplitude, allowed=f"at most {most:.2f} m",
-            mend=f"Nearest valid: {np.floor(100.0 * most) / 100.0:.2f}, or a larger bridge.alignment.wave",
+            hint=f"Nearest valid: {np.floor(100.0 * most) / 100.0:.2f}, or a larger bridge.alignment.wave",
         )  # fmt: skip
     bounded = float(np.copysign(min(abs(amplitude), most), amplitude))
     return sine_elements(bounded, scale, length) if bounded else ()
@@ -212,7 +212,7 @@ def _crest(
     if settings.crest_radius is not None and radius < least:
         raise InputError(
             f"the ends of the bridge become steeper than {steepest:g}", field="bridge.alignment.crest_radius",
-            value=radius, allowed=f"at least {least:.0f} m", mend=f"Nearest valid: {np.ceil(least):.0f}",
+            value=radius, allowed=f"at least {least:.0f} m", hint=f"Nearest valid: {np.ceil(least):.0f}",
         )  # fmt: skip
     if not np.isfinite(least):
         return None

@@ -182,7 +182,7 @@ def _refuse_idle(settings: ArchSettings) -> None:
             raise InputError(
                 f"has no effect on an arch of arrangement {settings.arrangement!r}", field=f"bridge.arch.{key}",
                 value=value, allowed=", ".join(f"bridge.arch.{right}" for right in _DIMENSIONS[own]),
-                mend="Give the dimensions of this arrangement, or leave them out",
+                hint="Give the dimensions of this arrangement, or leave them out",
             )  # fmt: skip
 
 

@@ -96,7 +96,7 @@ def draw_through_arch(
     if choice.form == "ring":
         raise InputError(
             "a ring has no room for traffic", field="bridge.arch.form", value="ring", allowed="concrete or steel ribs",
-            mend="Choose ribs, or the arrangement deck",
+            hint="Choose ribs, or the arrangement deck",
         )  # fmt: skip
     top = draw_deck_top(shared, draws)
     top = replace(top, fittings=replace(top.fittings, lamps=False))  # braces are where lamp posts would stand
@@ -197,7 +197,7 @@ def _draw_rib(
             f"the crown lies {rise - under:.2f} m above the road: no room for traffic under braces",
             field=f"bridge.arch.above.{key}", value=round(value, 3),
             allowed=f"at most {np.floor(1e3 * most) / 1e3:g} here",
-            mend="Raise the arch or lengthen the span",
+            hint="Raise the arch or lengthen the span",
         )  # fmt: skip
     axis = ArchAxis(choice.shape, choice.span, rise)
     tied = choice.arrangement == "tied"

@@ -113,7 +113,7 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
     if girders.depth > 0.0 and bearings.pad_width > girders.bottom_width:
         raise InputError(
             "wider than the girders' soffit", field=f"bridge.bearing.{bearings.kind}_width", value=bearings.pad_width,
-            allowed=f"at most {girders.bottom_width:g} m", mend="Make it narrower or the girder wider",
+            allowed=f"at most {girders.bottom_width:g} m", hint="Make it narrower or the girder wider",
         )  # fmt: skip
     edge = draw_deck_edge(settings.edge, draws)
     kinds = ("single", "multi")

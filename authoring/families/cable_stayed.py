@@ -196,7 +196,7 @@ def _fitted(make: _Make, choice: Choice, top: DeckTop) -> Fitted:
     raise InputError(
         f"leaves no clear gauge beside {choice.shape} pylons", field="bridge.cable_stayed.main", value=choice.main,
         allowed=f"at least {longer.main:g} m here",
-        mend="Give a longer main span, or take bridge.cable_stayed.shape = \"portal\"",
+        hint="Give a longer main span, or take bridge.cable_stayed.shape = \"portal\"",
     )  # fmt: skip
 
 
@@ -249,7 +249,7 @@ def _elevation(
             raise InputError(
                 f"makes the outermost stay flatter than {FLATTEST:g} deg", field=f"bridge.cable_stayed.{key}",
                 value=getattr(settings, key), allowed=f"at least {(height + missing) / choice.main:.3f} here",
-                mend="Raise the pylon",
+                hint="Raise the pylon",
             )  # fmt: skip
         height = round(height + missing, 2)
     return None

@@ -98,7 +98,7 @@ def lay_out(
             raise InputError(
                 f"a span that {rule.members} do not have", field=f"bridge.{rule.family}.spans", value=length,
                 allowed=f"{rule.shortest:g} to {rule.longest:g} m",
-                mend=f"The nearest is {nearest:g} m; other spans want another family",
+                hint=f"The nearest is {nearest:g} m; other spans want another family",
             )  # fmt: skip
     # A plinth stays under its own span's end.
     overhang = max(ends[0], round(0.5 * bearings.plinth_length + _UNDER_PLINTH, 3))

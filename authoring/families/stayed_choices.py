@@ -257,10 +257,10 @@ def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes:
         _wrong("arrangement", arrangement, "fan or semi_fan on leaning legs", "Take shape h, portal or mast for a harp")
 
 
-def _wrong(field: str, value: object, allowed: str, mend: str) -> NoReturn:
+def _wrong(field: str, value: object, allowed: str, hint: str) -> NoReturn:
     raise InputError(
         "does not go with the other choices", field=f"bridge.cable_stayed.{field}", value=value, allowed=allowed,
-        mend=mend,
+        hint=hint,
     )  # fmt: skip
 
 

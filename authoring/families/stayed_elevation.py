@@ -150,7 +150,7 @@ def _offsets(choice: Choice, frame: Frame, lowest: float, least: float) -> tuple
         raise NoRoomForStays(
             "leaves no room for three stays to a side", field="bridge.cable_stayed.pitch", value=choice.pitch,
             allowed=f"at most {most:.1f} m here",
-            mend="Reduce it, or give a longer main span",
+            hint="Reduce it, or give a longer main span",
         )  # fmt: skip
     return tuple(float(x) for x in np.round(np.linspace(near, far, count), 3))
 

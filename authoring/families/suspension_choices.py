@@ -161,7 +161,7 @@ def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
         raise InputError(
             f"does not go with a main span of {choice.main:g} m", field="bridge.suspension.tower_height",
             value=choice.crown, allowed=f"{lowest:g} to {highest:g} m here",
-            mend=f"The nearest is {lowest if choice.crown < lowest else highest:g} m",
+            hint=f"The nearest is {lowest if choice.crown < lowest else highest:g} m",
         )  # fmt: skip
     if _OVER_DECK[0] - 1e-9 <= low <= _OVER_DECK[1] + 1e-9:
         return
@@ -176,7 +176,7 @@ def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
         field="bridge.suspension.sag_ratio" if settings.sag_ratio else "bridge.suspension.tower_height",
         value=settings.sag_ratio or settings.tower_height,
         allowed=f"{ratio_told}a tower height of at {other} {sag + bound:.2f} m here",
-        mend="Raise the tower or reduce the sag" if through else "Lower the tower or let the cables sag more",
+        hint="Raise the tower or reduce the sag" if through else "Lower the tower or let the cables sag more",
     )  # fmt: skip
 
 
@@ -198,6 +198,6 @@ def hanger_stations(low: float, high: float, pitch: float) -> tuple[float, ...]:
     if bays < 2:
         raise InputError(
             f"leaves no room for three hangers on {high - low:.1f} m", field="bridge.suspension.pitch", value=pitch,
-            allowed=f"at most {max(0.5 * (high - low), 1.5):.1f} m here", mend="Reduce it, or give longer spans",
+            allowed=f"at most {max(0.5 * (high - low), 1.5):.1f} m here", hint="Reduce it, or give longer spans",
         )  # fmt: skip
     return tuple(round(float(s), 6) for s in np.linspace(low, high, bays + 1))

@@ -43,7 +43,7 @@ def localize(layer: Sdf.Layer, folder: Path, file: Path, holder: Callable[[str],
             if not found:
                 raise InputError(
                     "texture not found", where=file, field=holder(path) or None, value=_short(path, file),
-                    mend="Export it again with its textures beside it",
+                    hint="Export it again with its textures beside it",
                 )  # fmt: skip
             names[path] = f"./textures/{found}"
         return Sdf.AssetPath(names.get(path, ""))

@@ -32,12 +32,12 @@ def check_file(file: Path) -> None:
         InputError: Too large, or empty.
     """
     if not is_regular(file):
-        raise MissingError("no such file", where=file, mend="Check the path")
+        raise MissingError("no such file", where=file, hint="Check the path")
     size = file.stat().st_size
     if size > MOST_BYTES:
         raise InputError(
             f"{size / 1e9:.1f} GB are too large to import", where=file, allowed=f"{MOST_BYTES / 1e9:g} GB",
-            mend="Cut out a tile",
+            hint="Cut out a tile",
         )  # fmt: skip
     if not size:
         raise InputError("is empty", where=file)
@@ -56,7 +56,7 @@ def read_beside(model: Path, name: str, what: str) -> bytes:
     """
     if _REMOTE.match(name):
         raise InputError(
-            f"{what} {name[:200]} is remote", where=model, allowed="files below its folder", mend="Copy the file there"
+            f"{what} {name[:200]} is remote", where=model, allowed="files below its folder", hint="Copy the file there"
         )
     home = model.resolve().parent
     plain = unquote(name).replace("\\", "/")
@@ -64,10 +64,10 @@ def read_beside(model: Path, name: str, what: str) -> bytes:
     if "\0" in plain or not target.is_relative_to(home) or plain.startswith("/"):
         raise InputError(
             f"{what} {name[:200]} leads out of the folder", where=model, allowed="files below its folder",
-            mend="Copy the file there",
+            hint="Copy the file there",
         )  # fmt: skip
     if not is_regular(target):
-        raise MissingError(f"{what} {name[:200]} is not there", where=model, mend="Copy the file beside it")
+        raise MissingError(f"{what} {name[:200]} is not there", where=model, hint="Copy the file beside it")
     check_file(target)
     return read_regular(target, MOST_BYTES)
 
@@ -91,7 +91,7 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
     if len(models) != 1:
         raise InputError(
             f"holds {len(models)} models", where=archive, allowed=f"one of {', '.join(suffixes)}",
-            mend="Unpack it and name one, or join them",
+            hint="Unpack it and name one, or join them",
         )  # fmt: skip
     with zipfile.ZipFile(archive) as packed:
         for entry in entries:
@@ -127,12 +127,12 @@ def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
         with zipfile.ZipFile(archive) as packed:
             entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
     except UNSOUND as error:
-        raise InputError(f"no sound archive: {error}", where=archive, mend="Is the file whole?") from None
+        raise InputError(f"no sound archive: {error}", where=archive, hint="Is the file whole?") from None
     whole = sum(entry.file_size for entry in entries)
     if len(entries) > MOST_ENTRIES or whole > MOST_UNPACKED:
         raise InputError(
             f"unpacks to {len(entries)} files, {whole / 1e9:.1f} GB", where=archive,
-            allowed=f"{MOST_ENTRIES} files, {MOST_UNPACKED / 1e9:g} GB", mend="Cut out a tile",
+            allowed=f"{MOST_ENTRIES} files, {MOST_UNPACKED / 1e9:g} GB", hint="Cut out a tile",
         )  # fmt: skip
     for entry in entries:
         ratio = entry.file_size / max(entry.compress_size, 1)

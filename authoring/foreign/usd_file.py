@@ -20,7 +20,7 @@ def open_foreign(file: Path) -> Usd.Stage:
         InputError: Missing, not USD, or a prim is bound to a material that is not there.
     """
     if not file.is_file():
-        raise MissingError("no such file", where=file, mend="Check the path")
+        raise MissingError("no such file", where=file, hint="Check the path")
     try:
         stage = Usd.Stage.Open(str(file.resolve()), Usd.Stage.LoadAll)
     except Exception as error:
@@ -30,7 +30,7 @@ def open_foreign(file: Path) -> Usd.Stage:
             if not stage.GetPrimAtPath(target):
                 raise InputError(
                     "is bound to a material that is not in the file", where=file, field=str(prim.GetPath()),
-                    value=str(target), mend="Export it with its materials, below one root prim",
+                    value=str(target), hint="Export it with its materials, below one root prim",
                 )  # fmt: skip
     return stage
 

@@ -76,7 +76,7 @@ def city_components(model: CityModel, prefix: str, first_id: int) -> tuple[Compo
     if first_id + 2 * len(model.buildings) + len(model.textured) > LAST_ID:
         raise InputError(
             f"{len(model.buildings) + len(model.textured)} buildings are too many",
-            allowed=f"{(LAST_ID - first_id) // 2}", mend="Cut out a smaller tile",
+            allowed=f"{(LAST_ID - first_id) // 2}", hint="Cut out a smaller tile",
         )  # fmt: skip
     rows: list[tuple[str, str, str, F64, dict[str, object]]] = []
     for number, building in enumerate(model.buildings):
@@ -125,11 +125,11 @@ def read_city(file: Path) -> CityModel:
     path = _root_layer(file)
     if not path.is_file():
         raise MissingError(
-            "no such imported world", where=file, mend="Make it: falsework background import FILE -o DIR"
+            "no such imported world", where=file, hint="Make it: falsework background import FILE -o DIR"
         )
     layer = Sdf.Layer.FindOrOpen(str(path.resolve()))
     if layer is None or MARK not in layer.customLayerData:
-        raise InputError("is no imported world", where=path, mend="Make one: falsework background import FILE -o DIR")
+        raise InputError("is no imported world", where=path, hint="Make one: falsework background import FILE -o DIR")
     walls: dict[str, list[F64]] = {}
     roofs: dict[str, list[F64]] = {}
     ground = [np.zeros((0, 3, 3))]
@@ -235,7 +235,7 @@ def _images(layer: Sdf.Layer, folder: Path) -> tuple[Skin, ...]:
     for role, suffix, red, green, blue in parse_json(str(layer.customLayerData.get(IMAGES, "[]")), folder):
         image = inside(folder / "textures", f"{role}{suffix}", where=folder)
         if not image.is_file():
-            raise MissingError("no such texture of the imported world", where=image, mend="Import the world again")
+            raise MissingError("no such texture of the imported world", where=image, hint="Import the world again")
         skins.append(Skin(role, read_regular(image), suffix, (red, green, blue)))
     return tuple(skins)
 

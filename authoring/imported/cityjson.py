@@ -44,9 +44,9 @@ def read_cityjson(file: Path, warn: Warn) -> CityModel:
         InputError: Not CityJSON, a version that nobody knows, or numbers that cannot be.
     """
     if not file.is_file():
-        raise MissingError("no such file", where=file, mend="Check the path")
+        raise MissingError("no such file", where=file, hint="Check the path")
     if file.stat().st_size > MOST_BYTES:
-        raise InputError("too large to import", where=file, allowed=f"{MOST_BYTES / 1e9:g} GB", mend="Cut out a tile")
+        raise InputError("too large to import", where=file, allowed=f"{MOST_BYTES / 1e9:g} GB", hint="Cut out a tile")
     parts = [_Part.read(file, document) for document in _documents(file)]
     unknown = sorted({o["type"] for p in parts for o in p.objects.values()} - {*BUILDINGS, *RELIEF, "CityObjectGroup"})
     if unknown:
@@ -58,7 +58,7 @@ def read_cityjson(file: Path, warn: Warn) -> CityModel:
     if np.abs(points - middle).max() > FARTHEST:
         raise InputError(
             f"reaches {np.abs(points - middle).max() / 1e3:.0f} km from its middle", where=file,
-            allowed=f"{FARTHEST / 1e3:g} km", mend="Cut out a tile",
+            allowed=f"{FARTHEST / 1e3:g} km", hint="Cut out a tile",
         )  # fmt: skip
     middle[2] = points[:, 2].min()
     buildings, terrain = _model(parts, middle)

@@ -131,7 +131,7 @@ def _chunks(data: bytes, file: Path) -> tuple[bytes, bytes | None]:
     while place + 8 <= len(data):
         length, kind = struct.unpack_from("<II", data, place)
         if place + 8 + length > len(data):
-            raise InputError("is cut short", where=file, mend="Is the file whole?")
+            raise InputError("is cut short", where=file, hint="Is the file whole?")
         found.append((kind, data[place + 8 : place + 8 + length]))
         place += 8 + length
     text = next((chunk for kind, chunk in found if kind == 0x4E4F534A), b"")
@@ -147,7 +147,7 @@ def _buffer(entry: dict[str, Any], chunk: bytes | None, file: Path) -> bytes:
     else:
         data = read_beside(file, uri, "buffer")
     if len(data) < length:
-        raise InputError(f"a buffer of {length} bytes holds {len(data)}", where=file, mend="Is the file whole?")
+        raise InputError(f"a buffer of {length} bytes holds {len(data)}", where=file, hint="Is the file whole?")
     return data
 
 
@@ -165,7 +165,7 @@ def _check_header(header: Any, file: Path) -> None:
     required = [name for name in header.get("extensionsRequired", ()) if name in _PACKED]
     if required:
         raise InputError(
-            f"is packed with {', '.join(required)}", where=file, mend="Unpack it first, e.g. with gltf-transform copy"
+            f"is packed with {', '.join(required)}", where=file, hint="Unpack it first, e.g. with gltf-transform copy"
         )
     nodes = header.get("nodes", [])
     children = [child for node in nodes for child in node.get("children", ())]

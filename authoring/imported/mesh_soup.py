@@ -72,7 +72,7 @@ def check_count(count: int, where: object) -> None:
     if count > MOST_TRIANGLES:
         raise InputError(
             f"holds {count} triangles", where=where, allowed=f"at most {MOST_TRIANGLES}",
-            mend="Cut out a smaller tile, or decimate it",
+            hint="Cut out a smaller tile, or decimate it",
         )  # fmt: skip
 
 
@@ -93,10 +93,10 @@ def centred(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
         InputError: No triangle, a number that is not finite, or no tile.
     """
     if not len(soup.triangles):
-        raise InputError("holds no triangles", where=where, mend="Export a mesh: points and lines make no world")
+        raise InputError("holds no triangles", where=where, hint="Export a mesh: points and lines make no world")
     for what, values in (("position", soup.triangles), ("texture coordinate", soup.st)):
         if not np.isfinite(values).all():
-            raise InputError(f"holds a {what} that is not finite", where=where, mend="Repair the mesh")
+            raise InputError(f"holds a {what} that is not finite", where=where, hint="Repair the mesh")
     points = soup.triangles.reshape(-1, 3)
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     triangles, facts = soup.triangles - middle, dict(soup.facts)
@@ -107,7 +107,7 @@ def centred(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
     if reach > FARTHEST:
         raise InputError(
             f"reaches {reach / 1e3:.0f} km from its middle", where=where, allowed=f"{FARTHEST / 1e3:g} km",
-            mend="Cut out a tile, or mend its unit with --scale",
+            hint="Cut out a tile, or mend its unit with --scale",
         )  # fmt: skip
     # Whole metres in plan, so that a place in the world is found in its maps again; geocentric ones have no plan.
     rest = np.zeros(3) if facts.get("crs") == "geocentric" else middle - np.round(middle)

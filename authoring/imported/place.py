@@ -144,7 +144,7 @@ def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> City
     raise InputError(
         f"no place for this bridge: the freest of {TRIES} is built up to {100.0 * best:.0f} %",
         field="background.name", value=model.attribution.get("source", ""), allowed=f"{100.0 * MOST_BUILT:g} %",
-        mend="Take a shorter bridge, a smaller site, or a larger world",
+        hint="Take a shorter bridge, a smaller site, or a larger world",
     )  # fmt: skip
 
 

@@ -57,20 +57,20 @@ def image_skin(data: bytes, where: str) -> Skin:
 
     size = _size(data)
     if size is None:
-        raise InputError("texture is neither PNG nor JPEG", where=where, mend="Convert it")
+        raise InputError("texture is neither PNG nor JPEG", where=where, hint="Convert it")
     if size[0] * size[1] > MOST_PIXELS or min(size) < 1:
         raise InputError(
             f"texture of {size[0]} x {size[1]} px",
             where=where,
             allowed=f"{MOST_PIXELS / 1e6:.0f} Mpx",
-            mend="Reduce it",
+            hint="Reduce it",
         )
     try:
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     except cv2.error:
         pixels = None
     if pixels is None:
-        raise InputError("texture cannot be decoded", where=where, mend="Is the file whole?")
+        raise InputError("texture cannot be decoded", where=where, hint="Is the file whole?")
     suffix = ".png" if data[:4] == b"\x89PNG" else ".jpg"
     if max(size) > LARGEST:
         share = LARGEST / max(size)

@@ -59,7 +59,7 @@ def read_usd(file: Path, warn: Warn, scale: float = 1.0) -> CityModel:
 
     check_stage(file, (), look)
     if missing:
-        raise MissingError(missing[0], where=file, mend="Copy the texture there")
+        raise MissingError(missing[0], where=file, hint="Copy the texture there")
     check_count(_face_count(file), file)
     scene = read_stage(file, choices=StageChoices(subdivision=0))  # a surveyed world keeps its polygons
     for line in scene.warnings:
@@ -88,7 +88,7 @@ def _unpacked(file: Path, folder: Path) -> Path:
         try:
             package.extractall(folder)
         except UNSOUND as error:
-            raise InputError(f"no sound package: {error}", where=file, mend="Is the file whole?") from None
+            raise InputError(f"no sound package: {error}", where=file, hint="Is the file whole?") from None
     return folder / names[0]
 
 

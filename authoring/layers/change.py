@@ -46,4 +46,4 @@ def check_editable(path: Path) -> None:
     place = path.resolve()
     folders = [place, *place.parents]
     if place.stat().st_mode & 0o200 == 0 or any((folder / MANIFEST).is_file() for folder in folders):
-        raise InputError("is a stored result and read-only", where=path, mend="Edit a copy: falsework scene checkout")
+        raise InputError("is a stored result and read-only", where=path, hint="Edit a copy: falsework scene checkout")

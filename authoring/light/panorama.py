@@ -165,5 +165,5 @@ def _check_shape(path: Path, width: int, height: int) -> None:
     if height > _MOST_ROWS:
         raise InputError(
             "too large", field="light.sky", value=f"{path.name}: {width} x {height}",
-            allowed=f"up to {2 * _MOST_ROWS} x {_MOST_ROWS}", mend="Reduce it; a scene keeps at most 2048 rows",
+            allowed=f"up to {2 * _MOST_ROWS} x {_MOST_ROWS}", hint="Reduce it; a scene keeps at most 2048 rows",
         )  # fmt: skip

@@ -180,7 +180,7 @@ def _ensure(root: Path, key: str, make: Callable[[], tuple[dict[str, bytes], dic
             raise PermissionError(root)
     except OSError as error:
         raise InputError(
-            "textures cannot be kept here", where=root, mend=f"Set {CACHE_VARIABLE} to a folder that can be written"
+            "textures cannot be kept here", where=root, hint=f"Set {CACHE_VARIABLE} to a folder that can be written"
         ) from error
     with hold_lock(root / f"{key}.lock") as held:  # who came first bakes; nobody removes what another one reads
         if held:

@@ -63,7 +63,7 @@ class Picture:
             with zipfile.ZipFile(self.file) as packed, packed.open(self.member) as source:
                 data = source.read(MOST_PICTURE_BYTES + 1)
         except UNSOUND as error:
-            raise InputError(f"cannot be unpacked: {error}", where=self.where, mend="Is the file whole?") from None
+            raise InputError(f"cannot be unpacked: {error}", where=self.where, hint="Is the file whole?") from None
         if len(data) > MOST_PICTURE_BYTES:
             raise _too_large(self.where)
         return data
@@ -98,7 +98,7 @@ def find_sets(root: Path) -> tuple[MapSet, ...]:
         InputError: An unsafe zip, too many files, or no set at all.
     """
     if not root.exists():
-        raise MissingError("no such folder of textures", where=root, mend="Check the path")
+        raise MissingError("no such folder of textures", where=root, hint="Check the path")
     groups: dict[tuple[str, str], dict[str, list[Picture]]] = {}
     for family, name, picture in _pictures(root):
         kind = _kind(picture.name)

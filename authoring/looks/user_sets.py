@@ -67,7 +67,7 @@ def read_sets(folders: Iterable[Path]) -> dict[str, tuple[MapSet, ...]]:
             known = ", ".join(word for words, _ in FAMILIES for word in words)
             raise InputError(
                 "no family of surfaces is known", where=folder, value=mine[0].family or mine[0].name, allowed=known,
-                mend="Name the folder above the sets after their material",
+                hint="Name the folder above the sets after their material",
             )  # fmt: skip
         sets += mine
     return suitable(sets)
@@ -141,7 +141,7 @@ def _decode(picture: Picture) -> U8:
     except cv2.error:
         found = None
     if found is None or _cut_short(data):
-        raise InputError("picture cannot be read", where=picture.where, mend="Is the file whole?")
+        raise InputError("picture cannot be read", where=picture.where, hint="Is the file whole?")
     return np.ascontiguousarray(found[..., ::-1]).astype(np.uint8, copy=False)
 
 
@@ -160,7 +160,7 @@ def _decode_exr(data: bytes, where: str) -> U8:
             with OpenEXR.File(str(path), separate_channels=True) as file:
                 channels = {name: np.asarray(one.pixels, np.float32) for name, one in file.channels().items()}
         except (RuntimeError, ValueError, KeyError, TypeError) as error:
-            raise InputError(f"picture cannot be read: {error}", where=where, mend="Is the file whole?") from None
+            raise InputError(f"picture cannot be read: {error}", where=where, hint="Is the file whole?") from None
     names = ("R", "G", "B") if "G" in channels else (next(iter(sorted(channels))),) * 3
     if any(name not in channels for name in names):
         raise InputError("picture has no colours", where=where)

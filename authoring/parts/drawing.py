@@ -193,5 +193,5 @@ def check_depth(field: str, depth: float, span: float, ratios: tuple[float, floa
         raise InputError(
             f"does not go with a span of {span:g} m", field=field, value=depth,
             allowed=f"{least:g} to {most:g} m here, span over depth {ratios[0]:g} to {ratios[1]:g}",
-            mend=f"The nearest is {min(max(depth, least), most):g} m",
+            hint=f"The nearest is {min(max(depth, least), most):g} m",
         )  # fmt: skip

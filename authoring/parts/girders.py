@@ -170,7 +170,7 @@ def _draw_lines(settings: GirderSettings, girders: Girders, width: float, draws:
         here = f"{fewest} to {most_lines} lines" if most_lines >= fewest else "no number of lines fits: another shape"
         raise InputError(
             f"{count} lines of {girders.shape} girders cannot carry a deck {width:.2f} m wide",
-            field=f"bridge.beam.girder.{key}", value=getattr(settings, key), mend="Leave it out, or change the lanes",
+            field=f"bridge.beam.girder.{key}", value=getattr(settings, key), hint="Leave it out, or change the lanes",
             allowed=f"{low:.2f} to {high} m apart, overhang {shortest:.2f} to {longest:.2f} m; here {here}",
         )  # fmt: skip
     cantilever = least + share * (most - least)

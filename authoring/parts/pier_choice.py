@@ -69,7 +69,7 @@ def choose_kind(
         raise InputError(
             f"leaves {upstand:.2f} m for the stem of the T between two rows of plinths", field="bridge.pier.cap",
             value=cap, allowed=f"at least {LEAST_UPSTAND:g} m; here drop or tapered",
-            mend="Choose another cap, shorter plinths, or leave it out",
+            hint="Choose another cap, shorter plinths, or leave it out",
         )  # fmt: skip
     return chosen, cap or drawn_cap
 
@@ -89,17 +89,17 @@ def _contradiction(kind: str | None, cap: str | None, columns: int | None) -> In
     if kind is not None and cap is not None and cap not in _CAPS[kind]:
         return InputError(
             f"not a cap of a pier of kind {kind}", field="bridge.pier.cap", value=cap,
-            allowed=" or ".join(_CAPS[kind]), mend="Correct the cap or the kind, or leave one out",
+            allowed=" or ".join(_CAPS[kind]), hint="Correct the cap or the kind, or leave one out",
         )  # fmt: skip
     if kind is None:
         return InputError(
             f"no pier of {columns} columns has the cap {cap}", field="bridge.pier.cap", value=cap,
-            allowed="drop, tapered or inverted_t", mend="Leave one of them out",
+            allowed="drop, tapered or inverted_t", hint="Leave one of them out",
         )  # fmt: skip
     allowed = {"multi": "2 to 5", "pi_frame": "2", "single": "1", "hammerhead": "1"}.get(kind, "none: leave it out")
     return InputError(
         f"not the number of columns of a pier of kind {kind}", field="bridge.pier.columns", value=columns,
-        allowed=allowed, mend="Correct the number or the kind, or leave one out",
+        allowed=allowed, hint="Correct the number or the kind, or leave one out",
     )  # fmt: skip
 
 
@@ -110,5 +110,5 @@ def _check_width(chosen: str, fixed: str | None, cap_length: float) -> None:
             f"a pier of kind {chosen} cannot carry a cap {cap_length:.1f} m long",
             field="bridge.pier.kind" if fixed else "bridge.pier.columns",
             value=fixed or 1, allowed=f"up to {widest:g} m; here multi or wall, 2 columns or more",
-            mend="Choose that, or a narrower deck",
+            hint="Choose that, or a narrower deck",
         )  # fmt: skip

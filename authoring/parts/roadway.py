@@ -134,7 +134,7 @@ def _divided(settings: RoadwaySettings, lanes: int, chance: bool) -> bool:
     if settings.divided and not possible:
         raise InputError(
             "only as many lanes each way can be divided", field="bridge.roadway.divided", value=True,
-            allowed="4 or 6 lanes", mend=f"The nearest is lanes = {max(4, lanes + lanes % 2)}",
+            allowed="4 or 6 lanes", hint=f"The nearest is lanes = {max(4, lanes + lanes % 2)}",
         )  # fmt: skip
     return possible and (chance if settings.divided is None else settings.divided)
 

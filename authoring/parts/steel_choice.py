@@ -115,7 +115,7 @@ def _arrangement(settings: PlateGirderSettings, width: float, longest: float, pa
         raise InputError(
             f"a deck {width:.2f} m wide is none for this arrangement", field="bridge.girder.steel.arrangement",
             value=choice, allowed=f"decks from {low:g} to {high:g} m, the nearest {nearest:g} m",
-            mend="Choose multi, or change the lanes",
+            hint="Choose multi, or change the lanes",
         )  # fmt: skip
     return choice
 
@@ -127,7 +127,7 @@ def _haunch(settings: PlateGirderSettings, spans: Spans, paper: bool, draws: Dra
         raise InputError(
             "a haunch wants a girder that is continuous over a pier", field="bridge.girder.steel.haunch",
             value=settings.haunch, allowed="none",
-            mend="Give the bridge two spans or more and continuous = true, or leave the haunch out",
+            hint="Give the bridge two spans or more and continuous = true, or leave the haunch out",
         )  # fmt: skip
     return settings.haunch or (chance if possible and not paper else "none")
 
@@ -153,7 +153,7 @@ def _lines(
             raise InputError(
                 f"{count} girder lines cannot carry a deck {width:.2f} m wide", field="bridge.girder.steel.count",
                 value=count, allowed=f"{LEAST_SPACING} to {MOST_SPACING} m apart, overhang 0.6 to 1.5 m; nearest "
-                f"{max(2, round((width - 2.2) / 2.9) + 1)}", mend="Leave it out, or change the lanes",
+                f"{max(2, round((width - 2.2) / 2.9) + 1)}", hint="Leave it out, or change the lanes",
             )  # fmt: skip
     cantilever = least + share * (most - least)
     ends = 0.5 * width - cantilever

@@ -53,4 +53,4 @@ def find_root_layer(source: Path) -> Path:
         for candidate in (source, source / ROOT, source / "stage" / ROOT):
             if candidate.is_file():
                 return candidate
-    raise MissingError(f"holds no {ROOT}", where=source, mend="Name a scene folder, or OUT/scenes/0000 of a run")
+    raise MissingError(f"holds no {ROOT}", where=source, hint="Name a scene folder, or OUT/scenes/0000 of a run")

@@ -88,7 +88,7 @@ def _open(path: Path) -> Usd.Stage:
     try:
         return Usd.Stage.Open(str(path.resolve()))
     except Exception as error:
-        raise InputError("not readable as a USD stage", where=path, mend="Check the file") from error
+        raise InputError("not readable as a USD stage", where=path, hint="Check the file") from error
 
 
 def _prims(stage: Usd.Stage) -> dict[Sdf.Path, Usd.Prim]:

@@ -63,7 +63,7 @@ def take_inventory(path: Path, depth: int = 4) -> Inventory:
     try:
         stage = Usd.Stage.Open(str(path.resolve()))
     except Exception as error:
-        raise InputError("not readable as a USD stage", where=path, mend="Check the file") from error
+        raise InputError("not readable as a USD stage", where=path, hint="Check the file") from error
     shown = list(surfaces(stage))
     table = read_taxonomy(stage, lambda line: None)
     components: Counter[str] = Counter()

@@ -77,4 +77,4 @@ def _is_beside(home: Path, name: str) -> bool:
 def _check_inside(home: Path, name: str, root: Path) -> None:
     path = home / name
     if not is_regular(path) or not path.resolve().is_relative_to(home):
-        raise InputError("takes a file from outside its folder", where=root, value=name, mend="Flatten it instead")
+        raise InputError("takes a file from outside its folder", where=root, value=name, hint="Flatten it instead")

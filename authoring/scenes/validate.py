@@ -36,7 +36,7 @@ def validate_scene(path: Path) -> list[str]:
     try:
         stage = Usd.Stage.Open(str(path))
     except Exception as error:
-        raise InputError("not readable as a USD stage", where=path, mend="Check the file") from error
+        raise InputError("not readable as a USD stage", where=path, hint="Check the file") from error
     findings = Counter(list(asset_findings(path)))
     selections = [(), *_selections(stage)]
     stage.SetEditTarget(stage.GetSessionLayer())

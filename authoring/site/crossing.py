@@ -94,7 +94,7 @@ def draw_crossing(
     if width < NARROWEST:
         raise InputError(
             "no room for it under the longest span", field="site.crossing", value=kind,
-            allowed=f"a {kind} under spans of {NARROWEST + ROOM:g} m and more", mend="Give the bridge a longer span",
+            allowed=f"a {kind} under spans of {NARROWEST + ROOM:g} m and more", hint="Give the bridge a longer span",
         )  # fmt: skip
     station = _inward(layout, station, width)
     crossing = Crossing(
@@ -134,12 +134,12 @@ def _check(kind: CrossingKind, layout: Layout) -> None:
     if kind in ("valley", "harbour") and _longest(layout)[1] < rule.spans[0]:
         raise InputError(
             "no room for it under the longest span", field="site.crossing", value=kind,
-            allowed=f"a {kind} under spans of {rule.spans[0]:g} m and more", mend="Give the bridge a longer span",
+            allowed=f"a {kind} under spans of {rule.spans[0]:g} m and more", hint="Give the bridge a longer span",
         )  # fmt: skip
     if kind in ("valley", "rail") and room < rule.headroom - 1.0:
         raise InputError(
             f"the bearing seats lie only {room:.1f} m over the land", field="site.crossing", value=kind,
-            allowed=f"a {kind} under seats {rule.headroom - 1.0:g} m high and more", mend="Raise bridge.clearance",
+            allowed=f"a {kind} under seats {rule.headroom - 1.0:g} m high and more", hint="Raise bridge.clearance",
         )  # fmt: skip
 
 

@@ -63,7 +63,7 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
         raise InputError(
             f"needs cameras {distance:.2f} m from the bridge", field="survey.sampling", value=sampling,
             allowed=f"at least {settings.safety / camera.fx:.4f} m for a safety of {settings.safety:g} m",
-            mend="Raise it, or fly smaller images",
+            hint="Raise it, or fly smaller images",
         )  # fmt: skip
     box = oriented_box(subject.bridge.reshape(-1, 3))
     positions, looks = [], []
@@ -82,7 +82,7 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
         raise InputError(
             f"no row of the grid is free: the instance {subject.obstacle_ids[row]} is in the way",
             field="survey.sampling", value=sampling,
-            mend="Raise it, or lower survey.safety and survey.over_ground",
+            hint="Raise it, or lower survey.safety and survey.over_ground",
         )  # fmt: skip
     poses = np.tile(np.eye(4), (len(places), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = look_along(np.concatenate(looks)), places
@@ -91,7 +91,7 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
     if taken.sum() < 2:
         raise InputError(
             "no image of the grid shows enough of the bridge", field="survey.least_bridge", value=settings.least_bridge,
-            allowed=f"at most {float(np.sort(shares)[-2]):.3f} here", mend="Lower it, or survey.sampling",
+            allowed=f"at most {float(np.sort(shares)[-2]):.3f} here", hint="Lower it, or survey.sampling",
         )  # fmt: skip
     return poses[taken]
 

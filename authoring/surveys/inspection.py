@@ -58,7 +58,7 @@ def fly_inspection(
     if not len(places):
         raise InputError(
             "no free space round the bridge", field="survey.safety", value=settings.safety,
-            mend="Lower it or survey.over_ground, or raise survey.reach",
+            hint="Lower it or survey.over_ground, or raise survey.reach",
         )  # fmt: skip
     model = camera_models()[settings.camera]
     eye = eye_of(calibration(model, settings.width, settings.height), model.distortion)
@@ -81,7 +81,7 @@ def fly_inspection(
             raise InputError(
                 "nothing of what is asked for can be seen from the free space", field="survey.members",
                 value=list(settings.members) or None,
-                mend="Lower survey.safety or survey.pixels, or raise survey.reach",
+                hint="Lower survey.safety or survey.pixels, or raise survey.reach",
             )  # fmt: skip
         return np.zeros((0, 4, 4))
     views = found.poses[chosen]

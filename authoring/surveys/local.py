@@ -55,7 +55,7 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
         _, row = subject.obstacles.distance(box.center[None])
         raise InputError(
             f"no free space: the instance {subject.obstacle_ids[int(row[0])]} fills the box", field="survey.safety",
-            value=settings.safety, mend="Lower it, or widen survey.beside and survey.above",
+            value=settings.safety, hint="Lower it, or widen survey.beside and survey.above",
         )  # fmt: skip
     target = None if settings.target is None else _reach_target(settings, settings.target, space, subject)
     way = _draw_way(settings, space, subject, target, rng)
@@ -97,7 +97,7 @@ def _reach_target(settings: LocalSettings, target: int, space: FreeSpace, subjec
         )
         raise InputError(
             f"cannot be reached: the flight comes no nearer than {away[row]:.1f} m; {between}",
-            field="survey.target", value=target, mend="Widen the box, or lower survey.safety",
+            field="survey.target", value=target, hint="Widen the box, or lower survey.safety",
         )  # fmt: skip
     return row
 

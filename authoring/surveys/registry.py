@@ -75,7 +75,7 @@ def plan_survey(settings: AnySurvey, subject: Subject, seed: int) -> CameraPath:
     if isinstance(settings, StageSettings):
         raise InputError(
             "takes a camera of a stage that is there", field="survey.kind", value=settings.kind,
-            allowed=", ".join(SURVEYS), mend="Author the scene, then: falsework survey plan SCENE --kind stage",
+            allowed=", ".join(SURVEYS), hint="Author the scene, then: falsework survey plan SCENE --kind stage",
         )  # fmt: skip
     poses = SURVEYS[settings.kind].fly(settings, subject, stream(seed, f"survey/{settings.id}"))
     model = camera_models()[settings.camera]

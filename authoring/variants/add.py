@@ -141,7 +141,7 @@ def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
     if origin is not None and (file.suffix not in USD_FILES or is_city(file)):
         raise InputError(
             "only a USD file as background has an origin to be moved", field="--re-origin", value=origin,
-            mend="A world of falsework background import has its own; else leave it out",
+            hint="A world of falsework background import has its own; else leave it out",
         )  # fmt: skip
 
 
@@ -204,7 +204,7 @@ def _wear(scene: Path, surfaces: Path) -> str:
     """Dress the bridge in a user's folder of surfaces; what it does not suit stays as the scene's own look has it."""
     drawn, name = _draw(read_recipe(scene.parent)), Tf.MakeValidIdentifier(surfaces.stem)
     if name in LOOKS:
-        raise InputError("has the name of a look of ours", where=surfaces, value=name, mend="Rename it")
+        raise InputError("has the name of a look of ours", where=surfaces, value=name, hint="Rename it")
     look = drawn.recipe.settings.look.model_copy(update={"folders": (surfaces.name,)})
     settings = drawn.recipe.settings.model_copy(update={"look": look})
     given, bridge = {surfaces.name: surfaces}, scene.parent / "bridge"

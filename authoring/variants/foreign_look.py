@@ -37,7 +37,7 @@ def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
     """
     name = safe_name(file.stem)
     if name in LOOKS:
-        raise InputError("has the name of a look of ours", where=file, value=name, mend="Rename it")
+        raise InputError("has the name of a look of ours", where=file, value=name, hint="Rename it")
     stage = open_foreign(file)
     roles = _roles(scene)
     materials = {
@@ -76,7 +76,7 @@ def _roles(scene: Path) -> set[str]:
     stage = Usd.Stage.Open(str(scene))
     looks = stage.GetPrimAtPath(f"{tokens.BRIDGE}/BridgeLooks")
     if not looks:
-        raise InputError(f"has no {tokens.BRIDGE}/BridgeLooks", where=scene, mend="Name the scene.usda of a scene")
+        raise InputError(f"has no {tokens.BRIDGE}/BridgeLooks", where=scene, hint="Name the scene.usda of a scene")
     return {prim.GetName() for prim in looks.GetChildren()}
 
 
@@ -99,7 +99,7 @@ def _look(flat: Sdf.Layer, materials: dict[str, Sdf.Path], file: Path) -> Sdf.La
         if outside:
             raise InputError(
                 "is connected to something outside of itself", where=file, field=str(path), value=str(outside[0]),
-                mend="Keep the whole network below the material",
+                hint="Keep the whole network below the material",
             )  # fmt: skip
     return layer
 

@@ -54,7 +54,7 @@ def check_place(stage: Usd.Stage, file: Path, scene: Path, origin: Point, warn: 
         raise InputError(
             "stands too far from the scene's origin, where the bridge begins", where=file, field="background",
             value=f"middle at ({far}) km", allowed=f"within {FARTHEST / 1000:.0f} km",
-            mend="Say which of its points becomes the scene's origin [m], z up: --re-origin "
+            hint="Say which of its points becomes the scene's origin [m], z up: --re-origin "
             + " ".join(f"{value:.0f}" for value in middle + np.array(origin)),
         )  # fmt: skip
     planes = _keep_out(Usd.Stage.Open(str(scene)))

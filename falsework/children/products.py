@@ -65,7 +65,7 @@ def read_safely(
         reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
         raise InputError(
             f"cannot be read within {time_limit:.0f} s and {memory_limit:.0f} GB: {reason}", where=stage,
-            mend="Make it smaller, or flatten it where it was made",
+            hint="Make it smaller, or flatten it where it was made",
         ) from error  # fmt: skip
 
 

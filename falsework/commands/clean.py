@@ -83,7 +83,7 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
         found += _unused(root, progress, done)
         found += unshared_textures(root, found)
         if is_in_use(root):
-            raise InputError("a run is working in this folder", where=root, mend="Wait for its end, or stop it")
+            raise InputError("a run is working in this folder", where=root, hint="Wait for its end, or stop it")
     done.freed = bytes_freed(found)
     with space_errors(root):
         for leftover in found:

@@ -121,7 +121,7 @@ def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
     for name in settings.tests:
         if not any(trial.tests[name].work for trial in trials):
             raise InputError("no window of the test bridges is valid", field=f"tests.{name}",
-                             value=settings.tests[name], mend="Lower fewest, or give more bridges")  # fmt: skip
+                             value=settings.tests[name], hint="Lower fewest, or give more bridges")  # fmt: skip
     experiment.make_all({one.training.task.key: one.training for one in trials}.values())
     tests = {job.task.key: job for one in trials for job in one.tests.values()}
     experiment.make_all(tests.values())

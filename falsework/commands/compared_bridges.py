@@ -52,24 +52,24 @@ def find_bridges(
         raise InputError("not one name for each source", field="--bridge", value=len(names), allowed=str(len(sources)))
     for name in sorted(wanted):
         if name not in {found for found, _ in sources}:
-            mend = "Name the folder of a run" if name == DEFAULT_SET else f"Name it: {name}=FOLDER"
-            raise MissingError("no folder is given for a set of bridges", field="sources", value=name, mend=mend)
+            hint = "Name the folder of a run" if name == DEFAULT_SET else f"Name it: {name}=FOLDER"
+            raise MissingError("no folder is given for a set of bridges", field="sources", value=name, hint=hint)
     bridges: list[Bridge] = []
     there: dict[str, set[str]] = {}
     for number, (name, folder) in enumerate(sources):
         if name not in wanted:
             raise InputError("the experiment names no such set of bridges", where=folder, field="sources", value=name,
-                             allowed=", ".join(sorted(wanted)), mend="Leave it out, or write NAME=FOLDER")  # fmt: skip
+                             allowed=", ".join(sorted(wanted)), hint="Leave it out, or write NAME=FOLDER")  # fmt: skip
         if folder.resolve() in {other.resolve() for _, other in sources[:number]}:
-            raise InputError("given twice", where=folder, field="sources", mend="Name every folder once")
+            raise InputError("given twice", where=folder, field="sources", hint="Name every folder once")
         places = {place: _clouds(place) for place in _places(folder)}
         if not any(places.values()):
             raise InputError("no clouds are in it", where=folder, field="sources",
-                             mend="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such "
+                             hint="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such "
                              "folders")  # fmt: skip
         if names and len(places) > 1:
             raise InputError("has several bridges, and --bridge names one", where=folder, field="--bridge",
-                             value=names[number], mend="Name the folder of each bridge")  # fmt: skip
+                             value=names[number], hint="Name the folder of each bridge")  # fmt: skip
         for place, found in places.items():
             there.setdefault(name, set()).update(found)
             clouds = {cloud: path for cloud, path in found.items() if cloud in wanted[name]}
@@ -82,7 +82,7 @@ def find_bridges(
         if lacking := sorted(needed - there[name]):
             raise InputError(
                 "no bridge has a cloud of this name", field=f"clouds of the set {name}", value=lacking[0],
-                allowed=", ".join(sorted(there[name])), mend="Name clouds that there are in arms and tests",
+                allowed=", ".join(sorted(there[name])), hint="Name clouds that there are in arms and tests",
             )  # fmt: skip
     return bridges
 
@@ -95,7 +95,7 @@ def _clouds(place: Path) -> dict[str, Path]:
 def _places(folder: Path) -> list[Path]:
     """List the folders that hold a folder for each cloud of a bridge: of a run, itself, or those that are in it."""
     if not folder.is_dir():
-        raise MissingError("no such folder", where=folder, mend="Name a run, or a folder with a bridge's clouds")
+        raise MissingError("no such folder", where=folder, hint="Name a run, or a folder with a bridge's clouds")
     if (folder / "scenes").is_dir():
         return sorted(path for path in folder.glob("scenes/*/cloud") if path.is_dir())
     if _clouds(folder):
@@ -115,7 +115,7 @@ def _bridge(name: str, label: str, place: Path, clouds: Mapping[str, Path], give
             found.add(facts.bridge)
     if len(found) > 1:
         raise InputError("clouds of several bridges", where=place, field="bridge", value=", ".join(sorted(found)),
-                         mend="Keep the clouds of one bridge in one folder")  # fmt: skip
+                         hint="Keep the clouds of one bridge in one folder")  # fmt: skip
     return Bridge(name, label, found.pop(), dict(clouds), digests)
 
 
@@ -127,6 +127,6 @@ def _told(path: Path) -> str:
     if not isinstance(bridge, str) or not bridge:
         raise InputError(
             "does not say which bridge it shows, so that no bridge can be kept for the test", where=path,
-            field="bridge", mend="Make the cloud again, or name it with --bridge",
+            field="bridge", hint="Make the cloud again, or name it with --bridge",
         )  # fmt: skip
     return bridge

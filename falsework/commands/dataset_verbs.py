@@ -153,7 +153,7 @@ def clouds_in(source: Path) -> list[Path]:
     found = sorted(path for path in (source / "scenes").glob("*/cloud/*") if (path / "cloud.json").is_file())
     if not found:
         raise InputError("a run without a cloud", where=source,
-                         mend="Run it to its clouds first: falsework plan says what is missing")  # fmt: skip
+                         hint="Run it to its clouds first: falsework plan says what is missing")  # fmt: skip
     return found
 
 

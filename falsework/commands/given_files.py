@@ -30,7 +30,7 @@ def files_first(verb: Callable[..., int]) -> Callable[..., int]:
         arguments = signature.bind(*values, **named).arguments
         for name in given:
             if not arguments[name].exists():
-                raise MissingError("no such file or folder", where=arguments[name], mend="Check the path")
+                raise MissingError("no such file or folder", where=arguments[name], hint="Check the path")
         return verb(*values, **named)
 
     return checked

@@ -49,14 +49,14 @@ def predict(
     from learn.predict.settings import PredictSettings
 
     if not scan.exists():
-        raise MissingError("no such file", where=scan, mend="Name a scan, or the folder of a cloud")
+        raise MissingError("no such file", where=scan, hint="Name a scan, or the folder of a cloud")
     values: dict[str, Any] = {
         "unit": unit, "scale": scale, "up": up, "table": table, "classes": classes, "min_confidence": min_confidence,
         "link": link, "chunk": chunk,
     }  # fmt: skip
     settings = parse_settings(PredictSettings, values, "predict")
     if not output.suffix:
-        raise InputError("says no format", where=output, field="-o", mend="Give it a suffix such as .laz")
+        raise InputError("says no format", where=output, field="-o", hint="Give it a suffix such as .laz")
     known = named_model(model)
     if model and Path(model).is_dir():
         output_place(output, [Path(model)])

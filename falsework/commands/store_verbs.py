@@ -23,7 +23,7 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False) -> int:
     from falsework.store.store import Store
 
     if not (output / "store").is_dir():
-        raise MissingError("no store in this folder", where=output, mend="Name the output folder of a run")
+        raise MissingError("no store in this folder", where=output, hint="Name the output folder of a run")
     if repair:
         from falsework.commands.repair import repair as make_whole
 
@@ -61,7 +61,7 @@ def clean(
     from groundwork.output_place import RUN
 
     if not (output / MARK).is_file() or read_listing(output / MARK).kind != RUN:
-        raise MissingError("not the output folder of a run", where=output, mend="Name the folder given to run -o")
+        raise MissingError("not the output folder of a run", where=output, hint="Name the folder given to run -o")
     with ConsoleProgress() as progress:
         done = free(output, progress, unused=unused, dry_run=dry_run)
     paths = [(one.about, str(one.paths[0].relative_to(output))) for one in done.removed]

@@ -50,7 +50,7 @@ def score(
     with ConsoleProgress() as progress:
         found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
     if not found:
-        raise InputError("has no flight to judge", where=scene, mend="Author it with a survey, or animate a camera")
+        raise InputError("has no flight to judge", where=scene, hint="Author it with a survey, or animate a camera")
     if output is not None:
         from falsework.report.survey_figures import write_page
 

@@ -71,13 +71,13 @@ def train(
         given = {"dataset": dataset, "--model": model, "--channels": channels, "--init": init, "--set": set}
         return _demo(output, seed, epochs, [name for name, value in given.items() if value])
     if dataset is None:
-        raise InputError("no data set", mend="Name a folder that falsework dataset has written, or give --demo")
+        raise InputError("no data set", hint="Name a folder that falsework dataset has written, or give --demo")
     settings = _settings(
         {"model": model, "recipe": recipe, "epochs": epochs, "batch": batch, "seed": seed,
          "freeze_encoder": freeze_encoder}, begun := _begun(init), set,
     )  # fmt: skip
     if init is not None and settings.model == "forest":
-        raise InputError("a forest begins anew", field="--init", value=init, mend="Leave --init out")
+        raise InputError("a forest begins anew", field="--init", value=init, hint="Leave --init out")
     names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
     _fit(dataset, output, settings, names, init)
     sys.stdout.write(f"model   {output}\n")
@@ -130,7 +130,7 @@ def evaluate(
     if output is not None:
         if output.suffix == ".md":
             raise InputError("the name of the tables beside the scores", where=output, field="-o",
-                             mend="Name a .json file: the tables lie beside it")  # fmt: skip
+                             hint="Name a .json file: the tables lie beside it")  # fmt: skip
         check_output_file(output, [model, dataset], _is_evaluation)
         check_output_file(output.with_suffix(".md"), [model, dataset])
     with reading(model, dataset):
@@ -161,7 +161,7 @@ def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
     source: Any = _split(dataset, split, facts.channels)
     if not len(source):
         raise InputError("nothing in this split", where=dataset, field="--split", value=split,
-                         mend="Name another one, or keep bridges for it when the data set is made")  # fmt: skip
+                         hint="Name another one, or keep bridges for it when the data set is made")  # fmt: skip
     before, now = facts.data.get("scaling"), _facts(source).get("scaling")
     if before and now and dict(before) != dict(now):
         raise InputError("samples of another scale than those that the model was trained on", where=dataset,
@@ -218,7 +218,7 @@ def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str]) -> i
     from learn.demo.demo import demo_table, run_demo
 
     if unwanted:
-        raise InputError("the demonstration brings its own", field=unwanted[0], mend="Leave it out, or --demo")
+        raise InputError("the demonstration brings its own", field=unwanted[0], hint="Leave it out, or --demo")
     changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
     lines: list[str] = []
 

@@ -49,7 +49,7 @@ def author_file(
         from authoring.scenes.manifest import edits_since
 
         if changed := edits_since(out):
-            raise InputError(f"was edited after authoring ({changed[0]})", where=out, mend="Choose another folder")
+            raise InputError(f"was edited after authoring ({changed[0]})", where=out, hint="Choose another folder")
         STAGES["stage"].run(settings, given, folder, progress)
 
     read = [*inputs, *given.values()]
@@ -85,7 +85,7 @@ def sample_file(
 
     with reading(stage):
         if not stage.is_file():
-            raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
+            raise MissingError("no such file", where=stage, hint="Name a .usda, .usdc, .usd or .usdz file")
         fresh_output(out, "cloud", write, inputs=[stage])
 
 
@@ -128,7 +128,7 @@ def render_file(
 
     with reading(stage):
         if not stage.is_file():
-            raise MissingError("no such file", where=stage, mend="Name a .usda, .usdc, .usd or .usdz file")
+            raise MissingError("no such file", where=stage, hint="Name a .usda, .usdc, .usd or .usdz file")
         fresh_output(out, "captures", write, inputs=[stage], asked=_place(stage), resume=True)
     return chosen
 
@@ -155,7 +155,7 @@ def reconstruct_folder(
     inputs = [path for path in (capture, control, model) if path is not None]
     with reading(*(path for path in (capture, model) if path is not None)):
         if not capture.is_dir():
-            raise MissingError("no such folder", where=capture, mend="Name a capture, or a folder of photographs")
+            raise MissingError("no such folder", where=capture, hint="Name a capture, or a folder of photographs")
         fresh_output(
             out, "cloud", lambda folder: reconstruct(capture, folder, settings, progress, control, model),
             inputs=inputs, asked=_place(capture), resume=True,
@@ -179,7 +179,7 @@ def report_scene(scene: Path, page: Path) -> None:
     clouds = {path.name: path for path in sorted(scene.glob("cloud/*")) if path.is_dir()}
     samples = {name: path for name, path in clouds.items() if _is_sampled(path)}
     if not captures and not samples:
-        raise MissingError("holds no capture", where=scene, mend="Name a folder such as OUT/scenes/0000")
+        raise MissingError("holds no capture", where=scene, hint="Name a folder such as OUT/scenes/0000")
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
     inputs = [scene, *captures, *clouds.values()]
     with reading(*inputs), fresh_file(page, inputs) as temporary:
@@ -226,7 +226,7 @@ def export_folder(source: Path, to: str, out: Path, progress: Progress, photogra
         if not is_cloud and to not in CAPTURE_FORMATS:
             raise InputError(
                 "a format of clouds, and this is none", where=source, field="--to", value=to,
-                allowed=", ".join(CAPTURE_FORMATS), mend="Name the folder that holds cloud.json",
+                allowed=", ".join(CAPTURE_FORMATS), hint="Name the folder that holds cloud.json",
             )  # fmt: skip
         if is_cloud:
             from recon.formats.export import export_cloud

@@ -156,7 +156,7 @@ def look_at_sources(scenario: Scenario, progress: Progress) -> Sources:
     both = {slug(survey) for survey in surveys} & {sample.id for sample in scenario.sample}
     if both:
         raise InputError("a sample has the name of a survey of the stage", field="sample.id", value=min(both),
-                         mend="Give it another id")  # fmt: skip
+                         hint="Give it another id")  # fmt: skip
     with reading(path):  # it counts by content, with every file that stands beside it, but runs made from it
         digest = folder_digest(path.parent, without=RUN)
         return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: digest})

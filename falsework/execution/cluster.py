@@ -235,7 +235,7 @@ def _standing_cluster(address: str) -> Iterator[Any]:
         client = Client(address, timeout="30s")
     except (OSError, ValueError) as error:
         raise InputError(
-            "no scheduler answers", field="--cluster", value=address, mend="Start one: dask scheduler"
+            "no scheduler answers", field="--cluster", value=address, hint="Start one: dask scheduler"
         ) from error
     try:
         yield client

@@ -98,7 +98,7 @@ def write_failure(path: Path, task: dict[str, Any], failure: Failure) -> None:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_dir():
-        raise InputError("is in the way of a record", where=path, mend="Move it elsewhere")
+        raise InputError("is in the way of a record", where=path, hint="Move it elsewhere")
     record = json.loads(json.dumps({"format_version": FORMAT_VERSION, **task, **asdict(failure)}))
     write_json(path, {**record, "digest": digest(record)})
 

@@ -213,7 +213,7 @@ class Store:
             except FileExistsError:
                 if not link.is_symlink():
                     raise InputError("is in the way of a link to the store", where=link,
-                                     mend="Move it elsewhere") from None  # fmt: skip
+                                     hint="Move it elsewhere") from None  # fmt: skip
                 self._replace_link(link, text)
 
     def unlink(self, name: str) -> None:

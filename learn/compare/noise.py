@@ -78,10 +78,10 @@ def sensor_places(folder: Path) -> F64:
         places = np.full((1, 3), np.nan)
     if places is None:
         raise InputError("no sensor stood anywhere: its noise cannot be fitted", where=folder, field="arms",
-                         mend="Name a laser's or a reconstruction's clouds after ~")  # fmt: skip
+                         hint="Name a laser's or a reconstruction's clouds after ~")  # fmt: skip
     if not len(places) or not np.isfinite(places).all():
         raise InputError("does not say where its sensor stood", where=folder, field="statistics",
-                         mend="Make the cloud again")  # fmt: skip
+                         hint="Make the cloud again")  # fmt: skip
     return places
 
 
@@ -113,7 +113,7 @@ def fit_noise(pairs: Sequence[tuple[Path, Path]]) -> SensorNoise:
         InputError: No bridge has both, or no sensor made the second.
     """
     if not pairs:
-        raise InputError("no training bridge has both clouds", field="arms", mend="Take another cloud after ~")
+        raise InputError("no training bridge has both clouds", field="arms", hint="Take another cloud after ~")
     bins = len(RANGES) * len(COSINES)
     errors: list[list[F64]] = [[] for _ in range(bins)]
     ratios: list[list[F64]] = [[] for _ in range(bins)]

@@ -142,7 +142,7 @@ def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> Lab
     lacking = [name for name in settings.inputs if name not in (*cloud.inputs, HEIGHT)]
     if lacking:
         raise InputError(f"has no column {lacking[0]} for a channel", where=source.path, field="channels",
-                         value=lacking[0], mend="Choose channels that every cloud has, such as x, y, z")  # fmt: skip
+                         value=lacking[0], hint="Choose channels that every cloud has, such as x, y, z")  # fmt: skip
     if settings.noisy_class:
         noisy = class_table(settings.table, True).index(NOISY_CLASS)
         labels = np.where(cloud.uncertainty > settings.noisy, noisy, cloud.labels).astype(np.uint8)

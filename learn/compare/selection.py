@@ -114,7 +114,7 @@ def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]
     both = sorted(bridge for (_, bridge), split in found.items() if split == TEST and bridge in seen)
     if both:
         raise InputError("a bridge is in a set to train on and in one to test on", field="tests", value=both[0],
-                         mend="Take other bridges for one of them")  # fmt: skip
+                         hint="Take other bridges for one of them")  # fmt: skip
     return found
 
 
@@ -152,7 +152,7 @@ def check_bridges(
 
 
 def _too_few(what: str, field: str, part: Part) -> InputError:
-    return InputError(f"no bridge is left to {what}", field=field, value=str(part), mend="Give more bridges (they have "
+    return InputError(f"no bridge is left to {what}", field=field, value=str(part), hint="Give more bridges (they have "
                       "to have the clouds of everything compared), or change shares or held")  # fmt: skip
 
 

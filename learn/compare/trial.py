@@ -68,14 +68,14 @@ def train_trial(
     """
     if not source.windows:
         raise InputError("no window is left to train on", field="fewest",
-                         mend="Lower fewest, or take bridges that all arms show")  # fmt: skip
+                         hint="Lower fewest, or take bridges that all arms show")  # fmt: skip
     if settings.model == FOREST:
         train_forest(source, settings, folder, progress, data)
         return
     from learn.training.train import train_network
 
     if not validation.windows:
-        raise InputError("no bridge is left for validation", field="shares", mend="Give more bridges")
+        raise InputError("no bridge is left for validation", field="shares", hint="Give more bridges")
     train_network(source, validation, settings, folder, progress, data=data)
 
 

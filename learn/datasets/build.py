@@ -102,7 +102,7 @@ def build_dataset(
     _note_empty(pieces, splits, settings, progress)
     if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
         raise InputError("no piece is left to train on", field="fewest", value=settings.fewest,
-                         mend="Give more clouds, or lower fewest")  # fmt: skip
+                         hint="Give more clouds, or lower fewest")  # fmt: skip
     present |= {HEIGHT} if settings.mode == "metric" else set()
     inputs = tuple(name for name in PIECE_INPUTS if name in present)
     whole = DatasetFacts(settings, table.names, inputs, _scaling(settings), tuple(pieces),
@@ -132,7 +132,7 @@ def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> D
     for source in sources:
         if source.class_map is None:
             raise InputError("own classes come from a class map, and a cloud has none", where=source.path,
-                             field="--table", value=OWN, mend="Give labelled scans with --class-map")  # fmt: skip
+                             field="--table", value=OWN, hint="Give labelled scans with --class-map")  # fmt: skip
         for code, row in sorted(source.class_map.codes.items()):
             if row.name != "unlabelled":
                 found.setdefault(row.name, code)
@@ -141,12 +141,12 @@ def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> D
 
 def _check_sources(sources: Sequence[Source], known: Sequence[SourceFacts]) -> None:
     if not sources:
-        raise InputError("no cloud is named", mend="Name the folders of clouds, or scans with --class-map")
+        raise InputError("no cloud is named", hint="Name the folders of clouds, or scans with --class-map")
     digests: dict[str, str] = {}
     for source, facts in zip(sources, known, strict=True):
         if facts.digest in digests:
             raise InputError("the same points twice", where=source.path, value=digests[facts.digest],
-                             mend="Name each cloud once")  # fmt: skip
+                             hint="Name each cloud once")  # fmt: skip
         digests[facts.digest] = facts.name
 
 

@@ -162,7 +162,7 @@ def _checked(name: str, facts: ClassMapFile, where: object) -> ClassMap:
             row if before is None or "parts" in row.model_fields_set else row.model_copy(update={"parts": before.parts})
         )
     if not rows:
-        raise InputError("names no number", where=where, field="code", mend="Add [[code]] with id, name and parts")
+        raise InputError("names no number", where=where, field="code", hint="Add [[code]] with id, name and parts")
     return ClassMap(name, facts, rows)
 
 

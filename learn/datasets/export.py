@@ -88,7 +88,7 @@ def write_hdf5(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
     try:
         import h5py
     except ModuleNotFoundError:
-        raise InputError("the package h5py is not installed", mend="pip install falsework[hdf5]") from None
+        raise InputError("the package h5py is not installed", hint="pip install falsework[hdf5]") from None
     made = []
     for split in SPLITS:
         count = sum(row.draws for row in facts.pieces if row.split == split)
@@ -131,7 +131,7 @@ def write_parquet(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
         import pyarrow as pa
         import pyarrow.parquet as pq
     except ModuleNotFoundError:
-        raise InputError("the package pyarrow is not installed", mend="pip install falsework[parquet]") from None
+        raise InputError("the package pyarrow is not installed", hint="pip install falsework[parquet]") from None
     (out / "data").mkdir()
     entries = []
     for split in SPLITS:

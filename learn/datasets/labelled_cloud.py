@@ -106,12 +106,12 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
     if path.is_dir():
         stored = read_json(path / "cloud.json") if (path / "cloud.json").is_file() else None
         if not isinstance(stored, dict):
-            raise MissingError("not a cloud: no cloud.json", where=path, mend="Name the folder that holds cloud.json")
+            raise MissingError("not a cloud: no cloud.json", where=path, hint="Name the folder that holds cloud.json")
         found = bridge or stored.get("bridge", "")
         if not isinstance(found, str) or not found:
             raise InputError(
                 "does not say which bridge it shows, so that no bridge can be kept for the test", where=path,
-                field="bridge", mend="Make the cloud again, or name it with --bridge",
+                field="bridge", hint="Make the cloud again, or name it with --bridge",
             )  # fmt: skip
         statistics = stored.get("statistics")
         moved = isinstance(statistics, dict) and bool(statistics.get("moving_points"))
@@ -120,10 +120,10 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
         facts = {key: stored.get(key) for key in ("classes", "components", "source")}
         return SourceFacts(cloud_name(path), found, digest([parts, facts]), str(stored.get("source", "")))
     if not path.is_file():
-        raise MissingError("no such file", where=path, mend="Name the folder of a cloud, or a scan")
+        raise MissingError("no such file", where=path, hint="Name the folder of a cloud, or a scan")
     if class_map is None:
         raise InputError("a scan from elsewhere needs a class map", where=path, field="--class-map",
-                         mend="Name one of the package, or a .toml file of your own")  # fmt: skip
+                         hint="Name one of the package, or a .toml file of your own")  # fmt: skip
     whole = file_digest(path)
     number = (re.findall(r"\d+", path.stem) or [""])[-1].lstrip("0")
     return SourceFacts(
@@ -170,7 +170,7 @@ def read_labelled(
     codes = scan.classification if class_map.facts.column == "classification" else scan.segment
     if codes is None:
         raise InputError("has no labels", where=path, field=class_map.facts.column,
-                         mend="Name another class map, or write the column into the file")  # fmt: skip
+                         hint="Name another class map, or write the column into the file")  # fmt: skip
     unknown = sorted({int(code) for code in np.unique(codes)} - class_map.codes.keys())
     if unknown:
         progress.note(f"{path.name}: numbers that the class map {class_map.name} lacks count as unlabelled: {unknown}")

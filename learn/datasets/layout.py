@@ -129,12 +129,12 @@ def _column(path: Path, name: str, count: int) -> NDArray[Any]:
         check_regular(path)
         mapped = np.load(path, mmap_mode="r", allow_pickle=False)
     except MissingError:
-        raise MissingError("a column is missing", where=path, mend="Make the data set again") from None
+        raise MissingError("a column is missing", where=path, hint="Make the data set again") from None
     except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"damaged: {error}", where=path, mend="Make the data set again") from None
+        raise InputError(f"damaged: {error}", where=path, hint="Make the data set again") from None
     if not isinstance(mapped, np.ndarray) or mapped.shape != shape or mapped.dtype != np.dtype(dtype):
         raise InputError("a column of a wrong shape or type", where=path, allowed=f"{dtype} {shape}",
-                         mend="Make the data set again")  # fmt: skip
+                         hint="Make the data set again")  # fmt: skip
     return np.array(mapped)
 
 
@@ -163,7 +163,7 @@ def read_facts(folder: Path) -> DatasetFacts:
     """
     path = folder / MANIFEST
     if not path.is_file():
-        raise MissingError(f"not a data set: no {MANIFEST}", where=folder, mend="Name a folder of falsework dataset")
+        raise MissingError(f"not a data set: no {MANIFEST}", where=folder, hint="Name a folder of falsework dataset")
     stored = read_json(path)
     found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
     if not isinstance(stored, dict) or found not in [(FORMAT, version) for version in _READABLE]:

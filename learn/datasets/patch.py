@@ -100,7 +100,7 @@ def check_channels(channels: tuple[str, ...], present: Mapping[str, Any] | tuple
             raise InputError("not a channel", where=where, field="channels", value=name, allowed=", ".join(CHANNELS))
         if CHANNELS[name] != "coord" and CHANNELS[name] not in present:
             raise InputError(f"has no column {CHANNELS[name]} for a channel", where=where, field="channels", value=name,
-                             mend="Choose channels that every source has, such as x, y, z")  # fmt: skip
+                             hint="Choose channels that every source has, such as x, y, z")  # fmt: skip
 
 
 def make_sample(

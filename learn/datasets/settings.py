@@ -145,6 +145,6 @@ def dataset_settings(kind: str, values: Mapping[str, Any], where: object) -> Dat
         before = whole.get(key)
         if key in _TABLES and not isinstance(value, Mapping):
             raise InputError("a table, not a value", where=where, field=key, value=value,
-                             mend=f"Give its keys, such as {key}.{_TABLES[key]}")  # fmt: skip
+                             hint=f"Give its keys, such as {key}.{_TABLES[key]}")  # fmt: skip
         whole[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value
     return parse_settings(DatasetSettings, whole, where)

@@ -103,7 +103,7 @@ class StoredSplit:
         """
         if not self.facts.identified:
             raise InputError("made before pieces said which points of a cloud they hold", where=self.folder,
-                             mend="Make the data set again")  # fmt: skip
+                             hint="Make the data set again")  # fmt: skip
         row, number = self._items[index]
         patch = read_piece(self.folder, row, (), identified=True)
         drawn = exhaustive_draw(len(patch), self.facts.settings.points, number, patch.seed)

@@ -57,7 +57,7 @@ def lay_grid(low: F64, high: F64, size: float) -> VoxelGrid:
     if ((high - origin) >= most).any():
         raise InputError(
             f"the points reach over {float((high - low).max()):.0f} m", field="voxel", value=size,
-            allowed=f"at most {most:.0f} m with cubes of this size", mend="Remove stray points, or check the unit",
+            allowed=f"at most {most:.0f} m with cubes of this size", hint="Remove stray points, or check the unit",
         )  # fmt: skip
     return VoxelGrid(origin, size)
 

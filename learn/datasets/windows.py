@@ -113,7 +113,7 @@ def _lay(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Itera
     deck = np.flatnonzero(cloud.deck)
     if len(deck) < _FEWEST_DECK:
         raise InputError("has no labelled deck to lay windows along", where=where, value=len(deck),
-                         allowed=f"at least {_FEWEST_DECK} points of the deck", mend="Use mode metric")  # fmt: skip
+                         allowed=f"at least {_FEWEST_DECK} points of the deck", hint="Use mode metric")  # fmt: skip
     axis = _long_axis(cloud.coord[deck, :2])
     across = np.array([-axis[1], axis[0]])
     along, beside, height = cloud.coord[:, :2] @ axis, cloud.coord[:, :2] @ across, cloud.coord[:, 2]

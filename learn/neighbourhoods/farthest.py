@@ -31,7 +31,7 @@ def farthest_points(coord: F32, count: int) -> I64:
     """
     if not 1 <= count <= len(coord):
         raise InputError("too few points for this network", field="points", value=len(coord),
-                         allowed=f"{count} or more", mend="Take larger tiles, or a smaller model")  # fmt: skip
+                         allowed=f"{count} or more", hint="Take larger tiles, or a smaller model")  # fmt: skip
     columns = np.ascontiguousarray(coord.T, dtype=np.float64)
     return _choose(columns[0], columns[1], columns[2], count)
 

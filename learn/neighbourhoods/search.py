@@ -52,6 +52,6 @@ def nearest(coord: F32, centers: F32, count: int) -> I64:
     """
     if len(coord) < count:
         raise InputError("fewer points than neighbours", field="points", value=len(coord),
-                         allowed=f"{count} or more", mend="Take larger tiles, or a smaller model")  # fmt: skip
+                         allowed=f"{count} or more", hint="Take larger tiles, or a smaller model")  # fmt: skip
     _, found = KDTree(coord).query(centers, k=count)
     return np.array(found, dtype=np.int64).reshape(len(centers), count)

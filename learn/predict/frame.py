@@ -65,16 +65,16 @@ def choose_frame(said: float | None, settings: PredictSettings, where: object) -
         InputError: Nobody says the unit, two ways to say it, or coordinates that are angles.
     """
     if settings.unit is not None and settings.scale is not None:
-        raise InputError("a unit and a scale", where=where, field="--scale", mend="Give one of them")
+        raise InputError("a unit and a scale", where=where, field="--scale", hint="Give one of them")
     meters = settings.scale if settings.scale is not None else said
     if settings.unit is not None:
         meters = UNITS[settings.unit]
     if meters == 0.0:
         raise InputError("its coordinates are longitudes and latitudes", where=where,
-                         mend="Project it into a system in metres or feet first")  # fmt: skip
+                         hint="Project it into a system in metres or feet first")  # fmt: skip
     if meters is None:
         raise InputError(
             "does not say the unit of its coordinates", where=where, field="--unit", allowed=", ".join(UNITS),
-            mend="Name it, or give --scale, the metres that one unit of a cloud without scale stands for",
+            hint="Name it, or give --scale, the metres that one unit of a cloud without scale stands for",
         )  # fmt: skip
     return Frame(meters, np.array(_TURNS[settings.up], np.float64))

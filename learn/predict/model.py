@@ -66,7 +66,7 @@ def shipped_folder() -> Path:
     folder = Path(str(files("learn").joinpath("shipped")))
     if not (folder / "model.json").is_file():
         raise MissingError("this installation has no model of its own", field="--model",
-                           mend="Name a model that falsework train has written")  # fmt: skip
+                           hint="Name a model that falsework train has written")  # fmt: skip
     return folder
 
 

@@ -255,13 +255,13 @@ def _file_of(source: Path, out: Path) -> tuple[Path, float | None]:
     if not source.is_dir():
         return source, None
     if not (source / "cloud.json").is_file():
-        raise InputError("not a cloud: no cloud.json", where=source, mend="Name a scan, or the folder of a cloud")
+        raise InputError("not a cloud: no cloud.json", where=source, hint="Name a scan, or the folder of a cloud")
     name = _OWN_FILES.get(out.suffix.lower())
     if name is None:
         raise InputError("a cloud can be copied as LAZ, LAS or PLY", where=out, field="-o", value=out.suffix,
                          allowed=", ".join(_OWN_FILES))  # fmt: skip
     if not (source / name).is_file():
-        mend = f"Make it with falsework export {source} --to {Path(name).suffix[1:]} -o DIR, and label that"
-        raise MissingError(f"this cloud holds no {name} to copy", where=source, mend=mend)
+        hint = f"Make it with falsework export {source} --to {Path(name).suffix[1:]} -o DIR, and label that"
+        raise MissingError(f"this cloud holds no {name} to copy", where=source, hint=hint)
     alignment = read_json(source / "cloud.json").get("alignment", {})
     return source / name, 0.0 if alignment.get("target") == "none" else 1.0

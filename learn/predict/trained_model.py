@@ -84,7 +84,7 @@ def read_trained_model(folder: Path) -> TrainedModel:
     where, stored = folder / FACTS, trained.facts.data.get("settings")
     if not isinstance(stored, dict):
         raise InputError("does not say which data set it was trained on", where=where, field="data.settings",
-                         mend="Train it on a data set of falsework dataset")  # fmt: skip
+                         hint="Train it on a data set of falsework dataset")  # fmt: skip
     settings = parse_settings(DatasetSettings, stored, where)
     if settings.mode != "metric":
         raise InputError("trained on the paper's windows, which are read off the labels: it can be evaluated, "

@@ -61,7 +61,7 @@ def train_network(
     counts = count_labels(source, rows, settings.seed)
     if int(counts.any(axis=0).sum()) < 2:
         raise InputError("nothing to tell apart: the labelled points are of one class", field="classes",
-                         value=", ".join(classes), mend="Add clouds that show other classes")  # fmt: skip
+                         value=", ".join(classes), hint="Add clouds that show other classes")  # fmt: skip
     torch.manual_seed(settings.seed)
     network = build_network(settings.model, settings.network, len(channels), len(classes))
     if init is not None:
@@ -133,7 +133,7 @@ def _check(
     if not rows or not (held or not settings.validation):
         raise InputError("too few bridges: a whole one is held out for validation", field="bridges",
                          value=len({source.bridge(row) for row in range(len(source))}), allowed="2 or more",
-                         mend="Add clouds of another bridge, or give --set validation=0: nothing is held out then, "
+                         hint="Add clouds of another bridge, or give --set validation=0: nothing is held out then, "
                          "and the last epoch is taken")  # fmt: skip
     if validation.classes != source.classes:
         raise InputError("training and validation have other classes", field="classes",
@@ -141,7 +141,7 @@ def _check(
     shared = {source.bridge(row) for row in rows} & {validation.bridge(row) for row in held}
     if shared and validation is not source and settings.recipe != "paper":
         raise InputError("validation shows bridges of the training", field="bridge", value=sorted(shared)[0],
-                         mend="Split by bridge, or train with --recipe paper")  # fmt: skip
+                         hint="Split by bridge, or train with --recipe paper")  # fmt: skip
     return source.sample(rows[0], settings.seed).channels
 
 

@@ -48,7 +48,7 @@ def measure_with_colmap(
     if not pycolmap.has_cuda:
         raise InputError(
             "COLMAP's PatchMatch needs CUDA, and this COLMAP was built without it", field="recon.dense.method",
-            value="colmap", allowed="auto, sgm, patchmatch", mend="Choose another, or install pycolmap-cuda12",
+            value="colmap", allowed="auto, sgm, patchmatch", hint="Choose another, or install pycolmap-cuda12",
         )  # fmt: skip
     longest = max(camera.pinhole.width, camera.pinhole.height)
     smaller = pycolmap.UndistortCameraOptions(max_image_size=longest)
@@ -77,7 +77,7 @@ def read_depth_map(path: Path) -> F32:
         width, height, channels, data = path.read_bytes().split(b"&", 3)
         return np.frombuffer(data, "<f4").reshape(int(height), int(width), int(channels))[..., 0].astype(np.float32)
     except (OSError, ValueError) as error:
-        raise InputError(f"not a depth map of COLMAP: {error}", where=path, mend="Reconstruct again") from None
+        raise InputError(f"not a depth map of COLMAP: {error}", where=path, hint="Reconstruct again") from None
 
 
 def onto(depth: F32, camera: Pinhole, target: Pinhole) -> F32:

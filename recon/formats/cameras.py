@@ -82,7 +82,7 @@ def _model_of(source: Path, cloud: Cloud) -> Path:
     if not (source / SPARSE).is_dir():
         raise InputError(
             f"a cloud from {cloud.source} has no cameras", where=source, allowed="a reconstructed cloud",
-            mend="Export it to laz, las, ply, pointcept, s3dis or hdf5",
+            hint="Export it to laz, las, ply, pointcept, s3dis or hdf5",
         )  # fmt: skip
     return source / SPARSE
 
@@ -127,6 +127,6 @@ def _copy_photographs(photographs: Path | None, names: tuple[str, ...], out: Pat
         file = photographs / name
         if Path(name).is_absolute() or ".." in Path(name).parts or not is_regular(file):
             raise MissingError(
-                "a photograph of the cloud is not there", where=file, mend="Name the cloud's own capture"
+                "a photograph of the cloud is not there", where=file, hint="Name the cloud's own capture"
             )
         write_bytes(out / "images" / stems[name], read_picture(file))

@@ -52,7 +52,7 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
     dtype = header.point_format.dtype()
     if dtype.itemsize != rows.header.size + sum(kind.itemsize for kind in DTYPES.values()):
         raise InputError("has bytes in its points that cannot be copied", where=source, value=rows.header.size,
-                         mend="Write it anew with another program")  # fmt: skip
+                         hint="Write it anew with another program")  # fmt: skip
     with whole_file(out) as partial, _writer(partial, header, out, said) as writer:
         for first, part in _pieces(labels):
             last = first + len(part.classes)

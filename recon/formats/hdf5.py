@@ -27,7 +27,7 @@ def write_hdf5(path: Path, cloud: Cloud) -> None:
     try:
         import h5py
     except ModuleNotFoundError:
-        raise InputError("the package h5py is not installed", where=path, mend="pip install falsework[hdf5]") from None
+        raise InputError("the package h5py is not installed", where=path, hint="pip install falsework[hdf5]") from None
     with space_errors(path), h5py.File(path, "w", libver="latest") as file:
         file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
         file.attrs["source"] = cloud.source

@@ -34,9 +34,9 @@ def check_copy(source: Path, out: Path) -> None:
         raise InputError("another format than the scan", where=out, field="-o", value=out.suffix,
                          allowed=", ".join(dict.fromkeys(allowed)))  # fmt: skip
     if out.exists() and (out.is_dir() or out.samefile(source)):
-        raise InputError("is a folder, or the scan itself", where=out, field="-o", mend="Choose another name")
+        raise InputError("is a folder, or the scan itself", where=out, field="-o", hint="Choose another name")
     if not out.parent.is_dir():
-        raise InputError("no such folder", where=out.parent, field="-o", mend="Make it first")
+        raise InputError("no such folder", where=out.parent, field="-o", hint="Make it first")
 
 
 def write_labelled_copy(

@@ -33,7 +33,7 @@ def read_e57(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
                       progress=progress)  # fmt: skip
         except ChildError as error:
             raise InputError(f"not readable as E57: {str(error).partition(': ')[2][:80]}", where=path,
-                             mend="Copy it again") from None  # fmt: skip
+                             hint="Copy it again") from None  # fmt: skip
         found = {name: np.load(Path(folder) / f"{name}.npy", allow_pickle=False)
                  for name in ("coord", "color", "intensity") if (Path(folder) / f"{name}.npy").is_file()}  # fmt: skip
     check_count(path, len(found["coord"]), most_points)

@@ -108,14 +108,14 @@ def open_las(path: Path, most_points: int, progress: Progress = SILENT) -> Itera
         room = (path.stat().st_size - header.offset) // header.size
         if room < header.count:
             raise InputError(f"cut off: there is room for {room} points", where=path, value=header.count,
-                             mend="Copy it again")  # fmt: skip
+                             hint="Copy it again")  # fmt: skip
         yield LasRows(path, header, np.memmap(path, np.uint8, "r", header.offset, (header.count, header.size)))
         return
     with tempfile.TemporaryDirectory() as folder:
         raw, need = Path(folder) / "points", header.count * header.size
         if need > min(_MOST_BYTES, shutil.disk_usage(folder).free):
             raise InputError(f"claims {need / 1e9:.1f} GB when unpacked, more than there is room for", where=path,
-                             value=header.count, mend="Cut it into tiles, or thin it out")  # fmt: skip
+                             value=header.count, hint="Cut it into tiles, or thin it out")  # fmt: skip
         request = {"path": str(path), "out": str(raw), "offset": header.offset, "size": header.size,
                    "count": header.count, "laszip": header.laszip.hex()}  # fmt: skip
         try:
@@ -123,7 +123,7 @@ def open_las(path: Path, most_points: int, progress: Progress = SILENT) -> Itera
                       time_limit=_TIME_LIMIT + _TIME_PER_MILLION * header.count / 1e6)  # fmt: skip
         except ChildError as error:
             reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
-            raise InputError(f"not decodable as LAZ: {reason}", where=path, mend="Copy it again") from None
+            raise InputError(f"not decodable as LAZ: {reason}", where=path, hint="Copy it again") from None
         yield LasRows(path, header, np.memmap(raw, np.uint8, "r", 0, (header.count, header.size)))
 
 
@@ -289,4 +289,4 @@ def _check_bounds(path: Path, coord: F64, bounds: F64) -> None:
     if (coord.min(axis=0) < bounds[0] - slack).any() or (coord.max(axis=0) > bounds[1] + slack).any():
         raise InputError("points lie outside the bounds that its header states", where=path,
                          value=[coord.min(axis=0).tolist(), coord.max(axis=0).tolist()], allowed=str(bounds.tolist()),
-                         mend="It is damaged: copy it again, or write its header anew")  # fmt: skip
+                         hint="It is damaged: copy it again, or write its header anew")  # fmt: skip

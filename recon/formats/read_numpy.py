@@ -26,7 +26,7 @@ def open_array(path: Path) -> np.ndarray:
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError, SyntaxError) as error:
-        raise InputError(f"not readable as an array: {str(error)[:80]}", where=path, mend="Write it again") from None
+        raise InputError(f"not readable as an array: {str(error)[:80]}", where=path, hint="Write it again") from None
     if not isinstance(array, np.ndarray):
         raise InputError("an archive, not an array", where=path)
     plain = array.ndim == 2 and array.dtype.kind in "fiu" and array.shape[1] in LAYOUTS

@@ -132,7 +132,7 @@ def _read_binary(path: Path, order: str, elements: list[Element], start: int) ->
         if start + element.count * row.itemsize > length:
             room = (length - start) // max(row.itemsize, 1)
             raise InputError(f"cut off: there is room for {room} rows", where=path, field=element.name,
-                             value=element.count, mend="Copy it again")  # fmt: skip
+                             value=element.count, hint="Copy it again")  # fmt: skip
         if row.itemsize and element.count:
             rows = np.memmap(path, row, "r", start, (element.count,))
             tables.append({name: np.array(rows[name]) for name, _ in element.properties})
@@ -151,7 +151,7 @@ def _read_text(path: Path, _: str, elements: list[Element], start: int) -> list[
                          allowed=f"at most {length // 2} numbers in a text of this length")  # fmt: skip
     if length > _MOST_TEXT:
         raise InputError("too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes",
-                         mend="Write it as binary PLY")  # fmt: skip
+                         hint="Write it as binary PLY")  # fmt: skip
     parts: list[NDArray[np.float64]] = []
     got, rest = 0, b""
     with path.open("rb") as file:
@@ -165,7 +165,7 @@ def _read_text(path: Path, _: str, elements: list[Element], start: int) -> list[
         parts.append(_numbers(path, [rest]))
     numbers = np.concatenate([*parts, np.zeros(0)])
     if len(numbers) < need:
-        raise InputError(f"cut off: it holds {len(numbers)} numbers", where=path, value=need, mend="Copy it again")
+        raise InputError(f"cut off: it holds {len(numbers)} numbers", where=path, value=need, hint="Copy it again")
     tables, at = [], 0
     for element in elements:
         width = len(element.properties)

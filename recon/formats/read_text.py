@@ -42,7 +42,7 @@ def read_text(path: Path, most_points: int) -> Scan:
     length = path.stat().st_size
     if length > _MOST_TEXT or length // _SHORTEST_LINE > most_points * 100:
         raise InputError("too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes",
-                         mend="Convert it to LAZ")  # fmt: skip
+                         hint="Convert it to LAZ")  # fmt: skip
     if not length:
         raise InputError("holds no points", where=path)
     with path.open("rb") as file:
@@ -53,7 +53,7 @@ def read_text(path: Path, most_points: int) -> Scan:
             table = np.loadtxt(text, np.float64, comments="#", delimiter=mark, skiprows=skipped, ndmin=2)
     except (ValueError, UnicodeDecodeError) as error:
         reason = re.sub(r"\s+", " ", str(error))[:80]
-        raise InputError(f"not lines of numbers: {reason}", where=path, mend="Write x y z on each line") from None
+        raise InputError(f"not lines of numbers: {reason}", where=path, hint="Write x y z on each line") from None
     check_count(path, len(table), most_points)
     width = table.shape[1]
     columns = names or LAYOUTS.get(width)

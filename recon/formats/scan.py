@@ -49,7 +49,7 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
         )
         return Scan(coord, color, normal, segment, instance, cloud.columns.get("intensity"))
     if not path.is_file():
-        raise MissingError("no such file", where=path, mend="Name a .las, .laz or .ply file, or the folder of a cloud")
+        raise MissingError("no such file", where=path, hint="Name a .las, .laz or .ply file, or the folder of a cloud")
     try:
         magic = magic_of(path)
         if magic == read_las.MAGIC:
@@ -67,7 +67,7 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
     raise InputError(
         "neither LAS, LAZ, PLY, E57, NPY nor text", where=path, value=magic,
         allowed=f"a file of these kinds; text is known by its name: {' '.join(read_text.SUFFIXES)}",
-        mend="Convert it to LAZ",
+        hint="Convert it to LAZ",
     )  # fmt: skip
 
 

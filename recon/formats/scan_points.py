@@ -59,7 +59,7 @@ def check_count(path: Path, count: int, most: int) -> None:
         raise InputError("holds no points", where=path)
     if count > most:
         raise InputError("claims too many points", where=path, value=count, allowed=f"at most {most}",
-                         mend="Cut it into tiles, or thin it out")  # fmt: skip
+                         hint="Cut it into tiles, or thin it out")  # fmt: skip
 
 
 def check_coordinates(path: Path, coord: F64) -> None:
@@ -77,7 +77,7 @@ def check_coordinates(path: Path, coord: F64) -> None:
         row = int(np.argmax(bad))
         raise InputError(
             f"the position of point {row} is not finite or farther than {FARTHEST:.0e} m", where=path,
-            value=tuple(float(value) for value in coord[row]), mend="Write the file anew without such points",
+            value=tuple(float(value) for value in coord[row]), hint="Write the file anew without such points",
         )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ def unpack(request: dict[str, Any], progress: Progress) -> int:
     try:
         pye57: Any = import_module("pye57")
     except ModuleNotFoundError:
-        raise InputError("the package pye57 is not installed", where=path, mend="pip install falsework[e57]") from None
+        raise InputError("the package pye57 is not installed", where=path, hint="pip install falsework[e57]") from None
     try:
         file = pye57.E57(str(path))
         count = sum(int(file.get_header(scan).point_count) for scan in range(file.scan_count))
@@ -45,7 +45,7 @@ def unpack(request: dict[str, Any], progress: Progress) -> int:
     except InputError:
         raise
     except Exception as error:  # the library raises whatever its parser does
-        raise InputError(f"not readable as E57: {str(error)[:80]}", where=path, mend="Copy it again") from None
+        raise InputError(f"not readable as E57: {str(error)[:80]}", where=path, hint="Copy it again") from None
     coord = np.concatenate([np.column_stack([part[f"cartesian{axis}"] for axis in "XYZ"]) for part in parts])
     # inside an atomic folder
     np.save(out / "coord.npy", coord.astype(np.float64))

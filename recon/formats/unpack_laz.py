@@ -48,7 +48,7 @@ def unpack(request: dict[str, Any], progress: Progress) -> int:
                 out.write(block)
                 progress.advance(min(first + _BLOCK, count))
     except lazrs.LazrsError as error:
-        raise InputError(f"not decodable as LAZ: {error}", where=path, mend="Copy it again") from None
+        raise InputError(f"not decodable as LAZ: {error}", where=path, hint="Copy it again") from None
     except MemoryError:
         raise InputError("not decodable as LAZ within the memory allowed", where=path) from None
     return count

@@ -58,13 +58,13 @@ def read_header(path: Path) -> PhotoHeader:
     try:
         data = read_regular(path)
     except MissingError:
-        raise MissingError("no such image", where=path, mend="Put it back") from None
+        raise MissingError("no such image", where=path, hint="Put it back") from None
     try:
         size, exif, xmp = _read_png(data) if data.startswith(_PNG) else _read_jpeg(data)
     except (struct.error, IndexError, ValueError):
         raise InputError(
             "the image is cut off or damaged, or neither JPEG nor PNG", where=path,
-            mend="Copy it again, or leave it out",
+            hint="Copy it again, or leave it out",
         ) from None  # fmt: skip
     try:
         root, lens, gps = _read_tiff(exif)

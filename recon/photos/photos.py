@@ -47,7 +47,7 @@ def _open_photographs(folder: Path) -> Capture:
     if not paths:
         raise MissingError(
             "neither a capture nor photographs: no cameras.json, no .jpg, .jpeg or .png", where=folder,
-            mend="Name the folder that holds the photographs",
+            hint="Name the folder that holds the photographs",
         )  # fmt: skip
     headers = [read_header(path) for path in paths]
     size = _common_size(folder, paths, headers)
@@ -111,7 +111,7 @@ def _photographs(folder: Path) -> list[Path]:
     stems = [path.stem for path in found]
     for stem, path in zip(stems, found, strict=True):
         if stems.count(stem) > 1:
-            raise InputError("two photographs of one name", where=folder, value=path.name, mend="Rename one")
+            raise InputError("two photographs of one name", where=folder, value=path.name, hint="Rename one")
     return found
 
 
@@ -122,7 +122,7 @@ def _common_size(folder: Path, paths: list[Path], headers: list[PhotoHeader]) ->
         if size != usual:
             raise InputError(
                 f"{len(sizes) - sizes.count(usual)} of {len(sizes)} photographs are not {usual[0]} x {usual[1]} pixels",
-                where=folder, field=path.name, value=size, mend="Put the photographs of each size into a folder of "
+                where=folder, field=path.name, value=size, hint="Put the photographs of each size into a folder of "
                 "their own, and those of one camera into one",
             )  # fmt: skip
     return usual
@@ -138,7 +138,7 @@ def _prior(
             raise InputError(
                 "photographs of different focal lengths", where=folder, field=path.name,
                 value=f"{header.focal_px:.0f} px", allowed=f"{focal:.0f} px as most of the others, within 10 %",
-                mend="Put those of each focal length into a folder of their own",
+                hint="Put those of each focal length into a folder of their own",
             )  # fmt: skip
     prior = CalibrationPrior(focal_px=focal, cx=size[0] / 2.0, cy=size[1] / 2.0)
     return prior, FOCAL_FROM_EXIF if told else FOCAL_GUESSED

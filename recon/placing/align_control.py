@@ -72,7 +72,7 @@ def align_to_control(
         raise InputError(
             f"{len(known)} of {len(control.points)} control points are marked in two registered photographs",
             where=where, allowed=f"{_LEAST_POINTS} or more, or a scale bar between marked points",
-            mend="Mark each in more photographs",
+            hint="Mark each in more photographs",
         )  # fmt: skip
     if len(known) < _LEAST_POINTS:
         alignment = _scaled(model, rows, target, places, control, rng)
@@ -88,7 +88,7 @@ def align_to_control(
         wide = "" if errors is None else f" ({errors.unfixed()})"
         raise InputError(
             f"the control points fix no frame{wide}", where=where,
-            mend="Take points that do not lie on one line, and see that each is marked where it is",
+            hint="Take points that do not lie on one line, and see that each is marked where it is",
         )  # fmt: skip
     alignment = replace(
         stand_upright(model.poses, rows, target), similarity=fit.similarity, method=POINTS, errors=errors

@@ -96,14 +96,14 @@ def read_ground_control(path: Path) -> GroundControl:
         InputError: It is in neither form, or one of its lines is wrong; names the line.
     """
     if path.is_file() and path.stat().st_size > _LONGEST:
-        raise InputError("too long for a file of ground control points", where=path, mend="Name the text file")
+        raise InputError("too long for a file of ground control points", where=path, hint="Name the text file")
     try:
         text = read_regular(path).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError("not a text file", where=path, mend="Name a gcp_list.txt, or markers as CSV") from None
+        raise InputError("not a text file", where=path, hint="Name a gcp_list.txt, or markers as CSV") from None
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     if not lines:
-        raise InputError("the file is empty", where=path, mend="Name a gcp_list.txt, or markers as CSV")
+        raise InputError("the file is empty", where=path, hint="Name a gcp_list.txt, or markers as CSV")
     if any(_heads(line) for _, line in lines):
         return _read_tables(path, lines)
     return _read_list(path, lines)
@@ -212,7 +212,7 @@ def _positive(path: Path, line: int, value: float) -> float:
 def _place(path: Path, line: int, point: ControlPoint, position: Triple) -> None:
     if point.position is not None and point.position != position:
         raise InputError(
-            "one name at two places", where=path, field=f"line {line}", value=point.name, mend="Rename one"
+            "one name at two places", where=path, field=f"line {line}", value=point.name, hint="Rename one"
         )
     point.position = position
 

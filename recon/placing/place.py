@@ -97,13 +97,13 @@ def read_control(path: Path, capture: Capture) -> GroundControl:
     """
     control = read_ground_control(path)
     if (capture.folder / TRUTH).is_dir():
-        raise InputError("a capture with truth is placed by it", where=capture.folder, mend="Leave --gcp out")
+        raise InputError("a capture with truth is placed by it", where=capture.folder, hint="Leave --gcp out")
     known = {PurePath(image.file).stem for image in capture.images}
     marked = [mark.image for point in control.points for mark in point.marks]
     if not any(PurePath(image).stem in known for image in marked):
         raise InputError(
             "marks none of the photographs", where=path, value=marked[0] if marked else None,
-            allowed=f"names as {capture.images[0].file}", mend=f"See that it belongs to {capture.folder}",
+            allowed=f"names as {capture.images[0].file}", hint=f"See that it belongs to {capture.folder}",
         )  # fmt: skip
     return control
 

@@ -56,7 +56,7 @@ def sample_lidar(
     shots, total, facts = _pattern(scene, surface, bridge, rays, settings, rng)
     if total > MOST_RAYS:
         raise InputError(f"the scan has {total} rays", field="angular_step", value=settings.angular_step,
-                         allowed=f"at most {MOST_RAYS} rays", mend="Take wider steps or fewer stations")  # fmt: skip
+                         allowed=f"at most {MOST_RAYS} rays", hint="Take wider steps or fewer stations")  # fmt: skip
     water = np.isin(surface.instances, [row.id for row in scene.instances if row.component == "water"])
     target = Target(surface, look, rays, water)
     box = bounds_of(surface, bridge, settings.reach if settings.scope == "near" else 0.0)
@@ -116,7 +116,7 @@ def _survey_way(scene: FlatScene, survey: str) -> F64:
             way = centres[np.concatenate([[True], moved])]
             if len(way) > 1:
                 return way
-            raise InputError("stands still", field="path", value=survey, mend="Name another survey, or deck")
+            raise InputError("stands still", field="path", value=survey, hint="Name another survey, or deck")
     names = ", ".join(product.name for product in scene.products if scene.cameras[product.camera].path)
     raise InputError("no such survey on the stage", field="path", value=survey, allowed=f"deck, {names}")
 
@@ -141,7 +141,7 @@ def _scan_all(
         if sum(len(part["rows"]) for part in parts) > MOST_POINTS:
             raise InputError(f"the scan gives more than {MOST_POINTS} points", field="angular_step",
                              value=settings.angular_step,
-                             mend="Take wider steps, fewer stations, or thin it: voxel")  # fmt: skip
+                             hint="Take wider steps, fewer stations, or thin it: voxel")  # fmt: skip
     return _thinned(parts, settings.voxel) if settings.voxel and parts else parts
 
 

@@ -144,7 +144,7 @@ def _enough(wanted: int, exact: bool, draw: Callable[[int], Drawn]) -> tuple[Dra
         drawn, kept = drawn + min(_BATCH, missing), kept + len(found[-1].rows)
     if kept < (wanted if exact else 1):
         raise InputError(f"of {drawn} points on the surface, {kept} are seen", field="points", value=wanted,
-                         mend="Ask for fewer points, or for fewer views")  # fmt: skip
+                         hint="Ask for fewer points, or for fewer views")  # fmt: skip
     columns = {name: np.concatenate([getattr(part, name) for part in found])[:wanted] for name in vars(found[0])}
     return Drawn(**columns), drawn
 

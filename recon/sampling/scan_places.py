@@ -57,9 +57,9 @@ def place_stations(
     rows, places = draw_uniform(_TARGETS, surface, whole(bridge & (surface.areas > 0)), rng)
     targets = np.einsum("nk,nki->ni", places, surface.corners[rows])
     seen = np.array([_sees(spot, targets, surface.normals[rows], rays, settings) for spot in spots])
-    mend = "Give the stations with --set positions=[[x, y, z]]"
+    hint = "Give the stations with --set positions=[[x, y, z]]"
     if not seen.any():
-        raise InputError("no firm place from which a scanner would see the bridge", field="stations", mend=mend)
+        raise InputError("no firm place from which a scanner would see the bridge", field="stations", hint=hint)
     chosen: list[int] = []
     missing = np.ones(len(targets), bool)
     while len(chosen) < settings.stations:
@@ -92,7 +92,7 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: flo
     carrying = np.isin(surface.instances, [row.id for row in scene.instances if row.base_class in DECK])
     top = carrying & (surface.normals[:, 2] > _FLAT) & (surface.areas > 0)
     if not top.any():
-        raise InputError("has no deck to drive on", field="path", value="deck", mend="Name a survey of the stage")
+        raise InputError("has no deck to drive on", field="path", value="deck", hint="Name a survey of the stage")
     rng = np.random.default_rng(0)  # where the samples lie moves the way by centimetres
     rows, places = draw_uniform(20_000, surface, whole(top), rng)
     points = np.einsum("nk,nki->ni", places, surface.corners[rows])
@@ -110,7 +110,7 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: flo
             side = 0.5 * (across[own].min() + across[own].max())
             found.append([along.min() + (row + 0.5) * width, side, np.percentile(points[own, 2], 75)])
     if len(found) < 2:
-        raise InputError("its deck is too short to drive on", field="path", mend="Name a survey of the stage")
+        raise InputError("its deck is too short to drive on", field="path", hint="Name a survey of the stage")
     smooth = _smoothed(np.array(found))
     plan = middle + smooth[:, :2] @ axes
     way = np.column_stack([plan, smooth[:, 2] + height])

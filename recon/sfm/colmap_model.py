@@ -75,7 +75,7 @@ def read_model(folder: Path) -> SparseModel:
         joined = np.concatenate([*seen, np.zeros(0, _POINT2D)])
         _check_numbers(camera_params, np.array(poses), table, joined)
     except (OSError, struct.error, ValueError, IndexError, KeyError, OverflowError) as error:
-        raise InputError(f"not a whole COLMAP model: {error}", where=folder, mend="Reconstruct again") from None
+        raise InputError(f"not a whole COLMAP model: {error}", where=folder, hint="Reconstruct again") from None
     point = np.searchsorted(ids, joined["point"])
     by_point = np.argsort(point, kind="stable")
     return SparseModel(

@@ -51,21 +51,21 @@ def read_stored_model(place: Path, capture: Capture) -> Sparse:
     """
     folder = next((path for path in (place, place / MODEL) if (path / _FILE).is_file()), None)
     if folder is None:
-        raise MissingError(f"holds no {_FILE}", where=place, mend="Name a model, or a cloud that was made with its own")
+        raise MissingError(f"holds no {_FILE}", where=place, hint="Name a model, or a cloud that was made with its own")
     stored = read_json(folder / _FILE)
     found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
     if found != (FORMAT, FORMAT_VERSION):
         raise InputError("not a model of this version", where=folder / _FILE, field="format", value=found,
-                         allowed=f"{FORMAT}, version {FORMAT_VERSION}", mend="Reconstruct again")  # fmt: skip
+                         allowed=f"{FORMAT}, version {FORMAT_VERSION}", hint="Reconstruct again")  # fmt: skip
     if not _is_whole(stored):
-        raise InputError("a key is missing or of a wrong kind", where=folder / _FILE, mend="Reconstruct again")
+        raise InputError("a key is missing or of a wrong kind", where=folder / _FILE, hint="Reconstruct again")
     if stored["photographs"] != _hashes(capture):
         raise InputError("was made from other photographs", where=folder,
-                         mend=f"Leave the model out, or see that it belongs to {capture.folder}")  # fmt: skip
+                         hint=f"Leave the model out, or see that it belongs to {capture.folder}")  # fmt: skip
     colmap, names = folder / _COLMAP, {image.file for image in capture.images}
     model = read_model(colmap)
     if folder_digest(colmap) != stored["facts"].get("model_sha256") or not names.issuperset(model.names):
-        raise InputError("is not as it was written", where=colmap, mend="Reconstruct again")
+        raise InputError("is not as it was written", where=colmap, hint="Reconstruct again")
     return Sparse(model, colmap, stored["recipe"], stored["reasons"], stored["facts"])
 
 

@@ -85,7 +85,7 @@ def gather(truth: Truth, observations: Observations, threads: int = 1) -> Observ
             if values.shape != (height, width):
                 where = truth.folder / kind / truth.names[image]
                 raise InputError("not the size of its photograph", where=where, value=values.shape,
-                                 allowed=f"{height} rows, {width} columns", mend="Render the survey again")  # fmt: skip
+                                 allowed=f"{height} rows, {width} columns", hint="Render the survey again")  # fmt: skip
         found.label[rows] = labels[row, column]
         found.instance[rows], found.depth[rows] = instances[row, column], depth[row, column]
         found.margin[rows] = edge_distance(labels, row, column)

@@ -58,7 +58,7 @@ def survey_scene(scene: FlatScene, triangle_budget: int) -> SurveyedScene:
 
     if not scene.products:
         raise InputError(
-            "the stage has no RenderProduct", mend="Author a survey: a camera, and a product that names it"
+            "the stage has no RenderProduct", hint="Author a survey: a camera, and a product that names it"
         )
     check_scene(scene)
     product = scene.products[0]

@@ -82,14 +82,14 @@ def open_context(device: str = "auto") -> Gl:
             if raw is not None:
                 return _finish(raw, "egl", device)
         if device not in ("auto", "software"):
-            raise InputError("no OpenGL 4.5 on this device", field="device", value=device, mend="Take device = 'auto'")
+            raise InputError("no OpenGL 4.5 on this device", field="device", value=device, hint="Take device = 'auto'")
     folder = osmesa_folder()
     if folder is None:
-        raise InputError("no OpenGL 4.5: neither EGL nor the OSMesa wheel can be had", mend=MEND)
+        raise InputError("no OpenGL 4.5: neither EGL nor the OSMesa wheel can be had", hint=MEND)
     try:
         return _finish(OsmesaContext(folder), "osmesa", device)
     except OSError as error:
-        raise InputError(f"the OSMesa wheel does not work: {error}", where=folder, mend=MEND) from None
+        raise InputError(f"the OSMesa wheel does not work: {error}", where=folder, hint=MEND) from None
 
 
 def egl_devices() -> tuple[bool, ...]:
@@ -148,7 +148,7 @@ def _finish(raw: Any, backend: str, device: str) -> Gl:
     )
     driver = Driver(backend, info["GL_RENDERER"], info["GL_VERSION"], info["GL_VENDOR"], software)
     if device == "gpu" and software:
-        raise InputError("only a software device answers", field="device", value=device, mend="Take device = 'auto'")
+        raise InputError("only a software device answers", field="device", value=device, hint="Take device = 'auto'")
     functions = GlFunctions(raw.load)
     functions.clip_depth_zero_to_one()
     return Gl(context, functions, driver)

@@ -281,21 +281,21 @@ def check_scene(scene: FlatScene) -> None:
     """
     geometry, draws = scene.geometry, scene.draws
     if not len(draws.part) or not len(geometry.triangles):
-        raise InputError("the stage has no visible geometry", mend="Check visibility, purpose and loaded payloads")
+        raise InputError("the stage has no visible geometry", hint="Check visibility, purpose and loaded payloads")
     finite = np.isfinite(draws.transform).all(axis=(1, 2))
     if not finite.all():
         ids = {row.id: row.path for row in scene.instances}
         bad = int(draws.instance[np.argmin(finite)])
-        raise InputError("a transform is not finite", field=ids.get(bad, f"instance {bad}"), mend="Mend its xformOps")
+        raise InputError("a transform is not finite", field=ids.get(bad, f"instance {bad}"), hint="Mend its xformOps")
     if not np.isfinite(geometry.positions).all():
-        raise InputError("a mesh has positions that are not finite", mend="Mend its points")
+        raise InputError("a mesh has positions that are not finite", hint="Mend its points")
     last = geometry.part_first.astype(np.int64) + geometry.part_count
     tables = (
         (geometry.triangles, len(geometry.positions)), (draws.part, len(geometry.part_first)),
         (draws.material, len(scene.materials)), (last, len(geometry.triangles) + 1),
     )  # fmt: skip
     if any(len(rows) and not 0 <= int(rows.min()) <= int(rows.max()) < limit for rows, limit in tables):
-        raise InputError("the flat scene has an index out of range", mend="Read the stage again")
+        raise InputError("the flat scene has an index out of range", hint="Read the stage again")
 
 
 def draw_boxes(scene: FlatScene) -> tuple[F64, F64]:

@@ -56,7 +56,7 @@ def read_arrays(path: Path, wanted: Mapping[str, tuple[str, tuple[int, ...]]]) -
         reason = str(error.args[0])
     except _UNSOUND as error:
         reason = str(error)
-    raise InputError(f"not whole: {reason}", where=path, mend="Make it again, or copy it again")
+    raise InputError(f"not whole: {reason}", where=path, hint="Make it again, or copy it again")
 
 
 def _read_array(member: BinaryIO, name: str, size: int, kind: str, row: tuple[int, ...]) -> NDArray[Any]:

@@ -97,7 +97,7 @@ def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
     try:
         data = read_regular(path)
     except MissingError:
-        raise MissingError("no such image", where=path, mend="Put it back") from None
+        raise MissingError("no such image", where=path, hint="Put it back") from None
     said = _said_size(data)
     if size is not None and said not in (None, size):
         raise InputError("not the size that cameras.json states", where=path, value=said, allowed=str(size))
@@ -110,7 +110,7 @@ def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
     whole = bool(data) and (not jpeg or data.rstrip(b"\x00")[-2:] == _JPEG_END or _reaches_its_end(data))
     pixels = _decode(data, jpeg=jpeg) if whole else None
     if pixels is None:
-        raise InputError("the image is cut off or damaged", where=path, mend="Copy it again, or leave it out")
+        raise InputError("the image is cut off or damaged", where=path, hint="Copy it again, or leave it out")
     if pixels.ndim == 2:
         return pixels
     return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB)

@@ -37,7 +37,7 @@ def decode_tga(path: Path) -> U8:
     try:
         return _decoded(data)
     except (struct.error, ValueError, IndexError) as error:
-        raise InputError(f"not readable as a TGA picture: {error}", where=path, mend="Save it as PNG") from None
+        raise InputError(f"not readable as a TGA picture: {error}", where=path, hint="Save it as PNG") from None
 
 
 def _decoded(data: bytes) -> U8:

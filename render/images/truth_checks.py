@@ -37,13 +37,13 @@ def check_camera(camera: Pinhole, size: tuple[int, int], where: Path) -> None:
     """
     numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
     if not all(isinstance(number, float | int) and np.isfinite(number) for number in numbers):
-        raise InputError("a number that is not finite", where=where, field="pinhole", value=numbers, mend=_MEND)
+        raise InputError("a number that is not finite", where=where, field="pinhole", value=numbers, hint=_MEND)
     if min(camera.fx, camera.fy) <= 0.0:
         raise InputError("a focal length that is not positive", where=where, field="pinhole",
-                         value=(camera.fx, camera.fy), mend=_MEND)  # fmt: skip
+                         value=(camera.fx, camera.fy), hint=_MEND)  # fmt: skip
     if (camera.width, camera.height) != size:
         raise InputError("not the size that cameras.json states", where=where, field="pinhole",
-                         value=(camera.width, camera.height), allowed=str(size), mend=_MEND)  # fmt: skip
+                         value=(camera.width, camera.height), allowed=str(size), hint=_MEND)  # fmt: skip
 
 
 def check_poses(poses: F64, where: Path) -> None:
@@ -57,12 +57,12 @@ def check_poses(poses: F64, where: Path) -> None:
         InputError: A number that is none, or a rotation that scales, shears or mirrors.
     """
     if not np.isfinite(poses).all():
-        raise InputError("a pose that is not finite", where=where, field="poses", mend=_MEND)
+        raise InputError("a pose that is not finite", where=where, field="poses", hint=_MEND)
     turn = poses[..., :3, :3]
     square = np.abs(turn @ np.swapaxes(turn, -1, -2) - np.eye(3)).max(initial=0.0)
     last = np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(initial=0.0)
     if max(square, last) > _RIGID or (np.linalg.det(turn) < 0.0).any():
-        raise InputError("a pose that is no rotation and shift", where=where, field="poses", mend=_MEND)
+        raise InputError("a pose that is no rotation and shift", where=where, field="poses", hint=_MEND)
 
 
 def check_tables(instances: list[Any], classes: list[Any], where: Path) -> None:
@@ -82,11 +82,11 @@ def check_tables(instances: list[Any], classes: list[Any], where: Path) -> None:
     if not (
         texts and facts and all(type(one) is int and 0 <= one < 2**32 for one in ids) and len(set(ids)) == len(ids)
     ):
-        raise InputError("a row that cannot be, or an id twice", where=where, field="instances", mend=_MEND)
+        raise InputError("a row that cannot be, or an id twice", where=where, field="instances", hint=_MEND)
     numbers = [number for row in classes for number in (row["id"], *row["color"])]
     names = all(isinstance(row["name"], str) and row["name"].isprintable() for row in classes)
     if not (names and all(type(one) is int and 0 <= one < 256 for one in numbers)):
-        raise InputError("a row that cannot be", where=where, field="classes", mend=_MEND)
+        raise InputError("a row that cannot be", where=where, field="classes", hint=_MEND)
 
 
 def check_bands(bands: tuple[tuple[int, int], ...], height: int, where: Path) -> None:
@@ -103,7 +103,7 @@ def check_bands(bands: tuple[tuple[int, int], ...], height: int, where: Path) ->
     edges = [0, *(end for _, end in bands)]
     rises = all(first < end for first, end in bands)
     if not rises or [first for first, _ in bands] != edges[:-1] or edges[-1] != height:
-        raise InputError("bands that do not cover the rows", where=where, field="shutter", mend=_MEND)
+        raise InputError("bands that do not cover the rows", where=where, field="shutter", hint=_MEND)
 
 
 def check_image(pixels: NDArray[Any], kinds: tuple[str, ...], size: tuple[int, int], where: Path) -> None:
@@ -120,9 +120,9 @@ def check_image(pixels: NDArray[Any], kinds: tuple[str, ...], size: tuple[int, i
     """
     if pixels.dtype.name not in kinds or pixels.shape != size[::-1]:
         raise InputError("not an image of this truth", where=where, value=f"{pixels.dtype} {pixels.shape}",
-                         allowed=f"{' or '.join(kinds)} {size[::-1]}", mend=_MEND)  # fmt: skip
+                         allowed=f"{' or '.join(kinds)} {size[::-1]}", hint=_MEND)  # fmt: skip
     if kinds == ("float32",) and not (pixels > 0).all():
-        raise InputError("a depth that is not positive", where=where, mend=_MEND)
+        raise InputError("a depth that is not positive", where=where, hint=_MEND)
 
 
 def read_surface(path: Path) -> tuple[F64, U32, U8]:
@@ -144,7 +144,7 @@ def read_surface(path: Path) -> tuple[F64, U32, U8]:
     parts = stored["draw_part"].astype(np.int64)
     counts = stored["part_count"].astype(np.int64)[parts]
     if int(counts.sum()) > MOST_TRIANGLES:
-        raise InputError(f"draws {int(counts.sum())} triangles", where=path, allowed=str(MOST_TRIANGLES), mend=_MEND)
+        raise InputError(f"draws {int(counts.sum())} triangles", where=path, allowed=str(MOST_TRIANGLES), hint=_MEND)
     draw = np.repeat(np.arange(len(parts)), counts)
     within = np.arange(len(draw)) - np.repeat(np.cumsum(counts) - counts, counts)
     rows = stored["part_first"].astype(np.int64)[parts][draw] + within
@@ -171,4 +171,4 @@ def _check_indices(stored: dict[str, NDArray[Any]], path: Path) -> None:
     }  # fmt: skip
     for name, is_wrong in wrong.items():
         if is_wrong:
-            raise InputError("numbers that cannot be", where=path, field=name, mend=_MEND)
+            raise InputError("numbers that cannot be", where=path, field=name, hint=_MEND)

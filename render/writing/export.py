@@ -127,7 +127,7 @@ def write_video(capture: Capture, out: Path, progress: Progress) -> list[str]:
         str(path), cv2.VideoWriter.fourcc(*"mp4v"), _FILM_RATE, (size[0] * (1 if truth is None else 2), size[1])
     )
     if not film.isOpened():
-        raise InputError("OpenCV here cannot write mp4", where=path, mend="Install opencv-python-headless from a wheel")
+        raise InputError("OpenCV here cannot write mp4", where=path, hint="Install opencv-python-headless from a wheel")
     progress.stage("film", len(capture.images))
     for row in range(len(capture.images)):
         parts = [cv2.resize(load_image(capture, row), size, interpolation=cv2.INTER_AREA)]
@@ -151,7 +151,7 @@ def _truth(capture: Capture) -> Truth:
     if truth is None:
         raise InputError(
             "holds no truth, and so no true cameras", where=capture.folder,
-            mend="Reconstruct it: the cloud's folder holds a COLMAP model",
+            hint="Reconstruct it: the cloud's folder holds a COLMAP model",
         )  # fmt: skip
     return truth
 

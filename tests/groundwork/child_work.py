@@ -39,7 +39,7 @@ def work(request: dict[str, Any], progress: Progress) -> Any:
         case "fail":
             raise ZeroDivisionError("the deck is infinitely thin")
         case "input":
-            raise InputError("wrong", where="scene.usda", field="spans", value=-1, mend="Be positive")
+            raise InputError("wrong", where="scene.usda", field="spans", value=-1, hint="Be positive")
         case "space":
             raise OutOfSpaceError("disk: full")
         case "reject":

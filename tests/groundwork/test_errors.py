@@ -7,7 +7,7 @@ from groundwork.errors import ChildError, FalseworkError, InputError, MissingErr
 
 def test_parts_of_an_input_error_stand_in_order() -> None:
     """File, field, what, value, allowed, mend."""
-    error = InputError("too deep", where="a.toml", field="beam.depth", value=9.0, allowed="0.4 to 3.0", mend="Lower it")
+    error = InputError("too deep", where="a.toml", field="beam.depth", value=9.0, allowed="0.4 to 3.0", hint="Lower it")
     assert str(error) == "a.toml: beam.depth: too deep (found 9.0); allowed: 0.4 to 3.0. Lower it"
     assert str(InputError("wrong")) == "wrong"
 
@@ -25,7 +25,7 @@ def test_the_place_is_said_once() -> None:
 
 def test_line_breaks_are_taken_out() -> None:
     """A message from elsewhere with several lines still comes as one."""
-    assert str(InputError("first\n  second", mend="third\n")) == "first second. third"
+    assert str(InputError("first\n  second", hint="third\n")) == "first second. third"
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ class ComposedSize:
         if site in self._open:
             raise InputError(
                 "arcs lead back to where they started", where=f"{self._bounds.name(file)}: {prim}",
-                mend="Take one of the references of this circle out",
+                hint="Take one of the references of this circle out",
             )  # fmt: skip
         self._open.append(site)
         total = 1
@@ -64,7 +64,7 @@ class ComposedSize:
             if total > self._limit:
                 raise InputError(
                     f"composes to more than {self._limit} prims", where=f"{self._bounds.name(file)}: {prim}",
-                    mend="Use fewer nested references, or a PointInstancer",
+                    hint="Use fewer nested references, or a PointInstancer",
                 )  # fmt: skip
         self._open.pop()
         self._known[site] = total
@@ -81,7 +81,7 @@ class ComposedSize:
 
     def _stack(self, file: Path, above: tuple[Path, ...]) -> Iterator[Sdf.Layer]:
         if file in above:
-            raise InputError("is a sublayer of itself", where=self._bounds.name(file), mend="Take it out there")
+            raise InputError("is a sublayer of itself", where=self._bounds.name(file), hint="Take it out there")
         layer = open_layer(file, self._bounds)
         yield layer
         for name in layer.subLayerPaths:

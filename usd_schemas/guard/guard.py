@@ -34,7 +34,7 @@ def check_stage(path: Path, allow_roots: tuple[Path, ...], warn: Warn, most_prim
         InputError: It takes files from elsewhere, is not readable, leads in a circle, or is too large.
     """
     if not path.is_file():
-        raise MissingError("no such file", where=path, mend="Name a .usda, .usdc, .usd or .usdz file")
+        raise MissingError("no such file", where=path, hint="Name a .usda, .usdc, .usd or .usdz file")
     file = path.resolve()
     bounds = Bounds(file.parent, (file.parent, *(root.resolve() for root in allow_roots)))
     quiet = UsdUtils.CoalescingDiagnosticDelegate()
@@ -47,7 +47,7 @@ def check_stage(path: Path, allow_roots: tuple[Path, ...], warn: Warn, most_prim
             ComposedSize(bounds, most_prims, warn).count(file)
         _check_composed(Usd.Stage.Open(str(file)), most_prims, warn)
     except RecursionError:
-        raise InputError("prims or references are nested too deep", where=path, mend="Flatten the stage") from None
+        raise InputError("prims or references are nested too deep", where=path, hint="Flatten the stage") from None
     finally:
         del quiet
 

@@ -115,9 +115,9 @@ def open_layer(file: Path, bounds: Bounds) -> Sdf.Layer:
         layer = Sdf.Layer.FindOrOpen(str(file))
     except Exception as error:
         what = f"not readable as USD: {reason_of(error)}"
-        raise InputError(what, where=bounds.name(file), mend="Check the file") from None
+        raise InputError(what, where=bounds.name(file), hint="Check the file") from None
     if layer is None:
-        raise InputError("not readable as USD", where=bounds.name(file), mend="Check the file")
+        raise InputError("not readable as USD", where=bounds.name(file), hint="Check the file")
     return layer
 
 
@@ -128,7 +128,7 @@ def _refuse_found(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> No
         raise InputError(
             f"{name} is not there, and would be taken from {Path(found).parent}",
             where=f"{bounds.name(file)}{_holder(layer, name)}", allowed="files below the folder of the root layer",
-            mend="Copy the file there",
+            hint="Copy the file there",
         )  # fmt: skip
 
 
@@ -151,7 +151,7 @@ def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
         raise InputError(
             f"{name} {how}", where=f"{bounds.name(file)}{holder}",
             allowed="files below the folder of the root layer",
-            mend="Copy the file there" + ("" if remote else f", or add {_allowing(bounds, target)}"),
+            hint="Copy the file there" + ("" if remote else f", or add {_allowing(bounds, target)}"),
         )  # fmt: skip
     return target
 

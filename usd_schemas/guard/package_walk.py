@@ -30,7 +30,7 @@ def check_package(file: Path, where: str) -> None:
         with ZipFile(file) as archive:
             names = archive.namelist()
     except (BadZipFile, OSError, ValueError, NotImplementedError):
-        raise InputError("not readable as a usdz package", where=where, mend="Check the file") from None
+        raise InputError("not readable as a usdz package", where=where, hint="Check the file") from None
     pending = [f"{file}[{name}]" for name in names if is_layer(name)]
     seen: set[str] = set()
     while pending:
@@ -47,7 +47,7 @@ def check_package(file: Path, where: str) -> None:
             if _ELSEWHERE.match(name) or _CLIMBS.search(target) or not target.startswith(f"{file}["):
                 raise InputError(
                     f"{name} leads out of the package", where=inside, allowed="files inside the package",
-                    mend="Package it anew with all that it uses",
+                    hint="Package it anew with all that it uses",
                 )  # fmt: skip
             if is_layer(target.rstrip("]")):
                 pending.append(target)
@@ -106,7 +106,7 @@ def _opened(identifier: str, where: str) -> Sdf.Layer:
     try:
         layer = Sdf.Layer.FindOrOpen(identifier)
     except Exception as error:
-        raise InputError(f"not readable as USD: {reason_of(error)}", where=where, mend="Check the file") from None
+        raise InputError(f"not readable as USD: {reason_of(error)}", where=where, hint="Check the file") from None
     if layer is None:
-        raise InputError("not readable as USD", where=where, mend="Check the file")
+        raise InputError("not readable as USD", where=where, hint="Check the file")
     return layer

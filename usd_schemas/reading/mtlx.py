@@ -64,7 +64,7 @@ def read_document(path: Path) -> Document:
     try:
         MaterialX.readFromXmlString(content, data.decode(), MaterialX.FileSearchPath(), options)
     except (MaterialX.ExceptionParseError, MaterialX.Exception, UnicodeDecodeError) as error:
-        raise InputError(f"not readable as MaterialX: {error}", where=path, mend="Check the file") from None
+        raise InputError(f"not readable as MaterialX: {error}", where=path, hint="Check the file") from None
     return Document(path, content, _INCLUDE.search(data) is not None)
 
 

@@ -96,7 +96,7 @@ def compose_stage(path: Path, choices: StageChoices = AS_AUTHORED) -> ComposedSt
         scene = _flatten_stage(stage, choices, warn)
         if scene is None:
             hint = next(iter(warnings), "Check visibility, purpose, payloads and variant selections")
-            raise InputError("the stage shows no geometry", where=path, mend=hint)
+            raise InputError("the stage shows no geometry", where=path, hint=hint)
         layers = [layer for layer in layers if layer != stage.GetSessionLayer()]
         files = [Path(layer.realPath.partition("[")[0]).resolve() for layer in layers if layer.realPath]
         adopted = [documents.files[layer.identifier] for layer in layers if layer.identifier in documents.files]
@@ -198,9 +198,9 @@ def stage_to_world(stage: Usd.Stage) -> F64:
 
 def _open(path: Path) -> tuple[Adopted, Usd.Stage]:
     if not path.exists():
-        raise MissingError("no such file", where=path, mend="Check the path")
+        raise MissingError("no such file", where=path, hint="Check the path")
     if path.is_dir():
-        raise InputError("is a folder, not a USD file", where=path, mend="Name the stage inside it, e.g. scene.usda")
+        raise InputError("is a folder, not a USD file", where=path, hint="Name the stage inside it, e.g. scene.usda")
     try:
         documents = Adopted(path)
         return documents, Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
