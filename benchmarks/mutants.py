@@ -127,15 +127,26 @@ def is_noticed(mutant: Mutant, tree: Path) -> bool:
     target = tree / mutant.module
     kept = target.read_text(encoding="utf-8")
     target.write_text(mutant.text, encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *SUBJECTS[mutant.subject][1]]
+    try:
+        return not tests_pass(mutant.subject, tree)
+    finally:
+        target.write_text(kept, encoding="utf-8")
+
+
+def tests_pass(subject: str, tree: Path) -> bool:
+    """Run the tests of a subject in a copy of the repository; an endless loop counts as a failure.
+
+    Args:
+        subject: Row of `SUBJECTS`.
+        tree: The copy.
+    """
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *SUBJECTS[subject][1]]
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(tree)}
     try:
         done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=TIME_LIMIT, check=False)
     except subprocess.TimeoutExpired:
-        return True
-    finally:
-        target.write_text(kept, encoding="utf-8")
-    return done.returncode != 0
+        return False
+    return done.returncode == 0
 
 
 def main() -> None:
@@ -156,6 +167,8 @@ def main() -> None:
             shutil.copytree(ROOT / folder, tree / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy(ROOT / "pyproject.toml", tree)
         for subject in subjects:
+            if not tests_pass(subject, tree):  # else every fault would count as noticed
+                sys.exit(f"the tests of {subject} fail without any fault")
             every = [mutant for module in SUBJECTS[subject][0] for mutant in mutants_of(subject, module)]
             for row in sorted(rng.permutation(len(every))[:share].tolist()):
                 found.append((every[row], is_noticed(every[row], tree)))
