@@ -214,6 +214,7 @@ def _elsewhere(name: str, about: str) -> Callable[[], int]:
     return verb
 
 
+HELP = {"-h", "--help"}
 LEARN = {"torch", "lightning", "safetensors", "sklearn"}  # what the extra of that name brings
 _LINES = {name: _elsewhere(name, about) for name, about in ELSEWHERE.items()}
 VERBS = {
@@ -237,15 +238,19 @@ def main(arguments: list[str] | None = None) -> None:
         arguments: Words after the program's name; those of the process when None.
     """
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(TERMINATED))
+    words = sys.argv[1:] if arguments is None else arguments
     try:
         _check_here()
-        words = sys.argv[1:] if arguments is None else arguments
         if words[:1] and words[0] in GROUPS:
             code = _group(words[0], words[1:])
         elif words[:1] and words[0] in SINGLE:
             code = _single(words[0], words[1:])
         else:
             code = _call(VERBS, words, "falsework", ABOUT)
+    except SystemExit as left:
+        if not left.code and not HELP.isdisjoint(words):
+            _show_examples(words)
+        raise
     except FalseworkError as error:
         reason = f"{error.reason}: " if isinstance(error, RejectedSceneError) else ""
         sys.stderr.write(f"falsework: {reason}{error}\n")
@@ -263,6 +268,14 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stderr.write("falsework: interrupted; the same command goes on where it stopped\n")
         code = INTERRUPTED
     sys.exit(code)
+
+
+def _show_examples(words: list[str]) -> None:
+    from falsework.commands.examples import examples_for
+
+    found = examples_for(words)
+    if found:
+        _say("\n".join([f"Example{'s'[: len(found) - 1]}:", *(f"  {line}" for line in found)]))
 
 
 def _check_here() -> None:

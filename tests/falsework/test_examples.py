@@ -1,0 +1,66 @@
+"""The examples below the help of each verb."""
+
+from __future__ import annotations
+
+import functools
+import shlex
+from collections.abc import Callable
+from importlib import import_module
+
+import pytest
+import tyro
+
+from falsework.cli import GROUPS, SINGLE, VERBS, main
+from falsework.commands.examples import EXAMPLES, examples_for
+
+
+def verbs() -> dict[str, Callable[..., int]]:
+    """Collect every verb, those of groups under two words."""
+    found = {name: verb for name, verb in VERBS.items() if name not in GROUPS and name not in SINGLE}
+    for name, (module, _) in SINGLE.items():
+        found[name] = getattr(import_module(f"falsework.commands.{module}"), name)
+    for group in GROUPS:
+        module = import_module(f"falsework.commands.{group}_verbs")
+        found |= {f"{group} {name}": verb for name, verb in getattr(module, f"{group.upper()}_VERBS").items()}
+    return found
+
+
+def test_every_verb_has_an_example() -> None:
+    """No verb lacks one, and no example is of a verb that is not there."""
+    assert sorted(EXAMPLES) == sorted(verbs())
+
+
+@pytest.mark.parametrize("name", sorted(EXAMPLES))
+def test_the_parser_takes_each_example(name: str) -> None:
+    """Each begins with its verb, and its further words are such as the verb takes."""
+    verb = verbs()[name]
+
+    @functools.wraps(verb)
+    def taken(*_: object, **__: object) -> int:
+        return 0
+
+    for line in EXAMPLES[name]:
+        program, *words = shlex.split(line)
+        assert program == "falsework"
+        assert " ".join(words[: len(name.split())]) == name
+        rest = words[len(name.split()) :]
+        assert tyro.cli(taken, args=rest, config=(tyro.conf.FlagCreatePairsOff,)) == 0
+        with pytest.raises(SystemExit):
+            tyro.cli(taken, args=[*rest, "--nobodys"], config=(tyro.conf.FlagCreatePairsOff,))
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"), [(["predict", "--help"], 1), (["scene", "set", "-h"], 2), (["scene", "-h"], 0)]
+)
+def test_help_ends_with_the_examples(words: list[str], shown: int, capsys: pytest.CaptureFixture[str]) -> None:
+    """Below the help of a verb, not of a group; the exit code stays 0."""
+    with pytest.raises(SystemExit) as left:
+        main(words)
+    assert not left.value.code
+    lines = capsys.readouterr().out.rstrip().splitlines()
+    assert len(examples_for(words)) == shown
+    if shown:
+        assert [line.strip() for line in lines[-shown:]] == list(examples_for(words))
+        assert lines[-shown - 1] == f"Example{'s'[: shown - 1]}:"
+    else:
+        assert not any(line.startswith("Example") for line in lines)
