@@ -80,11 +80,11 @@ class Distortion:
                 error = self.distort(found) - xy
                 if not np.any(np.abs(error) > CLOSE):
                     break
-                xx, xy_, yy = self._slopes(found)
+                xx, xy_, yy = self.slopes(found)
                 area = xx * yy - xy_ * xy_
                 found[..., 0] -= (yy * error[..., 0] - xy_ * error[..., 1]) / area
                 found[..., 1] -= (xx * error[..., 1] - xy_ * error[..., 0]) / area
-            xx, xy_, yy = self._slopes(found)
+            xx, xy_, yy = self.slopes(found)
             # The slopes are symmetric; while both of their own values are positive the polynomial has not folded yet.
             good = (xx + yy > 0.0) & (xx * yy - xy_ * xy_ > 0.0)
             good &= np.all(np.abs(self.distort(found) - xy) <= 1e3 * CLOSE, axis=-1)
@@ -97,8 +97,15 @@ class Distortion:
             )
         return found
 
-    def _slopes(self, xy: F64) -> tuple[F64, F64, F64]:
-        """Derivatives dx/dx, dx/dy = dy/dx and dy/dy of the distorted coordinates."""
+    def slopes(self, xy: F64) -> tuple[F64, F64, F64]:
+        """Derive the distorted coordinates from the normalised ones.
+
+        Args:
+            xy: Normalised coordinates [1], shape (..., 2), float64.
+
+        Returns:
+            Derivatives dx/dx, dx/dy = dy/dx and dy/dy [1], each of shape (...), float64.
+        """
         x, y = xy[..., 0], xy[..., 1]
         square = x * x + y * y
         radial = 1.0 + square * (self.k1 + square * self.k2)

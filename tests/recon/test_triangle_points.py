@@ -43,6 +43,13 @@ def test_nearest_points_against_a_search() -> None:
     assert (weights > -1e-9).all()
 
 
+def test_a_triangle_that_is_a_point_is_nearest_there() -> None:
+    """Three equal corners: that point, whatever is asked."""
+    corners = np.repeat(np.array([[[1.0, 2.0, 3.0]], [[-4.0, 0.0, 0.5]]]), 3, axis=1)
+    points = np.array([[0.0, 0.0, 0.0], [-4.0, 0.0, 0.5]])
+    np.testing.assert_array_equal(nearest_on_triangles(points, corners, np.arange(2)), corners[:, 0])
+
+
 def test_thin_triangles_keep_their_millimetres(monkeypatch: pytest.MonkeyPatch) -> None:
     """Points beside two slivers 350 m long and a millimetre wide: 1 to 50 cm off, right to less than a tenth of a mm.
 

@@ -42,6 +42,19 @@ def test_undistort_inverts_distort(k1: float, k2: float, p1: float, p2: float) -
     np.testing.assert_allclose(lens.undistort(lens.distort(xy)), xy, atol=1e-9)
 
 
+def test_slopes_are_the_derivatives() -> None:
+    """Central differences find the same slopes, all over the image; else Newton is slow and folds hide."""
+    step, xy = 1e-5, grid(0.7, 0.5)
+    lens = Distortion(-0.11, 0.04, 0.01, -0.02)
+    by_x, by_y = (
+        (lens.distort(xy + np.array(aside)) - lens.distort(xy - np.array(aside))) / (2 * step)
+        for aside in ((step, 0.0), (0.0, step))
+    )
+    xx, mixed, yy = lens.slopes(xy)
+    for found, wanted in ((xx, by_x[..., 0]), (mixed, by_x[..., 1]), (mixed, by_y[..., 0]), (yy, by_y[..., 1])):
+        np.testing.assert_allclose(found, wanted, atol=1e-9)
+
+
 def test_a_lens_that_folds_is_refused() -> None:
     """Pure barrel x + k1 x³ turns back at x = 1 / sqrt(-3 k1): just inside there is an inverse, just outside none."""
     lens = Distortion(k1=-1.0 / 3.0)  # turns at x = 1, where it draws 2 / 3

@@ -211,6 +211,23 @@ def test_hangers_reach_from_the_deck_to_the_parabola() -> None:
             assert winding(end, faces) == pytest.approx(1.0, abs=1e-6), (hanger.name, kind)
 
 
+def test_drawn_cables_keep_to_the_parabola() -> None:
+    """Corners of a main cable lie on it, one at each hanger; middles of chords leave it by the limit at most."""
+    bridge = hung(side_spans="straight")
+    record: DrawnSuspension = bridge.drawn.record
+    cables, level = record.cables, bridge.layout.alignment.level
+    for cable in named(bridge, "MainCable_1"):
+        points = cable.mesh.points.reshape(-1, 16, 3).mean(axis=1)
+        along = np.linalg.norm(points[:, :2] - points[0, :2], axis=1)
+        station = 0.5 * sum(cables.towers) + along - 0.5 * along[-1]
+        np.testing.assert_allclose(points[:, 2], cables.height(station) + level, atol=1e-6)
+        off = 0.5 * (points[1:, 2] + points[:-1, 2]) - cables.height(0.5 * (station[1:] + station[:-1])) - level
+        assert 0.0 < off.max() <= CHORD_SAG * (1.0 + 1e-6)
+        held = np.array(cables.main_hangers)
+        np.testing.assert_allclose(station[np.abs(station[:, None] - held).argmin(axis=0)], held, atol=1e-6)
+        assert np.diff(station).min() > 0.05
+
+
 @pytest.mark.parametrize("sides", ["straight", "suspended"])
 def test_main_cables_run_from_anchor_to_anchor(sides: str) -> None:
     """Every cable's ends lie inside a saddle or a casting; the outer pieces of a straight backstay are straight."""
