@@ -57,18 +57,19 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "surveys": (
         ("authoring/surveys/coverage.py", "authoring/surveys/gps.py", "authoring/surveys/way.py"),
         ("tests/authoring/test_surveys.py", "tests/authoring/test_local_survey.py",
-         "tests/authoring/test_random_surveys.py"),
+         "tests/authoring/test_random_surveys.py", "tests/authoring/test_inspection.py"),
     ),
     "light": (("render/light/daylight.py", "render/light/local_lights.py"),
               ("tests/render/test_light.py", "tests/render/test_local_lights.py")),
     "store": (
         ("falsework/store/store.py", "falsework/store/artefact.py", "falsework/store/verification.py"),
-        ("tests/falsework/test_store.py", "tests/falsework/test_verification.py"),
+        ("tests/falsework/test_store.py", "tests/falsework/test_verification.py",
+         "tests/falsework/test_run_samples.py"),
     ),
     "files": (
         ("groundwork/files.py", "groundwork/output_swap.py"),
         ("tests/groundwork/test_files.py", "tests/groundwork/test_output_folder.py",
-         "tests/groundwork/test_output_file.py"),
+         "tests/groundwork/test_output_file.py", "tests/faults/test_output_faults.py"),
     ),
     "scores": (("learn/metrics.py", "learn/panoptic.py", "learn/losses.py"),
                ("tests/learn/test_metrics.py", "tests/learn/test_losses.py")),

@@ -138,6 +138,37 @@ def test_a_stage_without_light_gets_a_day(gl: Gl, ideal: RenderSettings) -> None
     assert 0.1 < light[60, 80, 1] < 2.0
 
 
+def test_the_default_day_is_bright_at_its_horizon() -> None:
+    """Blue overhead, pale at the horizon, dark below it, down to the nadir itself."""
+    day, _ = read_daylight(plate(Material("card")).build(DOWN[None]))
+    height = np.array([1.0, 0.5, 0.2, 0.02, -0.02, -0.5, -1.0])
+    seen = day.radiance(np.stack([np.sqrt(1.0 - height**2), 0.0 * height, height], axis=1))
+    zenith, horizon, ground = (0.16, 0.28, 0.55), (0.55, 0.66, 0.80), (0.13, 0.13, 0.11)
+    np.testing.assert_allclose(seen[0], zenith, atol=0.01)
+    np.testing.assert_allclose(seen[3], horizon, rtol=0.1)
+    assert (np.diff(seen[:4], axis=0) > 0.0).all()
+    np.testing.assert_allclose(seen[4:], np.tile(ground, (3, 1)), rtol=1e-6)
+
+
+def test_directions_spread_evenly_over_the_sphere() -> None:
+    """Unit vectors whose first two moments are those of the sphere."""
+    directions = sphere(4096)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=1e-3)
+    np.testing.assert_allclose(directions.T @ directions / len(directions), np.eye(3) / 3.0, atol=1e-3)
+
+
+def test_a_picture_as_dome_is_decoded_from_srgb(tmp_path: Path) -> None:
+    """Codes 5, 10, 11 and 188 are the radiance of IEC 61966-2-1, all around."""
+    for code, linear in ((5, 0.001517635), (10, 0.003035270), (11, 0.003346536), (188, 0.502886458)):
+        file = tmp_path / f"{code}.png"
+        cv2.imwrite(str(file), np.full((8, 16, 3), code, np.uint8))
+        scene = replace(plate(Material("card")).build(DOWN[None]), dome=Dome((1.0, 1.0, 1.0), str(file)))
+        day, warnings = read_daylight(scene)
+        assert warnings == []
+        np.testing.assert_allclose(day.radiance(sphere(64)), linear, rtol=1e-4)
+
+
 def write_quadrants(path: Path) -> None:
     """Write red over green on the left, blue over white on the right."""
     pixels = np.zeros((64, 64, 3), np.uint8)
