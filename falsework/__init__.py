@@ -9,7 +9,8 @@
 
 Each writes one folder as a whole and gives back what lies in it; a folder that is there is read with `read_stage`,
 `read_capture`, `read_truth` and `read_cloud`. `load_scenario` and `run` make many scenes, as `falsework run` does.
-Whatever is wrong with a file or a setting is an `InputError` of one line. docs/python.md shows all of it.
+Whatever is wrong with a file, a folder or a scenario is an `InputError` of one line; a settings class that is given a
+wrong value raises pydantic's `ValidationError`. docs/python.md shows all of it.
 """
 
 from importlib import import_module

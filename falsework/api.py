@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from groundwork.errors import InputError
 from groundwork.progress import SILENT, Progress
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from recon.settings import ReconSettings
     from render.capture import Capture
     from render.settings import RenderSettings
+
+S = TypeVar("S")
 
 
 def author(
@@ -56,7 +58,7 @@ def render(
     survey: str | None = None,
     settings: RenderSettings | None = None,
     seed: int = 7,
-    allow_roots: tuple[Path, ...] = (),
+    allow_roots: Path | str | Iterable[Path | str] = (),
     progress: Progress = SILENT,
 ) -> dict[str, Capture]:
     """Render any USD stage: a capture for each of its RenderProducts, or for each camera where it has none.
@@ -67,7 +69,7 @@ def render(
         survey: Only this product or camera.
         settings: How to draw it; `RenderSettings()` when None.
         seed: Seed of the sensor's noise.
-        allow_roots: Folders beside that of the stage from which it may take layers and textures.
+        allow_roots: A folder, or several, beside that of the stage from which it may take layers and textures.
         progress: Listener.
 
     Returns:
@@ -83,8 +85,8 @@ def render(
     from render.capture import read_capture
     from render.settings import RenderSettings
 
-    told = (settings or RenderSettings()).model_dump(mode="json")
-    names = render_file(Path(stage), Path(out), survey, told, seed, progress, allow_roots)
+    told = _settings(settings or RenderSettings(), RenderSettings).model_dump(mode="json")
+    names = render_file(Path(stage), Path(out), survey, told, seed, progress, _roots(allow_roots))
     return {name: read_capture(Path(out) / name) for name in names}
 
 
@@ -123,7 +125,7 @@ def reconstruct(
     from recon.settings import ReconSettings
     from render.capture import Capture
 
-    wanted = settings or ReconSettings()
+    wanted = _settings(settings or ReconSettings(), ReconSettings)
     if len(wanted.modes) > 1:
         raise InputError("one cloud a call", field="mode", value=wanted.mode, allowed=", ".join(wanted.modes),
                          hint="Call twice, the second time with the first cloud as model")  # fmt: skip
@@ -137,7 +139,7 @@ def sample(
     out: Path | str,
     settings: MeshSettings | TerrestrialSettings | MobileSettings,
     *,
-    allow_roots: tuple[Path, ...] = (),
+    allow_roots: Path | str | Iterable[Path | str] = (),
     progress: Progress = SILENT,
 ) -> Cloud:
     """Make a cloud from a stage without any image: points on its surface, or the scan of a laser.
@@ -146,7 +148,7 @@ def sample(
         stage: USD file.
         out: Folder to write.
         settings: The sampler: `MeshSettings`, `TerrestrialSettings` (a tripod) or `MobileSettings`.
-        allow_roots: Folders beside that of the stage from which it may take files.
+        allow_roots: A folder, or several, beside that of the stage from which it may take files.
         progress: Listener.
 
     Returns:
@@ -160,10 +162,11 @@ def sample(
     """
     from falsework.commands.verbs import sample_file
     from recon.cloud import read_cloud
-    from recon.sampling.sampler_settings import MeshSettings
+    from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
 
+    _settings(settings, MeshSettings, TerrestrialSettings, MobileSettings)
     kind = "mesh" if isinstance(settings, MeshSettings) else settings.kind
-    sample_file(Path(stage), Path(out), kind, settings, progress, allow_roots)
+    sample_file(Path(stage), Path(out), kind, settings, progress, _roots(allow_roots))
     return read_cloud(Path(out))
 
 
@@ -223,3 +226,15 @@ def save_cloud(cloud: Cloud, out: Path | str) -> None:
     from recon.cloud import write_cloud
 
     fresh_output(Path(out), "cloud", lambda folder: write_cloud(folder, cloud))
+
+
+def _roots(allowed: Path | str | Iterable[Path | str]) -> tuple[Path, ...]:
+    """Take one folder for what it is: the letters of its name are none."""
+    return (Path(allowed),) if isinstance(allowed, Path | str) else tuple(Path(root) for root in allowed)
+
+
+def _settings(given: S, *kinds: type[Any]) -> S:
+    if not isinstance(given, kinds):
+        raise InputError("not settings of this verb", field="settings", value=type(given).__name__,
+                         allowed=", ".join(kind.__name__ for kind in kinds))  # fmt: skip
+    return given

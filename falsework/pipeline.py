@@ -13,6 +13,7 @@ from falsework.execution.outcome import Outcome
 from falsework.execution.scene import BusySceneError, Manner, run_scene, steps_of
 from falsework.scenario import Scenario
 from falsework.store.store import Store
+from groundwork.errors import InputError
 from groundwork.progress import Progress
 
 __all__ = ["Outcome", "run_scenario"]
@@ -42,6 +43,13 @@ def run_scenario(
             wrong with the only scene of the scenario.
         OutOfSpaceError: The disk is full; finished results stay.
     """
+    if workers < 0 or (workers and cluster):
+        raise InputError("no such number of workers", field="workers", value=workers,
+                         allowed="0 or more, and none beside a cluster")  # fmt: skip
+    indices = list(range(scenario.scenes) if scenes is None else scenes)
+    if not set(indices) <= set(range(scenario.scenes)):
+        raise InputError("no such scene", field="scenes", value=sorted(set(indices) - set(range(scenario.scenes))),
+                         allowed=f"0 to {scenario.scenes - 1}")  # fmt: skip
     if cluster is not None:
         from falsework.execution.cluster import check_address
 
@@ -49,7 +57,6 @@ def run_scenario(
     claim_run(out, scenario)
     sources = look_at_sources(scenario, progress)
     manner = Manner(quarantine=scenario.scenes > 1, retry=retry_failed, keep=scenario.keep)
-    indices = list(range(scenario.scenes) if scenes is None else scenes)
     if indices and (workers or cluster):
         from falsework.execution.cluster import SceneJob, run_on_cluster
 

@@ -135,6 +135,8 @@ def scenario_of(values: Mapping[str, Any], path: Path = Path("scenario")) -> Sce
     Raises:
         InputError: A key or value that is not allowed.
     """
+    if not isinstance(values, Mapping):
+        raise InputError("not the sections and keys of a scenario", value=values, hint="load_scenario reads a file")
     given = parse_settings(Scenario, dict(values), path)
     try:
         return _with_stage(_with_surfaces(_with_skies(_with_worlds(given, path), path), path), path)

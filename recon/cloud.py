@@ -145,11 +145,14 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
         cloud: What to write.
 
     Raises:
-        InputError: A column is missing or of a wrong shape or type.
+        InputError: A column is missing, unknown, or of a wrong shape or type.
     """
     _check(folder, cloud)
-    (folder / OBSERVATIONS).mkdir()
     kinds = _kinds(cloud.columns)
+    if unknown := cloud.columns.keys() - kinds.keys():
+        raise InputError("a column that the format does not have", field="columns", value=sorted(unknown)[0],
+                         allowed=", ".join(kinds), hint="Keep it in a file of your own")  # fmt: skip
+    (folder / OBSERVATIONS).mkdir()
     for name in kinds:
         _save(folder / f"{name}.npy", cloud.columns[name])
     for name in OBSERVATION_COLUMNS:

@@ -285,11 +285,11 @@ class Truth:
         return read_surface(self.folder / "surface.npz")
 
 
-def read_truth(capture: Capture) -> Truth | None:
+def read_truth(capture: Capture | Path | str) -> Truth | None:
     """Open the truth beside a capture, if there is any.
 
     Args:
-        capture: A capture.
+        capture: A capture, or its folder.
 
     Returns:
         The truth, or None for real photographs.
@@ -297,8 +297,9 @@ def read_truth(capture: Capture) -> Truth | None:
     Raises:
         InputError: The truth does not belong to these images.
     """
-    with reading(capture.folder):
-        return _read_truth(capture)
+    known = capture if isinstance(capture, Capture) else read_capture(capture)
+    with reading(known.folder):
+        return _read_truth(known)
 
 
 def _read_truth(capture: Capture) -> Truth | None:

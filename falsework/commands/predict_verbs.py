@@ -35,7 +35,7 @@ def predict(
         model: What knows the classes: a folder that falsework train has written, or module:function of a model of
             your own. Left out: the small model of the package, of positions alone; its card, whose path is said, tells
             what it cannot do.
-        unit: Unit of the coordinates, where the scan does not say it.
+        unit: Unit of the coordinates; counts more than what the scan says.
         scale: Metres that one unit of a cloud without scale stands for.
         up: Axis of the scan that points up.
         table: Table of classes to sum into, one of those in docs/classes.md; left out: the model's own.
@@ -62,6 +62,8 @@ def predict(
         output_place(output, [Path(model)])
     with ConsoleProgress() as progress:
         made = predict_scan(scan, output, known, settings, progress)
+    for line in made.doubts:
+        sys.stderr.write(f"warning: {line}\n")
     for name, count in made.counts.items():
         sys.stdout.write(f"{name:<16} {count:>10} points  {count / made.points:6.1%}\n")
     if made.unlabelled:

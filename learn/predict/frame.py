@@ -17,6 +17,8 @@ _TURNS: dict[str, tuple[tuple[int, ...], ...]] = {
     "x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)), "-x": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
 }  # fmt: skip
 
+_SAME = 1e-3  # [1] the feet of a survey and of everybody else are one length here
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -78,3 +80,15 @@ def choose_frame(said: float | None, settings: PredictSettings, where: object) -
             hint="Name it, or give --scale, the metres that one unit of a cloud without scale stands for",
         )  # fmt: skip
     return Frame(meters, np.array(_TURNS[settings.up], np.float64))
+
+
+def contradiction(said: float | None, frame: Frame) -> str:
+    """Tell that the user says another unit than the scan; empty where both agree or the scan says none.
+
+    Args:
+        said: Length of a unit as the scan says [m]; None where it does not.
+        frame: Of `choose_frame`.
+    """
+    if not said or abs(frame.meters / said - 1.0) < _SAME:
+        return ""
+    return f"the scan says {said:g} m a unit and you say {frame.meters:g} m: what you say counts"

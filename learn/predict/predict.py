@@ -21,7 +21,7 @@ from learn.datasets.tiles import cut_tiles, with_heights
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
 from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
-from learn.predict.frame import Frame, choose_frame
+from learn.predict.frame import Frame, choose_frame, contradiction
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
 from learn.sample import Sample
@@ -33,6 +33,7 @@ _OWN_FILES = {".laz": "cloud.laz", ".las": "cloud.laz", ".ply": "cloud.ply"}  # 
 _ASPRS = "asprs"  # of this table, and of no other, the ids are those of LAS' own field
 FORMAT = "falsework.instances"
 BOXES = ".instances.json"
+_FEWEST_SEEN = 0.002  # [1] of the points: with fewer in cubes of their own the unit is hardly right
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class Prediction:
         counts: Points of each class that was given, by name.
         unlabelled: Points that got no class.
         instances: Number of instances.
+        doubts: A line for each reason to look at the unit again.
     """
 
     points: int
@@ -52,6 +54,7 @@ class Prediction:
     counts: dict[str, int]
     unlabelled: int
     instances: int
+    doubts: tuple[str, ...] = ()
 
 
 def predict_scan(
@@ -74,6 +77,7 @@ def predict_scan(
     """
     file, said = _file_of(source, out)
     former = _boxes_record(out.with_suffix(BOXES))
+    _refuse_boxes_of_another(former, out)
     check_output_file(out.with_suffix(BOXES), [source], lambda path: bool(former))
     check_output_file(out, [source], lambda path: _is_former(former, path))
     check_copy(file, out)
@@ -83,7 +87,8 @@ def predict_scan(
     ids = tuple(getattr(model, "ids", ()))  # of own classes, which no table numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
-        frame = choose_frame(stream.unit if said is None else said or None, settings, source)
+        told = stream.unit if said is None else said or None
+        frame = choose_frame(told, settings, source)
         cloud = thin_stream(stream, frame, model, settings.chunk, source)
         classes, sure = summing.decide(vote(cloud, model, settings.batch, progress), settings.min_confidence)
         instance = connected_parts(cloud.coord, classes, settings.link, settings.fewest, summing.background)
@@ -109,7 +114,8 @@ def predict_scan(
             record |= {"table": summing.table, "meters_per_unit": frame.meters, "instances": found,
                        "classes": {str(i): name for i, name in names.items()}}  # fmt: skip
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
-        return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found))
+        doubts = _doubts(contradiction(told, frame), len(cloud), stream.count)
+        return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
 
 
 @contextmanager
@@ -136,6 +142,19 @@ def _boxes_record(boxes_file: Path) -> dict[str, Any]:
     except InputError:
         return {}
     return record if isinstance(record, dict) and record.get("format") == FORMAT else {}
+
+
+def _refuse_boxes_of_another(record: dict[str, Any], out: Path) -> None:
+    """Boxes stand beside the copy under its name without its suffix: those of two formats would be one file."""
+    other = out.with_suffix(str((record.get("copy") or {}).get("suffix") or out.suffix))
+    if other.suffix != out.suffix and other.exists():
+        raise InputError(f"holds the boxes of {other.name}", where=out.with_suffix(BOXES),
+                         hint="Choose a name for the copy that differs in more than its suffix")  # fmt: skip
+
+
+def _doubts(contradicted: str, seen: int, count: int) -> tuple[str, ...]:
+    few = f"the model saw {seen} of {count} points: is the unit right?" if seen < max(_FEWEST_SEEN * count, 2) else ""
+    return tuple(line for line in (contradicted, few) if line)
 
 
 def _is_former(record: dict[str, Any], copy: Path) -> bool:

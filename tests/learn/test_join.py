@@ -115,6 +115,9 @@ def test_a_second_prediction_replaces_its_former_output_alone(
     assert set(np.unique(laspy.read(out)["predicted_class"])) == {3, 255}
     assert call(*words, out) == 0
     assert out.read_bytes() == first
+    capsys.readouterr()
+    assert call(*words, tmp_path / "labelled.las") == 2
+    assert "holds the boxes of labelled.laz" in capsys.readouterr().err
     scan = tmp_path / "labelled.las"  # of the user, beside boxes that speak of the .laz
     scan.write_bytes(b"years of scanning")
     assert call(*words, scan) == 2

@@ -19,6 +19,7 @@ from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
 from learn.instances import connected_parts
 from learn.predict.class_sum import sum_classes
+from learn.predict.frame import Frame, contradiction
 from learn.predict.predict import predict_scan
 from learn.predict.settings import PredictSettings
 from recon.formats.laz import write_laz
@@ -179,8 +180,8 @@ def test_other_formats_are_copied(tmp_path: Path) -> None:
     # text
     lines = [f"{x:.4f} {y:.4f} {z:.4f} {r} {g} {b}\r\n" for (x, y, z), (r, g, b) in zip(coord, color, strict=True)]
     (tmp_path / "a.xyz").write_text("# a comment\n" + "".join(lines), newline="")
-    predict_scan(tmp_path / "a.xyz", tmp_path / "b.xyz", ColorModel(), meters)
-    back = (tmp_path / "b.xyz").read_bytes().decode().split("\n")
+    predict_scan(tmp_path / "a.xyz", tmp_path / "text.xyz", ColorModel(), meters)
+    back = (tmp_path / "text.xyz").read_bytes().decode().split("\n")
     assert back[0] == "# a comment"
     for old, new, label in zip(lines, back[1:], expected, strict=False):
         assert new.startswith(old.strip() + f" {label} 0.7 ")
@@ -200,8 +201,8 @@ def test_other_formats_are_copied(tmp_path: Path) -> None:
         np.testing.assert_array_equal(records[name], table[name])
     np.testing.assert_array_equal(records["predicted_class"], expected)
     # whatever it is, into a new LAZ
-    predict_scan(tmp_path / "a.ply", tmp_path / "b.laz", ColorModel(), meters)
-    las = laspy.read(tmp_path / "b.laz")
+    predict_scan(tmp_path / "a.ply", tmp_path / "packed.laz", ColorModel(), meters)
+    las = laspy.read(tmp_path / "packed.laz")
     np.testing.assert_allclose(np.asarray(las.xyz), coord, atol=0.51e-4)
     np.testing.assert_array_equal(las["predicted_class"], expected)
 
@@ -221,8 +222,8 @@ def test_e57(tmp_path: Path) -> None:
     scan = read_scan(tmp_path / "a.e57")
     np.testing.assert_allclose(scan.coord, coord, atol=1e-6)
     np.testing.assert_array_equal(scan.color, color)
-    predict_scan(tmp_path / "a.e57", tmp_path / "b.laz", ColorModel(), PredictSettings(unit="m"))
-    np.testing.assert_array_equal(laspy.read(tmp_path / "b.laz")["predicted_class"], color[:, 0] // 64)
+    predict_scan(tmp_path / "a.e57", tmp_path / "packed.laz", ColorModel(), PredictSettings(unit="m"))
+    np.testing.assert_array_equal(laspy.read(tmp_path / "packed.laz")["predicted_class"], color[:, 0] // 64)
     whole = (tmp_path / "a.e57").read_bytes()
     (tmp_path / "torn.e57").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match="not readable as E57"):
@@ -333,3 +334,11 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         assert said in error, error
         assert len([line for line in error.strip().split("\n") if line.startswith("falsework:")]) == 1
     assert not (tmp_path / "c.npy").exists()
+
+
+def test_another_unit_than_the_scans_is_doubted() -> None:
+    """Two ways to say a foot are one; a metre that is called a foot is named; a scan that says nothing is believed."""
+    turn = np.eye(3)
+    assert contradiction(None, Frame(0.3048, turn)) == ""
+    assert contradiction(1200 / 3937, Frame(0.3048, turn)) == ""
+    assert "the scan says 1 m a unit and you say 0.3048 m" in contradiction(1.0, Frame(0.3048, turn))

@@ -1,0 +1,67 @@
+"""What is wrong with a call from Python is said as on the command line, before anything is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import falsework
+from tests.learn.toy_bridge import toy_cloud
+
+STAGE = """#usda 1.0
+(
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+def Xform "W" (
+    references = @../other/o.usda@</O>
+)
+{
+}
+"""
+SCENARIO = {"sample": [{"kind": "mesh"}]}
+WRONG: Any = {"density": 1.0}
+
+CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
+    "a file as scenario": (lambda out: falsework.author("x.toml", out), "load_scenario reads a file"),  # type: ignore[arg-type]
+    "workers": (lambda out: falsework.run(SCENARIO, out, workers=-1), "no such number of workers"),
+    "scenes": (lambda out: falsework.run(SCENARIO, out, scenes=[9]), "no such scene"),
+    "settings to sample": (lambda out: falsework.sample("x.usda", out, WRONG), "not settings of this verb"),
+    "settings to render": (lambda out: falsework.render("x.usda", out, settings=WRONG), "not settings of this verb"),
+    "settings to reconstruct": (lambda out: falsework.reconstruct("x", out, settings=WRONG), "allowed: ReconSettings"),
+    "a column": (
+        lambda out: falsework.save_cloud(
+            replace(toy_cloud(1, 50), columns={**toy_cloud(1, 50).columns, "mine": np.zeros(50)}), out
+        ),
+        "a column that the format does not have",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_wrong_call_is_one_line(name: str, tmp_path: Path) -> None:
+    """An `InputError` that says what is allowed; the output folder holds no result."""
+    call, said = CALLS[name]
+    with pytest.raises(falsework.InputError, match=said):
+        call(tmp_path / "out")
+    assert not list((tmp_path / "out").glob("*"))
+
+
+def test_one_folder_as_root_is_that_folder_alone(tmp_path: Path) -> None:
+    """The letters of its name are no roots: a slash among them would open the whole disk."""
+    for folder in ("stage", "other"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "other/o.usda").write_text('#usda 1.0\ndef Xform "O"\n{\n    def Cube "Box"\n    {\n    }\n}\n')
+    stage = tmp_path / "stage/s.usda"
+    stage.write_text(STAGE)
+    for roots in ((), "/nonexistent", ["/nonexistent"]):
+        with pytest.raises(falsework.InputError, match=r"o\.usda"):
+            falsework.render(stage, tmp_path / "out", allow_roots=roots)
+    for roots in (str(tmp_path / "other"), [str(tmp_path / "other")]):
+        scan = falsework.sample(stage, tmp_path / "out", falsework.MeshSettings(density=5.0), allow_roots=roots)
+        assert len(scan)
