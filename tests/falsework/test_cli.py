@@ -226,7 +226,7 @@ def test_help_of_predict_says_what_it_needs(capsys: pytest.CaptureFixture[str]) 
     with pytest.raises(SystemExit):
         main(["predict", "--help"])
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    parts = ("Needs the extra learn", "cloud.laz", "table falsework for a model of components")
+    parts = ("Needs the extra learn", "cloud.laz", "falsework for a model of components")
     assert [part for part in parts if part not in said] == []
 
 

@@ -261,7 +261,8 @@ def test_one_name_for_a_folder_of_bridges(
     bridges: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One --bridge cannot name them all: the line says to give each folder and its name."""
-    code, _, error = compare(capsys, [bridges[0].parent], tmp_path / "cmp", "--bridge", "mine")
+    words = ("--preset", bridges[0].parents[1] / "tiny.toml", "--bridge", "mine")
+    code, _, error = call(capsys, "compare", bridges[0].parent, "-o", tmp_path / "cmp", *words)
     assert code == 2
     assert "has several bridges" in error
     assert "Name the folder of each bridge, and one --bridge for each" in error
