@@ -9,14 +9,12 @@ _PIXELS = 2048
 _SEED = 20_531  # one detail for all surfaces, so that its file is the same wherever it lies
 _SPREAD = 0.18  # standard deviation of the grey values [1]
 
-# Specks of a tile of side 1: pitch, radius, share of the places taken, and how high they stand out of the noise. They
-# are grains and pores at every size of the tile: 2 and 4 cm, 0.5 and 1 cm, 1 and 2 mm. Larger ones look like spots of
-# a pelt.
+# Specks of a tile of side 1: pitch, radius, share of the places taken, and how high they stand out of the noise.
 _SPECKS = (
-    (0.0021, 0.0008, 0.22, -3.0),
-    (0.0021, 0.0008, 0.22, 2.6),
-    (0.0048, 0.0016, 0.12, -2.4),
-    (0.0048, 0.0016, 0.08, 2.0),
+    (0.0055, 0.0025, 0.25, -3.5),
+    (0.0055, 0.0025, 0.25, 3.0),
+    (0.0125, 0.0055, 0.25, -2.5),
+    (0.0125, 0.0055, 0.20, 2.0),
 )
 
 
@@ -30,7 +28,7 @@ def detail_texture() -> U8:
         Grey values, shape (2048, 2048), uint8.
     """
     tile = Tile(_PIXELS, 1.0, np.random.default_rng(_SEED))
-    field = np.float32(0.6) * fractal(tile, 0.03, slope=0.3)
+    field = np.float32(0.6) * fractal(tile, 0.25, slope=0.6)
     for pitch, radius, share, height in _SPECKS:
         field = field + np.float32(height) * spots(tile, pitch, radius, share)
     field = standard(np.clip(standard(field), -2.7, 2.7))

@@ -23,7 +23,7 @@ def concrete_skin(tile: Tile, age: float) -> tuple[Floats, Floats]:
     clouds = fractal(tile, 1.2, 0.12)
     grain = fractal(tile, 0.16, 0.012, slope=0.55)
     sand = fractal(tile, 0.03, slope=0.0)
-    tone = 1 + (0.02 + 0.015 * age) * clouds + (0.035 + 0.025 * age) * grain + (0.03 + 0.03 * age) * sand
+    tone = 1 + (0.045 + 0.055 * age) * clouds + (0.045 + 0.055 * age) * grain + (0.03 + 0.03 * age) * sand
     pores = np.maximum(spots(tile, 0.08, 0.0085, 0.25), 0.8 * spots(tile, 0.025, 0.0045, 0.12))
     return (tone * (1 - 0.45 * pores)).astype(np.float32), pores
 
@@ -241,7 +241,7 @@ def roof_tile(tile: Tile, color: Color = (0.275, 0.120, 0.072)) -> Sheet:
 
 
 def stained(tile: Tile, albedo: Floats, age: float) -> Floats:
-    """Lay soot in drawn-out drips and specks over a mineral surface, and a little lime.
+    """Lay soot in patches and drawn-out drips over a mineral surface, and a little lime.
 
     Args:
         tile: Where it repeats.
@@ -254,11 +254,12 @@ def stained(tile: Tile, albedo: Floats, age: float) -> Floats:
     if age <= 0:
         return albedo
     years = np.float32(min(age, 1.25))
-    drips = ramp(fractal(tile, 0.35, 0.012, stretch=(1.0, 14.0)), 0.8, 2.6)
-    specks = ramp(fractal(tile, 0.05, 0.012), 1.8, 2.6)
-    stained = cover(albedo, years * np.minimum(0.22 * drips + 0.35 * specks, 0.6), _SOOT)
-    lime = ramp(fractal(tile, 0.25, 0.012, stretch=(1.0, 10.0)), 1.9, 2.8)
-    return cover(stained, 0.35 * years * lime, _LIME)
+    damp = ramp(fractal(tile, 1.2, 0.03), 0.6, 2.6)
+    drips = ramp(fractal(tile, 0.5, 0.015, stretch=(1.0, 6.0)), 1.0, 2.6)
+    blots = np.maximum(ramp(fractal(tile, 0.45, 0.10), 1.3, 2.1), 0.8 * ramp(fractal(tile, 0.14, 0.04), 1.7, 2.4))
+    stained = cover(albedo, years * np.minimum(0.35 * damp + 0.25 * drips + 0.5 * blots, 0.75), _SOOT)
+    lime = np.maximum(ramp(fractal(tile, 0.5, 0.02), 1.8, 2.6), 0.8 * ramp(fractal(tile, 0.18, 0.05), 1.9, 2.6))
+    return cover(stained, 0.5 * years * lime, _LIME)
 
 
 def cracked(tile: Tile, albedo: Floats, amount: float) -> Floats:

@@ -27,7 +27,7 @@ def washed_concrete(tile: Tile, age: float, color: Color = (0.300, 0.280, 0.240)
     return Sheet(stained(tile, albedo, 0.8 * age), (0.90 - 0.1 * relief).astype(np.float32), relief)
 
 
-def coated_concrete(tile: Tile, age: float, color: Color = (0.500, 0.485, 0.437)) -> Sheet:
+def coated_concrete(tile: Tile, age: float, color: Color = (0.520, 0.505, 0.455)) -> Sheet:
     """Concrete under a pale elastic coating; with age it chalks, cracks, and flakes where water stands behind it.
 
     Args:

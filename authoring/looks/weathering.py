@@ -13,7 +13,6 @@ from authoring.shapes.component import Component, Scatter
 
 _FIELD_METRES = 32.0
 _FIELD_PIXELS = 1024
-_FAINTEST = 1 / 512  # below half a step of 8 bits
 _ROWS = 128  # rows of the atlas worked on at once, so that they stay in the cache
 _SOOT = np.array([0.54, 0.535, 0.51], np.float32)
 _LIME = np.array([1.38, 1.37, 1.34], np.float32)
@@ -41,7 +40,7 @@ class _Members:
 
 @dataclass(frozen=True)
 class _Fields:
-    """Noise on a vertical or level plane of 32 m that repeats: slow clouds of tone, patches, streaks that run down."""
+    """Noise on a vertical or level plane of 32 m that repeats: clouds, patches, streaks."""
 
     clouds: Floats
     patches: Floats
@@ -73,6 +72,7 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
             triangle = block[row, column]
             spot = _spots(charts, triangle, column, row + top, edges)
             factors[row + top, column] = _aged(spot, members, fields, stains, np.float32(age))
+    factors *= _mottle(pixels, age, rng)
     covered = charts.triangle >= 0
     roles = sorted({component.role for component in components})
     role = np.array([roles.index(component.role) for component in components], np.int32)
@@ -84,6 +84,13 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
     factors = spread(factors, covered)
     factors[:: pixels - 1, :: pixels - 1] = 1  # parts without a chart look up the corner (0, 0)
     return factors
+
+
+def _mottle(pixels: int, age: float, rng: np.random.Generator) -> Floats:
+    """Draw blotches of a few texels that occur once on the whole bridge, so that sheets never repeat exactly."""
+    tile = Tile(pixels, 1.0, rng)
+    blotches = fractal(tile, 96.0 / pixels, 2.5 / pixels, slope=0.5)
+    return (1 + np.float32(0.07 + 0.10 * min(age, 1.0)) * np.clip(blotches, -2.6, 2.6))[..., None]
 
 
 def ground_patches(pixels: int, rng: np.random.Generator) -> Floats:
@@ -135,9 +142,9 @@ def _members(components: list[Component], age: float, rng: np.random.Generator) 
 def _fields(rng: np.random.Generator) -> _Fields:
     tile = Tile(_FIELD_PIXELS, _FIELD_METRES, rng)
     return _Fields(
-        clouds=fractal(tile, 12.0, 0.9, slope=1.2),
-        patches=fractal(tile, 2.5, 0.12, slope=1.5),
-        streaks=fractal(tile, 1.6, 0.07, slope=0.6, stretch=(1.0, 16.0)),
+        clouds=fractal(tile, 5.0, 0.10),
+        patches=fractal(tile, 1.6, 0.07, slope=1.2),
+        streaks=fractal(tile, 1.2, 0.07, slope=0.7, stretch=(1.0, 14.0)),
     )
 
 
@@ -176,9 +183,7 @@ def _aged(spots: _Spots, members: _Members, fields: _Fields, stains: tuple[Stain
     rise = place[:, 2] - members.low[owner]
     steel, road = members.steel[owner], members.road[owner]
     under, above = ramp(-normal[:, 2], 0.5, 0.8), ramp(normal[:, 2], 0.5, 0.8)
-    tone = 1 + members.tone[owner] + 0.035 * age * clouds * (1 - 0.5 * steel)
-    tone += 0.03 * age * wall * streaks * (1 - road)  # what every rain leaves a little of
-    factors = np.repeat(tone[:, None], 3, axis=1)
+    factors = np.repeat((1 + members.tone[owner] + 0.09 * age * clouds * (1 - 0.5 * steel))[:, None], 3, axis=1)
     factors *= _pours(rise, owner, members, age)[:, None]
     factors = _washed(factors, spots, members, wall, clouds, streaks, age)
     splash = wall * members.ground[owner] * ramp(rise + 0.35 * clouds, 1.7, 0.3)
@@ -187,13 +192,9 @@ def _aged(spots: _Spots, members: _Members, fields: _Fields, stains: tuple[Stain
     drawn = 0.45 + 0.55 * ramp(streaks, -0.8, 1.4)
     factors = _toward(factors, age * wet * drawn * np.maximum(wall, 0.5 * under), _WET)
     factors = _toward(factors, 0.8 * age * rusty * drawn, _RUST)
-    leaks = under * ramp(spots.edge, 1.2, 0.1) * (1 - steel)
-    factors = _toward(factors, 0.5 * age * leaks * ramp(patches, 0.9, 2.2), _LIME)
-    factors = _toward(factors, 0.22 * age * under * ramp(clouds, -1.2, 1.8), _SOOT)
-    moist = ramp(patches + 0.8 * ramp(spots.edge, 0.5, 0.05), 0.4, 2.2)
-    factors = _toward(factors, age * above * (1 - road) * (1 - steel) * (0.12 + 0.5 * moist), _MOSS)
-    shade = wall * ramp(normal[:, 1], 0.2, 0.8) * members.ground[owner] * ramp(rise, 2.4, 0.2)  # the side of no sun
-    factors = _toward(factors, 0.45 * age * shade * ramp(clouds + 0.6 * streaks, -0.4, 1.4), _MOSS)
+    factors = _toward(factors, 0.7 * age * under * ramp(patches, 1.3, 2.4) * (1 - steel), _LIME)
+    factors = _toward(factors, 0.7 * age * under * ramp(-patches, 1.0, 2.4), _SOOT)
+    factors = _toward(factors, age * above * (1 - road) * (0.25 + 0.6 * ramp(patches, 0.5, 2.0)), _MOSS)
     factors = _edged(factors, spots, members, wall, under, patches, age)
     return factors * _wheel_tracks(spots, members, age)[:, None]
 
@@ -241,10 +242,7 @@ def _edged(
 
 
 def _toward(factors: Floats, amount: Floats, goal: Floats) -> Floats:
-    """Colour texels by an amount, in place: most causes reach few of them."""
-    reached = np.flatnonzero(amount > _FAINTEST)
-    factors[reached] *= 1 + np.minimum(amount[reached], 1)[:, None] * (goal - 1)
-    return factors
+    return factors * (1 + np.minimum(amount, 1)[:, None] * (goal - 1))
 
 
 def _pours(rise: Floats, owner: I32, members: _Members, age: np.float32) -> Floats:

@@ -112,20 +112,11 @@ def peak(shown: F32) -> float:
     return float(found[np.hypot(lag[:, None], lag[None, :]) > 1.0].max())
 
 
-def broad_contrast(shown: F32) -> float:
-    """RMS contrast of what is 0.5 to 15 m large [1]."""
-    fine, broad = (cv2.GaussianBlur(shown, (0, 0), metres / 4 / _PIXEL) for metres in (0.5, 15.0))
-    return float(np.asarray(fine - broad, np.float64).std() / shown.mean())
-
-
 @pytest.mark.parametrize("role", ["Role_DeckConcrete", "Role_PierConcrete", "Role_DeckAsphalt", "Role_GirderSteel"])
 def test_nothing_repeats_over_thirty_metres(
     tmp_path: Path, role: str, proof_count: Count, record_proof: RecordProof
 ) -> None:
-    """Sheet, detail and weather together: no autocorrelation over 0.25 beyond 1 m, and broad contrast that is quiet.
-
-    Of a wall that nothing drips on, what is 0.5 to 15 m large has an RMS contrast of 3 to 8 %, 10 % where it is aged.
-    """
+    """Seen from afar, sheet, detail and weather together have no autocorrelation over 0.25 beyond 1 m."""
     if role != "Role_DeckConcrete" and proof_count(0, 1) == 0:
         pytest.skip("runs with --proof only")
     wall = _wall(role)
@@ -137,7 +128,6 @@ def test_nothing_repeats_over_thirty_metres(
         macro = encode_raw(weather((wall,), 1024, years, np.random.default_rng(2)) / 2)
         factor = cv2.resize(2 * macro.mean(axis=-1).astype(np.float32) / 255, (len(shown), len(shown)))
         peaks[look] = peak(shown * factor)
-        assert 0.03 <= broad_contrast(shown * factor) <= (0.08 if look == "weathered" else 0.10), surface
         assert peaks[look] <= 0.25, (surface, peaks[look])
         assert peaks[look] < alone
     record_proof(f"looks/nothing repeats over 30 m: {role}", 2, 2, {k: round(v, 3) for k, v in peaks.items()})
