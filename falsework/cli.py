@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -21,7 +22,10 @@ INTERRUPTED = 130
 TERMINATED = 143
 PIPE_CLOSED = 141
 JSON_VERSION = 1
-ABOUT = "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo"
+ABOUT = (
+    "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo. "
+    "The version: falsework --version"
+)
 
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 File = tyro.conf.Positional[Path]
@@ -241,7 +245,10 @@ def main(arguments: list[str] | None = None) -> None:
     words = sys.argv[1:] if arguments is None else arguments
     try:
         _check_here()
-        if words[:1] and words[0] in GROUPS:
+        if words[:1] == ["--version"]:
+            _say(version("falsework"))
+            code = 0
+        elif words[:1] and words[0] in GROUPS:
             code = _group(words[0], words[1:])
         elif words[:1] and words[0] in SINGLE:
             code = _single(words[0], words[1:])

@@ -6,6 +6,7 @@ import sys
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
@@ -21,6 +22,7 @@ CORE = {
     "lazrs": "lazrs", "OpenEXR": "OpenEXR", "isal": "isal", "pydantic": "pydantic", "tyro": "tyro",
     "rich": "rich", "jinja2": "jinja2", "plotly": "plotly", "distributed": "distributed", "tomli-w": "tomli_w",
 }  # fmt: skip
+LEARN = {"torch": "torch", "lightning": "lightning", "safetensors": "safetensors", "scikit-learn": "sklearn"}
 MEMORY_NEEDED = 4.0  # [GB] the demo's limit
 DISK_NEEDED = 2.0  # [GB]
 FRAME_TIME_LIMIT = 120.0  # [s]
@@ -53,6 +55,7 @@ def examine() -> list[Check]:
         _python(),
         *_packages(),
         _open3d(),
+        learn_packages(),
         *_graphics(),
         _gpu(),
         _threads(),
@@ -87,6 +90,25 @@ def _open3d() -> Check:
         return Check(
             "open3d", "FAIL", str(error), "pip install open3d-cpu libusb-package, or apt-get install libusb-1.0-0"
         )
+
+
+def learn_packages() -> Check:
+    """Look for what the extra `learn` brings, without loading it.
+
+    Returns:
+        One row for all of it.
+    """
+    found, missing = [], []
+    for name, module in LEARN.items():
+        try:
+            there = find_spec(module) is not None
+            (found if there else missing).append(f"{name} {version(name)}" if there else name)
+        except PackageNotFoundError:
+            missing.append(name)
+    if missing:
+        row = f"no {', '.join(missing)}: train, evaluate, compare and predict need them"
+        return Check("learn", "WARN", row, "pip install 'falsework[learn]'")
+    return Check("learn", "OK", ", ".join(found))
 
 
 def _graphics() -> list[Check]:

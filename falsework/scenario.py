@@ -191,11 +191,12 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
         if not world.exists():
             raise MissingError("no such world", where=path, field="worlds", value=str(world))
         if world.is_file() and not claims_city(world):  # else all of its folder would count as the world
-            raise InputError(
-                "is no imported world", where=path, field="worlds", value=str(world),
-                hint="Make one: falsework background import FILE -o DIR. Or put the file round a finished scene: "
-                "falsework scene set SCENE background=FILE",
-            )  # fmt: skip
+            from authoring.variants.add import USD_FILES
+
+            hint = "Make one: falsework background import FILE -o DIR"
+            if world.suffix in USD_FILES:
+                hint += ". Or put the file round a finished scene: falsework scene set SCENE background=FILE"
+            raise InputError("is no imported world", where=path, field="worlds", value=str(world), hint=hint)
     return scenario.model_copy(
         update={
             "worlds": worlds,

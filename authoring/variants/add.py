@@ -1,5 +1,6 @@
 """More choices for a scene that is there: looks, backgrounds and lights authored from its recipe when asked for."""
 
+import difflib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ from authoring.variants.foreign_look import stage_look
 from authoring.variants.foreign_place import HERE, Point
 from authoring.variants.staging import Staged
 from authoring.variants.write import write_background, write_light, write_look
-from groundwork.errors import InputError
+from groundwork.errors import InputError, MissingError
 from groundwork.files import space_errors, sweep_folders, write_text
 from groundwork.locks import hold_lock
 from groundwork.marks import TEMPORARY
@@ -71,8 +72,7 @@ def set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point 
 
 def _set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None) -> dict[str, str]:
     tables = {axis: taxonomy(name).name for axis, name in choices.items() if axis == TAXONOMY}
-    for axis in choices.keys() - AXES.keys() - tables.keys():
-        raise InputError("no such choice", where=scene, field=axis, allowed=", ".join([*AXES, TAXONOMY]))
+    _check_axes(scene, choices, (*AXES, TAXONOMY))
     _check_origin(choices, origin)
     names = _ensure(scene, {axis: value for axis, value in choices.items() if axis in AXES}, warn, origin)
     choose(scene, names)
@@ -99,8 +99,7 @@ def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn, o
         InputError: As for `set_choices`.
     """
     check_editable(scene)
-    for axis in choices.keys() - AXES.keys():
-        raise InputError("no such choice", where=scene, field=axis, allowed=", ".join(AXES))
+    _check_axes(scene, choices, tuple(AXES))
     _check_origin(choices, origin)
     path = scene.with_name(f"variant_{name}.usda")
     with _sole_editor(scene):
@@ -133,6 +132,14 @@ class _Drawn:
     recipe: SceneRecipe
     bridge: Pieces
     site: Site
+
+
+def _check_axes(scene: Path, choices: dict[str, str], known: tuple[str, ...]) -> None:
+    for axis in choices:
+        if axis not in known:
+            near = difflib.get_close_matches(axis, known, n=1, cutoff=0.5)
+            raise InputError("no such choice", where=scene, value=axis, allowed=", ".join(known),
+                             hint=f"Did you mean {near[0]!r}?" if near else None)  # fmt: skip
 
 
 def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
@@ -188,8 +195,18 @@ def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callab
     makeable = {"look": tuple(LOOKS), "background": tuple(BACKGROUNDS), "light": ()}[axis]
     date = _date(value) if axis == "light" else None
     if value not in makeable and date is None:
+        _check_file(axis, Path(value))
         raise unknown_choice(scene, axis, value, (*sorted({*known, *makeable}), *_ALSO[axis]))
     return partial(_author, scene, axis, value, date)
+
+
+def _check_file(axis: str, file: Path) -> None:
+    """A value that no choice is called by: say so where it is the path of a file that cannot be used as it is."""
+    if axis == "background" and file.is_file():
+        hint = "Make a world first: falsework background import FILE -o DIR, then background=DIR"
+        raise InputError("is no USD file", where=file, field=axis, hint=hint)
+    if axis != "light" and file.suffix and not file.exists():
+        raise MissingError("no such file", where=file, field=axis, hint="Check the path")
 
 
 def _settle(scene: Path, world: Path) -> str:

@@ -35,9 +35,9 @@ def check_place(stage: Usd.Stage, file: Path, scene: Path, origin: Point, warn: 
             that are too coarse.
 
     Raises:
-        InputError: It stands more than 10 km off.
+        InputError: It stands more than 10 km off, or its unit is no length.
     """
-    found, coarse = _bodies(stage)
+    found, coarse = _bodies(stage, file)
     if not found:
         return
     bodies = {path: corners - np.array(origin) for path, corners in found.items()}
@@ -67,9 +67,9 @@ def check_place(stage: Usd.Stage, file: Path, scene: Path, origin: Point, warn: 
         )
 
 
-def _bodies(stage: Usd.Stage) -> tuple[dict[str, F64], dict[str, float]]:
+def _bodies(stage: Usd.Stage, where: Path) -> tuple[dict[str, F64], dict[str, float]]:
     """Gather the triangles of each mesh in metres with z up, shape (T, 3, 3), and how coarse its numbers are [m]."""
-    cache, to_scene = UsdGeom.XformCache(Usd.TimeCode.EarliestTime()), stage_to_world(stage)
+    cache, to_scene = UsdGeom.XformCache(Usd.TimeCode.EarliestTime()), stage_to_world(stage, where)
     found, coarse = {}, {}
     for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
         if not prim.IsA(UsdGeom.Mesh):

@@ -69,7 +69,8 @@ def find_bridges(
                              "folders")  # fmt: skip
         if names and len(places) > 1:
             raise InputError("has several bridges, and --bridge names one", where=folder, field="--bridge",
-                             value=names[number], hint="Name the folder of each bridge")  # fmt: skip
+                             value=names[number],
+                             hint="Name the folder of each bridge, and one --bridge for each")  # fmt: skip
         for place, found in places.items():
             there.setdefault(name, set()).update(found)
             clouds = {cloud: path for cloud, path in found.items() if cloud in wanted[name]}

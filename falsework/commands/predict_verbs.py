@@ -29,8 +29,10 @@ def predict(
 ) -> int:
     """Label a scan: every point gets a class, a confidence and an instance, in a copy that keeps all that it held.
 
+    Needs the extra learn.
+
     Args:
-        scan: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
+        scan: LAS, LAZ, PLY, E57, NPY or text file, or a cloud's folder with cloud.laz (for a PLY: cloud.ply) in it.
         output: File to write, of the same format, or .las or .laz; boxes of the instances go into a .json beside it.
         model: What knows the classes: a folder that falsework train has written, or module:function of a model of
             your own. Left out: the small model of the package, of positions alone; its card, whose path is said, tells
@@ -38,7 +40,7 @@ def predict(
         unit: Unit of the coordinates; counts more than what the scan says.
         scale: Metres that one unit of a cloud without scale stands for.
         up: Axis of the scan that points up.
-        table: Table of classes to sum into, one of those in docs/classes.md; left out: the model's own.
+        table: Table to sum into (docs/classes.md); left out: the model's own; falsework for a model of components.
         classes: Classes to keep; the others become 255.
         min_confidence: Less sure points become 255.
         link: Points of a class in touching cubes of this side are one instance [m].

@@ -67,7 +67,10 @@ def test_selection_wins_and_stays(own_scene: Path) -> None:
         ("look", "shiny", ["look", "'shiny'", "clean, ", "weathered"]),
         ("background", "moon", ["background", "'moon'", "countryside", "none"]),
         ("light", "noon", ["light", "'noon'", "default"]),
-        ("weather", "rain", ["weather", "look, background, light"]),
+        ("weather", "rain", ["(found 'weather')", "look, background, light"]),
+        ("backgroud", "none", ["(found 'backgroud')", "Did you mean 'background'?"]),
+        ("background", "nowhere.glb", ["nowhere.glb", "no such file"]),
+        ("look", "nowhere.zip2", ["nowhere.zip2", "no such file"]),
         ("background", "nowhere.usda", ["nowhere.usda", "no such file"]),
     ],
 )
@@ -345,6 +348,32 @@ def test_changed_layer_is_canonical(own_scene: Path) -> None:
         before = path.read_bytes()
         change_layer(path, lambda layer: None)
         assert path.read_bytes() == before
+
+
+def test_a_model_that_is_not_usd_is_told_how_to_become_a_world(own_scene: Path, tmp_path: Path) -> None:
+    """A GLB that is there is no choice, and the line names the verb that makes a world of it; the scene stays."""
+    model = tmp_path / "w.glb"
+    model.write_bytes(b"glTF")
+    before = file_bytes(own_scene.parent)
+    for choose_it in (
+        lambda: set_choices(own_scene, {"background": str(model)}, print),
+        lambda: write_variant(own_scene, "late", {"background": str(model)}, print),
+    ):
+        with pytest.raises(InputError, match=r"w\.glb: background: is no USD file.*background import FILE -o DIR"):
+            choose_it()
+    assert file_bytes(own_scene.parent) == before
+    with pytest.raises(InputError, match=r"found 'taxonomi'\); allowed: look, background, light$"):
+        write_variant(own_scene, "late", {"taxonomi": "falsework"}, print)
+
+
+def test_a_background_whose_unit_is_no_length_is_refused(own_scene: Path, tmp_path: Path) -> None:
+    """Its file and metersPerUnit are named, and the scene stays as it was."""
+    file = tmp_path / "town.usda"
+    file.write_text('#usda 1.0\n(\n defaultPrim = "T"\n metersPerUnit = 0\n upAxis = "Z"\n)\ndef Xform "T" {}\n')
+    before = file_bytes(own_scene.parent)
+    with pytest.raises(InputError, match=r"town\.usda: metersPerUnit: the stage's unit is no length \(found 0"):
+        set_choices(own_scene, {"background": str(file)}, print)
+    assert file_bytes(own_scene.parent) == before
 
 
 def test_settings_of_the_variants_are_checked() -> None:

@@ -4,12 +4,13 @@ import json
 import subprocess
 import sys
 import types
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from falsework.cli import main
-from falsework.doctor import package_names
+from falsework.doctor import LEARN, Check, examine, learn_packages, package_names
 from groundwork.errors import RejectedSceneError
 
 EMPTY_STAGE = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\ndef Xform "World"\n{\n}\n'
@@ -192,6 +193,41 @@ def test_the_doctor_names_what_takes_the_place_of_a_room(monkeypatch: pytest.Mon
     (check,) = package_names()
     assert check.verdict == "FAIL"
     assert "elsewhere/learn.py" in check.found
+
+
+def test_the_doctor_looks_for_the_extra_learn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package of it that is missing, or has no metadata, is a warning with the command that mends it."""
+    monkeypatch.setattr("falsework.doctor.version", lambda name: "1.5")
+    monkeypatch.setattr("falsework.doctor.find_spec", lambda module: module)
+    found = "torch 1.5, lightning 1.5, safetensors 1.5, scikit-learn 1.5"
+    assert learn_packages() == Check("learn", "OK", found)
+    monkeypatch.setattr("falsework.doctor.find_spec", lambda module: None if module == "sklearn" else module)
+    check = learn_packages()
+    assert (check.verdict, check.hint) == ("WARN", "pip install 'falsework[learn]'")
+    assert check.found.startswith("no scikit-learn: ")
+    monkeypatch.undo()
+    monkeypatch.setitem(LEARN, "falsework-nowhere", "json")
+    assert learn_packages().verdict == "WARN"
+    assert "learn" in [check.name for check in examine()]
+
+
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    """`--version` prints that of the installation and nothing else, and the help names it."""
+    for words in (["--version"], ["--help"]):
+        with pytest.raises(SystemExit) as caught:
+            main(words)
+        assert not caught.value.code
+        said = capsys.readouterr().out
+        assert said == f"{version('falsework')}\n" if words == ["--version"] else "--version" in said
+
+
+def test_help_of_predict_says_what_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
+    """The extra, the file that a cloud's folder must hold, and the table where none is named."""
+    with pytest.raises(SystemExit):
+        main(["predict", "--help"])
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    parts = ("Needs the extra learn", "cloud.laz", "falsework for a model of components")
+    assert [part for part in parts if part not in said] == []
 
 
 def test_an_edited_scene_is_not_authored_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -257,6 +257,17 @@ def test_a_folder_of_bridges_is_as_good_as_each(
         assert reason in error
 
 
+def test_one_name_for_a_folder_of_bridges(
+    bridges: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One --bridge cannot name them all: the line says to give each folder and its name."""
+    words = ("--preset", bridges[0].parents[1] / "tiny.toml", "--bridge", "mine")
+    code, _, error = call(capsys, "compare", bridges[0].parent, "-o", tmp_path / "cmp", *words)
+    assert code == 2
+    assert "has several bridges" in error
+    assert "Name the folder of each bridge, and one --bridge for each" in error
+
+
 def test_clouds_of_two_bridges_in_one_folder(
     bridges: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -167,12 +167,17 @@ def test_its_paths_hold_in_any_folder(tmp_path: Path, monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("text", ['[background]\nname = "town.usda"\n', '[worlds]\ntown = "town.usda"\n'])
 def test_a_loose_usd_file_is_no_world(text: str, tmp_path: Path) -> None:
-    """It is refused with the two ways to use it, before its folder counts as the world; a world's root layer is not."""
+    """A loose USD file is refused with the two ways to use it, a GLB with its one; the root layer of a world is not."""
     (tmp_path / "town.usda").write_text('#usda 1.0\ndef Xform "Town" {}\n')
     file = tmp_path / "s.toml"
     file.write_text(text)
     with pytest.raises(InputError, match=r"is no imported world.*background import.*scene set"):
         load_scenario(file)
+    (tmp_path / "town.glb").write_bytes(b"glTF")
+    file.write_text(text.replace("usda", "glb"))
+    with pytest.raises(InputError, match=r"is no imported world.*background import FILE -o DIR$"):
+        load_scenario(file)
+    file.write_text(text)
     data = 'customLayerData = {\n string "falsework:city" = "{}"\n }'
     (tmp_path / "town.usda").write_text(f"#usda 1.0\n(\n    {data}\n)\n")
     assert load_scenario(file).worlds == {"town": str(tmp_path / "town.usda")}

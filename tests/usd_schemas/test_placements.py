@@ -205,6 +205,17 @@ def test_nothing_visible(tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_nothing_drawn_says_what_was_lost(tmp_path: Path) -> None:
+    """The reason is the mesh that is not drawn, not the camera's fault before it; without such a line, all are said."""
+    camera = 'def Camera "C" {\n token projection = "orthographic"\n}\n'
+    with pytest.raises(InputError, match=r"no geometry\. /Bad: .*: not drawn$"):
+        read_body(tmp_path, camera + 'def Mesh "Bad" {\n int[] faceVertexCounts = [3]\n}\n')
+    with pytest.raises(InputError, match=r"no geometry\. .*gone\.usda.*; /C: only perspective"):
+        read_body(tmp_path, camera + 'def "Lost" (references = @./gone.usda@) {}\n')
+    with pytest.raises(InputError, match=r"no geometry\. Check visibility"):
+        read_body(tmp_path, 'def Xform "Nothing" {}\n')
+
+
 def test_what_moves_is_drawn_at_the_time_of_the_one_image(tmp_path: Path) -> None:
     """With a camera that stands still, parts stand as at the earliest time, by name; a rig alone is no motion."""
     keys = "double3 xformOp:translate.timeSamples = {\n 1: (0, 0, 0),\n 5: (9, 0, 0),\n}\n"

@@ -35,6 +35,13 @@ def test_bad_files_are_one_line(tmp_path: Path) -> None:
         assert str(path) in str(caught.value)
 
 
+@pytest.mark.parametrize("unit", ["0", "-1", "nan", "inf"])
+def test_a_unit_that_is_no_length(unit: str, tmp_path: Path) -> None:
+    """It is named as such, not as a stage without geometry."""
+    with pytest.raises(InputError, match=r"stage\.usda: metersPerUnit: the stage's unit is no length \(found "):
+        read_body(tmp_path, GROUND, f'upAxis = "Z"\n metersPerUnit = {unit}')
+
+
 def test_missing_layers_are_warnings(tmp_path: Path) -> None:
     """A reference that leads nowhere is named without this machine's folders."""
     scene = read_body(tmp_path, GROUND + 'def "Lost" (references = @./gone.usda@) {}\n')

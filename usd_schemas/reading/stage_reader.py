@@ -26,6 +26,10 @@ from usd_schemas.registration import register_schemas
 
 F64 = NDArray[np.float64]
 
+_LOST = ("not drawn", "left out")  # words of the warnings about what is not on the picture
+_REASONS = 3  # warnings in one error
+_LOOK_AT = "Check visibility, purpose, payloads and variant selections"
+
 register_schemas()
 
 
@@ -93,10 +97,9 @@ def compose_stage(path: Path, choices: StageChoices = AS_AUTHORED) -> ComposedSt
             warn(str(error))
         layers = stage.GetUsedLayers()
         bake_skins(stage, warn)
-        scene = _flatten_stage(stage, choices, warn)
+        scene = _flatten_stage(stage, stage_to_world(stage, path), choices, warn)
         if scene is None:
-            hint = next(iter(warnings), "Check visibility, purpose, payloads and variant selections")
-            raise InputError("the stage shows no geometry", where=path, hint=hint)
+            raise InputError("the stage shows no geometry", where=path, hint=_why_empty(list(warnings)))
         layers = [layer for layer in layers if layer != stage.GetSessionLayer()]
         files = [Path(layer.realPath.partition("[")[0]).resolve() for layer in layers if layer.realPath]
         adopted = [documents.files[layer.identifier] for layer in layers if layer.identifier in documents.files]
@@ -180,19 +183,28 @@ def texture_files(scene: FlatScene) -> set[str]:
     return {file for material in scene.materials for file in _files(material)} | {d.file for d in dome if d.file}
 
 
-def stage_to_world(stage: Usd.Stage) -> F64:
+def stage_to_world(stage: Usd.Stage, where: Path | None = None) -> F64:
     """Find the transform from stage units and the stage's up axis to metres with z up.
 
     Args:
         stage: Any stage.
+        where: Its file, for the error.
 
     Returns:
         For column vectors, shape (4, 4), float64.
+
+    Raises:
+        InputError: The stage's unit is no length.
     """
+    unit = UsdGeom.GetStageMetersPerUnit(stage)
+    if not 0.0 < unit < np.inf:  # nor NaN
+        hint = "Write 1 for metres, 0.01 for centimetres"
+        raise InputError("the stage's unit is no length", where=where, field="metersPerUnit", value=unit,
+                         allowed="a finite number above 0", hint=hint)  # fmt: skip
     transform = np.eye(4)
     if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
         transform[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-    transform[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
+    transform[:3, :3] *= unit
     return transform
 
 
@@ -209,9 +221,14 @@ def _open(path: Path) -> tuple[Adopted, Usd.Stage]:
         raise InputError(what, where=path, allowed="usda, usdc, usd, usdz") from None
 
 
-def _flatten_stage(stage: Usd.Stage, choices: StageChoices, warn: Warn) -> FlatScene | None:
+def _why_empty(warnings: list[str]) -> str:
+    """Pick the warnings that tell why nothing is drawn, else the last ones."""
+    lost = [line for line in warnings if any(words in line for words in _LOST)]
+    return "; ".join(lost[:_REASONS] or warnings[-_REASONS:]) or _LOOK_AT
+
+
+def _flatten_stage(stage: Usd.Stage, transform: F64, choices: StageChoices, warn: Warn) -> FlatScene | None:
     """Everything but warnings and origin; None where nothing is drawn."""
-    transform = stage_to_world(stage)
     table = read_taxonomy(stage, warn)
     cameras = read_cameras(stage, transform, warn, choices.frames)
     moving = flatten_moments(stage, cameras or (_anywhere(choices),), choices, table, transform, warn)
