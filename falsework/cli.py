@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -256,7 +257,9 @@ def main(arguments: list[str] | None = None) -> None:
             code = _call(VERBS, words, "falsework", ABOUT)
     except SystemExit as left:
         if not left.code and not HELP.isdisjoint(words):
-            _show_examples(words)
+            with suppress(BrokenPipeError):  # `… --help | head`
+                _show_examples(words)
+                sys.stdout.flush()
         raise
     except FalseworkError as error:
         reason = f"{error.reason}: " if isinstance(error, RejectedSceneError) else ""
