@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -11,6 +11,9 @@ from groundwork.errors import InputError, MissingError
 from groundwork.output_place import output_place
 from groundwork.settings import parse_settings
 from learn.predict.settings import Unit, Up
+
+if TYPE_CHECKING:
+    from learn.predict.predict import Prediction
 
 
 def predict(
@@ -64,6 +67,14 @@ def predict(
         output_place(output, [Path(model)])
     with ConsoleProgress() as progress:
         made = predict_scan(scan, output, known, settings, progress)
+    _tell(made)
+    sys.stdout.write(f"labelled {output}\n")
+    if not model:
+        sys.stdout.write(f"by the model of the package; what it cannot do: {shipped_folder() / 'README.md'}\n")
+    return 0
+
+
+def _tell(made: "Prediction") -> None:
     for line in made.doubts:
         sys.stderr.write(f"warning: {line}\n")
     for name, count in made.counts.items():
@@ -71,7 +82,3 @@ def predict(
     if made.unlabelled:
         sys.stdout.write(f"{'no class':<16} {made.unlabelled:>10} points  {made.unlabelled / made.points:6.1%}\n")
     sys.stdout.write(f"{made.instances} instances; the model saw {made.thinned} of {made.points} points\n")
-    sys.stdout.write(f"labelled {output}\n")
-    if not model:
-        sys.stdout.write(f"by the model of the package; what it cannot do: {shipped_folder() / 'README.md'}\n")
-    return 0
