@@ -62,9 +62,7 @@ def run_defaults(capture: Capture, work: Path) -> Found:
     shutil.rmtree(folder, ignore_errors=True)  # what an interrupted run left
     folder.mkdir()
     request = {"images": str(capture.folder), "work": str(folder), "names": [image.file for image in capture.images]}
-    found = run_child(
-        "benchmarks.colmap_defaults", request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT
-    )  # fmt: skip
+    found = run_child("benchmarks.colmap_defaults", request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT)
     if not found["found"]:
         return Found((), np.zeros((0, 4, 4)), 0, "no model", found["seconds"])
     return found_in(read_model(folder / "model"), found["pairs"], found["seconds"])

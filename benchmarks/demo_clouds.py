@@ -16,9 +16,29 @@ from learn.demo.clouds import FILE, pack_clouds, thin_cloud
 
 TARGET = Path(__file__).resolve().parents[1] / "learn" / "demo" / FILE
 NAMES = (
-    "beam21", "beam23", "beam24", "beam26", "beam52", "beam55", "beam58", "beam64", "girder11", "girder15", "girder16",
-    "girder54", "girder60", "girder66", "slab31", "slab33", "slab34", "slab53", "slab59", "slab62", "slab65", "slab68",
-)  # fmt: skip
+    "beam21",
+    "beam23",
+    "beam24",
+    "beam26",
+    "beam52",
+    "beam55",
+    "beam58",
+    "beam64",
+    "girder11",
+    "girder15",
+    "girder16",
+    "girder54",
+    "girder60",
+    "girder66",
+    "slab31",
+    "slab33",
+    "slab34",
+    "slab53",
+    "slab59",
+    "slab62",
+    "slab65",
+    "slab68",
+)
 """Family and seed: of 33 that were drawn, those below 330,000 points that show every class of table kim2023."""
 SCENARIO = """seed = {seed}
 [bridge]

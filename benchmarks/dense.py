@@ -158,9 +158,14 @@ def _judge(name: str, cost: Cost, points: DensePoints, model: SparseModel, truth
     on, wrong = distance <= ON, verdict.label != nearest
     clear = on & (verdict.margin >= CLEAR)
     return Row(
-        name, cost, len(points.points), found, float(wrong[on].mean()), float(wrong[clear].mean()),
+        name,
+        cost,
+        len(points.points),
+        found,
+        float(wrong[on].mean()),
+        float(wrong[clear].mean()),
         float(clear.sum() / on.sum()),
-    )  # fmt: skip
+    )
 
 
 def annotation_speed(points: DensePoints, model: SparseModel, truth: Truth) -> str:
@@ -180,11 +185,14 @@ def annotation_speed(points: DensePoints, model: SparseModel, truth: Truth) -> s
     begin = time.perf_counter()
     nearest_surface(many.places, truth)
     surface = time.perf_counter() - begin
-    return " ".join([
-        many.sentence(MOST_SECONDS, "a million points"), few.sentence(FEW_SECONDS, "250,000 observations"),
-        f"The true surface distance of {len(many.places):,} points takes another {surface:.2f} s.",
-        f"The vote is {_vote_speed(many):.0f} times faster than a plain loop over points, with the same verdicts.",
-    ])  # fmt: skip
+    return " ".join(
+        [
+            many.sentence(MOST_SECONDS, "a million points"),
+            few.sentence(FEW_SECONDS, "250,000 observations"),
+            f"The true surface distance of {len(many.places):,} points takes another {surface:.2f} s.",
+            f"The vote is {_vote_speed(many):.0f} times faster than a plain loop over points, with the same verdicts.",
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -256,7 +264,7 @@ def _vote_speed(many: _Labelled) -> float:
 
 def _page(rows: list[Row], speed: str, samples: int, capture: Capture, chosen: str) -> str:
     width, height = capture.size
-    return "\n".join([
+    lines = [
         "# Dense depth: ways compared",
         "",
         f"Written by `python -m benchmarks.dense`. {len(capture.images)} photographs of {width} x {height} px, poses",
@@ -272,7 +280,8 @@ def _page(rows: list[Row], speed: str, samples: int, capture: Capture, chosen: s
         "",
         speed,
         "",
-    ])  # fmt: skip
+    ]
+    return "\n".join(lines)
 
 
 def _line(row: Row) -> str:

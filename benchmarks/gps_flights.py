@@ -119,8 +119,11 @@ def _path(kind: str, rng: np.random.Generator) -> tuple[F64, F64, F64]:
         return np.column_stack([ring, height + rng.normal(0.0, 1.0, count)]), angle + np.pi, np.full(count, -0.5)
     if kind == "facade":
         climb = height / 2 + height / 4 * np.sin(np.arange(count))
-        return (np.column_stack([along, rng.normal(0.0, 1.0, count), climb]), np.full(count, np.pi / 2),
-                rng.uniform(-0.5, 0.2, count))  # fmt: skip
+        return (
+            np.column_stack([along, rng.normal(0.0, 1.0, count), climb]),
+            np.full(count, np.pi / 2),
+            rng.uniform(-0.5, 0.2, count),
+        )
     straight = np.column_stack([along, np.zeros(count), np.full(count, height)])
     return straight, np.pi / 2 + rng.normal(0.0, 0.4, count), rng.uniform(-0.8, 0.1, count)
 

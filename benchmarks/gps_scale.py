@@ -80,9 +80,10 @@ def gps_page(flights: int) -> str:
         for way, scale in scales_of(flight, fit).items():
             ways.setdefault(way, []).append(100.0 * (scale - 1.0))
     rows = [(kind, drawn[kind], kept[kind], wide[kind]) for kind in KINDS]
-    rows.append(("all", flights, [row for kind in KINDS for row in kept[kind]],
-                 [row for kind in KINDS for row in wide[kind]]))  # fmt: skip
-    return "\n".join([
+    rows.append(
+        ("all", flights, [row for kind in KINDS for row in kept[kind]], [row for kind in KINDS for row in wide[kind]])
+    )
+    lines = [
         "# GPS: the scale, and the limits that are stated",
         "",
         f"Written by `python -m benchmarks.gps_scale`: {flights:,} flights of 6 to 80 photographs, 15 to 200 m long,",
@@ -96,8 +97,10 @@ def gps_page(flights: int) -> str:
         "",
         "| way | mean | median of the amount | 95 % of the amounts below |",
         "|---|---|---|---|",
-        *(f"| {way} | {np.mean(off):+.2f} | {np.median(np.abs(off)):.2f} | {np.quantile(np.abs(off), 0.95):.1f} |"
-          for way, off in ways.items()),
+        *(
+            f"| {way} | {np.mean(off):+.2f} | {np.median(np.abs(off)):.2f} | {np.quantile(np.abs(off), 0.95):.1f} |"
+            for way, off in ways.items()
+        ),
         "",
         "A ratio of spreads counts noise as size. Freed of what the residuals say it is no worse than least squares,",
         "but asks for the same fit first. Least squares shrinks with the cosine of whatever the rotation is off: it is",
@@ -112,7 +115,8 @@ def gps_page(flights: int) -> str:
         "|---|---|---|---|---|---|",
         *(_row(kind, number, held, limit) for kind, number, held, limit in rows if held),
         "",
-    ])  # fmt: skip
+    ]
+    return "\n".join(lines)
 
 
 def _row(kind: str, drawn: int, held: list[list[bool]], limits: list[list[float]]) -> str:

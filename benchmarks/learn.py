@@ -24,8 +24,13 @@ from groundwork.files import write_text
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "benchmarks" / "learn.md"
-SIZES = {"pointnet2-ssg": (8, 4096, 9, 13), "pointnet2-msg": (8, 4096, 9, 13), "pointnext-s": (8, 4096, 9, 13),
-         "pointnext-b": (8, 4096, 9, 13), "randlanet": (1, 65_536, 6, 17)}  # fmt: skip
+SIZES = {
+    "pointnet2-ssg": (8, 4096, 9, 13),
+    "pointnet2-msg": (8, 4096, 9, 13),
+    "pointnext-s": (8, 4096, 9, 13),
+    "pointnext-b": (8, 4096, 9, 13),
+    "randlanet": (1, 65_536, 6, 17),
+}
 """Of each network: clouds of a step, points of a cloud, inputs, classes."""
 
 
@@ -98,20 +103,31 @@ def page(costs: dict[str, Cost], rounds: int, load: float, commit: str) -> str:
     """
     ours, bf16, randla = costs["pointnet2-ssg"], costs["pointnet2-ssg bf16"], costs["randlanet"]
     lines = [
-        "# What a training step costs", "",
+        "# What a training step costs",
+        "",
         f"Processor seconds of one thread, medians of {rounds} steps. The ways took turns, so that ratios hold though",
         f"the seconds themselves depend on what else the machine did (load {load:.0f} on {os.cpu_count()} cores when",
         "this began). `python -m benchmarks.learn` writes this page. *Geometry* is what the loader searches (farthest",
-        "points, balls, nearest neighbours), *step* is forward pass, backward pass and optimizer.", "",
-        "| PointNet++ SSG, 8 clouds of 4,096 points | geometry | step | together | ratio |", "|---|---|---|---|---|",
-        _row("ours", ours, ours), _row("ours, bf16", bf16, ours),
-        _row(f"yanx27 at {commit[:10]}, searches inside the step", costs.get("yanx27"), ours), "",
-        "| RandLA-Net, five layers, 65,536 points | geometry | step | together | ratio |", "|---|---|---|---|---|",
-        _row("ours", randla, randla), _row("Open3D-ML of open3d-cpu", costs.get("open3d"), randla), "",
-        "What a loader process has to do for each second of training on one thread: below 1, one process keeps up.", "",
-        "| network | clouds x points | geometry | step | loader's share |", "|---|---|---|---|---|",
-        *(_share(costs[name], *SIZES[name][:2]) for name in SIZES), "",
-    ]  # fmt: skip
+        "points, balls, nearest neighbours), *step* is forward pass, backward pass and optimizer.",
+        "",
+        "| PointNet++ SSG, 8 clouds of 4,096 points | geometry | step | together | ratio |",
+        "|---|---|---|---|---|",
+        _row("ours", ours, ours),
+        _row("ours, bf16", bf16, ours),
+        _row(f"yanx27 at {commit[:10]}, searches inside the step", costs.get("yanx27"), ours),
+        "",
+        "| RandLA-Net, five layers, 65,536 points | geometry | step | together | ratio |",
+        "|---|---|---|---|---|",
+        _row("ours", randla, randla),
+        _row("Open3D-ML of open3d-cpu", costs.get("open3d"), randla),
+        "",
+        "What a loader process has to do for each second of training on one thread: below 1, one process keeps up.",
+        "",
+        "| network | clouds x points | geometry | step | loader's share |",
+        "|---|---|---|---|---|",
+        *(_share(costs[name], *SIZES[name][:2]) for name in SIZES),
+        "",
+    ]
     return "\n".join(lines)
 
 

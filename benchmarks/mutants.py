@@ -25,8 +25,20 @@ from groundwork.files import write_text
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "benchmarks" / "mutants.md"
 TIME_LIMIT = 600.0  # [s] for the tests of one fault; an endless loop is noticed
-FOLDERS = ("groundwork", "usd_schemas", "authoring", "render", "recon", "learn", "falsework", "tests", "benchmarks",
-           "scenarios", "docs", "typings")  # fmt: skip
+FOLDERS = (
+    "groundwork",
+    "usd_schemas",
+    "authoring",
+    "render",
+    "recon",
+    "learn",
+    "falsework",
+    "tests",
+    "benchmarks",
+    "scenarios",
+    "docs",
+    "typings",
+)
 
 # What is tried: the modules of each subject, and the tests that are there to notice.
 SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -41,14 +53,24 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "cameras": (
         ("usd_schemas/pinhole.py", "usd_schemas/distortion.py"),
-        ("tests/usd_schemas/test_pinhole.py", "tests/usd_schemas/test_distortion.py",
-         "tests/usd_schemas/test_cameras.py"),
+        (
+            "tests/usd_schemas/test_pinhole.py",
+            "tests/usd_schemas/test_distortion.py",
+            "tests/usd_schemas/test_cameras.py",
+        ),
     ),
     "cables": (
-        ("authoring/parts/suspension_cables.py", "authoring/parts/stays.py", "authoring/parts/hangers.py",
-         "authoring/parts/fittings.py"),
-        ("tests/authoring/bridges/test_cables.py", "tests/authoring/bridges/test_fittings.py",
-         "tests/authoring/bridges/test_families.py"),
+        (
+            "authoring/parts/suspension_cables.py",
+            "authoring/parts/stays.py",
+            "authoring/parts/hangers.py",
+            "authoring/parts/fittings.py",
+        ),
+        (
+            "tests/authoring/bridges/test_cables.py",
+            "tests/authoring/bridges/test_fittings.py",
+            "tests/authoring/bridges/test_families.py",
+        ),
     ),
     "bearings": (
         ("authoring/parts/bearings.py",),
@@ -56,29 +78,60 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "surveys": (
         ("authoring/surveys/coverage.py", "authoring/surveys/gps.py", "authoring/surveys/way.py"),
-        ("tests/authoring/test_surveys.py", "tests/authoring/test_local_survey.py",
-         "tests/authoring/test_random_surveys.py", "tests/authoring/test_inspection.py"),
+        (
+            "tests/authoring/test_surveys.py",
+            "tests/authoring/test_local_survey.py",
+            "tests/authoring/test_random_surveys.py",
+            "tests/authoring/test_inspection.py",
+        ),
     ),
-    "light": (("render/light/daylight.py", "render/light/local_lights.py"),
-              ("tests/render/test_light.py", "tests/render/test_local_lights.py")),
+    "light": (
+        ("render/light/daylight.py", "render/light/local_lights.py"),
+        ("tests/render/test_light.py", "tests/render/test_local_lights.py"),
+    ),
     "store": (
         ("falsework/store/store.py", "falsework/store/artefact.py", "falsework/store/verification.py"),
-        ("tests/falsework/test_store.py", "tests/falsework/test_verification.py",
-         "tests/falsework/test_run_samples.py"),
+        (
+            "tests/falsework/test_store.py",
+            "tests/falsework/test_verification.py",
+            "tests/falsework/test_run_samples.py",
+        ),
     ),
     "files": (
         ("groundwork/files.py", "groundwork/output_swap.py"),
-        ("tests/groundwork/test_files.py", "tests/groundwork/test_output_folder.py",
-         "tests/groundwork/test_output_file.py", "tests/faults/test_output_faults.py"),
+        (
+            "tests/groundwork/test_files.py",
+            "tests/groundwork/test_output_folder.py",
+            "tests/groundwork/test_output_file.py",
+            "tests/faults/test_output_faults.py",
+        ),
     ),
-    "scores": (("learn/metrics.py", "learn/panoptic.py", "learn/losses.py"),
-               ("tests/learn/test_metrics.py", "tests/learn/test_losses.py")),
-}  # fmt: skip
+    "scores": (
+        ("learn/metrics.py", "learn/panoptic.py", "learn/losses.py"),
+        ("tests/learn/test_metrics.py", "tests/learn/test_losses.py"),
+    ),
+}
 
-_COMPARED = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
-             ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In}  # fmt: skip
-_COUNTED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.BitAnd: ast.BitOr,
-            ast.BitOr: ast.BitAnd}  # fmt: skip
+_COMPARED = {
+    ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt,
+    ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+}
+_COUNTED = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.BitAnd: ast.BitOr,
+    ast.BitOr: ast.BitAnd,
+}
 
 
 @dataclass(frozen=True)
@@ -242,15 +295,25 @@ def _told(mutant: Mutant) -> str:
 
 
 def _page(found: list[tuple[Mutant, bool]], seed: int) -> str:
-    lines = ["# Would the tests notice?", "", "Written by `python -m benchmarks.mutants --page`.",
-             f"{len(found)} small faults, drawn with seed {seed}, one at a time; their tests must fail.", "",
-             "| subject | faults | noticed |", "|---|---|---|"]  # fmt: skip
+    lines = [
+        "# Would the tests notice?",
+        "",
+        "Written by `python -m benchmarks.mutants --page`.",
+        f"{len(found)} small faults, drawn with seed {seed}, one at a time; their tests must fail.",
+        "",
+        "| subject | faults | noticed |",
+        "|---|---|---|",
+    ]
     for subject in dict.fromkeys(mutant.subject for mutant, _ in found):
         judged = [noticed for mutant, noticed in found if mutant.subject == subject]
         lines.append(f"| {subject} | {len(judged)} | {sum(judged)} |")
     judged = [noticed for _, noticed in found]
-    lines += [f"| **all** | {len(judged)} | {sum(judged)} ({100 * sum(judged) / max(len(judged), 1):.1f} %) |", "",
-              "## Not noticed", ""]  # fmt: skip
+    lines += [
+        f"| **all** | {len(judged)} | {sum(judged)} ({100 * sum(judged) / max(len(judged), 1):.1f} %) |",
+        "",
+        "## Not noticed",
+        "",
+    ]
     lines += [f"- {_told(mutant)}" for mutant, noticed in found if not noticed] or ["None."]
     return "\n".join(lines) + "\n"
 

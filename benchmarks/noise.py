@@ -77,7 +77,7 @@ def noise_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
     limit, bands = f"{first['threshold']:g} m", [_band(band) for band in first["by_distance"]]
     rates = [("displacement", "recall"), ("surface_distance", "precision"), ("surface_distance", "recall")]
     heads = [*(f"{kind.replace('_', ' ')}, {rate}" for kind, rate in rates), "of the surface's class"]
-    return "\n".join([
+    lines = [
         "# Noisy points",
         "",
         "Written by `python -m benchmarks.noise`. A point is noisy when its uncertainty, the median over its views of",
@@ -90,14 +90,21 @@ def noise_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
         "share of the points off that are noisy. A point that is noisy is displaced by definition: its depth is off by",
         "as much at least; so against displacement there is recall alone.",
         "",
-        *_table(heads, clouds, lambda noise: [
-            *(_percent(noise[f"against_{kind}"][rate]) for kind, rate in rates), _percent(noise["same_class"])]),
+        *_table(
+            heads,
+            clouds,
+            lambda noise: [
+                *(_percent(noise[f"against_{kind}"][rate]) for kind, rate in rates),
+                _percent(noise["same_class"]),
+            ],
+        ),
         "",
         "Against the surface precision is low: many a noisy point is on a surface, though not where its pixels look.",
         "Most of these have the class of that surface (last column): along it, a point may slide without leaving it.",
         "The others lie at edges, where a pixel shows what is behind.",
         "",
-    ])  # fmt: skip
+    ]
+    return "\n".join(lines)
 
 
 def _table(

@@ -15,8 +15,17 @@ from groundwork.files import write_text
 from recon.cloud import read_cloud
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "photographs.md"
-HEADS = ["photographs", "cloud", "in the model", "points", "of the model's", "views of a point", "reprojection [px]",
-         "aligned to", "from their GPS [m]"]  # fmt: skip
+HEADS = [
+    "photographs",
+    "cloud",
+    "in the model",
+    "points",
+    "of the model's",
+    "views of a point",
+    "reprojection [px]",
+    "aligned to",
+    "from their GPS [m]",
+]
 
 
 def main() -> None:
@@ -49,19 +58,21 @@ def photographs_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
     Args:
         clouds: Name and figures of each cloud.
     """
-    return "\n".join([
-        "# Real photographs",
-        "",
-        "Written by `python -m benchmarks.photographs`. Each folder as its authors published it, without settings",
-        "but for `mode = \"dense\"` and the quality that is named.",
-        "*Of the model's*: share of the model's points that the sparse cloud keeps (`recon.max_deviation`).",
-        "*From their GPS*: median distance of the aligned cameras from where their EXIF says they were.",
-        "",
-        f"| {' | '.join(HEADS)} |",
-        "|" + "---|" * len(HEADS),
-        *(f"| {name} | {' | '.join(_cells(figures))} |" for name, figures in clouds),
-        "",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            "# Real photographs",
+            "",
+            "Written by `python -m benchmarks.photographs`. Each folder as its authors published it, without settings",
+            'but for `mode = "dense"` and the quality that is named.',
+            "*Of the model's*: share of the model's points that the sparse cloud keeps (`recon.max_deviation`).",
+            "*From their GPS*: median distance of the aligned cameras from where their EXIF says they were.",
+            "",
+            f"| {' | '.join(HEADS)} |",
+            "|" + "---|" * len(HEADS),
+            *(f"| {name} | {' | '.join(_cells(figures))} |" for name, figures in clouds),
+            "",
+        ]
+    )
 
 
 def _cells(figures: dict[str, Any]) -> list[str]:

@@ -25,13 +25,16 @@ def main() -> None:
     """Write the page."""
     rows = read_json(PROOF)["rows"]
     lines = [
-        "# The paper's data sets, projected", "",
+        "# The paper's data sets, projected",
+        "",
         "Written by `python -m benchmarks.projection` from the rows of [proof.json](../proof.json): processor time "
-        f"from seed to annotated cloud, measured on {processor()}. Scenes are independent.", "",
+        f"from seed to annotated cloud, measured on {processor()}. Scenes are independent.",
+        "",
         "| data set | scenes | scenes measured | images a scene | CPU-min a scene | least | most | "
-        + " | ".join(f"{cores} cores [days]" for cores in CORES) + " |",
+        + " | ".join(f"{cores} cores [days]" for cores in CORES)
+        + " |",
         "|---|" + "---|" * (6 + len(CORES)),
-    ]  # fmt: skip
+    ]
     for name in SETS:
         measured = [row["figures"] for row in rows if row["name"].startswith(f"{name}: ") and "cpu_s" in row["figures"]]
         if not measured:

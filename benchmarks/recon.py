@@ -69,8 +69,14 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("capture", nargs="?", type=Path)
     parser.add_argument("--images", nargs="+", type=int, default=[60], metavar="N")
-    parser.add_argument("--ways", nargs="+", default=list(TITLES), choices=list(TITLES), metavar="NAME",
-                        help=f"ways to go: {', '.join(TITLES)}; all of them by default")  # fmt: skip
+    parser.add_argument(
+        "--ways",
+        nargs="+",
+        default=list(TITLES),
+        choices=list(TITLES),
+        metavar="NAME",
+        help=f"ways to go: {', '.join(TITLES)}; all of them by default",
+    )
     parser.add_argument("--openmvg", type=Path, metavar="PYTHON")
     parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "falsework-bench-recon")
     parser.add_argument("--page", type=Path, default=PAGE)
@@ -135,9 +141,17 @@ def _judged(name: str, title: str, capture: Capture, found: Found, truth: Truth)
         good = np.zeros(0)
     median, p95 = (float(np.quantile(good, share)) if len(good) else None for share in (0.5, 0.95))
     return Row(
-        name, title, count, dict(found.seconds), found.pairs, found.points, len(rows) / count, len(good) / count,
-        median, p95,
-    )  # fmt: skip
+        name,
+        title,
+        count,
+        dict(found.seconds),
+        found.pairs,
+        found.points,
+        len(rows) / count,
+        len(good) / count,
+        median,
+        p95,
+    )
 
 
 def _rendered(folder: Path, count: int) -> Path:

@@ -57,7 +57,7 @@ def render_page(rows: list[Row], source: str, processor: str) -> str:
         source: The photographs, in words.
         processor: Name of the processor.
     """
-    return "\n".join([
+    lines = [
         "# Structure from motion, several ways",
         "",
         f"Written by `python -m benchmarks.recon`. {source} Processor time, all threads together, of {processor}; the "
@@ -80,7 +80,8 @@ def render_page(rows: list[Row], source: str, processor: str) -> str:
         f"times that of every pair, or {1000 * _MORE:g} mm more. The exponent is the slope of a straight line through "
         "the logarithms of time and images.",
         "",
-    ])  # fmt: skip
+    ]
+    return "\n".join(lines)
 
 
 def _line(row: Row) -> str:
@@ -153,9 +154,7 @@ def _mappers(rows: list[Row]) -> list[str]:
         one, all_at_once = _found(rows, OURS, count), _found(rows, GLOBAL, count)
         if one and all_at_once and all_at_once.seconds.get("mapping"):
             ratio = one.seconds["mapping"] / all_at_once.seconds["mapping"]
-            lines.append(
-                _verdict("mapping time, incremental over global mapper", count, None, ratio, least=True)
-            )  # fmt: skip
+            lines.append(_verdict("mapping time, incremental over global mapper", count, None, ratio, least=True))
             pairs.append((one, all_at_once))
             better = ratio > 1.0 and equally_accurate(all_at_once, one)
             pays = (pays or f"from {count} images on") if better else ""

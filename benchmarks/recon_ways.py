@@ -138,10 +138,13 @@ def with_openmvg(python: Path) -> Run:
 
 
 TITLES: dict[str, str] = {
-    "spatial": "ours: nearest 20 by GPS, incremental", "global": "nearest 20 by GPS, global mapper",
-    "sequential": "no GPS: next 10 and leaps, incremental", "exhaustive": "every pair, incremental",
-    "defaults": "pycolmap's defaults", "openmvg": "openmvg-rs, SIFT, incremental",
-}  # fmt: skip
+    "spatial": "ours: nearest 20 by GPS, incremental",
+    "global": "nearest 20 by GPS, global mapper",
+    "sequential": "no GPS: next 10 and leaps, incremental",
+    "exhaustive": "every pair, incremental",
+    "defaults": "pycolmap's defaults",
+    "openmvg": "openmvg-rs, SIFT, incremental",
+}
 """What each way does, by its name."""
 
 WAYS: dict[str, Run] = {

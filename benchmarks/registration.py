@@ -122,10 +122,13 @@ def _authoring(bridge: dict[str, Any]) -> AuthoringSettings:
     surveys = [{"id": trial.name, **SIZE, **trial.settings} for trial in TRIALS]
     return AuthoringSettings.model_validate(
         {
-            "bridge": {"service": "road", "alignment": {"kind": "straight"}, **bridge}, "site": SITE,
-            "background": {"name": "none"}, "look": {"texels": 1024}, "survey": surveys,
+            "bridge": {"service": "road", "alignment": {"kind": "straight"}, **bridge},
+            "site": SITE,
+            "background": {"name": "none"},
+            "look": {"texels": 1024},
+            "survey": surveys,
         }
-    )  # fmt: skip
+    )
 
 
 def predict(scene: Path, survey: str) -> dict[str, Any]:

@@ -48,8 +48,11 @@ PICTURE = DOCS / "images" / "bench_scene.jpg"
 SCRIPTS = Path(benchmarks.peers.__file__).resolve().parent
 MEMORY = 1.0  # [GB] a worker
 LIMITS = {"fast": (0.33, 5.0), "standard": (0.45, 3.5), "fine": (1.1, 0.0)}  # CPU-s an image, images a second
-ENGINES = (("Workbench", "BLENDER_WORKBENCH", 0), ("EEVEE, 4 samples", "BLENDER_EEVEE", 4),
-           ("Cycles, 16 samples, denoised", "CYCLES", 16))  # fmt: skip
+ENGINES = (
+    ("Workbench", "BLENDER_WORKBENCH", 0),
+    ("EEVEE, 4 samples", "BLENDER_EEVEE", 4),
+    ("Cycles, 16 samples, denoised", "CYCLES", 16),
+)
 ROUNDS = 3  # surveys of each quality: a shared machine is a quarter slower in some minutes than in others
 FRAMES = (5, 5)  # peers render it to warm up (Blender a small one), and are timed on it once more
 BAR = {"close": (5000, 0.80), "global": (5000, 0.80), "under deck": (3000, 0.79)}  # keypoints, right share
@@ -114,8 +117,12 @@ def measure_ours(work: Path, quality: str) -> Cost:
     """
     folder = work / quality
     folder.mkdir()
-    request = {"seed": SEED, "survey": SURVEY, "render": {"quality": quality},
-               "drawing": {"workers": len(os.sched_getaffinity(0)), "encoders": 1}}  # fmt: skip
+    request = {
+        "seed": SEED,
+        "survey": SURVEY,
+        "render": {"quality": quality},
+        "drawing": {"workers": len(os.sched_getaffinity(0)), "encoders": 1},
+    }
     meter = FrameMeter()
     STAGES["capture"].run(request, {"stage": work / "stage"}, folder, meter)
     count = len(read_capture(folder).images)
@@ -138,11 +145,20 @@ def measure_blender(work: Path) -> list[Cost]:
         return []
     found = []
     for name, engine, samples in ENGINES:
-        rows = _ask(python, "in_blender.py", work, {
-            "script": str(Path(authoring.exchange.blender.__file__).parent),
-            "scene": str(work / "stage" / "scene.usda"),
-            "survey": SURVEY, "engine": engine, "samples": samples, "frames": FRAMES, "folder": str(work),
-        })  # fmt: skip
+        rows = _ask(
+            python,
+            "in_blender.py",
+            work,
+            {
+                "script": str(Path(authoring.exchange.blender.__file__).parent),
+                "scene": str(work / "stage" / "scene.usda"),
+                "survey": SURVEY,
+                "engine": engine,
+                "samples": samples,
+                "frames": FRAMES,
+                "folder": str(work),
+            },
+        )
         found.append(Cost(f"Blender {name}", rows[-1]["cpu"], rows[-1]["wall"]))
     return found
 
@@ -168,11 +184,14 @@ def measure_pyrender(work: Path, scene: FlatScene) -> list[Cost]:
     side = np.cross(down, [0.0, 1.0, 0.0])
     side /= np.linalg.norm(side)
     np.savez(
-        work / "triangles.npz", corners=corners[order].astype(np.float32), start=start,
-        color=np.array([scene.materials[row].base_color for row in used]), poses=track.poses,
+        work / "triangles.npz",
+        corners=corners[order].astype(np.float32),
+        start=start,
+        color=np.array([scene.materials[row].base_color for row in used]),
+        poses=track.poses,
         sun=np.column_stack([side, np.cross(-down, side), -down]),
         camera=[CAMERA.width, CAMERA.height, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy],
-    )  # fmt: skip
+    )
     found = _ask(python, "in_pyrender.py", work, {"scene": str(work / "triangles.npz"), "frames": FRAMES})
     return [Cost("pyrender, flat colours", found[-1]["cpu"], found[-1]["wall"])]
 

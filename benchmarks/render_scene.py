@@ -23,16 +23,16 @@ VIEWS = ("close", "global", "under deck")
 SHIFT = 0.6  # [m] between the two pictures of a view
 RECIPE: dict[str, object] = {
     "bridge": {
-        "family": "girder", "service": "road", "alignment": {"kind": "straight", "skew": 0},
+        "family": "girder",
+        "service": "road",
+        "alignment": {"kind": "straight", "skew": 0},
         "girder": {"spans": [30.0] * 8},
     },
     "site": {"crossing": "river", "fine_spacing": 0.85, "scatter": {"tufts": 1800, "shrubs": 260}},
     "background": {"name": "lakeside", "lakeside": {"villas": 100, "town_houses": 40, "trees": 20500, "boats": 40}},
     "look": {"name": "weathered"},
-    "survey": [
-        {"kind": "global", "id": SURVEY, "images": IMAGES, "spacing": 50.0, "width": 1280, "height": 960}
-    ],
-}  # fmt: skip
+    "survey": [{"kind": "global", "id": SURVEY, "images": IMAGES, "spacing": 50.0, "width": 1280, "height": 960}],
+}
 
 
 def author_bench(folder: Path) -> Layout:
@@ -68,10 +68,15 @@ def view_pairs(layout: Layout) -> F64:
         (at(pier - 36.0, -0.5 * width - 30.0, 9.0), at(pier, 0.0, -depth - 4.0)),
         (at(pier - 9.0, -0.3 * width, -depth - 3.0), at(pier, 0.1 * width, -depth - 3.0)),
     )
-    return np.array([
-        [look_at(eye + step * _sideways(eye, target), target + step * _sideways(eye, target)) for step in (0.0, SHIFT)]
-        for eye, target in places
-    ])  # fmt: skip
+    return np.array(
+        [
+            [
+                look_at(eye + step * _sideways(eye, target), target + step * _sideways(eye, target))
+                for step in (0.0, SHIFT)
+            ]
+            for eye, target in places
+        ]
+    )
 
 
 def _sideways(eye: F64, target: F64) -> F64:

@@ -121,7 +121,7 @@ def rows_of(scan: Scan, model: PointModel) -> tuple[dict[str, dict[str, float]],
         "four times the points": (scan, None),
         "half of the bridge": (usual.take(half(usual.place)), half),
         f"tilted by {TILT:g}°": (tilted(usual), None),
-    }  # fmt: skip
+    }
     lost = {}
     for title, (other, inside) in changed.items():
         lost[title] = _lost(plain, label_scan(other, model), inside)
@@ -150,15 +150,18 @@ def page(scans: Mapping[str, Scan], model: PointModel, name: str) -> str:
     found = {title: rows_of(scan, model) for title, scan in scans.items()}
     ways = next(iter(found.values()))[0]
     lines = [
-        "# What strangers' scans cost a model", "",
+        "# What strangers' scans cost a model",
+        "",
         f"Written by `python -m benchmarks.robustness`. Model: {name}. Mean IoU of the thinned points over the",
         "classes that occur, in the tables `falsework` (sixteen classes) and `kim2023` (four). A scan as it is has a",
         "quarter of the points that were measured; each row changes one thing, both scores of a pair are over the same",
         "places.",
         "",
-        "## As they are", "",
-        "| scan | points | falsework | kim2023 |", "|---|---|---|---|",
-    ]  # fmt: skip
+        "## As they are",
+        "",
+        "| scan | points | falsework | kim2023 |",
+        "|---|---|---|---|",
+    ]
     for title, (_, mean, _) in found.items():
         count = round(SHARE * len(scans[title].coord))
         lines.append(f"| {title} | {count} | {mean['falsework']:.3f} | {mean['kim2023']:.3f} |")
@@ -177,9 +180,16 @@ def page(scans: Mapping[str, Scan], model: PointModel, name: str) -> str:
         kept = all(v.mean() <= ALLOWED for v in values.values())
         lines.append(f"| {way} | {' | '.join(cells)} | {'yes' if kept else '**no**'} |")
     lines += ["| no colour | 0 | 0 | 0 | 0 | by construction: the model sees positions alone |"]
-    lines += ["", "## Where there is no bridge", "",
-              f"The same scans without the points of their bridges: share of points called bridge, the wish is at most "
-              f"{ALLOWED_FALSE:.0%}.", "", "| scan | falsely bridge |", "|---|---|"]  # fmt: skip
+    lines += [
+        "",
+        "## Where there is no bridge",
+        "",
+        f"The same scans without the points of their bridges: share of points called bridge, the wish is at most "
+        f"{ALLOWED_FALSE:.0%}.",
+        "",
+        "| scan | falsely bridge |",
+        "|---|---|",
+    ]
     lines += [f"| {title} | {false:.1%} |" for title, (_, _, false) in found.items()]
     return "\n".join(lines) + "\n"
 

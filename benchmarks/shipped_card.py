@@ -58,8 +58,13 @@ def card_text(folder: Path, dataset: Path, tests: Sequence[Path], validation: Se
     bridges = len({row.bridge for row in read_facts(dataset).pieces if row.split == "train"})
     lines += [f"- {line.format(bridges=bridges, voxel=model.tile.voxel, size=model.tile.size)}" for line in LIMITS]
     if points:
-        lines += ["", "## Speed", "", f"{points:,} points took {seconds:.0f} CPU-seconds on one thread, "
-                  f"{seconds * 2e6 / points:.0f} for two million; reading and writing not counted."]  # fmt: skip
+        lines += [
+            "",
+            "## Speed",
+            "",
+            f"{points:,} points took {seconds:.0f} CPU-seconds on one thread, "
+            f"{seconds * 2e6 / points:.0f} for two million; reading and writing not counted.",
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -67,9 +72,11 @@ def _head(folder: Path, facts: ModelFacts, model: PointModel) -> list[str]:
     size = (folder / WEIGHTS).stat().st_size / 1e6
     chosen = facts.training or {}
     return [
-        "# The model of the package", "",
+        "# The model of the package",
+        "",
         "`falsework predict scan.laz -o labelled.laz` uses it where no `--model` is named. It labels weakly: look at",
-        "the scores and limits below before you rely on it.", "",
+        "the scores and limits below before you rely on it.",
+        "",
         f"- {facts.network}, {size:.1f} MB, {len(facts.classes)} component kinds, summed into any table (`--table`).",
         f"- Sees positions alone, in cubes of {model.tile.voxel:g} m and tiles of {model.tile.size:g} m; "
         f"{model.points} points a draw.",
@@ -78,7 +85,7 @@ def _head(folder: Path, facts: ModelFacts, model: PointModel) -> list[str]:
         f"{facts.temperature:g}.",
         "- Licence: Apache-2.0, as the package. Trained on clouds of this project alone.",
         "- Made by `python -m benchmarks.shipped_model CLOUDS… --validation HASH… --test HASH…`.",
-    ]  # fmt: skip
+    ]
 
 
 def _sources(facts: DatasetFacts, validation: Sequence[str]) -> list[str]:
@@ -98,18 +105,40 @@ def _score_lines(matrices: Mapping[str, Mapping[str, I64]]) -> list[str]:
         return ["No bridge was kept for the test: nothing is known."]
     lines = ["Of the thinned points of whole scans of the test bridges, labelled as `falsework predict` does.", ""]
     rows = [
-        [title, *(f"{value:.3f}" for name in TABLES for result in [scores(found[name])]
-                  for value in (result.overall_accuracy, result.mean_iou))]
+        [
+            title,
+            *(
+                f"{value:.3f}"
+                for name in TABLES
+                for result in [scores(found[name])]
+                for value in (result.overall_accuracy, result.mean_iou)
+            ),
+        ]
         for title, found in matrices.items()
-    ]  # fmt: skip
+    ]
     lines += table(["scan", *(f"{name} {word}" for name in TABLES for word in ("accuracy", "mean IoU"))], rows)
     for name in TABLES:
         total = np.sum([found[name] for found in matrices.values()], axis=0)
         result = scores(total)
-        cells = [[word, str(result.support[i]), _figure(result.iou[i]), _figure(result.accuracy[i]),
-                  _figure(result.precision[i])] for i, word in enumerate(class_table(name).names)]  # fmt: skip
-        cells.append(["mean", str(result.support.sum()), _figure(result.mean_iou), _figure(result.mean_accuracy),
-                      _figure(result.mean_precision)])  # fmt: skip
+        cells = [
+            [
+                word,
+                str(result.support[i]),
+                _figure(result.iou[i]),
+                _figure(result.accuracy[i]),
+                _figure(result.precision[i]),
+            ]
+            for i, word in enumerate(class_table(name).names)
+        ]
+        cells.append(
+            [
+                "mean",
+                str(result.support.sum()),
+                _figure(result.mean_iou),
+                _figure(result.mean_accuracy),
+                _figure(result.mean_precision),
+            ]
+        )
         lines += ["", f"Table `{name}`, all scans together:", ""]
         lines += table(["class", "points", "IoU", "accuracy", "precision"], cells)
     return lines

@@ -77,14 +77,22 @@ def dataset_of(clouds: Sequence[Path], held: Sequence[str], seed: int, folder: P
     """
     sources = [Source(path, None, bridge_of(path)) for path in clouds]
     named = [name for name in held if any(source.bridge.startswith(name) for source in sources)]
-    settings = dataset_settings("local", {"table": "components", "tile": TILE, "shares": (1.0, 0.0, 0.0),
-                                          "test": named, "seed": seed}, "shipped")  # fmt: skip
+    settings = dataset_settings(
+        "local",
+        {"table": "components", "tile": TILE, "shares": (1.0, 0.0, 0.0), "test": named, "seed": seed},
+        "shipped",
+    )
     asked = [settings.model_dump(mode="json"), [str(path) for path in clouds]]
     if (folder / "dataset.json").is_file():
         return
     with ConsoleProgress() as progress:
-        fresh_output(folder, "dataset", lambda inner: _built(sources, inner, settings, progress), inputs=list(clouds),
-                     asked=asked)  # fmt: skip
+        fresh_output(
+            folder,
+            "dataset",
+            lambda inner: _built(sources, inner, settings, progress),
+            inputs=list(clouds),
+            asked=asked,
+        )
 
 
 def _built(sources: Sequence[Source], folder: Path, settings: DatasetSettings, progress: ConsoleProgress) -> None:
@@ -108,11 +116,21 @@ def train_on(dataset: Path, validation: Sequence[str], folder: Path, settings: M
     rows = [row for row in range(len(whole)) if whole.bridge(row).startswith(tuple(validation))]
     held = SomeSamples(whole, rows[:: max(1, len(rows) // HELD_SAMPLES)])
     chosen = TrainSettings.model_validate({**USUAL, **settings})
-    data = {"settings": whole.facts.settings.model_dump(mode="json"), "scaling": vars(whole.facts.scaling),
-            "table": whole.facts.settings.table, "variation": source.settings.model_dump(mode="json")}  # fmt: skip
+    data = {
+        "settings": whole.facts.settings.model_dump(mode="json"),
+        "scaling": vars(whole.facts.scaling),
+        "table": whole.facts.settings.table,
+        "variation": source.settings.model_dump(mode="json"),
+    }
     with ConsoleProgress() as progress:
-        fresh_output(folder, "model", lambda inner: train_network(source, held, chosen, inner, progress, data=data),
-                     inputs=[dataset], asked=[data, chosen.model_dump(mode="json")], resume=True)  # fmt: skip
+        fresh_output(
+            folder,
+            "model",
+            lambda inner: train_network(source, held, chosen, inner, progress, data=data),
+            inputs=[dataset],
+            asked=[data, chosen.model_dump(mode="json")],
+            resume=True,
+        )
 
 
 def ship(model: Path, folder: Path) -> None:

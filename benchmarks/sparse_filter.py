@@ -124,9 +124,15 @@ def judge(model: SparseModel, capture: Capture, truth: Truth) -> Judged:
     segment = annotate(observed, depth_error, seen).label
     distance, nearest = nearest_surface(points, truth)
     return Judged(
-        rays.counts, errors, deviations(points, poses[:, :3, 3], model.camera_params[0], rays),
-        keypoint_noise(errors, rays.counts), segment, segment == nearest, distance, measured.median,
-    )  # fmt: skip
+        rays.counts,
+        errors,
+        deviations(points, poses[:, :3, 3], model.camera_params[0], rays),
+        keypoint_noise(errors, rays.counts),
+        segment,
+        segment == nearest,
+        distance,
+        measured.median,
+    )
 
 
 def rules(judged: Judged) -> dict[str, Mask]:
@@ -176,10 +182,11 @@ def _cells(judged: Judged, mine: Mask, mask: Mask) -> list[str]:
     good = mine & (judged.distance <= NEAR)
     stays, stays_good = mine & mask, good & mask
     return [
-        _percent(stays_good.sum(), good.sum(), 0), _percent((stays & ~good).sum(), stays.sum()),
+        _percent(stays_good.sum(), good.sum(), 0),
+        _percent((stays & ~good).sum(), stays.sum()),
         _percent((stays_good & ~judged.right).sum(), stays_good.sum()),
         _percent((stays & (judged.uncertainty > NEAR)).sum(), stays.sum()),
-    ]  # fmt: skip
+    ]
 
 
 def _percent(part: int, whole: int, digits: int = 1) -> str:

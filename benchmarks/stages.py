@@ -42,9 +42,12 @@ ROWS = 6
 
 Image = NDArray[np.uint8]
 SETTINGS = RenderSettings(
-    quality="standard", shadow_size=1024, volume_probes=3000, volume_rays=32,
+    quality="standard",
+    shadow_size=1024,
+    volume_probes=3000,
+    volume_rays=32,
     sensor=SensorSettings(noise=False, image_format="png"),
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
@@ -99,10 +102,11 @@ def stages_of(folder: Path) -> list[tuple[Path, Path]]:
         if stage.suffix not in (".usd", ".usda", ".usdc", ".usdz") or stage.stem.endswith(PARTS):
             continue
         pictures = [
-            picture for place in ("thumbnails", "screenshots")
+            picture
+            for place in ("thumbnails", "screenshots")
             for picture in sorted((stage.parent / place).glob(f"{stage.stem}*"))
             if picture.suffix in (".png", ".jpg", ".jpeg")
-        ]  # fmt: skip
+        ]
         same = sum(other.parent == stage.parent for other, _ in found)
         if pictures and same < MOST_OF_A_FOLDER and not stage.name.startswith("_"):
             found.append((stage, pictures[0]))
@@ -171,8 +175,11 @@ def cell(image: Image | None, thumbnail: Path, name: str) -> Image:
         square = np.full((HEIGHT, WIDTH, 3), 60, np.uint8)
         if one is not None:
             scale = min(WIDTH / one.shape[1], HEIGHT / one.shape[0])
-            small = cv2.resize(one, (max(1, int(one.shape[1] * scale)), max(1, int(one.shape[0] * scale))),
-                               interpolation=cv2.INTER_AREA)  # fmt: skip
+            small = cv2.resize(
+                one,
+                (max(1, int(one.shape[1] * scale)), max(1, int(one.shape[0] * scale))),
+                interpolation=cv2.INTER_AREA,
+            )
             square[: small.shape[0], : small.shape[1]] = small
         pictures.append(square)
     words = np.zeros((16, 2 * WIDTH, 3), np.uint8)
@@ -209,14 +216,19 @@ def page(drawn: list[Drawn], verdicts: dict[str, Any]) -> str:
     bad = [one for one in drawn if one.name in wrong or (one.said and one.name not in nothing)]
     right = len(drawn) - len(bad)
     lines = [
-        "# Stages that nobody here wrote", "",
+        "# Stages that nobody here wrote",
+        "",
         "Made by `python -m benchmarks.stages FOLDER`; FOLDER is a checkout of the public repository usd-wg/assets. "
         "Every picture was looked at beside the thumbnail of the stage; light and point of view are others.",
-        "", "| | stages |", "|---|---|", f"| looked at | {len(drawn)} |",
+        "",
+        "| | stages |",
+        "|---|---|",
+        f"| looked at | {len(drawn)} |",
         f"| right | {right} ({100.0 * right / max(len(drawn), 1):.0f} %) |",
         f"| of these rightly without a picture | {sum(one.name in nothing and bool(one.said) for one in drawn)} |",
-        f"| wrong or visibly limited | {len(bad)} |", "",
-    ]  # fmt: skip
+        f"| wrong or visibly limited | {len(bad)} |",
+        "",
+    ]
     lines += ["| wrong or limited | why |", "|---|---|"]
     lines += [f"| `{one.name}` | {wrong.get(one.name) or one.said} |" for one in bad]
     lines += ["", "| rightly without a picture | what is said |", "|---|---|"]

@@ -10,67 +10,85 @@ FIGURE = "images/architecture.svg"
 # Lowest first: each room imports only from those above it in this table.
 ROOMS: dict[str, tuple[str, dict[str, str]]] = {
     "groundwork": ("errors, settings, progress, child processes, files and folders that are written whole", {}),
-    "usd_schemas": ("what a stage says: names, component and class tables, camera convention, a stage as flat arrays", {
-        "reading": "composes a stage and reads it: meshes, materials, lights, cameras, labels",
-        "guard": "what a stage from elsewhere must not do, before USD opens it",
-    }),
-    "authoring": ("scenario → layered stage", {
-        "foreign": "opens models and textures from elsewhere",
-        "shapes": "components, cross sections, the topology of surfaces",
-        "axis": "alignment of the road or railway, clearances",
-        "solids": "sweeps, extrusions, copies, texture atlas",
-        "site": "the ground: valley, river, roads, rails, relief",
-        "parts": "decks, girders, piers, bearings, cables, parapets",
-        "families": "puts parts together: beam, girder, slab, arch, suspension, cable-stayed",
-        "looks": "materials and textures, weathering",
-        "light": "sun, sky, panorama",
-        "backgrounds": "countryside, hillside, lakeside, hamlet, harbour, city",
-        "surveys": "flights of the virtual UAV: paths, coverage, calibration",
-        "layers": "writes what the rooms above drew as USD layers",
-        "imported": "worlds from files: glTF, meshes, CityJSON, USD",
-        "scenes": "what one does with a written scene: validate, compare, check out",
-        "variants": "looks and backgrounds that are added to a scene",
-        "edits": "brings home what an artist changed elsewhere",
-        "exchange": "flattens, bakes and packs a scene for other programs",
-    }),
-    "render": ("stage → capture", {
-        "images": "encodes and decodes pictures, depth and labels",
-        "gpu": "context, programs, textures, the scene in video memory",
-        "light": "daylight, shadows, indirect light",
-        "detail": "levels of detail, size of textures",
-        "views": "the passes of one view, its lens",
-        "sensor": "exposure, noise, rolling shutter",
-        "writing": "the capture on disk, its journal",
-    }),
-    "recon": ("capture, or photographs → cloud", {
-        "photos": "reads photographs and what they say of themselves",
-        "sfm": "Structure from Motion: features, matches, cameras, tie points",
-        "dense": "a depth for every pixel, fused into points",
-        "placing": "alignment to the truth, to GPS or to control points, with stated errors",
-        "points": "placed points, their observations, precision, duplicates",
-        "truth": "labels by vote, uncertainty, distance to the true surface",
-        "formats": "clouds of others: LAS, PLY, E57, COLMAP, …",
-        "sampling": "clouds without images: points on surfaces, laser scans",
-    }),
-    "learn": ("clouds → data sets, models, scores, labels for a scan", {
-        "neighbourhoods": "search, sampling, pyramids of neighbours",
-        "datasets": "windows, tiles, splits, augmentation, class maps",
-        "models": "PointNet++, PointNeXt, RandLA-Net, a forest",
-        "scoring": "a class for every point, by votes of overlapping samples",
-        "training": "recipes, the loop, going on where it stopped",
-        "compare": "ways of making training clouds, compared with intervals",
-        "demo": "thinned clouds that come with the package",
-        "predict": "labels a scan of any size",
-    }),
-    "falsework": ("the door: scenario, store, runs, command line, report, Python API", {
-        "report": "the page of one scene",
-        "children": "work that is done in a process of its own",
-        "store": "results under their keys: written once, verified, repaired",
-        "execution": "which results are wanted, who makes them, here or on a cluster",
-        "gallery": "contact sheets of families, looks and worlds",
-        "commands": "the verbs of the command line",
-    }),
-}  # fmt: skip
+    "usd_schemas": (
+        "what a stage says: names, component and class tables, camera convention, a stage as flat arrays",
+        {
+            "reading": "composes a stage and reads it: meshes, materials, lights, cameras, labels",
+            "guard": "what a stage from elsewhere must not do, before USD opens it",
+        },
+    ),
+    "authoring": (
+        "scenario → layered stage",
+        {
+            "foreign": "opens models and textures from elsewhere",
+            "shapes": "components, cross sections, the topology of surfaces",
+            "axis": "alignment of the road or railway, clearances",
+            "solids": "sweeps, extrusions, copies, texture atlas",
+            "site": "the ground: valley, river, roads, rails, relief",
+            "parts": "decks, girders, piers, bearings, cables, parapets",
+            "families": "puts parts together: beam, girder, slab, arch, suspension, cable-stayed",
+            "looks": "materials and textures, weathering",
+            "light": "sun, sky, panorama",
+            "backgrounds": "countryside, hillside, lakeside, hamlet, harbour, city",
+            "surveys": "flights of the virtual UAV: paths, coverage, calibration",
+            "layers": "writes what the rooms above drew as USD layers",
+            "imported": "worlds from files: glTF, meshes, CityJSON, USD",
+            "scenes": "what one does with a written scene: validate, compare, check out",
+            "variants": "looks and backgrounds that are added to a scene",
+            "edits": "brings home what an artist changed elsewhere",
+            "exchange": "flattens, bakes and packs a scene for other programs",
+        },
+    ),
+    "render": (
+        "stage → capture",
+        {
+            "images": "encodes and decodes pictures, depth and labels",
+            "gpu": "context, programs, textures, the scene in video memory",
+            "light": "daylight, shadows, indirect light",
+            "detail": "levels of detail, size of textures",
+            "views": "the passes of one view, its lens",
+            "sensor": "exposure, noise, rolling shutter",
+            "writing": "the capture on disk, its journal",
+        },
+    ),
+    "recon": (
+        "capture, or photographs → cloud",
+        {
+            "photos": "reads photographs and what they say of themselves",
+            "sfm": "Structure from Motion: features, matches, cameras, tie points",
+            "dense": "a depth for every pixel, fused into points",
+            "placing": "alignment to the truth, to GPS or to control points, with stated errors",
+            "points": "placed points, their observations, precision, duplicates",
+            "truth": "labels by vote, uncertainty, distance to the true surface",
+            "formats": "clouds of others: LAS, PLY, E57, COLMAP, …",
+            "sampling": "clouds without images: points on surfaces, laser scans",
+        },
+    ),
+    "learn": (
+        "clouds → data sets, models, scores, labels for a scan",
+        {
+            "neighbourhoods": "search, sampling, pyramids of neighbours",
+            "datasets": "windows, tiles, splits, augmentation, class maps",
+            "models": "PointNet++, PointNeXt, RandLA-Net, a forest",
+            "scoring": "a class for every point, by votes of overlapping samples",
+            "training": "recipes, the loop, going on where it stopped",
+            "compare": "ways of making training clouds, compared with intervals",
+            "demo": "thinned clouds that come with the package",
+            "predict": "labels a scan of any size",
+        },
+    ),
+    "falsework": (
+        "the door: scenario, store, runs, command line, report, Python API",
+        {
+            "report": "the page of one scene",
+            "children": "work that is done in a process of its own",
+            "store": "results under their keys: written once, verified, repaired",
+            "execution": "which results are wanted, who makes them, here or on a cluster",
+            "gallery": "contact sheets of families, looks and worlds",
+            "commands": "the verbs of the command line",
+        },
+    ),
+}
 
 _BOX, _GAP, _LEFT, _WIDTH, _LINE = 108, 8, 150, 7, 26  # [px], and boxes side by side
 _INK, _EDGE = "#2b2f33", "#7f9cc4"
@@ -110,16 +128,21 @@ def _imports(path: Path) -> list[str]:
 def architecture_page() -> str:
     """Spell the page as Markdown."""
     lines = [
-        "# The house", "",
-        "Generated by `python -m docs.generate`; the figure is drawn from the imports of the modules.", "",
+        "# The house",
+        "",
+        "Generated by `python -m docs.generate`; the figure is drawn from the imports of the modules.",
+        "",
         "One idea carries it: **the USD stage is the contract**. `authoring` writes stages, `render` reads stages, and",
         "neither knows the other. What follows reads folders that the room before has written: a capture, a cloud, a",
-        "data set, a model. So each step can be replaced, and each can be fed with files from elsewhere.", "",
-        f"![Rooms from bottom to top, and who imports from whom]({FIGURE})", "",
+        "data set, a model. So each step can be replaced, and each can be fed with files from elsewhere.",
+        "",
+        f"![Rooms from bottom to top, and who imports from whom]({FIGURE})",
+        "",
         "Rooms stand from bottom to top: none imports from one above it, and no folder from one that stands further",
         "right or below in its room's list (`tests/house` holds both orders). All import from",
-        "`groundwork`, without arrows here.", "",
-    ]  # fmt: skip
+        "`groundwork`, without arrows here.",
+        "",
+    ]
     for room, (about, folders) in ROOMS.items():
         lines += [f"## `{room}/`: {about}", ""]
         if folders:
@@ -127,12 +150,14 @@ def architecture_page() -> str:
             lines += [f"| `{name}/` | {text} |" for name, text in folders.items()]
             lines.append("")
     lines += [
-        "## One verb a stage", "",
+        "## One verb a stage",
+        "",
         "`falsework run` goes through `falsework/stages.py`: stage, capture, model, cloud, sample, report. Each is a",
         "function from settings and input folders to one output folder, and its key in the store is the hash of",
         "exactly these. `falsework/pipeline.py` is the conductor; [scale.md](scale.md) says who works on what, and",
-        "[formats.md](formats.md) what lies in the folders.", "",
-    ]  # fmt: skip
+        "[formats.md](formats.md) what lies in the folders.",
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -170,9 +195,7 @@ def architecture_figure() -> str:
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n<defs>{tip}</defs>\n{ground}\n{body}\n</svg>\n'
 
 
-def _text(
-    x: float, y: float, text: str, size: int, color: str, *, bold: bool = False, middle: bool = False
-) -> str:  # fmt: skip
+def _text(x: float, y: float, text: str, size: int, color: str, *, bold: bool = False, middle: bool = False) -> str:
     weight = ' font-weight="600"' if bold else ""
     anchor = ' text-anchor="middle"' if middle else ""
     place = f'x="{x:.0f}" y="{y:.0f}" font-size="{size}" fill="{color}"'

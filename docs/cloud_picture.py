@@ -37,8 +37,12 @@ def main(folder: Path, picture: Path) -> None:
     for row in cloud.classes:
         palette[row.id] = row.color
     palette[NOISY_POINT] = (255, 0, 255)
-    views = {"colour": cloud.columns["color"], "class": palette[cloud.columns["segment"]],
-             "instance": paint_instances(cloud), "uncertainty, 1 mm to 1 m": paint_uncertainty(cloud)}  # fmt: skip
+    views = {
+        "colour": cloud.columns["color"],
+        "class": palette[cloud.columns["segment"]],
+        "instance": paint_instances(cloud),
+        "uncertainty, 1 mm to 1 m": paint_uncertainty(cloud),
+    }
     noisy = {f"noisy above {limit:g} m": palette[segment_with_noise(cloud, limit)] for limit in THRESHOLDS}
     noisy["without them"] = palette[cloud.columns["segment"]]
     sure = cloud.columns["uncertainty"] <= THRESHOLDS[-1]

@@ -40,10 +40,18 @@ def scenario_page() -> str:
 
 def samplers_page() -> str:
     """Spell every setting of `falsework sample` as Markdown tables, one for each sampler."""
-    lines = ["# Settings of the samplers", "", "Generated from the settings models by `python -m docs.generate`.",
-             "Each can be given as `--set key=value`; [sampling.md](sampling.md) explains them.", ""]  # fmt: skip
-    for verb, model in (("mesh", MeshSettings), ("lidar --kind terrestrial", TerrestrialSettings),
-                        ("lidar --kind mobile", MobileSettings)):  # fmt: skip
+    lines = [
+        "# Settings of the samplers",
+        "",
+        "Generated from the settings models by `python -m docs.generate`.",
+        "Each can be given as `--set key=value`; [sampling.md](sampling.md) explains them.",
+        "",
+    ]
+    for verb, model in (
+        ("mesh", MeshSettings),
+        ("lidar --kind terrestrial", TerrestrialSettings),
+        ("lidar --kind mobile", MobileSettings),
+    ):
         lines += [f"## `falsework sample {verb}`", "", *_table(model), ""]
     return "\n".join(lines)
 
@@ -57,16 +65,21 @@ def classes_page() -> str:
         note = " The original's own list of classes could not be read: these are ours." if table.reconstructed else ""
         lines += [f"## `{name}`: {table.title}", "", f"Source: {table.source}.{note}", ""]
         lines += ["| id | class | color | components | class alone |", "|---|---|---|---|---|"]
-        lines += [f"| {row.id} | {row.name} | {_color(row)} | {_kinds(table, row)} | {_alone(table, row)} |"
-                  for row in table.rows]  # fmt: skip
+        lines += [
+            f"| {row.id} | {row.name} | {_color(row)} | {_kinds(table, row)} | {_alone(table, row)} |"
+            for row in table.rows
+        ]
         lines.append("")
     return "\n".join(lines)
 
 
 PAGES = {
-    "scenario.md": scenario_page, "classes.md": classes_page, "samplers.md": samplers_page,
-    "architecture.md": architecture_page, FIGURE: architecture_figure,
-}  # fmt: skip
+    "scenario.md": scenario_page,
+    "classes.md": classes_page,
+    "samplers.md": samplers_page,
+    "architecture.md": architecture_page,
+    FIGURE: architecture_figure,
+}
 
 
 def main(arguments: list[str]) -> int:

@@ -43,9 +43,10 @@ def panels(found: Labelled, table: str, title: str) -> U8:
     low, high = (np.quantile(found.place[on_bridge], q, axis=0) for q in (0.005, 0.995))
     result = scores(found.matrix(table))
     paints = {
-        f"{title}: truth": palette[truth], f"prediction, mean IoU {result.mean_iou:.2f}": palette[said],
+        f"{title}: truth": palette[truth],
+        f"prediction, mean IoU {result.mean_iou:.2f}": palette[said],
         f"wrong: {1 - result.overall_accuracy:.1%}": np.where((truth == said)[:, None], RIGHT, WRONG).astype(np.uint8),
-    }  # fmt: skip
+    }
     row = []
     for words, colors in paints.items():
         order = np.argsort(truth != said, kind="stable") if words.startswith("wrong") else np.arange(len(truth))

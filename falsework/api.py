@@ -127,8 +127,13 @@ def reconstruct(
 
     wanted = _settings(settings or ReconSettings(), ReconSettings)
     if len(wanted.modes) > 1:
-        raise InputError("one cloud a call", field="mode", value=wanted.mode, allowed=", ".join(wanted.modes),
-                         hint="Call twice, the second time with the first cloud as model")  # fmt: skip
+        raise InputError(
+            "one cloud a call",
+            field="mode",
+            value=wanted.mode,
+            allowed=", ".join(wanted.modes),
+            hint="Call twice, the second time with the first cloud as model",
+        )
     folder = capture.folder if isinstance(capture, Capture) else Path(capture)
     (place,) = reconstruct_folder(folder, Path(out), wanted, progress, control, model)
     return read_cloud(place)
@@ -235,6 +240,10 @@ def _roots(allowed: Path | str | Iterable[Path | str]) -> tuple[Path, ...]:
 
 def _settings(given: S, *kinds: type[Any]) -> S:
     if not isinstance(given, kinds):
-        raise InputError("not settings of this verb", field="settings", value=type(given).__name__,
-                         allowed=", ".join(kind.__name__ for kind in kinds))  # fmt: skip
+        raise InputError(
+            "not settings of this verb",
+            field="settings",
+            value=type(given).__name__,
+            allowed=", ".join(kind.__name__ for kind in kinds),
+        )
     return given

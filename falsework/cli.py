@@ -68,10 +68,15 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
 
 
 def reconstruct(
-    capture: File, output: Output, *, settings: Path | None = None, gcp: Path | None = None,
+    capture: File,
+    output: Output,
+    *,
+    settings: Path | None = None,
+    gcp: Path | None = None,
     mode: Literal["sparse", "dense", "both"] | None = None,
-    quality: Literal["low", "medium", "high", "ultra"] | None = None, model: Path | None = None,
-) -> int:  # fmt: skip
+    quality: Literal["low", "medium", "high", "ultra"] | None = None,
+    model: Path | None = None,
+) -> int:
     """Reconstruct a capture, or a folder of photographs, into a cloud, annotated where the capture carries its truth.
 
     Killed at any moment, the same command goes on where it stopped.
@@ -268,8 +273,10 @@ def main(arguments: list[str] | None = None) -> None:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in LEARN:
             raise
-        sys.stderr.write(f"falsework: this needs the package {error.name}. Install the extra: make .venv/.stamp-learn, "
-                         "or pip install 'falsework[learn]'\n")  # fmt: skip
+        sys.stderr.write(
+            f"falsework: this needs the package {error.name}. Install the extra: make .venv/.stamp-learn, "
+            "or pip install 'falsework[learn]'\n"
+        )
         code = InputError.exit_code
     except BrokenPipeError:  # `falsework scene info SCENE | head`: whoever read has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -307,8 +314,13 @@ def _call(verbs: dict[str, Callable[..., int]], words: list[str], program: str, 
     """Call the verb that the first word names."""
     if words[:1] and not words[0].startswith("-") and words[0] not in verbs:
         near = difflib.get_close_matches(words[0], verbs, n=1, cutoff=0.5)
-        raise InputError("no such verb", where=program, value=words[0], allowed=", ".join(verbs),
-                         hint=f"Did you mean {near[0]!r}?" if near else f"See {program} --help")  # fmt: skip
+        raise InputError(
+            "no such verb",
+            where=program,
+            value=words[0],
+            allowed=", ".join(verbs),
+            hint=f"Did you mean {near[0]!r}?" if near else f"See {program} --help",
+        )
     checked = {name: files_first(verb) for name, verb in verbs.items()}
     return tyro.extras.subcommand_cli_from_dict(
         checked, prog=program, description=about, args=words, config=(tyro.conf.FlagCreatePairsOff,)

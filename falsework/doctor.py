@@ -17,11 +17,26 @@ Verdict = Literal["OK", "WARN", "FAIL"]
 
 ROOMS = ("groundwork", "usd_schemas", "authoring", "render", "recon", "learn", "falsework")
 CORE = {
-    "usd-core": "pxr.Usd", "numpy": "numpy", "scipy": "scipy", "numba": "numba", "trimesh": "trimesh",
-    "moderngl": "moderngl", "opencv-python-headless": "cv2", "pycolmap": "pycolmap", "laspy": "laspy",
-    "lazrs": "lazrs", "OpenEXR": "OpenEXR", "isal": "isal", "pydantic": "pydantic", "tyro": "tyro",
-    "rich": "rich", "jinja2": "jinja2", "plotly": "plotly", "distributed": "distributed", "tomli-w": "tomli_w",
-}  # fmt: skip
+    "usd-core": "pxr.Usd",
+    "numpy": "numpy",
+    "scipy": "scipy",
+    "numba": "numba",
+    "trimesh": "trimesh",
+    "moderngl": "moderngl",
+    "opencv-python-headless": "cv2",
+    "pycolmap": "pycolmap",
+    "laspy": "laspy",
+    "lazrs": "lazrs",
+    "OpenEXR": "OpenEXR",
+    "isal": "isal",
+    "pydantic": "pydantic",
+    "tyro": "tyro",
+    "rich": "rich",
+    "jinja2": "jinja2",
+    "plotly": "plotly",
+    "distributed": "distributed",
+    "tomli-w": "tomli_w",
+}
 LEARN = {"torch": "torch", "lightning": "lightning", "safetensors": "safetensors", "scikit-learn": "sklearn"}
 MEMORY_NEEDED = 4.0  # [GB] the demo's limit
 DISK_NEEDED = 2.0  # [GB]
@@ -172,8 +187,14 @@ def package_names() -> list[Check]:
     for room in ROOMS:
         found = str(import_module(room).__file__)
         if Path(found).resolve() != home / room / "__init__.py":
-            rows.append(Check("package names", "FAIL", f"{room} is taken from {found}",
-                              "Start Python in another folder, or rename that one"))  # fmt: skip
+            rows.append(
+                Check(
+                    "package names",
+                    "FAIL",
+                    f"{room} is taken from {found}",
+                    "Start Python in another folder, or rename that one",
+                )
+            )
     return rows or [Check("package names", "OK", "no other package or folder takes the place of ours")]
 
 

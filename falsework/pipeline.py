@@ -20,9 +20,16 @@ __all__ = ["Outcome", "run_scenario"]
 
 
 def run_scenario(
-    scenario: Scenario, out: Path, progress: Progress, scenes: Iterable[int] | None = None, *,
-    retry_failed: bool = False, workers: int = 0, cluster: str | None = None, board: Board = NO_BOARD,
-) -> Outcome:  # fmt: skip
+    scenario: Scenario,
+    out: Path,
+    progress: Progress,
+    scenes: Iterable[int] | None = None,
+    *,
+    retry_failed: bool = False,
+    workers: int = 0,
+    cluster: str | None = None,
+    board: Board = NO_BOARD,
+) -> Outcome:
     """Run the whole chain, or what is left of it; several processes may do so in one folder.
 
     Args:
@@ -44,12 +51,17 @@ def run_scenario(
         OutOfSpaceError: The disk is full; finished results stay.
     """
     if workers < 0 or (workers and cluster):
-        raise InputError("no such number of workers", field="workers", value=workers,
-                         allowed="0 or more, and none beside a cluster")  # fmt: skip
+        raise InputError(
+            "no such number of workers", field="workers", value=workers, allowed="0 or more, and none beside a cluster"
+        )
     indices = list(range(scenario.scenes) if scenes is None else scenes)
     if not set(indices) <= set(range(scenario.scenes)):
-        raise InputError("no such scene", field="scenes", value=sorted(set(indices) - set(range(scenario.scenes))),
-                         allowed=f"0 to {scenario.scenes - 1}")  # fmt: skip
+        raise InputError(
+            "no such scene",
+            field="scenes",
+            value=sorted(set(indices) - set(range(scenario.scenes))),
+            allowed=f"0 to {scenario.scenes - 1}",
+        )
     if cluster is not None:
         from falsework.execution.cluster import check_address
 
@@ -71,9 +83,13 @@ def run_scenario(
 
 
 def _run_here(
-    scenario: Scenario, sources: Sources, indices: list[int], out: Path, manner: Manner,
+    scenario: Scenario,
+    sources: Sources,
+    indices: list[int],
+    out: Path,
+    manner: Manner,
     listeners: tuple[Progress, Board],
-) -> Outcome:  # fmt: skip
+) -> Outcome:
     """Run scenes one after the other in this process; those that another process works on come last."""
     outcome, store, (progress, board) = Outcome(), Store(out), listeners
     if indices:

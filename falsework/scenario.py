@@ -98,8 +98,9 @@ class Scenario(AuthoringSettings):
         if folder is not None:
             base = os.path.realpath(folder)
             for section in ("worlds", "skies", "surfaces"):
-                values[section] = {name: os.path.relpath(os.path.realpath(path), base)
-                                   for name, path in values[section].items()}  # fmt: skip
+                values[section] = {
+                    name: os.path.relpath(os.path.realpath(path), base) for name, path in values[section].items()
+                }
             if self.stage is not None:
                 roots = [os.path.relpath(os.path.realpath(root), base) for root in self.stage.allow_root]
                 path = os.path.relpath(os.path.realpath(self.stage.path), base)
@@ -152,9 +153,11 @@ def _with_stage(scenario: Scenario, path: Path) -> Scenario:
         return scenario
     if scenario.variants.combinations():
         raise InputError(
-            "variants are authored with a scene, not with a stage that is there", where=path, field="variants",
+            "variants are authored with a scene, not with a stage that is there",
+            where=path,
+            field="variants",
             hint="Choose there: falsework scene set SCENE look=… --variant NAME, then name variant_NAME.usda here",
-        )  # fmt: skip
+        )
     stage = _beside(path, scenario.stage.path)
     if not stage.exists():
         raise MissingError("no such stage", where=path, field="stage.path", value=scenario.stage.path)
@@ -179,9 +182,13 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
         place = _beside(path, background)
         if not place.exists():
             raise MissingError(
-                "no such background", where=path, field="background.name", value=background,
-                allowed=", ".join((*BACKGROUNDS, *worlds)), hint="Or the path of a world: falsework background import",
-            )  # fmt: skip
+                "no such background",
+                where=path,
+                field="background.name",
+                value=background,
+                allowed=", ".join((*BACKGROUNDS, *worlds)),
+                hint="Or the path of a world: falsework background import",
+            )
         worlds[place.stem] = str(place)
         return place.stem
 

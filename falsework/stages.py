@@ -52,8 +52,10 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     from authoring.scene import author_scene
     from authoring.settings import AuthoringSettings
 
-    given = {kind: {name[len(kind) :]: path for name, path in inputs.items() if name.startswith(kind)}
-             for kind in ("world/", "sky/", "surface/")}  # fmt: skip
+    given = {
+        kind: {name[len(kind) :]: path for name, path in inputs.items() if name.startswith(kind)}
+        for kind in ("world/", "sky/", "surface/")
+    }
     authoring = parse_settings(AuthoringSettings, settings["authoring"], "scenario")
     author_scene(authoring, settings["seed"], folder, progress, given["world/"], given["sky/"], given["surface/"])
 
@@ -136,12 +138,19 @@ def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
         progress: Listener.
     """
     request = {
-        "kind": settings["kind"], "settings": settings["sample"], "folder": str(folder.resolve()),
+        "kind": settings["kind"],
+        "settings": settings["sample"],
+        "folder": str(folder.resolve()),
         "stage": str(root_layer(inputs["stage"], settings.get("variant", "")).resolve()),
         "allow_roots": settings.get("allow_roots", []),
-    }  # fmt: skip
-    run_child("falsework.children.sample_work", request, time_limit=SAMPLE_TIME_LIMIT,
-              memory_limit=SAMPLE_MEMORY_LIMIT, progress=progress)  # fmt: skip
+    }
+    run_child(
+        "falsework.children.sample_work",
+        request,
+        time_limit=SAMPLE_TIME_LIMIT,
+        memory_limit=SAMPLE_MEMORY_LIMIT,
+        progress=progress,
+    )
 
 
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:

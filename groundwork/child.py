@@ -54,9 +54,12 @@ def run_child(
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
             [sys.executable, "-m", module],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
-            env={**os.environ, **(environment or {})}, preexec_fn=_die_with_parent(os.getpid()),
-        )  # fmt: skip
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            env={**os.environ, **(environment or {})},
+            preexec_fn=_die_with_parent(os.getpid()),
+        )
         replies: list[dict[str, Any]] = []
         reader = threading.Thread(target=_listen, args=(process, replies, progress), daemon=True)
         reader.start()

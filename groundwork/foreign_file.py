@@ -24,9 +24,12 @@ _ESCAPE = re.compile(rb"\\u(?:0000|[dD][89a-fA-F])|\0")  # of what `_check_strin
 _HUGE = re.compile(rb"[eE]\+?\d{3}|\d{300}")  # what a number beyond double precision has
 _MOST_DIGITS, _MOST_BITS = 20, 64  # of an integer
 _KINDS = {
-    stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
     stat.S_IFDIR: "a folder",
-}  # fmt: skip
+}
 
 
 def open_regular(path: Path, most: int | None = None) -> BufferedReader:

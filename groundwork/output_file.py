@@ -49,8 +49,9 @@ def check_output_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs =
         raise InputError("is not a plain file", where=path, hint="Name another file with -o")
     with space_errors(place):
         if place.exists() and place.stat().st_size and not is_ours(place):
-            raise InputError("is a file that Falsework did not write", where=path,
-                             hint="Remove it, or name another file with -o")  # fmt: skip
+            raise InputError(
+                "is a file that Falsework did not write", where=path, hint="Remove it, or name another file with -o"
+            )
     return place
 
 

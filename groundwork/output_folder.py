@@ -129,18 +129,22 @@ def _refuse_filled(place: Path, kind: str, is_marked: bool) -> None:
         raise InputError("is not empty", where=place, value=found, hint="Name a new folder with -o")
     if found not in ("", kind):
         raise InputError(
-            f"the output folder holds {found}", where=place, allowed=f"an empty folder or a former {kind}",
+            f"the output folder holds {found}",
+            where=place,
+            allowed=f"an empty folder or a former {kind}",
             hint=_ELSEWHERE,
-        )  # fmt: skip
+        )
 
 
 def _has_other_work(work: Path, kind: str) -> bool:
     """Tell whether hours of another command's work wait to be gone on with."""
     said = _said(work)
     return (
-        said is not None and said[0] != kind and said[1].endswith(_RESUMES)
+        said is not None
+        and said[0] != kind
+        and said[1].endswith(_RESUMES)
         and bool(list_folder(work / FILES, kind).files)
-    )  # fmt: skip
+    )
 
 
 def _former(place: Path) -> Listing:

@@ -92,8 +92,11 @@ def _enter(place: Path, work: Path) -> tuple[int, bool]:
         except FileNotFoundError:
             continue  # its former holder removed it between our calls
         except BusyError:
-            raise InputError("another command is writing this folder", where=place,
-                             hint="Wait for it to end, or choose another folder with -o") from None  # fmt: skip
+            raise InputError(
+                "another command is writing this folder",
+                where=place,
+                hint="Wait for it to end, or choose another folder with -o",
+            ) from None
         except (IsADirectoryError, FileExistsError, NotADirectoryError):
             raise InputError("is in the way", where=work, hint=f"Move it elsewhere. {_ELSEWHERE}") from None
         except OSError as error:

@@ -56,8 +56,13 @@ def _check_names(path: Path) -> None:
         if "\0" in name:
             raise InputError("a name with a null character", where=repr(str(path)), hint=_ELSEWHERE)
         if length > _LONGEST:
-            raise InputError("a name that is too long", where=path, value=f"{length} bytes",
-                             allowed=f"{_LONGEST} bytes", hint="Choose a shorter one with -o")  # fmt: skip
+            raise InputError(
+                "a name that is too long",
+                where=path,
+                value=f"{length} bytes",
+                allowed=f"{_LONGEST} bytes",
+                hint="Choose a shorter one with -o",
+            )
 
 
 def _refuse_stores(place: Path, path: Path) -> None:

@@ -135,8 +135,11 @@ def _refuse_strangers(place: Path, new: Listing, waiting: list[str], former: Lis
 
 
 def _refuse(path: Path) -> None:
-    raise InputError("is in the way, and Falsework did not write it", where=path,
-                     hint="Move it elsewhere, then run the same command again: the finished work waits")  # fmt: skip
+    raise InputError(
+        "is in the way, and Falsework did not write it",
+        where=path,
+        hint="Move it elsewhere, then run the same command again: the finished work waits",
+    )
 
 
 def _is_below(folder: Path, place: Path) -> bool:

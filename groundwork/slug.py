@@ -55,9 +55,11 @@ def inside(folder: Path, *parts: str, where: object = None) -> Path:
     long = any(len(part.encode("utf-8", "surrogatepass")) > _LONGEST_NAME for part in path.parts)
     if target == home or long or not target.is_relative_to(home):
         raise InputError(
-            "a name that leads out of its folder", where=where, value="/".join(parts)[:200],
+            "a name that leads out of its folder",
+            where=where,
+            value="/".join(parts)[:200],
             allowed="a name of letters, digits, '.', '_' and '-'",
-        )  # fmt: skip
+        )
     return path
 
 

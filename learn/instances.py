@@ -111,9 +111,16 @@ class Boxes:
             meters: Length of one unit of the scan [m].
         """
         return [
-            {"id": i, "class_id": int(self.label[i]), "class": names[int(self.label[i])],
-             "points": int(self.points[i]), "confidence": round(float(self.sure[i] / self.points[i]) / 1e6, 6),
-             "low": self.low[i].tolist(), "high": self.high[i].tolist(),
-             "size_m": ((self.high[i] - self.low[i]) * meters).tolist()}
-            for i in range(1, len(self.points)) if self.points[i]
-        ]  # fmt: skip
+            {
+                "id": i,
+                "class_id": int(self.label[i]),
+                "class": names[int(self.label[i])],
+                "points": int(self.points[i]),
+                "confidence": round(float(self.sure[i] / self.points[i]) / 1e6, 6),
+                "low": self.low[i].tolist(),
+                "high": self.high[i].tolist(),
+                "size_m": ((self.high[i] - self.low[i]) * meters).tolist(),
+            }
+            for i in range(1, len(self.points))
+            if self.points[i]
+        ]

@@ -83,10 +83,18 @@ def scores(matrix: I64) -> Scores:
     precision = np.where(occurs & (called == 0), 0.0, _share(right, called))
     iou, f1 = _share(right, support + called - right), _share(2 * right, support + called)
     return Scores(
-        support=support, accuracy=accuracy, precision=precision, iou=iou, f1=f1,
-        overall_accuracy=float(_share(right.sum(), matrix.sum())), mean_accuracy=_mean(accuracy),
-        mean_precision=_mean(precision), mean_iou=_mean(iou), mean_f1=_mean(f1), classes_averaged=int(occurs.sum()),
-    )  # fmt: skip
+        support=support,
+        accuracy=accuracy,
+        precision=precision,
+        iou=iou,
+        f1=f1,
+        overall_accuracy=float(_share(right.sum(), matrix.sum())),
+        mean_accuracy=_mean(accuracy),
+        mean_precision=_mean(precision),
+        mean_iou=_mean(iou),
+        mean_f1=_mean(f1),
+        classes_averaged=int(occurs.sum()),
+    )
 
 
 def mean_iou(matrices: F64 | I64) -> F64:

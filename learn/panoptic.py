@@ -46,8 +46,9 @@ class PanopticCounts:
 
     def __add__(self, other: "PanopticCounts") -> "PanopticCounts":
         """Add the counts of another cloud."""
-        return PanopticCounts(self.hits + other.hits, self.overlap + other.overlap, self.true + other.true,
-                              self.found + other.found)  # fmt: skip
+        return PanopticCounts(
+            self.hits + other.hits, self.overlap + other.overlap, self.true + other.true, self.found + other.found
+        )
 
 
 def count_instances(
@@ -80,8 +81,9 @@ def count_instances(
     return PanopticCounts(
         np.bincount(of_class, minlength=classes).astype(np.int64),
         np.bincount(of_class, shared[matched] / union[matched], minlength=classes).astype(np.float64),
-        np.bincount(truth, minlength=classes).astype(np.int64), np.bincount(found, minlength=classes).astype(np.int64),
-    )  # fmt: skip
+        np.bincount(truth, minlength=classes).astype(np.int64),
+        np.bincount(found, minlength=classes).astype(np.int64),
+    )
 
 
 def panoptic_quality(counts: PanopticCounts) -> PanopticQuality:

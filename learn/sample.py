@@ -38,8 +38,12 @@ class Sample:
         count = len(self.coord)
         shapes = (self.coord.shape, self.features.shape, self.labels.shape)
         if shapes != ((count, 3), (count, len(self.channels)), (count,)):
-            raise InputError("the columns of a sample do not fit together", field="sample", value=shapes,
-                             allowed="coord (N, 3), features (N, C), labels (N,), C channels")  # fmt: skip
+            raise InputError(
+                "the columns of a sample do not fit together",
+                field="sample",
+                value=shapes,
+                allowed="coord (N, 3), features (N, C), labels (N,), C channels",
+            )
 
 
 @dataclass(frozen=True, eq=False)

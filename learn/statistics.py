@@ -59,9 +59,15 @@ def paired_difference(first: F64, second: F64, level: float = 0.95) -> Differenc
 
 
 def crossed_bootstrap(
-    first: I64, second: I64, draws: int, seed: int, level: float = 0.95,
-    statistic: Callable[[F64], F64] = mean_iou, *, corrected: bool = False,
-) -> Difference:  # fmt: skip
+    first: I64,
+    second: I64,
+    draws: int,
+    seed: int,
+    level: float = 0.95,
+    statistic: Callable[[F64], F64] = mean_iou,
+    *,
+    corrected: bool = False,
+) -> Difference:
     """Compare two arms with seeds and bridges drawn anew, crossed: every seed meets every bridge.
 
     A draw takes S seeds and B bridges with replacement, the same for both arms. The score of a seed is that of the
@@ -100,8 +106,12 @@ def crossed_bootstrap(
     if corrected:
         fewest = min(seeds, bridges)
         if fewest < 2:
-            raise InputError("an interval needs at least two seeds and two bridges", field="seeds, bridges",
-                             value=f"{seeds}, {bridges}", allowed="2 or more each")  # fmt: skip
+            raise InputError(
+                "an interval needs at least two seeds and two bridges",
+                field="seeds, bridges",
+                value=f"{seeds}, {bridges}",
+                allowed="2 or more each",
+            )
         deviation *= float(np.sqrt(fewest / (fewest - 1)))
         reach = float(stats.t.ppf(0.5 + level / 2, fewest - 1)) * deviation
         low, high = mean - reach, mean + reach

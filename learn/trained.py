@@ -197,8 +197,12 @@ def check_channels(sample: Sample, channels: tuple[str, ...]) -> None:
         InputError: Other channels, or another order.
     """
     if sample.channels != channels:
-        raise InputError("not the channels of the model", field="channels", value=", ".join(sample.channels),
-                         allowed=", ".join(channels))  # fmt: skip
+        raise InputError(
+            "not the channels of the model",
+            field="channels",
+            value=", ".join(sample.channels),
+            allowed=", ".join(channels),
+        )
 
 
 def write_model(folder: Path, facts: ModelFacts, weights: Mapping[str, Tensor]) -> None:
@@ -212,11 +216,21 @@ def write_model(folder: Path, facts: ModelFacts, weights: Mapping[str, Tensor]) 
     folder.mkdir(parents=True, exist_ok=True)
     # safetensors orders what it writes by type and name, so that equal weights are equal bytes
     write_bytes(folder / WEIGHTS, save({name: value.contiguous() for name, value in weights.items()}))
-    write_json(folder / FACTS, {
-        "format": FORMAT, "format_version": FORMAT_VERSION, "network": facts.network, "settings": facts.settings,
-        "classes": facts.classes, "channels": facts.channels, "data": facts.data, "noisy": facts.noisy,
-        "temperature": facts.temperature, "training": facts.training,
-    })  # fmt: skip
+    write_json(
+        folder / FACTS,
+        {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "network": facts.network,
+            "settings": facts.settings,
+            "classes": facts.classes,
+            "channels": facts.channels,
+            "data": facts.data,
+            "noisy": facts.noisy,
+            "temperature": facts.temperature,
+            "training": facts.training,
+        },
+    )
 
 
 def read_facts(folder: Path) -> ModelFacts:
@@ -235,14 +249,24 @@ def read_facts(folder: Path) -> ModelFacts:
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise InputError("not a model", where=path, allowed=FORMAT)
     if record.get("format_version") != FORMAT_VERSION:
-        raise InputError("a model of another version", where=path, field="format_version",
-                         value=record.get("format_version"), allowed=str(FORMAT_VERSION))  # fmt: skip
+        raise InputError(
+            "a model of another version",
+            where=path,
+            field="format_version",
+            value=record.get("format_version"),
+            allowed=str(FORMAT_VERSION),
+        )
     try:
         facts = ModelFacts(
-            network=str(record["network"]), settings=dict(record["settings"]), data=dict(record["data"]),
-            classes=tuple(map(str, record["classes"])), channels=tuple(map(str, record["channels"])),
-            noisy=record["noisy"], temperature=float(record["temperature"]), training=record["training"],
-        )  # fmt: skip
+            network=str(record["network"]),
+            settings=dict(record["settings"]),
+            data=dict(record["data"]),
+            classes=tuple(map(str, record["classes"])),
+            channels=tuple(map(str, record["channels"])),
+            noisy=record["noisy"],
+            temperature=float(record["temperature"]),
+            training=record["training"],
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"a torn model: {error}", where=path, hint="Train it anew, or fetch it anew") from None
     if not facts.classes or not facts.temperature > 0 or facts.noisy not in (None, *range(len(facts.classes))):
@@ -301,6 +325,11 @@ def load_weights(module: nn.Module, weights: Mapping[str, Tensor], where: Path) 
     for name in sorted(wanted.keys() | weights.keys()):
         found = tuple(weights[name].shape) if name in weights else None
         if found != wanted.get(name):
-            raise InputError("weights that do not fit the network", where=where, field=name, value=found,
-                             allowed=str(wanted.get(name)))  # fmt: skip
+            raise InputError(
+                "weights that do not fit the network",
+                where=where,
+                field=name,
+                value=found,
+                allowed=str(wanted.get(name)),
+            )
     module.load_state_dict(dict(weights))

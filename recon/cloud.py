@@ -150,21 +150,36 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
     _check(folder, cloud)
     kinds = _kinds(cloud.columns)
     if unknown := cloud.columns.keys() - kinds.keys():
-        raise InputError("a column that the format does not have", field="columns", value=sorted(unknown)[0],
-                         allowed=", ".join(kinds), hint="Keep it in a file of your own")  # fmt: skip
+        raise InputError(
+            "a column that the format does not have",
+            field="columns",
+            value=sorted(unknown)[0],
+            allowed=", ".join(kinds),
+            hint="Keep it in a file of your own",
+        )
     (folder / OBSERVATIONS).mkdir()
     for name in kinds:
         _save(folder / f"{name}.npy", cloud.columns[name])
     for name in OBSERVATION_COLUMNS:
         _save(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name])
-    write_json(folder / "cloud.json", {
-        "format": FORMAT, "format_version": FORMAT_VERSION, "source": cloud.source,
-        "bridge": cloud.bridge, "count": len(cloud), "observation_count": len(cloud.observations["image"]),
-        "columns": {name: vars(kind) for name, kind in kinds.items()},
-        "observations": {name: vars(kind) for name, kind in OBSERVATION_COLUMNS.items()},
-        "components": cloud.components, "classes": [vars(row) for row in cloud.classes],
-        "alignment": cloud.alignment, "cameras": cloud.cameras, "statistics": cloud.statistics,
-    })  # fmt: skip
+    write_json(
+        folder / "cloud.json",
+        {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "source": cloud.source,
+            "bridge": cloud.bridge,
+            "count": len(cloud),
+            "observation_count": len(cloud.observations["image"]),
+            "columns": {name: vars(kind) for name, kind in kinds.items()},
+            "observations": {name: vars(kind) for name, kind in OBSERVATION_COLUMNS.items()},
+            "components": cloud.components,
+            "classes": [vars(row) for row in cloud.classes],
+            "alignment": cloud.alignment,
+            "cameras": cloud.cameras,
+            "statistics": cloud.statistics,
+        },
+    )
 
 
 def read_cloud(folder: Path | str) -> Cloud:
@@ -188,8 +203,13 @@ def _read_cloud(folder: Path) -> Cloud:
     stored = read_json(path)
     found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
     if found not in [(FORMAT, version) for version in _READABLE]:
-        raise InputError("not a cloud of this version", where=path, field="format", value=found,
-                         allowed=f"{FORMAT}, version {' or '.join(map(str, _READABLE))}")  # fmt: skip
+        raise InputError(
+            "not a cloud of this version",
+            where=path,
+            field="format",
+            value=found,
+            allowed=f"{FORMAT}, version {' or '.join(map(str, _READABLE))}",
+        )
     try:
         kinds, components, classes = _kinds(stored["columns"]), stored["components"], stored["classes"]
         count, observation_count, cameras = stored["count"], stored["observation_count"], stored["cameras"]
@@ -201,10 +221,14 @@ def _read_cloud(folder: Path) -> Cloud:
         cloud = Cloud(
             columns={name: _load(folder / f"{name}.npy") for name in kinds},
             observations={name: _load(folder / OBSERVATIONS / f"{name}.npy") for name in OBSERVATION_COLUMNS},
-            components=tuple(components), classes=tuple(_class_row(row) for row in classes),
-            alignment=stored["alignment"], cameras=tuple(cameras), statistics=stored["statistics"],
-            source=stored.get("source", SFM_SPARSE), bridge=stored.get("bridge", ""),
-        )  # fmt: skip
+            components=tuple(components),
+            classes=tuple(_class_row(row) for row in classes),
+            alignment=stored["alignment"],
+            cameras=tuple(cameras),
+            statistics=stored["statistics"],
+            source=stored.get("source", SFM_SPARSE),
+            bridge=stored.get("bridge", ""),
+        )
     except (KeyError, TypeError) as error:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
     _check(folder, cloud, count, observation_count)
@@ -268,8 +292,13 @@ def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_cou
     count = len(cloud) if count is None else count
     observation_count = len(cloud.observations["image"]) if observation_count is None else observation_count
     if cloud.source not in SOURCES:
-        raise InputError("an unknown source", where=folder / "cloud.json", field="source", value=cloud.source,
-                         allowed=", ".join(SOURCES))  # fmt: skip
+        raise InputError(
+            "an unknown source",
+            where=folder / "cloud.json",
+            field="source",
+            value=cloud.source,
+            allowed=", ".join(SOURCES),
+        )
     for name, kind in _kinds(cloud.columns).items():
         _check_column(folder / f"{name}.npy", cloud.columns[name], kind, count)
     for name, kind in OBSERVATION_COLUMNS.items():
@@ -290,5 +319,10 @@ def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_cou
 def _check_column(path: Path, column: Column, kind: ColumnKind, rows: int) -> None:
     shape = (rows,) if kind.width == 1 else (rows, kind.width)
     if column.shape != shape or column.dtype != np.dtype(kind.dtype):
-        raise InputError("a column of a wrong shape or type", where=path, value=f"{column.dtype} {column.shape}",
-                         allowed=f"{kind.dtype} {shape}", hint="Reconstruct again")  # fmt: skip
+        raise InputError(
+            "a column of a wrong shape or type",
+            where=path,
+            value=f"{column.dtype} {column.shape}",
+            allowed=f"{kind.dtype} {shape}",
+            hint="Reconstruct again",
+        )

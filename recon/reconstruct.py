@@ -39,9 +39,13 @@ from usd_schemas.components import UNLABELLED, class_rows
 
 
 def reconstruct(
-    capture: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None,
+    capture: Path,
+    folder: Path,
+    settings: ReconSettings,
+    progress: Progress,
+    control: Path | None = None,
     model: Path | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Reconstruct a capture, carry it into the world, label every point, measure every point.
 
     With `mode = "both"`, structure from motion runs once, and the clouds stand in `cloud/sparse` and `cloud/dense`.
@@ -117,9 +121,15 @@ def reconstruct_cloud(
 
 
 def _make_cloud(
-    photographs: Capture, sparse: Sparse, folder: Path, work: Path, settings: ReconSettings, progress: Progress,
-    surveyed: GroundControl | None, control: Path | None,
-) -> None:  # fmt: skip
+    photographs: Capture,
+    sparse: Sparse,
+    folder: Path,
+    work: Path,
+    settings: ReconSettings,
+    progress: Progress,
+    surveyed: GroundControl | None,
+    control: Path | None,
+) -> None:
     """Place a model, fill a cloud from it, and write it."""
     model, copies = merge_duplicates(sparse.model)
     progress.stage("align", 0)
@@ -149,10 +159,16 @@ def _make_cloud(
     kept = placed.fate == KEPT
     columns, observed, depth = _those(kept, columns, observed, depth)
     cloud = Cloud(
-        columns, observed, components, truth.classes if truth else class_rows(),
-        facts, camera_rows(photographs, alignment), {},
-        f"sfm-{settings.mode}", bridge_digest(*truth.surface(), truth.instances) if truth else "",
-    )  # fmt: skip
+        columns,
+        observed,
+        components,
+        truth.classes if truth else class_rows(),
+        facts,
+        camera_rows(photographs, alignment),
+        {},
+        f"sfm-{settings.mode}",
+        bridge_digest(*truth.surface(), truth.instances) if truth else "",
+    )
     figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, observed["start"][:-1]))
     statistics = {**describe(columns, alignment, model, cloud.classes), **figures}
     cloud = Cloud(**{**vars(cloud), "statistics": statistics})
@@ -170,9 +186,15 @@ def _make_cloud(
 
 
 def _place(
-    model: SparseModel, rows: NDArray[np.int64], reasons: Mapping[str, str], photographs: Capture, truth: Truth | None,
-    settings: ReconSettings, surveyed: GroundControl | None, control: Path | None,
-) -> tuple[Alignment, Target, dict[str, Any]]:  # fmt: skip
+    model: SparseModel,
+    rows: NDArray[np.int64],
+    reasons: Mapping[str, str],
+    photographs: Capture,
+    truth: Truth | None,
+    settings: ReconSettings,
+    surveyed: GroundControl | None,
+    control: Path | None,
+) -> tuple[Alignment, Target, dict[str, Any]]:
     """Place the model by ground control where there is some, else by what is known of the cameras; state it as JSON."""
     rng = np.random.default_rng(settings.seed)
     if surveyed is not None and control is not None:
@@ -190,15 +212,22 @@ def _rows_in_capture(model: SparseModel, capture: Capture) -> NDArray[np.int64]:
 def _own_columns(placed: PlacedPoints) -> dict[str, NDArray[Any]]:
     """Fill the columns that need no truth."""
     return {
-        "coord": placed.coord, "color": placed.color, "normal": placed.normal,
-        "reprojection_error": placed.reprojection_error, "n_views": placed.seen.counts.astype(np.uint16),
-    }  # fmt: skip
+        "coord": placed.coord,
+        "color": placed.color,
+        "normal": placed.normal,
+        "reprojection_error": placed.reprojection_error,
+        "n_views": placed.seen.counts.astype(np.uint16),
+    }
 
 
 def _label(
-    columns: dict[str, NDArray[Any]], points: NDArray[np.float64], depth: NDArray[np.float64], seen: Observations,
-    truth: Truth | None, threads: int,
-) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:  # fmt: skip
+    columns: dict[str, NDArray[Any]],
+    points: NDArray[np.float64],
+    depth: NDArray[np.float64],
+    seen: Observations,
+    truth: Truth | None,
+    threads: int,
+) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:
     """Fill the columns that need the truth; without it, with what says that nothing is known."""
     count, total = len(points), len(seen.image)
     components = ("", *sorted({row.component for row in truth.instances} - {""})) if truth else ("",)
@@ -217,17 +246,32 @@ def _label(
         distance, nearest = still_surface(verdict.instance, truth, *nearest_surface(points, truth))
         component = _components(verdict.instance, truth, components)
     columns |= {
-        "segment": verdict.label, "instance": verdict.instance, "component": component,
-        "confidence": verdict.confidence, "label_margin_px": verdict.margin, "surface_class": nearest,
-    }  # fmt: skip
-    columns |= {name: values.astype(np.float32) for name, values in {
-        "uncertainty": measured.median, "uncertainty_min": measured.least, "uncertainty_max": measured.greatest,
-        "uncertainty_relative": measured.relative, "displacement": measured.displacement, "surface_distance": distance,
-    }.items()}  # fmt: skip
+        "segment": verdict.label,
+        "instance": verdict.instance,
+        "component": component,
+        "confidence": verdict.confidence,
+        "label_margin_px": verdict.margin,
+        "surface_class": nearest,
+    }
+    columns |= {
+        name: values.astype(np.float32)
+        for name, values in {
+            "uncertainty": measured.median,
+            "uncertainty_min": measured.least,
+            "uncertainty_max": measured.greatest,
+            "uncertainty_relative": measured.relative,
+            "displacement": measured.displacement,
+            "surface_distance": distance,
+        }.items()
+    }
     return {
-        "start": seen.start, "image": seen.image.astype(np.uint32), "uv": seen.uv, "label": observed.label,
-        "instance": observed.instance, "depth_error": error.astype(np.float32),
-    }, components  # fmt: skip
+        "start": seen.start,
+        "image": seen.image.astype(np.uint32),
+        "uv": seen.uv,
+        "label": observed.label,
+        "instance": observed.instance,
+        "depth_error": error.astype(np.float32),
+    }, components
 
 
 def _count_classes(
@@ -243,9 +287,11 @@ def _count_classes(
 
 
 def _those(
-    kept: NDArray[np.bool_], columns: dict[str, NDArray[Any]], observed: dict[str, NDArray[Any]],
+    kept: NDArray[np.bool_],
+    columns: dict[str, NDArray[Any]],
+    observed: dict[str, NDArray[Any]],
     depth: NDArray[np.float64],
-) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]], NDArray[np.float64]]:  # fmt: skip
+) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]], NDArray[np.float64]]:
     """Leave the points that do not stay out of columns, observations and depths."""
     counts = np.diff(observed["start"])
     seen = np.repeat(kept, counts)
@@ -263,8 +309,14 @@ def _components(instance: NDArray[np.uint32], truth: Truth, components: tuple[st
 
 
 def _write_poses(path: Path, capture: Capture, model: SparseModel, poses: NDArray[np.float64]) -> None:
-    write_json(path, {
-        "camera": {"model": model.camera_model, "params": model.camera_params, "size": capture.size},
-        "poses": [{"name": image.name, "camera_to_world": pose.tolist()}
-                  for image, pose in zip(capture.images, poses, strict=True) if np.isfinite(pose).all()],
-    })  # fmt: skip
+    write_json(
+        path,
+        {
+            "camera": {"model": model.camera_model, "params": model.camera_params, "size": capture.size},
+            "poses": [
+                {"name": image.name, "camera_to_world": pose.tolist()}
+                for image, pose in zip(capture.images, poses, strict=True)
+                if np.isfinite(pose).all()
+            ],
+        },
+    )

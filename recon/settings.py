@@ -13,13 +13,22 @@ Filter = Literal["none", "mild", "moderate", "aggressive"]
 DOWNSCALE: Mapping[Quality, int] = {"low": 8, "medium": 4, "high": 2, "ultra": 1}
 """Pixels of the photograph along a side of a depth map's pixel."""
 AGREEMENT: Mapping[Filter, tuple[int, float]] = {
-    "none": (2, 0.02), "mild": (2, 0.01), "moderate": (3, 0.01), "aggressive": (5, 0.005),
-}  # fmt: skip
+    "none": (2, 0.02),
+    "mild": (2, 0.01),
+    "moderate": (3, 0.01),
+    "aggressive": (5, 0.005),
+}
 """Views that must agree on a dense point, and how far their depths may differ, as a share of the depth [1]."""
 Mode = Literal["sparse", "dense"]
-_LIMITS = frozenset({
-    "threads", "seconds_per_image", "memory_limit", "memory_per_image", "memory_per_megapixel",
-})  # fmt: skip
+_LIMITS = frozenset(
+    {
+        "threads",
+        "seconds_per_image",
+        "memory_limit",
+        "memory_per_image",
+        "memory_per_megapixel",
+    }
+)
 _OF_DENSE = frozenset({"quality", "filter"})
 _OF_SPARSE = frozenset({"max_reprojection_error", "min_views", "sure_views", "max_deviation"})
 LONGEST_SIDE = 3200
@@ -167,8 +176,10 @@ class ReconSettings(Settings):
 
     def limits(self) -> dict[str, Any]:
         """Return what bounds time and memory and changes no byte of a result, as JSON."""
-        return {name: section.model_dump(mode="json", include=set(_LIMITS))
-                for name, section in (("sparse", self.sparse), ("dense", self.dense))}  # fmt: skip
+        return {
+            name: section.model_dump(mode="json", include=set(_LIMITS))
+            for name, section in (("sparse", self.sparse), ("dense", self.dense))
+        }
 
 
 def _without_limits(section: SparseSettings | DenseSettings) -> dict[str, Any]:

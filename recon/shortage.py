@@ -9,8 +9,12 @@ from groundwork.errors import ChildError, OutOfSpaceError
 
 _NOTHING_LEFT = 8e6  # [bytes] COLMAP has many words for a full disk, and this is one for all of them
 _DISK_SIGNS = (
-    "no space left", "No space left", "disk I/O error", "database or disk is full", "File too large",
-)  # fmt: skip
+    "no space left",
+    "No space left",
+    "disk I/O error",
+    "database or disk is full",
+    "File too large",
+)
 
 
 @contextmanager

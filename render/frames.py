@@ -101,9 +101,15 @@ class Assignment:
 
 
 def render_stage(
-    scene: Path, folder: Path, settings: RenderSettings, seed: int, progress: Progress, survey: str = "",
-    share: Share = ALL, choices: StageChoices = AS_AUTHORED,
-) -> dict[str, Any]:  # fmt: skip
+    scene: Path,
+    folder: Path,
+    settings: RenderSettings,
+    seed: int,
+    progress: Progress,
+    survey: str = "",
+    share: Share = ALL,
+    choices: StageChoices = AS_AUTHORED,
+) -> dict[str, Any]:
     """Render one survey of a stage into a capture folder.
 
     Args:
@@ -122,9 +128,14 @@ def render_stage(
     choices = replace(choices, subdivision=settings.subdivision)
     # Kept nowhere but there, so that the meshes go when they are uploaded.
     return _render(
-        survey_scene_apart(scene, survey or None, settings.triangle_budget, choices, progress), folder, settings, seed,
-        progress, share, choices,
-    )  # fmt: skip
+        survey_scene_apart(scene, survey or None, settings.triangle_budget, choices, progress),
+        folder,
+        settings,
+        seed,
+        progress,
+        share,
+        choices,
+    )
 
 
 def render_scene(
@@ -147,9 +158,14 @@ def render_scene(
 
 
 def _render(
-    surveyed: SurveyedScene, folder: Path, settings: RenderSettings, seed: int, progress: Progress, share: Share,
+    surveyed: SurveyedScene,
+    folder: Path,
+    settings: RenderSettings,
+    seed: int,
+    progress: Progress,
+    share: Share,
     choices: StageChoices = AS_AUTHORED,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     scene, surveyed = surveyed.scene, surveyed.without_meshes()
     track, camera = surveyed.track, surveyed.camera
     readout = read_out(track, camera.height, settings.sensor, seed)
@@ -230,9 +246,13 @@ def _meter_survey(prepared: Prepared, assignment: Assignment) -> float:
         return 2.0**fixed
     ratio = _METER_WIDTH / camera.width
     small = Pinhole(
-        _METER_WIDTH, max(1, round(camera.height * ratio)),
-        camera.fx * ratio, camera.fy * ratio, camera.cx * ratio, camera.cy * ratio,
-    )  # fmt: skip
+        _METER_WIDTH,
+        max(1, round(camera.height * ratio)),
+        camera.fx * ratio,
+        camera.fy * ratio,
+        camera.cx * ratio,
+        camera.cy * ratio,
+    )
     rows = np.unique(np.linspace(0, len(track.poses) - 1, _METERED).round().astype(int))
 
     def luminance(cards: bool) -> "np.ndarray[Any, np.dtype[np.float32]]":
@@ -247,9 +267,14 @@ def _meter_survey(prepared: Prepared, assignment: Assignment) -> float:
 
 
 def _photograph(
-    assignment: Assignment, prepared: Prepared, body: CameraBody, sensor: Sensor, journal: Journal, rows: list[int],
+    assignment: Assignment,
+    prepared: Prepared,
+    body: CameraBody,
+    sensor: Sensor,
+    journal: Journal,
+    rows: list[int],
     progress: Progress,
-) -> None:  # fmt: skip
+) -> None:
     """Draw on this thread, develop and encode on others; no more frames are in flight than there are threads.
 
     What sees the same ground comes together, so that its shadows are drawn once.
@@ -317,9 +342,15 @@ def _serve(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     settings = parse_settings(RenderSettings, request["settings"], "render settings")
     number, count = request.get("share", ALL)
     return render_stage(
-        Path(request["scene"]), Path(request["folder"]), settings, int(request["seed"]), progress,
-        str(request.get("survey") or ""), (int(number), int(count)), choices_from(request.get("choices")),
-    )  # fmt: skip
+        Path(request["scene"]),
+        Path(request["folder"]),
+        settings,
+        int(request["seed"]),
+        progress,
+        str(request.get("survey") or ""),
+        (int(number), int(count)),
+        choices_from(request.get("choices")),
+    )
 
 
 if __name__ == "__main__":

@@ -40,13 +40,17 @@ def render_survey(
         with ThreadPoolExecutor(count) as pool:
             running: list[Future[Any]] = [
                 pool.submit(
-                    run_child, _MODULE, {**request, "share": [number, count]}, time_limit=time_limit,
-                    memory_limit=memory_limit, progress=together.listener(number),
+                    run_child,
+                    _MODULE,
+                    {**request, "share": [number, count]},
+                    time_limit=time_limit,
+                    memory_limit=memory_limit,
+                    progress=together.listener(number),
                     # A driver on the CPU else takes every core for each of them.
                     environment={**_ONE_HEAP, "LP_NUM_THREADS": "0"},
                 )
                 for number in range(count)
-            ]  # fmt: skip
+            ]
         for worker in running:
             error = worker.exception()
             if isinstance(error, ChildError):

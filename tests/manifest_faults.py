@@ -23,6 +23,7 @@ def manifest_faults(folder: Path, name: str = MANIFEST) -> list[str]:
     wrong = [f"{file}: missing" for file in sorted(table.keys() - found)]
     wrong += [f"{file}: not in the manifest" for file in sorted(found.keys() - table)]
     return wrong + [
-        f"{file}: changed" for file in sorted(found.keys() & table)
+        f"{file}: changed"
+        for file in sorted(found.keys() & table)
         if (len(found[file]), hashlib.sha256(found[file]).hexdigest()) != (table[file]["bytes"], table[file]["sha256"])
-    ]  # fmt: skip
+    ]

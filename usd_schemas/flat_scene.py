@@ -170,8 +170,14 @@ class Material:
 
     def textures(self) -> list[Texture]:
         """List its textures, those of its detail apart."""
-        maps = (self.base_texture, self.roughness_texture, self.metallic_texture, self.normal_texture,
-                self.emissive_texture, self.specular_texture)  # fmt: skip
+        maps = (
+            self.base_texture,
+            self.roughness_texture,
+            self.metallic_texture,
+            self.normal_texture,
+            self.emissive_texture,
+            self.specular_texture,
+        )
         return [texture for texture in maps if texture is not None]
 
 

@@ -98,10 +98,13 @@ def pinhole_from_lens(lens: UsdLens, width: int, height: int) -> Pinhole:
     per_unit = min(width / lens.horizontal_aperture, height / lens.vertical_aperture)
     focal = lens.focal_length * per_unit
     return Pinhole(
-        width, height, focal, focal,
+        width,
+        height,
+        focal,
+        focal,
         width / 2 - lens.horizontal_offset * per_unit,
         height / 2 + lens.vertical_offset * per_unit,
-    )  # fmt: skip
+    )
 
 
 def look_at(eye: Array, target: Array, up: Array | None = None) -> Array:

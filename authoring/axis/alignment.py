@@ -281,10 +281,13 @@ class Alignment:
                 break
             by_station, by_left = self.slopes(*place[open_rows].T)
             area = by_station[:, 0] * by_left[:, 1] - by_station[:, 1] * by_left[:, 0]
-            step = np.stack([
-                (miss[:, 1] * by_left[:, 0] - miss[:, 0] * by_left[:, 1]) / area,
-                (miss[:, 0] * by_station[:, 1] - miss[:, 1] * by_station[:, 0]) / area,
-            ], axis=1)  # fmt: skip
+            step = np.stack(
+                [
+                    (miss[:, 1] * by_left[:, 0] - miss[:, 0] * by_left[:, 1]) / area,
+                    (miss[:, 0] * by_station[:, 1] - miss[:, 1] * by_station[:, 0]) / area,
+                ],
+                axis=1,
+            )
             share = np.ones(len(open_rows))
             for _ in range(_HALVINGS):
                 tried = self._miss(place[open_rows] + share[:, None] * step, goal[open_rows])

@@ -100,9 +100,15 @@ class TrackSection:
             return rectangle((left - head, -height), (left + head, 0.0))
         web = 0.00825
         half = [
-            (foot, 0.0), (foot, 0.0115), (web, 0.034), (web, height - 0.046), (head, height - 0.032),
-            (head, height - 0.012), (head - 0.009, height - 0.0015), (0.010, height),
-        ]  # fmt: skip
+            (foot, 0.0),
+            (foot, 0.0115),
+            (web, 0.034),
+            (web, height - 0.046),
+            (head, height - 0.032),
+            (head, height - 0.012),
+            (head - 0.009, height - 0.0015),
+            (0.010, height),
+        ]
         return mirrored(half) + np.array([left, -height])
 
     def sleepers(self, low: float, high: float) -> F64:

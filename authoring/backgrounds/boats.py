@@ -29,10 +29,18 @@ def hull(length: float, beam: float, freeboard: float, draught: float) -> Mesh:
     rings = []
     for along, wide, high in shape:
         half, top = 0.5 * beam * wide, freeboard * high
-        rings.append([(along * length, side * half * part, level) for side, part, level in (
-            (-1.0, 1.0, top), (-1.0, 0.8, -0.3 * draught), (1.0, 0.0, -draught * min(wide + 0.2, 1.0)),
-            (1.0, 0.8, -0.3 * draught), (1.0, 1.0, top),
-        )])  # fmt: skip
+        rings.append(
+            [
+                (along * length, side * half * part, level)
+                for side, part, level in (
+                    (-1.0, 1.0, top),
+                    (-1.0, 0.8, -0.3 * draught),
+                    (1.0, 0.0, -draught * min(wide + 0.2, 1.0)),
+                    (1.0, 0.8, -0.3 * draught),
+                    (1.0, 1.0, top),
+                )
+            ]
+        )
     points = np.array(rings).reshape(-1, 3)
     faces = []
     for ring in range(4):
@@ -75,8 +83,9 @@ def sailing_boat(rng: np.random.Generator) -> Vessel:
     cabin = box(HOME, (0.02 * length, 0.0, 0.85), (0.17 * length, 0.1 * length, 0.28))
     return (
         ("white_paint", merged([hull(length, 0.31 * length, 0.7, 0.7), cabin])),
-        ("galvanised_steel", merged(spars)), ("painted_steel", sail),
-    )  # fmt: skip
+        ("galvanised_steel", merged(spars)),
+        ("painted_steel", sail),
+    )
 
 
 def rowing_boat(rng: np.random.Generator) -> Vessel:
@@ -88,7 +97,9 @@ def rowing_boat(rng: np.random.Generator) -> Vessel:
     length = float(rng.uniform(3.8, 4.8))
     seats = [box(HOME, (at * length, 0.0, 0.43), (0.14, 0.16 * length, 0.03)) for at in (-0.22, 0.1)]
     return ("timber", merged([hull(length, 0.36 * length, 0.38, 0.25), *seats])), (
-        "painted_steel", box(HOME, (-0.02 * length, 0.0, 0.40), (0.30 * length, 0.13 * length, 0.012)))  # fmt: skip
+        "painted_steel",
+        box(HOME, (-0.02 * length, 0.0, 0.40), (0.30 * length, 0.13 * length, 0.012)),
+    )
 
 
 def ferry(rng: np.random.Generator) -> Vessel:
@@ -137,8 +148,12 @@ def freighter(rng: np.random.Generator) -> Vessel:
             middle = (float(bay * length), row * 0.85 * wide, 4.6 + 1.3 * tiers)
             stacks[roles[int(rng.integers(0, 3))]].append(box(HOME, middle, (6.1, 0.2 * wide, 1.3 * tiers)))
     loads = tuple((role, merged(boxes)) for role, boxes in stacks.items() if boxes)
-    return (("painted_steel_clean", hull(length, 2.2 * wide, 4.8, 3.0)), ("white_paint", merged(bridge)),
-            ("window", pane), *loads)  # fmt: skip
+    return (
+        ("painted_steel_clean", hull(length, 2.2 * wide, 4.8, 3.0)),
+        ("white_paint", merged(bridge)),
+        ("window", pane),
+        *loads,
+    )
 
 
 def fleet(rng: np.random.Generator) -> tuple[Vessel, ...]:
@@ -148,6 +163,8 @@ def fleet(rng: np.random.Generator) -> tuple[Vessel, ...]:
         rng: Random stream.
     """
     return (
-        *(motor_boat(rng) for _ in range(3)), *(sailing_boat(rng) for _ in range(3)),
-        *(rowing_boat(rng) for _ in range(2)), ferry(rng),
-    )  # fmt: skip
+        *(motor_boat(rng) for _ in range(3)),
+        *(sailing_boat(rng) for _ in range(3)),
+        *(rowing_boat(rng) for _ in range(2)),
+        ferry(rng),
+    )

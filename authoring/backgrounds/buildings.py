@@ -72,9 +72,17 @@ def draw_house(
         ("painted_metal", "brick")[rng.integers(0, 2)] if barn else ("plaster", "plaster", "brick")[rng.integers(0, 3)]
     )
     return House(
-        float(place[0]), float(place[1]), heading, *levels, float(length), float(width), storeys,
-        float(rng.uniform(0.4, 0.55) if barn else rng.uniform(0.65, 1.0)), wall, barn,
-    )  # fmt: skip
+        float(place[0]),
+        float(place[1]),
+        heading,
+        *levels,
+        float(length),
+        float(width),
+        storeys,
+        float(rng.uniform(0.4, 0.55) if barn else rng.uniform(0.65, 1.0)),
+        wall,
+        barn,
+    )
 
 
 def house_pieces(house: House, rng: np.random.Generator) -> list[tuple[str, str, str, Mesh]]:
@@ -133,9 +141,15 @@ def _openings(house: House, frame: Frame, rng: np.random.Generator) -> tuple[lis
 
 
 def _window(
-    frame: Frame, face: int, reach: float, along: float, height: float, size: tuple[float, float],
-    panes: list[Mesh], trim: list[Mesh],
-) -> None:  # fmt: skip
+    frame: Frame,
+    face: int,
+    reach: float,
+    along: float,
+    height: float,
+    size: tuple[float, float],
+    panes: list[Mesh],
+    trim: list[Mesh],
+) -> None:
     """Set a window of two panes with its surround and sill on a wall."""
     wide, tall = size
     trim.append(_on_wall(frame, face, reach, along, height, (wide + 0.09, tall + 0.09), 0.03))

@@ -180,8 +180,9 @@ def _blocks(town: Town) -> tuple[list[Piece], list[Block], list[Block]]:
             lots.append(inner)
     lawns += town.vacant
     for name, kind, role, rise, areas in (
-        ("Lawn", "ground", "grass", 0.06, lawns), ("ParkingLot", "road", "asphalt", 0.03, lots),
-    ):  # fmt: skip
+        ("Lawn", "ground", "grass", 0.06, lawns),
+        ("ParkingLot", "road", "asphalt", 0.03, lots),
+    ):
         for number, area in enumerate(areas):
             top = plate(plan, area, KERB + rise, WALK - 1.5)
             if top is not None:

@@ -229,11 +229,14 @@ def _openings(half: tuple[float, float], storeys: int, rng: np.random.Generator)
         for storey in range(storeys):
             x, y = along, np.full(count, -reach)
             rows.append(
-                np.column_stack([
-                    x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn),
-                    np.full(count, storey * STOREY + 1.62),
-                ])
-            )  # fmt: skip
+                np.column_stack(
+                    [
+                        x * np.cos(turn) - y * np.sin(turn),
+                        x * np.sin(turn) + y * np.cos(turn),
+                        np.full(count, storey * STOREY + 1.62),
+                    ]
+                )
+            )
             turns.append(np.full(count, turn))
             front.append(np.full(count, face == 0))
     return np.concatenate(rows), np.concatenate(turns), np.concatenate(front)
@@ -256,8 +259,11 @@ def _window(shutters: bool, rng: np.random.Generator) -> tuple[Mesh, tuple[Mesh,
 
 def _sheet() -> Mesh:
     """Make a plain pane of one face in front of the wall."""
-    pane = solid(HOME, np.array([(-0.6, -0.06, -0.75), (0.6, -0.06, -0.75), (0.6, -0.06, 0.75), (-0.6, -0.06, 0.75)]),
-                 [[0, 1, 2, 3]])  # fmt: skip
+    pane = solid(
+        HOME,
+        np.array([(-0.6, -0.06, -0.75), (0.6, -0.06, -0.75), (0.6, -0.06, 0.75), (-0.6, -0.06, 0.75)]),
+        [[0, 1, 2, 3]],
+    )
     return replace(pane)
 
 

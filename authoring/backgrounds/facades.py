@@ -178,8 +178,11 @@ def _roof(faces: Faces, tower: Tower, tier: Tier) -> None:
     out = max(tower.style.pier[1], tower.style.band[1]) + 0.10 if near else 0.0
     role = tower.wall if near else tower.style.far
     outer, inner = _wider(rim, out), _wider(rim, -_THICK)
-    _add(faces, role, ring(rim, outer, (top - 0.45, top + PARAPET), "od") if near
-         else ring(rim, outer, (top, top + PARAPET), "o"))  # fmt: skip
+    _add(
+        faces,
+        role,
+        ring(rim, outer, (top - 0.45, top + PARAPET), "od") if near else ring(rim, outer, (top, top + PARAPET), "o"),
+    )
     _add(faces, role, ring(inner, outer, (top, top + PARAPET), "ui"))
     _add(faces, "roofing", np.array([[[inner[i], inner[j], top] for i, j in ((0, 2), (1, 2), (1, 3), (0, 3))]]))
 

@@ -44,8 +44,13 @@ def without(mesh: Mesh, lost: NDArray[np.bool_]) -> Mesh:
     gone = np.bincount(face, lost[mesh.corners], len(mesh.face_counts)) > 0
     kept = ~gone[face]
     used, corners = np.unique(mesh.corners[kept], return_inverse=True)
-    return Mesh(mesh.points[used], mesh.face_counts[~gone], corners.reshape(-1).astype(np.int32), mesh.normals[kept],
-                mesh.st[kept])  # fmt: skip
+    return Mesh(
+        mesh.points[used],
+        mesh.face_counts[~gone],
+        corners.reshape(-1).astype(np.int32),
+        mesh.normals[kept],
+        mesh.st[kept],
+    )
 
 
 def _near_track(terrain: Terrain, mesh: Mesh) -> Mesh:

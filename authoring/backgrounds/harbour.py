@@ -90,16 +90,18 @@ def _shed(rng: np.random.Generator) -> Design:
         [box(HOME, (float(at), 0.0, ridge + 0.35), (0.9, 0.7, 0.5)) for at in np.arange(-x + 4.0, x - 3.0, 9.0)]
     )
     doors = [
-        box(HOME, (float(at), side * y, 2.3), (2.2, 0.09, 2.3)) for at in np.arange(-x + 5.0, x - 3.0, 8.5)
+        box(HOME, (float(at), side * y, 2.3), (2.2, 0.09, 2.3))
+        for at in np.arange(-x + 5.0, x - 3.0, 8.5)
         for side in (-1.0, 1.0)
-    ]  # fmt: skip
+    ]
     base = box(HOME, (0.0, 0.0, (0.8 - DEEP) / 2), (x + 0.07, y + 0.07, (0.8 + DEEP) / 2))
     band = [box(HOME, (0.0, side * y, eaves - 1.1), (x - 0.8, 0.07, 0.55)) for side in (-1.0, 1.0)]
     panes = (("window", merged(band)),)
     tiles = ("galvanised_steel", "painted_metal")[int(rng.integers(0, 2))]
     whole = ((wall, body), ("concrete", base), ("galvanised_steel", merged(doors)))
-    return Design((x, y), eaves, (whole, ((wall, body),)), (((tiles, merged([roof, vents])),), ((tiles, roof),)),
-                  (panes, panes))  # fmt: skip
+    return Design(
+        (x, y), eaves, (whole, ((wall, body),)), (((tiles, merged([roof, vents])),), ((tiles, roof),)), (panes, panes)
+    )
 
 
 def _bar(start: tuple[float, float, float], stop: tuple[float, float, float], half: float) -> Mesh:
@@ -112,5 +114,10 @@ def _bar(start: tuple[float, float, float], stop: tuple[float, float, float], ha
     side /= np.linalg.norm(side)
     turn = np.stack([way, side, np.cross(way, side)])
     bar = box(HOME, (length / 2, 0.0, 0.0), (length / 2, half, half))
-    return Mesh(bar.points @ turn + a, bar.face_counts, bar.corners,
-                (bar.normals.astype(np.float64) @ turn).astype(np.float32), bar.st)  # fmt: skip
+    return Mesh(
+        bar.points @ turn + a,
+        bar.face_counts,
+        bar.corners,
+        (bar.normals.astype(np.float64) @ turn).astype(np.float32),
+        bar.st,
+    )

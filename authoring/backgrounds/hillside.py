@@ -33,10 +33,25 @@ STREETS = (112.0, 168.0)  # distances of the streets on the lower land from the 
 PITCH = 33.0  # from a lane to the next one above [m]
 TERRACE = 6.6  # half the depth of a terrace [m]
 WARM = Style((7.5, 11.5), (7.0, 10.0), (2, 3), ("hip", "gable"), ("plaster", "plaster_rose", "plaster_white"), 0.4, 0.0)
-HOUSE = Style((7.5, 11.5), (7.0, 10.0), (2, 3), ("hip", "gable", "gable", "flat"),
-              ("plaster_white", "plaster", "painted_metal", "concrete"), 0.5, 0.0, "roof_grey")  # fmt: skip
-BLOCK = Style((16.0, 30.0), (11.0, 15.0), (5, 10), ("flat",),
-              ("plaster_white", "plaster_rose", "brick", "plaster", "concrete"), 0.75, 0.0)  # fmt: skip
+HOUSE = Style(
+    (7.5, 11.5),
+    (7.0, 10.0),
+    (2, 3),
+    ("hip", "gable", "gable", "flat"),
+    ("plaster_white", "plaster", "painted_metal", "concrete"),
+    0.5,
+    0.0,
+    "roof_grey",
+)
+BLOCK = Style(
+    (16.0, 30.0),
+    (11.0, 15.0),
+    (5, 10),
+    ("flat",),
+    ("plaster_white", "plaster_rose", "brick", "plaster", "concrete"),
+    0.75,
+    0.0,
+)
 SHEDS, BLOCKS, HOUSES, WARMER = 5, 9, 15, 5  # designs of each; of the houses, those in warm colours
 YARD = Cover("yard", "Yard", "ground", "asphalt")
 TOWN = Cover("town", "Town", "ground", "gravel")
@@ -79,8 +94,12 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     reaches = quay_reaches(terrain, QUAY - 60.0 + (inner[1] - inner[0]) / 2)
     lanes, terraces = _terraces(terrain, sea, rng)
     streets = draw_lanes(terrain, sea.side, STREETS, 560.0, 3.4, rng, street_gap(terrain))
-    designs = (*draw_sheds(SHEDS, rng), *draw_designs(BLOCK, BLOCKS, rng), *draw_designs(HOUSE, HOUSES - WARMER, rng),
-               *draw_designs(WARM, WARMER, rng))  # fmt: skip
+    designs = (
+        *draw_sheds(SHEDS, rng),
+        *draw_designs(BLOCK, BLOCKS, rng),
+        *draw_designs(HOUSE, HOUSES - WARMER, rng),
+        *draw_designs(WARM, WARMER, rng),
+    )
     plots = _town(terrain, sea, (*lanes, *streets), terraces, settings, halves(designs), rng)
     woods = Woods(draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0)
     covers = (
@@ -101,10 +120,17 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
 
 
 def _repeats(
-    terrain: Terrain, sea: Basin, reaches: list[F64], steps: tuple[tuple[Lane, ...], tuple[Lane, ...]],
-    designs: tuple[Design, ...], plots: Plots, woods: Woods, settings: HillsideSettings, rng: np.random.Generator,
+    terrain: Terrain,
+    sea: Basin,
+    reaches: list[F64],
+    steps: tuple[tuple[Lane, ...], tuple[Lane, ...]],
+    designs: tuple[Design, ...],
+    plots: Plots,
+    woods: Woods,
+    settings: HillsideSettings,
+    rng: np.random.Generator,
     first_id: int,
-) -> list[Scatter]:  # fmt: skip
+) -> list[Scatter]:
     """Repeat buildings, what stands in the harbour, vehicles and plants."""
     runs: list[Scatter] = []
 
@@ -139,9 +165,14 @@ def _terraces(terrain: Terrain, sea: Basin, rng: np.random.Generator) -> tuple[t
 
 
 def _town(
-    terrain: Terrain, sea: Basin, lanes: tuple[Lane, ...], terraces: tuple[Lane, ...], settings: HillsideSettings,
-    half: F64, rng: np.random.Generator,
-) -> Plots:  # fmt: skip
+    terrain: Terrain,
+    sea: Basin,
+    lanes: tuple[Lane, ...],
+    terraces: tuple[Lane, ...],
+    settings: HillsideSettings,
+    half: F64,
+    rng: np.random.Generator,
+) -> Plots:
     """Choose places: sheds behind the quay, blocks on the lower land, houses on the terraces and between them."""
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
     front = np.pi if sea.side > 0 else 0.0

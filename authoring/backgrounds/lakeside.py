@@ -93,9 +93,13 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
 
 
 def _settlement(
-    terrain: Terrain, lake: Basin, lanes: tuple[Lane, ...], settings: LakesideSettings, half: F64,
+    terrain: Terrain,
+    lake: Basin,
+    lanes: tuple[Lane, ...],
+    settings: LakesideSettings,
+    half: F64,
     rng: np.random.Generator,
-) -> Plots:  # fmt: skip
+) -> Plots:
     """Choose places for town houses behind the quay, and for villas on the slopes and across the lake."""
     towns = np.flatnonzero(np.arange(len(half)) < 7)
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
@@ -131,11 +135,16 @@ def _boats(
     """Moor boats at the jetties, leave others at buoys, and let a few sail."""
     jetties = quay_places(terrain, lake, reaches, -11.0, 55.0)
     rows = [
-        np.column_stack([
-            jetties[:, 0] + side * 3.1, jetties[:, 1] + lake.side * rng.uniform(-3.0, 4.0, len(jetties)),
-            np.pi / 2 + rng.normal(0.0, 0.05, len(jetties)), rng.integers(0, 6, len(jetties)).astype(np.float64),
-        ]) for side in (-1.0, 1.0)
-    ]  # fmt: skip
+        np.column_stack(
+            [
+                jetties[:, 0] + side * 3.1,
+                jetties[:, 1] + lake.side * rng.uniform(-3.0, 4.0, len(jetties)),
+                np.pi / 2 + rng.normal(0.0, 0.05, len(jetties)),
+                rng.integers(0, 6, len(jetties)).astype(np.float64),
+            ]
+        )
+        for side in (-1.0, 1.0)
+    ]
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
     station = middle + rng.normal(0.0, 260.0, 6 * count)
     off = lake.near(station) + 26.0 + rng.exponential(75.0, 6 * count)

@@ -40,9 +40,14 @@ class Lane:
 
 
 def draw_lanes(
-    terrain: Terrain, uphill: float, ups: tuple[float, ...], reach: float, half: float, rng: np.random.Generator,
+    terrain: Terrain,
+    uphill: float,
+    ups: tuple[float, ...],
+    reach: float,
+    half: float,
+    rng: np.random.Generator,
     gap: float = 24.0,
-) -> tuple[Lane, ...]:  # fmt: skip
+) -> tuple[Lane, ...]:
     """Lay lanes along a slope; the crossing's valley divides them.
 
     Args:
@@ -95,9 +100,11 @@ def _lane(terrain: Terrain, uphill: float, up: float, at: F64, half: float, wind
 
 
 def lane_pieces(
-    terrain: Terrain, lanes: tuple[Lane, ...], surface: tuple[str, str, str] = ("Lane", "road", "asphalt"),
+    terrain: Terrain,
+    lanes: tuple[Lane, ...],
+    surface: tuple[str, str, str] = ("Lane", "road", "asphalt"),
     wall_role: str | None = "masonry",
-) -> list[GroundPiece]:  # fmt: skip
+) -> list[GroundPiece]:
     """Build lanes, or terraces, and their retaining walls.
 
     Args:
@@ -120,8 +127,13 @@ def lane_pieces(
         pieces.append((f"{name}_{number:02d}", kind, role, "Shore", road))
         if wall_role is None:
             rows = [np.column_stack([lane.line.offset(-lane.half), level]) for level in (lane.crown, low)]
-            pieces[-1] = (f"{name}_{number:02d}", kind, role, "Shore",
-                          merged([road, ribbon(axis, rows, along, (0.0, -1.0))]))  # fmt: skip
+            pieces[-1] = (
+                f"{name}_{number:02d}",
+                kind,
+                role,
+                "Shore",
+                merged([road, ribbon(axis, rows, along, (0.0, -1.0))]),
+            )
             continue
         coping, edge = lane.crown + _PARAPET, -lane.half
         wall = [(edge, lane.crown - 0.2), (edge, coping), (edge - _WALL, coping), (edge - _WALL, low)]

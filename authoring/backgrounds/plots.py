@@ -89,9 +89,11 @@ def settle(
 def joined(plots: tuple[Plots, ...]) -> Plots:
     """Put several lists of places into one."""
     return Plots(
-        np.concatenate([part.places for part in plots]), np.concatenate([part.heading for part in plots]),
-        np.concatenate([part.which for part in plots]), np.concatenate([part.half for part in plots]),
-    )  # fmt: skip
+        np.concatenate([part.places for part in plots]),
+        np.concatenate([part.heading for part in plots]),
+        np.concatenate([part.which for part in plots]),
+        np.concatenate([part.half for part in plots]),
+    )
 
 
 def downhill(terrain: Terrain, station: F64, left: F64, reach: float = 12.0) -> tuple[F64, F64]:

@@ -82,8 +82,14 @@ def _quay(terrain: Terrain, lefts: F64, bank: float) -> tuple[Mesh, Mesh]:
     leftward = bank * np.sign(aside[0])
     foot, face = crossing.level - crossing.depth - 0.6, crossing.half_width - _IN_WATER
     back = crossing.half_width + QUAY
-    wall = [(face, foot), (face, _PAVED - 0.1), (face - 0.1, _PAVED - 0.1), (face - 0.1, _PAVED + 0.12),
-            (face + _COPING, _PAVED + 0.12), (face + _COPING, _PAVED)]  # fmt: skip
+    wall = [
+        (face, foot),
+        (face, _PAVED - 0.1),
+        (face - 0.1, _PAVED - 0.1),
+        (face - 0.1, _PAVED + 0.12),
+        (face + _COPING, _PAVED + 0.12),
+        (face + _COPING, _PAVED),
+    ]
     path = [(face + _COPING, _PAVED), (back, _PAVED), (back, -0.6)]
     meshes = []
     for profile in (wall, path):

@@ -148,9 +148,18 @@ def quay_runs(terrain: Terrain, basin: Basin, reaches: list[F64], prefix: str, f
         yaw = axis.heading_at(places[:, 0]) + (0.0 if basin.side > 0 else np.pi)
         which, scale = np.zeros(count, np.int32), np.ones((count, 3))
         runs.append(
-            Scatter(f"{prefix}_{name}", kind, "Shore", (prototype,), which, to_world(axis, places), yaw, scale,
-                    (first_id + len(runs),))
-        )  # fmt: skip
+            Scatter(
+                f"{prefix}_{name}",
+                kind,
+                "Shore",
+                (prototype,),
+                which,
+                to_world(axis, places),
+                yaw,
+                scale,
+                (first_id + len(runs),),
+            )
+        )
     return runs
 
 
@@ -180,8 +189,9 @@ def _end(terrain: Terrain, basin: Basin, place: tuple[float, float], top: float)
     frame = Frame(place[0], middle, (low + top) / 2 + 0.1, 0.0)
     wall = box(frame, (0.0, 0.0, 0.0), (0.3, (DEPTH + 0.9) / 2, (top - low) / 2 + 0.1))
     axis = terrain.land.layout.alignment
-    return Mesh(to_world(axis.frame_at(place[0], middle), wall.points), wall.face_counts, wall.corners, wall.normals,
-                wall.st)  # fmt: skip
+    return Mesh(
+        to_world(axis.frame_at(place[0], middle), wall.points), wall.face_counts, wall.corners, wall.normals, wall.st
+    )
 
 
 def _street(terrain: Terrain, basin: Basin, stations: F64) -> tuple[Line, F64]:

@@ -55,9 +55,15 @@ def land_room(terrain: Terrain, basin: Basin, wanted: F64) -> F64:
 
 
 def anchored(
-    terrain: Terrain, prefix: str, wanted: F64, shapes: tuple[Vessel, ...], half: F64,
-    level: float, count: int, first_id: int,
-) -> list[Scatter]:  # fmt: skip
+    terrain: Terrain,
+    prefix: str,
+    wanted: F64,
+    shapes: tuple[Vessel, ...],
+    half: F64,
+    level: float,
+    count: int,
+    first_id: int,
+) -> list[Scatter]:
     """Put vessels on the water, none in another.
 
     Args:
@@ -82,15 +88,29 @@ def anchored(
     yaw = afloat.heading + axis.heading_at(places[:, 0])
     ids = tuple(range(first_id, first_id + total))
     return [
-        Scatter(f"{prefix}_Boats", "vessel", "Shore", shapes, afloat.which, to_world(axis, places), yaw,
-                np.ones((total, 3)), ids)
-    ]  # fmt: skip
+        Scatter(
+            f"{prefix}_Boats",
+            "vessel",
+            "Shore",
+            shapes,
+            afloat.which,
+            to_world(axis, places),
+            yaw,
+            np.ones((total, 3)),
+            ids,
+        )
+    ]
 
 
 def street_cars(
-    terrain: Terrain, basin: Basin, reaches: list[F64], lanes: tuple[Lane, ...], prefix: str,
-    rng: np.random.Generator, first_id: int,
-) -> list[Scatter]:  # fmt: skip
+    terrain: Terrain,
+    basin: Basin,
+    reaches: list[F64],
+    lanes: tuple[Lane, ...],
+    prefix: str,
+    rng: np.random.Generator,
+    first_id: int,
+) -> list[Scatter]:
     """Let cars drive on the shore road, and park others beside it and on lanes.
 
     Args:

@@ -76,9 +76,17 @@ def mountain_covers(
 
 
 def green_runs(
-    terrain: Terrain, lake: Basin, plots: Plots, lanes: tuple[Lane, ...], woods: Woods, promenade: F64,
-    prefix: str, count: int, rng: np.random.Generator, first_id: int,
-) -> list[Scatter]:  # fmt: skip
+    terrain: Terrain,
+    lake: Basin,
+    plots: Plots,
+    lanes: tuple[Lane, ...],
+    woods: Woods,
+    promenade: F64,
+    prefix: str,
+    count: int,
+    rng: np.random.Generator,
+    first_id: int,
+) -> list[Scatter]:
     """Plant everything.
 
     Args:
@@ -140,8 +148,11 @@ def _woods(terrain: Terrain, lake: Basin, woods: Woods, count: int, rng: np.rand
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
     many = 6 * count
     station = middle + rng.normal(0.0, woods.spread, many)
-    left = np.where(rng.random(many) < 0.72, -lake.side * (84.0 + 900.0 * rng.random(many) ** 1.3),
-                    lake.side * rng.uniform(84.0, 260.0, many))  # fmt: skip
+    left = np.where(
+        rng.random(many) < 0.72,
+        -lake.side * (84.0 + 900.0 * rng.random(many) ** 1.3),
+        lake.side * rng.uniform(84.0, 260.0, many),
+    )
     wooded = _wooded(terrain, lake, woods, station, left)
     kept = (wooded > 0.0) | (rng.random(many) < np.where(lake.side * left > 0.0, 0.22, 0.05))
     station, left, wooded = station[kept], left[kept], wooded[kept]
@@ -170,9 +181,11 @@ def _gardens(plots: Plots, woods: Woods, rng: np.random.Generator) -> tuple[F64,
         trees.append(np.column_stack([spots @ to_plan + place[:2], kinds, rng.uniform(0.45, 0.8, 4)]))
         if rng.random() < 0.75:
             edge = np.arange(-x, x, 1.25)
-            local = np.concatenate([
-                np.column_stack([edge, np.full(len(edge), -y - 1.5)]),
-                np.column_stack([np.full(len(edge), x + 1.2), edge * y / x]),
-            ])  # fmt: skip
+            local = np.concatenate(
+                [
+                    np.column_stack([edge, np.full(len(edge), -y - 1.5)]),
+                    np.column_stack([np.full(len(edge), x + 1.2), edge * y / x]),
+                ]
+            )
             hedges.append(np.column_stack([local @ to_plan + place[:2], rng.uniform(1.1, 1.5, len(local))]))
     return np.concatenate(trees), np.concatenate(hedges)

@@ -9,8 +9,14 @@ from authoring.shapes.component import Mesh
 
 F64 = NDArray[np.float64]
 
-_SIDES = {"z": [0, 2, 3, 1], "Z": [4, 5, 7, 6], "y": [0, 1, 5, 4], "Y": [2, 6, 7, 3], "x": [0, 4, 6, 2],
-          "X": [1, 3, 7, 5]}  # fmt: skip
+_SIDES = {
+    "z": [0, 2, 3, 1],
+    "Z": [4, 5, 7, 6],
+    "y": [0, 1, 5, 4],
+    "Y": [2, 6, 7, 3],
+    "x": [0, 4, 6, 2],
+    "X": [1, 3, 7, 5],
+}
 
 
 @dataclass(frozen=True)

@@ -97,8 +97,9 @@ def _fence_panel(all_round: str, upright: str) -> Model:
     at = np.arange(1, 10) * PANEL / 10
     pickets = boxes(
         np.column_stack([at - 0.012, np.full(9, -0.012), np.full(9, 0.19)]),
-        np.column_stack([at + 0.012, np.full(9, 0.012), np.full(9, 1.0)]), upright,
-    )  # fmt: skip
+        np.column_stack([at + 0.012, np.full(9, 0.012), np.full(9, 1.0)]),
+        upright,
+    )
     post = boxes([-0.04, -0.04, -0.3], [0.04, 0.04, 1.12], upright + "Z")
     return (("galvanised_steel", quad_mesh(np.concatenate([rails, pickets, post]))),)
 
@@ -115,8 +116,9 @@ def roof_plant() -> tuple[Model, ...]:
     cone[..., :2] *= np.where(cone[..., 2:] > 6.0, 0.12, 1.06)
     legs = boxes(
         [[x - 0.1, y - 0.1, 0.0] for x in (-1, 1) for y in (-1, 1)],
-        [[x + 0.1, y + 0.1, 2.4] for x in (-1, 1) for y in (-1, 1)], "xXyY",
-    )  # fmt: skip
+        [[x + 0.1, y + 0.1, 2.4] for x in (-1, 1) for y in (-1, 1)],
+        "xXyY",
+    )
     mast = np.concatenate([_column(0.22, 9.0, 0.6), _column(0.1, 18.0, 0.4), boxes([-0.9, -0.9, 0.0], [0.9, 0.9, 1.2])])
     return (
         (("painted_metal", quad_mesh(unit)),),
@@ -129,9 +131,11 @@ def roof_plant() -> tuple[Model, ...]:
 def _window(frame: float, bars: tuple[tuple[float, float], ...], role: str, blind: tuple[float, str]) -> Model:
     glass = np.array([[[-0.5, -0.02, -0.5], [0.5, -0.02, -0.5], [0.5, -0.02, 0.5], [-0.5, -0.02, 0.5]]])
     edges = [
-        ([-0.5, -0.09, -0.5], [-0.5 + frame, -0.02, 0.5]), ([0.5 - frame, -0.09, -0.5], [0.5, -0.02, 0.5]),
-        ([-0.5, -0.09, 0.5 - frame], [0.5, -0.02, 0.5]), ([-0.5, -0.13, -0.5], [0.5, -0.02, -0.5 + max(frame, 0.03)]),
-    ]  # fmt: skip
+        ([-0.5, -0.09, -0.5], [-0.5 + frame, -0.02, 0.5]),
+        ([0.5 - frame, -0.09, -0.5], [0.5, -0.02, 0.5]),
+        ([-0.5, -0.09, 0.5 - frame], [0.5, -0.02, 0.5]),
+        ([-0.5, -0.13, -0.5], [0.5, -0.02, -0.5 + max(frame, 0.03)]),
+    ]
     parts = [boxes(*edges[3], "y")]
     if frame > 0.0:
         parts = [boxes(low, high, sides) for (low, high), sides in zip(edges, ("y", "y", "y", "Zy"), strict=True)]

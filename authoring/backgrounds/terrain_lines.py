@@ -35,8 +35,12 @@ class Middle:
         (first, last), (low, high) = self.stations, self.lefts
         inner = slice(low, high + 1)
         back = (slice(low, None, -1), slice(first, None, -1))
-        return [(1, slice(None), back[0]), (1, slice(None), slice(high, None)),
-                (0, inner, back[1]), (0, inner, slice(last, None))]  # fmt: skip
+        return [
+            (1, slice(None), back[0]),
+            (1, slice(None), slice(high, None)),
+            (0, inner, back[1]),
+            (0, inner, slice(last, None)),
+        ]
 
 
 @dataclass(frozen=True)
@@ -132,8 +136,9 @@ def _band(demands: Demands, outward: int, inside: slice, out: slice) -> Demands:
     def turned(values: F64) -> F64:
         return (values if outward else values.T)[inside, out]
 
-    return Demands(turned(demands.heights), turned(demands.slack), tuple(map(turned, demands.borders)),
-                   turned(demands.shift))  # fmt: skip
+    return Demands(
+        turned(demands.heights), turned(demands.slack), tuple(map(turned, demands.borders)), turned(demands.shift)
+    )
 
 
 def _ends(lines: F64, away: F64, wanted: B, demands: Demands) -> I64:

@@ -45,8 +45,9 @@ def window_runs(towers: tuple[Tower, ...], strip: F64, rng: np.random.Generator)
     models = window_models()
     which = (_BLINDS * kinds + blinds + plain * (len(models) // 2))[:WINDOWS].astype(np.int32)
     scales = np.column_stack([sizes[:, 0], np.ones(len(sizes)), sizes[:, 1]])[:WINDOWS]
-    windows = Scatter("City_Windows", "window", "Buildings", models, which, places[:WINDOWS], yaw[:WINDOWS],
-                      scales, (0,))  # fmt: skip
+    windows = Scatter(
+        "City_Windows", "window", "Buildings", models, which, places[:WINDOWS], yaw[:WINDOWS], scales, (0,)
+    )
     out = np.repeat([tower.style.pier[1] + _FASCIA for tower in near], count)
     signed = shop & (rng.uniform(size=len(shop)) < 0.45)
     if not signed.any():

@@ -50,15 +50,59 @@ class Style:
 
 
 STYLES = (
-    Style("punched", 2.9, 3.2, (1.45, 0.24), (1.5, 0.20), ("brick", "brick", "plaster", "brick_buff"), (),
-          "window", "facade_brick", 0, (0.0, 48.0)),
-    Style("piers", 3.4, 3.5, (0.95, 0.55), (1.25, 0.22), ("limestone", "limestone", "concrete", "brick_buff"),
-          ("metal_panel", ""), "window", "facade_stone", 0, (22.0, 140.0)),
-    Style("ribbon", 4.4, 3.5, (0.34, 0.10), (1.55, 0.26), ("concrete", "limestone", "metal_panel", "metal_silver"), (),
-          "glass_facade", "facade_ribbon", 1, (14.0, 110.0)),
-    Style("curtain", 3.0, 3.7, (0.14, 0.16), (0.95, 0.05), ("metal_panel", "metal_silver", "metal_silver"),
-          ("glass_spandrel", "glass_spandrel", "metal_silver"), "glass_facade", "facade_glass", 2, (45.0, 400.0)),
-)  # fmt: skip
+    Style(
+        "punched",
+        2.9,
+        3.2,
+        (1.45, 0.24),
+        (1.5, 0.20),
+        ("brick", "brick", "plaster", "brick_buff"),
+        (),
+        "window",
+        "facade_brick",
+        0,
+        (0.0, 48.0),
+    ),
+    Style(
+        "piers",
+        3.4,
+        3.5,
+        (0.95, 0.55),
+        (1.25, 0.22),
+        ("limestone", "limestone", "concrete", "brick_buff"),
+        ("metal_panel", ""),
+        "window",
+        "facade_stone",
+        0,
+        (22.0, 140.0),
+    ),
+    Style(
+        "ribbon",
+        4.4,
+        3.5,
+        (0.34, 0.10),
+        (1.55, 0.26),
+        ("concrete", "limestone", "metal_panel", "metal_silver"),
+        (),
+        "glass_facade",
+        "facade_ribbon",
+        1,
+        (14.0, 110.0),
+    ),
+    Style(
+        "curtain",
+        3.0,
+        3.7,
+        (0.14, 0.16),
+        (0.95, 0.05),
+        ("metal_panel", "metal_silver", "metal_silver"),
+        ("glass_spandrel", "glass_spandrel", "metal_silver"),
+        "glass_facade",
+        "facade_glass",
+        2,
+        (45.0, 400.0),
+    ),
+)
 
 
 @dataclass(frozen=True)

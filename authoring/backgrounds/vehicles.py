@@ -12,8 +12,13 @@ Model = tuple[tuple[str, Mesh], ...]
 
 COLOURS = 8  # stripes of the recipe `paint_colours`, one metre each
 WHITE, SILVER, GREY, BLACK, RED, BLUE, YELLOW, GREEN = range(COLOURS)
-CARS = (("saloon", (WHITE, SILVER, BLACK, RED, BLUE)), ("estate", (GREY, SILVER, WHITE, GREEN)),
-        ("van", (WHITE, WHITE, YELLOW)), ("bus", (RED, BLUE)), ("truck", (WHITE, BLUE)))  # fmt: skip
+CARS = (
+    ("saloon", (WHITE, SILVER, BLACK, RED, BLUE)),
+    ("estate", (GREY, SILVER, WHITE, GREEN)),
+    ("van", (WHITE, WHITE, YELLOW)),
+    ("bus", (RED, BLUE)),
+    ("truck", (WHITE, BLUE)),
+)
 LENGTHS = {"saloon": 4.5, "estate": 4.7, "van": 5.6, "bus": 12.0, "truck": 8.6}  # [m]
 _PALE, _TAIL = WHITE, RED
 
@@ -94,12 +99,14 @@ def _finish(colour: int, body: F64, glass: F64, wheels: F64, dark: F64, lamps: t
     back = -nose if nose < 5.0 else -6.0
     half = float(np.abs(body[..., 1]).max())
     pairs = [
-        np.concatenate([
-            boxes([x - 0.05, side * (half - 0.3) - 0.16, high], [x + 0.05, side * (half - 0.3) + 0.16, high + 0.13])
-            for side in (-1.0, 1.0)
-        ])
+        np.concatenate(
+            [
+                boxes([x - 0.05, side * (half - 0.3) - 0.16, high], [x + 0.05, side * (half - 0.3) + 0.16, high + 0.13])
+                for side in (-1.0, 1.0)
+            ]
+        )
         for x in (nose, float(min(body[..., 0].min() + 0.02, back + 0.06)))
-    ]  # fmt: skip
+    ]
     paint = [quad_mesh(body, shade(colour)), quad_mesh(pairs[0], shade(_PALE)), quad_mesh(pairs[1], shade(_TAIL))]
     return (
         ("paint_colours", merged(paint)),

@@ -87,9 +87,12 @@ def drive_cars(terrain: Terrain, count: int, rng: np.random.Generator, first_id:
     cars = cars[terrain.clear(cars[:, 0], cars[:, 1]) > 8.0]
     if not len(cars):
         return ()
-    crown = np.array([land.approaches[int(s > 0.5 * sum(terrain.inner[:2]))].level(land.layout, terrain.hills,
-                                                                                   np.array([s]))[0]
-                      for s in cars[:, 0]])  # fmt: skip
+    crown = np.array(
+        [
+            land.approaches[int(s > 0.5 * sum(terrain.inner[:2]))].level(land.layout, terrain.hills, np.array([s]))[0]
+            for s in cars[:, 0]
+        ]
+    )
     height = np.maximum(crown, terrain.height(cars[:, 0], cars[:, 1]) + 0.05) - 0.02
     yaw = axis.heading_at(cars[:, 0]) + cars[:, 2] + np.where(cars[:, 3] > 0, 0.0, np.pi)
     shapes = tuple(model for kind, model in vehicle_models() if kind in _CARS)

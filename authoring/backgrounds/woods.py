@@ -59,17 +59,23 @@ def palm(rng: np.random.Generator, height: float, fronds: int) -> Tree:
         lift, reach = rng.uniform(0.2, 1.5), rng.uniform(1.9, 2.7)
         line = np.array([[0.0, 0.0], [0.35 * reach, 0.5 * lift], [0.75 * reach, 0.4 * lift - 0.3], [reach, -0.9]])
         wide = np.array([0.08, 0.42, 0.36, 0.03])
-        points = np.concatenate([
-            np.column_stack([line[:, 0], side * wide, line[:, 1] - drop])
-            for side, drop in ((0.0, 0.0), (1.0, 0.14), (-1.0, 0.14))
-        ])  # fmt: skip
+        points = np.concatenate(
+            [
+                np.column_stack([line[:, 0], side * wide, line[:, 1] - drop])
+                for side, drop in ((0.0, 0.0), (1.0, 0.14), (-1.0, 0.14))
+            ]
+        )
         c, s = np.cos(turn), np.sin(turn)
         points = points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + np.array([0.0, 0.0, height])
         k = np.arange(3)
-        faces = np.concatenate([
-            np.column_stack([k, k + 1, k + 5]), np.column_stack([k, k + 5, k + 4]),
-            np.column_stack([k, k + 9, k + 1]), np.column_stack([k, k + 8, k + 9]),
-        ])  # fmt: skip
+        faces = np.concatenate(
+            [
+                np.column_stack([k, k + 1, k + 5]),
+                np.column_stack([k, k + 5, k + 4]),
+                np.column_stack([k, k + 9, k + 1]),
+                np.column_stack([k, k + 8, k + 9]),
+            ]
+        )
         blades.append(faceted(points, faces, 0.3))
     return ("bark", stem(height, 0.19, 6, rng)), ("foliage", merged(blades))
 

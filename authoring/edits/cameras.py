@@ -79,10 +79,12 @@ def _write_camera(layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage, name: s
     ratio = UsdGeom.GetStageMetersPerUnit(edited) * unit
     lens = track.lens
     values = {
-        "focalLength": lens.focal_length, "horizontalAperture": lens.horizontal_aperture,
-        "verticalAperture": lens.vertical_aperture, "horizontalApertureOffset": lens.horizontal_offset,
+        "focalLength": lens.focal_length,
+        "horizontalAperture": lens.horizontal_aperture,
+        "verticalAperture": lens.vertical_aperture,
+        "horizontalApertureOffset": lens.horizontal_offset,
         "verticalApertureOffset": lens.vertical_offset,
-    }  # fmt: skip
+    }
     for attribute, value in values.items():
         Sdf.AttributeSpec(spec, attribute, _TYPES.Float).default = round(ratio * value, _DECIMALS)
     Sdf.AttributeSpec(spec, "clippingRange", _TYPES.Float2).default = Gf.Vec2f(track.near * unit, FAR * unit)

@@ -96,9 +96,10 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
     matches = match_stages(before, after)
     if not matches.pairs:
         raise InputError(
-            "holds no prim with a userProperties:falseworkId of the scene", where=edited,
+            "holds no prim with a userProperties:falseworkId of the scene",
+            where=edited,
             hint="Export with custom properties, from a file that the scene was imported into",
-        )  # fmt: skip
+        )
     former = _former_ids(layer)
     place = _placer(before)
     found = Harvest(missing=[path.name for path in matches.missing])
@@ -165,8 +166,9 @@ def _placer(scene: Usd.Stage) -> Place:
     """Say where edits of a prim go: those of materials and backgrounds into the variant that is selected."""
     homes = []
     for prim, name, scope in (
-        (tokens.BRIDGE, "look", f"{tokens.BRIDGE}/BridgeLooks"), (tokens.BACKGROUND, "background", tokens.BACKGROUND),
-    ):  # fmt: skip
+        (tokens.BRIDGE, "look", f"{tokens.BRIDGE}/BridgeLooks"),
+        (tokens.BACKGROUND, "background", tokens.BACKGROUND),
+    ):
         owner = scene.GetPrimAtPath(prim)
         selected = owner.GetVariantSet(name).GetVariantSelection() if owner else ""
         if selected:
@@ -217,9 +219,14 @@ def _follow_choices(before: Usd.Stage, after: Usd.Stage) -> list[str]:
 
 
 def _recolour(
-    layer: Sdf.Layer, place: Place, before: Usd.Stage, after: Usd.Stage, matches: Matches, textures: Textures,
+    layer: Sdf.Layer,
+    place: Place,
+    before: Usd.Stage,
+    after: Usd.Stage,
+    matches: Matches,
+    textures: Textures,
     found: Harvest,
-) -> dict[str, str]:  # fmt: skip
+) -> dict[str, str]:
     copies: dict[str, str] = {}
     ours, theirs = materials_by_name(before), materials_by_name(after)
     for name in sorted(ours.keys() & theirs.keys()):
@@ -249,8 +256,13 @@ def _wear(
 
 
 def _add(
-    layer: Sdf.Layer, before: Usd.Stage, matches: Matches, labels: Labelling, former: dict[str, int], found: Harvest,
-) -> dict[str, str]:  # fmt: skip
+    layer: Sdf.Layer,
+    before: Usd.Stage,
+    matches: Matches,
+    labels: Labelling,
+    former: dict[str, int],
+    found: Harvest,
+) -> dict[str, str]:
     copies: dict[str, str] = {}
     ours = materials_by_name(before)
     used = {number for prim in before.Traverse() for number in _numbers(prim)} | set(former.values())

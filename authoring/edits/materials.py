@@ -15,13 +15,18 @@ Place = Callable[[Sdf.Path], Sdf.Path]
 TINTED = 1e-4  # [1] a value counts as changed beyond this
 _SURFACE = "UsdPreviewSurface"
 _DEFAULTS: dict[str, float | tuple[float, ...]] = {
-    "diffuseColor": (0.18, 0.18, 0.18), "emissiveColor": (0.0, 0.0, 0.0), "metallic": 0.0, "roughness": 0.5,
-    "opacity": 1.0, "normal": (0.0, 0.0, 1.0),
-}  # fmt: skip
+    "diffuseColor": (0.18, 0.18, 0.18),
+    "emissiveColor": (0.0, 0.0, 0.0),
+    "metallic": 0.0,
+    "roughness": 0.5,
+    "opacity": 1.0,
+    "normal": (0.0, 0.0, 1.0),
+}
 _TYPES = {
-    "diffuseColor": Sdf.ValueTypeNames.Color3f, "emissiveColor": Sdf.ValueTypeNames.Color3f,
+    "diffuseColor": Sdf.ValueTypeNames.Color3f,
+    "emissiveColor": Sdf.ValueTypeNames.Color3f,
     "normal": Sdf.ValueTypeNames.Normal3f,
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)

@@ -72,9 +72,7 @@ def write_transform(layer: Sdf.Layer, path: Sdf.Path, prim: Usd.Prim, transform:
         return
     matrix = Sdf.AttributeSpec(spec, "xformOp:transform", Sdf.ValueTypeNames.Matrix4d)
     matrix.default = matrix.typeName.type.pythonClass(*transform.T.ravel().tolist())
-    written = Sdf.AttributeSpec(
-        spec, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform
-    )  # fmt: skip
+    written = Sdf.AttributeSpec(spec, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
     written.default = ["xformOp:transform"]
 
 

@@ -56,9 +56,12 @@ def read_surface(prim: Usd.Prim) -> Surface:
     if not mesh:
         shape = read_shape(prim, time)
         return Surface(
-            shape.points.astype(np.float32), shape.face_counts.astype(np.int32), shape.corners.astype(np.int32),
-            shape.normals.astype(np.float32), {"st": shape.st.astype(np.float32)},
-        )  # fmt: skip
+            shape.points.astype(np.float32),
+            shape.face_counts.astype(np.int32),
+            shape.corners.astype(np.int32),
+            shape.normals.astype(np.float32),
+            {"st": shape.st.astype(np.float32)},
+        )
     points = np.array(mesh.GetPointsAttr().Get(time) or [], np.float32).reshape(-1, 3)
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get(time) or [], np.int32)
     indices = np.array(mesh.GetFaceVertexIndicesAttr().Get(time) or [], np.int32)

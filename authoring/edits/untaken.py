@@ -16,17 +16,34 @@ _TIME = Usd.TimeCode.EarliestTime()
 _NAMED = 12  # of a line; the others are counted
 _SAME = 1e-4  # relative: what single precision leaves of a number
 _TAKEN = (  # of matched prims, by the modules beside this one
-    "xformOp", "points", "faceVertex", "normals", "extent", "primvars:st:", "primvars:st1:", "primvars:normals",
-    "material:binding", "visibility", "userProperties:blender",
-)  # fmt: skip
+    "xformOp",
+    "points",
+    "faceVertex",
+    "normals",
+    "extent",
+    "primvars:st:",
+    "primvars:st1:",
+    "primvars:normals",
+    "material:binding",
+    "visibility",
+    "userProperties:blender",
+)
 _TAKEN_WHOLE = {"primvars:st", "primvars:st1", tokens.USER_FALSEWORK_ID}
 _SUN = ("inputs:color", "inputs:intensity", "inputs:exposure", "inputs:enableColorTemperature")
 _LENS = ("focalLength", "horizontalAperture", "verticalAperture", "clippingRange", "fStop", "focusDistance", "shutter:")
 _LABELS = (tokens.USER_COMPONENT, tokens.USER_CLASS, tokens.USER_INSTANCE_ID)
 _PLAIN = (
-    UsdGeom.Xform, UsdGeom.Scope, UsdGeom.Camera, UsdGeom.Subset, UsdShade.Material, UsdShade.NodeGraph,
-    UsdShade.Shader, UsdRender.SettingsBase, UsdRender.Var, UsdLux.LightFilter,
-)  # fmt: skip
+    UsdGeom.Xform,
+    UsdGeom.Scope,
+    UsdGeom.Camera,
+    UsdGeom.Subset,
+    UsdShade.Material,
+    UsdShade.NodeGraph,
+    UsdShade.Shader,
+    UsdRender.SettingsBase,
+    UsdRender.Var,
+    UsdLux.LightFilter,
+)
 
 
 def untaken(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> list[str]:

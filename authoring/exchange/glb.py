@@ -89,9 +89,11 @@ def _mesh(scene: FlatScene, part: int, material: Material, pictures: "dict[Textu
     texture = material.base_texture
     metallic = float(material.metallic)
     settings: dict[str, Any] = {
-        "name": material.name.rpartition("/")[2], "metallicFactor": metallic, "roughnessFactor": material.roughness,
+        "name": material.name.rpartition("/")[2],
+        "metallicFactor": metallic,
+        "roughnessFactor": material.roughness,
         "doubleSided": bool(geometry.part_double_sided[part]),
-    }  # fmt: skip
+    }
     uv = geometry.st[vertices]
     if texture is None:
         settings["baseColorFactor"] = [*(round(value * 255) for value in material.base_color), 255]
@@ -104,9 +106,12 @@ def _mesh(scene: FlatScene, part: int, material: Material, pictures: "dict[Textu
         uv = _placed((geometry.st1 if texture.uv_set else geometry.st)[vertices], texture)
     visual = TextureVisuals(uv=uv, material=PBRMaterial(**settings))
     return trimesh.Trimesh(
-        geometry.positions[vertices], faces.reshape(-1, 3), vertex_normals=geometry.normals[vertices], visual=visual,
+        geometry.positions[vertices],
+        faces.reshape(-1, 3),
+        vertex_normals=geometry.normals[vertices],
+        visual=visual,
         process=False,
-    )  # fmt: skip
+    )
 
 
 def _placed(uv: NDArray[np.float32], texture: Texture) -> NDArray[np.float64]:

@@ -78,9 +78,10 @@ def draw_alignment(
     length, paper, (grade, free) = supports[-1], draws.profile == "paper", mean_grade
     kind, profile, turn = (draw_option(settings, key, draws) for key in ("kind", "profile", "turn"))
     radius_share, skewed, skew_sign = draws.random(), draws.random() < _SKEWED, 1.0 if draws.random() < 0.5 else -1.0
-    sizes = {key: draw(settings, key, draws) for key in (
-        "spiral", "amplitude", "wave", "crest_radius", "superelevation", "cant", "skew"
-    )}  # fmt: skip
+    sizes = {
+        key: draw(settings, key, draws)
+        for key in ("spiral", "amplitude", "wave", "crest_radius", "superelevation", "cant", "skew")
+    }
     if straight:
         _refuse(settings)
         kind, profile, skew = "straight", "grade", 0.0
@@ -118,17 +119,23 @@ def _refuse(settings: AlignmentSettings) -> None:
         if value not in (None, plain):
             raise InputError(
                 "arches and cables hang in one plane: their bridges are straight, square and without a crest",
-                field=f"bridge.alignment.{key}", value=value, allowed=str(plain), hint="Leave it out",
-            )  # fmt: skip
+                field=f"bridge.alignment.{key}",
+                value=value,
+                allowed=str(plain),
+                hint="Leave it out",
+            )
 
 
 def _check_grade(grade: float, service: str) -> None:
     steepest = STEEPEST[service]
     if abs(grade) > steepest:
         raise InputError(
-            f"steeper than a {service} bridge is built", field="bridge.grade", value=grade,
-            allowed=f"{-steepest:g} to {steepest:g}", hint=f"Nearest valid: {np.copysign(steepest, grade):g}",
-        )  # fmt: skip
+            f"steeper than a {service} bridge is built",
+            field="bridge.grade",
+            value=grade,
+            allowed=f"{-steepest:g} to {steepest:g}",
+            hint=f"Nearest valid: {np.copysign(steepest, grade):g}",
+        )
 
 
 def _elements(kind: str, curvature: float, spiral: float, length: float) -> tuple[Element, ...]:
@@ -178,10 +185,12 @@ def _radius(
             else f"the axis of this bridge is bent at most to {least:.1f} m"
         )
         raise InputError(
-            f"too small: {rule}", field="bridge.alignment.radius", value=settings.radius,
+            f"too small: {rule}",
+            field="bridge.alignment.radius",
+            value=settings.radius,
             allowed=f"at least {max(least, turning):.1f} m",
             hint=f"Nearest valid: {np.ceil(10.0 * max(least, turning)) / 10.0:.1f}",
-        )  # fmt: skip
+        )
     return settings.radius
 
 
@@ -195,9 +204,11 @@ def _wave(
     if settings.amplitude is not None and abs(amplitude) > most:
         raise InputError(
             f"the wave bends harder than {least:.0f} m of radius, or turns more than 35 deg against its chord",
-            field="bridge.alignment.amplitude", value=settings.amplitude, allowed=f"at most {most:.2f} m",
+            field="bridge.alignment.amplitude",
+            value=settings.amplitude,
+            allowed=f"at most {most:.2f} m",
             hint=f"Nearest valid: {np.floor(100.0 * most) / 100.0:.2f}, or a larger bridge.alignment.wave",
-        )  # fmt: skip
+        )
     bounded = float(np.copysign(min(abs(amplitude), most), amplitude))
     return sine_elements(bounded, scale, length) if bounded else ()
 
@@ -211,9 +222,12 @@ def _crest(
     least = 0.5 * length / room if room > 0.0 else np.inf
     if settings.crest_radius is not None and radius < least:
         raise InputError(
-            f"the ends of the bridge become steeper than {steepest:g}", field="bridge.alignment.crest_radius",
-            value=radius, allowed=f"at least {least:.0f} m", hint=f"Nearest valid: {np.ceil(least):.0f}",
-        )  # fmt: skip
+            f"the ends of the bridge become steeper than {steepest:g}",
+            field="bridge.alignment.crest_radius",
+            value=radius,
+            allowed=f"at least {least:.0f} m",
+            hint=f"Nearest valid: {np.ceil(least):.0f}",
+        )
     if not np.isfinite(least):
         return None
     return Crest(0.0, length, (1.0 if profile == "crest" else -1.0) * max(radius, float(np.ceil(least))))

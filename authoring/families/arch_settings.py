@@ -180,10 +180,12 @@ def _refuse_idle(settings: ArchSettings) -> None:
         value = getattr(getattr(settings, section) if section else settings, name)
         if value is not None:
             raise InputError(
-                f"has no effect on an arch of arrangement {settings.arrangement!r}", field=f"bridge.arch.{key}",
-                value=value, allowed=", ".join(f"bridge.arch.{right}" for right in _DIMENSIONS[own]),
+                f"has no effect on an arch of arrangement {settings.arrangement!r}",
+                field=f"bridge.arch.{key}",
+                value=value,
+                allowed=", ".join(f"bridge.arch.{right}" for right in _DIMENSIONS[own]),
                 hint="Give the dimensions of this arrangement, or leave them out",
-            )  # fmt: skip
+            )
 
 
 def _told(drawn_name: str, paper_name: str, paper: bool) -> str:

@@ -95,9 +95,12 @@ def draw_through_arch(
     """
     if choice.form == "ring":
         raise InputError(
-            "a ring has no room for traffic", field="bridge.arch.form", value="ring", allowed="concrete or steel ribs",
+            "a ring has no room for traffic",
+            field="bridge.arch.form",
+            value="ring",
+            allowed="concrete or steel ribs",
             hint="Choose ribs, or the arrangement deck",
-        )  # fmt: skip
+        )
     top = draw_deck_top(shared, draws)
     top = replace(top, fittings=replace(top.fittings, lamps=False))  # braces are where lamp posts would stand
     bearings = draw_bearings(shared.bearing, draws)
@@ -127,9 +130,23 @@ def draw_through_arch(
     inner = 0.5 * top.width - 0.8
     lines = section.lines if tied else tuple(np.linspace(-inner, inner, max(2, round(inner / 2.0))).round(3).tolist())
     drawn = DrawnThroughArch(
-        choice.arrangement, replace(rib, start=start), section, panels, total / panels, slab, floor, hangers, columns,
-        brace, choice.bracing, Spans((0.0, total), overhang, 0.05), top, bearings, lines, abutments,
-    )  # fmt: skip
+        choice.arrangement,
+        replace(rib, start=start),
+        section,
+        panels,
+        total / panels,
+        slab,
+        floor,
+        hangers,
+        columns,
+        brace,
+        choice.bracing,
+        Spans((0.0, total), overhang, 0.05),
+        top,
+        bearings,
+        lines,
+        abutments,
+    )
     levels = drawn.levels
     supports = (0.0, total)
     layout = draw_layout_of(shared, top, supports, levels.girder_soffit, levels.seat, draws, straight=True)
@@ -195,10 +212,11 @@ def _draw_rib(
         most = 1.0 - needed / rise if deep else choice.span / (needed / (1.0 - share) if share else needed + under)
         raise InputError(
             f"the crown lies {rise - under:.2f} m above the road: no room for traffic under braces",
-            field=f"bridge.arch.above.{key}", value=round(value, 3),
+            field=f"bridge.arch.above.{key}",
+            value=round(value, 3),
             allowed=f"at most {np.floor(1e3 * most) / 1e3:g} here",
             hint="Raise the arch or lengthen the span",
-        )  # fmt: skip
+        )
     axis = ArchAxis(choice.shape, choice.span, rise)
     tied = choice.arrangement == "tied"
     return Rib(axis, 0.0, -under, 0.0, choice.depth, choice.springing_depth, level_feet=tied)
@@ -254,9 +272,14 @@ def _panel_parts(arch: DrawnThroughArch, rib: Rib, number: int, place: Alignment
 
 
 def _post_parts(
-    arch: DrawnThroughArch, rib: Rib, number: int, station: float, edges: tuple[float, float], level: Alignment,
+    arch: DrawnThroughArch,
+    rib: Rib,
+    number: int,
+    station: float,
+    edges: tuple[float, float],
+    level: Alignment,
     middle: Alignment,
-) -> list[Part]:  # fmt: skip
+) -> list[Part]:
     """Build posts between rib and floor beam where there is no room for a hanger."""
     parts = []
     soffit, columns = arch.levels.soffit, arch.columns

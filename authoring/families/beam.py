@@ -112,9 +112,12 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
     girders = draw_girders(settings.girder, width, longest, draws)
     if girders.depth > 0.0 and bearings.pad_width > girders.bottom_width:
         raise InputError(
-            "wider than the girders' soffit", field=f"bridge.bearing.{bearings.kind}_width", value=bearings.pad_width,
-            allowed=f"at most {girders.bottom_width:g} m", hint="Make it narrower or the girder wider",
-        )  # fmt: skip
+            "wider than the girders' soffit",
+            field=f"bridge.bearing.{bearings.kind}_width",
+            value=bearings.pad_width,
+            allowed=f"at most {girders.bottom_width:g} m",
+            hint="Make it narrower or the girder wider",
+        )
     edge = draw_deck_edge(settings.edge, draws)
     kinds = ("single", "multi")
     piers = draw_piers(shared.pier, width, girders.lines[-1], bearings, spans, draws, paper_kinds=kinds)

@@ -37,8 +37,16 @@ _PORTAL_STRIP = 0.12  # [m] beside parapets where the stays stand on brackets
 _LEAST_DEPTH = {"edge_beam": 0.9, "plate_girder": 0.9, "concrete_box": 1.3, "steel_box": 1.1}  # [m]
 _MEDIAN_MARGIN = 0.45  # [m] between a mast and the inner edge lines
 _DRAWN = (
-    "slab", "strip", "leg", "overhang", "gap", "zone", "height_ratio", "single_height_ratio", "slenderness",
-)  # fmt: skip
+    "slab",
+    "strip",
+    "leg",
+    "overhang",
+    "gap",
+    "zone",
+    "height_ratio",
+    "single_height_ratio",
+    "slenderness",
+)
 _DROP = 6.5  # [m] from a pylon's lower cross beam to the ground, for its proportions
 _GROWTH, _GROWTHS = 1.06, 40  # of a main span that an asked shape finds too short
 _ANCHORED, _ANCHOR_PITCH = 40.0, 36.0  # [m] side spans from here on may stand on anchor piers, so far apart at most
@@ -194,10 +202,12 @@ def _fitted(make: _Make, choice: Choice, top: DeckTop) -> Fitted:
             break
         longer = stretched(longer, _GROWTH)
     raise InputError(
-        f"leaves no clear gauge beside {choice.shape} pylons", field="bridge.cable_stayed.main", value=choice.main,
+        f"leaves no clear gauge beside {choice.shape} pylons",
+        field="bridge.cable_stayed.main",
+        value=choice.main,
         allowed=f"at least {longer.main:g} m here",
-        hint="Give a longer main span, or take bridge.cable_stayed.shape = \"portal\"",
-    )  # fmt: skip
+        hint='Give a longer main span, or take bridge.cable_stayed.shape = "portal"',
+    )
 
 
 def _median(choice: Choice, values: dict[str, float]) -> float:
@@ -247,10 +257,12 @@ def _elevation(
         key = "height_ratio" if choice.pylons == 2 else "single_height_ratio"
         if getattr(settings, key) is not None:
             raise InputError(
-                f"makes the outermost stay flatter than {FLATTEST:g} deg", field=f"bridge.cable_stayed.{key}",
-                value=getattr(settings, key), allowed=f"at least {(height + missing) / choice.main:.3f} here",
+                f"makes the outermost stay flatter than {FLATTEST:g} deg",
+                field=f"bridge.cable_stayed.{key}",
+                value=getattr(settings, key),
+                allowed=f"at least {(height + missing) / choice.main:.3f} here",
                 hint="Raise the pylon",
-            )  # fmt: skip
+            )
         height = round(height + missing, 2)
     return None
 

@@ -49,10 +49,12 @@ class SteelGirderSettings(SpanSettings):
         "end spans by `end_share` but 18 at least; in profile paper 10 each",
     )
     span_count: int | None = Field(
-        default=None, ge=1, le=20,
+        default=None,
+        ge=1,
+        le=20,
         description="Number of spans where they are drawn; 1 to 8 drawn 14 : 20 : 26 : 16 : 10 : 6 : 4 : 4, in profile "
         "paper 8 to 20 (the Random Bridge Generator has 50)",
-    )  # fmt: skip
+    )
     end_share: float | None = drawn(0.72, 0.90, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
     continuous: bool | None = chosen(
         {True: 70, False: 30}, "Girders and slab run through over the piers", among=SEVERAL, paper={False: 1}

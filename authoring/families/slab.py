@@ -142,14 +142,20 @@ def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Be
 def _check(settings: SlabSettings, slab: Slab, longest: float) -> None:
     if slab.section == "solid" and longest > _LONGEST_SOLID:
         raise InputError(
-            "a span that is too long for a solid slab", field="bridge.slab.spans", value=longest,
-            allowed=f"at most {_LONGEST_SOLID:g} m", hint=f"The nearest is {_LONGEST_SOLID:g} m; or section = 'voided'",
-        )  # fmt: skip
+            "a span that is too long for a solid slab",
+            field="bridge.slab.spans",
+            value=longest,
+            allowed=f"at most {_LONGEST_SOLID:g} m",
+            hint=f"The nearest is {_LONGEST_SOLID:g} m; or section = 'voided'",
+        )
     if slab.lines[-1] <= 0.0 or min(np.diff(slab.lines)) < 0.8:
         raise InputError(
-            "no room for its bearings under the slab", field="bridge.slab.bearings", value=settings.bearings,
-            allowed="bearings at least 0.8 m apart", hint="Take fewer bearings or a shorter cantilever",
-        )  # fmt: skip
+            "no room for its bearings under the slab",
+            field="bridge.slab.bearings",
+            value=settings.bearings,
+            allowed="bearings at least 0.8 m apart",
+            hint="Take fewer bearings or a shorter cantilever",
+        )
 
 
 def build_slab(layout: Layout, drawn_slab: DrawnSlab, ground: Ground) -> list[Part]:

@@ -96,10 +96,12 @@ def lay_out(
         if not rule.shortest <= length <= rule.longest:
             nearest = min(max(length, rule.shortest), rule.longest)
             raise InputError(
-                f"a span that {rule.members} do not have", field=f"bridge.{rule.family}.spans", value=length,
+                f"a span that {rule.members} do not have",
+                field=f"bridge.{rule.family}.spans",
+                value=length,
                 allowed=f"{rule.shortest:g} to {rule.longest:g} m",
                 hint=f"The nearest is {nearest:g} m; other spans want another family",
-            )  # fmt: skip
+            )
     # A plinth stays under its own span's end.
     overhang = max(ends[0], round(0.5 * bearings.plinth_length + _UNDER_PLINTH, 3))
     supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))

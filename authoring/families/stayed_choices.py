@@ -27,9 +27,11 @@ _DECKS = {
     2: {"edge_beam": 0.45, "plate_girder": 0.30, "steel_box": 0.25},
 }
 _PITCHES = {
-    ("compact", True): (3.5, 5.5), ("compact", False): (5.0, 8.0),
-    ("realistic", True): (5.0, 10.0), ("realistic", False): (10.0, 16.0),
-}  # fmt: skip
+    ("compact", True): (3.5, 5.5),
+    ("compact", False): (5.0, 8.0),
+    ("realistic", True): (5.0, 10.0),
+    ("realistic", False): (10.0, 16.0),
+}
 _LEANING = ("a", "diamond")
 _DIAMETERS = {"compact": (0.06, 0.12), "realistic": (0.10, 0.25)}
 _TOTAL = {"compact": (60.0, 250.0), "realistic": (144.0, 480.0)}  # [m] whole bridge
@@ -77,23 +79,31 @@ class CableStayedSettings(Settings):
         0.40, 0.45, "One pylon: height over the deck, of the main span [1]", ge=0.25, le=0.60
     )
     air: float | None = drawn(
-        0.03, 0.05, "Least height of the deck's soffit above z = 0, over the main span [1]", ge=0.0, le=0.15,
+        0.03,
+        0.05,
+        "Least height of the deck's soffit above z = 0, over the main span [1]",
+        ge=0.0,
+        le=0.15,
         paper=(0.0, 0.0),
-    )  # fmt: skip
+    )
     anchor_piers: bool | None = Field(
         default=None,
         description="Piers under side spans of 40 m or more, 36 m apart at most; drawn 60 : 40, never in profile paper",
     )
     zone: float | None = drawn(0.55, 0.68, "Lowest head of a semi-fan over the pylon's height [1]", ge=0.40, le=0.85)
     pitch: float | None = Field(
-        default=None, ge=2.5, le=20.0,
+        default=None,
+        ge=2.5,
+        le=20.0,
         description="Distance between the feet of stays [m]; drawn compact 3.5 to 5.5 (concrete) or 5 to 8 (steel), "
         "realistic 5 to 10 or 10 to 16; in profile paper 7 stays a side",
-    )  # fmt: skip
+    )
     stay_diameter: float | None = Field(
-        default=None, ge=0.05, le=0.30, description="Stay in its sheath [m]; drawn compact 0.06 to 0.12, realistic "
-        "0.10 to 0.25; in profile paper 0.10",
-    )  # fmt: skip
+        default=None,
+        ge=0.05,
+        le=0.30,
+        description="Stay in its sheath [m]; drawn compact 0.06 to 0.12, realistic 0.10 to 0.25; in profile paper 0.10",
+    )
     slenderness: float | None = drawn(100.0, 250.0, "Main span over the deck's depth, while that stays buildable [1]")
     slab: float | None = drawn(0.22, 0.28, "Deck slab [m]", ge=0.18, le=0.45)
     strip: float | None = drawn(0.7, 1.1, "Edge strip outside the parapets that stays stand on [m]", ge=0.5, le=2.5)
@@ -250,18 +260,23 @@ def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes:
     if planes == 1 and not divided:
         where = "shape" if settings.shape else "planes"
         _wrong(
-            where, settings.shape or planes, "roads of 2, 4 or 6 lanes, where a median has room",
-            "Set bridge.service = \"road\" and bridge.roadway.lanes = 2",
-        )  # fmt: skip
+            where,
+            settings.shape or planes,
+            "roads of 2, 4 or 6 lanes, where a median has room",
+            'Set bridge.service = "road" and bridge.roadway.lanes = 2',
+        )
     if arrangement == "harp" and shape in _LEANING:
         _wrong("arrangement", arrangement, "fan or semi_fan on leaning legs", "Take shape h, portal or mast for a harp")
 
 
 def _wrong(field: str, value: object, allowed: str, hint: str) -> NoReturn:
     raise InputError(
-        "does not go with the other choices", field=f"bridge.cable_stayed.{field}", value=value, allowed=allowed,
+        "does not go with the other choices",
+        field=f"bridge.cable_stayed.{field}",
+        value=value,
+        allowed=allowed,
         hint=hint,
-    )  # fmt: skip
+    )
 
 
 def stretched(choice: Choice, factor: float) -> Choice:

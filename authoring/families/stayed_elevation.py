@@ -92,9 +92,19 @@ def pylon_of(choice: Choice, frame: Frame, strip: float) -> tuple[Pylon, float]:
     beam = round(0.7 + 0.06 * half * 2.0, 2)
     line, knee = half + _LEG_GAP + 0.5 * width, frame.seat - 0.5 * beam
     base = Pylon(
-        shape=choice.shape, top=frame.height, seat=frame.seat, knee=knee, merge=0.0, knee_line=line, merge_line=0.0,
-        foot_lean=0.0, width=width, length=length, beam_depth=beam, upper_beams=(),
-    )  # fmt: skip
+        shape=choice.shape,
+        top=frame.height,
+        seat=frame.seat,
+        knee=knee,
+        merge=0.0,
+        knee_line=line,
+        merge_line=0.0,
+        foot_lean=0.0,
+        width=width,
+        length=length,
+        beam_depth=beam,
+        upper_beams=(),
+    )
     match choice.shape:
         case "mast":
             pier, crosshead = round(max(0.32 * half * 2.0, 2.2 * width), 2), round(0.62 * half, 2)
@@ -148,10 +158,12 @@ def _offsets(choice: Choice, frame: Frame, lowest: float, least: float) -> tuple
     if (far - near) / (count - 1) < 1.2:
         most = max((share * choice.main - near) / 3.0, 2.5)
         raise NoRoomForStays(
-            "leaves no room for three stays to a side", field="bridge.cable_stayed.pitch", value=choice.pitch,
+            "leaves no room for three stays to a side",
+            field="bridge.cable_stayed.pitch",
+            value=choice.pitch,
             allowed=f"at most {most:.1f} m here",
             hint="Reduce it, or give a longer main span",
-        )  # fmt: skip
+        )
     return tuple(float(x) for x in np.round(np.linspace(near, far, count), 3))
 
 
@@ -200,9 +212,15 @@ def stays_of(choice: Choice, frame: Frame, pylon: Pylon, plane: float) -> Stays:
     half = pylon.face(heads[-1])
     shrink = (choice.side - _END - half) / (offsets[-1] - half)
     return Stays(
-        choice.arrangement, choice.planes, round(plane, 3), frame.foot, offsets,
-        tuple(round(h, 6) for h in heads), shrink, choice.diameter,
-    )  # fmt: skip
+        choice.arrangement,
+        choice.planes,
+        round(plane, 3),
+        frame.foot,
+        offsets,
+        tuple(round(h, 6) for h in heads),
+        shrink,
+        choice.diameter,
+    )
 
 
 def clears_traffic(choice: Choice, frame: Frame, pylon: Pylon, stays: Stays) -> bool:

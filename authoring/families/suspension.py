@@ -131,10 +131,20 @@ def _tower(choice: SuspensionChoice, width: float, seat: float, leg: float, gaug
     plane = 0.5 * width + _LEG_GAP + 0.5 * across
     beam = round(0.7 + 0.055 * 2.0 * plane, 2)
     return Pylon(
-        shape="portal", top=top, seat=seat, knee=seat - beam, merge=0.5 * top, knee_line=round(plane, 3),
-        merge_line=round(plane, 3), foot_lean=0.04, width=across, length=length, beam_depth=beam,
-        upper_beams=_struts(top, beam, gauge), prefix="Tower",
-    )  # fmt: skip
+        shape="portal",
+        top=top,
+        seat=seat,
+        knee=seat - beam,
+        merge=0.5 * top,
+        knee_line=round(plane, 3),
+        merge_line=round(plane, 3),
+        foot_lean=0.04,
+        width=across,
+        length=length,
+        beam_depth=beam,
+        upper_beams=_struts(top, beam, gauge),
+        prefix="Tower",
+    )
 
 
 def _struts(top: float, beam: float, gauge: float) -> tuple[float, ...]:
@@ -158,9 +168,19 @@ def _cables(choice: SuspensionChoice, tower: Pylon, foot: float) -> SuspensionCa
         sag = round((choice.crown - choice.low) * (choice.side / choice.main) ** 2, 3)
         side = hanger_stations(clear, first - clear, choice.pitch)
     cables = SuspensionCables(
-        tower.merge_line, (first, last), (-back, total + back), choice.crown, choice.low, _ENTRY, sag, choice.cable,
-        choice.hanger, foot, main, (),
-    )  # fmt: skip
+        tower.merge_line,
+        (first, last),
+        (-back, total + back),
+        choice.crown,
+        choice.low,
+        _ENTRY,
+        sag,
+        choice.cable,
+        choice.hanger,
+        foot,
+        main,
+        (),
+    )
     # A hanger needs room for its clamp and its socket.
     least = foot + 0.9 + 2.0 * choice.cable
     side = tuple(s for s in side if float(cables.height(np.array([s]))[0]) > least)

@@ -49,25 +49,31 @@ class SuspensionSettings(Settings):
         2.0, 4.0, "Lowest point of the cables above the deck [m]", ge=_OVER_DECK[0], le=_OVER_DECK[1]
     )
     tower_height: float | None = Field(
-        default=None, ge=7.0, le=140.0,
+        default=None,
+        ge=7.0,
+        le=140.0,
         description="Saddles above the deck [m]; drawn: sag and `over_deck` together; fixed: `over_deck` follows, and "
         "an open sag as far as cables 1.6 to 8 m over the deck want it",
-    )  # fmt: skip
+    )
     pitch: float | None = Field(
-        default=None, ge=1.5, le=25.0,
+        default=None,
+        ge=1.5,
+        le=25.0,
         description="Distance between hangers [m]; drawn compact 3 to 6, realistic 8 to 18; in profile paper 2",
-    )  # fmt: skip
+    )
     cable_ratio: float | None = drawn(
         1500.0, 2000.0, "Main span over cable diameter, cables no thinner than compact 0.14 m, realistic 0.25 m [1]"
     )
-    hanger_diameter: float | None = drawn(
-        0.04, 0.08, "Diameter of a hanger [m]", ge=0.025, le=0.15, paper=(0.10, 0.10)
-    )  # fmt: skip
+    hanger_diameter: float | None = drawn(0.04, 0.08, "Diameter of a hanger [m]", ge=0.025, le=0.15, paper=(0.10, 0.10))
     slenderness: float | None = drawn(150.0, 300.0, "Main span over the deck's depth, while that stays buildable [1]")
     air: float | None = drawn(
-        0.03, 0.05, "Least height of the deck's soffit above z = 0, over the main span [1]", ge=0.0, le=0.15,
+        0.03,
+        0.05,
+        "Least height of the deck's soffit above z = 0, over the main span [1]",
+        ge=0.0,
+        le=0.15,
         paper=(0.0, 0.0),
-    )  # fmt: skip
+    )
     slab: float | None = drawn(0.20, 0.26, "Deck slab [m]", ge=0.16, le=0.45)
     leg: float | None = drawn(0.9, 1.15, "Scale of the towers' legs [1]", ge=0.7, le=1.6)
     overhang: float | None = drawn(0.40, 0.55, "Deck beyond its last bearing line [m]", ge=0.30, le=0.80)
@@ -140,10 +146,18 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
     cable = 0.20 if paper else round(max(main / draw(settings, "cable_ratio", draws), thinnest), 3)
     hanger = draw(settings, "hanger_diameter", draws)
     return SuspensionChoice(
-        size, deck, suspended, main, round(main * side_ratio, 1), crown, low,
-        settings.pitch or (_PAPER_PITCH if paper else drawn_pitch), cable, hanger,
+        size,
+        deck,
+        suspended,
+        main,
+        round(main * side_ratio, 1),
+        crown,
+        low,
+        settings.pitch or (_PAPER_PITCH if paper else drawn_pitch),
+        cable,
+        hanger,
         draw(settings, "slenderness", draws),
-    )  # fmt: skip
+    )
 
 
 def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
@@ -159,10 +173,12 @@ def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
         lowest = round(_SAG_RATIOS[0] * choice.main + _OVER_DECK[0], 2)
         highest = round(_SAG_RATIOS[1] * choice.main + _OVER_DECK[1], 2)
         raise InputError(
-            f"does not go with a main span of {choice.main:g} m", field="bridge.suspension.tower_height",
-            value=choice.crown, allowed=f"{lowest:g} to {highest:g} m here",
+            f"does not go with a main span of {choice.main:g} m",
+            field="bridge.suspension.tower_height",
+            value=choice.crown,
+            allowed=f"{lowest:g} to {highest:g} m here",
             hint=f"The nearest is {lowest if choice.crown < lowest else highest:g} m",
-        )  # fmt: skip
+        )
     if _OVER_DECK[0] - 1e-9 <= low <= _OVER_DECK[1] + 1e-9:
         return
     through = low < _OVER_DECK[0]
@@ -177,7 +193,7 @@ def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
         value=settings.sag_ratio or settings.tower_height,
         allowed=f"{ratio_told}a tower height of at {other} {sag + bound:.2f} m here",
         hint="Raise the tower or reduce the sag" if through else "Lower the tower or let the cables sag more",
-    )  # fmt: skip
+    )
 
 
 def hanger_stations(low: float, high: float, pitch: float) -> tuple[float, ...]:
@@ -197,7 +213,10 @@ def hanger_stations(low: float, high: float, pitch: float) -> tuple[float, ...]:
     bays = round((high - low) / pitch)
     if bays < 2:
         raise InputError(
-            f"leaves no room for three hangers on {high - low:.1f} m", field="bridge.suspension.pitch", value=pitch,
-            allowed=f"at most {max(0.5 * (high - low), 1.5):.1f} m here", hint="Reduce it, or give longer spans",
-        )  # fmt: skip
+            f"leaves no room for three hangers on {high - low:.1f} m",
+            field="bridge.suspension.pitch",
+            value=pitch,
+            allowed=f"at most {max(0.5 * (high - low), 1.5):.1f} m here",
+            hint="Reduce it, or give longer spans",
+        )
     return tuple(round(float(s), 6) for s in np.linspace(low, high, bays + 1))

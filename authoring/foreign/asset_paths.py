@@ -42,9 +42,12 @@ def localize(layer: Sdf.Layer, folder: Path, file: Path, holder: Callable[[str],
             found = copy_texture(path, folder / "textures")
             if not found:
                 raise InputError(
-                    "texture not found", where=file, field=holder(path) or None, value=_short(path, file),
+                    "texture not found",
+                    where=file,
+                    field=holder(path) or None,
+                    value=_short(path, file),
                     hint="Export it again with its textures beside it",
-                )  # fmt: skip
+                )
             names[path] = f"./textures/{found}"
         return Sdf.AssetPath(names.get(path, ""))
 

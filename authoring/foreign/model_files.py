@@ -16,8 +16,14 @@ MOST_UNPACKED = 4_000_000_000  # of an archive, in all
 MOST_RATIO = 200.0  # packed text shrinks twenty times, a bomb a thousand times
 MOST_ENTRIES = 20_000
 UNSOUND = (  # what unpacking a damaged archive raises
-    zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError, OSError,
-)  # fmt: skip
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    RuntimeError,
+    NotImplementedError,
+    ValueError,
+    OSError,
+)
 _REMOTE = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]+:|//)")  # a drive letter is one letter
 
 
@@ -36,9 +42,11 @@ def check_file(file: Path) -> None:
     size = file.stat().st_size
     if size > MOST_BYTES:
         raise InputError(
-            f"{size / 1e9:.1f} GB are too large to import", where=file, allowed=f"{MOST_BYTES / 1e9:g} GB",
+            f"{size / 1e9:.1f} GB are too large to import",
+            where=file,
+            allowed=f"{MOST_BYTES / 1e9:g} GB",
             hint="Cut out a tile",
-        )  # fmt: skip
+        )
     if not size:
         raise InputError("is empty", where=file)
 
@@ -63,9 +71,11 @@ def read_beside(model: Path, name: str, what: str) -> bytes:
     target = (home / plain.replace("\0", "")).resolve()
     if "\0" in plain or not target.is_relative_to(home) or plain.startswith("/"):
         raise InputError(
-            f"{what} {name[:200]} leads out of the folder", where=model, allowed="files below its folder",
+            f"{what} {name[:200]} leads out of the folder",
+            where=model,
+            allowed="files below its folder",
             hint="Copy the file there",
-        )  # fmt: skip
+        )
     if not is_regular(target):
         raise MissingError(f"{what} {name[:200]} is not there", where=model, hint="Copy the file beside it")
     check_file(target)
@@ -90,9 +100,11 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
     models = [e.filename for e in entries if Path(e.filename).suffix.lower() in suffixes]
     if len(models) != 1:
         raise InputError(
-            f"holds {len(models)} models", where=archive, allowed=f"one of {', '.join(suffixes)}",
+            f"holds {len(models)} models",
+            where=archive,
+            allowed=f"one of {', '.join(suffixes)}",
             hint="Unpack it and name one, or join them",
-        )  # fmt: skip
+        )
     with zipfile.ZipFile(archive) as packed:
         for entry in entries:
             target = inside(folder, entry.filename, where=archive)
@@ -131,16 +143,19 @@ def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
     whole = sum(entry.file_size for entry in entries)
     if len(entries) > MOST_ENTRIES or whole > MOST_UNPACKED:
         raise InputError(
-            f"unpacks to {len(entries)} files, {whole / 1e9:.1f} GB", where=archive,
-            allowed=f"{MOST_ENTRIES} files, {MOST_UNPACKED / 1e9:g} GB", hint="Cut out a tile",
-        )  # fmt: skip
+            f"unpacks to {len(entries)} files, {whole / 1e9:.1f} GB",
+            where=archive,
+            allowed=f"{MOST_ENTRIES} files, {MOST_UNPACKED / 1e9:g} GB",
+            hint="Cut out a tile",
+        )
     for entry in entries:
         ratio = entry.file_size / max(entry.compress_size, 1)
         if ratio > MOST_RATIO and entry.file_size > 1_000_000:
             raise InputError(
-                f"unpacks to {ratio:.0f} times its size", where=f"{archive}: {entry.filename}",
+                f"unpacks to {ratio:.0f} times its size",
+                where=f"{archive}: {entry.filename}",
                 allowed=f"{MOST_RATIO:g} times",
-            )  # fmt: skip
+            )
         path = Path(entry.filename.replace("\\", "/"))
         if (
             not path.parts

@@ -29,9 +29,12 @@ def open_foreign(file: Path) -> Usd.Stage:
         for target in UsdShade.MaterialBindingAPI(prim).GetDirectBindingRel().GetTargets():
             if not stage.GetPrimAtPath(target):
                 raise InputError(
-                    "is bound to a material that is not in the file", where=file, field=str(prim.GetPath()),
-                    value=str(target), hint="Export it with its materials, below one root prim",
-                )  # fmt: skip
+                    "is bound to a material that is not in the file",
+                    where=file,
+                    field=str(prim.GetPath()),
+                    value=str(target),
+                    hint="Export it with its materials, below one root prim",
+                )
     return stage
 
 

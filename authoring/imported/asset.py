@@ -54,9 +54,10 @@ def write_city(model: CityModel, folder: Path, name: str) -> Path:
     layer = background_layer(name, {**bake_surfaces(pieces, folder, TEXELS, 0), **skin_recipes(model.skins, folder)})
     images = [[skin.role, skin.suffix, *skin.color] for skin in model.skins]
     layer.customLayerData = {
-        **layer.customLayerData, MARK: json.dumps(model.attribution, sort_keys=True),
+        **layer.customLayerData,
+        MARK: json.dumps(model.attribution, sort_keys=True),
         IMAGES: json.dumps(images),
-    }  # fmt: skip
+    }
     path = folder / f"{name}.usda"
     export(author_provenance(layer, "/Background", model.attribution, is_ours=False), path)
     return path
@@ -76,15 +77,17 @@ def city_components(model: CityModel, prefix: str, first_id: int) -> tuple[Compo
     if first_id + 2 * len(model.buildings) + len(model.textured) > LAST_ID:
         raise InputError(
             f"{len(model.buildings) + len(model.textured)} buildings are too many",
-            allowed=f"{(LAST_ID - first_id) // 2}", hint="Cut out a smaller tile",
-        )  # fmt: skip
+            allowed=f"{(LAST_ID - first_id) // 2}",
+            hint="Cut out a smaller tile",
+        )
     rows: list[tuple[str, str, str, F64, dict[str, object]]] = []
     for number, building in enumerate(model.buildings):
         facts: dict[str, object] = {"building": building.name}
         wall, roof = _materials(building)
         for part, kind, role, triangles in (
-            ("Walls", "building", wall, building.walls), ("Roof", "roof", roof, building.roofs),
-        ):  # fmt: skip
+            ("Walls", "building", wall, building.walls),
+            ("Roof", "roof", roof, building.roofs),
+        ):
             if len(triangles):
                 rows.append((f"{prefix}_Building_{number:04d}_{part}", kind, role, triangles, facts))
     if len(model.terrain):

@@ -57,9 +57,11 @@ def read_cityjson(file: Path, warn: Warn) -> CityModel:
     middle = np.round(0.5 * (points.min(axis=0) + points.max(axis=0)))
     if np.abs(points - middle).max() > FARTHEST:
         raise InputError(
-            f"reaches {np.abs(points - middle).max() / 1e3:.0f} km from its middle", where=file,
-            allowed=f"{FARTHEST / 1e3:g} km", hint="Cut out a tile",
-        )  # fmt: skip
+            f"reaches {np.abs(points - middle).max() / 1e3:.0f} km from its middle",
+            where=file,
+            allowed=f"{FARTHEST / 1e3:g} km",
+            hint="Cut out a tile",
+        )
     middle[2] = points[:, 2].min()
     buildings, terrain = _model(parts, middle)
     if not buildings and not len(terrain):
@@ -154,9 +156,12 @@ class _Part:
         index = np.array(numbers, np.int64)
         if index.ndim != 1 or not len(index) or index.min() < 0 or index.max() >= len(vertices):
             raise InputError(
-                "names a vertex that is not there", where=self.file, field="boundaries", value=str(numbers)[:60],
+                "names a vertex that is not there",
+                where=self.file,
+                field="boundaries",
+                value=str(numbers)[:60],
                 allowed=f"0 to {len(vertices) - 1}",
-            )  # fmt: skip
+            )
         return vertices[index]
 
 

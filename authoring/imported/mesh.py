@@ -27,9 +27,17 @@ MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 AXES = ("y", "z")
 _HEAD = 65_536  # bytes in which a PLY header must end
 _BROKEN = (  # what the library raises where a file is not as it says; of unset variables, too
-    ValueError, IndexError, KeyError, TypeError, AttributeError, AssertionError, OverflowError, RuntimeError, NameError,
+    ValueError,
+    IndexError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    AssertionError,
+    OverflowError,
+    RuntimeError,
+    NameError,
     OSError,
-)  # fmt: skip
+)
 
 
 def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityModel:
@@ -57,8 +65,11 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
             return read_mesh(unpack(file, Path(folder), MESH_SUFFIXES), warn, up, scale)
     check_file(file)
     readers: dict[str, Callable[[Path], MeshSoup]] = {
-        ".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply
-    }  # fmt: skip
+        ".glb": read_gltf,
+        ".gltf": read_gltf,
+        ".obj": read_obj,
+        ".ply": read_ply,
+    }
     reader = readers.get(file.suffix.lower())
     if reader is None:
         raise InputError("unknown format", where=file, allowed=", ".join((*MESH_SUFFIXES, ".zip")))

@@ -54,9 +54,12 @@ def joined_soup(parts: list[MeshSoup], facts: dict[str, str]) -> MeshSoup:
     none = MeshSoup(np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), np.zeros(0, np.int32), (), {})
     every = [none, *parts]
     return MeshSoup(
-        np.concatenate([part.triangles for part in every]), np.concatenate([part.st for part in every]),
-        np.concatenate([none.skin, *turned]), tuple(skins.values()), facts,
-    )  # fmt: skip
+        np.concatenate([part.triangles for part in every]),
+        np.concatenate([part.st for part in every]),
+        np.concatenate([none.skin, *turned]),
+        tuple(skins.values()),
+        facts,
+    )
 
 
 def check_count(count: int, where: object) -> None:
@@ -71,9 +74,11 @@ def check_count(count: int, where: object) -> None:
     """
     if count > MOST_TRIANGLES:
         raise InputError(
-            f"holds {count} triangles", where=where, allowed=f"at most {MOST_TRIANGLES}",
+            f"holds {count} triangles",
+            where=where,
+            allowed=f"at most {MOST_TRIANGLES}",
             hint="Cut out a smaller tile, or decimate it",
-        )  # fmt: skip
+        )
 
 
 def centred(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
@@ -106,9 +111,11 @@ def centred(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
     reach = float(np.abs(triangles).max())
     if reach > FARTHEST:
         raise InputError(
-            f"reaches {reach / 1e3:.0f} km from its middle", where=where, allowed=f"{FARTHEST / 1e3:g} km",
+            f"reaches {reach / 1e3:.0f} km from its middle",
+            where=where,
+            allowed=f"{FARTHEST / 1e3:g} km",
             hint="Cut out a tile, or mend its unit with --scale",
-        )  # fmt: skip
+        )
     # Whole metres in plan, so that a place in the world is found in its maps again; geocentric ones have no plan.
     rest = np.zeros(3) if facts.get("crs") == "geocentric" else middle - np.round(middle)
     rest[2] = -float(triangles[..., 2].min())

@@ -143,9 +143,11 @@ def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> City
         return found[1]
     raise InputError(
         f"no place for this bridge: the freest of {TRIES} is built up to {100.0 * best:.0f} %",
-        field="background.name", value=model.attribution.get("source", ""), allowed=f"{100.0 * MOST_BUILT:g} %",
+        field="background.name",
+        value=model.attribution.get("source", ""),
+        allowed=f"{100.0 * MOST_BUILT:g} %",
         hint="Take a shorter bridge, a smaller site, or a larger world",
-    )  # fmt: skip
+    )
 
 
 def _corridor(site: Site) -> F64:

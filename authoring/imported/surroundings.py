@@ -86,9 +86,13 @@ def build_city_world(model: CityModel, site: Site, rng: np.random.Generator) -> 
 def _only(run: Scatter, kept: NDArray[np.bool_]) -> Scatter:
     ids = run.instance_ids if len(run.instance_ids) == 1 else tuple(np.array(run.instance_ids)[kept].tolist())
     return replace(
-        run, prototype=run.prototype[kept], positions=run.positions[kept], yaw=run.yaw[kept], scales=run.scales[kept],
+        run,
+        prototype=run.prototype[kept],
+        positions=run.positions[kept],
+        yaw=run.yaw[kept],
+        scales=run.scales[kept],
         instance_ids=ids,
-    )  # fmt: skip
+    )
 
 
 def _relief(

@@ -19,7 +19,7 @@ _OF_SPLIT = {  # corners 0-2 and edge middles 3-5 (of 01, 12, 20) of the pieces,
     (False, True, True): ((5, 4, 2), (0, 1, 4), (0, 4, 5)),
     (True, False, True): ((0, 3, 5), (3, 1, 2), (3, 2, 5)),
     (True, True, True): ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-}  # fmt: skip
+}
 
 
 def split_long(corners: F64, free: Callable[[F64], F64]) -> F64:

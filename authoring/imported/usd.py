@@ -111,9 +111,12 @@ def _part(scene: FlatScene, row: int, cache: dict[str, Skin], file: Path) -> Mes
         skin = _image(material.base_texture, cache, file)
         sets = geometry.st1 if material.base_texture.uv_set else geometry.st
         return MeshSoup(
-            triangles, _looked_up(material.base_texture, sets[corners].astype(np.float64)),
-            np.zeros(len(corners), np.int32), (skin,), {},
-        )  # fmt: skip
+            triangles,
+            _looked_up(material.base_texture, sets[corners].astype(np.float64)),
+            np.zeros(len(corners), np.int32),
+            (skin,),
+            {},
+        )
     linear = _colors(material, geometry.colors[corners].mean(axis=1))
     if linear is None:
         return MeshSoup(triangles, np.zeros((len(corners), 3, 2)), np.full(len(corners), -1, np.int32), (), {})

@@ -146,9 +146,9 @@ def _author_component(layer: Sdf.Layer, asset: Asset, component: Component, arra
     attribute(prim, "xformOpOrder", _TYPES.TokenArray, _MOVED, uniform=True)
     _bind(prim, asset.material(sheet_material(component.role, sheet)))
     _set_id(prim, component.name)
-    author(prim, component_opinions(
-        ComponentFacts(component.kind, component.instance_id, parameters=component.parameters)
-    ))  # fmt: skip
+    author(
+        prim, component_opinions(ComponentFacts(component.kind, component.instance_id, parameters=component.parameters))
+    )
 
 
 def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:

@@ -9,8 +9,11 @@ from usd_schemas.apis import Opinion
 NAMESPACE = "falsework:parameters"
 _TYPES = Sdf.ValueTypeNames
 _SCALARS: tuple[tuple[type, Sdf.ValueTypeName], ...] = (  # a bool is an int: it comes first
-    (bool, _TYPES.Bool), (int, _TYPES.Int), (float, _TYPES.Double), (str, _TYPES.Token),
-)  # fmt: skip
+    (bool, _TYPES.Bool),
+    (int, _TYPES.Int),
+    (float, _TYPES.Double),
+    (str, _TYPES.Token),
+)
 
 
 def parameter_opinions(drawn: Mapping[str, object], above: str = NAMESPACE) -> Iterator[Opinion]:

@@ -33,6 +33,9 @@ def stand_in(mesh: Mesh) -> Mesh:
     normals = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     return Mesh(
-        points, np.full(8, 3, np.int32), _FACES.reshape(-1), np.repeat(normals, 3, axis=0).astype(np.float32),
+        points,
+        np.full(8, 3, np.int32),
+        _FACES.reshape(-1),
+        np.repeat(normals, 3, axis=0).astype(np.float32),
         corner.reshape(-1, 3)[:, :2].astype(np.float32),
-    )  # fmt: skip
+    )

@@ -84,9 +84,11 @@ class LightSettings(Settings):
         "scene's; date, place, turbidity, clouds and sky_share do not count then",
     )
     sky_turn: float = Field(
-        default=0.0, ge=-360.0, le=360.0,
+        default=0.0,
+        ge=-360.0,
+        le=360.0,
         description="Turn of the photographed sky, counter-clockwise from above; its middle looks along -y at 0 [deg]",
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True)

@@ -159,11 +159,16 @@ def _read_radiance(path: Path) -> F32:
 def _check_shape(path: Path, width: int, height: int) -> None:
     if width != 2 * height or height < 16:
         raise InputError(
-            "not a latitude-longitude picture", field="light.sky", value=f"{path.name}: {width} x {height}",
+            "not a latitude-longitude picture",
+            field="light.sky",
+            value=f"{path.name}: {width} x {height}",
             allowed="twice as wide as high",
-        )  # fmt: skip
+        )
     if height > _MOST_ROWS:
         raise InputError(
-            "too large", field="light.sky", value=f"{path.name}: {width} x {height}",
-            allowed=f"up to {2 * _MOST_ROWS} x {_MOST_ROWS}", hint="Reduce it; a scene keeps at most 2048 rows",
-        )  # fmt: skip
+            "too large",
+            field="light.sky",
+            value=f"{path.name}: {width} x {height}",
+            allowed=f"up to {2 * _MOST_ROWS} x {_MOST_ROWS}",
+            hint="Reduce it; a scene keeps at most 2048 rows",
+        )

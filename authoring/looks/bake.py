@@ -106,9 +106,19 @@ def bake_look(
     for role, one in chosen.items():
         files, metallic = place_set(one, folder, settings.picture_side, settings.texels)
         recipes[role] = MaterialRecipe(
-            one.name, files.albedo, files.color, files.roughness, files.mean_roughness, files.normal, metallic,
-            settings.picture_side, detail, DETAIL_PERIODS, SMOOTH, macro,
-        )  # fmt: skip
+            one.name,
+            files.albedo,
+            files.color,
+            files.roughness,
+            files.mean_roughness,
+            files.normal,
+            metallic,
+            settings.picture_side,
+            detail,
+            DETAIL_PERIODS,
+            SMOOTH,
+            macro,
+        )
     return {role: recipes[role] for role in ROLES if role in recipes}
 
 

@@ -70,8 +70,11 @@ def rail_steel(tile: Tile, age: float) -> Sheet:
         tile: Where it repeats.
         age: 0 for newly laid, 1 for old [1].
     """
-    albedo = cover(paint((0.16, 0.15, 0.145), 1 + 0.1 * fractal(tile, 0.3, 0.02, stretch=(10.0, 1.0))),
-                   np.full((tile.pixels, tile.pixels), min(0.4 + 0.5 * age, 1), np.float32), rusted(tile))  # fmt: skip
+    albedo = cover(
+        paint((0.16, 0.15, 0.145), 1 + 0.1 * fractal(tile, 0.3, 0.02, stretch=(10.0, 1.0))),
+        np.full((tile.pixels, tile.pixels), min(0.4 + 0.5 * age, 1), np.float32),
+        rusted(tile),
+    )
     return Sheet(albedo, np.full((tile.pixels, tile.pixels), 0.75, np.float32))
 
 

@@ -131,17 +131,24 @@ def _survey(site: Site, square: PhotoSquare, squares: int, patches: Floats, pixe
     above = ground - crossing.level if crossing.depth > 0.0 else np.full(station.shape, _FAR)
     ends = np.maximum(layout.supports[0] - station, station - layout.supports[-1])
     edge = np.abs(left) - 0.5 * layout.width
-    at = [(value - line[0]) / (line[-1] - line[0]) for value, line in
-          ((station, site.field.stations), (left, site.field.lefts))]  # fmt: skip
+    at = [
+        (value - line[0]) / (line[-1] - line[0])
+        for value, line in ((station, site.field.stations), (left, site.field.lefts))
+    ]
 
     def full(values: F64 | Floats) -> Floats:
         return enlarged(np.asarray(values, np.float32), pixels)
 
     return _Lie(
-        ramp(full(inside), 0.0, _FADE), ramp(full(np.clip(bare, -2.0, 2.0)), 0.15, -0.25), full(path), full(rut),
-        full(above), full(np.maximum(edge, ends)), full(np.where(ends < 0.0, edge, _FAR)),
+        ramp(full(inside), 0.0, _FADE),
+        ramp(full(np.clip(bare, -2.0, 2.0)), 0.15, -0.25),
+        full(path),
+        full(rut),
+        full(above),
+        full(np.maximum(edge, ends)),
+        full(np.where(ends < 0.0, edge, _FAR)),
         np.stack([full(_look_up(patches[..., band], *at)) for band in range(3)], axis=-1),
-    )  # fmt: skip
+    )
 
 
 def enlarged(field: Floats, pixels: int) -> Floats:

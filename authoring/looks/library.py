@@ -29,9 +29,20 @@ SHEETS = 3  # independent sheets of each surface
 _FACTS = "sheet.json"
 _CLONE = 0x40049409  # FICLONE of linux/fs.h
 _SOURCES = (
-    "coated", "detail", "encode", "library", "mineral", "noise", "organic", "recipe", "scenery", "sheet", "structural",
-    "urban", "walls",
-)  # fmt: skip
+    "coated",
+    "detail",
+    "encode",
+    "library",
+    "mineral",
+    "noise",
+    "organic",
+    "recipe",
+    "scenery",
+    "sheet",
+    "structural",
+    "urban",
+    "walls",
+)
 
 
 @dataclass(frozen=True, order=True)

@@ -58,6 +58,20 @@ SCENERY: dict[str, Recipe] = {
 }
 
 SURFACES = (
-    "grass", "meadow", "soil", "gravel", "rock", "asphalt", "road_marking", "water",
-    "brick", "plaster", "concrete", "roof_tile", "window", "bark", "foliage", "painted_metal",
-)  # fmt: skip
+    "grass",
+    "meadow",
+    "soil",
+    "gravel",
+    "rock",
+    "asphalt",
+    "road_marking",
+    "water",
+    "brick",
+    "plaster",
+    "concrete",
+    "roof_tile",
+    "window",
+    "bark",
+    "foliage",
+    "painted_metal",
+)

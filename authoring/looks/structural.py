@@ -86,8 +86,16 @@ STRUCTURAL: dict[str, Recipe] = {
     **_ages("deck_concrete", mineral.deck_concrete, {"color": (0.480, 0.485, 0.478)}, {"color": (0.29, 0.275, 0.245)}),
     **_ages("washed_concrete", walls.washed_concrete, relief=True),
     **_ages("coated_concrete", walls.coated_concrete, details=(FAINT, ROUGH, ROUGH)),
-    **_ages("asphalt", mineral.asphalt, _BITUMEN, _OLD_BITUMEN, (ROUGH, ROUGH, ROUGH), (0.1, 0.7, 1.2), _ROAD,
-            contrasts=(1.0, _WORN, 0.75)),
+    **_ages(
+        "asphalt",
+        mineral.asphalt,
+        _BITUMEN,
+        _OLD_BITUMEN,
+        (ROUGH, ROUGH, ROUGH),
+        (0.1, 0.7, 1.2),
+        _ROAD,
+        contrasts=(1.0, _WORN, 0.75),
+    ),
     **_ages("road_marking", _marking, {"color": (0.67, 0.67, 0.65)}, None, (FAINT, ROUGH, ROUGH), (0.1, 0.6, 1.0)),
     **_ages(
         "yellow_marking",
@@ -96,17 +104,21 @@ STRUCTURAL: dict[str, Recipe] = {
         years=(0.1, 0.6, 1.0),
     ),
     **_ages("masonry", mineral.masonry, {"color": (0.50, 0.47, 0.40), "other": (0.46, 0.45, 0.42)}, None, relief=True),
-    **_ages(
-        "granite", partial(mineral.masonry, color=(0.345, 0.340, 0.335), other=(0.29, 0.285, 0.285)), relief=True
-    ),
+    **_ages("granite", partial(mineral.masonry, color=(0.345, 0.340, 0.335), other=(0.29, 0.285, 0.285)), relief=True),
     **_ages(
         "sandstone", partial(mineral.masonry, color=(0.345, 0.225, 0.155), other=(0.31, 0.245, 0.185)), relief=True
     ),
     **_ages("rubble", walls.rubble, relief=True),
     **_ages("brickwork", walls.brickwork, relief=True),
     **_paints(),
-    **_ages("painted_steel", partial(coated.painted_steel, color=PAINTS["green"]), {"color": PAINTS["blue"]}, None,
-            (FAINT, _METAL, _METAL), (0.0, 0.7, 1.25)),
+    **_ages(
+        "painted_steel",
+        partial(coated.painted_steel, color=PAINTS["green"]),
+        {"color": PAINTS["blue"]},
+        None,
+        (FAINT, _METAL, _METAL),
+        (0.0, 0.7, 1.25),
+    ),
     **_ages("weathering_steel", coated.weathering_steel, details=(SMOOTH, ROUGH, ROUGH)),
     **_ages("galvanised_steel", coated.galvanised, {"color": (0.555, 0.565, 0.575)}, None, (FAINT, _METAL, _METAL)),
     **_ages("rail_steel", coated.rail_steel, None, None, (FAINT, _METAL, _METAL), (0.2, 0.8, 1.2)),
@@ -117,4 +129,4 @@ STRUCTURAL: dict[str, Recipe] = {
     "ballast_basalt": _stones((0.088, 0.090, 0.093), (0.055, 0.055, 0.055)),
     "ballast_limestone": _stones((0.290, 0.275, 0.246), (0.182, 0.168, 0.144)),
     "ballast_rusty": _stones((0.146, 0.095, 0.064), (0.090, 0.061, 0.043)),
-}  # fmt: skip
+}

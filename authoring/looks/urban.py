@@ -7,9 +7,15 @@ from authoring.looks.noise import Floats, Tile, draw, fractal, joints, ramp
 from authoring.looks.sheet import Color, Sheet, cover, paint
 
 PALETTE: tuple[Color, ...] = (
-    (0.70, 0.70, 0.68), (0.38, 0.39, 0.40), (0.085, 0.09, 0.095), (0.018, 0.018, 0.020),
-    (0.36, 0.028, 0.024), (0.030, 0.085, 0.26), (0.68, 0.43, 0.035), (0.035, 0.150, 0.085),
-)  # fmt: skip
+    (0.70, 0.70, 0.68),
+    (0.38, 0.39, 0.40),
+    (0.085, 0.09, 0.095),
+    (0.018, 0.018, 0.020),
+    (0.36, 0.028, 0.024),
+    (0.030, 0.085, 0.26),
+    (0.68, 0.43, 0.035),
+    (0.035, 0.150, 0.085),
+)
 
 
 def facade_glass(tile: Tile, color: Color) -> Sheet:

@@ -17,13 +17,26 @@ MOST_PICTURE_BYTES = 256_000_000
 # Last word of a file's name that says what it shows. Sources: ambientCG (Rock029_2K-JPG_Color), Poly Haven
 # (rock_05_diff_2k), the Random Bridge Generator (albedo, roughness, height, metallic).
 _WORDS: dict[str, str] = {
-    "albedo": "albedo", "color": "albedo", "colour": "albedo", "basecolor": "albedo", "diffuse": "albedo",
-    "diff": "albedo", "col": "albedo",
-    "roughness": "roughness", "rough": "roughness",
-    "height": "height", "displacement": "height", "disp": "height",
-    "metallic": "metallic", "metalness": "metallic", "metal": "metallic",
-    "normal": "normal", "normalgl": "normal", "normaldx": "", "arm": "arm",
-}  # fmt: skip
+    "albedo": "albedo",
+    "color": "albedo",
+    "colour": "albedo",
+    "basecolor": "albedo",
+    "diffuse": "albedo",
+    "diff": "albedo",
+    "col": "albedo",
+    "roughness": "roughness",
+    "rough": "roughness",
+    "height": "height",
+    "displacement": "height",
+    "disp": "height",
+    "metallic": "metallic",
+    "metalness": "metallic",
+    "metal": "metallic",
+    "normal": "normal",
+    "normalgl": "normal",
+    "normaldx": "",
+    "arm": "arm",
+}
 
 
 @dataclass(frozen=True)
@@ -111,9 +124,10 @@ def find_sets(root: Path) -> tuple[MapSet, ...]:
     )
     if not sets:
         raise InputError(
-            "holds no surface", where=root,
+            "holds no surface",
+            where=root,
             allowed="family/name/{albedo|color|diffuse, roughness, height, metallic}, or ambientCG and Poly Haven zips",
-        )  # fmt: skip
+        )
     return sets
 
 

@@ -66,9 +66,12 @@ def read_sets(folders: Iterable[Path]) -> dict[str, tuple[MapSet, ...]]:
         if not suitable(mine):
             known = ", ".join(word for words, _ in FAMILIES for word in words)
             raise InputError(
-                "no family of surfaces is known", where=folder, value=mine[0].family or mine[0].name, allowed=known,
+                "no family of surfaces is known",
+                where=folder,
+                value=mine[0].family or mine[0].name,
+                allowed=known,
                 hint="Name the folder above the sets after their material",
-            )  # fmt: skip
+            )
         sets += mine
     return suitable(sets)
 

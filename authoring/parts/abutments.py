@@ -157,9 +157,11 @@ def _wall_parts(
         ]
         surface = Prism(cut_corners(stand.outline(corners), a.chamfer), -reach, reach, "left", level, a.chamfer)
         size = {
-            "length": 2.0 * reach, "thickness": toe + ABUTMENT_BACK - _SIDE_STEP, "height": foot - lowest,
+            "length": 2.0 * reach,
+            "thickness": toe + ABUTMENT_BACK - _SIDE_STEP,
+            "height": foot - lowest,
             "support": stand.support,
-        }  # fmt: skip
+        }
         name = f"Abutment_{stand.support:03d}_Footing"
         parts.append(Part(name, "abutment_footing", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size))
         bottom = foot - _LAP
@@ -172,9 +174,12 @@ def _wall_parts(
     ]
     surface = Prism(cut_corners(stand.outline(corners), a.chamfer), -half, half, "left", level, a.chamfer)
     size = {
-        "length": width, "thickness": a.front + lean + ABUTMENT_BACK, "height": levels.seat - bottom,
-        "batter": a.batter, "support": stand.support,
-    }  # fmt: skip
+        "length": width,
+        "thickness": a.front + lean + ABUTMENT_BACK,
+        "height": levels.seat - bottom,
+        "batter": a.batter,
+        "support": stand.support,
+    }
     name = f"Abutment_{stand.support:03d}_Wall"
     return [Part(name, "abutment_wall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size), *parts]
 
@@ -191,16 +196,25 @@ def _backwall_part(
     outline = replace(stand, station=0.0).outline([(near, low), (far, low), (far, top), (near, top)])
     surface = Prism(outline, -half, half, "left", frame)
     size: dict[str, object] = {
-        "length": 2.0 * half, "thickness": far - near, "height": top - levels.seat, "support": stand.support,
-    }  # fmt: skip
+        "length": 2.0 * half,
+        "thickness": far - near,
+        "height": top - levels.seat,
+        "support": stand.support,
+    }
     name = f"Abutment_{stand.support:03d}_Backwall"
     return Part(name, "backwall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size)
 
 
 def _wing_parts(
-    abutments: Abutments, width: float, support: int, station: float, back: float, levels: Levels, place: Alignment,
+    abutments: Abutments,
+    width: float,
+    support: int,
+    station: float,
+    back: float,
+    levels: Levels,
+    place: Alignment,
     ground: Ground,
-) -> list[Part]:  # fmt: skip
+) -> list[Part]:
     ends = sorted((station + back * ABUTMENT_BACK, station + back * (ABUTMENT_BACK + abutments.wing_length)))
     parts = []
     for side, sign in (("L", 1.0), ("R", -1.0)):
@@ -211,9 +225,11 @@ def _wing_parts(
         outline = rectangle((left[0], bottom), (left[1], -levels.surfacing))
         surface = Prism(outline, ends[0], ends[1], "station", place, abutments.chamfer)
         size: dict[str, object] = {
-            "length": abutments.wing_length, "thickness": abutments.wing_thickness,
-            "height": -levels.surfacing - bottom, "support": support,
-        }  # fmt: skip
+            "length": abutments.wing_length,
+            "thickness": abutments.wing_thickness,
+            "height": -levels.surfacing - bottom,
+            "support": support,
+        }
         name = f"Abutment_{support:03d}_Wing_{side}"
         parts.append(Part(name, "wing_wall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size))
     return parts

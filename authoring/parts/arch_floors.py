@@ -82,8 +82,10 @@ def tie_parts(floor: Floor, line: float, low: float, high: float, place: Alignme
     half, bottom = 0.5 * floor.tie_width, floor.tie_top - floor.tie_depth
     chamfer = 0.025 if floor.material == "concrete" else 0.0
     size: dict[str, object] = {
-        "length": high - low + 2.0 * floor.tie_end, "width": floor.tie_width, "depth": floor.tie_depth,
-    }  # fmt: skip
+        "length": high - low + 2.0 * floor.tie_end,
+        "width": floor.tie_width,
+        "depth": floor.tie_depth,
+    }
     parts = []
     for side, middle in (("L", line), ("R", -line)):
         outline = rectangle((middle - half, bottom), (middle + half, floor.tie_top))
@@ -94,9 +96,15 @@ def tie_parts(floor: Floor, line: float, low: float, high: float, place: Alignme
 
 
 def tie_seat_parts(
-    floor: Floor, line: float, supports: tuple[float, float], front: float, seat: float, founding: float,
-    place: Alignment, ground: Ground,
-) -> list[Part]:  # fmt: skip
+    floor: Floor,
+    line: float,
+    supports: tuple[float, float],
+    front: float,
+    seat: float,
+    founding: float,
+    place: Alignment,
+    ground: Ground,
+) -> list[Part]:
     """Build the four blocks beside the abutments that the ties' bearings stand on.
 
     Args:
@@ -132,8 +140,11 @@ def tie_seat_parts(
             outline = outline if away < 0.0 else outline[::-1]
             surface = Prism(outline, left[0], left[1], "left", level, 0.025)
             size: dict[str, object] = {
-                "length": left[1] - left[0], "thickness": abs(back - face), "height": seat - bottom, "support": support,
-            }  # fmt: skip
+                "length": left[1] - left[0],
+                "thickness": abs(back - face),
+                "height": seat - bottom,
+                "support": support,
+            }
             name = f"Abutment_{support:03d}_Block_{side}"
             parts.append(Part(name, "abutment_wall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size))
     return parts

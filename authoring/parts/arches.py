@@ -138,9 +138,14 @@ def rib_parts(rib: Rib, section: RibSection, kind: str, place: Alignment) -> lis
         place: Level frame at mid-span.
     """
     facts: dict[str, object] = {
-        "shape": rib.axis.shape, "span": rib.axis.span, "rise": rib.axis.rise, "width": section.width,
-        "depth": rib.depth, "springing_depth": rib.springing_depth, "form": section.form,
-    }  # fmt: skip
+        "shape": rib.axis.shape,
+        "span": rib.axis.span,
+        "rise": rib.axis.rise,
+        "width": section.width,
+        "depth": rib.depth,
+        "springing_depth": rib.springing_depth,
+        "form": section.form,
+    }
     return [
         Part(f"Arch_{number:02d}", kind, section.role, SUPERSTRUCTURE, rib_surface(rib, section, line, place), facts)
         for number, line in enumerate(section.lines)
@@ -206,9 +211,15 @@ def skewback_face(rib: Rib, end: int) -> tuple[F64, F64]:
 
 
 def skewback_part(
-    rib: Rib, end: int, name: str, left: tuple[float, float], back: float, founding: float, place: Alignment,
+    rib: Rib,
+    end: int,
+    name: str,
+    left: tuple[float, float],
+    back: float,
+    founding: float,
+    place: Alignment,
     ground: Ground,
-) -> Part:  # fmt: skip
+) -> Part:
     """Build a block with an inclined face that a rib thrusts against; it reaches down into the ground.
 
     Args:
@@ -229,9 +240,11 @@ def skewback_part(
     outline = np.array([(behind, bottom), (lower[0], bottom), lower, upper, (behind, upper[1])])
     surface = Prism(outline if end == 0 else outline[::-1], left[0], left[1], "left", place, 0.025)
     size: dict[str, object] = {
-        "length": left[1] - left[0], "width": stations[1] - stations[0], "height": float(upper[1]) - bottom,
+        "length": left[1] - left[0],
+        "width": stations[1] - stations[0],
+        "height": float(upper[1]) - bottom,
         "springing": end,
-    }  # fmt: skip
+    }
     return Part(name, "abutment_wall", "Role_AbutmentConcrete", SUBSTRUCTURE, surface, size)
 
 

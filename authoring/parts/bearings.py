@@ -118,9 +118,13 @@ class _Row:
 
 
 def bearing_parts(
-    bearings: Bearings, lines: tuple[float, ...], spans: Spans, levels: Levels, place: Alignment,
+    bearings: Bearings,
+    lines: tuple[float, ...],
+    spans: Spans,
+    levels: Levels,
+    place: Alignment,
     soffit: tuple[float, float] = (0.0, 0.0),
-) -> list[Part]:  # fmt: skip
+) -> list[Part]:
     """Build bearing, sole plate and plinth for each line and row.
 
     Args:
@@ -169,9 +173,14 @@ def _askew(bearings: Bearings, skew: float) -> Bearings:
     if share >= 1.0:
         return bearings
     return Bearings(
-        round(float(w * share), 3), round(float(length * share), 3), bearings.pad_height, bearings.plinth_margin,
-        bearings.plinth_height, bearings.kind, bearings.sole_plate,
-    )  # fmt: skip
+        round(float(w * share), 3),
+        round(float(length * share), 3),
+        bearings.pad_height,
+        bearings.plinth_margin,
+        bearings.plinth_height,
+        bearings.kind,
+        bearings.sole_plate,
+    )
 
 
 def _beside(bearings: Bearings, soffit: tuple[float, float]) -> Bearings:
@@ -237,10 +246,12 @@ def _sole_plate(plan: tuple[float, float], row: _Row, low: float, high: float) -
     outline = _plate(plan)
     heights = np.stack([np.full(4, low), high + outline @ np.array(row.above)])
     return sweep(
-        np.stack([outline, outline]), np.array([low, high]), "above",
+        np.stack([outline, outline]),
+        np.array([low, high]),
+        "above",
         wedge(LOCAL, (0.0, 0.0), (low, high), high=row.above),
         lengths=heights - low,
-    )  # fmt: skip
+    )
 
 
 def _pad(bearings: Bearings, row: _Row, low: float, high: float) -> Surface:
@@ -261,9 +272,13 @@ def _pot(bearings: Bearings, row: _Row, low: float, high: float) -> Surface:
     levels = low + height * np.array([0.0, 0.20, 0.62, 0.76, 1.0])
     top = LOCAL if bearings.sole_plate else wedge(LOCAL, (0.0, 0.0), (float(levels[3]), high), high=row.above)
     e = _POT_EMBEDDED
-    return joined(extruded([
-        Prism(_plate((width, width)), low, float(levels[1]), "above", LOCAL),
-        Prism(circle(0.86 * width, _POT_SIDES), float(levels[1]) - e, float(levels[2]), "above", LOCAL),
-        Prism(circle(0.70 * width, _POT_SIDES), float(levels[2]) - e, float(levels[3]) + e, "above", LOCAL),
-        Prism(_plate((0.94 * width, 0.94 * width)), float(levels[3]), high + e, "above", top),
-    ]))  # fmt: skip
+    return joined(
+        extruded(
+            [
+                Prism(_plate((width, width)), low, float(levels[1]), "above", LOCAL),
+                Prism(circle(0.86 * width, _POT_SIDES), float(levels[1]) - e, float(levels[2]), "above", LOCAL),
+                Prism(circle(0.70 * width, _POT_SIDES), float(levels[2]) - e, float(levels[3]) + e, "above", LOCAL),
+                Prism(_plate((0.94 * width, 0.94 * width)), float(levels[3]), high + e, "above", top),
+            ]
+        )
+    )

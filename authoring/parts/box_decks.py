@@ -176,9 +176,15 @@ def _beam_outline(deck: CableDeck) -> F64:
         return cut_corners(outline, np.array([_CHAMFER, _CHAMFER, 0.0, 0.0])) if deck.chamfered else outline
     web = 0.5 * _WEB
     return mirrored(
-        [(half, 0.0), (half, _FLANGE), (web, _FLANGE), (web, deck.depth - _FLANGE), (half, deck.depth - _FLANGE),
-         (half, high)]
-    )  # fmt: skip
+        [
+            (half, 0.0),
+            (half, _FLANGE),
+            (web, _FLANGE),
+            (web, deck.depth - _FLANGE),
+            (half, deck.depth - _FLANGE),
+            (half, high),
+        ]
+    )
 
 
 def floor_heights(deck: CableDeck, levels: Levels) -> tuple[float, float]:
@@ -204,9 +210,15 @@ def _floor_beam(deck: CableDeck, number: int, station: float, levels: Levels, pl
     else:
         inner, half, web = deck.edge - 0.5 * _WEB, 0.14, 0.5 * _WEB
         outline = mirrored(
-            [(half, low), (half, low + _FLANGE), (web, low + _FLANGE), (web, high - _FLANGE), (half, high - _FLANGE),
-             (half, high)]
-        ) + np.array([station, 0.0])  # fmt: skip
+            [
+                (half, low),
+                (half, low + _FLANGE),
+                (web, low + _FLANGE),
+                (web, high - _FLANGE),
+                (half, high - _FLANGE),
+                (half, high),
+            ]
+        ) + np.array([station, 0.0])
         role = "Role_GirderSteel"
     reach = inner + EMBEDDED * (1.0 if deck.kind == "edge_beam" else 0.5)
     surface = Prism(outline, -reach, reach, "left", place)

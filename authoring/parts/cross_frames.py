@@ -126,9 +126,13 @@ def frame_stations(frames: CrossFrames, spans: Spans, cuts: tuple[float, ...]) -
 
 
 def cross_frame_parts(
-    frames: CrossFrames, girders: PlateGirders, spans: Spans, stations: tuple[float, ...], levels: Levels,
+    frames: CrossFrames,
+    girders: PlateGirders,
+    spans: Spans,
+    stations: tuple[float, ...],
+    levels: Levels,
     place: Alignment,
-) -> list[Part]:  # fmt: skip
+) -> list[Part]:
     """Build the cross-frames, one part for each bay and station, and the bracing in plan, one for each panel.
 
     Args:
@@ -205,9 +209,13 @@ def _frame(kind: str, frames: CrossFrames, girders: PlateGirders, depth: float, 
 
 
 def _lateral_parts(
-    frames: CrossFrames, girders: PlateGirders, spans: Spans, stations: tuple[float, ...], levels: Levels,
+    frames: CrossFrames,
+    girders: PlateGirders,
+    spans: Spans,
+    stations: tuple[float, ...],
+    levels: Levels,
     place: Alignment,
-) -> list[Part]:  # fmt: skip
+) -> list[Part]:
     if not frames.laterals:
         return []
     surfaces, names = [], []

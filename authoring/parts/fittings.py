@@ -92,9 +92,15 @@ def draw_fittings(settings: FittingSettings, draws: Draws) -> Fittings:
 
 
 def fitting_parts(
-    fittings: Fittings, roadway: Roadway | None, width: float, spans: Spans, soffit: float | None, place: Alignment,
-    *, clear: float = _CLEAR,
-) -> list[Part]:  # fmt: skip
+    fittings: Fittings,
+    roadway: Roadway | None,
+    width: float,
+    spans: Spans,
+    soffit: float | None,
+    place: Alignment,
+    *,
+    clear: float = _CLEAR,
+) -> list[Part]:
     """Build the fittings of a road bridge; a railway has none.
 
     Args:
@@ -189,13 +195,17 @@ def _lamp(height: float, arm: float) -> Surface:
     plate = prism(rectangle((-half, -half), (half, half)), -0.02, 0.02, "above", LOCAL, 0.004)
     column = sweep(
         np.stack([circle(0.17, 12), circle(0.17, 12), circle(0.15, 12), circle(0.08, 12)]),
-        np.array([0.015, 0.9, 0.92, height]), "above", LOCAL,
-    )  # fmt: skip
+        np.array([0.015, 0.9, 0.92, height]),
+        "above",
+        LOCAL,
+    )
     rise = 0.12 * arm
     tube = sweep(
         np.stack([circle(d, 8) + np.array([0.0, z]) for d, z in ((0.05, height - 0.06 + rise), (0.06, height - 0.06))]),
-        np.array([-arm, 0.0]), "left", LOCAL,
-    )  # fmt: skip
+        np.array([-arm, 0.0]),
+        "left",
+        LOCAL,
+    )
     top = height - 0.06 + rise
     head = prism(rectangle((-0.14, top - 0.05), (0.14, top + 0.05)), -arm - 0.62, -arm + 0.04, "left", LOCAL, 0.02)
     return joined([plate, column, tube, head])

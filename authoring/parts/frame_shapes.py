@@ -49,8 +49,10 @@ def angle_frame(kind: str, girders: PlateGirders, depth: float, width: float, ar
         return joined([gussets, _angles(chords + rising, front, 1.0), _angles(falling, back, -1.0)])
     foot = 0.5 * width
     gussets = joined([gussets, _gussets([(foot - 0.7 * size, low - 0.02)], size, face, 1.4)])
-    legs = [((reach, high - 0.25 * size), (foot - 0.12, low + 0.45 * size)),
-            ((foot + 0.12, low + 0.45 * size), (width - reach, high - 0.25 * size))]  # fmt: skip
+    legs = [
+        ((reach, high - 0.25 * size), (foot - 0.12, low + 0.45 * size)),
+        ((foot + 0.12, low + 0.45 * size), (width - reach, high - 0.25 * size)),
+    ]
     return joined([gussets, _angles(chords + legs, front, 1.0)])
 
 
@@ -72,9 +74,11 @@ def beam_frame(girders: PlateGirders, depth: float, width: float, arm: float, fa
     web = face + 0.5 * _GUSSET - _LAP
     boxes = [
         ((web - 0.5 * _GUSSET, near, low + 0.5 * _BEAM_FLANGE), (web + 0.5 * _GUSSET, width - near, high - _LAP)),
-        *(((web - 0.5 * _BEAM_WIDTH, clear, z), (web + 0.5 * _BEAM_WIDTH, width - clear, z + _BEAM_FLANGE))
-          for z in (low, high - _BEAM_FLANGE)),
-    ]  # fmt: skip
+        *(
+            ((web - 0.5 * _BEAM_WIDTH, clear, z), (web + 0.5 * _BEAM_WIDTH, width - clear, z + _BEAM_FLANGE))
+            for z in (low, high - _BEAM_FLANGE)
+        ),
+    ]
     return _boxes(boxes, "left")
 
 
@@ -91,9 +95,11 @@ def floor_beam(girders: PlateGirders, width: float, arm: float, thickness: float
     high, web = -girders.flange - 0.004, 0.5 * girders.web + arm - _INTO
     boxes = [
         ((-0.5 * thickness, web, high - tall + 0.5 * _BEAM_FLANGE), (0.5 * thickness, width - web, high - _LAP)),
-        *(((-0.5 * _FLOOR_WIDTH, web, z), (0.5 * _FLOOR_WIDTH, width - web, z + _BEAM_FLANGE))
-          for z in (high - tall, high - _BEAM_FLANGE)),
-    ]  # fmt: skip
+        *(
+            ((-0.5 * _FLOOR_WIDTH, web, z), (0.5 * _FLOOR_WIDTH, width - web, z + _BEAM_FLANGE))
+            for z in (high - tall, high - _BEAM_FLANGE)
+        ),
+    ]
     return _boxes(boxes, "left")
 
 
@@ -185,10 +191,12 @@ def lateral_bar(girders: PlateGirders, size: tuple[float, float], depth: F64, *,
     z = girders.flange + _LATERAL_ABOVE - depth
     reach = 0.5 * girders.bottom_width + 0.22
     plate = [
-        (np.array([min(s, s + d * 0.5), min(y, y + side * reach), h]),
-         np.array([max(s, s + d * 0.5), max(y, y + side * reach), h + _GUSSET]))
+        (
+            np.array([min(s, s + d * 0.5), min(y, y + side * reach), h]),
+            np.array([max(s, s + d * 0.5), max(y, y + side * reach), h + _GUSSET]),
+        )
         for s, d, y, side, h in zip(where, inward, sides, (1.0, -1.0), z, strict=True)
-    ]  # fmt: skip
+    ]
     start = np.array([where[0] + inward[0] * 0.24, z[0] + _GUSSET - _LAP])
     stop = np.array([where[1] + inward[1] * 0.24, z[1] + _GUSSET - _LAP])
     legs = [

@@ -87,20 +87,33 @@ def _outer_side(girders: Girders, thickening: float) -> list[tuple[float, float]
     g, top, bottom = girders, girders.depth + EMBEDDED, 0.5 * girders.bottom_width
     match g.shape:
         case "t":
-            return [(bottom, 0.0), (bottom + 0.02, g.depth - g.top_thickness),
-                    (0.5 * g.top_width, g.depth - 0.01), (0.5 * g.top_width, top)]  # fmt: skip
+            return [
+                (bottom, 0.0),
+                (bottom + 0.02, g.depth - g.top_thickness),
+                (0.5 * g.top_width, g.depth - 0.01),
+                (0.5 * g.top_width, top),
+            ]
         case "i" | "bulb_t":
             block = 0.5 * min(g.top_width, g.bottom_width) - 0.03
             web = 0.5 * g.web + thickening * (block - 0.5 * g.web)
             # A wide flange slopes as gently as its width asks, a narrow one steeply.
             under = 0.07 * g.depth if g.shape == "i" else 0.06 + 0.10 * (0.5 * g.top_width - 0.5 * g.web)
-            return [(bottom, 0.0), (bottom, g.bottom_thickness), (web, g.bottom_thickness + 0.12 * g.depth),
-                    (web, g.depth - g.top_thickness - under), (0.5 * g.top_width, g.depth - g.top_thickness),
-                    (0.5 * g.top_width, top)]  # fmt: skip
+            return [
+                (bottom, 0.0),
+                (bottom, g.bottom_thickness),
+                (web, g.bottom_thickness + 0.12 * g.depth),
+                (web, g.depth - g.top_thickness - under),
+                (0.5 * g.top_width, g.depth - g.top_thickness),
+                (0.5 * g.top_width, top),
+            ]
         case "u":
             neck = g.depth - g.top_thickness
-            return [(bottom, 0.0), (bottom + _U_SLOPE * neck, neck), (0.5 * g.top_width, neck + 0.02),
-                    (0.5 * g.top_width, top)]  # fmt: skip
+            return [
+                (bottom, 0.0),
+                (bottom + _U_SLOPE * neck, neck),
+                (0.5 * g.top_width, neck + 0.02),
+                (0.5 * g.top_width, top),
+            ]
         case _:
             return [(bottom, 0.0), (bottom, top)]
 

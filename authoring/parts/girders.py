@@ -66,9 +66,14 @@ class GirderSettings(Settings):
         0.015, 0.030, "Leg of chamfers on girder edges [m]", ge=0.0, le=0.05, paper=(0.0, 0.0)
     )
     diaphragm: float | None = drawn(
-        0.25, 0.35, "Thickness of the diaphragms [m]; 0 for none; one row at each support, one at the middle of spans "
-        "over 20 m, two at the thirds over 30 m", ge=0.0, le=0.6, paper=(0.0, 0.0),
-    )  # fmt: skip
+        0.25,
+        0.35,
+        "Thickness of the diaphragms [m]; 0 for none; one row at each support, one at the middle of spans "
+        "over 20 m, two at the thirds over 30 m",
+        ge=0.0,
+        le=0.6,
+        paper=(0.0, 0.0),
+    )
     haunch: float | None = drawn(0.03, 0.08, "Concrete between girder and slab [m]", ge=0.0, le=0.15, paper=(0.0, 0.0))
     end_blocks: bool | None = chosen(
         {True: 80, False: 20}, "The web of an I or bulb-T thickens at its ends", paper={False: 1}
@@ -170,9 +175,11 @@ def _draw_lines(settings: GirderSettings, girders: Girders, width: float, draws:
         here = f"{fewest} to {most_lines} lines" if most_lines >= fewest else "no number of lines fits: another shape"
         raise InputError(
             f"{count} lines of {girders.shape} girders cannot carry a deck {width:.2f} m wide",
-            field=f"bridge.beam.girder.{key}", value=getattr(settings, key), hint="Leave it out, or change the lanes",
+            field=f"bridge.beam.girder.{key}",
+            value=getattr(settings, key),
+            hint="Leave it out, or change the lanes",
             allowed=f"{low:.2f} to {high} m apart, overhang {shortest:.2f} to {longest:.2f} m; here {here}",
-        )  # fmt: skip
+        )
     cantilever = least + share * (most - least)
     return tuple(
         round(float(line), 3) for line in np.linspace(-0.5 * width + cantilever, 0.5 * width - cantilever, count)
@@ -214,9 +221,15 @@ def girder_parts(girders: Girders, spans: Spans, levels: Levels, place: Alignmen
         low, high = low + _SHORTER, high - _SHORTER
         for number, line in enumerate(girders.lines):
             parameters: dict[str, object] = {
-                "shape": girders.shape, "length": high - low, "depth": girders.depth, "web": girders.web,
-                "top_width": girders.top_width, "bottom_width": girders.bottom_width, "span": span, "line": number,
-            }  # fmt: skip
+                "shape": girders.shape,
+                "length": high - low,
+                "depth": girders.depth,
+                "web": girders.web,
+                "top_width": girders.top_width,
+                "bottom_width": girders.bottom_width,
+                "span": span,
+                "line": number,
+            }
             surface = girder_surface(girders, line, low, high, levels, place)
             name = f"Girder_{span:03d}_{number:02d}"
             parts.append(Part(name, "concrete_girder", "Role_GirderConcrete", SUPERSTRUCTURE, surface, parameters))
@@ -259,9 +272,11 @@ def diaphragm_parts(girders: Girders, spans: Spans, levels: Levels, place: Align
                 outline = diaphragm_outline(girders, first, second, thickening * girders.end_blocks) + shift
                 surface = Prism(outline, station - half, station + half, "station", place)
                 parameters: dict[str, object] = {
-                    "thickness": girders.diaphragm, "depth": high - low, "length": float(np.ptp(outline[:, 0])),
+                    "thickness": girders.diaphragm,
+                    "depth": high - low,
+                    "length": float(np.ptp(outline[:, 0])),
                     "span": span,
-                }  # fmt: skip
+                }
                 name = f"Diaphragm_{span:03d}_{row}_{bay:02d}"
                 parts.append(Part(name, "diaphragm", "Role_GirderConcrete", SUPERSTRUCTURE, surface, parameters))
     return parts

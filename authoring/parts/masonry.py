@@ -93,9 +93,14 @@ def viaduct_parts(viaduct: Viaduct, surfacing: float, place: Alignment) -> list[
     v = viaduct
     section = RibSection("masonry", v.width + 2.0 * PROUD, (0.0,), 0.0)
     facts: dict[str, object] = {
-        "shape": v.ring.axis.shape, "span": v.ring.axis.span, "rise": v.ring.axis.rise, "width": section.width,
-        "depth": v.ring.depth, "springing_depth": v.ring.springing_depth, "form": "masonry",
-    }  # fmt: skip
+        "shape": v.ring.axis.shape,
+        "span": v.ring.axis.span,
+        "rise": v.ring.axis.rise,
+        "width": section.width,
+        "depth": v.ring.depth,
+        "springing_depth": v.ring.springing_depth,
+        "form": "masonry",
+    }
     parts = []
     for number in range(len(v.starts)):
         surface = rib_surface(v.rib(number), section, 0.0, place)
@@ -137,9 +142,12 @@ def masonry_support_parts(viaduct: Viaduct, founding: float, place: Alignment, g
         outline = np.array([(back, bottom), (lower[0], bottom), lower, upper, (back, upper[1])])
         surface = Prism(outline if k == 0 else outline[::-1], -reach, reach, "left", place)
         size: dict[str, object] = {
-            "length": 2.0 * reach, "thickness": stations[1] - stations[0], "height": float(upper[1]) - bottom,
-            "support": 0 if k == 0 else last + 1, "filled_spandrel": True,
-        }  # fmt: skip
+            "length": 2.0 * reach,
+            "thickness": stations[1] - stations[0],
+            "height": float(upper[1]) - bottom,
+            "support": 0 if k == 0 else last + 1,
+            "filled_spandrel": True,
+        }
         name = f"Abutment_{(0 if k == 0 else last + 1):03d}_Wall"
         parts.append(Part(name, "abutment_wall", ROLE, SUBSTRUCTURE, surface, size))
     for number in range(last):
@@ -199,9 +207,15 @@ def _pier_parts(viaduct: Viaduct, number: int, founding: float, place: Alignment
     thick, middle = 0.5 * v.pier + _OFFSET, 0.5 * float(left_low[0] + right_low[0])
     nose = half + _OFFSET + v.cutwater * thick
     plan = np.array(
-        [(thick, -half - _OFFSET), (thick, half + _OFFSET), (0.0, nose), (-thick, half + _OFFSET),
-         (-thick, -half - _OFFSET), (0.0, -nose)]
-    ) + np.array([middle, 0.0])  # fmt: skip
+        [
+            (thick, -half - _OFFSET),
+            (thick, half + _OFFSET),
+            (0.0, nose),
+            (-thick, half + _OFFSET),
+            (-thick, -half - _OFFSET),
+            (0.0, -nose),
+        ]
+    ) + np.array([middle, 0.0])
     lowest = ground_under(ground, place, (middle - thick, middle + thick), (-nose, nose))[0]
     bottom = min(lowest, under - 0.5) - founding
     shaft = prism(plan, bottom, under + 0.010, "above", place)

@@ -37,7 +37,10 @@ def median_parts(
     for number, (begin, end) in enumerate(zip(cuts[::2], cuts[1::2], strict=True)):
         surface = Prism(outline, begin, end, "station", place)
         size: dict[str, object] = {
-            "length": end - begin, "width": 2.0 * half, "height": roadway.kerb_height, "embedded_in": "surfacing",
-        }  # fmt: skip
+            "length": end - begin,
+            "width": 2.0 * half,
+            "height": roadway.kerb_height,
+            "embedded_in": "surfacing",
+        }
         parts.append(Part(f"Median_{name}{number}", "kerb", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
     return parts

@@ -113,9 +113,15 @@ def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Para
 
 
 def parapet_parts(
-    parapets: Parapets, foot: float, slab_top: float, name: str, low: float, high: float, place: Alignment,
+    parapets: Parapets,
+    foot: float,
+    slab_top: float,
+    name: str,
+    low: float,
+    high: float,
+    place: Alignment,
     way: float = 0.0,
-) -> list[Part]:  # fmt: skip
+) -> list[Part]:
     """Build the parapets of both sides over one run.
 
     Args:
@@ -163,8 +169,10 @@ def concrete_outlines(parapets: Parapets, foot: float, slab_top: float, way: flo
     if p.shape == "barrier":
         toe = max(p.thickness - _SAFETY_SHAPE[-1][0] - 0.15, 0.0)  # a wide foot makes the top wider, not the slopes
         face = [(foot + x, way + z) for x, z in _SAFETY_SHAPE[::-1]]
-        crown = cut_corners(np.array([(foot, bottom), (outer, bottom), (outer - 0.3 * toe, way + p.concrete), *face]),
-                            np.array([0.0, 0.0, p.chamfer, p.chamfer, 0.0, 0.0]))  # fmt: skip
+        crown = cut_corners(
+            np.array([(foot, bottom), (outer, bottom), (outer - 0.3 * toe, way + p.concrete), *face]),
+            np.array([0.0, 0.0, p.chamfer, p.chamfer, 0.0, 0.0]),
+        )
         return [("Parapet", "parapet", crown)]
     if p.shape in ("railing", "wall_rail") or p.coping_height == 0.0:
         block = cut_corners(

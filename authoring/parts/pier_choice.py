@@ -13,8 +13,14 @@ WIDEST_FRAME = 17.0  # [m] cap length over two legs
 LEAST_UPSTAND = 0.15  # [m]
 
 _NARROW: dict[str, float] = {
-    "wall": 14.0, "single": 20.0, "multi": 22.0, "hammerhead": 18.0, "pi_frame": 10.0, "y": 9.0, "v": 7.0,
-}  # fmt: skip
+    "wall": 14.0,
+    "single": 20.0,
+    "multi": 22.0,
+    "hammerhead": 18.0,
+    "pi_frame": 10.0,
+    "y": 9.0,
+    "v": 7.0,
+}
 _WIDE: dict[str, float] = {"wall": 18.0, "multi": 67.0, "pi_frame": 15.0}
 _CAPS: dict[str, dict[str, float]] = {
     "wall": {"drop": 80.0, "inverted_t": 20.0},
@@ -67,10 +73,12 @@ def choose_kind(
     drawn_cap = draws.choose(caps)
     if cap == "inverted_t" and upstand < LEAST_UPSTAND:
         raise InputError(
-            f"leaves {upstand:.2f} m for the stem of the T between two rows of plinths", field="bridge.pier.cap",
-            value=cap, allowed=f"at least {LEAST_UPSTAND:g} m; here drop or tapered",
+            f"leaves {upstand:.2f} m for the stem of the T between two rows of plinths",
+            field="bridge.pier.cap",
+            value=cap,
+            allowed=f"at least {LEAST_UPSTAND:g} m; here drop or tapered",
             hint="Choose another cap, shorter plinths, or leave it out",
-        )  # fmt: skip
+        )
     return chosen, cap or drawn_cap
 
 
@@ -88,19 +96,28 @@ def _suits(kind: str, cap: str | None, columns: int | None) -> bool:
 def _contradiction(kind: str | None, cap: str | None, columns: int | None) -> InputError:
     if kind is not None and cap is not None and cap not in _CAPS[kind]:
         return InputError(
-            f"not a cap of a pier of kind {kind}", field="bridge.pier.cap", value=cap,
-            allowed=" or ".join(_CAPS[kind]), hint="Correct the cap or the kind, or leave one out",
-        )  # fmt: skip
+            f"not a cap of a pier of kind {kind}",
+            field="bridge.pier.cap",
+            value=cap,
+            allowed=" or ".join(_CAPS[kind]),
+            hint="Correct the cap or the kind, or leave one out",
+        )
     if kind is None:
         return InputError(
-            f"no pier of {columns} columns has the cap {cap}", field="bridge.pier.cap", value=cap,
-            allowed="drop, tapered or inverted_t", hint="Leave one of them out",
-        )  # fmt: skip
+            f"no pier of {columns} columns has the cap {cap}",
+            field="bridge.pier.cap",
+            value=cap,
+            allowed="drop, tapered or inverted_t",
+            hint="Leave one of them out",
+        )
     allowed = {"multi": "2 to 5", "pi_frame": "2", "single": "1", "hammerhead": "1"}.get(kind, "none: leave it out")
     return InputError(
-        f"not the number of columns of a pier of kind {kind}", field="bridge.pier.columns", value=columns,
-        allowed=allowed, hint="Correct the number or the kind, or leave one out",
-    )  # fmt: skip
+        f"not the number of columns of a pier of kind {kind}",
+        field="bridge.pier.columns",
+        value=columns,
+        allowed=allowed,
+        hint="Correct the number or the kind, or leave one out",
+    )
 
 
 def _check_width(chosen: str, fixed: str | None, cap_length: float) -> None:
@@ -109,6 +126,7 @@ def _check_width(chosen: str, fixed: str | None, cap_length: float) -> None:
         raise InputError(
             f"a pier of kind {chosen} cannot carry a cap {cap_length:.1f} m long",
             field="bridge.pier.kind" if fixed else "bridge.pier.columns",
-            value=fixed or 1, allowed=f"up to {widest:g} m; here multi or wall, 2 columns or more",
+            value=fixed or 1,
+            allowed=f"up to {widest:g} m; here multi or wall, 2 columns or more",
             hint="Choose that, or a narrower deck",
-        )  # fmt: skip
+        )

@@ -70,9 +70,12 @@ class PierSettings(Settings):
     )
     batter: float | None = drawn(0.010, 0.030, "Growth of each side of a battered shaft [1]", ge=0.0, le=0.08)
     slenderness: float | None = drawn(
-        10.0, 14.0, "Tallest shaft over its least side: under high decks shafts grow until they meet it [1]",
-        ge=6.0, le=30.0,
-    )  # fmt: skip
+        10.0,
+        14.0,
+        "Tallest shaft over its least side: under high decks shafts grow until they meet it [1]",
+        ge=6.0,
+        le=30.0,
+    )
 
 
 @dataclass(frozen=True)
@@ -176,12 +179,25 @@ def draw_piers(
     shape = settings.column_shape or _shape(round_share, paper)
     battered = settings.battered if settings.battered is not None else batter_share < 0.35 and not paper
     piers = Piers(
-        kind, cap, number, shape, several, several, cap_length,
+        kind,
+        cap,
+        number,
+        shape,
+        several,
+        several,
+        cap_length,
         cap_width=round(2.0 * (spans.pier_setback + 0.5 * bearings.plinth_length + 0.10), 3),
-        cap_depth=depth, cap_end_depth=depth, upstand=upstand if cap == "inverted_t" else 0.0, column_lines=(0.0,),
-        chamfer=chamfer, footing_margin=margin, footing_top=footing_top, footing_depth=footing_depth,
-        batter=batter if battered else 0.0, slenderness=draw(settings, "slenderness", draws),
-    )  # fmt: skip
+        cap_depth=depth,
+        cap_end_depth=depth,
+        upstand=upstand if cap == "inverted_t" else 0.0,
+        column_lines=(0.0,),
+        chamfer=chamfer,
+        footing_margin=margin,
+        footing_top=footing_top,
+        footing_depth=footing_depth,
+        batter=batter if battered else 0.0,
+        slenderness=draw(settings, "slenderness", draws),
+    )
     return _with_cap(_with_shafts(piers, single, several, thickness, wall_share, paper), taper)
 
 
@@ -259,9 +275,13 @@ def pier_parts(
         cap_bottom = levels.seat - piers.cap_depth
         fall = float(np.abs(place.crossfall(np.array([station]))[0]))
         low, high = footing_heights(
-            _footing_half(piers, 0.0, place.skew), station, cap_bottom - 0.5 * fall * piers.cap_length,
-            place.frame_at(station, turn=-place.skew), ground, (piers.footing_top, piers.footing_depth),
-        )  # fmt: skip
+            _footing_half(piers, 0.0, place.skew),
+            station,
+            cap_bottom - 0.5 * fall * piers.cap_length,
+            place.frame_at(station, turn=-place.skew),
+            ground,
+            (piers.footing_top, piers.footing_depth),
+        )
         parts += [
             _cap_part(piers, support, station, levels, level_at(place, station)),
             *_shaft_parts(piers, support, station, high - EMBEDDED, cap_bottom + EMBEDDED, place),
@@ -287,9 +307,11 @@ def _askew(piers: Piers, spans: Spans, skew: float) -> Piers:
     room = piers.upstand - 2.0 * spans.pier_setback * (1.0 - cosine)
     upstand = room / cosine if piers.upstand and room >= _LEAST_ASKEW else 0.0
     return replace(
-        piers, cap_width=piers.cap_width / cosine, upstand=upstand,
+        piers,
+        cap_width=piers.cap_width / cosine,
+        upstand=upstand,
         cap="drop" if piers.upstand and not upstand else piers.cap,
-    )  # fmt: skip
+    )
 
 
 def _cap_part(piers: Piers, support: int, station: float, levels: Levels, level: Alignment) -> Part:
@@ -297,9 +319,13 @@ def _cap_part(piers: Piers, support: int, station: float, levels: Levels, level:
     rise = 0.6 * (levels.girder_soffit - levels.seat)
     surface = cap_surface(piers.cap_shape, station, levels.seat, rise, level)
     size: dict[str, object] = {
-        "shape": piers.cap, "length": piers.cap_length, "width": piers.cap_width, "depth": piers.cap_depth,
-        "end_depth": piers.cap_end_depth, "support": support,
-    }  # fmt: skip
+        "shape": piers.cap,
+        "length": piers.cap_length,
+        "width": piers.cap_width,
+        "depth": piers.cap_depth,
+        "end_depth": piers.cap_end_depth,
+        "support": support,
+    }
     return Part(f"Pier_{support:03d}_Cap", "pier_cap", "Role_CapConcrete", SUBSTRUCTURE, surface, size)
 
 
@@ -310,11 +336,14 @@ def _shaft_parts(piers: Piers, support: int, station: float, low: float, high: f
     across, parts = np.array([-np.sin(heading), np.cos(heading)]), []
     for number, surface in enumerate(shaft_surfaces(piers.shafts, station, low, high, place)):
         size: dict[str, object] = {
-            "pier": piers.kind, "shape": piers.column_shape, "width": piers.column_width,
-            "length": piers.column_length, "batter": piers.batter,
+            "pier": piers.kind,
+            "shape": piers.column_shape,
+            "width": piers.column_width,
+            "length": piers.column_length,
+            "batter": piers.batter,
             "height": float(np.ptp(surface.points[:, 2])) - 2.0 * EMBEDDED,
             "support": support,
-        }  # fmt: skip
+        }
         if piers.kind in ("y", "v"):
             size["arms"] = float(np.ptp(surface.points[:, :2] @ across))
         name = f"Pier_{support:03d}_{word}_{number:02d}"
@@ -332,6 +361,9 @@ def _footing_part(
     half = _footing_half(piers, cap_bottom - high, place.skew)
     surface = footing_surface(half, station, low, high, place.frame_at(station, turn=-place.skew), piers.chamfer)
     size: dict[str, object] = {
-        "length": 2.0 * half[1], "width": 2.0 * half[0], "height": high - low, "support": support,
-    }  # fmt: skip
+        "length": 2.0 * half[1],
+        "width": 2.0 * half[0],
+        "height": high - low,
+        "support": support,
+    }
     return Part(f"Pier_{support:03d}_Footing", "pier_footing", "Role_PierConcrete", SUBSTRUCTURE, surface, size)

@@ -177,10 +177,17 @@ def girder_parts(
         for line, left in enumerate(girders.lines):
             surface = sweep(outlines + np.array([left, girders.steel_top(levels)]), along, "station", place)
             size: dict[str, object] = {
-                "shape": "box" if girders.box else "i", "length": high - low, "depth": girders.depth,
-                "pier_depth": girders.pier_depth, "web": girders.web, "flange": girders.flange,
-                "top_width": girders.top_width, "bottom_width": girders.bottom_width, "piece": number, "line": line,
-            }  # fmt: skip
+                "shape": "box" if girders.box else "i",
+                "length": high - low,
+                "depth": girders.depth,
+                "pier_depth": girders.pier_depth,
+                "web": girders.web,
+                "flange": girders.flange,
+                "top_width": girders.top_width,
+                "bottom_width": girders.bottom_width,
+                "piece": number,
+                "line": line,
+            }
             name = f"PlateGirder_{number:03d}_{line:02d}"
             parts.append(Part(name, "plate_girder", "Role_GirderSteel", SUPERSTRUCTURE, surface, size))
     return parts

@@ -167,9 +167,14 @@ def _shafts(pylon: Pylon, station: float, foot: float, deck: float, level: Align
 
 
 def _shaft(
-    pylon: Pylon, station: float, heights: list[float], lines: list[float], halves: list[float], level: Alignment,
+    pylon: Pylon,
+    station: float,
+    heights: list[float],
+    lines: list[float],
+    halves: list[float],
+    level: Alignment,
     grown: float = 0.0,
-) -> Surface:  # fmt: skip
+) -> Surface:
     sections = []
     for height, line, half in zip(heights, lines, halves, strict=True):
         along = pylon.face(height) + grown

@@ -114,10 +114,14 @@ def railing_parts(
     return [
         Part(f"Post_{name}", "railing_post", "Role_RailingSteel", FURNITURE, posts, facts),
         Part(
-            f"Railing_{name}", "railing", "Role_RailingSteel", FURNITURE,
-            joined(_rail_solids(railings, left, bottom, top, low, high, place)), {**size, "infill": railings.infill},
+            f"Railing_{name}",
+            "railing",
+            "Role_RailingSteel",
+            FURNITURE,
+            joined(_rail_solids(railings, left, bottom, top, low, high, place)),
+            {**size, "infill": railings.infill},
         ),
-    ]  # fmt: skip
+    ]
 
 
 @lru_cache(maxsize=64)

@@ -133,9 +133,12 @@ def _divided(settings: RoadwaySettings, lanes: int, chance: bool) -> bool:
     possible = lanes >= _DIVIDED_LANES and lanes % 2 == 0
     if settings.divided and not possible:
         raise InputError(
-            "only as many lanes each way can be divided", field="bridge.roadway.divided", value=True,
-            allowed="4 or 6 lanes", hint=f"The nearest is lanes = {max(4, lanes + lanes % 2)}",
-        )  # fmt: skip
+            "only as many lanes each way can be divided",
+            field="bridge.roadway.divided",
+            value=True,
+            allowed="4 or 6 lanes",
+            hint=f"The nearest is lanes = {max(4, lanes + lanes % 2)}",
+        )
     return possible and (chance if settings.divided is None else settings.divided)
 
 

@@ -39,10 +39,12 @@ class SlabSectionSettings(Settings):
         paper={"hexagon": 1, "pk": 1, "voided": 1},
     )
     slenderness: float | None = drawn(
-        0.85, 1.15,
+        0.85,
+        1.15,
         "Longest span over depth, as a share of 22 for simple and 25 for continuous spans, under rails 15 and 17 [1]",
-        ge=SLENDERNESS[0], le=SLENDERNESS[1],
-    )  # fmt: skip
+        ge=SLENDERNESS[0],
+        le=SLENDERNESS[1],
+    )
     depth: float | None = Field(default=None, ge=LEAST_DEPTH, le=1.5, description="Depth [m]; drawn by slenderness")
     cantilever: float | None = drawn(
         0.125, 0.25, "Cantilever beyond the soffit, as a share of the width [1]", ge=0.05, le=0.30
@@ -171,8 +173,11 @@ def slab_parts(slab: Slab, spans: Spans, levels: Levels, place: Alignment) -> li
     for number, (low, high) in enumerate(spans.pieces):
         surface = Prism(outline, low, high, "station", place)
         size: dict[str, object] = {
-            "length": high - low, "width": slab.width, "thickness": slab.depth, "section": slab.section,
+            "length": high - low,
+            "width": slab.width,
+            "thickness": slab.depth,
+            "section": slab.section,
             "spans": spans.count if spans.continuous else 1,
-        }  # fmt: skip
+        }
         parts.append(Part(f"Deck_{number:03d}", "deck_slab", "Role_DeckConcrete", SUPERSTRUCTURE, surface, size))
     return parts

@@ -103,8 +103,11 @@ def spandrel_deck_parts(deck: SpandrelDeck, width: float, spans: Spans, levels: 
     for number, (low, high) in enumerate(spans.pieces):
         surface = Prism(_box_outline(deck, width, levels), low, high, "station", place)
         size: dict[str, object] = {
-            "length": high - low, "width": width, "thickness": deck.slab, "depth": deck.slab + deck.girder,
-        }  # fmt: skip
+            "length": high - low,
+            "width": width,
+            "thickness": deck.slab,
+            "depth": deck.slab + deck.girder,
+        }
         parts.append(Part(f"Deck_{number:03d}", "deck_slab", "Role_DeckConcrete", SUPERSTRUCTURE, surface, size))
     return parts
 
@@ -129,8 +132,12 @@ def deck_beam_parts(deck: SpandrelDeck, spans: Spans, levels: Levels, place: Ali
             shifted = outline + np.array([line, levels.girder_soffit])
             surface = Prism(shifted, low + _SHORTER, high - _SHORTER, "station", place)
             size: dict[str, object] = {
-                "length": high - low, "width": deck.beam_width, "depth": deck.girder, "span": piece, "line": number,
-            }  # fmt: skip
+                "length": high - low,
+                "width": deck.beam_width,
+                "depth": deck.girder,
+                "span": piece,
+                "line": number,
+            }
             parts.append(Part(f"Beam_{piece:03d}_{number:02d}", kind, role, SUPERSTRUCTURE, surface, size))
     return parts
 

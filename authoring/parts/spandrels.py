@@ -76,8 +76,11 @@ def cap_part(bents: Bents, name: str, kind: str, station: float, top: float, wid
         outline = rectangle((-half, top - bents.cap_depth), (half, top))
     surface = turned(prism(outline, station - 0.5 * width, station + 0.5 * width, "station", level, bents.chamfer))
     size: dict[str, object] = {
-        "length": bents.cap_length, "width": width, "depth": bents.cap_depth, "end_depth": bents.cap_end_depth,
-    }  # fmt: skip
+        "length": bents.cap_length,
+        "width": width,
+        "depth": bents.cap_depth,
+        "end_depth": bents.cap_end_depth,
+    }
     return Part(name, kind, "Role_CapConcrete", SUBSTRUCTURE, surface, size)
 
 

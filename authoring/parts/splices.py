@@ -44,9 +44,12 @@ def splice_parts(
     for number, (station, depth) in enumerate(zip(cuts, depths, strict=True)):
         for line in range(len(girders.lines)):
             size: dict[str, object] = {
-                "length": 2.0 * HALF_LENGTH, "height": float(depth), "thickness": _PLATE, "station": station,
+                "length": 2.0 * HALF_LENGTH,
+                "height": float(depth),
+                "thickness": _PLATE,
+                "station": station,
                 "line": line,
-            }  # fmt: skip
+            }
             name = f"Splice_{number:03d}_{line:02d}"
             parts.append(Part(name, "splice_plate", "Role_GirderSteel", SUPERSTRUCTURE, next(placed), size))
     return parts
@@ -77,9 +80,12 @@ def splice_surface(girders: PlateGirders, depth: float) -> Surface:
             heads.append(_flange_bolts(columns, reach, face + sign * _PLATE, sign))
     below = -depth
     boxes.append(
-        _plate((-HALF_LENGTH, HALF_LENGTH), (0.004 - 0.5 * girders.bottom_width, 0.5 * girders.bottom_width - 0.004),
-               (below - _PLATE, below + _INTO))
-    )  # fmt: skip
+        _plate(
+            (-HALF_LENGTH, HALF_LENGTH),
+            (0.004 - 0.5 * girders.bottom_width, 0.5 * girders.bottom_width - 0.004),
+            (below - _PLATE, below + _INTO),
+        )
+    )
     for side in (-1.0, 1.0):
         reach = _to(side, web + _PLATE + _HEAD + 0.012, 0.5 * girders.bottom_width - 0.006)
         heads.append(_flange_bolts(columns, reach, below - _PLATE, -1.0))

@@ -31,13 +31,19 @@ class PlateGirderSettings(Settings):
         "paper multi",
     )
     slenderness: float | None = drawn(
-        20.0, 28.0, "Longest span over steel depth; of a haunched girder 1.25 times that at mid-span [1]",
-        ge=8.0, le=40.0, paper=(8.333, 8.333),
-    )  # fmt: skip
+        20.0,
+        28.0,
+        "Longest span over steel depth; of a haunched girder 1.25 times that at mid-span [1]",
+        ge=8.0,
+        le=40.0,
+        paper=(8.333, 8.333),
+    )
     count: int | None = Field(
-        default=None, ge=2, le=12,
+        default=None,
+        ge=2,
+        le=12,
         description="Lines of a multi-girder deck; drawn so that they lie 2.2 to 3.6 m apart; in profile paper 4",
-    )  # fmt: skip
+    )
     spacing: float | None = drawn(2.4, 3.4, "Target distance between girder lines [m]", ge=2.2, le=3.6)
     flange_share: float | None = drawn(
         0.22, 0.33, "Bottom flange's width over the depth [1]", ge=0.15, le=0.9, paper=(0.833, 0.833)
@@ -113,10 +119,12 @@ def _arrangement(settings: PlateGirderSettings, width: float, longest: float, pa
     if not low <= width <= high:
         nearest = low if width < low else high
         raise InputError(
-            f"a deck {width:.2f} m wide is none for this arrangement", field="bridge.girder.steel.arrangement",
-            value=choice, allowed=f"decks from {low:g} to {high:g} m, the nearest {nearest:g} m",
+            f"a deck {width:.2f} m wide is none for this arrangement",
+            field="bridge.girder.steel.arrangement",
+            value=choice,
+            allowed=f"decks from {low:g} to {high:g} m, the nearest {nearest:g} m",
             hint="Choose multi, or change the lanes",
-        )  # fmt: skip
+        )
     return choice
 
 
@@ -125,10 +133,12 @@ def _haunch(settings: PlateGirderSettings, spans: Spans, paper: bool, draws: Dra
     possible = spans.one_row and spans.count > 1
     if settings.haunch not in (None, "none") and not possible:
         raise InputError(
-            "a haunch wants a girder that is continuous over a pier", field="bridge.girder.steel.haunch",
-            value=settings.haunch, allowed="none",
+            "a haunch wants a girder that is continuous over a pier",
+            field="bridge.girder.steel.haunch",
+            value=settings.haunch,
+            allowed="none",
             hint="Give the bridge two spans or more and continuous = true, or leave the haunch out",
-        )  # fmt: skip
+        )
     return settings.haunch or (chance if possible and not paper else "none")
 
 
@@ -151,10 +161,13 @@ def _lines(
             least = most = 0.5 * (width - target * (count - 1))
         else:
             raise InputError(
-                f"{count} girder lines cannot carry a deck {width:.2f} m wide", field="bridge.girder.steel.count",
-                value=count, allowed=f"{LEAST_SPACING} to {MOST_SPACING} m apart, overhang 0.6 to 1.5 m; nearest "
-                f"{max(2, round((width - 2.2) / 2.9) + 1)}", hint="Leave it out, or change the lanes",
-            )  # fmt: skip
+                f"{count} girder lines cannot carry a deck {width:.2f} m wide",
+                field="bridge.girder.steel.count",
+                value=count,
+                allowed=f"{LEAST_SPACING} to {MOST_SPACING} m apart, overhang 0.6 to 1.5 m; nearest "
+                f"{max(2, round((width - 2.2) / 2.9) + 1)}",
+                hint="Leave it out, or change the lanes",
+            )
     cantilever = least + share * (most - least)
     ends = 0.5 * width - cantilever
     return tuple(round(float(line), 3) for line in np.linspace(-ends, ends, count))

@@ -28,9 +28,15 @@ def stiffener_width(girders: PlateGirders) -> float:
 
 
 def stiffener_parts(
-    girders: PlateGirders, spans: Spans, frames: tuple[float, ...], cuts: tuple[float, ...], pitch: float,
-    thickness: float, levels: Levels, place: Alignment,
-) -> list[Part]:  # fmt: skip
+    girders: PlateGirders,
+    spans: Spans,
+    frames: tuple[float, ...],
+    cuts: tuple[float, ...],
+    pitch: float,
+    thickness: float,
+    levels: Levels,
+    place: Alignment,
+) -> list[Part]:
     """Build the stiffeners of every line: one part for each span and line, and one for each bearing.
 
     Args:
@@ -56,8 +62,12 @@ def stiffener_parts(
         for line, left in enumerate(girders.lines):
             sides = _inner_sides(girders, line)
             towards = [side for side in sides if side * left < 0.0] or sides  # the axis
-            wanted = tuple((station, side) for stations, own in ((joints, sides), (between, towards))
-                           for station in stations for side in own)  # fmt: skip
+            wanted = tuple(
+                (station, side)
+                for stations, own in ((joints, sides), (between, towards))
+                for station in stations
+                for side in own
+            )
             if wanted:
                 if wanted not in made:
                     depth = girders.depths(spans, np.array([station for station, _ in wanted]))

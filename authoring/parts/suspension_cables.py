@@ -212,10 +212,16 @@ def _anchorage_parts(
     points = points[np.concatenate([[True], (points[1:] - points[0]) @ along > 0.2])]
     return [
         Part(f"AnchorBlock_{name}", "anchor_block", "Role_AbutmentConcrete", SUBSTRUCTURE, block, size),
-        Part(f"CableSocket_{name}", "cable_socket", "Role_GirderSteel", SUPERSTRUCTURE, casting.surface,
-             {"diameter": cables.diameter, "embedded_in": "main_cable"}),
+        Part(
+            f"CableSocket_{name}",
+            "cable_socket",
+            "Role_GirderSteel",
+            SUPERSTRUCTURE,
+            casting.surface,
+            {"diameter": cables.diameter, "embedded_in": "main_cable"},
+        ),
         _cable_part(cables, f"MainCable_{2 * end}_{side}", points),
-    ]  # fmt: skip
+    ]
 
 
 def _lowest(ground: Ground, level: Alignment, stations: list[float], lefts: tuple[float, float]) -> float:

@@ -58,9 +58,12 @@ class TrackSettings(Settings):
     upstand: float | None = drawn(0.18, 0.25, "Width of the upstands that hold the track bed [m]", ge=0.12, le=0.40)
     upstand_top: float | None = drawn(0.06, 0.14, "Upstands and walkways below the rails' top [m]", ge=0.03, le=0.30)
     walkway: float | None = drawn(
-        0.40, 0.60, "Walkway, with cable trough, behind the upstands [m]; in profile paper what a deck of 10 m leaves",
-        ge=0.0, le=2.5,
-    )  # fmt: skip
+        0.40,
+        0.60,
+        "Walkway, with cable trough, behind the upstands [m]; in profile paper what a deck of 10 m leaves",
+        ge=0.0,
+        le=2.5,
+    )
 
 
 @dataclass(frozen=True)
@@ -225,9 +228,15 @@ def ballast_outline(tracks: Tracks) -> F64:
     crown, side, bottom = section.crown, tracks.kerb_face + _INTO_SIDE, section.formation - EMBEDDED + 0.0015
     edge = section.bed_top - (side - crown) / _TOE_SLOPE
     return np.array(
-        [(-side, bottom), (side, bottom), (side, edge), (crown, section.bed_top), (-crown, section.bed_top),
-         (-side, edge)]
-    )  # fmt: skip
+        [
+            (-side, bottom),
+            (side, bottom),
+            (side, edge),
+            (crown, section.bed_top),
+            (-crown, section.bed_top),
+            (-side, edge),
+        ]
+    )
 
 
 def _sleeper_parts(
@@ -235,9 +244,11 @@ def _sleeper_parts(
 ) -> list[Part]:
     role = "Role_SleeperTimber" if section.sleeper == "timber" else "Role_KerbConcrete"
     size: dict[str, object] = {
-        "length": section.sleeper_length, "width": section.sleeper_width, "height": section.sleeper_height,
+        "length": section.sleeper_length,
+        "width": section.sleeper_width,
+        "height": section.sleeper_height,
         "embedded_in": "ballast" if section.bed == "ballast" else "track_slab",
-    }  # fmt: skip
+    }
     parts = []
     for track, line in enumerate(section.lines):
         frames = frames_along(place, stations, line, section.sleeper_top, upright=False)

@@ -19,10 +19,28 @@ from usd_schemas.apis import direct_label, read_component
 TOLERANCE = 1e-6  # [m], [1] what scenes are written to
 
 _SHAPE = {
-    "points", "faceVertexCounts", "faceVertexIndices", "positions", "orientations", "scales", "protoIndices",
-    "normals", "radius", "height", "size", "width", "length", "axis", "widths", "curveVertexCounts",
-    "focalLength", "horizontalAperture", "verticalAperture", "horizontalApertureOffset", "verticalApertureOffset",
-}  # fmt: skip
+    "points",
+    "faceVertexCounts",
+    "faceVertexIndices",
+    "positions",
+    "orientations",
+    "scales",
+    "protoIndices",
+    "normals",
+    "radius",
+    "height",
+    "size",
+    "width",
+    "length",
+    "axis",
+    "widths",
+    "curveVertexCounts",
+    "focalLength",
+    "horizontalAperture",
+    "verticalAperture",
+    "horizontalApertureOffset",
+    "verticalApertureOffset",
+}
 
 
 @dataclass

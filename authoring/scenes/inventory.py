@@ -142,10 +142,12 @@ def _tree(stage: Usd.Stage, shown: list[Usd.Prim], depth: int) -> list[dict[str,
         path = str(prim.GetPath())
         rows.append(
             {
-                "path": path, "type": str(prim.GetTypeName()), "kind": str(Usd.ModelAPI(prim).GetKind()),
+                "path": path,
+                "type": str(prim.GetTypeName()),
+                "kind": str(Usd.ModelAPI(prim).GetKind()),
                 "surfaces": below[path],
             }
-        )  # fmt: skip
+        )
         if prim.GetPath().pathElementCount >= depth:
             walk.PruneChildren()
     return rows

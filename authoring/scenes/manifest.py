@@ -76,9 +76,11 @@ def read_recipe(folder: Path) -> SceneRecipe:
     record = _read(path)
     if record.get("format") != FORMAT or record.get("format_version") != FORMAT_VERSION:
         raise InputError(
-            "unknown format", where=path, value=f"{record.get('format')} {record.get('format_version')}",
+            "unknown format",
+            where=path,
+            value=f"{record.get('format')} {record.get('format_version')}",
             allowed=f"{FORMAT} {FORMAT_VERSION}",
-        )  # fmt: skip
+        )
     settings, seed = record.get("settings"), record.get("seed")
     if not isinstance(settings, dict) or not isinstance(seed, int) or seed < 0:
         raise InputError("holds no recipe: settings and a seed", where=path, field="seed", value=seed)

@@ -12,9 +12,24 @@ from groundwork.foreign_file import is_regular
 from usd_schemas.guard.layer_walk import Bounds, walk_layers
 
 VARIANTS = "variant_*.usda"  # root layers that choose something else
-_BESIDE = frozenset({
-    ".usda", ".usdc", ".usd", ".usdz", ".json", ".png", ".jpg", ".jpeg", ".exr", ".hdr", ".tif", ".tiff", ".md", ".txt",
-})  # fmt: skip
+_BESIDE = frozenset(
+    {
+        ".usda",
+        ".usdc",
+        ".usd",
+        ".usdz",
+        ".json",
+        ".png",
+        ".jpg",
+        ".jpeg",
+        ".exr",
+        ".hdr",
+        ".tif",
+        ".tiff",
+        ".md",
+        ".txt",
+    }
+)
 
 
 def own_files(root: Path) -> tuple[str, ...]:

@@ -153,10 +153,12 @@ def camera_findings(stage: Usd.Stage) -> Iterator[str]:
             continue
         expected = lens_from_pinhole(facts.calibration, facts.sensor_width, UsdGeom.GetStageMetersPerUnit(stage))
         found = UsdLens(
-            camera.GetFocalLengthAttr().Get(), camera.GetHorizontalApertureAttr().Get(),
-            camera.GetVerticalApertureAttr().Get(), camera.GetHorizontalApertureOffsetAttr().Get(),
+            camera.GetFocalLengthAttr().Get(),
+            camera.GetHorizontalApertureAttr().Get(),
+            camera.GetVerticalApertureAttr().Get(),
+            camera.GetHorizontalApertureOffsetAttr().Get(),
             camera.GetVerticalApertureOffsetAttr().Get(),
-        )  # fmt: skip
+        )
         ours, theirs = np.array(vars_of(expected)), np.array(vars_of(found))
         if np.abs(ours - theirs).max() > LENS_TOLERANCE * expected.focal_length:
             yield f"{prim.GetPath()}: lens {vars_of(found)} disagrees with the calibration {vars_of(expected)}"
@@ -213,9 +215,12 @@ def vars_of(lens: UsdLens) -> tuple[float, float, float, float, float]:
         lens: Lens attributes.
     """
     return (
-        lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture, lens.horizontal_offset,
+        lens.focal_length,
+        lens.horizontal_aperture,
+        lens.vertical_aperture,
+        lens.horizontal_offset,
         lens.vertical_offset,
-    )  # fmt: skip
+    )
 
 
 def _is_elsewhere(error: UsdValidation.ValidationError) -> bool:

@@ -93,14 +93,24 @@ def draw_crossing(
         depth = min(depth, width / 6)
     if width < NARROWEST:
         raise InputError(
-            "no room for it under the longest span", field="site.crossing", value=kind,
-            allowed=f"a {kind} under spans of {NARROWEST + ROOM:g} m and more", hint="Give the bridge a longer span",
-        )  # fmt: skip
+            "no room for it under the longest span",
+            field="site.crossing",
+            value=kind,
+            allowed=f"a {kind} under spans of {NARROWEST + ROOM:g} m and more",
+            hint="Give the bridge a longer span",
+        )
     station = _inward(layout, station, width)
     crossing = Crossing(
-        bottom, station, float(swing), float(wavelength), float(phase), float(width / 2), float(level), float(depth),
+        bottom,
+        station,
+        float(swing),
+        float(wavelength),
+        float(phase),
+        float(width / 2),
+        float(level),
+        float(depth),
         layout.alignment,
-    )  # fmt: skip
+    )
     return crossing, draw_valley(layout, station, 0.5 * width + _BANK, kind == "valley", sides)
 
 
@@ -133,14 +143,20 @@ def _check(kind: CrossingKind, layout: Layout) -> None:
     rule, room = _RULES[kind], float(layout.alignment.height(np.array(layout.supports)).min()) - layout.depth
     if kind in ("valley", "harbour") and _longest(layout)[1] < rule.spans[0]:
         raise InputError(
-            "no room for it under the longest span", field="site.crossing", value=kind,
-            allowed=f"a {kind} under spans of {rule.spans[0]:g} m and more", hint="Give the bridge a longer span",
-        )  # fmt: skip
+            "no room for it under the longest span",
+            field="site.crossing",
+            value=kind,
+            allowed=f"a {kind} under spans of {rule.spans[0]:g} m and more",
+            hint="Give the bridge a longer span",
+        )
     if kind in ("valley", "rail") and room < rule.headroom - 1.0:
         raise InputError(
-            f"the bearing seats lie only {room:.1f} m over the land", field="site.crossing", value=kind,
-            allowed=f"a {kind} under seats {rule.headroom - 1.0:g} m high and more", hint="Raise bridge.clearance",
-        )  # fmt: skip
+            f"the bearing seats lie only {room:.1f} m over the land",
+            field="site.crossing",
+            value=kind,
+            allowed=f"a {kind} under seats {rule.headroom - 1.0:g} m high and more",
+            hint="Raise bridge.clearance",
+        )
 
 
 Bottom = tuple[str, float, float, float]  # kind of what lies there, its width, level and depth [m]

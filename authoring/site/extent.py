@@ -73,8 +73,12 @@ def keep_out(alignment: Alignment, ground: HeightField) -> Box:
     centre = corners.mean(axis=0)
     half = ((ground.stations[-1] - ground.stations[0]) / 2, (ground.lefts[-1] - ground.lefts[0]) / 2)
     if not alignment.square:  # the box stands along the chord, round the bent strip
-        turned = np.array([[np.cos(alignment.heading), -np.sin(alignment.heading)],
-                           [np.sin(alignment.heading), np.cos(alignment.heading)]])  # fmt: skip
+        turned = np.array(
+            [
+                [np.cos(alignment.heading), -np.sin(alignment.heading)],
+                [np.sin(alignment.heading), np.cos(alignment.heading)],
+            ]
+        )
         border = strip_edge(alignment, ground)[:, :2] @ turned
         centre, half = turned @ (border.min(axis=0) + border.max(axis=0)) / 2, tuple(np.ptp(border, axis=0) / 2)
     return Box(

@@ -21,10 +21,21 @@ _CLEAR = 0.05  # [m] ballast above the ground of a far background
 _SLOPE = 1.5  # horizontal metres for each metre of height of the ballast's flanks
 _SHOULDER = 0.40  # [m] ballast beyond the sleepers' ends
 MAIN_LINE = TrackSection(
-    lines=(-2.0, 2.0), gauge=GAUGE, rail_height=0.172, rail_foot=0.150, rail_head=0.072, bed="ballast",
-    sleeper="concrete", sleeper_length=2.6, sleeper_width=0.26, sleeper_height=0.20, pitch=0.60, bed_depth=0.30,
-    shoulder=0.40, embedded=0.0,
-)  # fmt: skip
+    lines=(-2.0, 2.0),
+    gauge=GAUGE,
+    rail_height=0.172,
+    rail_foot=0.150,
+    rail_head=0.072,
+    bed="ballast",
+    sleeper="concrete",
+    sleeper_length=2.6,
+    sleeper_width=0.26,
+    sleeper_height=0.20,
+    pitch=0.60,
+    bed_depth=0.30,
+    shoulder=0.40,
+    embedded=0.0,
+)
 _TOP = np.array([(0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)])  # faces, no bottom
 
 

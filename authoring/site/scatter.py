@@ -50,15 +50,35 @@ def scatter_plants(
     plain_shrubs = tuple((("foliage", leaf_bush(more, 16)),) for _ in shrubs)
     plain_tufts = tuple((("meadow", blade_tuft(more, 4)),) for _ in tufts)
     runs = (
-        ("Site_Stones", "rock", (stones, plain_stones), (0.08, 0.55),
-         _places(land, ground, settings.stones, 0.3, 0.4, rng, 0.75)),
-        ("Site_Shrubs", "shrub", (shrubs, plain_shrubs), (0.7, 1.9),
-         _places(land, ground, settings.shrubs, 3.0, 1.4, rng)),
-        ("Site_Tufts", "vegetation", (tufts, plain_tufts), (0.25, 0.7),
-         _places(land, ground, settings.tufts, 0.5, 0.3, rng)),
-        ("Site_Reeds", "vegetation", (tufts, plain_tufts), (0.8, 1.7),
-         _shore_places(land, ground, settings.reeds, rng)),
-    )  # fmt: skip
+        (
+            "Site_Stones",
+            "rock",
+            (stones, plain_stones),
+            (0.08, 0.55),
+            _places(land, ground, settings.stones, 0.3, 0.4, rng, 0.75),
+        ),
+        (
+            "Site_Shrubs",
+            "shrub",
+            (shrubs, plain_shrubs),
+            (0.7, 1.9),
+            _places(land, ground, settings.shrubs, 3.0, 1.4, rng),
+        ),
+        (
+            "Site_Tufts",
+            "vegetation",
+            (tufts, plain_tufts),
+            (0.25, 0.7),
+            _places(land, ground, settings.tufts, 0.5, 0.3, rng),
+        ),
+        (
+            "Site_Reeds",
+            "vegetation",
+            (tufts, plain_tufts),
+            (0.8, 1.7),
+            _shore_places(land, ground, settings.reeds, rng),
+        ),
+    )
     scatters = []
     for name, kind, (detailed, plain), size, places in runs:
         scale = np.exp(rng.uniform(np.log(size[0]), np.log(size[1]), len(places)))

@@ -43,9 +43,11 @@ class SiteSettings(Settings):
     )
     coarse_spacing: float = Field(default=4.0, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
     photo_reach: float = Field(
-        default=30.0, ge=5.0, le=38.0,
+        default=30.0,
+        ge=5.0,
+        le=38.0,
         description="reach round the bridge of the ground that has a picture of its own, 4 cm a texel [m]",
-    )  # fmt: skip
+    )
     relief: float = Field(default=1.0, ge=0.0, le=1.5, description="scale of the natural relief, 1 = about 0.5 m [1]")
     scatter: ScatterSettings = Field(default_factory=ScatterSettings, description="stones, shrubs and tufts")
 

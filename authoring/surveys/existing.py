@@ -42,16 +42,22 @@ def _find(wanted: str, scene: FlatScene) -> int:
     names = ", ".join(scene.cameras[row].path for row in own) or "none is there"
     if len(found) > 1:
         raise InputError(
-            "several cameras could be meant", field="survey.prim", value=wanted or None, allowed=names,
+            "several cameras could be meant",
+            field="survey.prim",
+            value=wanted or None,
+            allowed=names,
             hint="Name one by its path",
-        )  # fmt: skip
+        )
     left_out = [line for line in scene.warnings if wanted and line.partition(":")[0].endswith(wanted)]
     if left_out:
         raise InputError(f"cannot be flown: {left_out[0]}", field="survey.prim", value=wanted, allowed=names)
     raise InputError(
-        "the stage has no such camera" if wanted else "the stage has no camera", field="survey.prim",
-        value=wanted or None, allowed=names, hint=None if own else "Animate a perspective camera in it",
-    )  # fmt: skip
+        "the stage has no such camera" if wanted else "the stage has no camera",
+        field="survey.prim",
+        value=wanted or None,
+        allowed=names,
+        hint=None if own else "Animate a perspective camera in it",
+    )
 
 
 def _leaf(track: CameraTrack) -> str:

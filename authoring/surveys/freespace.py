@@ -16,9 +16,7 @@ I64 = NDArray[np.int64]
 Cells = NDArray[np.bool_]
 
 # One of each pair of opposite neighbours among the 26 of a cell.
-NEIGHBOURS = tuple(
-    (i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)
-)  # fmt: skip
+NEIGHBOURS = tuple((i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0))
 
 
 @dataclass(frozen=True, eq=False)

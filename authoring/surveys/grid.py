@@ -61,10 +61,12 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
     distance = sampling * camera.fx
     if distance < settings.safety:
         raise InputError(
-            f"needs cameras {distance:.2f} m from the bridge", field="survey.sampling", value=sampling,
+            f"needs cameras {distance:.2f} m from the bridge",
+            field="survey.sampling",
+            value=sampling,
             allowed=f"at least {settings.safety / camera.fx:.4f} m for a safety of {settings.safety:g} m",
             hint="Raise it, or fly smaller images",
-        )  # fmt: skip
+        )
     box = oriented_box(subject.bridge.reshape(-1, 3))
     positions, looks = [], []
     for number, face in enumerate(_faces(settings, camera, box, sampling)):
@@ -81,18 +83,22 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
         row = int(subject.obstacles.distance(middle)[1][int(np.argmin(subject.clearance(middle)))])
         raise InputError(
             f"no row of the grid is free: the instance {subject.obstacle_ids[row]} is in the way",
-            field="survey.sampling", value=sampling,
+            field="survey.sampling",
+            value=sampling,
             hint="Raise it, or lower survey.safety and survey.over_ground",
-        )  # fmt: skip
+        )
     poses = np.tile(np.eye(4), (len(places), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = look_along(np.concatenate(looks)), places
     shares = _bridge_share(poses, eye_of(camera, model.distortion), subject)
     taken = shares >= settings.least_bridge
     if taken.sum() < 2:
         raise InputError(
-            "no image of the grid shows enough of the bridge", field="survey.least_bridge", value=settings.least_bridge,
-            allowed=f"at most {float(np.sort(shares)[-2]):.3f} here", hint="Lower it, or survey.sampling",
-        )  # fmt: skip
+            "no image of the grid shows enough of the bridge",
+            field="survey.least_bridge",
+            value=settings.least_bridge,
+            allowed=f"at most {float(np.sort(shares)[-2]):.3f} here",
+            hint="Lower it, or survey.sampling",
+        )
     return poses[taken]
 
 

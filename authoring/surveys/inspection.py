@@ -52,14 +52,20 @@ def fly_inspection(
     shift, heading = rng.random(3), float(rng.uniform(0.0, 0.25 * np.pi))
     targets = _targets(settings, subject)
     places = free_places(
-        subject, settings.cell, max(settings.reach, STAND_OFF * settings.near), settings.safety, settings.over_ground,
+        subject,
+        settings.cell,
+        max(settings.reach, STAND_OFF * settings.near),
+        settings.safety,
+        settings.over_ground,
         shift,
-    )  # fmt: skip
+    )
     if not len(places):
         raise InputError(
-            "no free space round the bridge", field="survey.safety", value=settings.safety,
+            "no free space round the bridge",
+            field="survey.safety",
+            value=settings.safety,
             hint="Lower it or survey.over_ground, or raise survey.reach",
-        )  # fmt: skip
+        )
     model = camera_models()[settings.camera]
     eye = eye_of(calibration(model, settings.width, settings.height), model.distortion)
     highest = np.radians(settings.pitch_limit)
@@ -79,10 +85,11 @@ def fly_inspection(
     if not len(chosen):
         if before is None:
             raise InputError(
-                "nothing of what is asked for can be seen from the free space", field="survey.members",
+                "nothing of what is asked for can be seen from the free space",
+                field="survey.members",
                 value=list(settings.members) or None,
                 hint="Lower survey.safety or survey.pixels, or raise survey.reach",
-            )  # fmt: skip
+            )
         return np.zeros((0, 4, 4))
     views = found.poses[chosen]
     axis = oriented_box(subject.bridge.reshape(-1, 3)).axes[0]
@@ -94,9 +101,11 @@ def _targets(settings: InspectionSettings, subject: Subject) -> Targets:
     lost = sorted(set(settings.members) - set(known.tolist()))
     if lost:
         raise InputError(
-            "no component of the bridge has this id", field="survey.members", value=lost[0],
+            "no component of the bridge has this id",
+            field="survey.members",
+            value=lost[0],
             allowed=f"{len(known)} ids from {known[0]} to {known[-1]}: falsework scene info --tree",
-        )  # fmt: skip
+        )
     return cut_targets(subject, settings.stretch, np.array(settings.members or known, np.int64))
 
 

@@ -54,9 +54,11 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
     if not space.free.any():
         _, row = subject.obstacles.distance(box.center[None])
         raise InputError(
-            f"no free space: the instance {subject.obstacle_ids[int(row[0])]} fills the box", field="survey.safety",
-            value=settings.safety, hint="Lower it, or widen survey.beside and survey.above",
-        )  # fmt: skip
+            f"no free space: the instance {subject.obstacle_ids[int(row[0])]} fills the box",
+            field="survey.safety",
+            value=settings.safety,
+            hint="Lower it, or widen survey.beside and survey.above",
+        )
     target = None if settings.target is None else _reach_target(settings, settings.target, space, subject)
     way = _draw_way(settings, space, subject, target, rng)
     positions = np.round(equal_steps(way, settings.spacing), DECIMALS)
@@ -97,8 +99,10 @@ def _reach_target(settings: LocalSettings, target: int, space: FreeSpace, subjec
         )
         raise InputError(
             f"cannot be reached: the flight comes no nearer than {away[row]:.1f} m; {between}",
-            field="survey.target", value=target, hint="Widen the box, or lower survey.safety",
-        )  # fmt: skip
+            field="survey.target",
+            value=target,
+            hint="Widen the box, or lower survey.safety",
+        )
     return row
 
 
@@ -140,9 +144,10 @@ def _draw_way(
     raise InputError(
         f"no flight of the length asked for: {TRIES} were {min(tried):.0f} to {max(tried):.0f} m long"
         + _limits(space, subject),
-        field="survey.images", value=list(settings.images),
+        field="survey.images",
+        value=list(settings.images),
         allowed=f"{int(min(tried) / settings.spacing)} to {int(max(tried) / settings.spacing) + 1} images in this box",
-    )  # fmt: skip
+    )
 
 
 def _part(way: F64, length: float, share: float) -> F64:

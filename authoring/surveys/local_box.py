@@ -34,9 +34,11 @@ def draw_local_box(settings: LocalSettings, subject: Subject, rng: np.random.Gen
     half = 0.5 * settings.length
     if not len(_within(subject.bridge, whole.axes, float(whole.center @ whole.axes[0]) + station, half)):
         raise InputError(
-            "the box holds no bridge", field="survey.station", value=station,
+            "the box holds no bridge",
+            field="survey.station",
+            value=station,
             allowed=f"{-whole.half[0]:.1f} to {whole.half[0]:.1f} m from the bridge's middle",
-        )  # fmt: skip
+        )
     axes = _turned(whole, _direction(centres, station, half))
     middle = whole.to_world(np.array([[station, 0.0, 0.0]]))[0] @ axes.T
     local = _within(subject.bridge, axes, float(middle[0]), half)
@@ -77,9 +79,11 @@ def _draw_station(settings: LocalSettings, whole: OrientedBox, subject: Subject,
         if not len(own):
             ids = np.unique(subject.bridge_ids)
             raise InputError(
-                "no component of the bridge has this id", field="survey.target", value=settings.target,
+                "no component of the bridge has this id",
+                field="survey.target",
+                value=settings.target,
                 allowed=f"{len(ids)} ids from {ids[0]} to {ids[-1]}: falsework scene info --tree",
-            )  # fmt: skip
+            )
         return float(whole.to_local(0.5 * (own.min(axis=0) + own.max(axis=0))[None])[0, 0])
     reach = max(float(whole.half[0]) - 0.5 * settings.length, 0.0)
     if len(subject.seats) and at_support < settings.at_support:

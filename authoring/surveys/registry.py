@@ -74,15 +74,16 @@ def plan_survey(settings: AnySurvey, subject: Subject, seed: int) -> CameraPath:
     """
     if isinstance(settings, StageSettings):
         raise InputError(
-            "takes a camera of a stage that is there", field="survey.kind", value=settings.kind,
-            allowed=", ".join(SURVEYS), hint="Author the scene, then: falsework survey plan SCENE --kind stage",
-        )  # fmt: skip
+            "takes a camera of a stage that is there",
+            field="survey.kind",
+            value=settings.kind,
+            allowed=", ".join(SURVEYS),
+            hint="Author the scene, then: falsework survey plan SCENE --kind stage",
+        )
     poses = SURVEYS[settings.kind].fly(settings, subject, stream(seed, f"survey/{settings.id}"))
     model = camera_models()[settings.camera]
     camera = calibration(model, settings.width, settings.height)
-    flown = Flown(
-        poses, camera, model.sensor_width, model.distortion, model.readout_time, model.make, model.model
-    )  # fmt: skip
+    flown = Flown(poses, camera, model.sensor_width, model.distortion, model.readout_time, model.make, model.model)
     return record_flight(settings, flown, seed)
 
 

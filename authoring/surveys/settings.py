@@ -28,9 +28,11 @@ class RecordSettings(Settings):
     )
     gps_drift: float = Field(default=0.3, ge=0.0, le=5.0, description="Standard deviation of the slow GPS bias [m]")
     gps_altitude: float = Field(
-        default=0.0, ge=0.0, le=100.0,
+        default=0.0,
+        ge=0.0,
+        le=100.0,
         description="Standard deviation of the one error that all altitudes of a flight share: barometer, geoid [m]",
-    )  # fmt: skip
+    )
     attitude_sigma: tuple[Turn, Turn, Turn] = Field(
         default=(1.0, 0.3, 0.3), description="Noise of the gimbal's yaw, pitch and roll as written down [deg]"
     )
@@ -78,9 +80,11 @@ class GlobalSettings(SurveySettings):
         "surface of the extended box: two rings and strips over the top",
     )
     margin: float | None = Field(
-        default=None, ge=2.0, le=100.0,
+        default=None,
+        ge=2.0,
+        le=100.0,
         description="Extension of the box for rings [m]; 0.35 of its width or height, 8 to 40 m, when left out",
-    )  # fmt: skip
+    )
     poi: Literal["axis", "box50"] = Field(
         default="axis", description="Cameras look at the axis beside them, or at the paper's box of half the size"
     )

@@ -147,8 +147,10 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
     row = int(subject.obstacles.distance(moved)[1][int(np.argmin(subject.clearance(moved)))])
     raise InputError(
         f"no way round the bridge keeps {safety} m of distance: the instance {subject.obstacle_ids[row]} is in the way",
-        field="survey.safety", value=safety, hint="Lower it, or widen survey.stand_off",
-    )  # fmt: skip
+        field="survey.safety",
+        value=safety,
+        hint="Lower it, or widen survey.stand_off",
+    )
 
 
 def place_images(route: F64, density: F64, least: int, spacing: float) -> F64:

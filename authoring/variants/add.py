@@ -138,8 +138,13 @@ def _check_axes(scene: Path, choices: dict[str, str], known: tuple[str, ...]) ->
     for axis in choices:
         if axis not in known:
             near = difflib.get_close_matches(axis, known, n=1, cutoff=0.5)
-            raise InputError("no such choice", where=scene, value=axis, allowed=", ".join(known),
-                             hint=f"Did you mean {near[0]!r}?" if near else None)  # fmt: skip
+            raise InputError(
+                "no such choice",
+                where=scene,
+                value=axis,
+                allowed=", ".join(known),
+                hint=f"Did you mean {near[0]!r}?" if near else None,
+            )
 
 
 def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
@@ -147,9 +152,11 @@ def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
     file = Path(choices.get("background", ""))
     if origin is not None and (file.suffix not in USD_FILES or is_city(file)):
         raise InputError(
-            "only a USD file as background has an origin to be moved", field="--re-origin", value=origin,
+            "only a USD file as background has an origin to be moved",
+            field="--re-origin",
+            value=origin,
             hint="A world of falsework background import has its own; else leave it out",
-        )  # fmt: skip
+        )
 
 
 def _ensure(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None) -> dict[str, str]:

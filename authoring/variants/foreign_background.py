@@ -23,14 +23,19 @@ from usd_schemas.guard.layer_walk import Warn
 
 # The ids of another scene would collide with those of this one.
 _IDS = (
-    tokens.USER_FALSEWORK_ID, tokens.USER_INSTANCE_ID, "falsework:component:instanceId",
+    tokens.USER_FALSEWORK_ID,
+    tokens.USER_INSTANCE_ID,
+    "falsework:component:instanceId",
     "falsework:component:instanceIds",
-)  # fmt: skip
+)
 # No world has a part of a bridge in it, whatever its prims are called.
 _LABELS = (
-    tokens.USER_CLASS, tokens.USER_COMPONENT, "falsework:component:kind", "semantics:labels:class",
+    tokens.USER_CLASS,
+    tokens.USER_COMPONENT,
+    "falsework:component:kind",
+    "semantics:labels:class",
     "semantics:labels:component",
-)  # fmt: skip
+)
 
 
 def stage_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) -> Staged:

@@ -98,9 +98,12 @@ def _look(flat: Sdf.Layer, materials: dict[str, Sdf.Path], file: Path) -> Sdf.La
         layer.Traverse(place, look)
         if outside:
             raise InputError(
-                "is connected to something outside of itself", where=file, field=str(path), value=str(outside[0]),
+                "is connected to something outside of itself",
+                where=file,
+                field=str(path),
+                value=str(outside[0]),
                 hint="Keep the whole network below the material",
-            )  # fmt: skip
+            )
     return layer
 
 

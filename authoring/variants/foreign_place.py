@@ -52,11 +52,14 @@ def check_place(stage: Usd.Stage, file: Path, scene: Path, origin: Point, warn: 
     if float(np.abs(middle).max()) > FARTHEST:
         far = ", ".join(f"{value / 1000:.1f}" for value in middle)
         raise InputError(
-            "stands too far from the scene's origin, where the bridge begins", where=file, field="background",
-            value=f"middle at ({far}) km", allowed=f"within {FARTHEST / 1000:.0f} km",
+            "stands too far from the scene's origin, where the bridge begins",
+            where=file,
+            field="background",
+            value=f"middle at ({far}) km",
+            allowed=f"within {FARTHEST / 1000:.0f} km",
             hint="Say which of its points becomes the scene's origin [m], z up: --re-origin "
             + " ".join(f"{value:.0f}" for value in middle + np.array(origin)),
-        )  # fmt: skip
+        )
     planes = _keep_out(Usd.Stage.Open(str(scene)))
     inside = [path for path, corners in bodies.items() if planes is not None and _enters(corners, planes)]
     if inside:

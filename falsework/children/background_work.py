@@ -75,10 +75,12 @@ def _facts(model: "CityModel") -> dict[str, str]:
     size = model.extent[1] - model.extent[0]
     objects = {piece.owner for piece in model.textured if not piece.is_ground} | {b.name for b in model.buildings}
     counts = {
-        "buildings": f"{len(objects)}", "triangles": f"{len(model.built) + len(model.ground)}",
-        "ground": f"{len(model.ground)} triangles", "textured": f"{sum(len(p.triangles) for p in model.textured)}",
+        "buildings": f"{len(objects)}",
+        "triangles": f"{len(model.built) + len(model.ground)}",
+        "ground": f"{len(model.ground)} triangles",
+        "textured": f"{sum(len(p.triangles) for p in model.textured)}",
         "images": f"{len(model.skins)}, {sum(len(skin.image) for skin in model.skins) / 1e6:.1f} MB",
-    }  # fmt: skip
+    }
     return {**counts, "extent": f"{size[0]:.0f} x {size[1]:.0f} m", **model.attribution}
 
 

@@ -14,9 +14,11 @@ ADDRESS_LIMIT = 32.0  # [GB] one array that claims more fails at once; threads o
 
 
 def surveys_of(
-    stage: Path, allow_roots: tuple[Path, ...] = (), progress: Progress = SILENT,
+    stage: Path,
+    allow_roots: tuple[Path, ...] = (),
+    progress: Progress = SILENT,
     choices: dict[str, Any] | None = None,
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """Name the products of a stage, or its cameras where it has none.
 
     Args:
@@ -37,9 +39,13 @@ def surveys_of(
 
 
 def read_safely(
-    module: str, request: dict[str, Any], stage: Path, progress: Progress, time_limit: float | None = None,
+    module: str,
+    request: dict[str, Any],
+    stage: Path,
+    progress: Progress,
+    time_limit: float | None = None,
     memory_limit: float | None = None,
-) -> Any:  # fmt: skip
+) -> Any:
     """Run a child that reads a stage from elsewhere; whatever kills it is the fault of that stage.
 
     Args:
@@ -64,9 +70,10 @@ def read_safely(
     except ChildError as error:
         reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
         raise InputError(
-            f"cannot be read within {time_limit:.0f} s and {memory_limit:.0f} GB: {reason}", where=stage,
+            f"cannot be read within {time_limit:.0f} s and {memory_limit:.0f} GB: {reason}",
+            where=stage,
             hint="Make it smaller, or flatten it where it was made",
-        ) from error  # fmt: skip
+        ) from error
 
 
 def _answer(request: dict[str, Any], progress: Progress) -> list[str]:

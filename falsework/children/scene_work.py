@@ -90,8 +90,13 @@ def package(request: Request, progress: Progress) -> list[str]:
 
 
 WORK: dict[str, Callable[[Request, Progress], Any]] = {
-    "info": info, "validate": validate, "diff": diff, "choose": choose, "flatten": flatten, "package": package,
-}  # fmt: skip
+    "info": info,
+    "validate": validate,
+    "diff": diff,
+    "choose": choose,
+    "flatten": flatten,
+    "package": package,
+}
 
 
 def _answer(request: Request, progress: Progress) -> Any:

@@ -147,9 +147,11 @@ def _members(scene: Path, words: list[str], own: str) -> list[int]:
         meant = {number for number, name in classes.items() if word in (str(number), name)}
         if not meant:
             raise InputError(
-                "no member of the bridge has this id or class", field="--for", value=word,
+                "no member of the bridge has this id or class",
+                field="--for",
+                value=word,
                 allowed=f"unseen, {', '.join(sorted(set(classes.values())))}, or an id: falsework scene info --tree",
-            )  # fmt: skip
+            )
         found |= meant
     if not found:
         raise InputError("nothing is left to be seen", field="--for", value=" ".join(words), where=scene)

@@ -45,10 +45,13 @@ def import_background(
         def fill(folder: Path) -> None:
             found.update(
                 run_child(
-                    WORKER, {**request, "folder": str(folder.absolute())}, time_limit=TIME_LIMIT,
-                    memory_limit=MEMORY_LIMIT, progress=progress,
+                    WORKER,
+                    {**request, "folder": str(folder.absolute())},
+                    time_limit=TIME_LIMIT,
+                    memory_limit=MEMORY_LIMIT,
+                    progress=progress,
                 )
-            )  # fmt: skip
+            )
 
         fresh_output(output, "world", fill, inputs=[file])
     _say(found)

@@ -122,9 +122,10 @@ def _used_by(chain: Chain, traces: Traces) -> set[str]:
     report = chain.report()
     keys.setdefault("stage", {report.task.inputs.get("stage", "")})
     last = {  # without the flights that became no result
-        trace.key for trace in _alike(report, traces)
+        trace.key
+        for trace in _alike(report, traces)
         if all(key in keys.get(name, ()) for name, key in trace.inputs.items())
-    }  # fmt: skip
+    }
     return last.union(*keys.values())
 
 

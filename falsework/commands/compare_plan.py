@@ -13,9 +13,19 @@ from learn.trained import FOREST
 
 # CPU-seconds of one unit of work before any was measured here: a sample of 4,096 points through a network, forwards and
 # backwards or forwards alone; a cloud that is cut; a draw whose covariances a forest takes.
-_SECONDS = {"noise": 30.0, "pieces": 15.0, f"training {FOREST}": 0.6, f"scores {FOREST}": 0.6,
-            "training pointnet2-ssg": 0.22, "training pointnet2-msg": 0.5, "training pointnext-s": 0.3,
-            "training pointnext-b": 1.0, "training randlanet": 0.53, "scores": 0.07, "training": 0.5}  # fmt: skip
+_SECONDS = {
+    "noise": 30.0,
+    "pieces": 15.0,
+    f"training {FOREST}": 0.6,
+    f"scores {FOREST}": 0.6,
+    "training pointnet2-ssg": 0.22,
+    "training pointnet2-msg": 0.5,
+    "training pointnext-s": 0.3,
+    "training pointnext-b": 1.0,
+    "training randlanet": 0.53,
+    "scores": 0.07,
+    "training": 0.5,
+}
 _POINT_BYTES = 40.0  # of a cut point: position, label, uncertainty, and its place in some windows
 _MODEL_BYTES = {FOREST: 30e6}
 _NETWORK_BYTES, _SCORE_BYTES = 8e6, 2e4
@@ -52,10 +62,12 @@ def planned(experiment: Experiment) -> dict[str, Any]:
                 _add(kinds, f"training {model}", False, _seconds(f"training {model}", work, settings.points, rates))
     missing = Counter({kind: int(row["make"]) for kind, row in kinds.items()})
     return {
-        "kinds": kinds, "known": known, "hours": sum(row["seconds"] for row in kinds.values()) / 3600.0,
+        "kinds": kinds,
+        "known": known,
+        "hours": sum(row["seconds"] for row in kinds.values()) / 3600.0,
         "bytes": _bytes(experiment, [job for job in jobs if not store.has(job.task)], missing),
         "free_bytes": free_space(store.root),
-    }  # fmt: skip
+    }
 
 
 def plan_lines(found: dict[str, Any]) -> list[str]:
@@ -65,10 +77,14 @@ def plan_lines(found: dict[str, Any]) -> list[str]:
         found: Of `planned`.
     """
     lines = [f"{'result':<24}{'there':>8}{'to make':>10}{'hours':>9}"]
-    lines += [f"{kind:<24}{row['there']:>8.0f}{row['make']:>10.0f}{row['seconds'] / 3600:>9.2f}"
-              for kind, row in found["kinds"].items()]  # fmt: skip
-    lines.append(f"about {found['hours']:.1f} h in one process, {found['bytes'] / 1e6:.0f} MB more of disk space, "
-                 f"{found['free_bytes'] / 1e6:.0f} MB are free")  # fmt: skip
+    lines += [
+        f"{kind:<24}{row['there']:>8.0f}{row['make']:>10.0f}{row['seconds'] / 3600:>9.2f}"
+        for kind, row in found["kinds"].items()
+    ]
+    lines.append(
+        f"about {found['hours']:.1f} h in one process, {found['bytes'] / 1e6:.0f} MB more of disk space, "
+        f"{found['free_bytes'] / 1e6:.0f} MB are free"
+    )
     if not found["known"]:
         lines.append("tests are counted once the bridges are cut")
     return lines

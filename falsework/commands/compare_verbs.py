@@ -120,8 +120,12 @@ def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
     settings = experiment.settings
     for name in settings.tests:
         if not any(trial.tests[name].work for trial in trials):
-            raise InputError("no window of the test bridges is valid", field=f"tests.{name}",
-                             value=settings.tests[name], hint="Lower fewest, or give more bridges")  # fmt: skip
+            raise InputError(
+                "no window of the test bridges is valid",
+                field=f"tests.{name}",
+                value=settings.tests[name],
+                hint="Lower fewest, or give more bridges",
+            )
     experiment.make_all({one.training.task.key: one.training for one in trials}.values())
     tests = {job.task.key: job for one in trials for job in one.tests.values()}
     experiment.make_all(tests.values())
@@ -129,36 +133,53 @@ def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
     losses = losses_of(scenes, experiment.splits, settings)
     classes = settings.cut.classes
     return {
-        "format": "falsework.comparison", "format_version": FORMAT_VERSION, "title": settings.title or "Comparison",
-        "classes": list(classes), "groups": [list(group) for group in settings.groups],
-        "level": settings.level, "draws": settings.draws, "settings": settings.model_dump(mode="json"),
-        "facts": _facts(experiment), "losses": [vars(row) for row in losses],
-        **findings(experiment.read_trials(trials), classes, settings), "command": command,
-    }  # fmt: skip
+        "format": "falsework.comparison",
+        "format_version": FORMAT_VERSION,
+        "title": settings.title or "Comparison",
+        "classes": list(classes),
+        "groups": [list(group) for group in settings.groups],
+        "level": settings.level,
+        "draws": settings.draws,
+        "settings": settings.model_dump(mode="json"),
+        "facts": _facts(experiment),
+        "losses": [vars(row) for row in losses],
+        **findings(experiment.read_trials(trials), classes, settings),
+        "command": command,
+    }
 
 
 def _facts(experiment: "Experiment") -> list[str]:
     """Say in lines what was compared."""
     settings, splits = experiment.settings, experiment.splits
-    kept = {arm: f", points up to {settings.kept(arm):g} m of uncertainty" if arm in settings.filters else ""
-            for arm in settings.arms}  # fmt: skip
+    kept = {
+        arm: f", points up to {settings.kept(arm):g} m of uncertainty" if arm in settings.filters else ""
+        for arm in settings.arms
+    }
     lines = [f"arm `{arm}`: {', '.join(map(str, settings.parts(arm)))}{kept[arm]}" for arm in settings.arms]
     lines += [f"test `{name}`: {settings.test(name)}" for name in settings.tests]
     for name in dict.fromkeys(one.set for one in experiment.bridges):
         of_set = [split for (own, _), split in splits.items() if own == name]
-        counts = ", ".join(f"{of_set.count(split)} {word}" for split, word in
-                           (("train", "to train on"), ("val", "for validation"), ("test", "for the test")))  # fmt: skip
+        counts = ", ".join(
+            f"{of_set.count(split)} {word}"
+            for split, word in (("train", "to train on"), ("val", "for validation"), ("test", "for the test"))
+        )
         lines.append(f"bridges of the set `{name}`: {counts}")
-    cut = {"metric": f"tiles of {settings.tile.size:g} m, one point in each {settings.tile.voxel:g} m, heights over "
-                     "a ground that each cloud shows itself",
-           "paper": f"windows of {settings.window.length:g} m, each scaled to the cube from 0 to 1",
-           "whole": "draws from whole bridges"}[settings.mode]  # fmt: skip
-    lines.append(f"{cut}; {settings.points:,} points a draw, valid from {settings.fewest:,}, table `{settings.table}`, "
-                 f"inputs {', '.join(settings.channels)}")  # fmt: skip
+    cut = {
+        "metric": f"tiles of {settings.tile.size:g} m, one point in each {settings.tile.voxel:g} m, heights over "
+        "a ground that each cloud shows itself",
+        "paper": f"windows of {settings.window.length:g} m, each scaled to the cube from 0 to 1",
+        "whole": "draws from whole bridges",
+    }[settings.mode]
+    lines.append(
+        f"{cut}; {settings.points:,} points a draw, valid from {settings.fewest:,}, table `{settings.table}`, "
+        f"inputs {', '.join(settings.channels)}"
+    )
     if set(settings.models) - {"forest"}:
         steps = settings.samples_each // settings.batch * settings.looks
-        lines.append(f"networks: {steps:,} steps of {settings.batch} samples in every arm, recipe `{settings.recipe}`, "
-                     f"weights of the best of {settings.looks} looks at the validation bridges")  # fmt: skip
+        lines.append(
+            f"networks: {steps:,} steps of {settings.batch} samples in every arm, recipe `{settings.recipe}`, "
+            f"weights of the best of {settings.looks} looks at the validation bridges"
+        )
     if "forest" in settings.models:
         lines.append(f"forest: {settings.forest_draws:,} draws in every arm, nothing picked")
     lines.append(f"seeds {settings.first_seed} to {settings.first_seed + settings.seeds - 1}, the same in every arm")
@@ -177,13 +198,20 @@ def _write(record: dict[str, Any], output: Path) -> str:
 def _lines(record: dict[str, Any], counts: dict[str, int], output: Path) -> str:
     from learn.compare.tables import weakness
 
-    lines = [f"{row['model']:<16}{row['test']:<14}{row['first']} - {row['second']}: {100 * row['difference']:+.1f}"
-             + ("" if row["interval"] is None else
-                f" ({100 * row['interval'][0]:+.1f} to {100 * row['interval'][1]:+.1f}) points of mean IoU")
-             for row in record["differences"]]  # fmt: skip
+    lines = [
+        f"{row['model']:<16}{row['test']:<14}{row['first']} - {row['second']}: {100 * row['difference']:+.1f}"
+        + (
+            ""
+            if row["interval"] is None
+            else f" ({100 * row['interval'][0]:+.1f} to {100 * row['interval'][1]:+.1f}) points of mean IoU"
+        )
+        for row in record["differences"]
+    ]
     if not lines:  # one arm: nothing to compare
-        lines = [f"{row['model']:<16}{row['test']:<14}{row['arm']}: {100 * (row['mean_iou'] or 0.0):.1f} % mean IoU"
-                 for row in record["scores"]]  # fmt: skip
+        lines = [
+            f"{row['model']:<16}{row['test']:<14}{row['arm']}: {100 * (row['mean_iou'] or 0.0):.1f} % mean IoU"
+            for row in record["scores"]
+        ]
     if few := weakness(record):
         lines.append(f"weak    {few}: the intervals tell how little is known")
     lines.append(f"made    {counts['made']}, {counts['reused']} were there")
@@ -201,8 +229,11 @@ def _named(text: str) -> tuple[str, Path]:
 
 def _command(sources: tuple[str, ...], preset: str, bridges: tuple[str, ...], given: tuple[str, ...]) -> str:
     """Spell the command without places of this machine: names of folders alone."""
-    short = [f"{name}={Path(folder).name}" if equals else Path(text).name
-             for text in sources for name, equals, folder in [text.partition("=")]]  # fmt: skip
+    short = [
+        f"{name}={Path(folder).name}" if equals else Path(text).name
+        for text in sources
+        for name, equals, folder in [text.partition("=")]
+    ]
     preset = Path(preset).name
     words = [*short, "--preset", preset]
     words += [word for name in bridges for word in ("--bridge", name)]

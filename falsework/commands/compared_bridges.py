@@ -58,19 +58,32 @@ def find_bridges(
     there: dict[str, set[str]] = {}
     for number, (name, folder) in enumerate(sources):
         if name not in wanted:
-            raise InputError("the experiment names no such set of bridges", where=folder, field="sources", value=name,
-                             allowed=", ".join(sorted(wanted)), hint="Leave it out, or write NAME=FOLDER")  # fmt: skip
+            raise InputError(
+                "the experiment names no such set of bridges",
+                where=folder,
+                field="sources",
+                value=name,
+                allowed=", ".join(sorted(wanted)),
+                hint="Leave it out, or write NAME=FOLDER",
+            )
         if folder.resolve() in {other.resolve() for _, other in sources[:number]}:
             raise InputError("given twice", where=folder, field="sources", hint="Name every folder once")
         places = {place: _clouds(place) for place in _places(folder)}
         if not any(places.values()):
-            raise InputError("no clouds are in it", where=folder, field="sources",
-                             hint="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such "
-                             "folders")  # fmt: skip
+            raise InputError(
+                "no clouds are in it",
+                where=folder,
+                field="sources",
+                hint="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such folders",
+            )
         if names and len(places) > 1:
-            raise InputError("has several bridges, and --bridge names one", where=folder, field="--bridge",
-                             value=names[number],
-                             hint="Name the folder of each bridge, and one --bridge for each")  # fmt: skip
+            raise InputError(
+                "has several bridges, and --bridge names one",
+                where=folder,
+                field="--bridge",
+                value=names[number],
+                hint="Name the folder of each bridge, and one --bridge for each",
+            )
         for place, found in places.items():
             there.setdefault(name, set()).update(found)
             clouds = {cloud: path for cloud, path in found.items() if cloud in wanted[name]}
@@ -82,9 +95,12 @@ def find_bridges(
     for name, needed in sorted(wanted.items()):
         if lacking := sorted(needed - there[name]):
             raise InputError(
-                "no bridge has a cloud of this name", field=f"clouds of the set {name}", value=lacking[0],
-                allowed=", ".join(sorted(there[name])), hint="Name clouds that there are in arms and tests",
-            )  # fmt: skip
+                "no bridge has a cloud of this name",
+                field=f"clouds of the set {name}",
+                value=lacking[0],
+                allowed=", ".join(sorted(there[name])),
+                hint="Name clouds that there are in arms and tests",
+            )
     return bridges
 
 
@@ -115,8 +131,13 @@ def _bridge(name: str, label: str, place: Path, clouds: Mapping[str, Path], give
             digests[cloud] = facts.digest
             found.add(facts.bridge)
     if len(found) > 1:
-        raise InputError("clouds of several bridges", where=place, field="bridge", value=", ".join(sorted(found)),
-                         hint="Keep the clouds of one bridge in one folder")  # fmt: skip
+        raise InputError(
+            "clouds of several bridges",
+            where=place,
+            field="bridge",
+            value=", ".join(sorted(found)),
+            hint="Keep the clouds of one bridge in one folder",
+        )
     return Bridge(name, label, found.pop(), dict(clouds), digests)
 
 
@@ -127,7 +148,9 @@ def _told(path: Path) -> str:
     bridge = stored.get("bridge", "") if isinstance(stored, dict) else ""
     if not isinstance(bridge, str) or not bridge:
         raise InputError(
-            "does not say which bridge it shows, so that no bridge can be kept for the test", where=path,
-            field="bridge", hint="Make the cloud again, or name it with --bridge",
-        )  # fmt: skip
+            "does not say which bridge it shows, so that no bridge can be kept for the test",
+            where=path,
+            field="bridge",
+            hint="Make the cloud again, or name it with --bridge",
+        )
     return bridge

@@ -118,8 +118,11 @@ class Experiment:
             if not part.like:
                 continue
             needed = {part.cloud, part.like}
-            mine = [one for one in self.bridges if one.set == part.set and needed <= one.clouds.keys()
-                    and self.splits[one.set, one.bridge] == TRAIN]  # fmt: skip
+            mine = [
+                one
+                for one in self.bridges
+                if one.set == part.set and needed <= one.clouds.keys() and self.splits[one.set, one.bridge] == TRAIN
+            ]
             inputs = {f"given/{one.name}/{name}": one.digests[name] for one in mine for name in (part.cloud, part.like)}
             pairs = [(one.clouds[part.cloud], one.clouds[part.like]) for one in mine]
             task = Task("noise", VERSIONS["noise"], {"platform": _platform()}, inputs)
@@ -130,8 +133,11 @@ class Experiment:
         """Cut each bridge: set and name to its job; a bridge without any of the clouds has none."""
         jobs = {}
         for bridge in self.bridges:
-            parts = [part for part in self._parts if part.set == bridge.set
-                     and {part.cloud, part.like} - {""} <= bridge.clouds.keys()]  # fmt: skip
+            parts = [
+                part
+                for part in self._parts
+                if part.set == bridge.set and {part.cloud, part.like} - {""} <= bridge.clouds.keys()
+            ]
             if not parts:
                 continue
             used = sorted({name for part in parts for name in (part.cloud, part.like) if name})
@@ -140,11 +146,14 @@ class Experiment:
             names = [cloud_name(part) for part in parts]
             settings = {"cut": self.settings.cut.model_dump(mode="json"), "clouds": names, "platform": _platform()}
             sources = [
-                CloudSource(cloud_name(part), bridge.clouds[part.cloud],
-                            bridge.clouds[part.like] if part.like else None,
-                            self.store.folder(noise[part].task) / _NOISE if part.like else None)
+                CloudSource(
+                    cloud_name(part),
+                    bridge.clouds[part.cloud],
+                    bridge.clouds[part.like] if part.like else None,
+                    self.store.folder(noise[part].task) / _NOISE if part.like else None,
+                )
                 for part in parts
-            ]  # fmt: skip
+            ]
             make = partial(cut_pieces, sources, settings=self.settings.cut, progress=self.progress)
             task = Task("pieces", VERSIONS["pieces"], settings, inputs)
             jobs[bridge.set, bridge.name] = Job(task, make, "pieces", len(parts), bridge.name)
@@ -176,8 +185,10 @@ class Experiment:
         found = []
         for group in self.settings.groups:
             for arm in group:
-                chosen = {split: windows_of(scenes, self.splits, self.settings, arm=arm, group=group, split=split)
-                          for split in (TRAIN, VAL)}  # fmt: skip
+                chosen = {
+                    split: windows_of(scenes, self.splits, self.settings, arm=arm, group=group, split=split)
+                    for split in (TRAIN, VAL)
+                }
                 for model in self.settings.models:
                     for number in range(self.settings.seeds):
                         seed = self.settings.first_seed + number
@@ -187,9 +198,14 @@ class Experiment:
         return found
 
     def _training(
-        self, arm: str, model: str, seed: int, chosen: Mapping[str, list[WindowPlace]], keys: Mapping[Path, str],
+        self,
+        arm: str,
+        model: str,
+        seed: int,
+        chosen: Mapping[str, list[WindowPlace]],
+        keys: Mapping[Path, str],
         names: Mapping[Path, str],
-    ) -> Job:  # fmt: skip
+    ) -> Job:
         train = self.settings.training(model, seed)
         is_forest = model == FOREST
         validation = [] if is_forest else chosen[VAL]
@@ -199,9 +215,14 @@ class Experiment:
         checked = HeldWindows(validation, self.settings.sampling, 1)
         data = data_facts(self.settings, self.settings.kept(arm))
         settings = {
-            "train": train.model_dump(mode="json"), "sampling": _spelt(sampling), "count": count, "data": data,
-            "windows": _named(chosen[TRAIN], keys), "validation": _named(validation, keys), "platform": _platform(),
-        }  # fmt: skip
+            "train": train.model_dump(mode="json"),
+            "sampling": _spelt(sampling),
+            "count": count,
+            "data": data,
+            "windows": _named(chosen[TRAIN], keys),
+            "validation": _named(validation, keys),
+            "platform": _platform(),
+        }
         inputs = {names[place.folder]: keys[place.folder] for place in (*chosen[TRAIN], *validation)}
         make = partial(train_trial, source, checked, train, progress=self.progress, data=data)
         work = count if is_forest else count * self.settings.looks
@@ -217,8 +238,12 @@ class Experiment:
         self, name: str, training: Job, places: list[WindowPlace], keys: Mapping[Path, str], names: Mapping[Path, str]
     ) -> Job:
         source = HeldWindows(places, self.settings.sampling, self.settings.test_draws)
-        settings = {"sampling": _spelt(source.settings), "windows": _named(places, keys), "platform": _platform(),
-                    "draws": self.settings.test_draws}  # fmt: skip
+        settings = {
+            "sampling": _spelt(source.settings),
+            "windows": _named(places, keys),
+            "platform": _platform(),
+            "draws": self.settings.test_draws,
+        }
         inputs = {"training": training.task.key, **{names[one.folder]: keys[one.folder] for one in places}}
         make = partial(_score, self.store.folder(training.task), source, progress=self.progress)
         model = training.kind.removeprefix("training ")
@@ -251,10 +276,17 @@ class Experiment:
         made = self.store.produce(job.task, job.make, resume=resumes, wait=wait)
         self.made, self.reused = self.made + made, self.reused + (not made)
         if made:
-            write_event(self.store.root, {
-                "stage": job.kind, "key": job.task.key, "made": True, "seconds": time.monotonic() - begin,
-                "work": job.work, "bytes": bytes_added(self.store.folder(job.task)),
-            })  # fmt: skip
+            write_event(
+                self.store.root,
+                {
+                    "stage": job.kind,
+                    "key": job.task.key,
+                    "made": True,
+                    "seconds": time.monotonic() - begin,
+                    "work": job.work,
+                    "bytes": bytes_added(self.store.folder(job.task)),
+                },
+            )
 
     def read_trials(self, trials: Sequence[TrialJobs]) -> list[Trial]:
         """Read what the tests found.
@@ -266,8 +298,10 @@ class Experiment:
         for one in trials:
             for name, job in one.tests.items():
                 record = read_json(self.store.folder(job.task) / SCORES)
-                matrices = [{bridge: np.array(rows, np.int64) for bridge, rows in record[key].items()}
-                            for key in ("bridges", "sure")]  # fmt: skip
+                matrices = [
+                    {bridge: np.array(rows, np.int64) for bridge, rows in record[key].items()}
+                    for key in ("bridges", "sure")
+                ]
                 found.append(Trial(one.group, one.model, one.arm, one.seed, name, *matrices))
         return found
 
@@ -283,14 +317,22 @@ def data_facts(settings: ExperimentSettings, noisy: float) -> dict[str, Any]:
 
     kind = "global" if settings.mode == "whole" else "local"
     values = {
-        "mode": "metric" if settings.mode == "metric" else "paper", "table": settings.table, "points": settings.points,
-        "fewest": settings.fewest, "noisy": noisy, "noisy_class": settings.noisy_class,
-        "tile": settings.tile.model_dump(mode="json"), "window": settings.window.model_dump(mode="json"),
+        "mode": "metric" if settings.mode == "metric" else "paper",
+        "table": settings.table,
+        "points": settings.points,
+        "fewest": settings.fewest,
+        "noisy": noisy,
+        "noisy_class": settings.noisy_class,
+        "tile": settings.tile.model_dump(mode="json"),
+        "window": settings.window.model_dump(mode="json"),
         "augment": settings.augment.model_dump(mode="json"),
-    }  # fmt: skip
+    }
     made = dataset_settings(kind, values, "experiment")
-    return {"settings": made.model_dump(mode="json"), "scaling": vars(settings.sampling.scaling),
-            "table": settings.table}  # fmt: skip
+    return {
+        "settings": made.model_dump(mode="json"),
+        "scaling": vars(settings.sampling.scaling),
+        "table": settings.table,
+    }
 
 
 def _fit(pairs: Sequence[tuple[Path, Path]], folder: Path) -> None:
@@ -303,9 +345,13 @@ def _score(model: Path, source: HeldWindows, folder: Path, progress: Progress) -
 
 def _spelt(sampling: SampleSettings) -> dict[str, Any]:
     return {
-        "classes": sampling.classes, "channels": sampling.channels, "scaling": vars(sampling.scaling),
-        "points": sampling.points, "noisy": str(sampling.noisy), "augment": sampling.augment.model_dump(mode="json"),
-    }  # fmt: skip
+        "classes": sampling.classes,
+        "channels": sampling.channels,
+        "scaling": vars(sampling.scaling),
+        "points": sampling.points,
+        "noisy": str(sampling.noisy),
+        "augment": sampling.augment.model_dump(mode="json"),
+    }
 
 
 def _named(places: Sequence[WindowPlace], keys: Mapping[Path, str]) -> dict[str, Any]:

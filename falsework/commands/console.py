@@ -25,9 +25,15 @@ class ConsoleProgress:
         """Choose the live line on a terminal and plain lines elsewhere."""
         console = Console(stderr=True)
         self._live = Progress(
-            TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-            TextColumn("left"), TimeRemainingColumn(), console=console, disable=not console.is_terminal,
-        )  # fmt: skip
+            TextColumn("{task.description:<28}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not console.is_terminal,
+        )
         self._plain = not console.is_terminal
         self._task: TaskID | None = None
         self._name, self._total, self._done = "", 0, 0

@@ -42,8 +42,9 @@ def local(
         seed: Seed of splits and draws.
         set: A further setting, such as `points=2048` or `tile.size=8.0`; may be given more than once.
     """
-    return _build("local", sources, output, {"mode": mode, "table": table, "split": split, "seed": seed},
-                  class_map, bridge, set)  # fmt: skip
+    return _build(
+        "local", sources, output, {"mode": mode, "table": table, "split": split, "seed": seed}, class_map, bridge, set
+    )
 
 
 def whole(
@@ -99,9 +100,14 @@ def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["
 
 
 def _build(
-    kind: str, sources: tuple[Path, ...], output: Path, values: dict[str, Any], class_map: str,
-    bridges: tuple[str, ...], given: tuple[str, ...],
-) -> int:  # fmt: skip
+    kind: str,
+    sources: tuple[Path, ...],
+    output: Path,
+    values: dict[str, Any],
+    class_map: str,
+    bridges: tuple[str, ...],
+    given: tuple[str, ...],
+) -> int:
     from learn.datasets.build import Source, build_dataset
     from learn.datasets.class_map import read_class_map
     from learn.datasets.settings import dataset_settings
@@ -111,8 +117,10 @@ def _build(
     if bridges and len(bridges) != len(paths):
         raise InputError("not one name for each source", field="--bridge", value=len(bridges), allowed=str(len(paths)))
     known = read_class_map(class_map) if class_map else None
-    named = [Source(path, None if path.is_dir() else known, name)
-             for path, name in zip(paths, bridges or [""] * len(paths), strict=True)]  # fmt: skip
+    named = [
+        Source(path, None if path.is_dir() else known, name)
+        for path, name in zip(paths, bridges or [""] * len(paths), strict=True)
+    ]
 
     def write(folder: Path) -> None:
         build_dataset(named, folder, settings, progress)
@@ -152,8 +160,11 @@ def clouds_in(source: Path) -> list[Path]:
         return [source]
     found = sorted(path for path in (source / "scenes").glob("*/cloud/*") if (path / "cloud.json").is_file())
     if not found:
-        raise InputError("a run without a cloud", where=source,
-                         hint="Run it to its clouds first: falsework plan says what is missing")  # fmt: skip
+        raise InputError(
+            "a run without a cloud",
+            where=source,
+            hint="Run it to its clouds first: falsework plan says what is missing",
+        )
     return found
 
 

@@ -92,9 +92,12 @@ def harvest(
         if not path.is_file():
             raise MissingError("no such file", where=path)
     request = {
-        "edited": str(edited), "scene": str(scene), "label": list(label), "remove": remove,
+        "edited": str(edited),
+        "scene": str(scene),
+        "label": list(label),
+        "remove": remove,
         "allow_roots": [str(root) for root in allow_roots],
-    }  # fmt: skip
+    }
     return read_safely("falsework.commands.edit_verbs", request, edited, progress)
 
 

@@ -56,9 +56,15 @@ def predict(
     if not scan.exists():
         raise MissingError("no such file", where=scan, hint="Name a scan, or the folder of a cloud")
     values: dict[str, Any] = {
-        "unit": unit, "scale": scale, "up": up, "table": table, "classes": classes, "min_confidence": min_confidence,
-        "link": link, "chunk": chunk,
-    }  # fmt: skip
+        "unit": unit,
+        "scale": scale,
+        "up": up,
+        "table": table,
+        "classes": classes,
+        "min_confidence": min_confidence,
+        "link": link,
+        "chunk": chunk,
+    }
     settings = parse_settings(PredictSettings, values, "predict")
     if not output.suffix:
         raise InputError("says no format", where=output, field="-o", hint="Give it a suffix such as .laz")

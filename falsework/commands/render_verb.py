@@ -70,9 +70,13 @@ def render(
 
 
 def _choices(
-    settings: dict[str, Any], camera: str, frame: tuple[str, ...], purpose: tuple[str, ...], variant: tuple[str, ...],
+    settings: dict[str, Any],
+    camera: str,
+    frame: tuple[str, ...],
+    purpose: tuple[str, ...],
+    variant: tuple[str, ...],
     size: tuple[int, int],
-) -> dict[str, Any] | None:  # fmt: skip
+) -> dict[str, Any] | None:
     """Check settings and choices; the choices as JSON, None where the stage is read as it is."""
     from groundwork.settings import parse_settings
     from render.settings import RenderSettings

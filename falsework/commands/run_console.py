@@ -38,9 +38,12 @@ class RunConsole:
         """Begin to draw."""
         if self._console.is_terminal:
             self._live = Live(
-                get_renderable=self._draw, console=self._console, refresh_per_second=REDRAWN, redirect_stdout=False,
+                get_renderable=self._draw,
+                console=self._console,
+                refresh_per_second=REDRAWN,
+                redirect_stdout=False,
                 redirect_stderr=False,
-            )  # fmt: skip
+            )
             self._live.start()
         else:
             self._plain = ConsoleProgress()

@@ -54,8 +54,12 @@ def run(
     from groundwork.errors import InputError
 
     if workers < 0 or (workers and cluster):
-        raise InputError("no such number of workers", field="--workers", value=workers,
-                         allowed="0 or more, and none beside --cluster")  # fmt: skip
+        raise InputError(
+            "no such number of workers",
+            field="--workers",
+            value=workers,
+            allowed="0 or more, and none beside --cluster",
+        )
     loaded = load_scenario(scenario)
     part = shard_of(scene_range(scenes, loaded.scenes), shard)
     with values_of(scenario):
@@ -83,8 +87,11 @@ def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool
         _say(f"scene {name} rejected: {reason}")
     for name, reason in outcome.failed.items():
         _say(f"scene {name} failed: {reason}")
-    _say(f"{outcome.made} results made, {outcome.reused} were there already" if outcome.made else
-         f"nothing to do: all {outcome.reused} results were there already")  # fmt: skip
+    _say(
+        f"{outcome.made} results made, {outcome.reused} were there already"
+        if outcome.made
+        else f"nothing to do: all {outcome.reused} results were there already"
+    )
     for cloud in outcome.clouds:
         _say(f"cloud   {cloud}")
     for line in _few(outcome.clouds):

@@ -42,9 +42,11 @@ def score(
         as_json: Print one JSON object instead of lines.
     """
     request: dict[str, Any] = {
-        "scene": str(scene.absolute()), "survey": survey, "allow_roots": [str(root.absolute()) for root in allow_root],
+        "scene": str(scene.absolute()),
+        "survey": survey,
+        "allow_roots": [str(root.absolute()) for root in allow_root],
         "propose": propose,
-    }  # fmt: skip
+    }
     if output is not None:
         check_output_file(output, [scene])
     with ConsoleProgress() as progress:
@@ -91,9 +93,13 @@ def plan(
     if members and kind != "inspection":
         raise InputError("goes with an inspection", field="--for", value=" ".join(members), allowed="--kind inspection")
     request: dict[str, Any] = {
-        "plan": settings, "scene": str(scene.absolute()), "seed": seed, "members": list(members), "survey": "",
+        "plan": settings,
+        "scene": str(scene.absolute()),
+        "seed": seed,
+        "members": list(members),
+        "survey": "",
         "allow_roots": [],
-    }  # fmt: skip
+    }
     with ConsoleProgress() as progress:
         found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
     _say(f"survey      {found[0]['survey']}: {found[0]['images']} images, {found[0]['length']:.0f} m")

@@ -73,9 +73,17 @@ def train(
     if dataset is None:
         raise InputError("no data set", hint="Name a folder that falsework dataset has written, or give --demo")
     settings = _settings(
-        {"model": model, "recipe": recipe, "epochs": epochs, "batch": batch, "seed": seed,
-         "freeze_encoder": freeze_encoder}, begun := _begun(init), set,
-    )  # fmt: skip
+        {
+            "model": model,
+            "recipe": recipe,
+            "epochs": epochs,
+            "batch": batch,
+            "seed": seed,
+            "freeze_encoder": freeze_encoder,
+        },
+        begun := _begun(init),
+        set,
+    )
     if init is not None and settings.model == "forest":
         raise InputError("a forest begins anew", field="--init", value=init, hint="Leave --init out")
     names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
@@ -92,15 +100,32 @@ def _fit(dataset: Path, output: Path, settings: "TrainSettings", channels: tuple
         if settings.model == "forest":
             from learn.training.forest import train_forest
 
-            fresh_output(output, "model", lambda folder: train_forest(
-                source, settings, folder, progress, _facts(source)
-            ), inputs=inputs, asked=asked)  # fmt: skip
+            fresh_output(
+                output,
+                "model",
+                lambda folder: train_forest(source, settings, folder, progress, _facts(source)),
+                inputs=inputs,
+                asked=asked,
+            )
         else:
             from learn.training.train import train_network
 
-            fresh_output(output, "model", lambda folder: train_network(
-                source, held if len(held) else None, settings, folder, progress, data=_facts(source), init=init,
-            ), inputs=inputs, asked=asked, resume=True)  # fmt: skip
+            fresh_output(
+                output,
+                "model",
+                lambda folder: train_network(
+                    source,
+                    held if len(held) else None,
+                    settings,
+                    folder,
+                    progress,
+                    data=_facts(source),
+                    init=init,
+                ),
+                inputs=inputs,
+                asked=asked,
+                resume=True,
+            )
 
 
 def evaluate(
@@ -129,8 +154,12 @@ def evaluate(
 
     if output is not None:
         if output.suffix == ".md":
-            raise InputError("the name of the tables beside the scores", where=output, field="-o",
-                             hint="Name a .json file: the tables lie beside it")  # fmt: skip
+            raise InputError(
+                "the name of the tables beside the scores",
+                where=output,
+                field="-o",
+                hint="Name a .json file: the tables lie beside it",
+            )
         check_output_file(output, [model, dataset], _is_evaluation)
         check_output_file(output.with_suffix(".md"), [model, dataset])
     with reading(model, dataset):
@@ -138,12 +167,15 @@ def evaluate(
         source = _scored(trained.facts, dataset, split)
     with ConsoleProgress() as progress, reading(model, dataset):
         if known := _trained_on(trained.facts, source):
-            progress.note(f"the model was trained on {len(known)} of these bridges, so that its scores are too good: "
-                          + ", ".join(name[:12] for name in known))  # fmt: skip
+            progress.note(
+                f"the model was trained on {len(known)} of these bridges, so that its scores are too good: "
+                + ", ".join(name[:12] for name in known)
+            )
         record = evaluate_model(_in_classes_of(source, trained), source, progress)
     if output is not None:
-        write_fresh_file(output, json.dumps(record, sort_keys=True, indent=2).encode() + b"\n", [model, dataset],
-                         _is_evaluation)  # fmt: skip
+        write_fresh_file(
+            output, json.dumps(record, sort_keys=True, indent=2).encode() + b"\n", [model, dataset], _is_evaluation
+        )
         page = [
             f"<!-- {SIGNATURE} -->",
             f"# Scores of {model.name} on {dataset.name}, {split}",
@@ -160,12 +192,22 @@ def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
     """Open a split for a model; samples of another scale than those it was trained on would say nothing of it."""
     source: Any = _split(dataset, split, facts.channels)
     if not len(source):
-        raise InputError("nothing in this split", where=dataset, field="--split", value=split,
-                         hint="Name another one, or keep bridges for it when the data set is made")  # fmt: skip
+        raise InputError(
+            "nothing in this split",
+            where=dataset,
+            field="--split",
+            value=split,
+            hint="Name another one, or keep bridges for it when the data set is made",
+        )
     before, now = facts.data.get("scaling"), _facts(source).get("scaling")
     if before and now and dict(before) != dict(now):
-        raise InputError("samples of another scale than those that the model was trained on", where=dataset,
-                         field="tile.scale", value=_spelled(now), allowed=_spelled(before))  # fmt: skip
+        raise InputError(
+            "samples of another scale than those that the model was trained on",
+            where=dataset,
+            field="tile.scale",
+            value=_spelled(now),
+            allowed=_spelled(before),
+        )
     return source
 
 

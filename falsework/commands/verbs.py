@@ -22,9 +22,7 @@ SAMPLE_TIME_LIMIT = 6 * 3600.0  # [s]
 SAMPLE_MEMORY_LIMIT = 16.0  # [GB]
 
 
-def author_file(
-    scenario: Scenario, out: Path, scene: int, progress: Progress, inputs: Sequence[Path] = ()
-) -> Path:  # fmt: skip
+def author_file(scenario: Scenario, out: Path, scene: int, progress: Progress, inputs: Sequence[Path] = ()) -> Path:
     """Author the layered stage of one scene into a plain folder.
 
     Args:
@@ -75,13 +73,21 @@ def sample_file(
         InputError: No such file, nothing to sample, or an output folder that is not ours.
     """
     request = {
-        "kind": kind, "settings": settings.model_dump(mode="json"), "stage": str(stage.absolute()),
+        "kind": kind,
+        "settings": settings.model_dump(mode="json"),
+        "stage": str(stage.absolute()),
         "allow_roots": [str(root.absolute()) for root in allow_roots],
-    }  # fmt: skip
+    }
 
     def write(folder: Path) -> None:
-        read_safely(SAMPLER, request | {"folder": str(folder.absolute())}, stage, progress, SAMPLE_TIME_LIMIT,
-                    SAMPLE_MEMORY_LIMIT)  # fmt: skip
+        read_safely(
+            SAMPLER,
+            request | {"folder": str(folder.absolute())},
+            stage,
+            progress,
+            SAMPLE_TIME_LIMIT,
+            SAMPLE_MEMORY_LIMIT,
+        )
 
     with reading(stage):
         if not stage.is_file():
@@ -90,9 +96,15 @@ def sample_file(
 
 
 def render_file(
-    stage: Path, out: Path, survey: str | None, settings: dict[str, Any], seed: int, progress: Progress,
-    allow_roots: tuple[Path, ...] = (), choices: dict[str, Any] | None = None,
-) -> list[str]:  # fmt: skip
+    stage: Path,
+    out: Path,
+    survey: str | None,
+    settings: dict[str, Any],
+    seed: int,
+    progress: Progress,
+    allow_roots: tuple[Path, ...] = (),
+    choices: dict[str, Any] | None = None,
+) -> list[str]:
     """Render the products of any stage, each into a capture of its own.
 
     Args:
@@ -134,9 +146,13 @@ def render_file(
 
 
 def reconstruct_folder(
-    capture: Path, out: Path, settings: ReconSettings, progress: Progress, control: Path | None = None,
+    capture: Path,
+    out: Path,
+    settings: ReconSettings,
+    progress: Progress,
+    control: Path | None = None,
     model: Path | None = None,
-) -> list[Path]:  # fmt: skip
+) -> list[Path]:
     """Reconstruct one capture, or a folder of photographs, into a plain folder; goes on where it was interrupted.
 
     Args:
@@ -157,9 +173,13 @@ def reconstruct_folder(
         if not capture.is_dir():
             raise MissingError("no such folder", where=capture, hint="Name a capture, or a folder of photographs")
         fresh_output(
-            out, "cloud", lambda folder: reconstruct(capture, folder, settings, progress, control, model),
-            inputs=inputs, asked=_place(capture), resume=True,
-        )  # fmt: skip
+            out,
+            "cloud",
+            lambda folder: reconstruct(capture, folder, settings, progress, control, model),
+            inputs=inputs,
+            asked=_place(capture),
+            resume=True,
+        )
     return [out / "cloud" / mode for mode in settings.modes] if len(settings.modes) > 1 else [out]
 
 
@@ -225,9 +245,13 @@ def export_folder(source: Path, to: str, out: Path, progress: Progress, photogra
         is_cloud = (source / "cloud.json").is_file()
         if not is_cloud and to not in CAPTURE_FORMATS:
             raise InputError(
-                "a format of clouds, and this is none", where=source, field="--to", value=to,
-                allowed=", ".join(CAPTURE_FORMATS), hint="Name the folder that holds cloud.json",
-            )  # fmt: skip
+                "a format of clouds, and this is none",
+                where=source,
+                field="--to",
+                value=to,
+                allowed=", ".join(CAPTURE_FORMATS),
+                hint="Name the folder that holds cloud.json",
+            )
         if is_cloud:
             from recon.formats.export import export_cloud
 

@@ -155,8 +155,12 @@ def look_at_sources(scenario: Scenario, progress: Progress) -> Sources:
     surveys = surveys_of(path, roots, progress) if scenario.survey else []
     both = {slug(survey) for survey in surveys} & {sample.id for sample in scenario.sample}
     if both:
-        raise InputError("a sample has the name of a survey of the stage", field="sample.id", value=min(both),
-                         hint="Give it another id")  # fmt: skip
+        raise InputError(
+            "a sample has the name of a survey of the stage",
+            field="sample.id",
+            value=min(both),
+            hint="Give it another id",
+        )
     with reading(path):  # it counts by content, with every file that stands beside it, but runs made from it
         digest = folder_digest(path.parent, without=RUN)
         return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: digest})
@@ -197,9 +201,7 @@ def new_task(
     return Task(stage, STAGES[stage].version, settings, inputs, manner or {})
 
 
-def _flight(
-    scenario: Scenario, seed: int, survey: str, variant: str, stage: Step | None, sources: Sources
-) -> Flight:  # fmt: skip
+def _flight(scenario: Scenario, seed: int, survey: str, variant: str, stage: Step | None, sources: Sources) -> Flight:
     name = f"{slug(survey)}@{slug(variant)}" if variant else slug(survey)  # a stage from elsewhere names surveys
     rendering = scenario.rendering()
     drawing = {part: rendering.pop(part) for part in ("workers", "encoders")}
@@ -219,16 +221,19 @@ def _flight(
     both = {"capture": capture, "model": model}
     keys = {name: step.task.key for name, step in both.items()}
     clouds = tuple(
-        Step(new_task("cloud", {"recon": recon.of_cloud(mode), "platform": platform}, keys, limits),
-             f"cloud/{name}" + (f"{SEVERAL}{mode}" if len(recon.modes) > 1 else ""), both)
+        Step(
+            new_task("cloud", {"recon": recon.of_cloud(mode), "platform": platform}, keys, limits),
+            f"cloud/{name}" + (f"{SEVERAL}{mode}" if len(recon.modes) > 1 else ""),
+            both,
+        )
         for mode in recon.modes
-    )  # fmt: skip
+    )
     return Flight(name, variant, capture, model, clouds)
 
 
 def _sample(
     scenario: Scenario, seed: int, sample: AnySample, variant: str, stage: Step | None, sources: Sources
-) -> Step:  # fmt: skip
+) -> Step:
     """Describe one sampled cloud; its draws are a stream of its own, which another `seed` of the section moves on."""
     layer = f"sample/{sample.id}" + (f"/{sample.seed}" if sample.seed else "")
     drawn = int(stream(seed, layer).integers(2**31))

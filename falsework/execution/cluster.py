@@ -96,8 +96,12 @@ def check_address(address: str) -> None:
         InputError: Not of the form that Dask's schedulers have.
     """
     if not _ADDRESS.fullmatch(address) or int(address.rpartition(":")[2]) > _LAST_PORT:
-        raise InputError("not the address of a scheduler", field="--cluster", value=address,
-                         allowed="tcp://HOST:PORT or tls://HOST:PORT")  # fmt: skip
+        raise InputError(
+            "not the address of a scheduler",
+            field="--cluster",
+            value=address,
+            allowed="tcp://HOST:PORT or tls://HOST:PORT",
+        )
 
 
 def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:
@@ -197,10 +201,11 @@ def _own_cluster(workers: int) -> Iterator[Any]:
     from dask import config
 
     settings: dict[str, Any] = {
-        "distributed.scheduler.allowed-failures": FAILURES, "distributed.deploy.lost-worker-timeout": PATIENCE,
+        "distributed.scheduler.allowed-failures": FAILURES,
+        "distributed.deploy.lost-worker-timeout": PATIENCE,
         # Connections that end with an interrupted run are no news; read where a process first loads Dask.
         "logging": {"distributed": "critical"},
-    }  # fmt: skip
+    }
     with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
         from distributed import Client, LocalCluster
 
@@ -208,9 +213,14 @@ def _own_cluster(workers: int) -> Iterator[Any]:
         with _deaf_to_interrupts():
             how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # neither a page nor Dask's own guard
             cluster = LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, host=LOOPBACK, local_directory=scratch,
-                silence_logs=logging.CRITICAL, **how,
-            )  # fmt: skip
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host=LOOPBACK,
+                local_directory=scratch,
+                silence_logs=logging.CRITICAL,
+                **how,
+            )
             client = Client(cluster)
         try:
             yield client

@@ -108,9 +108,15 @@ class PlannedStore(Store):
         return super().has(task)
 
     def produce(
-        self, task: Task, make: Callable[[Path], None], *, resume: bool = False, wait: bool = True,
-        quarantine: bool = False, retry: bool = False,
-    ) -> bool:  # fmt: skip
+        self,
+        task: Task,
+        make: Callable[[Path], None],
+        *,
+        resume: bool = False,
+        wait: bool = True,
+        quarantine: bool = False,
+        retry: bool = False,
+    ) -> bool:
         """Note that a result would be made.
 
         Args:
@@ -185,9 +191,13 @@ class PlannedRun(SceneRun):
 
 
 def plan_run(
-    scenario: Scenario, out: Path | None, progress: Progress, scenes: Iterable[int] | None = None, *,
+    scenario: Scenario,
+    out: Path | None,
+    progress: Progress,
+    scenes: Iterable[int] | None = None,
+    *,
     retry_failed: bool = False,
-) -> Plan:  # fmt: skip
+) -> Plan:
     """Tell what `run_scenario` would do with the same arguments; nothing is written.
 
     Args:
@@ -209,8 +219,12 @@ def plan_run(
     store = PlannedStore(out, costs)
     manner = Manner(scenario.scenes > 1, retry_failed, keep=scenario.keep)
     names = [name for name in STAGES if name != "sample" or scenario.sample]
-    plan = Plan({name: StagePlan(seconds=costs.seconds(name), bytes=costs.bytes_each(name),
-                                 learned=costs.is_learned(name)) for name in names})  # fmt: skip
+    plan = Plan(
+        {
+            name: StagePlan(seconds=costs.seconds(name), bytes=costs.bytes_each(name), learned=costs.is_learned(name))
+            for name in names
+        }
+    )
     for index in range(scenario.scenes) if scenes is None else scenes:
         before = plan.outcome.made
         plan.outcome.add(run_scene(scenario, sources, index, store, manner, SILENT, PlannedRun))

@@ -180,9 +180,13 @@ class SceneRun:
         self._tell(step, "begun")
         settings = {**step.task.settings, **step.task.manner}
         made = self.store.produce(
-            step.task, lambda folder: stage.run(settings, inputs, folder, self.progress), resume=stage.resumes,
-            wait=self.manner.wait, quarantine=self.manner.quarantine, retry=self.manner.retry,
-        )  # fmt: skip
+            step.task,
+            lambda folder: stage.run(settings, inputs, folder, self.progress),
+            resume=stage.resumes,
+            wait=self.manner.wait,
+            quarantine=self.manner.quarantine,
+            retry=self.manner.retry,
+        )
         event = {"stage": step.task.stage, "key": step.task.key, "scene": self.chain.name, "made": made}
         size = {"bytes": bytes_added(self.store.folder(step.task))} if made else {}
         write_event(self.store.root, {**event, "seconds": time.monotonic() - begin, **size})
@@ -208,9 +212,15 @@ class SceneRun:
 
 
 def run_scene(
-    scenario: Scenario, sources: Sources, index: int, store: Store, manner: Manner, progress: Progress,
-    kind: type[SceneRun] = SceneRun, board: Board = NO_BOARD,
-) -> Outcome:  # fmt: skip
+    scenario: Scenario,
+    sources: Sources,
+    index: int,
+    store: Store,
+    manner: Manner,
+    progress: Progress,
+    kind: type[SceneRun] = SceneRun,
+    board: Board = NO_BOARD,
+) -> Outcome:
     """Run one scene, and count what is wrong with it; the other scenes of a scenario go on.
 
     Args:
@@ -261,6 +271,8 @@ def steps_of(chain: Chain, keep: tuple[str, ...]) -> dict[str, int]:
     """
     flights = len(chain.flights)
     return {
-        **({} if chain.stage is None else {"stage": 1}), "capture": flights, "cloud": flights,
+        **({} if chain.stage is None else {"stage": 1}),
+        "capture": flights,
+        "cloud": flights,
         **({"report": 1} if "report" in keep else {}),
-    }  # fmt: skip
+    }

@@ -20,7 +20,12 @@ def seen_from(scene: FlatScene, poses: NDArray[np.float64], camera: Pinhole) -> 
     names = tuple(f"{number:06d}" for number in range(len(poses)))
     track = replace(
         scene.cameras[scene.products[0].camera],
-        name="gallery", poses=poses, image_names=names, calibration=camera, gps=None, facts={},
-    )  # fmt: skip
+        name="gallery",
+        poses=poses,
+        image_names=names,
+        calibration=camera,
+        gps=None,
+        facts={},
+    )
     product = replace(scene.products[0], name="gallery", camera=0, width=camera.width, height=camera.height)
     return replace(scene, cameras=(track,), products=(product,))

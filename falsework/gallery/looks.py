@@ -64,9 +64,10 @@ def photograph_look(look: str, seed: int, texels: int) -> tuple[U8, ...]:
         texels: Texels along a side of a sheet [px].
     """
     asked = {
-        "bridge": {"family": "girder"}, "look": {"name": look, "texels": texels},
+        "bridge": {"family": "girder"},
+        "look": {"name": look, "texels": texels},
         "survey": [{"kind": "global", "images": 8, "spacing": 50.0}],
-    }  # fmt: skip
+    }
     settings = parse_settings(AuthoringSettings, asked, "gallery")
     layout, _ = draw_layout(settings.bridge, stream(seed, "bridge"))
     poses = world_views(layout, draw_site(settings.site, layout, stream(seed, "site")))

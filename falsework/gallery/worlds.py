@@ -108,9 +108,12 @@ def photograph_world(world: str, seed: int, **said: Any) -> WorldShots:
     look = tuple(LOOKS)[seed % len(LOOKS)]
     light = tuple(LIGHTS)[(seed + seed // len(LIGHTS)) % len(LIGHTS)]
     asked = {
-        "background": {"name": world}, "look": {"name": look, "texels": _TEXELS}, "light": LIGHTS[light],
-        "survey": [{"kind": "global", "images": 8, "spacing": 50.0}], **said,
-    }  # fmt: skip
+        "background": {"name": world},
+        "look": {"name": look, "texels": _TEXELS},
+        "light": LIGHTS[light],
+        "survey": [{"kind": "global", "images": 8, "spacing": 50.0}],
+        **said,
+    }
     settings = parse_settings(AuthoringSettings, asked, "gallery")
     layout, _ = draw_layout(settings.bridge, stream(seed, "bridge"))
     site = draw_site(settings.site, layout, stream(seed, "site"))

@@ -48,23 +48,31 @@ def cloud_view(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...], 
     low, high = _box(coord)
     step = np.maximum((high - low) / 65535, 1e-9)
     data = {
-        "count": len(coord), "every": max(every, 1), "low": low.tolist(), "step": step.tolist(),
-        "place": _packed(((coord - low) / step).round().astype("<u2")), "color": _packed(part["color"]),
-        "segment": _packed(part["segment"]), "level": _packed(levels),
+        "count": len(coord),
+        "every": max(every, 1),
+        "low": low.tolist(),
+        "step": step.tolist(),
+        "place": _packed(((coord - low) / step).round().astype("<u2")),
+        "color": _packed(part["color"]),
+        "segment": _packed(part["segment"]),
+        "level": _packed(levels),
         "instance": _packed((instance.reshape(-1) % 65536).astype("<u2")),
         "classes": {row.id: list(row.color) for row in rows},
         "instances": [list(instance_color(int(number))) for number in numbers[:65536]],
-        "levels": [*uncertainty_scale().tolist(), list(_GREY)], "ends": [_FINEST, _COARSEST],
-        "cameras": cameras.round(2).tolist(), "ranges": _ranges(cameras if len(cameras) else coord),
-    }  # fmt: skip
+        "levels": [*uncertainty_scale().tolist(), list(_GREY)],
+        "ends": [_FINEST, _COARSEST],
+        "cameras": cameras.round(2).tolist(),
+        "ranges": _ranges(cameras if len(cameras) else coord),
+    }
     return {
-        "classes": [{"id": row.id, "name": row.name, "color": row.color, "points": int(counts[row.id])}
-                    for row in rows],
+        "classes": [
+            {"id": row.id, "name": row.name, "color": row.color, "points": int(counts[row.id])} for row in rows
+        ],
         "has_uncertainty": bool((levels != UNKNOWN).any()),
         "has_unknown": bool((levels == UNKNOWN).any()),
         "scale": [tuple(color) for color in uncertainty_scale()[:: _LEVELS // 15].tolist()],
         "data": script_json(data),
-    }  # fmt: skip
+    }
 
 
 def uncertainty_levels(uncertainty: NDArray[np.float32]) -> U8:

@@ -97,16 +97,19 @@ def flight_figure(centres: F64, statuses: list[str], bridge: F64, good_label: st
         for mask, colour, label in ((good, "#1f5fa8", good_label), (~good, "#c8322b", "lost")):
             if mask.any():
                 figure.add_scatter(
-                    x=centres[mask, first], y=centres[mask, second], marker={"size": 6, "color": colour}, name=label,
+                    x=centres[mask, first],
+                    y=centres[mask, second],
+                    marker={"size": 6, "color": colour},
+                    name=label,
                     **place,
-                )  # fmt: skip
+                )
     _plain_layout(figure, 620)
     figure.update_layout(
         xaxis={"domain": [0, 1], "anchor": "y", "title": "x [m]"},
         yaxis={"domain": [0.4, 1], "scaleanchor": "x", "title": "y [m]"},
         xaxis2={"domain": [0, 1], "anchor": "y2", "matches": "x", "title": "x [m]"},
         yaxis2={"domain": [0, 0.27], "scaleanchor": "x2", "title": "z [m]"},
-    )  # fmt: skip
+    )
     return figure
 
 
@@ -121,10 +124,12 @@ def class_figure(segment: U8, classes: tuple[ClassRow, ...]) -> go.Figure:
     rows = [row for row in classes if counts[row.id]]
     figure = go.Figure(
         go.Bar(
-            x=[escape(row.name) for row in rows], y=[int(counts[row.id]) for row in rows],
-            marker_color=[_css(row.color) for row in rows], text=[f"{counts[row.id]:,}" for row in rows],
+            x=[escape(row.name) for row in rows],
+            y=[int(counts[row.id]) for row in rows],
+            marker_color=[_css(row.color) for row in rows],
+            text=[f"{counts[row.id]:,}" for row in rows],
         )
-    )  # fmt: skip
+    )
     _plain_layout(figure, 340)
     return figure.update_layout(yaxis={"type": "log", "title": "points"})
 
@@ -152,9 +157,14 @@ def uncertainty_figure(uncertainty: NDArray[np.float32], threshold: float) -> go
 
 def _plain_layout(figure: go.Figure, height: int) -> None:
     figure.update_layout(
-        height=height, margin={"l": 55, "r": 15, "t": 30, "b": 45}, font=FONT, template="plotly_white",
-        paper_bgcolor="rgba(0,0,0,0)", plot_bgcolor="rgba(0,0,0,0)", legend={"orientation": "h", "y": 1.08},
-    )  # fmt: skip
+        height=height,
+        margin={"l": 55, "r": 15, "t": 30, "b": 45},
+        font=FONT,
+        template="plotly_white",
+        paper_bgcolor="rgba(0,0,0,0)",
+        plot_bgcolor="rgba(0,0,0,0)",
+        legend={"orientation": "h", "y": 1.08},
+    )
 
 
 def _css(color: tuple[int, int, int]) -> str:

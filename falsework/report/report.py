@@ -35,9 +35,12 @@ UNITS = {
 
 
 def write_report(
-    path: Path, title: str, stage: Path, surveys: dict[str, tuple[Path, dict[str, Path]]],
+    path: Path,
+    title: str,
+    stage: Path,
+    surveys: dict[str, tuple[Path, dict[str, Path]]],
     samples: Mapping[str, Path] | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Write the page of one scene.
 
     Args:
@@ -48,9 +51,11 @@ def write_report(
         samples: Id of each sample to its cloud folder.
     """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("falsework.report"), autoescape=True, undefined=jinja2.StrictUndefined,
+        loader=jinja2.PackageLoader("falsework.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
         trim_blocks=True,
-    )  # fmt: skip
+    )
     page = environment.get_template("report.html.j2").render(
         signature=SIGNATURE,
         title=title,
@@ -153,13 +158,16 @@ def _placing(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
     limits = alignment.get("expected_error", {})
     rows = [
         (f"error of {key.partition('_')[0]}, 95 % below", f"{limits[key]:.2g}{unit}")
-        for key, unit in units.items() if limits.get(key) is not None
-    ]  # fmt: skip
+        for key, unit in units.items()
+        if limits.get(key) is not None
+    ]
     for row in alignment.get("control_points", ()):
         left_out = "" if row["agrees"] else ", left out"
         rows.append((f"control point {row['name']} off by", f"{row['distance']:.3f} m{left_out}"))
-    rows += [(f"scale bar {' to '.join(row['ends'])} off by", f"{row['error']:+.4f} m")
-             for row in alignment.get("scale_bars", ())]  # fmt: skip
+    rows += [
+        (f"scale bar {' to '.join(row['ends'])} off by", f"{row['error']:+.4f} m")
+        for row in alignment.get("scale_bars", ())
+    ]
     return rows
 
 

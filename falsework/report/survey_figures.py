@@ -41,9 +41,11 @@ def write_page(path: Path, surveys: list[dict[str, Any]]) -> None:
 def _figures(row: dict[str, Any]) -> list[go.Figure]:
     centres, bridge = np.array(row["centres"]), np.array(row["outline"])
     return [
-        flight_figure(centres, ["ok"] * len(centres), bridge, "images"), _space_figure(row, centres, bridge),
-        _coverage_figure(row), _pitch_figure(row),
-    ]  # fmt: skip
+        flight_figure(centres, ["ok"] * len(centres), bridge, "images"),
+        _space_figure(row, centres, bridge),
+        _coverage_figure(row),
+        _pitch_figure(row),
+    ]
 
 
 def _space_figure(row: dict[str, Any], centres: Any, bridge: Any) -> go.Figure:

@@ -42,8 +42,12 @@ def abandoned(root: Path) -> list[Leftover]:
     Args:
         root: Output folder of a run.
     """
-    temporaries = [path for folder in (root, root / "failed", *sorted((root / "evicted").glob("*/")))
-                   for path in sorted(folder.glob(f"{TEMPORARY}*")) if _is_temporary(path)]  # fmt: skip
+    temporaries = [
+        path
+        for folder in (root, root / "failed", *sorted((root / "evicted").glob("*/")))
+        for path in sorted(folder.glob(f"{TEMPORARY}*"))
+        if _is_temporary(path)
+    ]
     found = [one for one in _rooms(root) if not is_held(root / "work" / f"{one.key}.lock")]
     if not is_in_use(root):  # asked after they were seen: whoever wrote one has ended
         found += [Leftover("temporary file", (path,)) for path in temporaries]

@@ -76,9 +76,15 @@ class Store:
         return (self.folder(task) / MANIFEST).is_file()
 
     def produce(
-        self, task: Task, make: Callable[[Path], None], *, resume: bool = False, wait: bool = True,
-        quarantine: bool = False, retry: bool = False,
-    ) -> bool:  # fmt: skip
+        self,
+        task: Task,
+        make: Callable[[Path], None],
+        *,
+        resume: bool = False,
+        wait: bool = True,
+        quarantine: bool = False,
+        retry: bool = False,
+    ) -> bool:
         """Make a result unless it is there already; safe against other processes and against being killed.
 
         Args:
@@ -212,8 +218,9 @@ class Store:
                 link.symlink_to(text)
             except FileExistsError:
                 if not link.is_symlink():
-                    raise InputError("is in the way of a link to the store", where=link,
-                                     hint="Move it elsewhere") from None  # fmt: skip
+                    raise InputError(
+                        "is in the way of a link to the store", where=link, hint="Move it elsewhere"
+                    ) from None
                 self._replace_link(link, text)
 
     def unlink(self, name: str) -> None:

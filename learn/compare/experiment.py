@@ -158,8 +158,9 @@ class ExperimentSettings(Settings):
             if name not in self.arms:
                 raise ValueError(f"filters names no arm with {name!r}; allowed: {', '.join(self.arms)}")
             if not self.noisy <= most <= MOST:
-                raise ValueError(f"filters.{name} is {most:g}; allowed: {self.noisy:g} (noisy) to {MOST:g}, which "
-                                 "keeps all points")  # fmt: skip
+                raise ValueError(
+                    f"filters.{name} is {most:g}; allowed: {self.noisy:g} (noisy) to {MOST:g}, which keeps all points"
+                )
         if self.filters and self.noisy_class:
             raise ValueError("filters leave noisy points out, noisy_class makes them a class; choose one of them")
 
@@ -197,18 +198,29 @@ class ExperimentSettings(Settings):
             seed: Its seed.
         """
         values: dict[str, Any] = {
-            "model": model, "network": self.network.get(model, {}), "recipe": self.recipe, "epochs": self.looks,
-            "batch": self.batch, "learning_rate": self.learning_rate, "seed": seed, "accelerator": "cpu",
-        }  # fmt: skip
+            "model": model,
+            "network": self.network.get(model, {}),
+            "recipe": self.recipe,
+            "epochs": self.looks,
+            "batch": self.batch,
+            "learning_rate": self.learning_rate,
+            "seed": seed,
+            "accelerator": "cpu",
+        }
         return TrainSettings.model_validate(values)
 
     @property
     def cut(self) -> CutSettings:
         """How clouds are cut."""
         return CutSettings(
-            mode=self.mode, table=self.table, noisy=self.noisy, noisy_class=self.noisy_class,
-            inputs=tuple(known_inputs(self.channels)), tile=self.tile, window=self.window,
-        )  # fmt: skip
+            mode=self.mode,
+            table=self.table,
+            noisy=self.noisy,
+            noisy_class=self.noisy_class,
+            inputs=tuple(known_inputs(self.channels)),
+            tile=self.tile,
+            window=self.window,
+        )
 
     def kept(self, arm: str) -> float:
         """Tell up to which uncertainty an arm is trained on points [m].
@@ -229,8 +241,11 @@ class ExperimentSettings(Settings):
     @property
     def sampling(self) -> SampleSettings:
         """How samples are drawn, those of arms with a filter of their own excepted."""
-        scaling = {"metric": Scaling("constant", self.tile.scale), "paper": Scaling("extent"),
-                   "whole": Scaling("constant", 1.0)}[self.mode]  # fmt: skip
+        scaling = {
+            "metric": Scaling("constant", self.tile.scale),
+            "paper": Scaling("extent"),
+            "whole": Scaling("constant", 1.0),
+        }[self.mode]
         noisy = float("inf") if self.noisy_class else self.noisy
         return SampleSettings(self.cut.classes, self.channels, scaling, self.points, noisy, self.augment)
 
@@ -267,8 +282,9 @@ def experiment_settings(what: str, given: Mapping[str, Any]) -> ExperimentSettin
     elif Path(what).suffix == ".toml":
         values = read_toml(Path(what))
     else:
-        raise InputError("no such experiment", field="--preset", value=what,
-                         allowed=f"{', '.join(preset_names())}, or a .toml file")  # fmt: skip
+        raise InputError(
+            "no such experiment", field="--preset", value=what, allowed=f"{', '.join(preset_names())}, or a .toml file"
+        )
     for key, value in given.items():
         before = values.get(key)
         values[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value

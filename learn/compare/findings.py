@@ -53,8 +53,12 @@ def findings(trials: Sequence[Trial], classes: Sequence[str], settings: Experime
     for group in settings.groups:
         for model in settings.models:
             for test in settings.tests:
-                mine = {arm: [one for one in trials if (one.group, one.model, one.arm, one.test) == (group, model, arm,
-                              test)] for arm in group}  # fmt: skip
+                mine = {
+                    arm: [
+                        one for one in trials if (one.group, one.model, one.arm, one.test) == (group, model, arm, test)
+                    ]
+                    for arm in group
+                }
                 rows += [_scores(own, classes) for own in mine.values() if own]
                 for first, second in settings.compared:
                     if first in group and second in group and mine[first] and mine[second]:
@@ -68,20 +72,27 @@ def _scores(trials: Sequence[Trial], classes: Sequence[str]) -> dict[str, Any]:
     sums = [sum(trial.bridges.values(), nothing) for trial in trials]
     sure = _mean([scores(sum(trial.sure.values(), nothing)).mean_iou for trial in trials])
     found = [scores(matrix) for matrix in sums]
-    several = {name: [getattr(one, name) for one in found] for name in ("mean_iou", "mean_accuracy",
-               "overall_accuracy")}  # fmt: skip
+    several = {
+        name: [getattr(one, name) for one in found] for name in ("mean_iou", "mean_accuracy", "overall_accuracy")
+    }
     total = np.sum(sums, axis=0)
     whole = scores(total)
-    deviations = {f"{name}_sd": _plain(np.std(values, ddof=1)) if len(values) > 1 else None
-                  for name, values in several.items()}  # fmt: skip
+    deviations = {
+        f"{name}_sd": _plain(np.std(values, ddof=1)) if len(values) > 1 else None for name, values in several.items()
+    }
     return {
-        **_names(trials[0]), "arm": trials[0].arm, "seeds": [trial.seed for trial in trials],
-        "bridges": len(trials[0].bridges), **{name: _plain(np.mean(values)) for name, values in several.items()},
-        **deviations, "sure_mean_iou": _plain(sure), "classes_averaged": whole.classes_averaged,
+        **_names(trials[0]),
+        "arm": trials[0].arm,
+        "seeds": [trial.seed for trial in trials],
+        "bridges": len(trials[0].bridges),
+        **{name: _plain(np.mean(values)) for name, values in several.items()},
+        **deviations,
+        "sure_mean_iou": _plain(sure),
+        "classes_averaged": whole.classes_averaged,
         "iou": {name: _plain(_mean([one.iou[k] for one in found])) for k, name in enumerate(classes)},
         "accuracy": {name: _plain(_mean([one.accuracy[k] for one in found])) for k, name in enumerate(classes)},
         "confusion": total.tolist(),
-    }  # fmt: skip
+    }
 
 
 def _difference(
@@ -90,10 +101,17 @@ def _difference(
     """Difference of two arms over the seeds and bridges that both have."""
     seeds = sorted({one.seed for one in first} & {one.seed for one in second})
     bridges = sorted(first[0].bridges.keys() & second[0].bridges.keys())
-    stacks = [np.array([[_of(trials, seed).bridges[bridge] for bridge in bridges] for seed in seeds])
-              for trials in (first, second)]  # fmt: skip
-    record: dict[str, Any] = {**_names(first[0]), "first": first[0].arm, "second": second[0].arm,
-                              "seeds": len(seeds), "bridges": len(bridges)}  # fmt: skip
+    stacks = [
+        np.array([[_of(trials, seed).bridges[bridge] for bridge in bridges] for seed in seeds])
+        for trials in (first, second)
+    ]
+    record: dict[str, Any] = {
+        **_names(first[0]),
+        "first": first[0].arm,
+        "second": second[0].arm,
+        "seeds": len(seeds),
+        "bridges": len(bridges),
+    }
     whole = [[scores(matrix.sum(axis=0)).mean_iou for matrix in stack] for stack in stacks]
     record["difference"] = float(np.mean(whole[0]) - np.mean(whole[1]))
     record["wins"] = int(np.sum(np.array(whole[0]) > np.array(whole[1])))
@@ -102,8 +120,9 @@ def _difference(
         over = paired_difference(np.array(whole[0]), np.array(whole[1]), settings.level)
         record["over_seeds"] = [over.low, over.high]
     if len(seeds) > 1 and len(bridges) > 1:
-        both = crossed_bootstrap(stacks[0], stacks[1], settings.draws, settings.split_seed, settings.level,
-                                 corrected=True)  # fmt: skip
+        both = crossed_bootstrap(
+            stacks[0], stacks[1], settings.draws, settings.split_seed, settings.level, corrected=True
+        )
         record["interval"], record["bootstrap_sd"] = [both.low, both.high], both.deviation
     record["classes"] = _classes(stacks[0], stacks[1], classes)
     return record

@@ -47,8 +47,11 @@ class SensorNoise:
 
     def as_json(self) -> dict[str, Any]:
         """Spell it for a file."""
-        return {"format": "falsework.noise", "format_version": FORMAT_VERSION,
-                **{name: values.tolist() for name, values in vars(self).items()}}  # fmt: skip
+        return {
+            "format": "falsework.noise",
+            "format_version": FORMAT_VERSION,
+            **{name: values.tolist() for name, values in vars(self).items()},
+        }
 
 
 def noise_from_json(record: Mapping[str, Any]) -> SensorNoise:
@@ -77,11 +80,16 @@ def sensor_places(folder: Path) -> F64:
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
         places = np.full((1, 3), np.nan)
     if places is None:
-        raise InputError("no sensor stood anywhere: its noise cannot be fitted", where=folder, field="arms",
-                         hint="Name a laser's or a reconstruction's clouds after ~")  # fmt: skip
+        raise InputError(
+            "no sensor stood anywhere: its noise cannot be fitted",
+            where=folder,
+            field="arms",
+            hint="Name a laser's or a reconstruction's clouds after ~",
+        )
     if not len(places) or not np.isfinite(places).all():
-        raise InputError("does not say where its sensor stood", where=folder, field="statistics",
-                         hint="Make the cloud again")  # fmt: skip
+        raise InputError(
+            "does not say where its sensor stood", where=folder, field="statistics", hint="Make the cloud again"
+        )
     return places
 
 

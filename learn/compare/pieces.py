@@ -112,20 +112,33 @@ def cut_pieces(sources: Sequence[CloudSource], folder: Path, settings: CutSettin
     for name, (cloud, rows, origins) in found.items():
         labelled = cloud.labels != 255
         quiet = labelled & ~(cloud.uncertainty > settings.noisy)
-        counts[name] = {"all": [int(labelled[part].sum()) for part in rows],
-                        "quiet": [int(quiet[part].sum()) for part in rows]}  # fmt: skip
+        counts[name] = {
+            "all": [int(labelled[part].sum()) for part in rows],
+            "quiet": [int(quiet[part].sum()) for part in rows],
+        }
         arrays = {
-            "coord": (cloud.coord - base).astype(np.float32), "labels": cloud.labels, "uncertainty": cloud.uncertainty,
-            "rows": np.concatenate(rows).astype(np.int32), "origins": origins - base,
+            "coord": (cloud.coord - base).astype(np.float32),
+            "labels": cloud.labels,
+            "uncertainty": cloud.uncertainty,
+            "rows": np.concatenate(rows).astype(np.int32),
+            "origins": origins - base,
             "start": np.cumsum([0, *map(len, rows)]),
             **{key: cloud.inputs[key] for key in settings.inputs},
-        }  # fmt: skip
+        }
         with space_errors(folder):
             (folder / slug(name)).mkdir()
             for key, values in arrays.items():
                 np.save(folder / slug(name) / f"{key}.npy", values)  # inside an atomic folder
-    write_json(folder / FACTS, {"format": "falsework.pieces", "format_version": FORMAT_VERSION, "windows": places,
-                                "counts": counts, "classes": settings.classes})  # fmt: skip
+    write_json(
+        folder / FACTS,
+        {
+            "format": "falsework.pieces",
+            "format_version": FORMAT_VERSION,
+            "windows": places,
+            "counts": counts,
+            "classes": settings.classes,
+        },
+    )
 
 
 def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> LabelledCloud:
@@ -141,8 +154,13 @@ def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> Lab
         raise InputError("nothing is left of it", where=source.path, field="arms", value=source.name)
     lacking = [name for name in settings.inputs if name not in (*cloud.inputs, HEIGHT)]
     if lacking:
-        raise InputError(f"has no column {lacking[0]} for a channel", where=source.path, field="channels",
-                         value=lacking[0], hint="Choose channels that every cloud has, such as x, y, z")  # fmt: skip
+        raise InputError(
+            f"has no column {lacking[0]} for a channel",
+            where=source.path,
+            field="channels",
+            value=lacking[0],
+            hint="Choose channels that every cloud has, such as x, y, z",
+        )
     if settings.noisy_class:
         noisy = class_table(settings.table, True).index(NOISY_CLASS)
         labels = np.where(cloud.uncertainty > settings.noisy, noisy, cloud.labels).astype(np.uint8)
@@ -186,8 +204,9 @@ def _tiles(
         if HEIGHT in settings.inputs:
             voxels = with_heights(voxels, settings.tile)
         part = voxels.columns
-        thin[name] = LabelledCloud(voxels.coord, {key: part[key] for key in settings.inputs}, part["labels"],
-                                   part["uncertainty"], part["base"])  # fmt: skip
+        thin[name] = LabelledCloud(
+            voxels.coord, {key: part[key] for key in settings.inputs}, part["labels"], part["uncertainty"], part["base"]
+        )
         tiles[name] = {tile.place: (tile.rows, tile.origin) for tile in cut_tiles(voxels, settings.tile)}
     places = sorted({place for own in tiles.values() for place in own})
     nothing = (np.zeros(0, np.int64), np.zeros(3))
@@ -231,8 +250,15 @@ def read_window(folder: Path, cloud: str, number: int, inputs: tuple[str, ...] =
     rows = np.array(columns["rows"][start[number] : start[number + 1]], np.int64)
     coord = (columns["coord"][rows].astype(np.float64) - origins[number]).astype(np.float32)
     kept = {name: np.array(columns[name][rows]) for name in inputs}
-    return Patch(coord, kept, np.array(columns["labels"][rows]), np.array(columns["uncertainty"][rows]),
-                 np.array(origins[number]), number, rows)  # fmt: skip
+    return Patch(
+        coord,
+        kept,
+        np.array(columns["labels"][rows]),
+        np.array(columns["uncertainty"][rows]),
+        np.array(origins[number]),
+        number,
+        rows,
+    )
 
 
 @lru_cache(maxsize=256)

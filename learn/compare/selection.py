@@ -108,13 +108,21 @@ def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]
         found |= {(name, bridge): split for bridge, split in split_bridges(facts, how).items()}
     if strange:
         names = sorted({bridge[:12] for name, own in bridges.items() if name in trained & tested for bridge in own})
-        raise InputError("begins the name of no bridge that could be held out", field="held", value=min(strange),
-                         allowed=", ".join(names) or "nothing: no set is both trained on and tested on")  # fmt: skip
+        raise InputError(
+            "begins the name of no bridge that could be held out",
+            field="held",
+            value=min(strange),
+            allowed=", ".join(names) or "nothing: no set is both trained on and tested on",
+        )
     seen = {bridge for (_, bridge), split in found.items() if split != TEST}
     both = sorted(bridge for (_, bridge), split in found.items() if split == TEST and bridge in seen)
     if both:
-        raise InputError("a bridge is in a set to train on and in one to test on", field="tests", value=both[0],
-                         hint="Take other bridges for one of them")  # fmt: skip
+        raise InputError(
+            "a bridge is in a set to train on and in one to test on",
+            field="tests",
+            value=both[0],
+            hint="Take other bridges for one of them",
+        )
     return found
 
 
@@ -152,14 +160,23 @@ def check_bridges(
 
 
 def _too_few(what: str, field: str, part: Part) -> InputError:
-    return InputError(f"no bridge is left to {what}", field=field, value=str(part), hint="Give more bridges (they have "
-                      "to have the clouds of everything compared), or change shares or held")  # fmt: skip
+    return InputError(
+        f"no bridge is left to {what}",
+        field=field,
+        value=str(part),
+        hint="Give more bridges (they have to have the clouds of everything compared), or change shares or held",
+    )
 
 
 def windows_of(
-    scenes: Sequence[CutScene], splits: Mapping[tuple[str, str], str], settings: ExperimentSettings, *,
-    arm: str, group: tuple[str, ...], split: str,
-) -> list[WindowPlace]:  # fmt: skip
+    scenes: Sequence[CutScene],
+    splits: Mapping[tuple[str, str], str],
+    settings: ExperimentSettings,
+    *,
+    arm: str,
+    group: tuple[str, ...],
+    split: str,
+) -> list[WindowPlace]:
     """List the windows of an arm that all arms of its group can show.
 
     Args:
@@ -222,12 +239,16 @@ def losses_of(
             mine = [scene for scene in scenes if scene.set == part.set and splits[part.set, scene.bridge] == TRAIN]
             whole = [scene for scene in mine if needed <= scene.counts.keys()]
             having = [scene for scene in mine if cloud_name(part) in scene.counts]
-            found.append(Losses(
-                group, str(part), len({scene.bridge for scene in having}),
-                sum(len(_any(scene, needed, settings.fewest)) for scene in mine),
-                sum(len(_valid(scene, {cloud_name(part)}, settings.fewest, quiet=True)) for scene in having),
-                sum(len(_valid(scene, needed, settings.fewest, quiet=True)) for scene in whole),
-            ))  # fmt: skip
+            found.append(
+                Losses(
+                    group,
+                    str(part),
+                    len({scene.bridge for scene in having}),
+                    sum(len(_any(scene, needed, settings.fewest)) for scene in mine),
+                    sum(len(_valid(scene, {cloud_name(part)}, settings.fewest, quiet=True)) for scene in having),
+                    sum(len(_valid(scene, needed, settings.fewest, quiet=True)) for scene in whole),
+                )
+            )
     return found
 
 

@@ -118,8 +118,11 @@ class HeldWindows:
 
     @cached_property
     def _items(self) -> list[tuple[WindowPlace, int]]:
-        return [(place, number) for place in self.windows
-                for number in range(min(self.draws, count_draws(place.points, self.settings.points)))]  # fmt: skip
+        return [
+            (place, number)
+            for place in self.windows
+            for number in range(min(self.draws, count_draws(place.points, self.settings.points)))
+        ]
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -158,8 +161,13 @@ class HeldWindows:
         patch, rows = self._drawn(index)
         assert patch.row is not None
         cloud = self._clouds[place.folder, place.cloud]
-        return Truth(cloud, patch.row[rows], patch.coord[rows] + patch.origin, patch.uncertainty[rows],
-                     np.zeros(len(rows), np.int64))  # fmt: skip
+        return Truth(
+            cloud,
+            patch.row[rows],
+            patch.coord[rows] + patch.origin,
+            patch.uncertainty[rows],
+            np.zeros(len(rows), np.int64),
+        )
 
     @cached_property
     def _clouds(self) -> dict[tuple[Path, str], int]:

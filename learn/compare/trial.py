@@ -41,8 +41,9 @@ def check_models(models: Sequence[str], network: Mapping[str, Mapping[str, Any]]
             raise InputError("no such model", field="models", value=name, allowed=", ".join((*NETWORKS, FOREST)))
     for name, values in network.items():
         if name not in (*NETWORKS, FOREST):
-            raise InputError("settings of no model", field="network", value=name,
-                             allowed=", ".join((*NETWORKS, FOREST)))  # fmt: skip
+            raise InputError(
+                "settings of no model", field="network", value=name, allowed=", ".join((*NETWORKS, FOREST))
+            )
         if name == FOREST:
             parse_settings(ForestSettings, dict(values), f"network.{name}")
         else:
@@ -50,9 +51,13 @@ def check_models(models: Sequence[str], network: Mapping[str, Mapping[str, Any]]
 
 
 def train_trial(
-    source: TrainingWindows, validation: HeldWindows, settings: TrainSettings, folder: Path, progress: Progress,
+    source: TrainingWindows,
+    validation: HeldWindows,
+    settings: TrainSettings,
+    folder: Path,
+    progress: Progress,
     data: Mapping[str, Any],
-) -> None:  # fmt: skip
+) -> None:
     """Train an arm's model; goes on where it was stopped.
 
     Args:
@@ -67,8 +72,9 @@ def train_trial(
         InputError: No windows to train on.
     """
     if not source.windows:
-        raise InputError("no window is left to train on", field="fewest",
-                         hint="Lower fewest, or take bridges that all arms show")  # fmt: skip
+        raise InputError(
+            "no window is left to train on", field="fewest", hint="Lower fewest, or take bridges that all arms show"
+        )
     if settings.model == FOREST:
         train_forest(source, settings, folder, progress, data)
         return
@@ -99,8 +105,14 @@ def score_trial(model: Path, source: HeldWindows, folder: Path, progress: Progre
         (low,) = confusion_by_threshold(cloud.truth, found, cloud.uncertainty, (SURE,), count)
         sure[cloud.bridge] = sure.get(cloud.bridge, nothing) + low
         whole[cloud.bridge] = whole.get(cloud.bridge, nothing) + confusion(cloud.truth, found, count)
-    write_json(folder / SCORES, {
-        "format": "falsework.trial", "format_version": FORMAT_VERSION, "classes": list(source.classes),
-        "bridges": {name: matrix.tolist() for name, matrix in sorted(whole.items())},
-        "uncertainty": SURE, "sure": {name: matrix.tolist() for name, matrix in sorted(sure.items())},
-    })  # fmt: skip
+    write_json(
+        folder / SCORES,
+        {
+            "format": "falsework.trial",
+            "format_version": FORMAT_VERSION,
+            "classes": list(source.classes),
+            "bridges": {name: matrix.tolist() for name, matrix in sorted(whole.items())},
+            "uncertainty": SURE,
+            "sure": {name: matrix.tolist() for name, matrix in sorted(sure.items())},
+        },
+    )

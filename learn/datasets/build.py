@@ -92,8 +92,16 @@ def build_dataset(
             if len(patch) < settings.fewest:
                 continue
             draws = min(draws, count_draws(len(patch), settings.points))
-            row = PieceRow(f"{number:04d}_{place:06d}", split, facts.bridge, number, len(patch), draws, patch.seed,
-                           _three(patch.origin))  # fmt: skip
+            row = PieceRow(
+                f"{number:04d}_{place:06d}",
+                split,
+                facts.bridge,
+                number,
+                len(patch),
+                draws,
+                patch.seed,
+                _three(patch.origin),
+            )
             write_piece(folder / split / row.name, patch)
             pieces.append(row)
             seen = np.bincount(patch.labels, minlength=256)
@@ -101,12 +109,17 @@ def build_dataset(
         progress.advance(number + 1)
     _note_empty(pieces, splits, settings, progress)
     if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
-        raise InputError("no piece is left to train on", field="fewest", value=settings.fewest,
-                         hint="Give more clouds, or lower fewest")  # fmt: skip
+        raise InputError(
+            "no piece is left to train on",
+            field="fewest",
+            value=settings.fewest,
+            hint="Give more clouds, or lower fewest",
+        )
     present |= {HEIGHT} if settings.mode == "metric" else set()
     inputs = tuple(name for name in PIECE_INPUTS if name in present)
-    whole = DatasetFacts(settings, table.names, inputs, _scaling(settings), tuple(pieces),
-                         tuple(vars(facts) for facts in known))  # fmt: skip
+    whole = DatasetFacts(
+        settings, table.names, inputs, _scaling(settings), tuple(pieces), tuple(vars(facts) for facts in known)
+    )
     write_text(folder / CARD, card_text(whole, counts))
     write_manifest(folder, manifest_record(whole), MANIFEST)
     return whole
@@ -131,8 +144,13 @@ def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> D
     found: dict[str, int] = {}
     for source in sources:
         if source.class_map is None:
-            raise InputError("own classes come from a class map, and a cloud has none", where=source.path,
-                             field="--table", value=OWN, hint="Give labelled scans with --class-map")  # fmt: skip
+            raise InputError(
+                "own classes come from a class map, and a cloud has none",
+                where=source.path,
+                field="--table",
+                value=OWN,
+                hint="Give labelled scans with --class-map",
+            )
         for code, row in sorted(source.class_map.codes.items()):
             if row.name != "unlabelled":
                 found.setdefault(row.name, code)
@@ -145,8 +163,9 @@ def _check_sources(sources: Sequence[Source], known: Sequence[SourceFacts]) -> N
     digests: dict[str, str] = {}
     for source, facts in zip(sources, known, strict=True):
         if facts.digest in digests:
-            raise InputError("the same points twice", where=source.path, value=digests[facts.digest],
-                             hint="Name each cloud once")  # fmt: skip
+            raise InputError(
+                "the same points twice", where=source.path, value=digests[facts.digest], hint="Name each cloud once"
+            )
         digests[facts.digest] = facts.name
 
 
@@ -222,8 +241,16 @@ def _for_split(patch: Patch, split: str, settings: DatasetSettings) -> Patch:
     inputs = {name: values[kept] for name, values in patch.inputs.items()}
     assert patch.row is not None
     assert patch.instance is not None
-    return Patch(patch.coord[kept], inputs, patch.labels[kept], patch.uncertainty[kept], patch.origin, patch.seed,
-                 patch.row[kept], patch.instance[kept])  # fmt: skip
+    return Patch(
+        patch.coord[kept],
+        inputs,
+        patch.labels[kept],
+        patch.uncertainty[kept],
+        patch.origin,
+        patch.seed,
+        patch.row[kept],
+        patch.instance[kept],
+    )
 
 
 def _scaling(settings: DatasetSettings) -> Scaling:

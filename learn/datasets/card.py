@@ -22,11 +22,20 @@ def card_text(facts: DatasetFacts, counts: Mapping[str, NDArray[np.int64]]) -> s
     lines += ["| split | bridges | pieces | draws | points |", "|---|---|---|---|---|"]
     for split in splits:
         rows = [row for row in facts.pieces if row.split == split]
-        lines.append(f"| {split} | {len({row.bridge for row in rows})} | {len(rows)} | {sum(r.draws for r in rows)} "
-                     f"| {sum(row.points for row in rows)} |")  # fmt: skip
-    lines += ["", "Whole bridges are held out." if settings.split == "bridge" else
-              "Pieces were shared out at random, as in the paper: pieces of one bridge that overlap are in several "
-              "splits, so that scores on the held-out ones are too good.", "", "## Classes", ""]  # fmt: skip
+        lines.append(
+            f"| {split} | {len({row.bridge for row in rows})} | {len(rows)} | {sum(r.draws for r in rows)} "
+            f"| {sum(row.points for row in rows)} |"
+        )
+    lines += [
+        "",
+        "Whole bridges are held out."
+        if settings.split == "bridge"
+        else "Pieces were shared out at random, as in the paper: pieces of one bridge that overlap are in several "
+        "splits, so that scores on the held-out ones are too good.",
+        "",
+        "## Classes",
+        "",
+    ]
     lines += [f"| label | class | {' | '.join(splits)} |", "|---|---|" + "---|" * len(splits)]
     for label, name in [*enumerate(facts.classes), (255, "unlabelled")]:
         lines.append(f"| {label} | {name} | {' | '.join(str(int(counts[split][label])) for split in splits)} |")
@@ -34,8 +43,10 @@ def card_text(facts: DatasetFacts, counts: Mapping[str, NDArray[np.int64]]) -> s
     for number, source in enumerate(facts.sources):
         found = sorted({row.split for row in facts.pieces if row.source == number})
         terms = f"{source['licence']}{', evaluate only' if source['evaluate_only'] else ''}" or "own"
-        lines.append(f"| {source['name']} | {source['kind']} | {source['bridge'][:12]} | {', '.join(found) or 'none'} "
-                     f"| {terms} |")  # fmt: skip
+        lines.append(
+            f"| {source['name']} | {source['kind']} | {source['bridge'][:12]} | {', '.join(found) or 'none'} "
+            f"| {terms} |"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -56,12 +67,16 @@ def _what(facts: DatasetFacts) -> list[str]:
         )
     else:
         cut = f"One draw of {settings.points} points from each cloud."
-    noisy = ("is the class noisy_point" if settings.noisy_class else
-             "is left out of training; validation and test hold all points")  # fmt: skip
+    noisy = (
+        "is the class noisy_point"
+        if settings.noisy_class
+        else "is left out of training; validation and test hold all points"
+    )
     return [
-        cut, "",
+        cut,
+        "",
         f"- A sample has {settings.points} points. What is more uncertain than {settings.noisy:g} m {noisy}.",
         f"- A network may see positions{''.join(f', {name}' for name in facts.inputs)}; labels and uncertainty never.",
         "- Samples of validation and test visit every point of every piece, unchanged, whatever its label.",
         f"- Classes: table `{settings.table}`. Seed {settings.seed}.",
-    ]  # fmt: skip
+    ]

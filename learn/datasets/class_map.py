@@ -116,8 +116,12 @@ def read_class_map(name: str) -> ClassMap:
         return _checked(name, parse_settings(ClassMapFile, _toml(entry.read_text(encoding="utf-8")), name), name)
     path = Path(name)
     if path.suffix not in (".toml", ".json") or not path.is_file():
-        raise MissingError("no such class map", field="--class-map", value=name,
-                           allowed=f"{', '.join(map_names())}, or a .toml or .json file")  # fmt: skip
+        raise MissingError(
+            "no such class map",
+            field="--class-map",
+            value=name,
+            allowed=f"{', '.join(map_names())}, or a .toml or .json file",
+        )
     return _checked(path.stem, parse_settings(ClassMapFile, _read(path), path), path)
 
 
@@ -139,8 +143,9 @@ def _read(path: Path) -> dict[str, Any]:
 def _checked(name: str, facts: ClassMapFile, where: object) -> ClassMap:
     """Every part and every class that a map names exists; numbers stand once."""
     if facts.table and facts.table not in TAXONOMIES:
-        raise InputError("an unknown table", where=where, field="table", value=facts.table,
-                         allowed=", ".join(TAXONOMIES))  # fmt: skip
+        raise InputError(
+            "an unknown table", where=where, field="table", value=facts.table, allowed=", ".join(TAXONOMIES)
+        )
     rows = {row.id: row for row in _rows_of_table(facts.table)} if facts.table else {}
     seen: set[int] = set()
     parts = {*component_classes(), *taxonomy(BASE).classes}
@@ -150,13 +155,23 @@ def _checked(name: str, facts: ClassMapFile, where: object) -> ClassMap:
         seen.add(row.id)
         for part in row.parts:
             if part not in parts:
-                raise InputError("an unknown part", where=where, field=f"code {row.id}", value=part,
-                                 allowed=f"a component kind or a class: {', '.join(sorted(parts))}")  # fmt: skip
+                raise InputError(
+                    "an unknown part",
+                    where=where,
+                    field=f"code {row.id}",
+                    value=part,
+                    allowed=f"a component kind or a class: {', '.join(sorted(parts))}",
+                )
         for table, target in row.to.items():
             names = [known.name for known in taxonomy(table).rows]
             if target not in [*names, "unlabelled"]:
-                raise InputError("an unknown class", where=where, field=f"code {row.id}.to.{table}", value=target,
-                                 allowed=", ".join(names))  # fmt: skip
+                raise InputError(
+                    "an unknown class",
+                    where=where,
+                    field=f"code {row.id}.to.{table}",
+                    value=target,
+                    allowed=", ".join(names),
+                )
         before = rows.get(row.id)
         rows[row.id] = (
             row if before is None or "parts" in row.model_fields_set else row.model_copy(update={"parts": before.parts})
@@ -170,7 +185,11 @@ def _rows_of_table(name: str) -> list[CodeRow]:
     """The numbers of one of our tables, each with the components that it covers."""
     table = taxonomy(name)
     return [
-        CodeRow(id=row.id, name=row.name,
-                parts=tuple(kind for kind in component_classes() if table.classes.get(kind) == row.name))
-        for row in table.rows if row.id not in RESERVED
-    ]  # fmt: skip
+        CodeRow(
+            id=row.id,
+            name=row.name,
+            parts=tuple(kind for kind in component_classes() if table.classes.get(kind) == row.name),
+        )
+        for row in table.rows
+        if row.id not in RESERVED
+    ]

@@ -101,10 +101,14 @@ def labels_of_cloud(cloud: Cloud, table: ClassTable) -> U8:
     names = {row.id: row.name for row in cloud.classes}
     based = {row.name for row in cloud.classes} == {row.name for row in taxonomy(BASE).rows}
     found = [
-        _label(names.get(int(value) // len(cloud.components), ""), cloud.components[int(value) % len(cloud.components)],
-               based, table)
+        _label(
+            names.get(int(value) // len(cloud.components), ""),
+            cloud.components[int(value) % len(cloud.components)],
+            based,
+            table,
+        )
         for value in values
-    ]  # fmt: skip
+    ]
     return np.array(found, np.uint8)[inverse.reshape(-1)] if len(values) else np.zeros(0, np.uint8)
 
 

@@ -73,10 +73,14 @@ def stratified_draw(labels: NDArray[np.integer], size: int, least: int, rng: np.
         leaving[np.argmax(spare - leaving)] += 1
     drawn = np.zeros(len(labels), bool)
     drawn[rows] = True
-    freed = [rng.choice(np.flatnonzero(codes[rows] == place), leaving[place], replace=False)
-             for place in np.flatnonzero(leaving)]  # fmt: skip
-    added = [rng.choice(np.flatnonzero((codes == place) & ~drawn), -spare[place], replace=False)
-             for place in np.flatnonzero(spare < 0)]  # fmt: skip
+    freed = [
+        rng.choice(np.flatnonzero(codes[rows] == place), leaving[place], replace=False)
+        for place in np.flatnonzero(leaving)
+    ]
+    added = [
+        rng.choice(np.flatnonzero((codes == place) & ~drawn), -spare[place], replace=False)
+        for place in np.flatnonzero(spare < 0)
+    ]
     if added:
         rows[rng.permutation(np.concatenate(freed))] = np.concatenate(added)
     return rows

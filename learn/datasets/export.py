@@ -66,8 +66,10 @@ def write_s3dis(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
         for label in np.unique(patch.labels):
             name = "unlabelled" if label == UNLABELLED else names[label]
             write_text(room / "Annotations" / f"{name}_1.txt", "".join(lines[patch.labels == label]))
-    write_text(out / "classes.txt", "".join(f"{i} {a} {b}\n" for i, (a, b) in
-                                           enumerate(zip(names, facts.classes, strict=True))))  # fmt: skip
+    write_text(
+        out / "classes.txt",
+        "".join(f"{i} {a} {b}\n" for i, (a, b) in enumerate(zip(names, facts.classes, strict=True))),
+    )
     return sorted({_AREAS[row.split] for row in facts.pieces})
 
 
@@ -147,24 +149,35 @@ def write_parquet(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
         if shards:
             entries += [f"  - split: {_NAMES[split]}", f"    path: data/{_NAMES[split]}-*"]
     card = (folder / "README.md").read_text(encoding="utf-8")
-    write_text(out / "README.md", "\n".join(["---", "configs:", "- config_name: default", "  data_files:", *entries,
-                                            "---", card]))  # fmt: skip
+    write_text(
+        out / "README.md",
+        "\n".join(["---", "configs:", "- config_name: default", "  data_files:", *entries, "---", card]),
+    )
     return ["README.md", "data"]
 
 
 def _schema(pa: Any, row: dict[str, Any]) -> list[tuple[str, Any]]:
     kinds = {
-        "name": pa.string(), "bridge": pa.string(), "coord": pa.list_(pa.list_(pa.float32(), 3)),
-        "color": pa.list_(pa.list_(pa.uint8(), 3)), "label": pa.list_(pa.uint8()),
+        "name": pa.string(),
+        "bridge": pa.string(),
+        "coord": pa.list_(pa.list_(pa.float32(), 3)),
+        "color": pa.list_(pa.list_(pa.uint8(), 3)),
+        "label": pa.list_(pa.uint8()),
         "uncertainty": pa.list_(pa.float32()),
-    }  # fmt: skip
+    }
     return [(name, kinds[name]) for name in row]
 
 
 def _parquet_row(row: PieceRow, patch: Patch, rows: NDArray[np.int64]) -> dict[str, Any]:
     color = {"color": list(patch.inputs["color"][rows])} if "color" in patch.inputs else {}
-    return {"name": row.name, "bridge": row.bridge, "coord": list(patch.coord[rows]), **color,
-            "label": patch.labels[rows], "uncertainty": patch.uncertainty[rows]}  # fmt: skip
+    return {
+        "name": row.name,
+        "bridge": row.bridge,
+        "coord": list(patch.coord[rows]),
+        **color,
+        "label": patch.labels[rows],
+        "uncertainty": patch.uncertainty[rows],
+    }
 
 
 def _draws(

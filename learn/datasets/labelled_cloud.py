@@ -110,9 +110,11 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
         found = bridge or stored.get("bridge", "")
         if not isinstance(found, str) or not found:
             raise InputError(
-                "does not say which bridge it shows, so that no bridge can be kept for the test", where=path,
-                field="bridge", hint="Make the cloud again, or name it with --bridge",
-            )  # fmt: skip
+                "does not say which bridge it shows, so that no bridge can be kept for the test",
+                where=path,
+                field="bridge",
+                hint="Make the cloud again, or name it with --bridge",
+            )
         statistics = stored.get("statistics")
         moved = isinstance(statistics, dict) and bool(statistics.get("moving_points"))
         read = (*_READ, _MARKS) if moved else _READ
@@ -122,14 +124,23 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
     if not path.is_file():
         raise MissingError("no such file", where=path, hint="Name the folder of a cloud, or a scan")
     if class_map is None:
-        raise InputError("a scan from elsewhere needs a class map", where=path, field="--class-map",
-                         hint="Name one of the package, or a .toml file of your own")  # fmt: skip
+        raise InputError(
+            "a scan from elsewhere needs a class map",
+            where=path,
+            field="--class-map",
+            hint="Name one of the package, or a .toml file of your own",
+        )
     whole = file_digest(path)
     number = (re.findall(r"\d+", path.stem) or [""])[-1].lstrip("0")
     return SourceFacts(
-        path.name, bridge or whole, whole, "scan", class_map.facts.use == "evaluate", class_map.facts.licence,
+        path.name,
+        bridge or whole,
+        whole,
+        "scan",
+        class_map.facts.use == "evaluate",
+        class_map.facts.licence,
         number in class_map.facts.test,
-    )  # fmt: skip
+    )
 
 
 def cloud_name(folder: Path) -> str:
@@ -161,24 +172,34 @@ def read_labelled(
     if path.is_dir():
         cloud = read_cloud(path)
         inputs = {name: cloud.columns[name] for name in INPUTS if _known(cloud, name)}
-        found = LabelledCloud(cloud.columns["coord"], inputs, labels_of_cloud(cloud, table),
-                              cloud.columns["uncertainty"], labels_of_cloud(cloud, base),
-                              cloud.columns["instance"].astype(np.int64))  # fmt: skip
+        found = LabelledCloud(
+            cloud.columns["coord"],
+            inputs,
+            labels_of_cloud(cloud, table),
+            cloud.columns["uncertainty"],
+            labels_of_cloud(cloud, base),
+            cloud.columns["instance"].astype(np.int64),
+        )
         return found if moving else _still(found, cloud, progress)
     assert class_map is not None
     scan = read_scan(path, progress=progress)
     codes = scan.classification if class_map.facts.column == "classification" else scan.segment
     if codes is None:
-        raise InputError("has no labels", where=path, field=class_map.facts.column,
-                         hint="Name another class map, or write the column into the file")  # fmt: skip
+        raise InputError(
+            "has no labels",
+            where=path,
+            field=class_map.facts.column,
+            hint="Name another class map, or write the column into the file",
+        )
     unknown = sorted({int(code) for code in np.unique(codes)} - class_map.codes.keys())
     if unknown:
         progress.note(f"{path.name}: numbers that the class map {class_map.name} lacks count as unlabelled: {unknown}")
     inputs = {name: values for name, values in (("color", scan.color), ("normal", scan.normal)) if values is not None}
     nothing = np.full(len(scan), np.nan, np.float32)
     instance = None if scan.instance is None else scan.instance.astype(np.int64)
-    return LabelledCloud(scan.coord, inputs, class_map.labels(codes, table), nothing, class_map.labels(codes, base),
-                         instance)  # fmt: skip
+    return LabelledCloud(
+        scan.coord, inputs, class_map.labels(codes, table), nothing, class_map.labels(codes, base), instance
+    )
 
 
 def _still(found: LabelledCloud, cloud: Cloud, progress: Progress) -> LabelledCloud:

@@ -22,9 +22,17 @@ FORMAT_VERSION = 2
 _READABLE = (1, 2)  # the first had no `height`, `row` and `instance`: it can be trained on
 MANIFEST = "dataset.json"
 _IGNORED = -1  # Pointcept's number for what no loss is computed on
-_KINDS = {"coord": ("float32", 3), "color": ("uint8", 3), "normal": ("float32", 3), "n_views": ("uint16", 1),
-          "height": ("float32", 1), "segment": ("int32", 1), "uncertainty": ("float32", 1), "row": ("int32", 1),
-          "instance": ("int32", 1)}  # fmt: skip
+_KINDS = {
+    "coord": ("float32", 3),
+    "color": ("uint8", 3),
+    "normal": ("float32", 3),
+    "n_views": ("uint16", 1),
+    "height": ("float32", 1),
+    "segment": ("int32", 1),
+    "uncertainty": ("float32", 1),
+    "row": ("int32", 1),
+    "instance": ("int32", 1),
+}
 
 
 @dataclass(frozen=True)
@@ -83,8 +91,12 @@ def write_piece(folder: Path, patch: Patch) -> None:
         patch: What to write.
     """
     segment = patch.labels.astype(np.int32)
-    arrays = {"coord": patch.coord, **patch.inputs, "uncertainty": patch.uncertainty,
-              "segment": np.where(segment == UNLABELLED, _IGNORED, segment)}  # fmt: skip
+    arrays = {
+        "coord": patch.coord,
+        **patch.inputs,
+        "uncertainty": patch.uncertainty,
+        "segment": np.where(segment == UNLABELLED, _IGNORED, segment),
+    }
     if patch.row is not None and patch.instance is not None:
         arrays |= {"row": patch.row, "instance": np.where(patch.instance > 0, patch.instance, _IGNORED)}
     folder.mkdir(parents=True)
@@ -112,8 +124,15 @@ def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str], *, identified
     }
     segment = columns["segment"]
     labels = np.where(segment == _IGNORED, UNLABELLED, segment).astype(np.uint8)
-    return Patch(columns["coord"], {name: columns[name] for name in inputs}, labels, columns["uncertainty"],
-                 np.array(row.origin), row.seed, *_identity(columns))  # fmt: skip
+    return Patch(
+        columns["coord"],
+        {name: columns[name] for name in inputs},
+        labels,
+        columns["uncertainty"],
+        np.array(row.origin),
+        row.seed,
+        *_identity(columns),
+    )
 
 
 def _identity(columns: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
@@ -133,8 +152,9 @@ def _column(path: Path, name: str, count: int) -> NDArray[Any]:
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"damaged: {error}", where=path, hint="Make the data set again") from None
     if not isinstance(mapped, np.ndarray) or mapped.shape != shape or mapped.dtype != np.dtype(dtype):
-        raise InputError("a column of a wrong shape or type", where=path, allowed=f"{dtype} {shape}",
-                         hint="Make the data set again")  # fmt: skip
+        raise InputError(
+            "a column of a wrong shape or type", where=path, allowed=f"{dtype} {shape}", hint="Make the data set again"
+        )
     return np.array(mapped)
 
 
@@ -145,10 +165,15 @@ def manifest_record(facts: DatasetFacts) -> dict[str, Any]:
         facts: What it says.
     """
     return {
-        "format": FORMAT, "format_version": FORMAT_VERSION, "settings": facts.settings.model_dump(mode="json"),
-        "classes": list(facts.classes), "inputs": list(facts.inputs), "scaling": vars(facts.scaling),
-        "pieces": [vars(row) for row in facts.pieces], "sources": [dict(source) for source in facts.sources],
-    }  # fmt: skip
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "settings": facts.settings.model_dump(mode="json"),
+        "classes": list(facts.classes),
+        "inputs": list(facts.inputs),
+        "scaling": vars(facts.scaling),
+        "pieces": [vars(row) for row in facts.pieces],
+        "sources": [dict(source) for source in facts.sources],
+    }
 
 
 def read_facts(folder: Path) -> DatasetFacts:
@@ -167,20 +192,33 @@ def read_facts(folder: Path) -> DatasetFacts:
     stored = read_json(path)
     found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
     if not isinstance(stored, dict) or found not in [(FORMAT, version) for version in _READABLE]:
-        raise InputError("not a data set of this version", where=path, field="format", value=found,
-                         allowed=f"{FORMAT}, versions {_READABLE[0]} to {_READABLE[-1]}")  # fmt: skip
+        raise InputError(
+            "not a data set of this version",
+            where=path,
+            field="format",
+            value=found,
+            allowed=f"{FORMAT}, versions {_READABLE[0]} to {_READABLE[-1]}",
+        )
     try:
         facts = DatasetFacts(
-            parse_settings(DatasetSettings, stored["settings"], path), tuple(stored["classes"]),
+            parse_settings(DatasetSettings, stored["settings"], path),
+            tuple(stored["classes"]),
             tuple(stored["inputs"]),
-            Scaling(**stored["scaling"]), tuple(_row(path, row) for row in stored["pieces"]), tuple(stored["sources"]),
+            Scaling(**stored["scaling"]),
+            tuple(_row(path, row) for row in stored["pieces"]),
+            tuple(stored["sources"]),
             stored["format_version"] > 1,
-        )  # fmt: skip
+        )
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
     if not set(facts.inputs) <= set(PIECE_INPUTS) or not all(isinstance(name, str) for name in facts.classes):
-        raise InputError("inputs or classes that cannot be", where=path, field="inputs", value=facts.inputs,
-                         allowed=", ".join(PIECE_INPUTS))  # fmt: skip
+        raise InputError(
+            "inputs or classes that cannot be",
+            where=path,
+            field="inputs",
+            value=facts.inputs,
+            allowed=", ".join(PIECE_INPUTS),
+        )
     return facts
 
 

@@ -18,9 +18,18 @@ U8 = NDArray[np.uint8]
 
 # Each channel that a network may have, and the column that it needs; the list is closed: truth is not in it.
 CHANNELS: Mapping[str, str] = {
-    "x": "coord", "y": "coord", "z": "coord", "red": "color", "green": "color", "blue": "color",
-    "nx": "normal", "ny": "normal", "nz": "normal", "n_views": "n_views", "height": "height",
-}  # fmt: skip
+    "x": "coord",
+    "y": "coord",
+    "z": "coord",
+    "red": "color",
+    "green": "color",
+    "blue": "color",
+    "nx": "normal",
+    "ny": "normal",
+    "nz": "normal",
+    "n_views": "n_views",
+    "height": "height",
+}
 _AXES = {"x": 0, "y": 1, "z": 2, "red": 0, "green": 1, "blue": 2, "nx": 0, "ny": 1, "nz": 2}
 _VIEWS = np.float32(np.log(100.0))  # as many views become 1
 
@@ -99,8 +108,13 @@ def check_channels(channels: tuple[str, ...], present: Mapping[str, Any] | tuple
         if name not in CHANNELS:
             raise InputError("not a channel", where=where, field="channels", value=name, allowed=", ".join(CHANNELS))
         if CHANNELS[name] != "coord" and CHANNELS[name] not in present:
-            raise InputError(f"has no column {CHANNELS[name]} for a channel", where=where, field="channels", value=name,
-                             hint="Choose channels that every source has, such as x, y, z")  # fmt: skip
+            raise InputError(
+                f"has no column {CHANNELS[name]} for a channel",
+                where=where,
+                field="channels",
+                value=name,
+                hint="Choose channels that every source has, such as x, y, z",
+            )
 
 
 def make_sample(

@@ -61,9 +61,11 @@ class SensorSettings(Settings):
     """Random changes that make a training sample look as if another sensor, or another flight, had taken it."""
 
     range: float = Field(
-        default=0.5, ge=0.0, le=1.0,
+        default=0.5,
+        ge=0.0,
+        le=1.0,
         description="Share of the samples that a scanner at a random place thins by the square of the distance [1]",
-    )  # fmt: skip
+    )
     gaps: float = Field(default=0.3, ge=0.0, le=1.0, description="Share of the samples with holes, as of occlusion [1]")
     half: float = Field(default=0.1, ge=0.0, le=1.0, description="Share of the samples that are cut through [1]")
     tilt: float = Field(default=2.0, ge=0.0, le=30.0, description="Standard deviation of the lean of the vertical [°]")
@@ -123,10 +125,12 @@ _TABLES = {"tile": "size=10", "window": "length=10", "augment": "flip=false"}
 _OF_KIND: Mapping[str, Mapping[str, Any]] = {
     "local": {},
     "global": {
-        "table": "falsework", "points": 65_536, "noisy_class": True,
+        "table": "falsework",
+        "points": 65_536,
+        "noisy_class": True,
         "tile": {"size": 60.0, "stride": 30.0, "scale": 1.0, "voxel": 0.1, "ground_reach": 60.0},
     },
-}  # fmt: skip
+}
 
 
 def dataset_settings(kind: str, values: Mapping[str, Any], where: object) -> DatasetSettings:
@@ -144,7 +148,12 @@ def dataset_settings(kind: str, values: Mapping[str, Any], where: object) -> Dat
     for key, value in values.items():
         before = whole.get(key)
         if key in _TABLES and not isinstance(value, Mapping):
-            raise InputError("a table, not a value", where=where, field=key, value=value,
-                             hint=f"Give its keys, such as {key}.{_TABLES[key]}")  # fmt: skip
+            raise InputError(
+                "a table, not a value",
+                where=where,
+                field=key,
+                value=value,
+                hint=f"Give its keys, such as {key}.{_TABLES[key]}",
+            )
         whole[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value
     return parse_settings(DatasetSettings, whole, where)

@@ -34,8 +34,12 @@ def split_bridges(sources: Sequence[SourceFacts], settings: DatasetSettings) -> 
     for name in settings.test:
         found = [bridge for bridge in bridges if bridge.startswith(name)]
         if not name or len(found) != 1:
-            raise InputError("does not begin the name of exactly one bridge", field="test", value=name,
-                             allowed=", ".join(bridge[:12] for bridge in bridges))  # fmt: skip
+            raise InputError(
+                "does not begin the name of exactly one bridge",
+                field="test",
+                value=name,
+                allowed=", ".join(bridge[:12] for bridge in bridges),
+            )
         held.update(found)
     free = [bridge for bridge in bridges if bridge not in held]
     train, val, test = settings.shares

@@ -27,9 +27,14 @@ class StoredSplit:
     """
 
     def __init__(
-        self, folder: Path, split: str, channels: tuple[str, ...] = XYZ, *, augment: bool = True,
+        self,
+        folder: Path,
+        split: str,
+        channels: tuple[str, ...] = XYZ,
+        *,
+        augment: bool = True,
         sensors: SensorSettings | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Open a split.
 
         Args:
@@ -102,15 +107,23 @@ class StoredSplit:
             InputError: The data set is too old to know.
         """
         if not self.facts.identified:
-            raise InputError("made before pieces said which points of a cloud they hold", where=self.folder,
-                             hint="Make the data set again")  # fmt: skip
+            raise InputError(
+                "made before pieces said which points of a cloud they hold",
+                where=self.folder,
+                hint="Make the data set again",
+            )
         row, number = self._items[index]
         patch = read_piece(self.folder, row, (), identified=True)
         drawn = exhaustive_draw(len(patch), self.facts.settings.points, number, patch.seed)
         assert patch.row is not None
         assert patch.instance is not None
-        return Truth(row.source, patch.row[drawn], patch.coord[drawn] + patch.origin, patch.uncertainty[drawn],
-                     patch.instance[drawn])  # fmt: skip
+        return Truth(
+            row.source,
+            patch.row[drawn],
+            patch.coord[drawn] + patch.origin,
+            patch.uncertainty[drawn],
+            patch.instance[drawn],
+        )
 
     def sample(self, index: int, seed: int) -> Sample:
         """Draw one sample.

@@ -56,9 +56,12 @@ def lay_grid(low: F64, high: F64, size: float) -> VoxelGrid:
     most = _MOST_CELLS * size
     if ((high - origin) >= most).any():
         raise InputError(
-            f"the points reach over {float((high - low).max()):.0f} m", field="voxel", value=size,
-            allowed=f"at most {most:.0f} m with cubes of this size", hint="Remove stray points, or check the unit",
-        )  # fmt: skip
+            f"the points reach over {float((high - low).max()):.0f} m",
+            field="voxel",
+            value=size,
+            allowed=f"at most {most:.0f} m with cubes of this size",
+            hint="Remove stray points, or check the unit",
+        )
     return VoxelGrid(origin, size)
 
 
@@ -122,6 +125,8 @@ def add_points(cloud: VoxelCloud, coord: F64, columns: Mapping[str, NDArray[Any]
     merged = np.concatenate([cloud.keys, keys])
     order = np.argsort(merged, kind="stable")
     return VoxelCloud(
-        cloud.grid, merged[order], np.concatenate([cloud.coord, coord[first]])[order],
+        cloud.grid,
+        merged[order],
+        np.concatenate([cloud.coord, coord[first]])[order],
         {name: np.concatenate([cloud.columns[name], values[first]])[order] for name, values in columns.items()},
-    )  # fmt: skip
+    )

@@ -112,8 +112,13 @@ def _lay(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Itera
     """
     deck = np.flatnonzero(cloud.deck)
     if len(deck) < _FEWEST_DECK:
-        raise InputError("has no labelled deck to lay windows along", where=where, value=len(deck),
-                         allowed=f"at least {_FEWEST_DECK} points of the deck", hint="Use mode metric")  # fmt: skip
+        raise InputError(
+            "has no labelled deck to lay windows along",
+            where=where,
+            value=len(deck),
+            allowed=f"at least {_FEWEST_DECK} points of the deck",
+            hint="Use mode metric",
+        )
     axis = _long_axis(cloud.coord[deck, :2])
     across = np.array([-axis[1], axis[0]])
     along, beside, height = cloud.coord[:, :2] @ axis, cloud.coord[:, :2] @ across, cloud.coord[:, 2]
@@ -134,10 +139,17 @@ def _lay(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Itera
         bottom, top = bottom - settings.below, top + settings.above
         rows = np.sort(rows[(height[rows] >= bottom) & (height[rows] <= top)])
         centre = (start + 0.5 * settings.length) * axis + middle * across
-        yield WindowBox(
-            number, axis, (float(start), float(start + settings.length)), (float(middle - half), float(middle + half)),
-            (bottom, top), np.array([*centre, bottom]),
-        ), rows  # fmt: skip
+        yield (
+            WindowBox(
+                number,
+                axis,
+                (float(start), float(start + settings.length)),
+                (float(middle - half), float(middle + half)),
+                (bottom, top),
+                np.array([*centre, bottom]),
+            ),
+            rows,
+        )
 
 
 def _long_axis(points: F64) -> F64:

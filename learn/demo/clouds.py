@@ -54,8 +54,9 @@ def thin_cloud(folder: Path, name: str) -> DemoCloud:
     values, kind = np.unique(pairs, return_inverse=True)
     small = thin(cloud.columns["coord"], {"kind": kind.astype(np.uint8)}, TileSettings(voxel=VOXEL))
     middle = np.round(small.coord.mean(axis=0))
-    kinds = tuple((names[int(v) // len(cloud.components)], cloud.components[int(v) % len(cloud.components)])
-                  for v in values)  # fmt: skip
+    kinds = tuple(
+        (names[int(v) // len(cloud.components)], cloud.components[int(v) % len(cloud.components)]) for v in values
+    )
     coord = np.rint((small.coord - middle) / STEP) * STEP
     return DemoCloud(name, cloud.bridge, coord, small.columns["kind"], kinds)
 
@@ -84,10 +85,15 @@ def demo_clouds() -> list[DemoCloud]:
     with np.load(io.BytesIO(lzma.decompress(packed)), allow_pickle=False) as file:
         facts = json.loads(file["facts"].tobytes())
         return [
-            DemoCloud(row["name"], row["bridge"], _places(file[f"coord{n}"]),
-                      file[f"kind{n}"], tuple(map(tuple, row["kinds"])))
+            DemoCloud(
+                row["name"],
+                row["bridge"],
+                _places(file[f"coord{n}"]),
+                file[f"kind{n}"],
+                tuple(map(tuple, row["kinds"])),
+            )
             for n, row in enumerate(facts)
-        ]  # fmt: skip
+        ]
 
 
 def _places(steps: NDArray[np.int16]) -> NDArray[np.float64]:
@@ -106,8 +112,10 @@ def write_demo_cloud(cloud: DemoCloud, folder: Path) -> None:
     segment = np.array([class_id(name) for name, _ in cloud.kinds], np.uint8)
     component = np.array([components.index(name) for _, name in cloud.kinds], np.uint16)
     count = len(cloud.coord)
-    columns = {name: np.zeros((count, row.width) if row.width > 1 else count, row.dtype)
-               for name, row in COLUMNS.items()}  # fmt: skip
+    columns = {
+        name: np.zeros((count, row.width) if row.width > 1 else count, row.dtype) for name, row in COLUMNS.items()
+    }
     columns |= {"coord": cloud.coord, "segment": segment[cloud.kind], "component": component[cloud.kind]}
-    write_cloud(folder, Cloud(columns, without_observations(count), components, class_rows(), {}, (), {}, "mesh",
-                              cloud.bridge))  # fmt: skip
+    write_cloud(
+        folder, Cloud(columns, without_observations(count), components, class_rows(), {}, (), {}, "mesh", cloud.bridge)
+    )

@@ -30,9 +30,13 @@ TEST = ("beam26", "girder15", "girder16", "slab34")
 NO_SENSORS = {"range": 0.0, "gaps": 0.0, "half": 0.0, "tilt": 0.0, "colorless": 0.0}
 """Training and test are of one sensor here, and steps are few."""
 MODEL: Mapping[str, Any] = {
-    "model": "pointnet2-ssg", "network": {"counts": [256, 64, 16], "unit": 2.0, "dropout": 0.3}, "epochs": 4,
-    "batch": 8, "accelerator": "cpu", "sensors": NO_SENSORS,
-}  # fmt: skip
+    "model": "pointnet2-ssg",
+    "network": {"counts": [256, 64, 16], "unit": 2.0, "dropout": 0.3},
+    "epochs": 4,
+    "batch": 8,
+    "accelerator": "cpu",
+    "sensors": NO_SENSORS,
+}
 
 
 @dataclass(frozen=True)
@@ -53,9 +57,13 @@ class DemoRow:
 
 
 def run_demo(
-    folder: Path, progress: Progress, *, clouds: Sequence[DemoCloud] | None = None, test: Sequence[str] = TEST,
+    folder: Path,
+    progress: Progress,
+    *,
+    clouds: Sequence[DemoCloud] | None = None,
+    test: Sequence[str] = TEST,
     changed: Mapping[str, Any] | None = None,
-) -> tuple[tuple[str, ...], list[DemoRow]]:  # fmt: skip
+) -> tuple[tuple[str, ...], list[DemoRow]]:
     """Train on the shipped clouds and score what was learnt on bridges that the training never saw.
 
     Args:
@@ -74,8 +82,11 @@ def run_demo(
     with tempfile.TemporaryDirectory() as place:
         data = _data_set(Path(place), clouds, test, progress)
         train = StoredSplit(data, "train", channels, sensors=recipe_of(settings).sensors)
-        facts = {"settings": train.facts.settings.model_dump(mode="json"), "scaling": vars(train.facts.scaling),
-                 "table": train.facts.settings.table}  # fmt: skip
+        facts = {
+            "settings": train.facts.settings.model_dump(mode="json"),
+            "scaling": vars(train.facts.scaling),
+            "table": train.facts.settings.table,
+        }
         train_network(train, StoredSplit(data, "val", channels), settings, folder, progress, data=facts)
         held = StoredSplit(data, "test", channels)
         names = {cloud.bridge: cloud.name for cloud in clouds}
@@ -85,8 +96,9 @@ def run_demo(
             ("the class with most points", _Majority.counted(train.unchanged())),
         ]
         progress.stage("evaluate", len(answers) * len(held))
-        rows = [_row(name, answer, held, names, progress, place * len(held)) for place, (name, answer) in
-                enumerate(answers)]  # fmt: skip
+        rows = [
+            _row(name, answer, held, names, progress, place * len(held)) for place, (name, answer) in enumerate(answers)
+        ]
         return train.classes, rows
 
 
@@ -132,9 +144,7 @@ def _data_set(place: Path, clouds: Sequence[DemoCloud], test: Sequence[str], pro
     return place / "set"
 
 
-def _row(
-    name: str, answer: Any, held: StoredSplit, names: Mapping[str, str], progress: Progress, done: int
-) -> DemoRow:  # fmt: skip
+def _row(name: str, answer: Any, held: StoredSplit, names: Mapping[str, str], progress: Progress, done: int) -> DemoRow:
     count = len(held.classes)
     matrices: dict[str, I64] = {}
     for number in range(len(held)):
@@ -145,8 +155,12 @@ def _row(
         matrices[bridge] = matrices.get(bridge, np.zeros((count, count), np.int64)) + found
         progress.advance(done + number + 1)
     total = scores(sum(matrices.values(), np.zeros((count, count), np.int64)))
-    return DemoRow(name, total.iou, total.mean_iou,
-                   {bridge: scores(matrix).mean_iou for bridge, matrix in sorted(matrices.items())})  # fmt: skip
+    return DemoRow(
+        name,
+        total.iou,
+        total.mean_iou,
+        {bridge: scores(matrix).mean_iou for bridge, matrix in sorted(matrices.items())},
+    )
 
 
 @dataclass(frozen=True)

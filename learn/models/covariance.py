@@ -37,9 +37,15 @@ def covariance_features(coord: F32, scales: Sequence[int]) -> F32:
         longest, total = np.maximum(first, 1e-12), np.maximum(first + second + third, 1e-12)
         heights = near[:, :, 2]
         columns += [
-            (first - second) / longest, (second - third) / longest, third / longest, third / total,
-            1.0 - np.abs(vectors[:, 2, 0]), np.sqrt(total), np.sqrt(np.maximum(covariance[:, 2, 2], 0.0)),
-            heights.max(axis=1) - points[:, 2], points[:, 2] - heights.min(axis=1),
-        ]  # fmt: skip
+            (first - second) / longest,
+            (second - third) / longest,
+            third / longest,
+            third / total,
+            1.0 - np.abs(vectors[:, 2, 0]),
+            np.sqrt(total),
+            np.sqrt(np.maximum(covariance[:, 2, 2], 0.0)),
+            heights.max(axis=1) - points[:, 2],
+            points[:, 2] - heights.min(axis=1),
+        ]
     columns.append(points[:, 2] - points[:, 2].min())
     return np.stack(columns, axis=1).astype(np.float32)

@@ -41,8 +41,9 @@ def grow_forest(
     present = np.unique(labels)
     if len(present) < 2:
         raise InputError("nothing to tell apart: the labelled points are of one class", field="labels")
-    forest = RandomForestClassifier(trees, max_depth=depth, class_weight="balanced", random_state=seed, n_jobs=1,
-                                    min_samples_leaf=2)  # fmt: skip
+    forest = RandomForestClassifier(
+        trees, max_depth=depth, class_weight="balanced", random_state=seed, n_jobs=1, min_samples_leaf=2
+    )
     forest.fit(features, labels)
     inner = [estimator.tree_ for estimator in forest.estimators_]
     first = np.cumsum([0, *(tree.node_count for tree in inner)])
@@ -75,10 +76,14 @@ def forest_probabilities(arrays: Arrays, features: F32) -> F32:
     """
     _check(arrays, features.shape[1])
     return _vote(
-        np.ascontiguousarray(features, dtype=np.float32), arrays["first"].astype(np.int64),
-        arrays["column"].astype(np.int64), arrays["threshold"].astype(np.float64), arrays["left"].astype(np.int64),
-        arrays["right"].astype(np.int64), arrays["share"].astype(np.float64),
-    ).astype(np.float32)  # fmt: skip
+        np.ascontiguousarray(features, dtype=np.float32),
+        arrays["first"].astype(np.int64),
+        arrays["column"].astype(np.int64),
+        arrays["threshold"].astype(np.float64),
+        arrays["left"].astype(np.int64),
+        arrays["right"].astype(np.int64),
+        arrays["share"].astype(np.float64),
+    ).astype(np.float32)
 
 
 def _check(arrays: Arrays, columns: int) -> None:
@@ -101,9 +106,7 @@ def _check(arrays: Arrays, columns: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _vote(
-    features: F32, first: I64, column: I64, threshold: F64, left: I64, right: I64, share: F64
-) -> F64:  # fmt: skip
+def _vote(features: F32, first: I64, column: I64, threshold: F64, left: I64, right: I64, share: F64) -> F64:
     total = np.zeros((len(features), share.shape[1]))
     for row in range(len(features)):
         for tree in range(len(first) - 1):

@@ -47,9 +47,15 @@ class Shared(nn.Module):
     """One layer of a shared MLP: linear, batch normalisation, activation, the same for every point."""
 
     def __init__(
-        self, inputs: int, outputs: int, activation: nn.Module | None, *,
-        bias: bool = True, epsilon: float = 1e-5, momentum: float = 0.1,
-    ) -> None:  # fmt: skip
+        self,
+        inputs: int,
+        outputs: int,
+        activation: nn.Module | None,
+        *,
+        bias: bool = True,
+        epsilon: float = 1e-5,
+        momentum: float = 0.1,
+    ) -> None:
         super().__init__()
         self.linear = nn.Linear(inputs, outputs, bias=bias)
         self.norm = nn.BatchNorm1d(outputs, eps=epsilon, momentum=momentum)
@@ -84,8 +90,16 @@ def _normalized(rows: Tensor, linear: nn.Linear, norm: nn.BatchNorm1d) -> Tensor
     bias = linear.bias.detach()
     mean = norm.running_mean - bias
     after = norm.bias + 0.0 * linear.bias  # so that the bias has its gradient of nought
-    found = functional.batch_norm(functional.linear(rows, linear.weight), mean, norm.running_var, norm.weight, after,
-                                  True, norm.momentum or 0.0, norm.eps)  # fmt: skip
+    found = functional.batch_norm(
+        functional.linear(rows, linear.weight),
+        mean,
+        norm.running_var,
+        norm.weight,
+        after,
+        True,
+        norm.momentum or 0.0,
+        norm.eps,
+    )
     norm.running_mean.copy_(mean + bias)
     norm.num_batches_tracked += 1
     return found

@@ -73,9 +73,7 @@ class PointNet2(nn.Module):
             skip = widths[level] if level else 0  # the finest step takes no inputs along, as published
             self.up.append(_mlp((below + skip, *UP[level]), relu))
             below = UP[level][-1]
-        self.head = nn.Sequential(
-            Shared(below, HEAD, relu), nn.Dropout(settings.dropout), nn.Linear(HEAD, classes)
-        )  # fmt: skip
+        self.head = nn.Sequential(Shared(below, HEAD, relu), nn.Dropout(settings.dropout), nn.Linear(HEAD, classes))
 
     def pyramid(self, coord: F32) -> Indices:
         """Choose the points of every level and search their balls.

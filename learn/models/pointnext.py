@@ -61,7 +61,7 @@ class PointNext(nn.Module):
             self.up.append(nn.Sequential(_layer(width + wider, width), _layer(width, width)))
         self.head = nn.Sequential(
             _layer(widths[0], widths[0]), nn.Dropout(settings.dropout), nn.Linear(widths[0], classes)
-        )  # fmt: skip
+        )
 
     def radius(self, level: int) -> float:
         """Give the radius of the balls that lead to a level.
@@ -93,9 +93,11 @@ class PointNext(nn.Module):
     def pyramid_parameters(self) -> object:
         """Tell what decides the pyramid beside the positions."""
         return {
-            "pyramid": "next", "own": self.settings.kind != "pointnext-s", "radius": self.settings.radius,
+            "pyramid": "next",
+            "own": self.settings.kind != "pointnext-s",
+            "radius": self.settings.radius,
             "neighbours": self.settings.neighbours,
-        }  # fmt: skip
+        }
 
     def forward(self, features: Tensor, geometry: Geometry) -> Tensor:
         """Score every point for every class.

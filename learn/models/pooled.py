@@ -47,9 +47,15 @@ class _PooledNorm(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, rows: Tensor, weight: Tensor, bias: Tensor, running_mean: Tensor, running_var: Tensor,
-        momentum: float, epsilon: float,
-    ) -> Tensor:  # fmt: skip
+        ctx: Any,
+        rows: Tensor,
+        weight: Tensor,
+        bias: Tensor,
+        running_mean: Tensor,
+        running_var: Tensor,
+        momentum: float,
+        epsilon: float,
+    ) -> Tensor:
         flat = rows.view(-1, rows.shape[-1])
         mean, variance = torch.batch_norm_update_stats(flat, running_mean, running_var, momentum)
         inverse = (variance + epsilon).rsqrt()

@@ -70,9 +70,11 @@ class RandlaNet(nn.Module):
             self.up.append(_shared(below + skip, skip))
             below = skip
         self.head = nn.Sequential(
-            _shared(below, HEAD[0]), _shared(HEAD[0], HEAD[1]), nn.Dropout(settings.dropout),
+            _shared(below, HEAD[0]),
+            _shared(HEAD[0], HEAD[1]),
+            nn.Dropout(settings.dropout),
             nn.Linear(HEAD[1], classes),
-        )  # fmt: skip
+        )
 
     def pyramid(self, coord: F32) -> Indices:
         """Choose the points of every level and search their neighbours.
@@ -89,9 +91,11 @@ class RandlaNet(nn.Module):
         """Tell what decides the pyramid beside the positions."""
         settings = self.settings
         return {
-            "pyramid": "random", "ratios": settings.ratios, "neighbours": settings.neighbours,
+            "pyramid": "random",
+            "ratios": settings.ratios,
+            "neighbours": settings.neighbours,
             "seed": settings.sampling_seed,
-        }  # fmt: skip
+        }
 
     def forward(self, features: Tensor, geometry: Geometry) -> Tensor:
         """Score every point for every class.

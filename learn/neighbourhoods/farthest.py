@@ -30,8 +30,13 @@ def farthest_points(coord: F32, count: int) -> I64:
     Source: Eldar et al., The farthest point strategy for progressive image sampling, 1997; PointNet++, section 3.2.
     """
     if not 1 <= count <= len(coord):
-        raise InputError("too few points for this network", field="points", value=len(coord),
-                         allowed=f"{count} or more", hint="Take larger tiles, or a smaller model")  # fmt: skip
+        raise InputError(
+            "too few points for this network",
+            field="points",
+            value=len(coord),
+            allowed=f"{count} or more",
+            hint="Take larger tiles, or a smaller model",
+        )
     columns = np.ascontiguousarray(coord.T, dtype=np.float64)
     return _choose(columns[0], columns[1], columns[2], count)
 

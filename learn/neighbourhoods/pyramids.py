@@ -82,8 +82,13 @@ def random_pyramid(coord: F32, ratios: Sequence[int], neighbours: int, seed: int
     """
     least = neighbours * int(np.prod(ratios[:-1]))
     if len(coord) < least:
-        raise InputError("too few points for this network", field="points", value=len(coord),
-                         allowed=f"{least} or more", hint="Take larger tiles, or fewer layers")  # fmt: skip
+        raise InputError(
+            "too few points for this network",
+            field="points",
+            value=len(coord),
+            allowed=f"{least} or more",
+            hint="Take larger tiles, or fewer layers",
+        )
     arrays: dict[str, NDArray[np.int32]] = {}
     kept = np.random.default_rng([seed, len(coord)]).permutation(len(coord))
     for level, ratio in enumerate(ratios):

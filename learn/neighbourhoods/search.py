@@ -51,7 +51,12 @@ def nearest(coord: F32, centers: F32, count: int) -> I64:
         InputError: Fewer points than neighbours.
     """
     if len(coord) < count:
-        raise InputError("fewer points than neighbours", field="points", value=len(coord),
-                         allowed=f"{count} or more", hint="Take larger tiles, or a smaller model")  # fmt: skip
+        raise InputError(
+            "fewer points than neighbours",
+            field="points",
+            value=len(coord),
+            allowed=f"{count} or more",
+            hint="Take larger tiles, or a smaller model",
+        )
     _, found = KDTree(coord).query(centers, k=count)
     return np.array(found, dtype=np.int64).reshape(len(centers), count)

@@ -103,8 +103,12 @@ def summed_model(model: Predicting, classes: tuple[str, ...], own: str, table: s
     if tuple(names) == classes:
         return model
     if table in (COMPONENTS, OWN) or not own:
-        raise InputError("the data set has other classes than the model", field="classes", value=", ".join(names),
-                         allowed=", ".join(classes))  # fmt: skip
+        raise InputError(
+            "the data set has other classes than the model",
+            field="classes",
+            value=", ".join(names),
+            allowed=", ".join(classes),
+        )
     summing = sum_classes(classes, own, table, ())
     return SummedModel(model, np.ascontiguousarray(summing.matrix[:, [summing.names.index(name) for name in names]]))
 
@@ -130,16 +134,24 @@ def sum_classes(
     if wanted not in TAXONOMIES:
         raise InputError("unknown table", field="--table", value=wanted, allowed=", ".join(TAXONOMIES))
     if own not in (wanted, BASE, COMPONENTS):
-        raise InputError(f"the model's classes are those of {own}, too coarse for another table", field="--table",
-                         value=wanted, allowed=own)  # fmt: skip
+        raise InputError(
+            f"the model's classes are those of {own}, too coarse for another table",
+            field="--table",
+            value=wanted,
+            allowed=own,
+        )
     rows = [row for row in taxonomy(wanted).rows if row.id != UNLABELLED]
     names, known = tuple(row.name for row in rows), taxonomy(wanted)
     matrix = np.zeros((len(classes), len(rows)), np.float32)
     for place, name in enumerate(classes):
         found = name if name in names and own == wanted else class_of(known, name, component_classes().get(name, name))
         if found not in names:
-            raise InputError("a class of the model that the table does not know", field="--table", value=name,
-                             allowed=", ".join(names))  # fmt: skip
+            raise InputError(
+                "a class of the model that the table does not know",
+                field="--table",
+                value=name,
+                allowed=", ".join(names),
+            )
         matrix[place, names.index(found)] = 1.0
     _check_kept(kept, names)
     reached = matrix.any(axis=0)

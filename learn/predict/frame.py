@@ -12,10 +12,13 @@ F64 = NDArray[np.float64]
 
 # Rows: which axis of the scan becomes x, y and z, and with which sign; each is a rotation.
 _TURNS: dict[str, tuple[tuple[int, ...], ...]] = {
-    "z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)), "-z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
-    "y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)), "-y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
-    "x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)), "-x": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
-}  # fmt: skip
+    "z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "-z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
+    "y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    "-y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    "x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
+    "-x": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+}
 
 _SAME = 1e-3  # [1] the feet of a survey and of everybody else are one length here
 
@@ -72,13 +75,19 @@ def choose_frame(said: float | None, settings: PredictSettings, where: object) -
     if settings.unit is not None:
         meters = UNITS[settings.unit]
     if meters == 0.0:
-        raise InputError("its coordinates are longitudes and latitudes", where=where,
-                         hint="Project it into a system in metres or feet first")  # fmt: skip
+        raise InputError(
+            "its coordinates are longitudes and latitudes",
+            where=where,
+            hint="Project it into a system in metres or feet first",
+        )
     if meters is None:
         raise InputError(
-            "does not say the unit of its coordinates", where=where, field="--unit", allowed=", ".join(UNITS),
+            "does not say the unit of its coordinates",
+            where=where,
+            field="--unit",
+            allowed=", ".join(UNITS),
             hint="Name it, or give --scale, the metres that one unit of a cloud without scale stands for",
-        )  # fmt: skip
+        )
     return Frame(meters, np.array(_TURNS[settings.up], np.float64))
 
 

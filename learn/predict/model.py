@@ -65,8 +65,11 @@ def shipped_folder() -> Path:
     """
     folder = Path(str(files("learn").joinpath("shipped")))
     if not (folder / "model.json").is_file():
-        raise MissingError("this installation has no model of its own", field="--model",
-                           hint="Name a model that falsework train has written")  # fmt: skip
+        raise MissingError(
+            "this installation has no model of its own",
+            field="--model",
+            hint="Name a model that falsework train has written",
+        )
     return folder
 
 
@@ -88,8 +91,12 @@ def named_model(name: str) -> PointModel:
         return read_trained_model(Path(name))
     module, colon, function = name.partition(":")
     if not colon or not function or "/" in module:
-        raise InputError("no such model", field="--model", value=name,
-                         allowed="a folder that falsework train has written, or module:function")  # fmt: skip
+        raise InputError(
+            "no such model",
+            field="--model",
+            value=name,
+            allowed="a folder that falsework train has written, or module:function",
+        )
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.insert(0, here)
@@ -101,8 +108,9 @@ def named_model(name: str) -> PointModel:
         model = found()
     except TypeError as error:
         raise InputError(f"not called without arguments: {error}", field="--model", value=name) from None
-    lacking = [word for word in ("classes", "table", "channels", "tile", "points", "probabilities")
-               if not hasattr(model, word)]  # fmt: skip
+    lacking = [
+        word for word in ("classes", "table", "channels", "tile", "points", "probabilities") if not hasattr(model, word)
+    ]
     if lacking:
         raise InputError("what it makes is not a model", field="--model", value=name, allowed=f"with {lacking[0]}")
     return model

@@ -82,8 +82,12 @@ def predict_scan(
     check_output_file(out, [source], lambda path: _is_former(former, path))
     check_copy(file, out)
     if settings.link < model.tile.voxel:
-        raise InputError("smaller than the cubes of which the model sees one point each", field="--link",
-                         value=settings.link, allowed=f"at least {model.tile.voxel:g} m")  # fmt: skip
+        raise InputError(
+            "smaller than the cubes of which the model sees one point each",
+            field="--link",
+            value=settings.link,
+            allowed=f"at least {model.tile.voxel:g} m",
+        )
     ids = tuple(getattr(model, "ids", ()))  # of own classes, which no table numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
@@ -111,8 +115,12 @@ def predict_scan(
         with _copy_and_boxes(source, out, former) as (copy, record):
             write_labelled_copy(file, stream, copy, labels, settings.chunk, summing.table == _ASPRS)
             found = boxes.rows(names, frame.meters)
-            record |= {"table": summing.table, "meters_per_unit": frame.meters, "instances": found,
-                       "classes": {str(i): name for i, name in names.items()}}  # fmt: skip
+            record |= {
+                "table": summing.table,
+                "meters_per_unit": frame.meters,
+                "instances": found,
+                "classes": {str(i): name for i, name in names.items()},
+            }
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
         doubts = _doubts(contradiction(told, frame), len(cloud), stream.count)
         return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
@@ -148,8 +156,11 @@ def _refuse_boxes_of_another(record: dict[str, Any], out: Path) -> None:
     """Boxes stand beside the copy under its name without its suffix: those of two formats would be one file."""
     other = out.with_suffix(str((record.get("copy") or {}).get("suffix") or out.suffix))
     if other.suffix != out.suffix and other.exists():
-        raise InputError(f"holds the boxes of {other.name}", where=out.with_suffix(BOXES),
-                         hint="Choose a name for the copy that differs in more than its suffix")  # fmt: skip
+        raise InputError(
+            f"holds the boxes of {other.name}",
+            where=out.with_suffix(BOXES),
+            hint="Choose a name for the copy that differs in more than its suffix",
+        )
 
 
 def _doubts(contradicted: str, seen: int, count: int) -> tuple[str, ...]:
@@ -217,8 +228,12 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
     def ask() -> None:
         for (rows, _), told in zip(waiting, model.probabilities([sample for _, sample in waiting]), strict=True):
             if told.shape != (len(rows), len(model.classes)):
-                raise InputError("the model answers in another shape", field="probabilities", value=told.shape,
-                                 allowed=str((len(rows), len(model.classes))))  # fmt: skip
+                raise InputError(
+                    "the model answers in another shape",
+                    field="probabilities",
+                    value=told.shape,
+                    allowed=str((len(rows), len(model.classes))),
+                )
             np.add.at(total, rows, told)
             np.add.at(seen, rows, np.float32(1.0))
         waiting.clear()
@@ -277,8 +292,13 @@ def _file_of(source: Path, out: Path) -> tuple[Path, float | None]:
         raise InputError("not a cloud: no cloud.json", where=source, hint="Name a scan, or the folder of a cloud")
     name = _OWN_FILES.get(out.suffix.lower())
     if name is None:
-        raise InputError("a cloud can be copied as LAZ, LAS or PLY", where=out, field="-o", value=out.suffix,
-                         allowed=", ".join(_OWN_FILES))  # fmt: skip
+        raise InputError(
+            "a cloud can be copied as LAZ, LAS or PLY",
+            where=out,
+            field="-o",
+            value=out.suffix,
+            allowed=", ".join(_OWN_FILES),
+        )
     if not (source / name).is_file():
         hint = f"Make it with falsework export {source} --to {Path(name).suffix[1:]} -o DIR, and label that"
         raise MissingError(f"this cloud holds no {name} to copy", where=source, hint=hint)

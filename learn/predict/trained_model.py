@@ -83,15 +83,25 @@ def read_trained_model(folder: Path) -> TrainedModel:
     trained = read_model(folder)
     where, stored = folder / FACTS, trained.facts.data.get("settings")
     if not isinstance(stored, dict):
-        raise InputError("does not say which data set it was trained on", where=where, field="data.settings",
-                         hint="Train it on a data set of falsework dataset")  # fmt: skip
+        raise InputError(
+            "does not say which data set it was trained on",
+            where=where,
+            field="data.settings",
+            hint="Train it on a data set of falsework dataset",
+        )
     settings = parse_settings(DatasetSettings, stored, where)
     if settings.mode != "metric":
-        raise InputError("trained on the paper's windows, which are read off the labels: it can be evaluated, "
-                         "but no unlabelled scan can be cut so", where=folder, field="--model", value=settings.mode,
-                         allowed="a model of a data set with --mode metric")  # fmt: skip
+        raise InputError(
+            "trained on the paper's windows, which are read off the labels: it can be evaluated, "
+            "but no unlabelled scan can be cut so",
+            where=folder,
+            field="--model",
+            value=settings.mode,
+            allowed="a model of a data set with --mode metric",
+        )
     unknown = [name for name in trained.channels if name not in CHANNELS]
     if unknown:
-        raise InputError("an input that no scan has", where=where, field="channels", value=unknown[0],
-                         allowed=", ".join(CHANNELS))  # fmt: skip
+        raise InputError(
+            "an input that no scan has", where=where, field="channels", value=unknown[0], allowed=", ".join(CHANNELS)
+        )
     return TrainedModel(trained, settings)

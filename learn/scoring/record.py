@@ -46,10 +46,14 @@ class Tally:
     def __add__(self, other: "Tally") -> "Tally":
         """Add the counts of other clouds."""
         return Tally(
-            self.matrices + other.matrices, self.confidence + other.confidence, self.right + other.right,
-            _both(self.modelled, other.modelled), _both(self.parts, other.parts), self.points + other.points,
+            self.matrices + other.matrices,
+            self.confidence + other.confidence,
+            self.right + other.right,
+            _both(self.modelled, other.modelled),
+            _both(self.parts, other.parts),
+            self.points + other.points,
             self.votes + other.votes,
-        )  # fmt: skip
+        )
 
 
 def tally_cloud(cloud: ScoredCloud, classes: int, without: Sequence[int], link: float, fewest: int) -> Tally:
@@ -99,19 +103,25 @@ def whole_record(tallies: dict[str, Tally], names: Sequence[str], link: float) -
     confidence, right = _confidences(total)
     coverage, risk = risk_coverage(confidence, right) if len(confidence) else (np.zeros(0), np.zeros(0))
     return {
-        "format": "falsework.evaluation", "format_version": FORMAT_VERSION, "points": total.points,
-        "votes": total.votes, **score_rows(matrix, names),
-        "confusion": matrix.tolist(), "confusion_shares": [[_plain(value) for value in row] for row in shares],
+        "format": "falsework.evaluation",
+        "format_version": FORMAT_VERSION,
+        "points": total.points,
+        "votes": total.votes,
+        **score_rows(matrix, names),
+        "confusion": matrix.tolist(),
+        "confusion_shares": [[_plain(value) for value in row] for row in shares],
         "calibration_error": _plain(calibration_error(confidence, right)),
-        "coverage": coverage.tolist(), "risk": risk.tolist(),
+        "coverage": coverage.tolist(),
+        "risk": risk.tolist(),
         "sure": {"uncertainty": SURE, **score_rows(total.matrices[THRESHOLDS.index(SURE)], names)},
         "by_uncertainty": {
-            "thresholds": list(THRESHOLDS), "points": total.matrices[:_ALL].sum(axis=(1, 2)).tolist(),
+            "thresholds": list(THRESHOLDS),
+            "points": total.matrices[:_ALL].sum(axis=(1, 2)).tolist(),
             "mean_iou": [_plain(value) for value in mean_iou(total.matrices[:_ALL])],
         },
         "panoptic": {"link": link, "modelled": _quality(total.modelled, names), "parts": _quality(total.parts, names)},
         "bridges": {name: _bridge(tally, names) for name, tally in sorted(tallies.items())},
-    }  # fmt: skip
+    }
 
 
 def score_rows(matrix: I64, names: Sequence[str]) -> dict[str, Any]:
@@ -131,20 +141,26 @@ def score_rows(matrix: I64, names: Sequence[str]) -> dict[str, Any]:
             name: {"points": int(result.support[number]), **{key: _plain(v[number]) for key, v in columns.items()}}
             for number, name in enumerate(names)
         },
-        "overall_accuracy": _plain(result.overall_accuracy), "mean_accuracy": _plain(result.mean_accuracy),
-        "mean_precision": _plain(result.mean_precision), "mean_iou": _plain(result.mean_iou),
-        "mean_f1": _plain(result.mean_f1), "classes_averaged": result.classes_averaged,
-    }  # fmt: skip
+        "overall_accuracy": _plain(result.overall_accuracy),
+        "mean_accuracy": _plain(result.mean_accuracy),
+        "mean_precision": _plain(result.mean_precision),
+        "mean_iou": _plain(result.mean_iou),
+        "mean_f1": _plain(result.mean_f1),
+        "classes_averaged": result.classes_averaged,
+    }
 
 
 def _bridge(tally: Tally, names: Sequence[str]) -> dict[str, Any]:
     confidence, right = _confidences(tally)
     return {
-        "points": tally.points, **score_rows(tally.matrices[_ALL], names), "confusion": tally.matrices[_ALL].tolist(),
+        "points": tally.points,
+        **score_rows(tally.matrices[_ALL], names),
+        "confusion": tally.matrices[_ALL].tolist(),
         "calibration_error": _plain(calibration_error(confidence, right)),
-        "panoptic": {key: _mean_quality(counts) for key, counts in (("modelled", tally.modelled),
-                                                                    ("parts", tally.parts))},
-    }  # fmt: skip
+        "panoptic": {
+            key: _mean_quality(counts) for key, counts in (("modelled", tally.modelled), ("parts", tally.parts))
+        },
+    }
 
 
 def _confidences(tally: Tally) -> tuple[F32, NDArray[np.bool_]]:
@@ -160,13 +176,17 @@ def _quality(counts: PanopticCounts | None, names: Sequence[str]) -> dict[str, A
     return {
         "mean": _plain(result.mean),
         "classes": {
-            name: {"true": int(counts.true[number]), "found": int(counts.found[number]),
-                   "matched": int(counts.hits[number]), "quality": _plain(result.quality[number]),
-                   "segmentation": _plain(result.segmentation[number]),
-                   "recognition": _plain(result.recognition[number])}
+            name: {
+                "true": int(counts.true[number]),
+                "found": int(counts.found[number]),
+                "matched": int(counts.hits[number]),
+                "quality": _plain(result.quality[number]),
+                "segmentation": _plain(result.segmentation[number]),
+                "recognition": _plain(result.recognition[number]),
+            }
             for number, name in enumerate(names)
         },
-    }  # fmt: skip
+    }
 
 
 def _mean_quality(counts: PanopticCounts | None) -> float | None:

@@ -18,8 +18,15 @@ def score_lines(record: Mapping[str, Any]) -> list[str]:
     """
     sure = f"{record['sure']['uncertainty']:g} m"
     lines = [*_classes(record), "", _summary(record), "", f"Points with an uncertainty of at most {sure}:", ""]
-    return [*lines, *_classes(record["sure"]), *_uncertainty(record), *_calibration(record), *_confusion(record),
-            *_panoptic(record), *_bridges(record)]  # fmt: skip
+    return [
+        *lines,
+        *_classes(record["sure"]),
+        *_uncertainty(record),
+        *_calibration(record),
+        *_confusion(record),
+        *_panoptic(record),
+        *_bridges(record),
+    ]
 
 
 def short_lines(record: Mapping[str, Any]) -> list[str]:
@@ -32,10 +39,16 @@ def short_lines(record: Mapping[str, Any]) -> list[str]:
 
 
 def _classes(record: Mapping[str, Any]) -> list[str]:
-    rows = [[name, str(row["points"]), *(_figure(row[key]) for key in _NAMES)]
-            for name, row in record["classes"].items()]  # fmt: skip
-    rows.append(["mean", str(sum(row["points"] for row in record["classes"].values())),
-                 *(_figure(record[key]) for key in _MEANS)])  # fmt: skip
+    rows = [
+        [name, str(row["points"]), *(_figure(row[key]) for key in _NAMES)] for name, row in record["classes"].items()
+    ]
+    rows.append(
+        [
+            "mean",
+            str(sum(row["points"] for row in record["classes"].values())),
+            *(_figure(record[key]) for key in _MEANS),
+        ]
+    )
     return table(["class", "points", *_NAMES.values()], rows)
 
 
@@ -51,25 +64,37 @@ def _summary(record: Mapping[str, Any]) -> str:
 
 def _uncertainty(record: Mapping[str, Any]) -> list[str]:
     by = record["by_uncertainty"]
-    rows = [[f"{limit:g} m", str(count), _figure(value)]
-            for limit, count, value in zip(by["thresholds"], by["points"], by["mean_iou"], strict=True)]  # fmt: skip
+    rows = [
+        [f"{limit:g} m", str(count), _figure(value)]
+        for limit, count, value in zip(by["thresholds"], by["points"], by["mean_iou"], strict=True)
+    ]
     return ["", "Mean IoU of the points up to an uncertainty:", "", *table(["uncertainty", "points", "mean IoU"], rows)]
 
 
 def _calibration(record: Mapping[str, Any]) -> list[str]:
-    pairs = [(kept, wrong) for kept, wrong in zip(record["coverage"], record["risk"], strict=True)
-             if round(20 * kept) in (2, 5, 10, 15, 20)]  # fmt: skip
+    pairs = [
+        (kept, wrong)
+        for kept, wrong in zip(record["coverage"], record["risk"], strict=True)
+        if round(20 * kept) in (2, 5, 10, 15, 20)
+    ]
     rows = [[f"{kept:.0%}", _figure(wrong)] for kept, wrong in pairs]
     return ["", "Share of errors among the surest points:", "", *table(["kept", "wrong"], rows)] if rows else []
 
 
 def _confusion(record: Mapping[str, Any]) -> list[str]:
     names = list(record["classes"])
-    seen = [i for i, name in enumerate(names)
-            if record["classes"][name]["points"] or any(row[i] for row in record["confusion"])]  # fmt: skip
+    seen = [
+        i
+        for i, name in enumerate(names)
+        if record["classes"][name]["points"] or any(row[i] for row in record["confusion"])
+    ]
     rows = [[names[i], *(_figure(record["confusion_shares"][i][j], 2) for j in seen)] for i in seen]
-    return ["", "What the points of each class were taken for, as shares of its points:", "",
-            *table(["true class", *(names[j] for j in seen)], rows)]  # fmt: skip
+    return [
+        "",
+        "What the points of each class were taken for, as shares of its points:",
+        "",
+        *table(["true class", *(names[j] for j in seen)], rows),
+    ]
 
 
 def _panoptic(record: Mapping[str, Any]) -> list[str]:
@@ -78,9 +103,15 @@ def _panoptic(record: Mapping[str, Any]) -> list[str]:
     for key, title in titles.items():
         if record["panoptic"][key] is None:
             continue
-        rows = [[name, *(str(row[word]) for word in ("true", "found", "matched")),
-                 *(_figure(row[word]) for word in ("quality", "segmentation", "recognition"))]
-                for name, row in record["panoptic"][key]["classes"].items() if row["true"] + row["found"]]  # fmt: skip
+        rows = [
+            [
+                name,
+                *(str(row[word]) for word in ("true", "found", "matched")),
+                *(_figure(row[word]) for word in ("quality", "segmentation", "recognition")),
+            ]
+            for name, row in record["panoptic"][key]["classes"].items()
+            if row["true"] + row["found"]
+        ]
         lines += ["", f"Instances, against the {title}:", ""]
         lines += table(["class", "true", "found", "matched", "quality", "segmentation", "recognition"], rows)
     return lines
@@ -89,9 +120,17 @@ def _panoptic(record: Mapping[str, Any]) -> list[str]:
 def _bridges(record: Mapping[str, Any]) -> list[str]:
     names = [name for name, row in record["classes"].items() if row["points"]]
     worst = sorted(record["bridges"].items(), key=lambda item: item[1]["mean_iou"] or 0.0)
-    rows = [[name[:12], str(row["points"]), _figure(row["overall_accuracy"]), _figure(row["mean_iou"]),
-             _figure(row["calibration_error"]), *(_figure(row["classes"][word]["iou"]) for word in names)]
-            for name, row in worst]  # fmt: skip
+    rows = [
+        [
+            name[:12],
+            str(row["points"]),
+            _figure(row["overall_accuracy"]),
+            _figure(row["mean_iou"]),
+            _figure(row["calibration_error"]),
+            *(_figure(row["classes"][word]["iou"]) for word in names),
+        ]
+        for name, row in worst
+    ]
     header = ["bridge", "points", "accuracy", "mean IoU", "calibration", *(f"IoU {name}" for name in names)]
     return ["", "Bridges, the worst first:", "", *table(header, rows)]
 
@@ -108,10 +147,12 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     lines = [
-        [cell.rjust(width) if place else cell.ljust(width)
-         for place, (cell, width) in enumerate(zip(row, widths, strict=True))]
+        [
+            cell.rjust(width) if place else cell.ljust(width)
+            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
         for row in [header, *rows]
-    ]  # fmt: skip
+    ]
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
     return [f"| {' | '.join(cells)} |" for cells in [lines[0], rule, *lines[1:]]]
 

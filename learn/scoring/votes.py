@@ -85,9 +85,14 @@ class _Ballot:
         rows = np.flatnonzero(self._votes)
         votes = self._votes[rows]
         return ScoredCloud(
-            self.bridge, self._label[rows], self._total[rows] / votes[:, None].astype(np.float32), self._coord[rows],
-            self._uncertainty[rows], self._instance[rows], votes,
-        )  # fmt: skip
+            self.bridge,
+            self._label[rows],
+            self._total[rows] / votes[:, None].astype(np.float32),
+            self._coord[rows],
+            self._uncertainty[rows],
+            self._instance[rows],
+            votes,
+        )
 
 
 def scored_clouds(model: Predicting, source: ScoredSource, progress: Progress) -> Iterator[ScoredCloud]:

@@ -31,9 +31,12 @@ class ForestSettings(Settings):
 
 
 def train_forest(
-    source: SampleSource, settings: TrainSettings, folder: Path, progress: Progress,
+    source: SampleSource,
+    settings: TrainSettings,
+    folder: Path,
+    progress: Progress,
     data: Mapping[str, Any] | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Train a forest and write it as a model.
 
     Nothing is picked, and so nothing is held out: every training bridge counts.
@@ -63,13 +66,24 @@ def train_forest(
         labels.append(sample.labels[kept])
         progress.advance(row + 1)
     progress.stage("train", 1)
-    arrays = grow_forest(np.concatenate(features), np.concatenate(labels), len(source.classes), trees=chosen.trees,
-                         depth=chosen.depth, seed=settings.seed)  # fmt: skip
+    arrays = grow_forest(
+        np.concatenate(features),
+        np.concatenate(labels),
+        len(source.classes),
+        trees=chosen.trees,
+        depth=chosen.depth,
+        seed=settings.seed,
+    )
     facts = ModelFacts(
-        network=FOREST, settings=chosen.model_dump(mode="json"), classes=source.classes, channels=channels,
+        network=FOREST,
+        settings=chosen.model_dump(mode="json"),
+        classes=source.classes,
+        channels=channels,
         data=data or {},
-        training={"settings": settings.model_dump(mode="json"),
-                  "training_bridges": sorted({source.bridge(row) for row in range(len(source))})},
-    )  # fmt: skip
+        training={
+            "settings": settings.model_dump(mode="json"),
+            "training_bridges": sorted({source.bridge(row) for row in range(len(source))}),
+        },
+    )
     write_model(folder, facts, {name: torch.from_numpy(np.ascontiguousarray(rows)) for name, rows in arrays.items()})
     progress.advance(1)

@@ -38,9 +38,16 @@ class Segmentation(lightning.LightningModule):
     """
 
     def __init__(
-        self, network: nn.Module, settings: TrainSettings, recipe: Recipe, weights: Tensor, noisy: int | None,
-        steps: int, folder: Path, progress: Progress,
-    ) -> None:  # fmt: skip
+        self,
+        network: nn.Module,
+        settings: TrainSettings,
+        recipe: Recipe,
+        weights: Tensor,
+        noisy: int | None,
+        steps: int,
+        folder: Path,
+        progress: Progress,
+    ) -> None:
         super().__init__()
         self.network, self._settings, self._recipe, self._noisy = network, settings, recipe, noisy
         self._steps, self._folder, self._listener = steps, folder, progress
@@ -127,8 +134,15 @@ class Segmentation(lightning.LightningModule):
 
     def _close(self, kept: bool, miou: float | None, accuracy: float | None, mean_accuracy: float | None) -> None:
         loss = float(torch.stack(self._losses).mean()) if self._losses else float("nan")
-        self.history.append({"epoch": self.current_epoch, "loss": loss, "miou": miou, "accuracy": accuracy,
-                             "mean_accuracy": mean_accuracy})  # fmt: skip
+        self.history.append(
+            {
+                "epoch": self.current_epoch,
+                "loss": loss,
+                "miou": miou,
+                "accuracy": accuracy,
+                "mean_accuracy": mean_accuracy,
+            }
+        )
         self.best = self.current_epoch if kept else self.best
         if not self.trainer.is_global_zero:
             return
@@ -186,5 +200,6 @@ def keeper(folder: Path) -> ModelCheckpoint:
     Args:
         folder: Where to.
     """
-    return ModelCheckpoint(dirpath=folder, filename=LAST.removesuffix(".ckpt"), save_on_train_epoch_end=True,
-                           enable_version_counter=False)  # fmt: skip
+    return ModelCheckpoint(
+        dirpath=folder, filename=LAST.removesuffix(".ckpt"), save_on_train_epoch_end=True, enable_version_counter=False
+    )

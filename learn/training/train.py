@@ -33,10 +33,17 @@ I64 = NDArray[np.int64]
 
 
 def train_network(
-    source: SampleSource, validation: SampleSource | None, settings: TrainSettings, folder: Path, progress: Progress, *,
-    data: Mapping[str, Any] | None = None, init: Path | None = None, cache: Path | None = None,
+    source: SampleSource,
+    validation: SampleSource | None,
+    settings: TrainSettings,
+    folder: Path,
+    progress: Progress,
+    *,
+    data: Mapping[str, Any] | None = None,
+    init: Path | None = None,
+    cache: Path | None = None,
     stop_after: int | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Train a network and write the model of the best epoch; goes on where a former call was stopped.
 
     Args:
@@ -60,31 +67,64 @@ def train_network(
     noisy = classes.index(NOISY) if recipe.noise_head and NOISY in classes and len(classes) > 2 else None
     counts = count_labels(source, rows, settings.seed)
     if int(counts.any(axis=0).sum()) < 2:
-        raise InputError("nothing to tell apart: the labelled points are of one class", field="classes",
-                         value=", ".join(classes), hint="Add clouds that show other classes")  # fmt: skip
+        raise InputError(
+            "nothing to tell apart: the labelled points are of one class",
+            field="classes",
+            value=", ".join(classes),
+            hint="Add clouds that show other classes",
+        )
     torch.manual_seed(settings.seed)
     network = build_network(settings.model, settings.network, len(channels), len(classes))
     if init is not None:
         begin_with(network, init, channels, classes)
     if settings.freeze_encoder:
         _freeze(network)
-    request = digest({"settings": settings, "classes": classes, "channels": channels, "rows": rows, "held": held,
-                      "init": None if init is None else asdict(read_facts(init))})  # fmt: skip
+    request = digest(
+        {
+            "settings": settings,
+            "classes": classes,
+            "channels": channels,
+            "rows": rows,
+            "held": held,
+            "init": None if init is None else asdict(read_facts(init)),
+        }
+    )
     progress.stage("train", settings.epochs)
-    module = _fit(network, (source, rows), (validation, held), settings, folder, progress, request=request,
-                  channels=channels, counts=counts, noisy=noisy, cache=cache, stop_after=stop_after)  # fmt: skip
+    module = _fit(
+        network,
+        (source, rows),
+        (validation, held),
+        settings,
+        folder,
+        progress,
+        request=request,
+        channels=channels,
+        counts=counts,
+        noisy=noisy,
+        cache=cache,
+        stop_after=stop_after,
+    )
     if len(module.history) < settings.epochs:
         return
     best = _best_weights(folder)
     load_weights(network, best, folder)
     facts = ModelFacts(
-        network=settings.model, settings=settings.network, classes=classes, channels=channels, data=data or {},
-        noisy=noisy, temperature=_temperature(network, validation, held, channels, noisy),
-        training={"settings": settings.model_dump(mode="json"), "picked_epoch": module.best,
-                  "validation": module.history[module.best], "training_points": counts.sum(axis=0).tolist(),
-                  "training_bridges": sorted({source.bridge(row) for row in rows}),
-                  "validation_bridges": sorted({validation.bridge(row) for row in held})},
-    )  # fmt: skip
+        network=settings.model,
+        settings=settings.network,
+        classes=classes,
+        channels=channels,
+        data=data or {},
+        noisy=noisy,
+        temperature=_temperature(network, validation, held, channels, noisy),
+        training={
+            "settings": settings.model_dump(mode="json"),
+            "picked_epoch": module.best,
+            "validation": module.history[module.best],
+            "training_points": counts.sum(axis=0).tolist(),
+            "training_bridges": sorted({source.bridge(row) for row in rows}),
+            "validation_bridges": sorted({validation.bridge(row) for row in held}),
+        },
+    )
     write_model(folder, facts, best)
     for name in ("last.ckpt", "best.safetensors", _REQUEST):
         (folder / name).unlink(missing_ok=True)
@@ -104,8 +144,13 @@ def begin_with(network: nn.Module, folder: Path, channels: tuple[str, ...], clas
     """
     facts, weights = read_facts(folder), read_weights(folder)
     if facts.channels != channels:
-        raise InputError("the model to begin with has other inputs", where=folder, field="--init",
-                         value=", ".join(facts.channels), allowed=", ".join(channels))  # fmt: skip
+        raise InputError(
+            "the model to begin with has other inputs",
+            where=folder,
+            field="--init",
+            value=", ".join(facts.channels),
+            allowed=", ".join(channels),
+        )
     if facts.classes != classes:
         own = network.state_dict()
         last = max((name for name in own if name.startswith("head.")), key=lambda name: int(name.split(".")[1]))
@@ -131,17 +176,29 @@ def _check(
     source: SampleSource, validation: SampleSource, rows: Sequence[int], held: Sequence[int], settings: TrainSettings
 ) -> tuple[str, ...]:
     if not rows or not (held or not settings.validation):
-        raise InputError("too few bridges: a whole one is held out for validation", field="bridges",
-                         value=len({source.bridge(row) for row in range(len(source))}), allowed="2 or more",
-                         hint="Add clouds of another bridge, or give --set validation=0: nothing is held out then, "
-                         "and the last epoch is taken")  # fmt: skip
+        raise InputError(
+            "too few bridges: a whole one is held out for validation",
+            field="bridges",
+            value=len({source.bridge(row) for row in range(len(source))}),
+            allowed="2 or more",
+            hint="Add clouds of another bridge, or give --set validation=0: nothing is held out then, "
+            "and the last epoch is taken",
+        )
     if validation.classes != source.classes:
-        raise InputError("training and validation have other classes", field="classes",
-                         value=", ".join(validation.classes), allowed=", ".join(source.classes))  # fmt: skip
+        raise InputError(
+            "training and validation have other classes",
+            field="classes",
+            value=", ".join(validation.classes),
+            allowed=", ".join(source.classes),
+        )
     shared = {source.bridge(row) for row in rows} & {validation.bridge(row) for row in held}
     if shared and validation is not source and settings.recipe != "paper":
-        raise InputError("validation shows bridges of the training", field="bridge", value=sorted(shared)[0],
-                         hint="Split by bridge, or train with --recipe paper")  # fmt: skip
+        raise InputError(
+            "validation shows bridges of the training",
+            field="bridge",
+            value=sorted(shared)[0],
+            hint="Split by bridge, or train with --recipe paper",
+        )
     return source.sample(rows[0], settings.seed).channels
 
 
@@ -153,10 +210,20 @@ def _freeze(network: nn.Module) -> None:
 
 
 def _fit(
-    network: Any, training: tuple[SampleSource, Sequence[int]], held: tuple[SampleSource, Sequence[int]],
-    settings: TrainSettings, folder: Path, progress: Progress, *, request: str, channels: tuple[str, ...],
-    counts: I64, noisy: int | None, cache: Path | None, stop_after: int | None,
-) -> Any:  # fmt: skip
+    network: Any,
+    training: tuple[SampleSource, Sequence[int]],
+    held: tuple[SampleSource, Sequence[int]],
+    settings: TrainSettings,
+    folder: Path,
+    progress: Progress,
+    *,
+    request: str,
+    channels: tuple[str, ...],
+    counts: I64,
+    noisy: int | None,
+    cache: Path | None,
+    stop_after: int | None,
+) -> Any:
     import lightning
 
     from learn.training.module import LAST, Segmentation, keeper
@@ -178,12 +245,20 @@ def _fit(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Lightning's advice on loaders and logging is for nobody here
         trainer = lightning.Trainer(
-            max_epochs=epochs, accelerator=settings.accelerator, devices=settings.devices,
+            max_epochs=epochs,
+            accelerator=settings.accelerator,
+            devices=settings.devices,
             strategy="auto" if settings.devices == 1 else "ddp_fork",
-            deterministic=True, precision=settings.precision, logger=False, callbacks=[keeper(folder)],
-            enable_progress_bar=False, enable_model_summary=False, num_sanity_val_steps=0, default_root_dir=folder,
+            deterministic=True,
+            precision=settings.precision,
+            logger=False,
+            callbacks=[keeper(folder)],
+            enable_progress_bar=False,
+            enable_model_summary=False,
+            num_sanity_val_steps=0,
+            default_root_dir=folder,
             use_distributed_sampler=False,
-        )  # fmt: skip
+        )
         trainer.fit(
             module,
             loader,

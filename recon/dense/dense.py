@@ -48,8 +48,11 @@ def run_dense(
         width, height = (side // DOWNSCALE[settings.quality] for side in capture.size)
         check_space(folder, len(capture.images) * width * height * _BYTES_PER_PIXEL, "the dense step")
         request = {
-            "capture": str(capture.folder), "model": str(sparse.folder), "out": str(folder), "settings": settings,
-        }  # fmt: skip
+            "capture": str(capture.folder),
+            "model": str(sparse.folder),
+            "out": str(folder),
+            "settings": settings,
+        }
         with plain_shortage(folder, "recon.dense", ", or a lower quality"):
             return run_child(
                 _CHILD,

@@ -67,10 +67,15 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     write_fates(out, maps.fates)
     maps.clear()
     return {
-        "method": method, "reproducible": method != "colmap", "quality": settings.quality, "filter": settings.filter,
-        "depth_size": [camera.pinhole.width, camera.pinhole.height], "points": count,
-        "depth_maps": sum(len(view.sources) > 0 for view in views), "known_share": float(np.mean(known)),
-    }  # fmt: skip
+        "method": method,
+        "reproducible": method != "colmap",
+        "quality": settings.quality,
+        "filter": settings.filter,
+        "depth_size": [camera.pinhole.width, camera.pinhole.height],
+        "points": count,
+        "depth_maps": sum(len(view.sources) > 0 for view in views),
+        "known_share": float(np.mean(known)),
+    }
 
 
 def choose_method(settings: DenseSettings) -> str:
@@ -212,9 +217,7 @@ def _fuse_all(
     for view in views:
         if len(view.sources):
             others = [maps.depth_view(int(row)) for row in view.sources]
-            found = fuse_view(
-                maps.depth_view(view.row), others, camera, min_views, tolerance, dense.min_point_angle
-            )  # fmt: skip
+            found = fuse_view(maps.depth_view(view.row), others, camera, min_views, tolerance, dense.min_point_angle)
             uv = maps.camera.to_photograph(found.uv.astype(np.float64)).astype(np.float32)
             yield replace(found, uv=uv)
         else:

@@ -47,9 +47,12 @@ def measure_with_colmap(
 
     if not pycolmap.has_cuda:
         raise InputError(
-            "COLMAP's PatchMatch needs CUDA, and this COLMAP was built without it", field="recon.dense.method",
-            value="colmap", allowed="auto, sgm, patchmatch", hint="Choose another, or install pycolmap-cuda12",
-        )  # fmt: skip
+            "COLMAP's PatchMatch needs CUDA, and this COLMAP was built without it",
+            field="recon.dense.method",
+            value="colmap",
+            allowed="auto, sgm, patchmatch",
+            hint="Choose another, or install pycolmap-cuda12",
+        )
     longest = max(camera.pinhole.width, camera.pinhole.height)
     smaller = pycolmap.UndistortCameraOptions(max_image_size=longest)
     pycolmap.undistort_images(work, model, photographs, list(names), undistort_options=smaller)

@@ -34,9 +34,13 @@ _STEEP = 0.15  # [1] smallest cosine between normal and ray
 
 
 def measure_slanted(
-    reference: PosedImage, others: Sequence[PosedImage], camera: Pinhole, covered: Mask, reach: tuple[float, float],
+    reference: PosedImage,
+    others: Sequence[PosedImage],
+    camera: Pinhole,
+    covered: Mask,
+    reach: tuple[float, float],
     tolerance: float,
-) -> F32:  # fmt: skip
+) -> F32:
     """Measure the depth of every pixel of a view, starting from what semi-global matching finds.
 
     Args:
@@ -103,10 +107,29 @@ def refine(
                         y, x = i + di, j + dj
                         if not (0 <= y < height and 0 <= x < width) or not wanted[y, x]:
                             continue
-                        _set(trial, _carried(depth, normal, y, x, i, j, lens), normal[y, x, 0], normal[y, x, 1],
-                             normal[y, x, 2])  # fmt: skip
-                        best = _better(sources, to_other, lens, i, j, trial, weights, window, count, costs, plane,
-                                       best, least, most)  # fmt: skip
+                        _set(
+                            trial,
+                            _carried(depth, normal, y, x, i, j, lens),
+                            normal[y, x, 0],
+                            normal[y, x, 1],
+                            normal[y, x, 2],
+                        )
+                        best = _better(
+                            sources,
+                            to_other,
+                            lens,
+                            i,
+                            j,
+                            trial,
+                            weights,
+                            window,
+                            count,
+                            costs,
+                            plane,
+                            best,
+                            least,
+                            most,
+                        )
                     reach = 0.5 ** (turn // 2 + 1)
                     for way in range(3):
                         trial[:] = plane
@@ -115,8 +138,22 @@ def refine(
                         if way != 0:
                             _tilt(trial, plane, 0.8 * reach, i, j, 10 * (turn + 1) + way)
                         _face(trial, i, j, lens)
-                        best = _better(sources, to_other, lens, i, j, trial, weights, window, count, costs, plane,
-                                       best, least, most)  # fmt: skip
+                        best = _better(
+                            sources,
+                            to_other,
+                            lens,
+                            i,
+                            j,
+                            trial,
+                            weights,
+                            window,
+                            count,
+                            costs,
+                            plane,
+                            best,
+                            least,
+                            most,
+                        )
                 depth[i, j], cost[i, j] = 1.0 / plane[0], best
                 normal[i, j, 0], normal[i, j, 1], normal[i, j, 2] = plane[1], plane[2], plane[3]
     return cost
@@ -140,9 +177,21 @@ def _set(plane: F64, inverse: float, x: float, y: float, z: float) -> None:
 
 @njit(cache=True, nogil=True)
 def _better(
-    sources: F32, to_other: F64, lens: F64, i: int, j: int, trial: F64, weights: F64, window: F64, count: float,
-    costs: F64, plane: F64, best: float, least: float, most: float,
-) -> float:  # fmt: skip
+    sources: F32,
+    to_other: F64,
+    lens: F64,
+    i: int,
+    j: int,
+    trial: F64,
+    weights: F64,
+    window: F64,
+    count: float,
+    costs: F64,
+    plane: F64,
+    best: float,
+    least: float,
+    most: float,
+) -> float:
     """Take a trial plane over where it costs less; returns the cost of the plane that stays."""
     if not least <= trial[0] <= most:
         return best
@@ -175,9 +224,17 @@ def _gather(gray: F32, i: int, j: int, weights: F64, window: F64) -> float:
 
 @njit(cache=True, nogil=True)
 def _cost(
-    sources: F32, to_other: F64, lens: F64, i: int, j: int, plane: F64, weights: F64, window: F64, square: float,
+    sources: F32,
+    to_other: F64,
+    lens: F64,
+    i: int,
+    j: int,
+    plane: F64,
+    weights: F64,
+    window: F64,
+    square: float,
     costs: F64,
-) -> float:  # fmt: skip
+) -> float:
     """Compare the window with what the best sources show of the plane: 1 - weighted correlation."""
     x, y = (j + 0.5 - lens[2]) / lens[0], (i + 0.5 - lens[3]) / lens[1]
     facing = plane[1] * x + plane[2] * y + plane[3]
@@ -196,9 +253,17 @@ def _cost(
 
 @njit(cache=True, nogil=True)
 def _correlate(
-    image: F32, turn: F64, lens: F64, x: float, y: float, plane: F64, scale: float, weights: F64, window: F64,
+    image: F32,
+    turn: F64,
+    lens: F64,
+    x: float,
+    y: float,
+    plane: F64,
+    scale: float,
+    weights: F64,
+    window: F64,
     square: float,
-) -> float:  # fmt: skip
+) -> float:
     """Compare the window with one source through the plane's homography (R + t n^T / d)."""
     height, width = image.shape
     dx, dy = _STEP / lens[0], _STEP / lens[1]

@@ -45,9 +45,13 @@ class PosedImage:
 
 
 def measure_depth(
-    reference: PosedImage, others: Sequence[PosedImage], camera: Pinhole, covered: Mask, reach: tuple[float, float],
+    reference: PosedImage,
+    others: Sequence[PosedImage],
+    camera: Pinhole,
+    covered: Mask,
+    reach: tuple[float, float],
     tolerance: float,
-) -> F32:  # fmt: skip
+) -> F32:
     """Measure the depth of every pixel of a view.
 
     Args:
@@ -114,10 +118,18 @@ def match(left: U8, right: U8, pair: RectifiedPair, camera: Pinhole) -> NDArray[
         for image, is_right in ((left, False), (right, True))
     ]
     matcher = cv2.StereoSGBM.create(
-        minDisparity=0, numDisparities=pair.disparities, blockSize=_BLOCK, P1=_SMALL_STEP, P2=_LARGE_STEP,
-        disp12MaxDiff=1, preFilterCap=31, uniquenessRatio=_UNIQUE, speckleWindowSize=_SPECKLE, speckleRange=1,
+        minDisparity=0,
+        numDisparities=pair.disparities,
+        blockSize=_BLOCK,
+        P1=_SMALL_STEP,
+        P2=_LARGE_STEP,
+        disp12MaxDiff=1,
+        preFilterCap=31,
+        uniquenessRatio=_UNIQUE,
+        speckleWindowSize=_SPECKLE,
+        speckleRange=1,
         mode=cv2.STEREO_SGBM_MODE_HH,
-    )  # fmt: skip
+    )
     width, height = pair.size
     strip = max(64, _CUBE // ((width - pair.disparities) * pair.disparities))
     found = np.full((height, width), -_FINE, np.int16)

@@ -69,31 +69,50 @@ def fuse_view(
     used = np.stack([view.used for view in others])
     fates = np.stack([view.fate for view in others])
     points, counts, seen, uv = _agreeing(
-        reference.depth, reference.used, reference.fate, to_other, depths, used, fates, camera, min_views, tolerance,
+        reference.depth,
+        reference.used,
+        reference.fate,
+        to_other,
+        depths,
+        used,
+        fates,
+        camera,
+        min_views,
+        tolerance,
         float(np.cos(np.radians(min_angle))),
-    )  # fmt: skip
+    )
     for view, mask, fate in zip(others, used, fates, strict=True):
         view.used[:], view.fate[:] = mask, fate
     world = points @ reference.pose[:3, :3].T + reference.pose[:3, 3]
     normals, colors = _blend(
-        counts, seen, uv, np.stack([reference.normal, *(view.normal for view in others)]),
+        counts,
+        seen,
+        uv,
+        np.stack([reference.normal, *(view.normal for view in others)]),
         np.stack([reference.color, *(view.color for view in others)]),
         np.stack([reference.pose[:3, :3], *poses[:, :3, :3]]),
-    )  # fmt: skip
+    )
     images = np.array([reference.image, *(view.image for view in others)])
     image = images[seen]
     point = np.repeat(np.arange(len(counts)), counts)
     order = np.lexsort((image, point))
-    return DensePoints(
-        world, normals, colors, counts, image[order].astype(np.uint32), uv[order].astype(np.float32)
-    )  # fmt: skip
+    return DensePoints(world, normals, colors, counts, image[order].astype(np.uint32), uv[order].astype(np.float32))
 
 
 @njit(cache=True, nogil=True)
 def _agreeing(
-    depth: F32, taken: Mask, fate: U8, to_other: F64, depths: F32, used: Mask, fates: U8, camera: F64,
-    min_views: int, tolerance: float, max_cosine: float,
-) -> tuple[F64, I64, U8, F32]:  # fmt: skip
+    depth: F32,
+    taken: Mask,
+    fate: U8,
+    to_other: F64,
+    depths: F32,
+    used: Mask,
+    fates: U8,
+    camera: F64,
+    min_views: int,
+    tolerance: float,
+    max_cosine: float,
+) -> tuple[F64, I64, U8, F32]:
     """Find what agrees: points in the view's axes, view counts, view numbers (0 is it), their pixels."""
     height, width = depth.shape
     count = to_other.shape[0]
@@ -156,9 +175,17 @@ def _settle(fate: U8, row: int, column: int, in_points: bool) -> None:
 
 @njit(cache=True, nogil=True)
 def _ask(
-    x: float, y: float, z: float, to_other: F64, depths: F32, camera: F64, tolerance: float, views: I64, place: I64,
+    x: float,
+    y: float,
+    z: float,
+    to_other: F64,
+    depths: F32,
+    camera: F64,
+    tolerance: float,
+    views: I64,
+    place: I64,
     mean: F64,
-) -> tuple[int, int]:  # fmt: skip
+) -> tuple[int, int]:
     """Ask every view about a point: how many agree, itself among them, and how many see through it.
 
     Fills in which views agree, at which row and column, and the mean of what they say, each weighted as it measures.

@@ -51,8 +51,11 @@ def choose_views(model: SparseModel, settings: DenseSettings) -> tuple[View, ...
         One view for each image of the model; without sources where no other image shares enough.
     """
     score = covisibility(model, settings)
-    depth = np.einsum("mi,mi->m", model.points[model.obs_point] - model.poses[model.obs_image, :3, 3],
-                      model.poses[model.obs_image, :3, 2])  # fmt: skip
+    depth = np.einsum(
+        "mi,mi->m",
+        model.points[model.obs_point] - model.poses[model.obs_image, :3, 3],
+        model.poses[model.obs_image, :3, 2],
+    )
     views = []
     for row in range(len(model.names)):
         mine = depth[(model.obs_image == row) & (depth > 0)]

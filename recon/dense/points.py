@@ -66,10 +66,12 @@ def read_points(folder: Path) -> DensePoints:
         folder: The same folder.
     """
     places = sorted((folder / FOLDER).iterdir())
-    return DensePoints(*(
-        np.concatenate([np.load(place / f"{field.name}.npy", allow_pickle=False) for place in places])
-        for field in fields(DensePoints)
-    ))  # fmt: skip
+    return DensePoints(
+        *(
+            np.concatenate([np.load(place / f"{field.name}.npy", allow_pickle=False) for place in places])
+            for field in fields(DensePoints)
+        )
+    )
 
 
 def save_array(path: Path, array: NDArray[Any]) -> None:

@@ -65,9 +65,7 @@ def working_camera(model: SparseModel, size: tuple[int, int], downscale: int) ->
     """
     photograph, distortion = lens_of(model, size)
     (left, right), (top, bottom) = _reach(photograph, distortion)
-    full = Pinhole(
-        right - left, bottom - top, photograph.fx, photograph.fy, photograph.cx - left, photograph.cy - top
-    )  # fmt: skip
+    full = Pinhole(right - left, bottom - top, photograph.fx, photograph.fy, photograph.cx - left, photograph.cy - top)
     width, height = max(1, round(full.width / downscale)), max(1, round(full.height / downscale))
     across, down = width / full.width, height / full.height
     reduced = Pinhole(width, height, full.fx * across, full.fy * down, full.cx * across, full.cy * down)
@@ -150,10 +148,14 @@ def _reach(camera: Pinhole, distortion: Distortion) -> tuple[tuple[int, int], tu
     """Find the columns and rows that the undistorted photograph spans, in whole pixels of the photograph."""
     width, height = camera.width, camera.height
     column, row = np.linspace(0, width, 65), np.linspace(0, height, 65)
-    rim = np.concatenate([
-        np.column_stack([column, np.zeros(65)]), np.column_stack([column, np.full(65, height)]),
-        np.column_stack([np.zeros(65), row]), np.column_stack([np.full(65, width), row]),
-    ])  # fmt: skip
+    rim = np.concatenate(
+        [
+            np.column_stack([column, np.zeros(65)]),
+            np.column_stack([column, np.full(65, height)]),
+            np.column_stack([np.zeros(65), row]),
+            np.column_stack([np.full(65, width), row]),
+        ]
+    )
     try:
         straight = distortion.undistort((rim - [camera.cx, camera.cy]) / [camera.fx, camera.fy])
     except ValueError as error:

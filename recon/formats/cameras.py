@@ -66,14 +66,20 @@ def write_nerfstudio(source: Path, cloud: Cloud, out: Path, photographs: Path | 
     _, _, _, width, height = struct.unpack_from("<QIiQQ", read_regular(folder / "cameras.bin"))
     write_colored_points(out / "sparse_pc.ply", cloud)
     stems = flat_names(model.names)
-    write_json(out / "transforms.json", {
-        "camera_model": "OPENCV", "w": width, "h": height, **_intrinsics(model.camera_model, model.camera_params),
-        "ply_file_path": "sparse_pc.ply",
-        "frames": [
-            {"file_path": f"images/{stems[name]}", "transform_matrix": (pose @ USD_FROM_CAMERA).tolist()}
-            for name, pose in zip(model.names, model.poses, strict=True)
-        ],
-    })  # fmt: skip
+    write_json(
+        out / "transforms.json",
+        {
+            "camera_model": "OPENCV",
+            "w": width,
+            "h": height,
+            **_intrinsics(model.camera_model, model.camera_params),
+            "ply_file_path": "sparse_pc.ply",
+            "frames": [
+                {"file_path": f"images/{stems[name]}", "transform_matrix": (pose @ USD_FROM_CAMERA).tolist()}
+                for name, pose in zip(model.names, model.poses, strict=True)
+            ],
+        },
+    )
     _copy_photographs(photographs, model.names, out)
     return ["transforms.json"]
 
@@ -81,9 +87,11 @@ def write_nerfstudio(source: Path, cloud: Cloud, out: Path, photographs: Path | 
 def _model_of(source: Path, cloud: Cloud) -> Path:
     if not (source / SPARSE).is_dir():
         raise InputError(
-            f"a cloud from {cloud.source} has no cameras", where=source, allowed="a reconstructed cloud",
+            f"a cloud from {cloud.source} has no cameras",
+            where=source,
+            allowed="a reconstructed cloud",
             hint="Export it to laz, las, ply, pointcept, s3dis or hdf5",
-        )  # fmt: skip
+        )
     return source / SPARSE
 
 

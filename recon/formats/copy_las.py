@@ -46,13 +46,17 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
         raise InputError(f"its header cannot be copied: {str(error)[:80]}", where=source) from None
     known: Any = header.vlrs.get("ExtraBytesVlr")
     said = [bytes(row) for record in known for row in record.extra_bytes_structs]
-    header.add_extra_dims([
-        laspy.ExtraBytesParams(name, DTYPES[name], text) for name, text in zip(NAMES, _DESCRIPTIONS, strict=True)
-    ])  # fmt: skip
+    header.add_extra_dims(
+        [laspy.ExtraBytesParams(name, DTYPES[name], text) for name, text in zip(NAMES, _DESCRIPTIONS, strict=True)]
+    )
     dtype = header.point_format.dtype()
     if dtype.itemsize != rows.header.size + sum(kind.itemsize for kind in DTYPES.values()):
-        raise InputError("has bytes in its points that cannot be copied", where=source, value=rows.header.size,
-                         hint="Write it anew with another program")  # fmt: skip
+        raise InputError(
+            "has bytes in its points that cannot be copied",
+            where=source,
+            value=rows.header.size,
+            hint="Write it anew with another program",
+        )
     with whole_file(out) as partial, _writer(partial, header, out, said) as writer:
         for first, part in _pieces(labels):
             last = first + len(part.classes)
@@ -85,9 +89,9 @@ def new_las(out: Path, scans: Iterable[Scan], labels: Iterable[Labels], low: np.
     header.global_encoding.wkt = True
     coarsest = float((high - low).max() + 1.0) / _COUNTS
     header.scales, header.offsets = np.full(3, max(_STEP, 10.0 ** np.ceil(np.log10(coarsest)))), np.floor(low)
-    header.add_extra_dims([
-        laspy.ExtraBytesParams(name, DTYPES[name], text) for name, text in zip(NAMES, _DESCRIPTIONS, strict=True)
-    ])  # fmt: skip
+    header.add_extra_dims(
+        [laspy.ExtraBytesParams(name, DTYPES[name], text) for name, text in zip(NAMES, _DESCRIPTIONS, strict=True)]
+    )
     with whole_file(out) as partial, _writer(partial, header, out, []) as writer:
         for scan, part in zip(scans, labels, strict=True):
             record = laspy.ScaleAwarePointRecord.zeros(len(scan), header=writer.header)

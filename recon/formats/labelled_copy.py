@@ -15,8 +15,13 @@ from recon.formats.read_text import SUFFIXES
 from recon.formats.scan_stream import ScanStream
 
 _LAS = (".las", ".laz")
-_KINDS = {read_las.MAGIC: _LAS, read_ply.MAGIC + b"\n": (".ply",), read_ply.MAGIC + b"\r": (".ply",),
-          read_numpy.MAGIC: (".npy",), read_e57.MAGIC: ()}  # fmt: skip
+_KINDS = {
+    read_las.MAGIC: _LAS,
+    read_ply.MAGIC + b"\n": (".ply",),
+    read_ply.MAGIC + b"\r": (".ply",),
+    read_numpy.MAGIC: (".npy",),
+    read_e57.MAGIC: (),
+}
 
 
 def check_copy(source: Path, out: Path) -> None:
@@ -31,8 +36,13 @@ def check_copy(source: Path, out: Path) -> None:
     """
     allowed = (*_KINDS.get(_magic(source), SUFFIXES), *_LAS)
     if out.suffix.lower() not in allowed:
-        raise InputError("another format than the scan", where=out, field="-o", value=out.suffix,
-                         allowed=", ".join(dict.fromkeys(allowed)))  # fmt: skip
+        raise InputError(
+            "another format than the scan",
+            where=out,
+            field="-o",
+            value=out.suffix,
+            allowed=", ".join(dict.fromkeys(allowed)),
+        )
     if out.exists() and (out.is_dir() or out.samefile(source)):
         raise InputError("is a folder, or the scan itself", where=out, field="-o", hint="Choose another name")
     if not out.parent.is_dir():

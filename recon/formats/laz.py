@@ -69,9 +69,9 @@ def _header(cloud: Cloud) -> Any:
     coarsest = float((high - low).max() + 1.0) / _COUNTS
     header.scales = np.full(3, max(LAZ_SCALE, 10.0 ** np.ceil(np.log10(coarsest))))
     header.offsets = np.floor(low)
-    header.add_extra_dims([
-        laspy.ExtraBytesParams(name, cloud.columns[name].dtype, description) for name, description in EXTRA.items()
-    ])  # fmt: skip
+    header.add_extra_dims(
+        [laspy.ExtraBytesParams(name, cloud.columns[name].dtype, description) for name, description in EXTRA.items()]
+    )
     table = ClassificationLookupVlr()
     for row in cloud.classes:
         if row.id != UNLABELLED:

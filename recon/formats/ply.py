@@ -36,7 +36,7 @@ def write_ply(path: Path, cloud: Cloud) -> None:
         *((f"n{name}", "f4", columns["normal"][:, i]) for i, name in enumerate("xyz")),
         *((name, "u1", columns["color"][:, i]) for i, name in enumerate(("red", "green", "blue"))),
         *((name, _code(columns[name]), columns[name]) for name in (*_LABELS, *OPTIONAL_COLUMNS) if name in columns),
-    ]  # fmt: skip
+    ]
     properties = "".join(f"property {_TYPES[code]} {name}\n" for name, code, _ in fields)
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(cloud)}\n{properties}end_header\n"
     with space_errors(path), path.open("wb") as file:  # inside an atomic folder

@@ -41,10 +41,13 @@ def write_pointcept(out: Path, cloud: Cloud) -> list[str]:
         )
     segment, instance = columns["segment"].astype(np.int32), columns["instance"].astype(np.int32)
     arrays = {
-        "coord": (columns["coord"] - origin).astype(np.float32), "color": columns["color"],
-        "normal": columns["normal"], "segment": np.where(segment == UNLABELLED, _IGNORED, segment),
-        "instance": np.where(instance == 0, _IGNORED, instance), "uncertainty": columns["uncertainty"],
-    }  # fmt: skip
+        "coord": (columns["coord"] - origin).astype(np.float32),
+        "color": columns["color"],
+        "normal": columns["normal"],
+        "segment": np.where(segment == UNLABELLED, _IGNORED, segment),
+        "instance": np.where(instance == 0, _IGNORED, instance),
+        "uncertainty": columns["uncertainty"],
+    }
     if "intensity" in columns:
         arrays["strength"] = columns["intensity"][:, None]
     scene = out / "train" / ROOM
@@ -52,9 +55,14 @@ def write_pointcept(out: Path, cloud: Cloud) -> list[str]:
     for name, values in arrays.items():
         with space_errors(scene):
             np.save(scene / f"{name}.npy", values)  # inside an atomic folder
-    write_json(scene / "scene.json", {
-        "origin": origin.tolist(), "source": cloud.source, "classes": {row.id: row.name for row in cloud.classes},
-    })  # fmt: skip
+    write_json(
+        scene / "scene.json",
+        {
+            "origin": origin.tolist(),
+            "source": cloud.source,
+            "classes": {row.id: row.name for row in cloud.classes},
+        },
+    )
     return [f"train/{ROOM}"]
 
 

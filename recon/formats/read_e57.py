@@ -29,13 +29,22 @@ def read_e57(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
     with tempfile.TemporaryDirectory() as folder:
         request = {"path": str(path), "out": folder, "most": most_points}
         try:
-            run_child("recon.formats.unpack_e57", request, memory_limit=_MEMORY_LIMIT, time_limit=_TIME_LIMIT,
-                      progress=progress)  # fmt: skip
+            run_child(
+                "recon.formats.unpack_e57",
+                request,
+                memory_limit=_MEMORY_LIMIT,
+                time_limit=_TIME_LIMIT,
+                progress=progress,
+            )
         except ChildError as error:
-            raise InputError(f"not readable as E57: {str(error).partition(': ')[2][:80]}", where=path,
-                             hint="Copy it again") from None  # fmt: skip
-        found = {name: np.load(Path(folder) / f"{name}.npy", allow_pickle=False)
-                 for name in ("coord", "color", "intensity") if (Path(folder) / f"{name}.npy").is_file()}  # fmt: skip
+            raise InputError(
+                f"not readable as E57: {str(error).partition(': ')[2][:80]}", where=path, hint="Copy it again"
+            ) from None
+        found = {
+            name: np.load(Path(folder) / f"{name}.npy", allow_pickle=False)
+            for name in ("coord", "color", "intensity")
+            if (Path(folder) / f"{name}.npy").is_file()
+        }
     check_count(path, len(found["coord"]), most_points)
     check_coordinates(path, found["coord"])
     return Scan(found["coord"], found.get("color"), intensity=found.get("intensity"))

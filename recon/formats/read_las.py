@@ -107,20 +107,36 @@ def open_las(path: Path, most_points: int, progress: Progress = SILENT) -> Itera
     if not header.compressed:
         room = (path.stat().st_size - header.offset) // header.size
         if room < header.count:
-            raise InputError(f"cut off: there is room for {room} points", where=path, value=header.count,
-                             hint="Copy it again")  # fmt: skip
+            raise InputError(
+                f"cut off: there is room for {room} points", where=path, value=header.count, hint="Copy it again"
+            )
         yield LasRows(path, header, np.memmap(path, np.uint8, "r", header.offset, (header.count, header.size)))
         return
     with tempfile.TemporaryDirectory() as folder:
         raw, need = Path(folder) / "points", header.count * header.size
         if need > min(_MOST_BYTES, shutil.disk_usage(folder).free):
-            raise InputError(f"claims {need / 1e9:.1f} GB when unpacked, more than there is room for", where=path,
-                             value=header.count, hint="Cut it into tiles, or thin it out")  # fmt: skip
-        request = {"path": str(path), "out": str(raw), "offset": header.offset, "size": header.size,
-                   "count": header.count, "laszip": header.laszip.hex()}  # fmt: skip
+            raise InputError(
+                f"claims {need / 1e9:.1f} GB when unpacked, more than there is room for",
+                where=path,
+                value=header.count,
+                hint="Cut it into tiles, or thin it out",
+            )
+        request = {
+            "path": str(path),
+            "out": str(raw),
+            "offset": header.offset,
+            "size": header.size,
+            "count": header.count,
+            "laszip": header.laszip.hex(),
+        }
         try:
-            run_child("recon.formats.unpack_laz", request, memory_limit=_MEMORY_LIMIT, progress=progress,
-                      time_limit=_TIME_LIMIT + _TIME_PER_MILLION * header.count / 1e6)  # fmt: skip
+            run_child(
+                "recon.formats.unpack_laz",
+                request,
+                memory_limit=_MEMORY_LIMIT,
+                progress=progress,
+                time_limit=_TIME_LIMIT + _TIME_PER_MILLION * header.count / 1e6,
+            )
         except ChildError as error:
             reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
             raise InputError(f"not decodable as LAZ: {reason}", where=path, hint="Copy it again") from None
@@ -143,14 +159,20 @@ def read_header(path: Path) -> LasHeader:
             raise InputError("not a LAS file, or cut off in its header", where=path)
         major, minor, size, offset, records, kind, width, legacy = struct.unpack_from("<BB68xHIIBHI", head, 24)
         if major != 1 or minor not in _HEADERS:
-            raise InputError("an unknown version", where=path, field="version", value=f"{major}.{minor}",
-                             allowed="1.0 to 1.4")  # fmt: skip
+            raise InputError(
+                "an unknown version", where=path, field="version", value=f"{major}.{minor}", allowed="1.0 to 1.4"
+            )
         if not _HEADERS[minor] <= size <= offset <= length or len(head) < _HEADERS[minor]:
             raise InputError("header and points overlap, or lie beyond the end", where=path, value=(size, offset))
         number, compressed = kind & 0x3F, bool(kind & 0x80)
         if number not in _SIZES or width < _SIZES[number]:
-            raise InputError("an impossible point format", where=path, field="point format", value=(number, width),
-                             allowed="0 to 10, and records as long as these need")  # fmt: skip
+            raise InputError(
+                "an impossible point format",
+                where=path,
+                field="point format",
+                value=(number, width),
+                allowed="0 to 10, and records as long as these need",
+            )
         count = (struct.unpack_from("<Q", head, 247)[0] if minor == 4 else 0) or legacy
         numbers = np.frombuffer(head, "<f8", 12, 131)
         scale, shift = numbers[:3], numbers[3:6]
@@ -163,8 +185,10 @@ def read_header(path: Path) -> LasHeader:
     if compressed and not laszip:
         raise InputError("compressed, but does not say how", where=path, field="laszip record")
     names = found.get(("LASF_Spec", 0), b"")
-    table = {names[at]: names[at + 1 : at + 16].split(b"\0")[0].decode("ascii", "replace")
-             for at in range(0, len(names) - 15, 16)}  # fmt: skip
+    table = {
+        names[at]: names[at + 1 : at + 16].split(b"\0")[0].decode("ascii", "replace")
+        for at in range(0, len(names) - 15, 16)
+    }
     bounds = numbers[6:].reshape(3, 2).T[::-1]
     return LasHeader(offset, number, width, count, compressed, scale, shift, bounds, extra, table, laszip, found)
 
@@ -241,8 +265,10 @@ class LasRows:
 
     def _column(self, at: int, kind: str, first: int, last: int) -> NDArray[Any]:
         width = np.dtype(kind).itemsize
-        parts = [np.ascontiguousarray(self.rows[start : min(start + _BLOCK, last), at : at + width]).view(kind)[:, 0]
-                 for start in range(first, last, _BLOCK)]  # fmt: skip
+        parts = [
+            np.ascontiguousarray(self.rows[start : min(start + _BLOCK, last), at : at + width]).view(kind)[:, 0]
+            for start in range(first, last, _BLOCK)
+        ]
         return np.concatenate(parts)
 
     def decode(self, first: int, last: int) -> Scan:
@@ -276,9 +302,13 @@ class LasRows:
             if known is not None:
                 labels[field] = as_ids(self.path, known, self._column(*header.extra[known], first, last), kind)
         return Scan(
-            coord, color, intensity=self._column(12, "<u2", first, last).astype(np.float32), classification=codes,
-            class_names=header.class_names, **labels,
-        )  # fmt: skip
+            coord,
+            color,
+            intensity=self._column(12, "<u2", first, last).astype(np.float32),
+            classification=codes,
+            class_names=header.class_names,
+            **labels,
+        )
 
 
 def _check_bounds(path: Path, coord: F64, bounds: F64) -> None:
@@ -287,6 +317,10 @@ def _check_bounds(path: Path, coord: F64, bounds: F64) -> None:
         return
     slack = _BEYOND[0] + _BEYOND[1] * np.abs(bounds[1] - bounds[0])
     if (coord.min(axis=0) < bounds[0] - slack).any() or (coord.max(axis=0) > bounds[1] + slack).any():
-        raise InputError("points lie outside the bounds that its header states", where=path,
-                         value=[coord.min(axis=0).tolist(), coord.max(axis=0).tolist()], allowed=str(bounds.tolist()),
-                         hint="It is damaged: copy it again, or write its header anew")  # fmt: skip
+        raise InputError(
+            "points lie outside the bounds that its header states",
+            where=path,
+            value=[coord.min(axis=0).tolist(), coord.max(axis=0).tolist()],
+            allowed=str(bounds.tolist()),
+            hint="It is damaged: copy it again, or write its header anew",
+        )

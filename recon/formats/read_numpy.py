@@ -32,8 +32,12 @@ def open_array(path: Path) -> np.ndarray:
     plain = array.ndim == 2 and array.dtype.kind in "fiu" and array.shape[1] in LAYOUTS
     named = array.ndim == 1 and array.dtype.names is not None
     if not plain and not named:
-        raise InputError("not a table of points", where=path, value=f"{array.dtype} {array.shape}"[:80],
-                         allowed=f"shape (N, C) with C of {', '.join(map(str, LAYOUTS))}, or named fields")  # fmt: skip
+        raise InputError(
+            "not a table of points",
+            where=path,
+            value=f"{array.dtype} {array.shape}"[:80],
+            allowed=f"shape (N, C) with C of {', '.join(map(str, LAYOUTS))}, or named fields",
+        )
     return array
 
 

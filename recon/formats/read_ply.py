@@ -19,10 +19,23 @@ _MOST_PROPERTIES = 1000
 _MOST_TEXT = 500_000_000  # [bytes] of a text file
 _BLOCK = 1 << 25  # [bytes] of text that are read at once
 _TYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
-    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
-    "double": "f8", "float64": "f8",
-}  # fmt: skip
+    "char": "i1",
+    "int8": "i1",
+    "uchar": "u1",
+    "uint8": "u1",
+    "short": "i2",
+    "int16": "i2",
+    "ushort": "u2",
+    "uint16": "u2",
+    "int": "i4",
+    "int32": "i4",
+    "uint": "u4",
+    "uint32": "u4",
+    "float": "f4",
+    "float32": "f4",
+    "double": "f8",
+    "float64": "f8",
+}
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _COLOURS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 _LABELS = ("segment", "label", "class", "scalar_label", "scalar_segment", "scalar_Classification")
@@ -131,8 +144,13 @@ def _read_binary(path: Path, order: str, elements: list[Element], start: int) ->
         row = np.dtype([(name, f"{order}{kind}") for name, kind in element.properties])
         if start + element.count * row.itemsize > length:
             room = (length - start) // max(row.itemsize, 1)
-            raise InputError(f"cut off: there is room for {room} rows", where=path, field=element.name,
-                             value=element.count, hint="Copy it again")  # fmt: skip
+            raise InputError(
+                f"cut off: there is room for {room} rows",
+                where=path,
+                field=element.name,
+                value=element.count,
+                hint="Copy it again",
+            )
         if row.itemsize and element.count:
             rows = np.memmap(path, row, "r", start, (element.count,))
             tables.append({name: np.array(rows[name]) for name, _ in element.properties})
@@ -147,11 +165,16 @@ def _read_text(path: Path, _: str, elements: list[Element], start: int) -> list[
     need = sum(element.count * len(element.properties) for element in elements)
     length = path.stat().st_size - start
     if 2 * need > length + 1:
-        raise InputError("cut off, or lying about its number of points", where=path, value=need,
-                         allowed=f"at most {length // 2} numbers in a text of this length")  # fmt: skip
+        raise InputError(
+            "cut off, or lying about its number of points",
+            where=path,
+            value=need,
+            allowed=f"at most {length // 2} numbers in a text of this length",
+        )
     if length > _MOST_TEXT:
-        raise InputError("too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes",
-                         hint="Write it as binary PLY")  # fmt: skip
+        raise InputError(
+            "too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes", hint="Write it as binary PLY"
+        )
     parts: list[NDArray[np.float64]] = []
     got, rest = 0, b""
     with path.open("rb") as file:

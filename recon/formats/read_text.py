@@ -15,15 +15,25 @@ _MOST_TEXT = 2_000_000_000  # [bytes]
 _LONGEST_LINE = 4096  # [bytes]
 _SHORTEST_LINE = 6  # [bytes] three digits, two blanks and a line end
 _NAMES = {
-    "r": "red", "g": "green", "b": "blue", "label": "segment", "class": "segment", "scalar_label": "segment",
-    "classification": "segment", "scalar_classification": "segment", "i": "intensity", "reflectance": "intensity",
-}  # fmt: skip
+    "r": "red",
+    "g": "green",
+    "b": "blue",
+    "label": "segment",
+    "class": "segment",
+    "scalar_label": "segment",
+    "classification": "segment",
+    "scalar_classification": "segment",
+    "i": "intensity",
+    "reflectance": "intensity",
+}
 # What nameless columns are taken for, by their number.
 LAYOUTS: dict[int, tuple[str, ...]] = {
-    3: ("x", "y", "z"), 4: ("x", "y", "z", "intensity"), 6: ("x", "y", "z", "red", "green", "blue"),
+    3: ("x", "y", "z"),
+    4: ("x", "y", "z", "intensity"),
+    6: ("x", "y", "z", "red", "green", "blue"),
     7: ("x", "y", "z", "red", "green", "blue", "segment"),
     8: ("x", "y", "z", "red", "green", "blue", "segment", "instance"),
-}  # fmt: skip
+}
 
 
 def read_text(path: Path, most_points: int) -> Scan:
@@ -41,8 +51,9 @@ def read_text(path: Path, most_points: int) -> Scan:
     """
     length = path.stat().st_size
     if length > _MOST_TEXT or length // _SHORTEST_LINE > most_points * 100:
-        raise InputError("too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes",
-                         hint="Convert it to LAZ")  # fmt: skip
+        raise InputError(
+            "too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes", hint="Convert it to LAZ"
+        )
     if not length:
         raise InputError("holds no points", where=path)
     with path.open("rb") as file:
@@ -58,8 +69,12 @@ def read_text(path: Path, most_points: int) -> Scan:
     width = table.shape[1]
     columns = names or LAYOUTS.get(width)
     if columns is None or len(columns) != width:
-        raise InputError("columns that say no names", where=path, value=width,
-                         allowed=f"{', '.join(map(str, LAYOUTS))} columns, or a first line of names")  # fmt: skip
+        raise InputError(
+            "columns that say no names",
+            where=path,
+            value=width,
+            allowed=f"{', '.join(map(str, LAYOUTS))} columns, or a first line of names",
+        )
     return scan_of_columns(path, {name: table[:, place] for place, name in enumerate(columns)})
 
 

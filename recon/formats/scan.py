@@ -65,10 +65,12 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
     except OSError as error:
         raise InputError(f"not readable: {error.strerror}", where=path) from None
     raise InputError(
-        "neither LAS, LAZ, PLY, E57, NPY nor text", where=path, value=magic,
+        "neither LAS, LAZ, PLY, E57, NPY nor text",
+        where=path,
+        value=magic,
         allowed=f"a file of these kinds; text is known by its name: {' '.join(read_text.SUFFIXES)}",
         hint="Convert it to LAZ",
-    )  # fmt: skip
+    )
 
 
 @contextmanager

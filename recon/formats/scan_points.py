@@ -58,8 +58,13 @@ def check_count(path: Path, count: int, most: int) -> None:
     if count < 1:
         raise InputError("holds no points", where=path)
     if count > most:
-        raise InputError("claims too many points", where=path, value=count, allowed=f"at most {most}",
-                         hint="Cut it into tiles, or thin it out")  # fmt: skip
+        raise InputError(
+            "claims too many points",
+            where=path,
+            value=count,
+            allowed=f"at most {most}",
+            hint="Cut it into tiles, or thin it out",
+        )
 
 
 def check_coordinates(path: Path, coord: F64) -> None:
@@ -76,9 +81,11 @@ def check_coordinates(path: Path, coord: F64) -> None:
     if bad.any():
         row = int(np.argmax(bad))
         raise InputError(
-            f"the position of point {row} is not finite or farther than {FARTHEST:.0e} m", where=path,
-            value=tuple(float(value) for value in coord[row]), hint="Write the file anew without such points",
-        )  # fmt: skip
+            f"the position of point {row} is not finite or farther than {FARTHEST:.0e} m",
+            where=path,
+            value=tuple(float(value) for value in coord[row]),
+            hint="Write the file anew without such points",
+        )
 
 
 def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | np.uint32]) -> NDArray[Any]:
@@ -99,6 +106,11 @@ def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | n
     top = np.iinfo(dtype).max
     good = (values >= 0) & (values <= top) & (values == np.floor(values))
     if not good.all():
-        raise InputError("not a label", where=path, field=name, value=values[np.argmin(good)].item(),
-                         allowed=f"whole numbers from 0 to {top}")  # fmt: skip
+        raise InputError(
+            "not a label",
+            where=path,
+            field=name,
+            value=values[np.argmin(good)].item(),
+            allowed=f"whole numbers from 0 to {top}",
+        )
     return values.astype(dtype)

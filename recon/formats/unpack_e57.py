@@ -35,8 +35,9 @@ def unpack(request: dict[str, Any], progress: Progress) -> int:
         file = pye57.E57(str(path))
         count = sum(int(file.get_header(scan).point_count) for scan in range(file.scan_count))
         if not 1 <= count <= request["most"]:
-            raise InputError("holds no points, or too many", where=path, value=count,
-                             allowed=f"at most {request['most']}")  # fmt: skip
+            raise InputError(
+                "holds no points, or too many", where=path, value=count, allowed=f"at most {request['most']}"
+            )
         progress.stage("unpack", count)
         parts = []
         for scan in range(file.scan_count):

@@ -63,9 +63,10 @@ def read_header(path: Path) -> PhotoHeader:
         size, exif, xmp = _read_png(data) if data.startswith(_PNG) else _read_jpeg(data)
     except (struct.error, IndexError, ValueError):
         raise InputError(
-            "the image is cut off or damaged, or neither JPEG nor PNG", where=path,
+            "the image is cut off or damaged, or neither JPEG nor PNG",
+            where=path,
             hint="Copy it again, or leave it out",
-        ) from None  # fmt: skip
+        ) from None
     try:
         root, lens, gps = _read_tiff(exif)
     except (struct.error, IndexError, ValueError, ZeroDivisionError):

@@ -46,9 +46,10 @@ def _open_photographs(folder: Path) -> Capture:
     paths = _photographs(folder) or _photographs(folder / "images")
     if not paths:
         raise MissingError(
-            "neither a capture nor photographs: no cameras.json, no .jpg, .jpeg or .png", where=folder,
+            "neither a capture nor photographs: no cameras.json, no .jpg, .jpeg or .png",
+            where=folder,
             hint="Name the folder that holds the photographs",
-        )  # fmt: skip
+        )
     headers = [read_header(path) for path in paths]
     size = _common_size(folder, paths, headers)
     prior, source = _prior(folder, paths, headers, size)
@@ -85,11 +86,13 @@ def local_position(place: tuple[float, float, float], origin: tuple[float, float
     """
     latitude, longitude = np.deg2rad(origin[:2])
     sin_lat, cos_lat, sin_lon, cos_lon = np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)
-    axes = np.array([
-        [-sin_lon, cos_lon, 0.0],
-        [-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat],
-        [cos_lat * cos_lon, cos_lat * sin_lon, sin_lat],
-    ])  # fmt: skip
+    axes = np.array(
+        [
+            [-sin_lon, cos_lon, 0.0],
+            [-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat],
+            [cos_lat * cos_lon, cos_lat * sin_lon, sin_lat],
+        ]
+    )
     east, north, up = axes @ (_geocentric(place) - _geocentric(origin))
     return float(east), float(north), float(up)
 
@@ -98,10 +101,13 @@ def _geocentric(place: tuple[float, float, float]) -> F64:
     latitude, longitude = np.deg2rad(place[:2])
     radius = _EARTH_A / np.sqrt(1.0 - _EARTH_E2 * np.sin(latitude) ** 2)
     flat = (radius + place[2]) * np.cos(latitude)
-    return np.array([
-        flat * np.cos(longitude), flat * np.sin(longitude),
-        (radius * (1.0 - _EARTH_E2) + place[2]) * np.sin(latitude),
-    ])  # fmt: skip
+    return np.array(
+        [
+            flat * np.cos(longitude),
+            flat * np.sin(longitude),
+            (radius * (1.0 - _EARTH_E2) + place[2]) * np.sin(latitude),
+        ]
+    )
 
 
 def _photographs(folder: Path) -> list[Path]:
@@ -122,9 +128,11 @@ def _common_size(folder: Path, paths: list[Path], headers: list[PhotoHeader]) ->
         if size != usual:
             raise InputError(
                 f"{len(sizes) - sizes.count(usual)} of {len(sizes)} photographs are not {usual[0]} x {usual[1]} pixels",
-                where=folder, field=path.name, value=size, hint="Put the photographs of each size into a folder of "
-                "their own, and those of one camera into one",
-            )  # fmt: skip
+                where=folder,
+                field=path.name,
+                value=size,
+                hint="Put the photographs of each size into a folder of their own, and those of one camera into one",
+            )
     return usual
 
 
@@ -136,10 +144,13 @@ def _prior(
     for path, header in zip(paths, headers, strict=True):
         if header.focal_px is not None and abs(header.focal_px / focal - 1.0) > _SAME_LENS:
             raise InputError(
-                "photographs of different focal lengths", where=folder, field=path.name,
-                value=f"{header.focal_px:.0f} px", allowed=f"{focal:.0f} px as most of the others, within 10 %",
+                "photographs of different focal lengths",
+                where=folder,
+                field=path.name,
+                value=f"{header.focal_px:.0f} px",
+                allowed=f"{focal:.0f} px as most of the others, within 10 %",
                 hint="Put those of each focal length into a folder of their own",
-            )  # fmt: skip
+            )
     prior = CalibrationPrior(focal_px=focal, cx=size[0] / 2.0, cy=size[1] / 2.0)
     return prior, FOCAL_FROM_EXIF if told else FOCAL_GUESSED
 

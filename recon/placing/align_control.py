@@ -45,9 +45,14 @@ class ControlFit:
 
 
 def align_to_control(
-    model: SparseModel, rows: I64, target: Target, capture: Capture, control: GroundControl, where: Path,
+    model: SparseModel,
+    rows: I64,
+    target: Target,
+    capture: Capture,
+    control: GroundControl,
+    where: Path,
     rng: np.random.Generator,
-) -> ControlFit:  # fmt: skip
+) -> ControlFit:
     """Place a model by surveyed points, or, where there are fewer than three, scale it by bars.
 
     Args:
@@ -71,9 +76,10 @@ def align_to_control(
     if len(known) < _LEAST_POINTS and not bars:
         raise InputError(
             f"{len(known)} of {len(control.points)} control points are marked in two registered photographs",
-            where=where, allowed=f"{_LEAST_POINTS} or more, or a scale bar between marked points",
+            where=where,
+            allowed=f"{_LEAST_POINTS} or more, or a scale bar between marked points",
             hint="Mark each in more photographs",
-        )  # fmt: skip
+        )
     if len(known) < _LEAST_POINTS:
         alignment = _scaled(model, rows, target, places, control, rng)
         return ControlFit(alignment, BARS, _bar_facts(alignment.similarity, places, control))
@@ -87,22 +93,35 @@ def align_to_control(
     if fit is None or errors is None or errors.unfixed():
         wide = "" if errors is None else f" ({errors.unfixed()})"
         raise InputError(
-            f"the control points fix no frame{wide}", where=where,
+            f"the control points fix no frame{wide}",
+            where=where,
             hint="Take points that do not lie on one line, and see that each is marked where it is",
-        )  # fmt: skip
+        )
     alignment = replace(
         stand_upright(model.poses, rows, target), similarity=fit.similarity, method=POINTS, errors=errors
-    )  # fmt: skip
+    )
     residuals = fit.similarity.move(source) - goal
     facts = [
-        {"name": point.name, "images": places[point.name][1], "error": off.tolist(),
-         "distance": float(np.linalg.norm(off)), "pixels": places[point.name][2], "agrees": bool(agrees)}
+        {
+            "name": point.name,
+            "images": places[point.name][1],
+            "error": off.tolist(),
+            "distance": float(np.linalg.norm(off)),
+            "pixels": places[point.name][2],
+            "agrees": bool(agrees),
+        }
         for point, off, agrees in zip(known, residuals, fit.agreeing, strict=True)
-    ]  # fmt: skip
+    ]
     frame = {"system": control.system.name, **_origin_facts(control, origin)}
-    return ControlFit(alignment, POINTS, {
-        "control_points": facts, "origin": frame, **_bar_facts(fit.similarity, places, control),
-    })  # fmt: skip
+    return ControlFit(
+        alignment,
+        POINTS,
+        {
+            "control_points": facts,
+            "origin": frame,
+            **_bar_facts(fit.similarity, places, control),
+        },
+    )
 
 
 def triangulate(centres: F64, directions: F64) -> F64:
@@ -130,7 +149,7 @@ def triangulate(centres: F64, directions: F64) -> F64:
 
 def _triangulated(
     model: SparseModel, capture: Capture, control: GroundControl, where: Path
-) -> dict[str, tuple[F64, int, float]]:  # fmt: skip
+) -> dict[str, tuple[F64, int, float]]:
     """Give each point's place in the model, the number of its photographs, and how far it misses its marks [px]."""
     camera, distortion = lens_of(model, capture.size)
     row_of = {PurePath(name).stem: row for row, name in enumerate(model.names)}
@@ -143,9 +162,12 @@ def _triangulated(
         for mark in marks:
             if not ((np.array(mark.uv) >= 0.0) & (np.array(mark.uv) <= size)).all():
                 raise InputError(
-                    f"the mark of {point.name} lies outside the image", where=where, field=mark.image, value=mark.uv,
+                    f"the mark of {point.name} lies outside the image",
+                    where=where,
+                    field=mark.image,
+                    value=mark.uv,
                     allowed=f"0 0 to {size[0]} {size[1]}",
-                )  # fmt: skip
+                )
         if len(marks) < _LEAST_MARKS:
             continue
         poses = model.poses[[row_of[PurePath(mark.image).stem] for mark in marks]]
@@ -161,9 +183,13 @@ def _triangulated(
 
 
 def _scaled(
-    model: SparseModel, rows: I64, target: Target, places: Mapping[str, tuple[F64, int, float]],
-    control: GroundControl, rng: np.random.Generator,
-) -> Alignment:  # fmt: skip
+    model: SparseModel,
+    rows: I64,
+    target: Target,
+    places: Mapping[str, tuple[F64, int, float]],
+    control: GroundControl,
+    rng: np.random.Generator,
+) -> Alignment:
     """Scale by bars what GPS, or gravity alone, has placed; cameras keep their middle."""
     bars = [bar for bar in control.bars if bar.ends[0] in places and bar.ends[1] in places]
     found = np.array([np.linalg.norm(places[bar.ends[0]][0] - places[bar.ends[1]][0]) for bar in bars])
@@ -172,9 +198,11 @@ def _scaled(
     scale = float((weights * lengths / found).sum() / weights.sum())
     spread = float(np.sqrt((weights * (lengths / found / scale - 1.0) ** 2).sum() / weights.sum() / len(bars)))
     unsure = 100.0 * _SURE * max(spread, 1.0 / (scale * float(np.sqrt(weights.sum()))))
-    base = align_to_fixes(model.poses, rows, target, rng) if target.kind == "gps" else stand_upright(
-        model.poses, rows, target
-    )  # fmt: skip
+    base = (
+        align_to_fixes(model.poses, rows, target, rng)
+        if target.kind == "gps"
+        else stand_upright(model.poses, rows, target)
+    )
     middle = model.poses[:, :3, 3].mean(axis=0)
     there = base.similarity.move(middle[None])[0]
     rotation = base.similarity.rotation
@@ -184,9 +212,7 @@ def _scaled(
     far = np.linalg.norm(similarity.move(model.poses[:, :3, 3]) - target.centres[rows], axis=1)
     centre_errors = base.centre_errors.copy()
     centre_errors[rows] = np.where(np.isnan(centre_errors[rows]), np.nan, far)
-    return replace(
-        base, similarity=similarity, method=BARS, errors=stated, unfixed="", centre_errors=centre_errors
-    )  # fmt: skip
+    return replace(base, similarity=similarity, method=BARS, errors=stated, unfixed="", centre_errors=centre_errors)
 
 
 def _origin(capture: Capture, control: GroundControl, coordinates: F64) -> tuple[float, float, float]:
@@ -208,11 +234,12 @@ def _origin_facts(control: GroundControl, origin: tuple[float, float, float]) ->
 
 def _bar_facts(
     similarity: Similarity, places: Mapping[str, tuple[F64, int, float]], control: GroundControl
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     rows = []
     for bar in control.bars:
         if bar.ends[0] in places and bar.ends[1] in places:
             one, other = similarity.move(np.array([places[name][0] for name in bar.ends]))
-            rows.append({"ends": list(bar.ends), "length": bar.length,
-                         "error": float(np.linalg.norm(one - other)) - bar.length})  # fmt: skip
+            rows.append(
+                {"ends": list(bar.ends), "length": bar.length, "error": float(np.linalg.norm(one - other)) - bar.length}
+            )
     return {"scale_bars": rows} if rows else {}

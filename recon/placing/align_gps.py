@@ -48,6 +48,11 @@ def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.
     far[used] = np.linalg.norm(fit.similarity.move(source) - goal, axis=1)
     resting = goal[fit.agreeing]
     return replace(
-        upright, similarity=fit.similarity, method=METHOD, centre_errors=far, agreeing=agreeing, errors=errors,
+        upright,
+        similarity=fit.similarity,
+        method=METHOD,
+        centre_errors=far,
+        agreeing=agreeing,
+        errors=errors,
         singular_values=np.linalg.svd(resting - resting.mean(axis=0), compute_uv=False).astype(np.float64),
-    )  # fmt: skip
+    )

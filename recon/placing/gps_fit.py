@@ -78,9 +78,7 @@ def fit_to_fixes(
     """
     if len(source) < _TRIPLE or not min(np.ptp(source, axis=0).max(), np.ptp(goal, axis=0).max()) > 0.0:
         return None
-    found = [
-        _settle(source, goal, sigma, levels, start) for start in _starts(source, goal, sigma, levels, rng)
-    ]  # fmt: skip
+    found = [_settle(source, goal, sigma, levels, start) for start in _starts(source, goal, sigma, levels, rng)]
     level = min(_level(_squares(similarity, source, goal, sigma)) for similarity in found)
     costs = [_cost(similarity, source, goal, sigma * level, levels) for similarity in found]
     best = found[int(np.argmin(costs))]
@@ -160,9 +158,7 @@ def _step(similarity: Similarity, source: F64, goal: F64, weights: F64, levels: 
     )
 
 
-def _adjust(
-    start: Similarity, source: F64, goal: F64, sigma: F64, levels: Levels, agreeing: Mask, flown: bool
-) -> Fit:  # fmt: skip
+def _adjust(start: Similarity, source: F64, goal: F64, sigma: F64, levels: Levels, agreeing: Mask, flown: bool) -> Fit:
     """Fit to the agreeing fixes, and estimate how well the fixes were measured along the ground and in height."""
     source, goal, stated = source[agreeing], goal[agreeing], sigma[agreeing]
     similarity, factors, likeness = start, np.ones(2), 0.0
@@ -187,7 +183,7 @@ def _adjust(
     slow = (1.0 - likeness**2) / (1.0 + likeness**2)
     return Fit(
         similarity, agreeing, factors, likeness, middle, covariances, np.append(np.maximum(freedom * slow, 1.0), 1e6)
-    )  # fmt: skip
+    )
 
 
 def _components(
@@ -197,9 +193,7 @@ def _components(
     weights = 1.0 / (stated * factors[[0, 0, 1]]) ** 2
     jacobian = _jacobian(similarity, source - _middle(source, weights)) * np.sqrt(weights)[:, :, None]
     inverse = np.asarray(np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True), np.float64)
-    kept = np.array([
-        _left_over(jacobian[:, axes], inverse, likeness) for axes in ([0, 1], [2])
-    ])  # fmt: skip
+    kept = np.array([_left_over(jacobian[:, axes], inverse, likeness) for axes in ([0, 1], [2])])
     squares = np.array([(residual[:, :2] ** 2).sum(), (residual[:, 2] ** 2).sum()])
     common = (squares / factors**2).sum() / max(kept.sum(), 1.0)
     estimate = (squares + _PRIOR_FREEDOM * common * factors**2) / (kept + _PRIOR_FREEDOM)

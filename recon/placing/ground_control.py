@@ -114,9 +114,12 @@ def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
     system = read_system(lines[0][1])
     if system is None:
         raise InputError(
-            "the first line names no system of coordinates", where=path, field="line 1", value=lines[0][1][:60],
+            "the first line names no system of coordinates",
+            where=path,
+            field="line 1",
+            value=lines[0][1][:60],
             allowed="EPSG:…, WGS84 UTM …N, a PROJ string; or tables with heads as of Metashape",
-        )  # fmt: skip
+        )
     points: dict[str, ControlPoint] = {}
     for number, line in lines[1:]:
         if line.startswith("#"):
@@ -124,9 +127,12 @@ def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
         cells = line.split("\t") if line.count("\t") >= 5 else line.split()
         if len(cells) < 6:
             raise InputError(
-                "too few columns", where=path, field=f"line {number}", value=line[:60],
+                "too few columns",
+                where=path,
+                field=f"line {number}",
+                value=line[:60],
                 allowed="easting northing height column row image [name]",
-            )  # fmt: skip
+            )
         east, north, up, u, v = (_number(path, number, cell) for cell in cells[:5])
         name = cells[6] if len(cells) > 6 else f"{cells[0]} {cells[1]} {cells[2]}"
         _place(path, number, points.setdefault(name, ControlPoint(name)), (east, north, up))
@@ -227,13 +233,15 @@ def _mark(path: Path, line: int, point: ControlPoint, image: str, uv: tuple[floa
 
 def _bar(
     path: Path, line: int, label: str, numbers: Mapping[str, float], points: Mapping[str, ControlPoint]
-) -> ScaleBar:  # fmt: skip
+) -> ScaleBar:
     splits = [(label[:at], label[at + 1 :]) for at, letter in enumerate(label) if letter == "_"]
     ends = next(((one, other) for one, other in splits if one in points and other in points), None)
     if ends is None or "distance" not in numbers:
         raise InputError(
-            "a scale bar needs the names of two points joined by '_', and a distance", where=path,
-            field=f"line {line}", value=label,
-        )  # fmt: skip
+            "a scale bar needs the names of two points joined by '_', and a distance",
+            where=path,
+            field=f"line {line}",
+            value=label,
+        )
     sigma = numbers.get("sigma", _BAR_SIGMA)
     return ScaleBar(ends, _positive(path, line, numbers["distance"]), _positive(path, line, sigma))

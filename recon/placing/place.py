@@ -24,9 +24,14 @@ _LEAST_SIGMA = 1e-3  # [m] no receiver is better, and no weight infinite
 
 
 def place(
-    poses: F64, rows: NDArray[np.int64], reasons: Mapping[str, str], capture: Capture, truth: Truth | None,
-    settings: AlignmentSettings, rng: np.random.Generator,
-) -> tuple[Alignment, Target]:  # fmt: skip
+    poses: F64,
+    rows: NDArray[np.int64],
+    reasons: Mapping[str, str],
+    capture: Capture,
+    truth: Truth | None,
+    settings: AlignmentSettings,
+    rng: np.random.Generator,
+) -> tuple[Alignment, Target]:
     """Carry a model to where it belongs, as far as anybody knows, and judge every camera.
 
     Photographs whose GPS is absent, or does not fix the frame, leave the model in its own units, standing upright.
@@ -59,9 +64,14 @@ def place(
 
 
 def place_on_control(
-    model: SparseModel, rows: NDArray[np.int64], reasons: Mapping[str, str], capture: Capture, control: GroundControl,
-    where: Path, rng: np.random.Generator,
-) -> tuple[Alignment, Target, dict[str, Any]]:  # fmt: skip
+    model: SparseModel,
+    rows: NDArray[np.int64],
+    reasons: Mapping[str, str],
+    capture: Capture,
+    control: GroundControl,
+    where: Path,
+    rng: np.random.Generator,
+) -> tuple[Alignment, Target, dict[str, Any]]:
     """Carry a model to where ground control puts it; every registered camera stays.
 
     Args:
@@ -102,9 +112,12 @@ def read_control(path: Path, capture: Capture) -> GroundControl:
     marked = [mark.image for point in control.points for mark in point.marks]
     if not any(PurePath(image).stem in known for image in marked):
         raise InputError(
-            "marks none of the photographs", where=path, value=marked[0] if marked else None,
-            allowed=f"names as {capture.images[0].file}", hint=f"See that it belongs to {capture.folder}",
-        )  # fmt: skip
+            "marks none of the photographs",
+            where=path,
+            value=marked[0] if marked else None,
+            allowed=f"names as {capture.images[0].file}",
+            hint=f"See that it belongs to {capture.folder}",
+        )
     return control
 
 
@@ -130,7 +143,7 @@ def similarity_facts(similarity: Similarity) -> dict[str, Any]:
 
 def alignment_facts(
     alignment: Alignment, target: Target, capture: Capture, control: Mapping[str, Any] | None = None
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """State an alignment as JSON: the similarity, what it was found on, and how far that can be relied upon.
 
     Args:
@@ -141,12 +154,15 @@ def alignment_facts(
     """
     control = {} if control is None else control
     facts = {
-        **similarity_facts(alignment.similarity), "target": target.kind, "method": alignment.method,
-        "note": note(alignment, target, control), "unit": "m" if target.kind != "none" else "unknown",
+        **similarity_facts(alignment.similarity),
+        "target": target.kind,
+        "method": alignment.method,
+        "note": note(alignment, target, control),
+        "unit": "m" if target.kind != "none" else "unknown",
         "inliers": sum(code == OK for code in alignment.status),
         "centre_limit": target.centre_limit if target.kind == "truth" else None,
         "singular_values": alignment.singular_values.tolist(),
-    }  # fmt: skip
+    }
     if alignment.errors is not None:
         facts["expected_error"] = alignment.errors.facts()
     if alignment.unfixed:
@@ -222,9 +238,15 @@ def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) 
     east, north, up = _numbers(capture.facts.get("gps_bias", capture.gps_sigma))
     kind = "gps" if np.isfinite(centres).all(axis=1).any() else "none"
     return Target(
-        kind, centres, None, np.inf, np.maximum(sigmas, _LEAST_SIGMA), (east, north, up), gimbal,
+        kind,
+        centres,
+        None,
+        np.inf,
+        np.maximum(sigmas, _LEAST_SIGMA),
+        (east, north, up),
+        gimbal,
         None if turns is None else turns.astype(np.int64),
-    )  # fmt: skip
+    )
 
 
 def _by_name(capture: Capture, fact: str) -> F64 | None:

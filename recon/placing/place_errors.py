@@ -38,10 +38,12 @@ class PlaceErrors:
         wide = [
             f"{name} ±{value:.0f}{unit}"
             for name, value, limit, unit in (
-                ("scale", self.scale, _SCALE_LIMIT, " %"), ("tilt", self.tilt, _TILT_LIMIT, "°"),
+                ("scale", self.scale, _SCALE_LIMIT, " %"),
+                ("tilt", self.tilt, _TILT_LIMIT, "°"),
                 ("heading", self.heading, _HEADING_LIMIT, "°"),
-            ) if not value <= limit
-        ]  # fmt: skip
+            )
+            if not value <= limit
+        ]
         if self.twofold and not wide:
             wide = ["two ways round fit alike"]
         return ", ".join(wide)
@@ -51,17 +53,23 @@ class PlaceErrors:
         known = [
             f"{name} ±{_short(value)}{unit}"
             for name, value, unit in (
-                ("scale", self.scale, " %"), ("tilt", self.tilt, "°"), ("heading", self.heading, "°"),
+                ("scale", self.scale, " %"),
+                ("tilt", self.tilt, "°"),
+                ("heading", self.heading, "°"),
                 ("place", self.place, " m"),
-            ) if np.isfinite(value)
-        ]  # fmt: skip
+            )
+            if np.isfinite(value)
+        ]
         return f"{', '.join(known)} (95 %)"
 
     def facts(self) -> dict[str, Any]:
         """State the limits as JSON; None where nothing is known."""
         values = {
-            "scale_percent": self.scale, "tilt_deg": self.tilt, "heading_deg": self.heading, "place_m": self.place,
-        }  # fmt: skip
+            "scale_percent": self.scale,
+            "tilt_deg": self.tilt,
+            "heading_deg": self.heading,
+            "place_m": self.place,
+        }
         return {"share": SHARE} | {key: value if np.isfinite(value) else None for key, value in values.items()}
 
 

@@ -41,9 +41,14 @@ def merge_duplicates(model: SparseModel) -> tuple[SparseModel, I64]:
     once = np.sort(np.unique(seen, axis=0, return_index=True)[1])
     order = once[np.argsort(point[once], kind="stable")]
     merged = replace(
-        model, points=model.points[kept], colors=model.colors[kept], errors=model.errors[kept],
-        obs_point=point[order], obs_image=model.obs_image[order], obs_uv=model.obs_uv[order],
-    )  # fmt: skip
+        model,
+        points=model.points[kept],
+        colors=model.colors[kept],
+        errors=model.errors[kept],
+        obs_point=point[order],
+        obs_image=model.obs_image[order],
+        obs_uv=model.obs_uv[order],
+    )
     return merged, alike
 
 

@@ -79,15 +79,16 @@ def place_sparse(
     fate[seen.counts < settings.min_views] = FEW_VIEWS
     if (fate == DEVIATION).any() and not (fate == KEPT).any():
         raise RejectedSceneError(
-            "no_points", f"all {len(fate):,} points may be off by more than {settings.max_deviation:g} m: raise "
+            "no_points",
+            f"all {len(fate):,} points may be off by more than {settings.max_deviation:g} m: raise "
             "[recon] max_deviation, or set sure_views = 2",
-        )  # fmt: skip
+        )
     _check_some(fate == KEPT)
     normal = np.add.reduceat(centres[seen.image], seen.start[:-1]) / seen.counts[:, None] - coord
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return PlacedPoints(
         judged, fate, coord, normal.astype(np.float32), model.colors[judged], errors.astype(np.float32), seen
-    )  # fmt: skip
+    )
 
 
 def place_dense(points: DensePoints, rows: I64, valid: Mask, similarity: Similarity, min_views: int) -> PlacedPoints:

@@ -55,8 +55,13 @@ def sample_lidar(
     rng = np.random.default_rng(settings.seed)
     shots, total, facts = _pattern(scene, surface, bridge, rays, settings, rng)
     if total > MOST_RAYS:
-        raise InputError(f"the scan has {total} rays", field="angular_step", value=settings.angular_step,
-                         allowed=f"at most {MOST_RAYS} rays", hint="Take wider steps or fewer stations")  # fmt: skip
+        raise InputError(
+            f"the scan has {total} rays",
+            field="angular_step",
+            value=settings.angular_step,
+            allowed=f"at most {MOST_RAYS} rays",
+            hint="Take wider steps or fewer stations",
+        )
     water = np.isin(surface.instances, [row.id for row in scene.instances if row.component == "water"])
     target = Target(surface, look, rays, water)
     box = bounds_of(surface, bridge, settings.reach if settings.scope == "near" else 0.0)
@@ -83,9 +88,13 @@ def sample_lidar(
 
 
 def _pattern(
-    scene: FlatScene, surface: SceneSurface, bridge: Bool, rays: RayScene,
-    settings: TerrestrialSettings | MobileSettings, rng: np.random.Generator,
-) -> tuple[Iterator[Rays], int, dict[str, Any]]:  # fmt: skip
+    scene: FlatScene,
+    surface: SceneSurface,
+    bridge: Bool,
+    rays: RayScene,
+    settings: TerrestrialSettings | MobileSettings,
+    rng: np.random.Generator,
+) -> tuple[Iterator[Rays], int, dict[str, Any]]:
     """Place the scanner: its shots, how many they are, and facts for the statistics."""
     if isinstance(settings, TerrestrialSettings):
         stations = np.array(settings.positions, np.float64).reshape(-1, 3)
@@ -122,9 +131,11 @@ def _survey_way(scene: FlatScene, survey: str) -> F64:
 
 
 def _scan_all(
-    shots: Iterator[Rays], measure: Callable[[Rays], Columns], settings: TerrestrialSettings | MobileSettings,
+    shots: Iterator[Rays],
+    measure: Callable[[Rays], Columns],
+    settings: TerrestrialSettings | MobileSettings,
     progress: Progress,
-) -> list[Columns]:  # fmt: skip
+) -> list[Columns]:
     """Measure chunk after chunk; where one point of each cube stays, others go before they are too many."""
     ranks = np.random.default_rng([settings.seed, 1])  # of its own: thinning changes no point that stays
     parts: list[Columns] = []
@@ -139,9 +150,12 @@ def _scan_all(
             if loose > _LOOSE:
                 parts, loose = _thinned(parts, settings.voxel), 0
         if sum(len(part["rows"]) for part in parts) > MOST_POINTS:
-            raise InputError(f"the scan gives more than {MOST_POINTS} points", field="angular_step",
-                             value=settings.angular_step,
-                             hint="Take wider steps, fewer stations, or thin it: voxel")  # fmt: skip
+            raise InputError(
+                f"the scan gives more than {MOST_POINTS} points",
+                field="angular_step",
+                value=settings.angular_step,
+                hint="Take wider steps, fewer stations, or thin it: voxel",
+            )
     return _thinned(parts, settings.voxel) if settings.voxel and parts else parts
 
 
@@ -153,9 +167,14 @@ def _thinned(parts: list[Columns], size: float) -> list[Columns]:
 
 
 def _scan(
-    chunk: Rays, target: Target, surface: SceneSurface, box: F64, only: Bool | None,
-    settings: TerrestrialSettings | MobileSettings, rng: np.random.Generator,
-) -> Columns:  # fmt: skip
+    chunk: Rays,
+    target: Target,
+    surface: SceneSurface,
+    box: F64,
+    only: Bool | None,
+    settings: TerrestrialSettings | MobileSettings,
+    rng: np.random.Generator,
+) -> Columns:
     """Measure along the rays that can meet what is wanted; columns of what was measured of it."""
     aimed = meets_box(chunk, box)
     chunk = Rays(chunk.origins[aimed], chunk.directions[aimed], chunk.errors[aimed], chunk.station[aimed])
@@ -169,12 +188,18 @@ def _scan(
     normals = surface.normals[found.rows]
     turned = np.einsum("ni,ni->n", normals, directions) > 0  # towards the scanner, whichever side it saw
     columns = {
-        "points": points, "true_points": true_points, "rows": found.rows, "mixed": found.mixed,
+        "points": points,
+        "true_points": true_points,
+        "rows": found.rows,
+        "mixed": found.mixed,
         "normals": np.where(turned[:, None], -normals, normals).astype(np.float32),
-        "colors": encode_srgb(found.colors), "uncertainty": np.abs(found.measured - found.distances),
-        "distances": found.distances, "intensity": found.intensities.astype(np.float32),
-        "range": found.measured.astype(np.float32), "station": chunk.station[found.shots],
-    }  # fmt: skip
+        "colors": encode_srgb(found.colors),
+        "uncertainty": np.abs(found.measured - found.distances),
+        "distances": found.distances,
+        "intensity": found.intensities.astype(np.float32),
+        "range": found.measured.astype(np.float32),
+        "station": chunk.station[found.shots],
+    }
     return {name: values[wanted] for name, values in columns.items()}
 
 
@@ -202,7 +227,13 @@ def _joined(parts: list[Columns], stations: bool) -> Samples:
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
     further = {name: columns[name] for name in ("intensity", "range", *(("station",) if stations else ()))}
     return Samples(
-        columns["points"], columns["true_points"], columns["rows"], columns["normals"], columns["colors"],
-        columns["uncertainty"], columns["uncertainty"] / columns["distances"],
-        np.zeros(len(columns["rows"]), np.uint16), further,
-    )  # fmt: skip
+        columns["points"],
+        columns["true_points"],
+        columns["rows"],
+        columns["normals"],
+        columns["colors"],
+        columns["uncertainty"],
+        columns["uncertainty"] / columns["distances"],
+        np.zeros(len(columns["rows"]), np.uint16),
+        further,
+    )

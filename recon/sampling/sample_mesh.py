@@ -66,8 +66,12 @@ def sample_mesh(scene: FlatScene, folder: Path, settings: MeshSettings, progress
     pieces, area = _pieces(scene, surface, settings)
     wanted = settings.points if settings.points is not None else round(settings.density * area)
     if not 1 <= wanted <= MOST_POINTS:
-        raise InputError(f"{area:.1f} m² at this density are {wanted} points", field="density", value=settings.density,
-                         allowed=f"1 to {MOST_POINTS} points")  # fmt: skip
+        raise InputError(
+            f"{area:.1f} m² at this density are {wanted} points",
+            field="density",
+            value=settings.density,
+            allowed=f"1 to {MOST_POINTS} points",
+        )
     rng = np.random.default_rng(settings.seed)
 
     def draw(count: int) -> Drawn:
@@ -84,8 +88,12 @@ def sample_mesh(scene: FlatScene, folder: Path, settings: MeshSettings, progress
     for name in look.unread:
         progress.note(f"{name}: not readable as a texture; its points have the colour below it")
     progress.stage("write", 0)
-    facts = {"area": area, "density": drawn / area, "kept_share": len(found.rows) / drawn,
-             "settings": settings.model_dump(mode="json")}  # fmt: skip
+    facts = {
+        "area": area,
+        "density": drawn / area,
+        "kept_share": len(found.rows) / drawn,
+        "settings": settings.model_dump(mode="json"),
+    }
     samples = _moved(found, surface, settings, rng)
     if settings.voxel:
         samples = samples.thinned(settings.voxel, np.random.default_rng([settings.seed, 1]).random(len(samples.points)))
@@ -143,8 +151,12 @@ def _enough(wanted: int, exact: bool, draw: Callable[[int], Drawn]) -> tuple[Dra
         found.append(draw(min(_BATCH, missing)))
         drawn, kept = drawn + min(_BATCH, missing), kept + len(found[-1].rows)
     if kept < (wanted if exact else 1):
-        raise InputError(f"of {drawn} points on the surface, {kept} are seen", field="points", value=wanted,
-                         hint="Ask for fewer points, or for fewer views")  # fmt: skip
+        raise InputError(
+            f"of {drawn} points on the surface, {kept} are seen",
+            field="points",
+            value=wanted,
+            hint="Ask for fewer points, or for fewer views",
+        )
     columns = {name: np.concatenate([getattr(part, name) for part in found])[:wanted] for name in vars(found[0])}
     return Drawn(**columns), drawn
 

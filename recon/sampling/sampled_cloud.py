@@ -84,25 +84,44 @@ def annotate_samples(
     error = samples.uncertainty.astype(np.float32)
     components = ("", *sorted({row.component for row in scene.instances} - {""}))
     columns = {
-        "coord": samples.points, "color": samples.colors, "normal": samples.normals.astype(np.float32),
-        "segment": segment, "instance": instance, "component": _components(instance, scene, components),
-        "confidence": np.ones(count, np.float32), "label_margin_px": nothing,
-        "uncertainty": error, "uncertainty_min": error, "uncertainty_max": error,
-        "uncertainty_relative": samples.relative.astype(np.float32), "displacement": displacement.astype(np.float32),
-        "surface_distance": distance.astype(np.float32), "surface_class": surface.labels[nearest],
-        "reprojection_error": nothing, "n_views": samples.views, **samples.further,
-    }  # fmt: skip
+        "coord": samples.points,
+        "color": samples.colors,
+        "normal": samples.normals.astype(np.float32),
+        "segment": segment,
+        "instance": instance,
+        "component": _components(instance, scene, components),
+        "confidence": np.ones(count, np.float32),
+        "label_margin_px": nothing,
+        "uncertainty": error,
+        "uncertainty_min": error,
+        "uncertainty_max": error,
+        "uncertainty_relative": samples.relative.astype(np.float32),
+        "displacement": displacement.astype(np.float32),
+        "surface_distance": distance.astype(np.float32),
+        "surface_class": surface.labels[nearest],
+        "reprojection_error": nothing,
+        "n_views": samples.views,
+        **samples.further,
+    }
     statistics = {
-        **facts, "points": count,
+        **facts,
+        "points": count,
         "points_per_class": {row.name: int((segment == row.id).sum()) for row in scene.classes},
         "displacement_mean": float(displacement.mean()) if count else None,
         "right_class_share": float((segment == columns["surface_class"]).mean()) if count else None,
-    }  # fmt: skip
+    }
     note = "sampled from the stage: labels are those of the surface that each point comes from"
     return Cloud(
-        columns, without_observations(count), components, scene.classes, {"target": "stage", "note": note}, (),
-        statistics, source, bridge_digest(surface.corners, surface.instances, surface.labels, scene.instances),
-    )  # fmt: skip
+        columns,
+        without_observations(count),
+        components,
+        scene.classes,
+        {"target": "stage", "note": note},
+        (),
+        statistics,
+        source,
+        bridge_digest(surface.corners, surface.instances, surface.labels, scene.instances),
+    )
 
 
 def _nearest(samples: Samples, displacement: F64, rays: RayScene | None) -> tuple[F64, I64]:

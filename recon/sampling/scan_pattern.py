@@ -50,9 +50,9 @@ def tripod_rays(positions: F64, settings: TerrestrialSettings, rng: np.random.Ge
             shot = np.arange(first, min(first + CHUNK, columns * len(elevations)))
             azimuth = facing + 2.0 * np.pi * (shot // len(elevations)) / columns
             elevation = elevations[shot % len(elevations)]
-            directions = np.column_stack([
-                np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
-            ])  # fmt: skip
+            directions = np.column_stack(
+                [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+            )
             origins = np.broadcast_to(position, directions.shape)
             yield Rays(origins, directions, np.zeros_like(directions), np.full(len(shot), number, np.uint16))
 
@@ -85,9 +85,11 @@ def mobile_rays(path: F64, settings: MobileSettings, rng: np.random.Generator) -
         ).reshape(-1, 3)
         errors = _wander(way / settings.path_noise_length, knots)
         yield Rays(
-            np.repeat(origins, settings.beams, axis=0), directions, np.repeat(errors, settings.beams, axis=0),
+            np.repeat(origins, settings.beams, axis=0),
+            directions,
+            np.repeat(errors, settings.beams, axis=0),
             np.zeros(len(directions), np.uint16),
-        )  # fmt: skip
+        )
 
 
 def _frames(way: F64, along: F64, path: F64, tilt: float) -> F64:

@@ -34,9 +34,13 @@ _FLAT = 0.9  # upward part of the normal of a carriageway
 
 
 def place_stations(
-    scene: FlatScene, surface: SceneSurface, bridge: Bool, rays: RayScene, settings: TerrestrialSettings,
+    scene: FlatScene,
+    surface: SceneSurface,
+    bridge: Bool,
+    rays: RayScene,
+    settings: TerrestrialSettings,
     rng: np.random.Generator,
-) -> F64:  # fmt: skip
+) -> F64:
     """Choose stations on firm ground and on the deck, one after the other, each where it sees most that is new.
 
     Args:
@@ -139,9 +143,9 @@ def _spots(scene: FlatScene, surface: SceneSurface, bridge: Bool, rays: RayScene
     spacing = np.sqrt(size[0] * size[1] / _SPOTS)
     across = [np.arange(low[i] + spacing / 2, high[i], spacing) for i in range(2)]
     grid = np.stack(np.meshgrid(*across, indexing="ij"), axis=-1).reshape(-1, 2)
-    firm = np.isin(surface.instances, [
-        row.id for row in scene.instances if row.component in _FIRM or row.base_class in DECK
-    ])  # fmt: skip
+    firm = np.isin(
+        surface.instances, [row.id for row in scene.instances if row.component in _FIRM or row.base_class in DECK]
+    )
     firm &= surface.normals[:, 2] > _SLOPE
     starts = np.column_stack([grid, np.full(len(grid), high[2] + 1.0)])
     found = []

@@ -81,18 +81,27 @@ def read_model(folder: Path) -> SparseModel:
     return SparseModel(
         names=tuple(names[row] for row in rank),
         poses=np.array([poses[row] for row in rank]).reshape(-1, 4, 4),
-        camera_model=camera_model, camera_params=camera_params,
-        points=table["xyz"][order], colors=table["rgb"][order], errors=table["error"][order],
-        obs_point=point[by_point].astype(np.int64), obs_image=image[by_point], obs_uv=joined["uv"][by_point],
-    )  # fmt: skip
+        camera_model=camera_model,
+        camera_params=camera_params,
+        points=table["xyz"][order],
+        colors=table["rgb"][order],
+        errors=table["error"][order],
+        obs_point=point[by_point].astype(np.int64),
+        obs_image=image[by_point],
+        obs_uv=joined["uv"][by_point],
+    )
 
 
 def _check_numbers(
     params: tuple[float, ...], poses: F64, points: NDArray[np.void], keypoints: NDArray[np.void]
-) -> None:  # fmt: skip
+) -> None:
     """Refuse numbers that are none, and keypoints of points that are not there."""
-    for name, values in (("camera", np.array(params)), ("pose", poses), ("point", points["xyz"]),
-                         ("keypoint", keypoints["uv"])):  # fmt: skip
+    for name, values in (
+        ("camera", np.array(params)),
+        ("pose", poses),
+        ("point", points["xyz"]),
+        ("keypoint", keypoints["uv"]),
+    ):
         if not np.isfinite(values).all():
             raise ValueError(f"a {name} is not finite")
     if not np.isin(keypoints["point"], points["id"]).all():
@@ -109,11 +118,13 @@ def rotation_from_quaternion(quaternion: F64) -> F64:
         Rotation, shape (3, 3), float64.
     """
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def _read_camera(data: bytes) -> tuple[str, tuple[float, ...]]:

@@ -74,9 +74,9 @@ def copy_images(whole: Path, part: Path, images: Iterable[int]) -> None:
         connection.execute("INSERT INTO images SELECT image_id, image_id, camera_id FROM other.images")
         for table in _OF_IMAGES:
             connection.execute(
-                f"INSERT INTO {table} SELECT * FROM other.{table} "
-                "WHERE image_id IN (SELECT value FROM json_each(?))", wanted,
-            )  # fmt: skip
+                f"INSERT INTO {table} SELECT * FROM other.{table} WHERE image_id IN (SELECT value FROM json_each(?))",
+                wanted,
+            )
 
 
 def take_pairs(part: Path, whole: Path) -> None:

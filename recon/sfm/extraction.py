@@ -75,8 +75,9 @@ def _write_gps(capture: Capture, database: pycolmap.Database, rows: dict[str, py
         if image.gps is not None and image.file in rows:
             database.write_pose_prior(
                 pycolmap.PosePrior(
-                    position=np.array(image.gps), position_covariance=np.diag(sigma**2),
+                    position=np.array(image.gps),
+                    position_covariance=np.diag(sigma**2),
                     coordinate_system=pycolmap.PosePriorCoordinateSystem.CARTESIAN,
                     corr_data_id=rows[image.file].data_id,
                 )
-            )  # fmt: skip
+            )

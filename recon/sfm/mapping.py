@@ -161,9 +161,13 @@ def _map_incrementally(
         done = 0
         progress.stage(stage, total)
         found = pycolmap.incremental_mapping(
-            database, capture.folder, models, options,
-            initial_image_pair_callback=lambda: count(2), next_image_callback=lambda: count(1),
-        )  # fmt: skip
+            database,
+            capture.folder,
+            models,
+            options,
+            initial_image_pair_callback=lambda: count(2),
+            next_image_callback=lambda: count(1),
+        )
         if any(model.num_reg_images() > 2 and model.num_points3D() for model in found.values()):
             break
     return found

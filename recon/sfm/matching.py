@@ -84,9 +84,12 @@ def match_share(pairs: Iterable[tuple[int, int]], features: Path, folder: Path, 
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
     pycolmap.match_image_pairs(
-        path, pycolmap.FeatureMatchingOptions(num_threads=1), pycolmap.ImportedPairingOptions(match_list_path=names),
-        verification, pycolmap.Device.cpu,
-    )  # fmt: skip
+        path,
+        pycolmap.FeatureMatchingOptions(num_threads=1),
+        pycolmap.ImportedPairingOptions(match_list_path=names),
+        verification,
+        pycolmap.Device.cpu,
+    )
 
 
 def _take_over(features: Path, path: Path) -> set[int]:
@@ -110,9 +113,14 @@ def _take_over(features: Path, path: Path) -> set[int]:
 
 
 def _match_shares(
-    left: list[tuple[int, int]], finished: int, features: Path, folder: Path, settings: SparseSettings, seed: int,
+    left: list[tuple[int, int]],
+    finished: int,
+    features: Path,
+    folder: Path,
+    settings: SparseSettings,
+    seed: int,
     progress: Progress,
-) -> list[BaseException]:  # fmt: skip
+) -> list[BaseException]:
     """Deal the pairs that are left out to children, and bring home what each found, whatever happens to the others."""
     whole, seen, failures = folder / DATABASE, 0, list[BaseException]()
     rounds = max(1, math.ceil(len(left) / (_SHARE * settings.threads)))
@@ -143,9 +151,7 @@ def _match_shares(
     return failures
 
 
-def _run_share(
-    pairs: list[tuple[int, int]], features: Path, share: Path, settings: SparseSettings, seed: int
-) -> Path:  # fmt: skip
+def _run_share(pairs: list[tuple[int, int]], features: Path, share: Path, settings: SparseSettings, seed: int) -> Path:
     """Match a share in a child, on one thread; its parent's parent watches the time."""
     share.mkdir()
     images = len({image for pair in pairs for image in pair})
@@ -161,9 +167,7 @@ def _run_share(
 
 def _begun(folder: Path) -> int:
     """Count the pairs of the shares at work; one that is still being filled is left alone, COLMAP waits for nobody."""
-    return sum(
-        count_rows(names.parent / DATABASE, "two_view_geometries") for names in folder.glob(f"share*/{_NAMES}")
-    )  # fmt: skip
+    return sum(count_rows(names.parent / DATABASE, "two_view_geometries") for names in folder.glob(f"share*/{_NAMES}"))
 
 
 def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tuple[int, int]]:

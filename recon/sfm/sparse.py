@@ -76,9 +76,9 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
     keypoints: list[int] = features.result["keypoints"]
     if sum(number >= _FEW_KEYPOINTS for number in keypoints) < _MIN_IMAGES:
         raise RejectedSceneError(
-            NO_TEXTURE, f"fewer than {_MIN_IMAGES} images show {_FEW_KEYPOINTS} keypoints. "
-            "Lower [recon.sparse] peak_threshold",
-        )  # fmt: skip
+            NO_TEXTURE,
+            f"fewer than {_MIN_IMAGES} images show {_FEW_KEYPOINTS} keypoints. Lower [recon.sparse] peak_threshold",
+        )
     matches = _match(capture, features, work, settings, progress)
     pairs: int = matches.result["pairs"]
     if matches.result["verified"] == 0:
@@ -88,17 +88,23 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
         raise RejectedSceneError(
             "no_model", "the mapper found no pair of images to start from: the camera only turned, or hardly moved"
         )
-    figures = {"keypoints": sum(keypoints), "pairing": matches.result["pairing"], "pairs": pairs,
-               "verified": matches.result["verified"], "mapper": mapped.result["mapper"],
-               "tie_points": mapped.result["tie_points"], "models": mapped.result["models"],
-               "model_sha256": folder_digest(mapped.folder / _MODEL)}  # fmt: skip
+    figures = {
+        "keypoints": sum(keypoints),
+        "pairing": matches.result["pairing"],
+        "pairs": pairs,
+        "verified": matches.result["verified"],
+        "mapper": mapped.result["mapper"],
+        "tie_points": mapped.result["tie_points"],
+        "models": mapped.result["models"],
+        "model_sha256": folder_digest(mapped.folder / _MODEL),
+    }
     reasons = absent_reasons(capture, keypoints, matches.result["overlapping"], mapped.result["elsewhere"])
     return Sparse(read_model(mapped.folder / _MODEL), mapped.folder / _MODEL, mapped.recipe, reasons, figures)
 
 
 def absent_reasons(
     capture: Capture, keypoints: list[int], overlapping: list[bool], elsewhere: list[str]
-) -> dict[str, str]:  # fmt: skip
+) -> dict[str, str]:
     """Tell why images are not in the largest model, where more is known than that the mapper refused them.
 
     Args:
@@ -144,10 +150,18 @@ def _extract(capture: Capture, work: Path, settings: ReconSettings, progress: Pr
     progress.stage("read images", len(capture.images))
     hashes = [(image.file, file_digest(capture.folder / image.file)) for image in capture.images]
     recipe = [
-        _VERSION, version("pycolmap"), hashes, capture.size, capture.prior, capture.facts.get("focal"),
-        [image.gps for image in capture.images], capture.gps_sigma, sparse.peak_threshold, sparse.max_features,
+        _VERSION,
+        version("pycolmap"),
+        hashes,
+        capture.size,
+        capture.prior,
+        capture.facts.get("focal"),
+        [image.gps for image in capture.images],
+        capture.gps_sigma,
+        sparse.peak_threshold,
+        sparse.max_features,
         settings.seed,
-    ]  # fmt: skip
+    ]
 
     def make(folder: Path) -> Any:
         count = len(capture.images)
@@ -163,8 +177,13 @@ def _extract(capture: Capture, work: Path, settings: ReconSettings, progress: Pr
 def _match(capture: Capture, features: Step, work: Path, settings: ReconSettings, progress: Progress) -> Step:
     sparse = settings.sparse
     recipe = [
-        features.recipe, sparse.pairing, sparse.neighbours, sparse.leaps_from, sparse.overlap, sparse.exhaustive_below,
-    ]  # fmt: skip
+        features.recipe,
+        sparse.pairing,
+        sparse.neighbours,
+        sparse.leaps_from,
+        sparse.overlap,
+        sparse.exhaustive_below,
+    ]
 
     def make(folder: Path) -> Any:
         found = _run("match", capture, features.folder, folder, settings, progress)
@@ -177,23 +196,31 @@ def _match(capture: Capture, features: Step, work: Path, settings: ReconSettings
 def _map(capture: Capture, matches: Step, work: Path, settings: ReconSettings, progress: Progress) -> Step:
     sparse = settings.sparse
     recipe = [
-        matches.recipe, sparse.mapper, sparse.global_from, sparse.two_view_tracks, sparse.min_triangulation_angle,
-        sparse.use_gps_in_mapping, sparse.tie_points, sparse.deterministic or sparse.threads,
-    ]  # fmt: skip
+        matches.recipe,
+        sparse.mapper,
+        sparse.global_from,
+        sparse.two_view_tracks,
+        sparse.min_triangulation_angle,
+        sparse.use_gps_in_mapping,
+        sparse.tie_points,
+        sparse.deterministic or sparse.threads,
+    ]
     return take_step(
         work, "model", recipe, lambda folder: _run("map", capture, matches.folder, folder, settings, progress)
     )
 
 
-def _run(
-    stage: str, capture: Capture, before: Path, folder: Path, settings: ReconSettings, progress: Progress
-) -> Any:  # fmt: skip
+def _run(stage: str, capture: Capture, before: Path, folder: Path, settings: ReconSettings, progress: Progress) -> Any:
     sparse = settings.sparse
     threads = "1" if stage == "map" and sparse.deterministic else str(sparse.threads)
     request = {
-        "stage": stage, "capture": str(capture.folder), "before": str(before), "folder": str(folder),
-        "settings": sparse, "seed": settings.seed,
-    }  # fmt: skip
+        "stage": stage,
+        "capture": str(capture.folder),
+        "before": str(before),
+        "folder": str(folder),
+        "settings": sparse,
+        "seed": settings.seed,
+    }
     memory = sparse.memory_limit + sparse.memory_per_image * len(capture.images)
     if stage == "extract":  # each thread holds the pyramid of a photograph
         memory += sparse.memory_per_megapixel * sparse.threads * _searched_megapixels(capture.size)

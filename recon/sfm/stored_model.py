@@ -32,10 +32,17 @@ def write_stored_model(folder: Path, sparse: Sparse, capture: Capture) -> None:
     for path in sorted(sparse.folder.iterdir()):
         shutil.copyfile(path, folder / _COLMAP / path.name)  # inside an atomic folder
         sync(folder / _COLMAP / path.name)
-    write_json(folder / _FILE, {
-        "format": FORMAT, "format_version": FORMAT_VERSION, "recipe": sparse.recipe, "reasons": dict(sparse.reasons),
-        "photographs": _hashes(capture), "facts": sparse.facts,
-    })  # fmt: skip
+    write_json(
+        folder / _FILE,
+        {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "recipe": sparse.recipe,
+            "reasons": dict(sparse.reasons),
+            "photographs": _hashes(capture),
+            "facts": sparse.facts,
+        },
+    )
 
 
 def read_stored_model(place: Path, capture: Capture) -> Sparse:
@@ -55,13 +62,22 @@ def read_stored_model(place: Path, capture: Capture) -> Sparse:
     stored = read_json(folder / _FILE)
     found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
     if found != (FORMAT, FORMAT_VERSION):
-        raise InputError("not a model of this version", where=folder / _FILE, field="format", value=found,
-                         allowed=f"{FORMAT}, version {FORMAT_VERSION}", hint="Reconstruct again")  # fmt: skip
+        raise InputError(
+            "not a model of this version",
+            where=folder / _FILE,
+            field="format",
+            value=found,
+            allowed=f"{FORMAT}, version {FORMAT_VERSION}",
+            hint="Reconstruct again",
+        )
     if not _is_whole(stored):
         raise InputError("a key is missing or of a wrong kind", where=folder / _FILE, hint="Reconstruct again")
     if stored["photographs"] != _hashes(capture):
-        raise InputError("was made from other photographs", where=folder,
-                         hint=f"Leave the model out, or see that it belongs to {capture.folder}")  # fmt: skip
+        raise InputError(
+            "was made from other photographs",
+            where=folder,
+            hint=f"Leave the model out, or see that it belongs to {capture.folder}",
+        )
     colmap, names = folder / _COLMAP, {image.file for image in capture.images}
     model = read_model(colmap)
     if folder_digest(colmap) != stored["facts"].get("model_sha256") or not names.issuperset(model.names):
@@ -76,6 +92,8 @@ def _hashes(capture: Capture) -> dict[str, str]:
 def _is_whole(stored: dict[str, Any]) -> bool:
     reasons = stored.get("reasons")
     return (
-        isinstance(stored.get("recipe"), str) and isinstance(stored.get("facts"), dict) and isinstance(reasons, dict)
+        isinstance(stored.get("recipe"), str)
+        and isinstance(stored.get("facts"), dict)
+        and isinstance(reasons, dict)
         and all(isinstance(reason, str) for reason in reasons.values())
-    )  # fmt: skip
+    )

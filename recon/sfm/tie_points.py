@@ -125,9 +125,12 @@ def _best(group: I64, place: I64, count: int) -> Bools:
 
 
 def _gather(
-    cameras: Sequence[Any], images: Sequence[Any], keypoints: Mapping[int, Any], pairs: Sequence[Any],
+    cameras: Sequence[Any],
+    images: Sequence[Any],
+    keypoints: Mapping[int, Any],
+    pairs: Sequence[Any],
     geometries: Sequence[Any],
-) -> Matches:  # fmt: skip
+) -> Matches:
     size_of = {camera.camera_id: np.array([camera.width, camera.height]) for camera in cameras}
     sizes = [len(points) for points in keypoints.values()]
     begin = dict(zip(keypoints, np.concatenate([[0], np.cumsum(sizes)]).tolist(), strict=False))
@@ -138,18 +141,21 @@ def _gather(
         cells.append(row * _CELLS + column)
     image = np.repeat(np.arange(len(sizes)), sizes)
     sides = [
-        np.concatenate([
-            geometry.inlier_matches.reshape(-1, 2)[:, side].astype(np.int64) + begin[pair[side]]
-            for pair, geometry in zip(pairs, geometries, strict=True)
-        ]) for side in (0, 1)
-    ]  # fmt: skip
+        np.concatenate(
+            [
+                geometry.inlier_matches.reshape(-1, 2)[:, side].astype(np.int64) + begin[pair[side]]
+                for pair, geometry in zip(pairs, geometries, strict=True)
+            ]
+        )
+        for side in (0, 1)
+    ]
     per_pair = [len(geometry.inlier_matches) for geometry in geometries]
     return Matches(image, np.concatenate(cells) + image * _CELLS**2, np.repeat(np.arange(len(pairs)), per_pair), *sides)
 
 
 def _copy_images(
     source: pycolmap.Database, out: pycolmap.Database, images: Sequence[Any], keypoints: Mapping[int, Any]
-) -> None:  # fmt: skip
+) -> None:
     """Copy cameras, rigs, frames, images under the numbers they have, and their keypoints and positions."""
     for camera in source.read_all_cameras():
         out.write_camera(camera, use_camera_id=True)

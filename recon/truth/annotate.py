@@ -84,8 +84,13 @@ def gather(truth: Truth, observations: Observations, threads: int = 1) -> Observ
         for kind, values in (("semantic", labels), ("instance", instances), ("depth", depth)):
             if values.shape != (height, width):
                 where = truth.folder / kind / truth.names[image]
-                raise InputError("not the size of its photograph", where=where, value=values.shape,
-                                 allowed=f"{height} rows, {width} columns", hint="Render the survey again")  # fmt: skip
+                raise InputError(
+                    "not the size of its photograph",
+                    where=where,
+                    value=values.shape,
+                    allowed=f"{height} rows, {width} columns",
+                    hint="Render the survey again",
+                )
         found.label[rows] = labels[row, column]
         found.instance[rows], found.depth[rows] = instances[row, column], depth[row, column]
         found.margin[rows] = edge_distance(labels, row, column)

@@ -78,9 +78,11 @@ def count_cameras(points: F64, truth: Truth, far: float) -> NDArray[np.int64]:
         front = np.flatnonzero((local[:, 2] > 0.0) & (local[:, 2] <= far))
         straight = local[front, :2] / local[front, 2:]
         front, straight = front[(abs(straight) < 2.0).all(axis=1)], straight[(abs(straight) < 2.0).all(axis=1)]
-        column, row = np.floor(
-            truth.distortion.distort(straight) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
-        ).astype(np.int64).T  # fmt: skip
+        column, row = (
+            np.floor(truth.distortion.distort(straight) * [camera.fx, camera.fy] + [camera.cx, camera.cy])
+            .astype(np.int64)
+            .T
+        )
         inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
         there = truth.depth(image)[row[inside], column[inside]]
         depth = local[front[inside], 2]

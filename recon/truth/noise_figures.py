@@ -31,10 +31,14 @@ def describe_noise(columns: Mapping[str, NDArray[Any]], distance: NDArray[np.flo
     bands = []
     for low, high in pairwise(BANDS):
         inside = (distance >= low) & (distance < high)
-        bands.append({
-            "from": low, "to": high if np.isfinite(high) else None, "points": int(inside.sum()),
-            "noisy_share": _share(noisy[inside]),
-        })  # fmt: skip
+        bands.append(
+            {
+                "from": low,
+                "to": high if np.isfinite(high) else None,
+                "points": int(inside.sum()),
+                "noisy_share": _share(noisy[inside]),
+            }
+        )
     return {
         "threshold": THRESHOLD,
         "by_distance": bands,

@@ -15,17 +15,23 @@ I64 = NDArray[np.int64]
 
 FEW = 50  # points of a class in a window: fewer teach a network little
 PIXEL_WORDS = {
-    "no_depth": "no depth found", "views": "too few photographs agree", "seen_through": "others see past it",
+    "no_depth": "no depth found",
+    "views": "too few photographs agree",
+    "seen_through": "others see past it",
     "angle": "photographs too close together",
-}  # fmt: skip
+}
 """Why pixels of a dense cloud's depth maps are in no point, by their names in its statistics."""
 _MUCH = 0.5  # share of a class's points that `max_deviation` takes before its user is told
 
 
 def describe_classes(
-    segment: U8, fate: U8, copies: I64, coord: NDArray[np.float64], classes: tuple[ClassRow, ...],
+    segment: U8,
+    fate: U8,
+    copies: I64,
+    coord: NDArray[np.float64],
+    classes: tuple[ClassRow, ...],
     windows: Windows | None,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Count what stays and what goes, and what stays in each window.
 
     A class counts as few in the windows that hold its surface and that the flight saw: where any point of the bridge
@@ -62,10 +68,17 @@ def describe_classes(
             there = windows.present[row.id] & seen
             few = int((there & (inside < FEW)).sum())
             figures[row.name] |= {"in_windows": inside.tolist(), "windows": int(there.sum()), "few_in": few}
-    along = None if windows is None else {
-        "length": LENGTH, "count": count, "origin": windows.origin.tolist(), "direction": windows.direction.tolist(),
-        "seen": seen.tolist(),
-    }  # fmt: skip
+    along = (
+        None
+        if windows is None
+        else {
+            "length": LENGTH,
+            "count": count,
+            "origin": windows.origin.tolist(),
+            "direction": windows.direction.tolist(),
+            "seen": seen.tolist(),
+        }
+    )
     return {"classes": figures, "windows": along}
 
 

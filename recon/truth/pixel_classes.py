@@ -13,9 +13,12 @@ _CLASSES = 256
 
 
 def describe_pixels(
-    fates: PixelFates, rows: NDArray[np.int64], valid: NDArray[np.bool_], truth: Truth | None,
+    fates: PixelFates,
+    rows: NDArray[np.int64],
+    valid: NDArray[np.bool_],
+    truth: Truth | None,
     classes: tuple[ClassRow, ...],
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Count the fates of pixels by the class that the photograph shows there.
 
     Args:

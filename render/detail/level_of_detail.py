@@ -21,9 +21,9 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-KINDS = frozenset((
-    "tree", "shrub", "vegetation", "rock", "vehicle", "vessel", "fence", "pole", "lamp_post", "traffic_sign"
-))  # fmt: skip
+KINDS = frozenset(
+    ("tree", "shrub", "vegetation", "rock", "vehicle", "vessel", "fence", "pole", "lamp_post", "traffic_sign")
+)
 # How far a surface may move in the nearest image [px], tried in turn where there is too much in view.
 _ERRORS = (0.0, *(0.5 * 2 ** (step / 2) for step in range(7)))
 _WORTH = 1 / 300  # of the budget: whatever all draws of a mesh hold less than stays
@@ -85,9 +85,11 @@ def level_of_detail(scene: FlatScene, track: CameraTrack, camera: Pinhole, sight
     chosen[rows] = parts[steps, np.arange(len(rows))]
     line = f"{most:,} triangles in one view, over the triangle_budget: the background has no more to spare"
     return replace(
-        scene, geometry=pile.geometry(), draws=_taken(replace(scene.draws, part=chosen), chosen >= 0),
+        scene,
+        geometry=pile.geometry(),
+        draws=_taken(replace(scene.draws, part=chosen), chosen >= 0),
         warnings=scene.warnings if most <= budget else (*scene.warnings, line),
-    )  # fmt: skip
+    )
 
 
 def repeated(scene: FlatScene) -> I64:
@@ -106,10 +108,12 @@ def repeated(scene: FlatScene) -> I64:
     others = [row.path for row in scene.instances if row.base_class not in ("", background)]
     bridge = os.path.commonpath(others) if others else ""
     allowed = [
-        row.id for row in scene.instances
-        if row.component in KINDS and row.base_class == background
+        row.id
+        for row in scene.instances
+        if row.component in KINDS
+        and row.base_class == background
         and not (bridge and f"{row.path}/".startswith(f"{bridge.rstrip('/')}/"))
-    ]  # fmt: skip
+    ]
     often = np.bincount(scene.draws.part, minlength=1)[scene.draws.part] > 1
     return np.flatnonzero(often & np.isin(scene.draws.instance, allowed))
 
@@ -166,9 +170,7 @@ def _pixels(scene: FlatScene, rows: I64, pixel: F64) -> F64:
 
 
 def _taken(draws: Draws, rows: NDArray[np.bool_]) -> Draws:
-    return Draws(
-        draws.part[rows], draws.transform[rows], draws.material[rows], draws.instance[rows], draws.label[rows]
-    )  # fmt: skip
+    return Draws(draws.part[rows], draws.transform[rows], draws.material[rows], draws.instance[rows], draws.label[rows])
 
 
 class _Pile:
@@ -207,12 +209,16 @@ class _Pile:
         new, sizes = np.concatenate(vertices), np.array([len(soup) for soup, _ in self._added], np.int32)
         sides = old.part_double_sided[[part for _, part in self._added]]
         return Geometry(
-            np.concatenate([old.positions, new[:, :3]]), np.concatenate([old.normals, new[:, 3:6]]),
-            np.concatenate([old.st, new[:, 6:8]]), np.concatenate([old.st1, new[:, 8:10]]),
-            np.concatenate([old.colors, new[:, 10:13]]), np.concatenate([old.triangles, *triangles]),
+            np.concatenate([old.positions, new[:, :3]]),
+            np.concatenate([old.normals, new[:, 3:6]]),
+            np.concatenate([old.st, new[:, 6:8]]),
+            np.concatenate([old.st1, new[:, 8:10]]),
+            np.concatenate([old.colors, new[:, 10:13]]),
+            np.concatenate([old.triangles, *triangles]),
             np.concatenate([old.part_first, len(old.triangles) + np.cumsum(sizes, dtype=np.int32) - sizes]),
-            np.concatenate([old.part_count, sizes]), np.concatenate([old.part_double_sided, sides]),
-        )  # fmt: skip
+            np.concatenate([old.part_count, sizes]),
+            np.concatenate([old.part_double_sided, sides]),
+        )
 
 
 def _soup(geometry: Geometry, part: int) -> Soup:
@@ -220,6 +226,7 @@ def _soup(geometry: Geometry, part: int) -> Soup:
     corners = geometry.triangles[first : first + count].astype(np.int64)
     carried = np.concatenate([geometry.st[corners], geometry.st1[corners], geometry.colors[corners]], axis=2)
     return Soup(
-        geometry.positions[corners].astype(np.float64), geometry.normals[corners].astype(np.float64),
+        geometry.positions[corners].astype(np.float64),
+        geometry.normals[corners].astype(np.float64),
         carried.astype(np.float64),
-    )  # fmt: skip
+    )

@@ -100,10 +100,12 @@ def _draw_needs(scene: FlatScene, sight: Sight) -> F64:
     geometry, draws = scene.geometry, scene.draws
     density = _densities(geometry)
     starts, stops = geometry.part_first.astype(np.int64), (geometry.part_first + geometry.part_count).astype(np.int64)
-    least = np.array([
-        density[first:stop].min(axis=0) if stop > first else (np.inf, np.inf)
-        for first, stop in zip(starts, stops, strict=True)
-    ]).reshape(-1, 2)  # fmt: skip
+    least = np.array(
+        [
+            density[first:stop].min(axis=0) if stop > first else (np.inf, np.inf)
+            for first, stop in zip(starts, stops, strict=True)
+        ]
+    ).reshape(-1, 2)
     stretch = np.linalg.norm(draws.transform[:, :3, :3], axis=(1, 2), ord=2)
     lower, upper = draw_boxes(scene)
     away = least_distances(lower, upper, sight)

@@ -212,9 +212,14 @@ def _section(corners: F64) -> tuple[F64, F64, F64, bool]:
 
 
 def _listed(
-    geometry: Geometry, place: I64, part: I64, rings: tuple[I64, I64, I64], path: I64, sections: tuple[F64, F64, F64],
+    geometry: Geometry,
+    place: I64,
+    part: I64,
+    rings: tuple[I64, I64, I64],
+    path: I64,
+    sections: tuple[F64, F64, F64],
     is_round: NDArray[np.bool_],
-) -> Bars:  # fmt: skip
+) -> Bars:
     """Put segments in the order of their parts, and tell which vertices belong to them."""
     ring, order, starts = rings
     of_ring = part[order[starts]] if len(starts) else np.zeros(0, np.int64)
@@ -231,9 +236,16 @@ def _listed(
     members = used[segment[ring[place[used]]] >= 0]
     own = ring[place[members]]
     return Bars(
-        of_ring[path[:, 0]], middle[path], _pointed(first[path]), _pointed(second[path]), is_round,
-        of_place[order[starts]][path], members, segment[own], end[own],
-    )  # fmt: skip
+        of_ring[path[:, 0]],
+        middle[path],
+        _pointed(first[path]),
+        _pointed(second[path]),
+        is_round,
+        of_place[order[starts]][path],
+        members,
+        segment[own],
+        end[own],
+    )
 
 
 def _pointed(axes: F64) -> F64:

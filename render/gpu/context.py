@@ -124,9 +124,11 @@ def _candidates(device: str) -> list[int]:
     if device.isdigit() and int(device) < len(software):
         return [int(device)]
     raise InputError(
-        "no such device", field="device", value=device,
+        "no such device",
+        field="device",
+        value=device,
         allowed=f"auto, gpu, software, osmesa, 0 to {len(software) - 1}" if software else "auto, software, osmesa",
-    )  # fmt: skip
+    )
 
 
 def _open_egl(index: int) -> Any:

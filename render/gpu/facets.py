@@ -64,9 +64,14 @@ class Facets:
         for eye in eyes - self.anchor:
             kept |= self.slenderness > _SLENDER * (np.abs(self.heights - _dot(self.normals, eye)) - stray)
         return Facets(
-            self.draw[kept], self.positions[kept], self.corners[kept], np.ascontiguousarray(self.normals[:, kept]),
-            self.heights[kept], self.slenderness[kept], self.anchor,
-        )  # fmt: skip
+            self.draw[kept],
+            self.positions[kept],
+            self.corners[kept],
+            np.ascontiguousarray(self.normals[:, kept]),
+            self.heights[kept],
+            self.slenderness[kept],
+            self.anchor,
+        )
 
     def seen(
         self, visible: NDArray[np.bool_], camera: Pinhole, window: tuple[int, int], pose: F64, near: float, origins: F64

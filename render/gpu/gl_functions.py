@@ -38,8 +38,9 @@ class GlFunctions:
         self._bind_texture = _function(load, "glBindTexture", ctypes.c_uint, ctypes.c_uint)
         sizes = (ctypes.c_uint, *[ctypes.c_int] * 5, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
         self._texture_image = _function(load, "glTexImage2D", *sizes)
-        self._texture_storage = _function(load, "glTexStorage3D", ctypes.c_uint, ctypes.c_int, ctypes.c_uint,
-                                          *[ctypes.c_int] * 3)  # fmt: skip
+        self._texture_storage = _function(
+            load, "glTexStorage3D", ctypes.c_uint, ctypes.c_int, ctypes.c_uint, *[ctypes.c_int] * 3
+        )
 
     def bind_sampler(self, unit: int, sampler: int) -> None:
         """Let a texture unit look up as a sampler says.
@@ -127,9 +128,7 @@ class GlFunctions:
             height: Height [px].
         """
         self._bind_texture(_TEXTURE_2D, texture)
-        self._texture_image(
-            _TEXTURE_2D, 0, _DEPTH_COMPONENT32F, width, height, 0, _DEPTH_COMPONENT, _FLOAT, None
-        )  # fmt: skip
+        self._texture_image(_TEXTURE_2D, 0, _DEPTH_COMPONENT32F, width, height, 0, _DEPTH_COMPONENT, _FLOAT, None)
 
 
 def _function(load: Callable[[str], int], name: str, *arguments: type) -> Callable[..., None]:

@@ -161,8 +161,11 @@ class GpuScene:
         """
         used = [name for name in VERTEX_NAMES if name in program]
         formats = [code if name in used else f"{size}x" for name, (code, size) in _ATTRIBUTES.items()]
-        content = [(self.vertices, " ".join(formats), *used), (self.draw_numbers, "1u4/i", "in_draw"),
-                   (self.offsets, "3f4/i", "in_offset")]  # fmt: skip
+        content = [
+            (self.vertices, " ".join(formats), *used),
+            (self.draw_numbers, "1u4/i", "in_draw"),
+            (self.offsets, "3f4/i", "in_offset"),
+        ]
         return context.vertex_array(program, content, self.indices)
 
     def bar_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
@@ -178,8 +181,12 @@ class GpuScene:
         ribbons, (shapes, names) = self.ribbons, shape_attributes(program)
         used = [name for name in VERTEX_NAMES if name in program]
         formats = [code if name in used else f"{size}x" for name, (code, size) in _ATTRIBUTES.items()]
-        content = [(ribbons.vertices, " ".join(formats), *used), (ribbons.shapes, shapes, *names),
-                   (self.draw_numbers, "1u4/i", "in_draw"), (self.offsets, "3f4/i", "in_offset")]  # fmt: skip
+        content = [
+            (ribbons.vertices, " ".join(formats), *used),
+            (ribbons.shapes, shapes, *names),
+            (self.draw_numbers, "1u4/i", "in_draw"),
+            (self.offsets, "3f4/i", "in_offset"),
+        ]
         return context.vertex_array(program, content, ribbons.indices)
 
 
@@ -213,10 +220,14 @@ def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, fa
         vertices=context.buffer(vertices.tobytes()),
         indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
         materials=context.buffer(materials.tobytes()),
-        variants=variants, of_material=of_material, anchor=anchor, facets=facets,
-        wraps=Wraps(gl.functions), ribbons=upload_ribbons(context, scene, bars, vertices, placed["commands"]),
+        variants=variants,
+        of_material=of_material,
+        anchor=anchor,
+        facets=facets,
+        wraps=Wraps(gl.functions),
+        ribbons=upload_ribbons(context, scene, bars, vertices, placed["commands"]),
         **placed,
-    )  # fmt: skip
+    )
 
 
 def _placed(context: moderngl.Context, scene: FlatScene, of_material: I64) -> dict[str, Any]:
@@ -237,15 +248,23 @@ def _placed(context: moderngl.Context, scene: FlatScene, of_material: I64) -> di
         "draw_numbers": context.buffer(np.arange(count, dtype=np.uint32).tobytes()),
         "draws": row_texture(context, _numbers(rows)),
         "offsets": context.buffer(reserve=count * 12, dynamic=True),
-        "origins": draws.transform[:, :3, 3].copy(), "lower": lower, "upper": upper, "commands": commands,
-        "variant_rows": of_material[draws.material], "material_rows": draws.material.astype(np.int64),
-    }  # fmt: skip
+        "origins": draws.transform[:, :3, 3].copy(),
+        "lower": lower,
+        "upper": upper,
+        "commands": commands,
+        "variant_rows": of_material[draws.material],
+        "material_rows": draws.material.astype(np.int64),
+    }
 
 
 def run_commands(
-    flush: Callable[[], None], vertices: moderngl.VertexArray, commands: moderngl.Buffer, triangles: I64, first: int,
+    flush: Callable[[], None],
+    vertices: moderngl.VertexArray,
+    commands: moderngl.Buffer,
+    triangles: I64,
+    first: int,
     waiting: int,
-) -> int:  # fmt: skip
+) -> int:
     """Run draw commands, and let the driver begin whenever many triangles wait; no pixel changes by it.
 
     Args:
@@ -291,9 +310,11 @@ def check_scene(scene: FlatScene) -> None:
         raise InputError("a mesh has positions that are not finite", hint="Mend its points")
     last = geometry.part_first.astype(np.int64) + geometry.part_count
     tables = (
-        (geometry.triangles, len(geometry.positions)), (draws.part, len(geometry.part_first)),
-        (draws.material, len(scene.materials)), (last, len(geometry.triangles) + 1),
-    )  # fmt: skip
+        (geometry.triangles, len(geometry.positions)),
+        (draws.part, len(geometry.part_first)),
+        (draws.material, len(scene.materials)),
+        (last, len(geometry.triangles) + 1),
+    )
     if any(len(rows) and not 0 <= int(rows.min()) <= int(rows.max()) < limit for rows, limit in tables):
         raise InputError("the flat scene has an index out of range", hint="Read the stage again")
 

@@ -32,12 +32,18 @@ ROW = np.dtype(
     ]
 )
 _AVERAGED = {
-    "fast": ("roughness", "metallic", "specular"), "standard": ("roughness", "specular"), "fine": ("specular",),
-}  # fmt: skip
+    "fast": ("roughness", "metallic", "specular"),
+    "standard": ("roughness", "specular"),
+    "fine": ("specular",),
+}
 _KINDS: dict[str, Literal["color", "vector", "number"]] = {
-    "albedo": "color", "roughness": "number", "normal": "vector", "metallic": "number", "emission": "color",
+    "albedo": "color",
+    "roughness": "number",
+    "normal": "vector",
+    "metallic": "number",
+    "emission": "color",
     "specular": "color",
-}  # fmt: skip
+}
 _REPEATS = ("repeat", "repeat")
 _UNREAD = {"fast": ("normal",), "standard": (), "fine": ()}
 SLOTS = ("albedo", "roughness", "normal", "detail", "macro", "metallic", "emission")
@@ -179,9 +185,15 @@ def _keys(material: Material) -> dict[str, TextureKey]:
         if texture is not None and texture.file:
             channel = texture.channel if _KINDS[name] == "number" else 0
             keys[name] = TextureKey(
-                texture.file, texture.srgb, _KINDS[name], channel, texture.gain, texture.bias, texture.alpha,
+                texture.file,
+                texture.srgb,
+                _KINDS[name],
+                channel,
+                texture.gain,
+                texture.bias,
+                texture.alpha,
                 texture.alpha_channel,
-            )  # fmt: skip
+            )
     if material.detail.file and material.detail.periods:
         keys["detail"] = TextureKey(material.detail.file, False, "number")
     if material.detail.macro_file:

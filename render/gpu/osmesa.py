@@ -11,12 +11,18 @@ from pathlib import Path
 # libOSMesa has no run path: its siblings are loaded first, in the order in which they need each other.
 _SIBLINGS = ("pcre2", "selinux", "tinfo", "ffi", "zstd", "drm", "glapi", "LLVM")
 _ATTRIBUTES = (
-    0x22, 0x1908,  # format: RGBA
-    0x30, 24,  # depth bits
-    0x33, 0x34,  # profile: core
-    0x36, 4, 0x37, 5,  # version 4.5
+    0x22,
+    0x1908,  # format: RGBA
+    0x30,
+    24,  # depth bits
+    0x33,
+    0x34,  # profile: core
+    0x36,
+    4,
+    0x37,
+    5,  # version 4.5
     0,
-)  # fmt: skip
+)
 _MODE = os.RTLD_NOW | os.RTLD_LOCAL | os.RTLD_DEEPBIND  # never mixed up with a system Mesa of the same symbols
 _UNSIGNED_BYTE = 0x1401
 _SIDE = 16  # its own surface is never drawn to

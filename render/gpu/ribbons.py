@@ -144,10 +144,12 @@ def upload_ribbons(
         *_sizes(bars, len(counts)),
     )
     return Ribbons(
-        context.buffer(every.tobytes() or bytes(4)), context.buffer(shapes.tobytes() or bytes(4)),
+        context.buffer(every.tobytes() or bytes(4)),
+        context.buffer(shapes.tobytes() or bytes(4)),
         context.buffer(np.concatenate([places.ravel(), quads.ravel()]).astype(np.uint32).tobytes() or bytes(4)),
-        parts=found, **found.placed(scene.draws, commands),
-    )  # fmt: skip
+        parts=found,
+        **found.placed(scene.draws, commands),
+    )
 
 
 def shape_attributes(program: moderngl.Program) -> tuple[str, list[str]]:

@@ -84,9 +84,14 @@ class TextureSlot:
 
 
 def load_textures(
-    gl: Gl, keys: list[TextureKey], averaged: list[TextureKey], largest: int, anisotropy: float,
-    enough: Callable[[TextureKey, int], int] | None = None, mates: Sequence[Mates] = (),
-) -> tuple[dict[TextureKey, TextureSlot], list[str]]:  # fmt: skip
+    gl: Gl,
+    keys: list[TextureKey],
+    averaged: list[TextureKey],
+    largest: int,
+    anisotropy: float,
+    enough: Callable[[TextureKey, int], int] | None = None,
+    mates: Sequence[Mates] = (),
+) -> tuple[dict[TextureKey, TextureSlot], list[str]]:
     """Read texture files into texture arrays with mipmaps, one layer in memory at a time, each content once.
 
     Args:
@@ -166,9 +171,11 @@ def _copies(keys: list[TextureKey]) -> dict[TextureKey, TextureKey]:
 
 
 def _kept_sides(
-    keys: list[TextureKey], copies: dict[TextureKey, TextureKey], sides: dict[TextureKey, int],
+    keys: list[TextureKey],
+    copies: dict[TextureKey, TextureKey],
+    sides: dict[TextureKey, int],
     enough: Callable[[TextureKey, int], int] | None,
-) -> dict[TextureKey, int]:  # fmt: skip
+) -> dict[TextureKey, int]:
     """Side of the finest level that any of the textures of one content needs [px]."""
     kept: dict[TextureKey, int] = {}
     for key in keys:
@@ -215,9 +222,10 @@ def _layer_mates(
             colors.setdefault(number, set()).add(color)
     sole = {color: number for color, found in numbers.items() for number in found if len(found) == 1}
     return {
-        color: number for color, number in sole.items()
+        color: number
+        for color, number in sole.items()
         if number is not None and colors[number] == {color} and 0 < kept.get(color, 0) == kept.get(number, 0)
-    }  # fmt: skip
+    }
 
 
 def _halved(image: U8, side: int) -> U8:

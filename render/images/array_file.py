@@ -18,9 +18,18 @@ MOST_BYTES = 16_000_000_000  # of all arrays of an archive, unpacked
 _TIGHTEST = 1032  # bytes that Deflate can pack into one
 _SLACK = 4096  # [bytes] an .npy header
 _UNSOUND = (  # what reading a damaged archive raises
-    ValueError, TypeError, OSError, EOFError, RuntimeError, NotImplementedError, SyntaxError, TokenError, MemoryError,
-    zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
+    ValueError,
+    TypeError,
+    OSError,
+    EOFError,
+    RuntimeError,
+    NotImplementedError,
+    SyntaxError,
+    TokenError,
+    MemoryError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 

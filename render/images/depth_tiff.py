@@ -33,15 +33,29 @@ def encode_depth_tiff(depth: NDArray[np.float32]) -> bytes:
     data = isal_zlib.compress(steps, _LEVEL)
     table_at = 8 + len(data) + len(data) % 2  # an even place
     entries = (
-        (256, _LONG, width), (257, _LONG, height), (258, _SHORT, 32), (259, _SHORT, _DEFLATE), (262, _SHORT, 1),
-        (273, _LONG, 8), (277, _SHORT, 1), (278, _LONG, height), (279, _LONG, len(data)), (284, _SHORT, 1),
-        (317, _SHORT, _PREDICTOR), (339, _SHORT, _FLOATING),
-    )  # fmt: skip
+        (256, _LONG, width),
+        (257, _LONG, height),
+        (258, _SHORT, 32),
+        (259, _SHORT, _DEFLATE),
+        (262, _SHORT, 1),
+        (273, _LONG, 8),
+        (277, _SHORT, 1),
+        (278, _LONG, height),
+        (279, _LONG, len(data)),
+        (284, _SHORT, 1),
+        (317, _SHORT, _PREDICTOR),
+        (339, _SHORT, _FLOATING),
+    )
     table = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in entries)
     header = struct.pack("<2sHI", b"II", 42, table_at)
-    return b"".join([
-        (header + data).ljust(table_at, b"\0"), struct.pack("<H", len(entries)), table, struct.pack("<I", 0),
-    ])  # fmt: skip
+    return b"".join(
+        [
+            (header + data).ljust(table_at, b"\0"),
+            struct.pack("<H", len(entries)),
+            table,
+            struct.pack("<I", 0),
+        ]
+    )
 
 
 def _take_steps(depth: NDArray[np.float32], steps: NDArray[np.uint8]) -> None:

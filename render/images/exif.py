@@ -90,15 +90,24 @@ def _tiff(shot: Shot, width: int, height: int) -> bytes:
     ratio = shot.focal_length / shot.sensor_width if shot.sensor_width > 0.0 else 0.0
     equivalent = round(_within(ratio * 36.0, _LARGEST_SHORT))
     root = [
-        _text(0x010F, shot.make or MAKE), _text(0x0110, shot.model or MODEL), _numbers(0x0112, _SHORT, 1),
-        _text(0x0131, "Falsework"), _text(0x0132, moment),
-    ]  # fmt: skip
+        _text(0x010F, shot.make or MAKE),
+        _text(0x0110, shot.model or MODEL),
+        _numbers(0x0112, _SHORT, 1),
+        _text(0x0131, "Falsework"),
+        _text(0x0132, moment),
+    ]
     photo = [
-        _rational(0x829A, shot.exposure_time, 1_000_000), _rational(0x829D, 2.8, 10), _numbers(0x8827, _SHORT, 100),
-        (0x9000, 7, b"0232", 4), _text(0x9003, moment), _rational(0x920A, shot.focal_length * 1e3, 1_000_000),
-        _numbers(0xA001, _SHORT, 1), _numbers(0xA002, _LONG, width), _numbers(0xA003, _LONG, height),
+        _rational(0x829A, shot.exposure_time, 1_000_000),
+        _rational(0x829D, 2.8, 10),
+        _numbers(0x8827, _SHORT, 100),
+        (0x9000, 7, b"0232", 4),
+        _text(0x9003, moment),
+        _rational(0x920A, shot.focal_length * 1e3, 1_000_000),
+        _numbers(0xA001, _SHORT, 1),
+        _numbers(0xA002, _LONG, width),
+        _numbers(0xA003, _LONG, height),
         _numbers(0xA405, _SHORT, equivalent),
-    ]  # fmt: skip
+    ]
     place = _gps_entries(shot) if shot.gps is not None and np.isfinite([*shot.gps, *shot.origin]).all() else []
     links = [(0x8769, photo)] + ([(0x8825, place)] if place else [])
     offset = 8 + _directory_size([*root, *(_numbers(tag, _LONG, 0) for tag, _ in links)])
@@ -114,10 +123,13 @@ def _gps_entries(shot: Shot) -> list[Entry]:
     latitude, longitude, height = geodetic(shot.gps, shot.origin)
     return [
         (0x0000, _BYTE, bytes([2, 3, 0, 0]), 4),
-        _text(0x0001, "N" if latitude >= 0 else "S"), _degrees(0x0002, latitude, 90.0),
-        _text(0x0003, "E" if longitude >= 0 else "W"), _degrees(0x0004, longitude, 180.0),
-        (0x0005, _BYTE, bytes([int(height < 0)]), 1), _rational(0x0006, abs(height), 1000),
-    ]  # fmt: skip
+        _text(0x0001, "N" if latitude >= 0 else "S"),
+        _degrees(0x0002, latitude, 90.0),
+        _text(0x0003, "E" if longitude >= 0 else "W"),
+        _degrees(0x0004, longitude, 180.0),
+        (0x0005, _BYTE, bytes([int(height < 0)]), 1),
+        _rational(0x0006, abs(height), 1000),
+    ]
 
 
 def _within(value: float, most: float) -> float:

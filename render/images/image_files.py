@@ -36,9 +36,11 @@ def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
         The file's bytes, without EXIF.
     """
     options = [
-        cv2.IMWRITE_JPEG_QUALITY, quality,
-        cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
-    ]  # fmt: skip
+        cv2.IMWRITE_JPEG_QUALITY,
+        quality,
+        cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+        cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+    ]
     return _encode(".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)
 
 

@@ -15,10 +15,15 @@ U8 = NDArray[np.uint8]
 U32 = NDArray[np.uint32]
 
 SURFACE = {
-    "positions": ("float32", (3,)), "triangles": ("uint32", (3,)), "part_first": ("int32", ()),
-    "part_count": ("int32", ()), "draw_part": ("int32", ()), "draw_transform": ("float64", (4, 4)),
-    "draw_instance": ("uint32", ()), "draw_label": ("uint8", ()),
-}  # fmt: skip
+    "positions": ("float32", (3,)),
+    "triangles": ("uint32", (3,)),
+    "part_first": ("int32", ()),
+    "part_count": ("int32", ()),
+    "draw_part": ("int32", ()),
+    "draw_transform": ("float64", (4, 4)),
+    "draw_instance": ("uint32", ()),
+    "draw_label": ("uint8", ()),
+}
 MOST_TRIANGLES = 100_000_000  # of a surface, copies counted: 7 GB of corners; a scene has some millions
 _MEND = "Render the survey again"
 _RIGID = 1e-5  # greatest error of a rotation's products [1]; files hold 17 digits
@@ -39,11 +44,22 @@ def check_camera(camera: Pinhole, size: tuple[int, int], where: Path) -> None:
     if not all(isinstance(number, float | int) and np.isfinite(number) for number in numbers):
         raise InputError("a number that is not finite", where=where, field="pinhole", value=numbers, hint=_MEND)
     if min(camera.fx, camera.fy) <= 0.0:
-        raise InputError("a focal length that is not positive", where=where, field="pinhole",
-                         value=(camera.fx, camera.fy), hint=_MEND)  # fmt: skip
+        raise InputError(
+            "a focal length that is not positive",
+            where=where,
+            field="pinhole",
+            value=(camera.fx, camera.fy),
+            hint=_MEND,
+        )
     if (camera.width, camera.height) != size:
-        raise InputError("not the size that cameras.json states", where=where, field="pinhole",
-                         value=(camera.width, camera.height), allowed=str(size), hint=_MEND)  # fmt: skip
+        raise InputError(
+            "not the size that cameras.json states",
+            where=where,
+            field="pinhole",
+            value=(camera.width, camera.height),
+            allowed=str(size),
+            hint=_MEND,
+        )
 
 
 def check_poses(poses: F64, where: Path) -> None:
@@ -119,8 +135,13 @@ def check_image(pixels: NDArray[Any], kinds: tuple[str, ...], size: tuple[int, i
         InputError: Another type, several channels, another size; of depths, one that is not positive.
     """
     if pixels.dtype.name not in kinds or pixels.shape != size[::-1]:
-        raise InputError("not an image of this truth", where=where, value=f"{pixels.dtype} {pixels.shape}",
-                         allowed=f"{' or '.join(kinds)} {size[::-1]}", hint=_MEND)  # fmt: skip
+        raise InputError(
+            "not an image of this truth",
+            where=where,
+            value=f"{pixels.dtype} {pixels.shape}",
+            allowed=f"{' or '.join(kinds)} {size[::-1]}",
+            hint=_MEND,
+        )
     if kinds == ("float32",) and not (pixels > 0).all():
         raise InputError("a depth that is not positive", where=where, hint=_MEND)
 
@@ -162,13 +183,15 @@ def _check_indices(stored: dict[str, NDArray[Any]], path: Path) -> None:
     draws = {len(stored[name]) for name in SURFACE if name.startswith("draw_")}
     part, corners = stored["draw_part"], stored["triangles"]
     wrong = {
-        "part_first": len(first) != len(count) or (first < 0).any() or (count < 0).any()
+        "part_first": len(first) != len(count)
+        or (first < 0).any()
+        or (count < 0).any()
         or (first + count > len(corners)).any(),
         "draw_part": len(draws) != 1 or (part < 0).any() or (part >= len(first)).any(),
         "triangles": bool(len(corners)) and int(corners.max()) >= len(stored["positions"]),
         "positions": not np.isfinite(stored["positions"]).all(),
         "draw_transform": not np.isfinite(stored["draw_transform"]).all(),
-    }  # fmt: skip
+    }
     for name, is_wrong in wrong.items():
         if is_wrong:
             raise InputError("numbers that cannot be", where=path, field=name, hint=_MEND)

@@ -152,9 +152,11 @@ def _uniforms(light: Illumination, anchor: F64) -> dict[str, object]:
     if light.volume is not None:
         cell, counts = light.volume.cell, np.array(light.volume.coefficients.shape[2::-1])
         values |= {
-            "volume_red": _VOLUME_UNIT, "volume_green": _VOLUME_UNIT + 1, "volume_blue": _VOLUME_UNIT + 2,
+            "volume_red": _VOLUME_UNIT,
+            "volume_green": _VOLUME_UNIT + 1,
+            "volume_blue": _VOLUME_UNIT + 2,
             "volume_lower": tuple((light.volume.lower - cell / 2 - anchor).tolist()),
             "volume_scale": tuple((1.0 / (cell * counts)).tolist()),
             "volume_cell": cell,
-        }  # fmt: skip
+        }
     return values | light.local.uniforms(anchor)

@@ -48,9 +48,14 @@ class Sensor:
     """Develops the frames of one survey."""
 
     def __init__(
-        self, settings: SensorSettings, gain: float, brightest: float, shape: tuple[int, int], seed: int,
+        self,
+        settings: SensorSettings,
+        gain: float,
+        brightest: float,
+        shape: tuple[int, int],
+        seed: int,
         follows: bool = True,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Draw the noise tile and the tone table.
 
         Args:
@@ -90,8 +95,10 @@ class Sensor:
         follow = min(max(follow, -_MOST_FOLLOWED), _MOST_FOLLOWED)
         rng = np.random.default_rng(np.random.SeedSequence([self._seed, 1, frame]))
         stops, red, blue = rng.standard_normal(3) * (
-            settings.exposure_sigma, settings.white_balance_sigma, settings.white_balance_sigma
-        )  # fmt: skip
+            settings.exposure_sigma,
+            settings.white_balance_sigma,
+            settings.white_balance_sigma,
+        )
         row, column = rng.integers(0, _TILE, 2)
         gain = self._gain * float(2.0 ** (stops + follow))
         return Exposure(gain, 1.0 + float(red), 1.0 + float(blue), int(row), int(column))

@@ -41,8 +41,11 @@ class Blending:
         context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
         context.depth_func, context.front_face = ">=", "cw"  # as where the opaque ones are drawn
         context.blend_func = (
-            moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA,
-        )  # fmt: skip  # pyright: ignore[reportAttributeAccessIssue]
+            moderngl.SRC_ALPHA,
+            moderngl.ONE_MINUS_SRC_ALPHA,
+            moderngl.ONE,
+            moderngl.ONE_MINUS_SRC_ALPHA,
+        )  # pyright: ignore[reportAttributeAccessIssue]
         self._surfaces.depth_mask = False
 
     def end(self, span: tuple[int, int]) -> None:

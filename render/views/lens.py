@@ -73,9 +73,16 @@ def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
     cofactor /= np.maximum(np.abs(cofactor).max(axis=(1, 2), keepdims=True), 1e-300)
     cofactor *= np.where(mirrored, -1.0, 1.0)[:, None, None]
     return Geometry(
-        geometry.positions, geometry.normals, geometry.triangles, geometry.part_first.astype(np.int64)[draws.part],
-        draws.transform, cofactor, mirrored, cut_out, edge_neighbours(geometry),
-    )  # fmt: skip
+        geometry.positions,
+        geometry.normals,
+        geometry.triangles,
+        geometry.part_first.astype(np.int64)[draws.part],
+        draws.transform,
+        cofactor,
+        mirrored,
+        cut_out,
+        edge_neighbours(geometry),
+    )
 
 
 class Lens:
@@ -156,9 +163,17 @@ class Lens:
         seen = np.concatenate([linear, shift[:, :, None]], axis=2)
         focal = self.wide.fx * self.wide.fy * self.finer**2
         return (
-            geometry.positions, geometry.normals, geometry.triangles, geometry.first, np.ascontiguousarray(seen),
-            geometry.cofactor, geometry.mirrored, geometry.cut_out, geometry.neighbours, focal,
-        )  # fmt: skip
+            geometry.positions,
+            geometry.normals,
+            geometry.triangles,
+            geometry.first,
+            np.ascontiguousarray(seen),
+            geometry.cofactor,
+            geometry.mirrored,
+            geometry.cut_out,
+            geometry.neighbours,
+            focal,
+        )
 
 
 def _resample(code: U16, place: F64) -> U16:
@@ -171,11 +186,27 @@ def _resample(code: U16, place: F64) -> U16:
 
 @njit(nogil=True)
 def _meet(
-    draws: U32, parts: U32, place: F64, rays: F64, near: float, around: int, positions: F32, normals: F32,
-    triangles: U32, first: NDArray[np.int64], seen: F64, cofactor: F64, mirrored: NDArray[np.bool_],
-    cut_out: NDArray[np.bool_], neighbours: NDArray[np.int32], focal: float, draw_out: U32, depth_out: F32,
-    normal_out: F32, wants_normals: bool,
-) -> None:  # fmt: skip
+    draws: U32,
+    parts: U32,
+    place: F64,
+    rays: F64,
+    near: float,
+    around: int,
+    positions: F32,
+    normals: F32,
+    triangles: U32,
+    first: NDArray[np.int64],
+    seen: F64,
+    cofactor: F64,
+    mirrored: NDArray[np.bool_],
+    cut_out: NDArray[np.bool_],
+    neighbours: NDArray[np.int32],
+    focal: float,
+    draw_out: U32,
+    depth_out: F32,
+    normal_out: F32,
+    wants_normals: bool,
+) -> None:
     """Cut the ray of each pixel with the triangles in the square of `around` finer pixels about its place."""
     height, width = draws.shape
     corners, known, chosen = np.empty((3, 3)), np.empty((4 * around * around, 2), np.int64), np.empty(3)
@@ -209,9 +240,16 @@ def _meet(
 
 @njit(nogil=True)
 def _candidates(
-    known: NDArray[np.int64], draws: U32, parts: U32, left: int, top: int, around: int, first: NDArray[np.int64],
-    cut_out: NDArray[np.bool_], neighbours: NDArray[np.int32],
-) -> tuple[int, bool]:  # fmt: skip
+    known: NDArray[np.int64],
+    draws: U32,
+    parts: U32,
+    left: int,
+    top: int,
+    around: int,
+    first: NDArray[np.int64],
+    cut_out: NDArray[np.bool_],
+    neighbours: NDArray[np.int32],
+) -> tuple[int, bool]:
     """List the triangles that the pixels around show, the middle one's first, then those that share their edges."""
     height, width = draws.shape
     count, sky = 0, False
@@ -265,9 +303,10 @@ def _volume(a: F64, b: F64, x: float, y: float) -> float:
 def _hit(corners: F64, x: float, y: float) -> tuple[float, bool, float, float, float]:
     """Depth at which the ray meets the triangle's plane, whether inside it, and the weights of its corners there."""
     a, b, c = (
-        _volume(corners[1], corners[2], x, y), _volume(corners[2], corners[0], x, y),
+        _volume(corners[1], corners[2], x, y),
+        _volume(corners[2], corners[0], x, y),
         _volume(corners[0], corners[1], x, y),
-    )  # fmt: skip
+    )
     total = a + b + c
     if total == 0.0:
         return np.nan, False, 0.0, 0.0, 0.0

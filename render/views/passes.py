@@ -36,9 +36,17 @@ class Painter:
     """Draws views of one scene at one size."""
 
     def __init__(
-        self, gl: Gl, programs: Programs, gpu: GpuScene, lamps: Lamps, camera: Pinhole, quality: str, extra: str = "",
-        finer: int = 1, cards: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        gl: Gl,
+        programs: Programs,
+        gpu: GpuScene,
+        lamps: Lamps,
+        camera: Pinhole,
+        quality: str,
+        extra: str = "",
+        finer: int = 1,
+        cards: bool = False,
+    ) -> None:
         """Make the targets.
 
         Args:

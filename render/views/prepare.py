@@ -146,10 +146,15 @@ class Prepared:
 
 
 def prepare(
-    gl: Gl, scene: FlatScene, settings: RenderSettings, progress: Progress, cast: CastVolume = cast_light_volume,
-    needs: Mapping[TextureKey, float] | None = None, flight: tuple[NDArray[np.float64], float] | None = None,
+    gl: Gl,
+    scene: FlatScene,
+    settings: RenderSettings,
+    progress: Progress,
+    cast: CastVolume = cast_light_volume,
+    needs: Mapping[TextureKey, float] | None = None,
+    flight: tuple[NDArray[np.float64], float] | None = None,
     bars: Bars | None = None,
-) -> Prepared:  # fmt: skip
+) -> Prepared:
     """Upload a scene and light it.
 
     Args:
@@ -175,9 +180,13 @@ def prepare(
         scene = dimmed(scene, times)
         daylight, _ = read_daylight(scene)
     slots, warnings = load_textures(
-        gl, *texture_keys(scene.materials, settings.quality), settings.texture_side, gl.driver.anisotropy(),
-        lambda key, side: sufficient_side(side, needs.get(key, 0.0) if needs else 0.0), layer_mates(scene.materials),
-    )  # fmt: skip
+        gl,
+        *texture_keys(scene.materials, settings.quality),
+        settings.texture_side,
+        gl.driver.anisotropy(),
+        lambda key, side: sufficient_side(side, needs.get(key, 0.0) if needs else 0.0),
+        layer_mates(scene.materials),
+    )
     table = tabulate_materials(scene.materials, slots, settings.quality)
     anchor = (box[0] + box[1]) / 2
     facets = find_facets(scene, anchor)

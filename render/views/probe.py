@@ -43,14 +43,23 @@ def _left_wall() -> FlatScene:
     positions = np.array([[-9, -9, _DEPTH], [0, -9, _DEPTH], [0, 9, _DEPTH], [-9, 9, _DEPTH]], np.float32)
     flat = np.zeros((4, 2), np.float32)
     geometry = Geometry(
-        positions, np.tile(np.array([0, 0, -1], np.float32), (4, 1)), flat, flat, np.ones((4, 3), np.float32),
-        np.array([[0, 2, 1], [0, 3, 2]], np.uint32), np.array([0], np.int32), np.array([2], np.int32),
+        positions,
+        np.tile(np.array([0, 0, -1], np.float32), (4, 1)),
+        flat,
+        flat,
+        np.ones((4, 3), np.float32),
+        np.array([[0, 2, 1], [0, 3, 2]], np.uint32),
+        np.array([0], np.int32),
+        np.array([2], np.int32),
         np.array([1], np.uint8),
-    )  # fmt: skip
+    )
     draws = Draws(
-        np.array([0], np.int32), np.eye(4)[None], np.array([0], np.int32), np.array([1], np.uint32),
+        np.array([0], np.int32),
+        np.eye(4)[None],
+        np.array([0], np.int32),
+        np.array([1], np.uint32),
         np.array([0], np.uint8),
-    )  # fmt: skip
+    )
     sun = Sun((0.0, 0.6, -0.8), (3.0, 3.0, 3.0))
     return FlatScene(geometry, draws, (Material("grey"),), sun, None, (), (), (), class_rows(), (), "probe")
 

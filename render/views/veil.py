@@ -71,8 +71,11 @@ class Veil:
         context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
         context.front_face = "cw"
         context.blend_func = (  # pyright: ignore[reportAttributeAccessIssue]  # its type knows two of the four
-            moderngl.DST_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE,
-        )  # fmt: skip
+            moderngl.DST_ALPHA,
+            moderngl.ONE_MINUS_SRC_ALPHA,
+            moderngl.ZERO,
+            moderngl.ONE,
+        )
         assert self._away is not None
         self._away.use(AWAY_UNIT)
 

@@ -57,9 +57,15 @@ def write_cameras(capture: Capture) -> None:
         capture: What to write, into its folder.
     """
     stored = CamerasFile(
-        format=FORMAT, format_version=FORMAT_VERSION, survey=capture.survey, size=capture.size, prior=capture.prior,
-        gps_sigma=capture.gps_sigma, facts=capture.facts, images=capture.images,
-    )  # fmt: skip
+        format=FORMAT,
+        format_version=FORMAT_VERSION,
+        survey=capture.survey,
+        size=capture.size,
+        prior=capture.prior,
+        gps_sigma=capture.gps_sigma,
+        facts=capture.facts,
+        images=capture.images,
+    )
     write_json(capture.folder / CAMERAS, stored)
 
 
@@ -90,9 +96,14 @@ def encode_frame_truth(name: str, frame: FrameTruth, *, wide_ids: bool) -> dict[
 
 
 def write_truth(
-    folder: Path, camera: Pinhole, names: tuple[str, ...], poses: F64, scene: FlatScene,
-    distortion: Distortion = NO_DISTORTION, readout: Readout | None = None,
-) -> None:  # fmt: skip
+    folder: Path,
+    camera: Pinhole,
+    names: tuple[str, ...],
+    poses: F64,
+    scene: FlatScene,
+    distortion: Distortion = NO_DISTORTION,
+    readout: Readout | None = None,
+) -> None:
     """Write the exact camera, the poses, the tables and the surface.
 
     Args:
@@ -135,10 +146,14 @@ def write_truth(
 def _write_surface(path: Path, scene: FlatScene) -> None:
     geometry, draws = scene.geometry, without_ghosts(scene).draws
     arrays = {
-        "positions": geometry.positions, "triangles": geometry.triangles,
-        "part_first": geometry.part_first, "part_count": geometry.part_count,
-        "draw_part": draws.part, "draw_transform": draws.transform,
-        "draw_instance": draws.instance, "draw_label": draws.label,
-    }  # fmt: skip
+        "positions": geometry.positions,
+        "triangles": geometry.triangles,
+        "part_first": geometry.part_first,
+        "part_count": geometry.part_count,
+        "draw_part": draws.part,
+        "draw_transform": draws.transform,
+        "draw_instance": draws.instance,
+        "draw_label": draws.label,
+    }
     with space_errors(path):
         np.savez_compressed(path, **arrays)  # inside an atomic folder

@@ -97,12 +97,24 @@ def write_nerfstudio(capture: Capture, out: Path, progress: Progress) -> list[st
     ]
     points, colors = _surface_points(capture, truth, progress)
     _write_points(out / "sparse_pc.ply", points, colors)
-    write_json(out / "transforms.json", {
-        "camera_model": "OPENCV", "w": camera.width, "h": camera.height,
-        "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy,
-        "k1": bend.k1, "k2": bend.k2, "p1": bend.p1, "p2": bend.p2,
-        "ply_file_path": "sparse_pc.ply", "frames": frames,
-    })  # fmt: skip
+    write_json(
+        out / "transforms.json",
+        {
+            "camera_model": "OPENCV",
+            "w": camera.width,
+            "h": camera.height,
+            "fl_x": camera.fx,
+            "fl_y": camera.fy,
+            "cx": camera.cx,
+            "cy": camera.cy,
+            "k1": bend.k1,
+            "k2": bend.k2,
+            "p1": bend.p1,
+            "p2": bend.p2,
+            "ply_file_path": "sparse_pc.ply",
+            "frames": frames,
+        },
+    )
     _copy_images(capture, out)
     return ["transforms.json"]
 
@@ -150,9 +162,10 @@ def _truth(capture: Capture) -> Truth:
     truth = read_truth(capture)
     if truth is None:
         raise InputError(
-            "holds no truth, and so no true cameras", where=capture.folder,
+            "holds no truth, and so no true cameras",
+            where=capture.folder,
             hint="Reconstruct it: the cloud's folder holds a COLMAP model",
-        )  # fmt: skip
+        )
     return truth
 
 
@@ -176,9 +189,13 @@ def _surface_points(capture: Capture, truth: Truth, progress: Progress) -> tuple
 
 
 def _write_points(path: Path, points: F64, colors: NDArray[np.uint8]) -> None:
-    header = "".join(f"property {kind} {name}\n" for kind, name in (
-        *(("float", axis) for axis in "xyz"), *(("uchar", name) for name in ("red", "green", "blue"))
-    ))  # fmt: skip
+    header = "".join(
+        f"property {kind} {name}\n"
+        for kind, name in (
+            *(("float", axis) for axis in "xyz"),
+            *(("uchar", name) for name in ("red", "green", "blue")),
+        )
+    )
     table = np.empty(len(points), [("xyz", "<3f4"), ("rgb", "3u1")])
     table["xyz"], table["rgb"] = points, colors
     text = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{header}end_header\n"

@@ -81,9 +81,13 @@ def capture_record(
 
 
 def write_render_record(
-    folder: Path, driver: Driver, settings: RenderSettings, frames: list[dict[str, Any]], gain: float | None,
+    folder: Path,
+    driver: Driver,
+    settings: RenderSettings,
+    frames: list[dict[str, Any]],
+    gain: float | None,
     recipe: str,
-) -> None:  # fmt: skip
+) -> None:
     """Write `truth/render.json`: driver, settings, and what the sensor did at each frame.
 
     Args:

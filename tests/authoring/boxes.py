@@ -28,15 +28,22 @@ def box_bridge() -> tuple[Component | Scatter, ...]:
         ("Abutment_002", "abutment_wall", "Role_AbutmentConcrete", "Substructure", box((39.4, -5, -1), (42, 5, 4.8))),
         ("Parapet_L", "parapet", "Role_ParapetConcrete", "Furniture", box((0, 4.7, 6.55), (40, 5, 7.5))),
         ("Parapet_R", "parapet", "Role_ParapetConcrete", "Furniture", box((0, -5, 6.55), (40, -4.7, 7.5))),
-    ]  # fmt: skip
+    ]
     pieces = [Component(*part, instance_id=row + 1) for row, part in enumerate(parts)]
     pieces[1] = Component(*parts[1], instance_id=2, parameters={"height": 1.0})
     post = ((("Role_RailingSteel", box((-0.05, -0.05, 0), (0.05, 0.05, 0.4))),),)
     positions = np.array([[2.0 + 5 * step, -4.85, 7.5] for step in range(8)])
     posts = Scatter(
-        "Railing_R_Posts", "railing_post", "Furniture", post, np.zeros(8, np.int32), positions,
-        np.linspace(0, 1, 8), np.full((8, 3), [1.0, 1.0, 2.0]), tuple(range(20, 28)),
-    )  # fmt: skip
+        "Railing_R_Posts",
+        "railing_post",
+        "Furniture",
+        post,
+        np.zeros(8, np.int32),
+        positions,
+        np.linspace(0, 1, 8),
+        np.full((8, 3), [1.0, 1.0, 2.0]),
+        tuple(range(20, 28)),
+    )
     return (*pieces, posts)
 
 

@@ -112,10 +112,13 @@ def gltf(folder: Path, **changes: Any) -> Path:
     data = base64.b64encode(b"".join(blobs)).decode()
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "copyright": "City of Nowhere", "extras": {"license": "CC0"}},
-        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "matrix": place}],
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "matrix": place}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
         "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-        "textures": [{"source": 0}], "images": [{"uri": "sheet.png"}],
+        "textures": [{"source": 0}],
+        "images": [{"uri": "sheet.png"}],
         "accessors": [
             {"bufferView": 0, "componentType": 5126, "count": len(nodes), "type": "VEC3"},
             {"bufferView": 1, "componentType": 5126, "count": len(nodes), "type": "VEC2"},
@@ -126,7 +129,7 @@ def gltf(folder: Path, **changes: Any) -> Path:
         ],
         "buffers": [{"byteLength": int(starts[-1]), "uri": f"data:;base64,{data}"}],
         **changes,
-    }  # fmt: skip
+    }
     file = folder / "tile.gltf"
     file.write_text(json.dumps(document))
     return file

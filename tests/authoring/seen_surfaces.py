@@ -57,9 +57,13 @@ def flat_material(folder: Path, recipe: MaterialRecipe) -> Material:
 
     detail = Detail(str((folder / recipe.detail_file).resolve()), recipe.periods, recipe.amplitudes)
     return Material(
-        recipe.name, recipe.color, base_texture=texture(recipe.albedo_file, True), roughness=recipe.roughness,
-        normal_texture=texture(recipe.normal_file, False), detail=detail,
-    )  # fmt: skip
+        recipe.name,
+        recipe.color,
+        base_texture=texture(recipe.albedo_file, True),
+        roughness=recipe.roughness,
+        normal_texture=texture(recipe.normal_file, False),
+        detail=detail,
+    )
 
 
 @contextmanager

@@ -127,11 +127,13 @@ def expected_volumes(beam: DrawnBeam) -> dict[str, float]:
         "Girder_000_00": (stem + fillet + 0.02 * g.top_width) * (length - 0.024),
         "Deck_000": beam.top.width * beam.slab * length,
         "Pier_001_Cap": (p.cap_length * p.cap_depth - taper) * p.cap_width,
-        "Abutment_000_Backwall": (beam.top.width - 0.024) * (-height - road.surfacing + 0.017)
+        "Abutment_000_Backwall": (beam.top.width - 0.024)
+        * (-height - road.surfacing + 0.017)
         * (1.22 - beam.spans.backwall),
-        "Surfacing_001": (2.0 * road.kerb_face + 0.01) * (road.surfacing + 0.005)
+        "Surfacing_001": (2.0 * road.kerb_face + 0.01)
+        * (road.surfacing + 0.005)
         * (length - road.joint_width + beam.spans.gap + 0.01),
-    }  # fmt: skip
+    }
 
 
 def test_volumes_follow_the_dimensions() -> None:
@@ -141,15 +143,21 @@ def test_volumes_follow_the_dimensions() -> None:
         grade=0.0,
         parapet={"chamfer": 0.0},
         pier={
-            "kind": "multi", "cap": "tapered", "chamfer": 0.0, "column_shape": "round", "footing_depth": 0.5,
+            "kind": "multi",
+            "cap": "tapered",
+            "chamfer": 0.0,
+            "column_shape": "round",
+            "footing_depth": 0.5,
             "battered": False,
         },
         abutment={"chamfer": 0.0, "battered": False},
         beam={
-            "spans": [18.0, 22.0], "continuous": False, "edge": {"groove": 0.0, "chamfer": 0.0},
+            "spans": [18.0, 22.0],
+            "continuous": False,
+            "edge": {"groove": 0.0, "chamfer": 0.0},
             "girder": {"shape": "t", "chamfer": 0.0, "haunch": 0.0},
         },
-    )  # fmt: skip
+    )
     beam = drawn.record
     found = {component.name: component for component in bridge}
     expected = expected_volumes(beam)
@@ -196,9 +204,11 @@ def stack_at(xy: tuple[float, float], bridge: tuple[Component, ...]) -> dict[str
 def test_load_path_has_no_gap(seed: int) -> None:
     """Deck, girder, pad, plinth, cap or wall, column, footing, ground: each rests in the next, none floats."""
     layout, drawn, bridge = make(
-        seed, pier={"kind": "multi"}, bearing={"kind": "pad"},
+        seed,
+        pier={"kind": "multi"},
+        bearing={"kind": "pad"},
         beam={"spans": [18.0, 22.0], "continuous": False, "girder": {"shape": "i"}},
-    )  # fmt: skip
+    )
     beam = drawn.record
     for span in range(beam.spans.count):
         for end, station in enumerate(beam.spans.bearing_lines(span)):

@@ -40,7 +40,7 @@ LAYOUTS = {
     "river": Layout(Alignment(7.0), (0.0, 18.0, 40.0), 11.5, 1.9),
     "road": Layout(Alignment(7.0, 0.015, 0.4, skew=0.3), (0.0, 18.0, 40.0), 11.5, 1.9, "road", 8.0, 3.4),
     "rail": Layout(Alignment(8.5, plan=(Element(50.0, 1 / 400.0, 1 / 400.0),)), (0.0, 25.0, 50.0), 11.5, 1.9),
-}  # fmt: skip
+}
 
 
 @cache

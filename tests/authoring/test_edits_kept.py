@@ -299,21 +299,38 @@ def _gone(path: str) -> Edit:
 
 
 EDITS_OF_EACH_KIND: dict[str, Edit] = {
-    "curve": _curve, "instancer": _instancer, "points": _typed("Points"), "patch": _typed("NurbsPatch"),
-    "volume": _typed("Volume"), "skeleton": _typed("Skeleton"), "strange type": _typed("Cloth"),
-    "empty mesh": _typed("Mesh"), "tetrahedra": _typed("TetMesh"), "renamed": _renamed, "reparented": _reparented,
+    "curve": _curve,
+    "instancer": _instancer,
+    "points": _typed("Points"),
+    "patch": _typed("NurbsPatch"),
+    "volume": _typed("Volume"),
+    "skeleton": _typed("Skeleton"),
+    "strange type": _typed("Cloth"),
+    "empty mesh": _typed("Mesh"),
+    "tetrahedra": _typed("TetMesh"),
+    "renamed": _renamed,
+    "reparented": _reparented,
     "relabelled": _on_cap(lambda prim, rng: prim.GetAttribute(tokens.USER_COMPONENT).Set("column")),
     "relabelled by schema": _on_cap(lambda prim, rng: prim.GetAttribute("semantics:labels:class").Set(["column"])),
     "purpose": _on_cap(lambda prim, rng: UsdGeom.Imageable(prim).CreatePurposeAttr("guide")),
     "note": _on_cap(lambda prim, rng: prim.CreateAttribute("userProperties:note", Sdf.ValueTypeNames.Int).Set(7)),
     "vertex paint": _on_cap(lambda prim, rng: UsdGeom.Gprim(prim).CreateDisplayColorAttr([(0.1, 0.2, rng.random())])),
     "subdivided": _on_cap(lambda prim, rng: UsdGeom.Mesh(prim).CreateSubdivisionSchemeAttr("loop")),
-    "another type": _on_cap(_to_solid), "two materials": _on_cap(_split), "animated": _on_cap(_animated),
-    "inactive": _on_cap(lambda prim, rng: prim.SetActive(False)), "coat": _coat, "other shader": _other_shader,
-    "unworn material": _unworn, "sky": _sky, "mesh light": _glow, "cage": _cage, "lens": _lens,
-    "no sun": _gone("/World/Environment/Sun"), "no camera": _gone("/World/Surveys/global/global_Camera"),
+    "another type": _on_cap(_to_solid),
+    "two materials": _on_cap(_split),
+    "animated": _on_cap(_animated),
+    "inactive": _on_cap(lambda prim, rng: prim.SetActive(False)),
+    "coat": _coat,
+    "other shader": _other_shader,
+    "unworn material": _unworn,
+    "sky": _sky,
+    "mesh light": _glow,
+    "cage": _cage,
+    "lens": _lens,
+    "no sun": _gone("/World/Environment/Sun"),
+    "no camera": _gone("/World/Surveys/global/global_Camera"),
     "no deck": _gone("/World/Bridge/BridgeGeom/Superstructure/Deck_000"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("kind", EDITS_OF_EACH_KIND)

@@ -153,9 +153,10 @@ def test_a_refused_file_changes_nothing(own_scene: Path, tmp_path: Path) -> None
     (tmp_path / "mine/plaster.png").unlink()
     before, folders = file_bytes(own_scene.parent), sorted(own_scene.parent.rglob("*"))
     for choices in (
-        {"look": "clean", "background": str(town)}, {"background": str(town), "look": str(_look(tmp_path))},
+        {"look": "clean", "background": str(town)},
+        {"background": str(town), "look": str(_look(tmp_path))},
         {"look": str(_look(tmp_path)), "light": "noon"},
-    ):  # fmt: skip
+    ):
         with pytest.raises(InputError):
             set_choices(own_scene, choices, lambda line: None)
         assert file_bytes(own_scene.parent) == before

@@ -153,6 +153,8 @@ def test_no_patch_of_ground_is_there_twice(tmp_path: Path, proof_count: Count, r
         alone, peaks[surface] = peak(shown), peak(shown * factor)
         assert peaks[surface] <= 0.25
         assert peaks[surface] < alone
-    figures = {**{name: round(value, 3) for name, value in peaks.items()},
-               "centimetres_a_texel": round(100 * square.side / 2048, 2)}  # fmt: skip
+    figures = {
+        **{name: round(value, 3) for name, value in peaks.items()},
+        "centimetres_a_texel": round(100 * square.side / 2048, 2),
+    }
     record_proof("looks/nothing repeats over 30 m: ground", len(peaks), 3, figures)

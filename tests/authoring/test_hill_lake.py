@@ -23,8 +23,21 @@ LAYOUTS = {
     "river": Layout(Alignment(7.0), (0.0, 18.0, 40.0), 11.5, 1.9),
     "road": Layout(Alignment(7.0, 0.015, 0.4), (0.0, 18.0, 40.0), 11.5, 1.9, "road", 8.0, 3.4),
 }
-KINDS = {"building", "roof", "window", "tree", "shrub", "fence", "wall_retaining", "pole", "vehicle", "vessel", "water",
-         "ground", "road"}  # fmt: skip
+KINDS = {
+    "building",
+    "roof",
+    "window",
+    "tree",
+    "shrub",
+    "fence",
+    "wall_retaining",
+    "pole",
+    "vehicle",
+    "vessel",
+    "water",
+    "ground",
+    "road",
+}
 WHOLE = BackgroundSettings()
 FEW = BackgroundSettings(
     lakeside=LakesideSettings(reach=2500.0, villas=25, town_houses=6, trees=150, boats=8),
@@ -39,8 +52,10 @@ def make(name: str, crossing: Literal["river", "road"], seed: int, settings: Bac
     return name, site, build_background(name, settings, site, stream(seed, "background"))
 
 
-@pytest.fixture(scope="module", params=[("lakeside", "river", 7), ("lakeside", "road", 3), ("hillside", "river", 7),
-                                        ("hillside", "road", 4)])  # fmt: skip
+@pytest.fixture(
+    scope="module",
+    params=[("lakeside", "river", 7), ("lakeside", "road", 3), ("hillside", "river", 7), ("hillside", "road", 4)],
+)
 def world(request: pytest.FixtureRequest) -> World:
     """A site with a world round it, made in a few seconds of work."""
     start = time.process_time()

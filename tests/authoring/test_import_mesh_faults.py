@@ -34,12 +34,16 @@ def far_index_gltf(folder: Path) -> Path:
     """The same in glTF."""
     data = struct.pack("<9f3I", *range(9), 0, 1, 1_000_000_000)
     return gltf(
-        folder, materials=[], meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-        accessors=[{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
-                   {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"}],
+        folder,
+        materials=[],
+        meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        accessors=[
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
+        ],
         bufferViews=[{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 12}],
         buffers=[{"byteLength": 48, "uri": "data:;base64," + base64.b64encode(data).decode()}],
-    )  # fmt: skip
+    )
 
 
 def count_beyond(folder: Path) -> Path:

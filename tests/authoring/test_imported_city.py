@@ -45,7 +45,8 @@ def document(**changes: Any) -> dict[str, Any]:
     solid = {"type": "Solid", "lod": "2", "boundaries": [BOX], "semantics": SEMANTICS}
     rough = {"type": "Solid", "lod": "1", "boundaries": [BOX[:1]]}
     return {
-        "type": "CityJSON", "version": "2.0",
+        "type": "CityJSON",
+        "version": "2.0",
         "transform": {"scale": [0.001] * 3, "translate": [78000.0, 457000.0, 2.0]},
         "metadata": {"title": "A box", "referenceSystem": "EPSG:7415"},
         "CityObjects": {
@@ -54,7 +55,7 @@ def document(**changes: Any) -> dict[str, Any]:
         },
         "vertices": vertices,
         **changes,
-    }  # fmt: skip
+    }
 
 
 def read(folder: Path, content: Any) -> CityModel:
@@ -128,13 +129,16 @@ def test_versions_sequences_templates_and_missing_semantics_say_the_same(tmp_pat
     sequence = f"{json.dumps(lines)}\n{json.dumps(feature | {'transform': document()['transform']})}\n"
     template = {"type": "Solid", "lod": "2", "boundaries": [BOX], "semantics": SEMANTICS}
     instance = {
-        "type": "GeometryInstance", "template": 0, "boundaries": [0],
+        "type": "GeometryInstance",
+        "template": 0,
+        "boundaries": [0],
         "transformationMatrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
-    }  # fmt: skip
+    }
     instanced = document(CityObjects={"House": {"type": "Building", "geometry": [instance]}})
     instanced["geometry-templates"] = {
-        "templates": [template], "vertices-templates": box_corners(0.0, 0.0, (10.0, 8.0, 6.0))
-    }  # fmt: skip
+        "templates": [template],
+        "vertices-templates": box_corners(0.0, 0.0, (10.0, 8.0, 6.0)),
+    }
     bare = document()
     del bare["CityObjects"]["Part"]["geometry"][1]["semantics"]
     for other in (plain, sequence, instanced, bare):

@@ -55,9 +55,12 @@ def test_everything_that_can_be_seen_is_seen(proof_count: Count, record_proof: R
         assert rows[-1] >= 0.8, (family, number, shown)
         assert clearances[-1] >= settings.safety - 1e-4
     figures = {
-        "least_class_share": min(rows), "images": images, "hidden": hidden, "missed": missed,
+        "least_class_share": min(rows),
+        "images": images,
+        "hidden": hidden,
+        "missed": missed,
         "least_clearance_m": min(clearances),
-    }  # fmt: skip
+    }
     record_proof("surveys/inspection flights show every class", bridges, 100, figures)
 
 

@@ -159,9 +159,16 @@ def test_sky_file_holds_an_image_and_nothing_else(tmp_path: Path) -> None:
     bake_light(LightSettings(sky_height=64), tmp_path, np.random.default_rng(2))
     header = OpenEXR.File(str(tmp_path / "textures/sky.exr")).header()
     assert set(header) == {
-        "channels", "compression", "dataWindow", "displayWindow", "lineOrder",
-        "pixelAspectRatio", "screenWindowCenter", "screenWindowWidth", "type",
-    }  # fmt: skip
+        "channels",
+        "compression",
+        "dataWindow",
+        "displayWindow",
+        "lineOrder",
+        "pixelAspectRatio",
+        "screenWindowCenter",
+        "screenWindowWidth",
+        "type",
+    }
 
 
 def test_lights_validate(tmp_path: Path) -> None:
@@ -223,8 +230,10 @@ def test_photographed_sky_lights_like_a_computed_one(tmp_path: Path) -> None:
     (tmp_path / "sky.exr").write_bytes(encode_exr(picture.astype(np.float32)))
     cv2.imwrite(str(tmp_path / "sky.hdr"), picture[..., ::-1].astype(np.float32))
     settings = LightSettings(sky="sky.exr", sky_turn=90.0, sky_height=128)
-    made = [bake_light(settings, tmp_path / name, np.random.default_rng(1), tmp_path / f"sky.{name}")
-            for name in ("exr", "hdr")]  # fmt: skip
+    made = [
+        bake_light(settings, tmp_path / name, np.random.default_rng(1), tmp_path / f"sky.{name}")
+        for name in ("exr", "hdr")
+    ]
     sun = np.asarray(made[0].sun_direction)
     assert np.degrees(np.arccos(sun @ direction(40.0, 0.0))) < 0.5  # from east, a quarter of a turn to the left: north
     up = np.array([0.0, 0.0, 1.0])
@@ -243,11 +252,15 @@ def test_unusable_skies_are_told_in_one_line(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "whole.hdr"), grey)
     radiance = (tmp_path / "whole.hdr").read_bytes()
     files = {
-        "cut.exr": whole[: len(whole) // 2], "words.exr": b"no picture", "square.exr": encode_exr(grey[:, :32]),
-        "black.exr": encode_exr(0 * grey), "nan.exr": encode_exr(np.where(grey > 0, np.nan, 0).astype(np.float32)),
-        "words.hdr": b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\nno size", "photo.jpg": b"",
+        "cut.exr": whole[: len(whole) // 2],
+        "words.exr": b"no picture",
+        "square.exr": encode_exr(grey[:, :32]),
+        "black.exr": encode_exr(0 * grey),
+        "nan.exr": encode_exr(np.where(grey > 0, np.nan, 0).astype(np.float32)),
+        "words.hdr": b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\nno size",
+        "photo.jpg": b"",
         "huge.hdr": radiance.replace(b"-Y 32 +X 64", b"-Y 60000 +X 120000"),
-    }  # fmt: skip
+    }
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
     for name in (*files, "gone.exr"):

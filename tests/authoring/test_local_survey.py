@@ -97,8 +97,11 @@ def test_flights_are_safe_even_and_steady(proof_count: Count, record_proof: Reco
     assert min(chords) >= 0.45
     assert max(chords) <= 0.5 + np.sqrt(3.0) * 10.0**-DECIMALS  # positions are rounded
     assert max(turns) < 3.0 * FASTEST
-    figures = {"least_clearance_m": min(clear), "chord_m": f"{min(chords):.3f} to {max(chords):.3f}",
-               "widest_turn_deg": float(np.degrees(max(turns)))}  # fmt: skip
+    figures = {
+        "least_clearance_m": min(clear),
+        "chord_m": f"{min(chords):.3f} to {max(chords):.3f}",
+        "widest_turn_deg": float(np.degrees(max(turns))),
+    }
     record_proof("surveys/local flights", flights, 0, figures)
 
 

@@ -60,12 +60,18 @@ def test_old_surfaces_feed_sift(tmp_path: Path, proof_count: Count, record_proof
     assert worst[2] >= 0.75, worst
     assert 10 * np.mean(poor) <= np.mean([found[1] for found in rows])
     record_proof(
-        "looks/weathered and aged surfaces feed SIFT", len(rows), 0,
-        {"least_contrast": round(min(rows)[0], 3), "most_contrast": round(max(rows)[0], 3),
-         "fewest_keypoints_per_megapixel": round(fewest[1]), "least_right_share": round(worst[2], 3),
-         "clean_keypoints_per_megapixel": round(float(np.mean(poor))),
-         "old_keypoints_per_megapixel": round(float(np.mean([found[1] for found in rows])))},
-    )  # fmt: skip
+        "looks/weathered and aged surfaces feed SIFT",
+        len(rows),
+        0,
+        {
+            "least_contrast": round(min(rows)[0], 3),
+            "most_contrast": round(max(rows)[0], 3),
+            "fewest_keypoints_per_megapixel": round(fewest[1]),
+            "least_right_share": round(worst[2], 3),
+            "clean_keypoints_per_megapixel": round(float(np.mean(poor))),
+            "old_keypoints_per_megapixel": round(float(np.mean([found[1] for found in rows]))),
+        },
+    )
 
 
 def _wall(role: str) -> Component:

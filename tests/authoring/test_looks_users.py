@@ -37,8 +37,15 @@ def _zip(path: Path, files: dict[str, bytes]) -> Path:
 
 def _ambient(path: Path) -> Path:
     stem = path.stem
-    kinds: Maps = {"Color": RED, "NormalGL": (0.5, 0.5, 1), "NormalDX": (0.9, 0.9, 1), "Roughness": (0.4,) * 3,
-                   "Displacement": (0.5,) * 3, "Metalness": (1.0,) * 3, "AmbientOcclusion": (1,) * 3}  # fmt: skip
+    kinds: Maps = {
+        "Color": RED,
+        "NormalGL": (0.5, 0.5, 1),
+        "NormalDX": (0.9, 0.9, 1),
+        "Roughness": (0.4,) * 3,
+        "Displacement": (0.5,) * 3,
+        "Metalness": (1.0,) * 3,
+        "AmbientOcclusion": (1,) * 3,
+    }
     files = {f"{stem}_{kind}.jpg": _image(color, ".jpg") for kind, color in kinds.items()}
     return _zip(path, {**files, f"{stem.partition('_')[0]}.png": _image((0, 1, 0), ".png"), f"{stem}.usdc": b"PXR"})
 
@@ -93,9 +100,12 @@ def test_zips_load_as_they_are(tmp_path: Path) -> None:
     _haven(tmp_path / "mine/wood_planks_02_1k.blend.zip")
     metal, wood = find_sets(tmp_path / "mine")
     assert {kind: picture.name.rpartition("_")[2] for kind, picture in metal.maps.items()} == {
-        "albedo": "Color.jpg", "normal": "NormalGL.jpg", "roughness": "Roughness.jpg",
-        "height": "Displacement.jpg", "metallic": "Metalness.jpg",
-    }  # fmt: skip
+        "albedo": "Color.jpg",
+        "normal": "NormalGL.jpg",
+        "roughness": "Roughness.jpg",
+        "height": "Displacement.jpg",
+        "metallic": "Metalness.jpg",
+    }
     assert set(wood.maps) == {"albedo", "arm", "normal"}
     suits = read_sets([tmp_path / "mine"])
     assert suits["Role_GirderSteel"] == (metal,)
@@ -151,7 +161,7 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "cut png": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": _image(RED, ".png", 256)[:150]}), "whole"),
     "no picture": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": b"text"}), "whole"),
     "bad exr": (lambda f: _zip(f / "concrete.zip", {"concrete_diff.exr": b"v/1\x01" + bytes(99)}), "cannot be read"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", FAULTS)

@@ -19,8 +19,11 @@ from usd_schemas import tokens
 PROGRAM = os.environ.get("FALSEWORK_USD_VALIDATE", "") or shutil.which("nvidia_usd_validate") or ""
 # UsdRender's prims stand beside the world, so that whoever references the world does not get its render settings; and
 # two covers of the ground may meet in a point, where the validator wants a hole or a doubled vertex, and warns of both.
-ACCEPTED = (("DefaultPrimChecker", tokens.RENDER), ("ManifoldChecker", f"{tokens.SITE}/SiteGeom/SiteGround"),
-            ("ManifoldChecker", f"{tokens.BACKGROUND}/BackgroundGeom/BackgroundGround"))  # fmt: skip
+ACCEPTED = (
+    ("DefaultPrimChecker", tokens.RENDER),
+    ("ManifoldChecker", f"{tokens.SITE}/SiteGeom/SiteGround"),
+    ("ManifoldChecker", f"{tokens.BACKGROUND}/BackgroundGeom/BackgroundGround"),
+)
 
 pytestmark = pytest.mark.skipif(not PROGRAM, reason="no nvidia_usd_validate (usd-validation-nvidia) is installed")
 

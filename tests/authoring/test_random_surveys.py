@@ -37,15 +37,23 @@ def drawn_survey(kind: str, rng: np.random.Generator) -> AnySurvey:
     if kind == "local":
         pitch = ("free", "limited")[int(rng.integers(2))]
         return LocalSettings(
-            kind="local", length=float(rng.uniform(14, 26)), beside=float(rng.uniform(4, 9)),
-            above=float(rng.uniform(3, 7)), near=float(rng.uniform(2, 4)), pitch=pitch,
+            kind="local",
+            length=float(rng.uniform(14, 26)),
+            beside=float(rng.uniform(4, 9)),
+            above=float(rng.uniform(3, 7)),
+            near=float(rng.uniform(2, 4)),
+            pitch=pitch,
             pitch_limit=float(rng.uniform(0, 30)),
-        )  # fmt: skip
+        )
     if kind == "grid":
         return GridSettings(
-            kind="grid", sampling=float(rng.uniform(0.008, 0.016)), deck=bool(rng.integers(2)),
-            camera=("default_24mm", "mini_like")[int(rng.integers(2))], width=960, height=720,
-        )  # fmt: skip
+            kind="grid",
+            sampling=float(rng.uniform(0.008, 0.016)),
+            deck=bool(rng.integers(2)),
+            camera=("default_24mm", "mini_like")[int(rng.integers(2))],
+            width=960,
+            height=720,
+        )
     tour = "rings" if kind == "rings" else "loop"
     poi = ("axis", "box50")[int(rng.integers(2))]
     return GlobalSettings(tour=tour, poi=poi, spacing=float(rng.uniform(2.5, 6.0)), safety=float(rng.uniform(1, 2.5)))
@@ -110,10 +118,12 @@ def test_random_surveys_over_all_families(proof_count: Count, record_proof: Reco
     assert len(refused) <= 0.05 * count, refused
     assert all("survey." in line for line in refused), refused
     figures = {
-        "flown": flown, "refused": refused, "families": len(families) if bridges > 2 else bridges,
+        "flown": flown,
+        "refused": refused,
+        "families": len(families) if bridges > 2 else bridges,
         "widest_local_turn_deg": widest,
         **{f"{kind}_least_margin_m": min(values) for kind, values in margins.items() if values},
-    }  # fmt: skip
+    }
     record_proof("surveys/random flights over all families", count, 100, figures)
 
 

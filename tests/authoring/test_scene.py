@@ -84,11 +84,21 @@ def test_scene_is_sound(scene: Path) -> None:
 def test_layers_lie_where_the_design_says(scene: Path) -> None:
     """The folder, the composed hierarchy and the choices are those of the design."""
     for name in (
-        "edits/user.usda", "render.usda", "surveys/surveys.usda", "surveys/global.usdc", "lighting.usda",
-        "site/site.usda", "bridge/bridge.usda", "bridge/payload.usda", "bridge/geometry.usdc",
-        "bridge/semantics.usda", "bridge/looks/weathered/look.usda", "bridge/looks/clean/look.usda",
-        "background/countryside/countryside.usda", "manifest.json",
-    ):  # fmt: skip
+        "edits/user.usda",
+        "render.usda",
+        "surveys/surveys.usda",
+        "surveys/global.usdc",
+        "lighting.usda",
+        "site/site.usda",
+        "bridge/bridge.usda",
+        "bridge/payload.usda",
+        "bridge/geometry.usdc",
+        "bridge/semantics.usda",
+        "bridge/looks/weathered/look.usda",
+        "bridge/looks/clean/look.usda",
+        "background/countryside/countryside.usda",
+        "manifest.json",
+    ):
         assert (scene / name).is_file(), name
     stage = Usd.Stage.Open(str(scene / "scene.usda"))
     children = [prim.GetName() for prim in stage.GetPrimAtPath(tokens.WORLD).GetChildren()]

@@ -32,7 +32,7 @@ def test_assets_say_what_they_are(green_scene: Path) -> None:
         (tokens.BRIDGE, "assembly", "beam_bridge", "bridge/bridge.usda"),
         (tokens.SITE, "component", "site", "site/site.usda"),
         (tokens.BACKGROUND, "component", "countryside", "background/countryside/countryside.usda"),
-    ):  # fmt: skip
+    ):
         prim = stage.GetPrimAtPath(path)
         info = prim.GetAssetInfo()
         assert Usd.ModelAPI(prim).GetKind() == kind

@@ -158,9 +158,12 @@ def test_equal_content_is_equal_bytes(tmp_path: Path) -> None:
     piece = next(piece for piece in PIECES if isinstance(piece, Component))
     mesh = piece.mesh
     negative = Mesh(
-        np.where(mesh.points == 0, -0.0, mesh.points), mesh.face_counts, mesh.corners,
-        np.where(mesh.normals == 0, np.float32(-0.0), mesh.normals), mesh.st,
-    )  # fmt: skip
+        np.where(mesh.points == 0, -0.0, mesh.points),
+        mesh.face_counts,
+        mesh.corners,
+        np.where(mesh.normals == 0, np.float32(-0.0), mesh.normals),
+        mesh.st,
+    )
     twin = Component(piece.name, piece.kind, piece.role, piece.group, negative, piece.instance_id)
     for name, one in (("a", piece), ("b", twin)):
         export(geometry_layer(BRIDGE, (one,)), tmp_path / f"{name}.usdc")

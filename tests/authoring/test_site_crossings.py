@@ -24,9 +24,17 @@ SKEWED = Layout(Alignment(16.0, skew=0.2), (0.0, 35.0, 70.0), 11.0, 2.2)
 DEEP = Layout(Alignment(17.0), (0.0, 50.0), 11.0, 2.2)
 KINDS: tuple[CrossingKind, ...] = ("river", "road", "rail", "valley", "harbour")
 CASES = [
-    ("river", LOW), ("rail", LOW), ("river", TALL), ("road", TALL), ("rail", TALL), ("valley", TALL),
-    ("river", DEEP), ("valley", SKEWED), ("harbour", WIDE), ("valley", WIDE),
-]  # fmt: skip
+    ("river", LOW),
+    ("rail", LOW),
+    ("river", TALL),
+    ("road", TALL),
+    ("rail", TALL),
+    ("valley", TALL),
+    ("river", DEEP),
+    ("valley", SKEWED),
+    ("harbour", WIDE),
+    ("valley", WIDE),
+]
 
 
 @pytest.fixture(scope="module", params=CASES, ids=[f"{kind}_{layout.supports[-1]:g}" for kind, layout in CASES])
@@ -140,8 +148,10 @@ def test_feet_of_an_arch_find_their_land() -> None:
 def test_choices_suit_the_bridge(proof_count: Count) -> None:
     """Each kind is drawn where it fits and nowhere else; a low short bridge never crosses a harbour or a valley."""
     count = proof_count(200, 1000)
-    seen = {name: Counter(choose_crossing(layout, stream(seed, "site")) for seed in range(count))
-            for name, layout in (("low", LOW), ("tall", TALL), ("wide", WIDE))}  # fmt: skip
+    seen = {
+        name: Counter(choose_crossing(layout, stream(seed, "site")) for seed in range(count))
+        for name, layout in (("low", LOW), ("tall", TALL), ("wide", WIDE))
+    }
     assert set(seen["low"]) == {"river", "road", "rail"}
     assert set(seen["tall"]) == {"river", "road", "rail", "valley"}
     assert set(seen["wide"]) == {"valley", "harbour"}
@@ -170,7 +180,7 @@ def test_what_is_drawn_is_what_can_be_fixed() -> None:
         ("rail", Layout(Alignment(9.0), (0.0, 10.0), 8.0, 1.2), r"site\.crossing: no room"),
         ("river", Layout(Alignment(0.2), (0.0, 120.0), 8.0, 1.2), r"bridge\.clearance: the ground .* above the deck"),
     ],
-)  # fmt: skip
+)
 def test_what_does_not_fit_is_refused(kind: CrossingKind, layout: Layout, words: str) -> None:
     """One line with the key, the rule and what would fit."""
     with pytest.raises(InputError, match=words):

@@ -11,9 +11,7 @@ from authoring.site.relief import draw_relief, smooth_minimum
 from authoring.site.shape import Shape
 
 
-@given(
-    st.floats(20, 90), st.floats(0.3, 1.5), st.lists(st.floats(-15, 15), max_size=4), st.floats(1.6, 6.0)
-)  # fmt: skip
+@given(st.floats(20, 90), st.floats(0.3, 1.5), st.lists(st.floats(-15, 15), max_size=4), st.floats(1.6, 6.0))
 def test_graded_lines_keep_their_promises(reach: float, spacing: float, inner: list[float], coarse: float) -> None:
     """Fixed lines exist, the middle is fine, nothing is coarser than asked, and the ends are exact."""
     lines = graded_lines((-reach, *inner, reach), (-16.0, 16.0), spacing, coarse)

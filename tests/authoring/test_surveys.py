@@ -313,11 +313,16 @@ def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof)
     assert all(share >= usual.get(name, 0.95) for name, share in typical.items()), typical
     assert min(overlaps) > 0.7
     record_proof(
-        "surveys: share of instances with 50 px in 3 images, worst bridge", len(seeds), 0,
-        {**{f"{name}_share": share for name, share in worst.items()},
-         **{f"{name}_mean_share": share for name, share in typical.items()}, "least_mean_overlap": min(overlaps),
-         "most_images": max(counts)},
-    )  # fmt: skip
+        "surveys: share of instances with 50 px in 3 images, worst bridge",
+        len(seeds),
+        0,
+        {
+            **{f"{name}_share": share for name, share in worst.items()},
+            **{f"{name}_mean_share": share for name, share in typical.items()},
+            "least_mean_overlap": min(overlaps),
+            "most_images": max(counts),
+        },
+    )
 
 
 def _drawn(seed: int) -> tuple[Subject, dict[int, str]]:

@@ -13,8 +13,9 @@ from authoring.streams import stream
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-LINES = np.concatenate([-np.cumsum(1.3 ** np.arange(14))[::-1] - 10.0, np.arange(-10.0, 10.5, 0.5),
-                        10.0 + np.cumsum(1.3 ** np.arange(14))])  # fmt: skip
+LINES = np.concatenate(
+    [-np.cumsum(1.3 ** np.arange(14))[::-1] - 10.0, np.arange(-10.0, 10.5, 0.5), 10.0 + np.cumsum(1.3 ** np.arange(14))]
+)
 MIDDLE = Middle((14, 54), (14, 54))
 
 

@@ -58,8 +58,9 @@ def photograph(sheds: int = 0) -> CityModel:
 def box(x: float, y: float) -> F64:
     """A closed box of 14 x 11 m, 12 m high over the ground, its foot in it: triangles, shape (12, 3, 3)."""
     low, high = np.array([x, y, 10.0]), np.array([x + 14.0, y + 11.0, 42.0])
-    corner = np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]]
-                       for i in (0, 1) for j in (0, 1) for k in (0, 1)])  # fmt: skip
+    corner = np.array(
+        [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     return corner[[triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))]]
 

@@ -62,9 +62,13 @@ def test_worlds_keep_their_promises(name: str, proof_count: Count, record_proof:
     assert most <= MOST_TRIANGLES
     assert slowest < MOST_SECONDS
     figures = {
-        "in_keep_out": 0, "on_the_ways": 0, "unlabelled": 0, "most_triangles": most,
-        "slowest_world_cpu_s": round(slowest, 1), "crossings": sorted(crossings),
-    }  # fmt: skip
+        "in_keep_out": 0,
+        "on_the_ways": 0,
+        "unlabelled": 0,
+        "most_triangles": most,
+        "slowest_world_cpu_s": round(slowest, 1),
+        "crossings": sorted(crossings),
+    }
     record_proof(f"worlds/{name}", count, 0, figures)
 
 
@@ -144,8 +148,13 @@ def _on_the_way(site: Site, points: F64) -> bool:
         return False
     station, left = layout.alignment.locate(near)
     beyond = (np.abs(left) > site.field.lefts[-1]) & (np.abs(left) < site.field.lefts[-1] + 90.0)
-    return bool((beyond & (crossing.distance(station, left) < crossing.half_width - 0.8)
-                 & (np.abs(near[:, 2] - crossing.level - 1.9) < 2.0)).any())  # fmt: skip
+    return bool(
+        (
+            beyond
+            & (crossing.distance(station, left) < crossing.half_width - 0.8)
+            & (np.abs(near[:, 2] - crossing.level - 1.9) < 2.0)
+        ).any()
+    )
 
 
 def _size(piece: Component | Scatter) -> int:

@@ -147,11 +147,16 @@ def measure(frames: int) -> dict[str, Any]:
         pixels.append([[view.x * WIDTH, (1.0 - view.y) * HEIGHT, view.z] for view in seen])
     towards = bpy.data.objects["Sun"].matrix_world.to_3x3() @ Vector((0.0, 0.0, 1.0))
     return {
-        "areas": areas, "volume": volume, "corners": corners[::7], "poses": poses, "pixels": pixels,
+        "areas": areas,
+        "volume": volume,
+        "corners": corners[::7],
+        "poses": poses,
+        "pixels": pixels,
         "low": [min(column) for column in zip(*corners, strict=True)],
         "high": [max(column) for column in zip(*corners, strict=True)],
-        "sun": list(towards), "size": [WIDTH, HEIGHT],
-    }  # fmt: skip
+        "sun": list(towards),
+        "size": [WIDTH, HEIGHT],
+    }
 
 
 if __name__ == "__main__":

@@ -28,8 +28,15 @@ def main(scene_file: str, facts: str) -> None:
             scene.frame_set(frame)
             poses.append([list(row) for row in camera.matrix_world])
         lens = camera.data
-        found.append({"name": camera.name, "lens": lens.lens, "sensor": lens.sensor_width, "near": lens.clip_start,
-                      "poses": poses})  # fmt: skip
+        found.append(
+            {
+                "name": camera.name,
+                "lens": lens.lens,
+                "sensor": lens.sensor_width,
+                "near": lens.clip_start,
+                "poses": poses,
+            }
+        )
     boxes = {}
     for thing in scene.objects:
         if thing.type == "MESH" and len(thing.data.vertices):

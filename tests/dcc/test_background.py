@@ -22,9 +22,11 @@ from usd_schemas.reading.stage_reader import read_stage
 pytestmark = pytest.mark.dcc
 
 CENTIMETRES_Y_UP = {
-    "convert_orientation": True, "export_global_forward_selection": "NEGATIVE_Z", "export_global_up_selection": "Y",
+    "convert_orientation": True,
+    "export_global_forward_selection": "NEGATIVE_Z",
+    "export_global_up_selection": "Y",
     "convert_scene_units": "CENTIMETERS",
-}  # fmt: skip
+}
 EXPORTS: dict[str, dict[str, Any]] = {
     "as_it_comes": {},
     "without_a_root": {"root_prim_path": ""},

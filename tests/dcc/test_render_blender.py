@@ -13,11 +13,13 @@ from usd_schemas.raycast import RayScene
 OPTIONS = {
     "plain": {},
     "centimetres, Y up": {
-        "convert_scene_units": "CENTIMETERS", "convert_orientation": True,
-        "export_global_forward_selection": "NEGATIVE_Z", "export_global_up_selection": "Y",
+        "convert_scene_units": "CENTIMETERS",
+        "convert_orientation": True,
+        "export_global_forward_selection": "NEGATIVE_Z",
+        "export_global_up_selection": "Y",
     },
     "instances": {"use_instancing": True},
-}  # fmt: skip
+}
 
 
 @pytest.mark.dcc

@@ -32,9 +32,11 @@ FOUR_CHANGES: tuple[Edit, ...] = (
     ("add_cube", "Crate", [5.0, -9.0, 6.0], 1.6),
 )
 Y_UP_CENTIMETRES = {
-    "convert_orientation": True, "export_global_forward_selection": "NEGATIVE_Z", "export_global_up_selection": "Y",
+    "convert_orientation": True,
+    "export_global_forward_selection": "NEGATIVE_Z",
+    "export_global_up_selection": "Y",
     "convert_scene_units": "CENTIMETERS",
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -123,8 +125,9 @@ def test_layer_holds_the_four_changes_and_no_other(original: Path, home: Path, r
     assert len(piers) >= 3
     assert all(found.pop(path) == {"xformOp:translate"} for path in piers)
     assert found == {
-        f"{SUPERSTRUCTURE}/Deck_000": {"points", "extent", "normals"}, PAINTED: {"inputs:diffuseColor"},
-    }  # fmt: skip
+        f"{SUPERSTRUCTURE}/Deck_000": {"points", "extent", "normals"},
+        PAINTED: {"inputs:diffuseColor"},
+    }
     opinions_more = len(found) - 2
     record_proof("stage/dcc: four edits in Blender", 4, 7, {"moved_parts": len(piers), "other_opinions": opinions_more})
 
@@ -193,13 +196,18 @@ def test_every_other_kind_of_edit(original: Path, tmp_path: Path) -> None:
     other = tmp_path / f"painted{image.suffix}"
     other.write_bytes(image.read_bytes())
     edits: list[Edit] = [
-        ("bevel", "Pier_001_Cap"), ("subdivide", "Deck_001"), ("slide_uv", "Kerb_000_L", "st", 0.25),
+        ("bevel", "Pier_001_Cap"),
+        ("subdivide", "Deck_001"),
+        ("slide_uv", "Kerb_000_L", "st", 0.25),
         ("repaint", "Role_DeckConcrete", str(other)),
-        ("wear", "Abutment_000_Wall", "Rust", [0.4, 0.2, 0.1]), ("wear", "Abutment_002_Wall", "Role_DeckAsphalt", []),
-        ("duplicate", "Pier_001_Footing", [0.0, 0.0, -2.0]), ("delete", "Coping_000_L"),
-        ("add_cube", "Van", [3.0, 0.0, 8.0], 2.0), ("say", "Van", "component", "vehicle"),
+        ("wear", "Abutment_000_Wall", "Rust", [0.4, 0.2, 0.1]),
+        ("wear", "Abutment_002_Wall", "Role_DeckAsphalt", []),
+        ("duplicate", "Pier_001_Footing", [0.0, 0.0, -2.0]),
+        ("delete", "Coping_000_L"),
+        ("add_cube", "Van", [3.0, 0.0, 8.0], 2.0),
+        ("say", "Van", "component", "vehicle"),
         ("add_cube", "Rock 1", [0.0, 12.0, 1.0], 2.0),
-    ]  # fmt: skip
+    ]
     out, _ = trip(original, tmp_path / "out", edits, **Y_UP_CENTIMETRES)
     found = harvest(scene, out)
     assert found.moved == []
@@ -225,10 +233,15 @@ def test_every_other_kind_of_edit(original: Path, tmp_path: Path) -> None:
 def test_run_goes_on_from_the_edited_stage(tmp_path: Path, record_proof: RecordProof) -> None:
     """`falsework run` with `[stage] path` gives a labelled cloud of the bridge as it was edited."""
     scene = small_scene(tmp_path / "scene", CHAIN, scene_seed(3, 0))
-    out, _ = trip(scene, tmp_path / "out", [
-        ("move", "Parapet_000_L", [0.0, 0.0, 1.5]), ("add_cube", "Crate", [6.0, 0.0, 7.4], 1.6),
-        ("wear", "Crate", "Role_AbutmentConcrete", []),
-    ])  # fmt: skip
+    out, _ = trip(
+        scene,
+        tmp_path / "out",
+        [
+            ("move", "Parapet_000_L", [0.0, 0.0, 1.5]),
+            ("add_cube", "Crate", [6.0, 0.0, 7.4], 1.6),
+            ("wear", "Crate", "Role_AbutmentConcrete", []),
+        ],
+    )
     assert harvest(scene, out, "wing_wall").moved == ["Parapet_000_L"]
     scenario = tmp_path / "scenario.toml"
     scenario.write_text('seed = 3\n[stage]\npath = "scene/scene.usda"\n[render]\nquality = "fast"\n', encoding="utf-8")
@@ -283,10 +296,16 @@ def test_cameras_and_lamps_made_in_blender_come_home(
     """A flight of one pose a frame through the lens that was set, and a spot where it hangs; the survey is no edit."""
     scene = copy_scene(original, tmp_path / "scene")
     images = len(read_stage(original).cameras[0].poses)
-    out, _ = trip(original, tmp_path / "out", [
-        ("fly", "Drone", 35.0, [2.0, -30.0, 6.0], images),
-        ("add_lamp", "Spot", "SPOT", [4.0, 1.0, 9.0]),
-    ], export_animation=True, **options)  # fmt: skip
+    out, _ = trip(
+        original,
+        tmp_path / "out",
+        [
+            ("fly", "Drone", 35.0, [2.0, -30.0, 6.0], images),
+            ("add_lamp", "Spot", "SPOT", [4.0, 1.0, 9.0]),
+        ],
+        export_animation=True,
+        **options,
+    )
     found = harvest(scene, out)
     assert asdict(found) == {**asdict(Harvest()), "cameras": {"Drone": images}, "lights": {"Spot": "SphereLight"}}
     assert validate_scene(scene) == []

@@ -59,13 +59,15 @@ def test_a_bent_lens_costs_no_labels(chain: Chain, tmp_path: Path, record_proof:
     for mode, bent in clouds_of(shots, chain, tmp_path / "bent").items():
         straight = level[mode]
         figures = {
-            "points_straight": float(len(straight)), "points_bent": float(len(bent)),
-            "label_error_straight": label_error(straight), "label_error_bent": label_error(bent),
+            "points_straight": float(len(straight)),
+            "points_bent": float(len(bent)),
+            "label_error_straight": label_error(straight),
+            "label_error_bent": label_error(bent),
             "registered_share_bent": float(bent.statistics["registered_share"]),
             "median_centre_error_m_straight": float(straight.statistics["center_error_median"]),
             "median_centre_error_m_bent": float(bent.statistics["center_error_median"]),
             "k1_found": float(bent.statistics["camera_params"][3]),
-        }  # fmt: skip
+        }
         record_proof(f"reconstruction: a lens of k1 = -0.1, {mode}", len(bent.cameras), chain.scenario.seed, figures)
         assert figures["registered_share_bent"] >= 0.95
         assert abs(figures["k1_found"] - K1) < 0.01

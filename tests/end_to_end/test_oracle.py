@@ -63,10 +63,17 @@ def test_every_family_equals_the_ray_caster(family: str, tmp_path: Path, record_
         {"kind": "global", "id": camera, "images": 12, "spacing": 50.0, "width": 960, "height": 720, "camera": camera}
         for camera in CAMERAS
     ]
-    scenario = parse_settings(Scenario, {
-        "seed": 5, "bridge": {"family": family}, "background": {"name": "countryside"}, "survey": flights,
-        "render": {"quality": "fast"},
-    }, "proof")  # fmt: skip
+    scenario = parse_settings(
+        Scenario,
+        {
+            "seed": 5,
+            "bridge": {"family": family},
+            "background": {"name": "countryside"},
+            "survey": flights,
+            "render": {"quality": "fast"},
+        },
+        "proof",
+    )
     stage = tmp_path / "stage"
     stage.mkdir()
     STAGES["stage"].run({"seed": 5, "authoring": scenario.authoring()}, {}, stage, SILENT)

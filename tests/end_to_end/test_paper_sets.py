@@ -72,12 +72,16 @@ def _figures(cloud: Cloud, truth: Truth) -> dict[str, float]:
     clear = near & (cloud.columns["label_margin_px"] >= 3.0)
     wrong = cloud.columns["segment"] != cloud.columns["surface_class"]
     return {
-        "images": len(truth.names), "registered_share": statistics["registered_share"],
+        "images": len(truth.names),
+        "registered_share": statistics["registered_share"],
         "valid_share": statistics["valid"] / len(truth.names),
-        "centre_error_median_m": statistics["center_error_median"], "path_extent_m": extent,
-        "label_error": float(wrong[near].mean()), "label_error_margin_3px": float(wrong[clear].mean()),
-        "kept_margin_3px": float(clear.sum() / near.sum()), "noisy_share": statistics["noisy_share_0.1m"],
-    }  # fmt: skip
+        "centre_error_median_m": statistics["center_error_median"],
+        "path_extent_m": extent,
+        "label_error": float(wrong[near].mean()),
+        "label_error_margin_3px": float(wrong[clear].mean()),
+        "kept_margin_3px": float(clear.sum() / near.sum()),
+        "noisy_share": statistics["noisy_share_0.1m"],
+    }
 
 
 def _hold(figures: dict[str, float]) -> None:

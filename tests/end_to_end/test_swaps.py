@@ -34,9 +34,12 @@ Images = dict[str, NDArray[Any]]
 def scene(tmp_path_factory: pytest.TempPathFactory, proof_count: Count) -> Path:
     """Author a scene that offers two looks, two backgrounds and two lights."""
     flight = {
-        "kind": "global", "images": proof_count(8, 60), "spacing": proof_count(30, 4), "width": proof_count(160, 480),
+        "kind": "global",
+        "images": proof_count(8, 60),
+        "spacing": proof_count(30, 4),
+        "width": proof_count(160, 480),
         "height": proof_count(120, 360),
-    }  # fmt: skip
+    }
     light = [{"name": "winter", "date": "2024-12-21T10:00"}]
     offers = {"look": ["clean", "weathered"], "background": ["none", "countryside"], "light": light}
     return write_small_scene(tmp_path_factory.mktemp("swaps"), variants=offers, survey=[flight])

@@ -83,9 +83,11 @@ def test_label_images_are_those_of_the_table(
     _, numbers, labels = truth.surface()
     np.testing.assert_array_equal(labels, ids[numbers])
     assert changed_files(base.folder.parent, tmp_path / "capture") <= {
-        "truth/instances.json", "truth/surface.npz", "truth/render.json",  # the last: the hash of the scene
+        "truth/instances.json",
+        "truth/surface.npz",
+        "truth/render.json",  # the last: the hash of the scene
         *(f"truth/semantic/{name}.png" for name in base.names),
-    }  # fmt: skip
+    }
     name = f"stage/labels: images carry the table {name}"
     record_proof(name, len(base.names), SEED, {"classes_shown": len(shown), "unequal_pixels": unequal})
 

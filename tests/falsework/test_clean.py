@@ -120,11 +120,26 @@ def test_strangers_files_stay(run: Run, tmp_path: Path) -> None:
     """Whatever we did not write, in every folder of the run, under names near ours, through links as well."""
     out = tmp_path / "out"
     run(2)
-    mine = [out / name for name in (
-        "notes.txt", f"{TEMPORARY}mine", "work/notes.txt", "work/abc/x", f"work/{KEY}x/y", f"work/{KEY}.{'0' * 16}/x",
-        "failed/list.json", "failed/a.txt", "store/notes.txt", "store/mine/x", f"store/cloud/{KEY}/coord.npy",
-        "store/texture/mine.png", "scenes/0001/notes.txt", "evicted/cloud/a.json", "run/notes.txt",
-    )]  # fmt: skip
+    mine = [
+        out / name
+        for name in (
+            "notes.txt",
+            f"{TEMPORARY}mine",
+            "work/notes.txt",
+            "work/abc/x",
+            f"work/{KEY}x/y",
+            f"work/{KEY}.{'0' * 16}/x",
+            "failed/list.json",
+            "failed/a.txt",
+            "store/notes.txt",
+            "store/mine/x",
+            f"store/cloud/{KEY}/coord.npy",
+            "store/texture/mine.png",
+            "scenes/0001/notes.txt",
+            "evicted/cloud/a.json",
+            "run/notes.txt",
+        )
+    ]
     strangers_result = next((out / "store/cloud").iterdir()) / "mine.txt"
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()

@@ -67,10 +67,19 @@ def test_an_unknown_verb_names_the_nearest(words: list[str], near: str, capsys: 
 
 @pytest.mark.parametrize(
     "words",
-    [["run", "@", "-o", "out"], ["render", "@", "-o", "out"], ["reconstruct", "@", "-o", "out"], ["scene", "info", "@"],
-     ["survey", "score", "@"], ["sample", "mesh", "@", "-o", "out"], ["background", "import", "@", "-o", "out"],
-     ["export", "@", "--to", "ply", "-o", "out"], ["report", "@", "-o", "page.html"], ["verify", "@"]],
-)  # fmt: skip
+    [
+        ["run", "@", "-o", "out"],
+        ["render", "@", "-o", "out"],
+        ["reconstruct", "@", "-o", "out"],
+        ["scene", "info", "@"],
+        ["survey", "score", "@"],
+        ["sample", "mesh", "@", "-o", "out"],
+        ["background", "import", "@", "-o", "out"],
+        ["export", "@", "--to", "ply", "-o", "out"],
+        ["report", "@", "-o", "page.html"],
+        ["verify", "@"],
+    ],
+)
 def test_a_missing_file_is_said_before_any_room_is_loaded(words: list[str], tmp_path: Path) -> None:
     """One line, exit code 2, and neither the renderer, nor the networks, nor NumPy has been imported by then."""
     given = [str(tmp_path / "nowhere") if word == "@" else word for word in words]

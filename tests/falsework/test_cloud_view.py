@@ -34,9 +34,12 @@ def small_cloud() -> Cloud:
     uncertainty = np.geomspace(1e-4, 20.0, count).astype(np.float32)
     uncertainty[::50] = np.nan
     return toy_cloud(
-        2, count, uncertainty=uncertainty, color=rng.integers(0, 256, (count, 3)).astype(np.uint8),
+        2,
+        count,
+        uncertainty=uncertainty,
+        color=rng.integers(0, 256, (count, 3)).astype(np.uint8),
         instance=rng.integers(0, 4, count).astype(np.uint32),
-    )  # fmt: skip
+    )
 
 
 def unpacked(text: str, kind: str) -> np.ndarray:
@@ -66,10 +69,12 @@ def test_the_page_is_given_the_points() -> None:
     """Every third point of many, to a hundredth of the span over 655; class, colour and number as in the cloud."""
     rng, count = np.random.default_rng(1), 2 * SHOWN_POINTS + 1
     columns = {
-        "coord": rng.uniform(-50, 50, (count, 3)), "color": rng.integers(0, 255, (count, 3), np.uint8),
-        "segment": rng.integers(1, 4, count).astype(np.uint8), "instance": rng.integers(0, 9, count).astype(np.uint32),
+        "coord": rng.uniform(-50, 50, (count, 3)),
+        "color": rng.integers(0, 255, (count, 3), np.uint8),
+        "segment": rng.integers(1, 4, count).astype(np.uint8),
+        "instance": rng.integers(0, 9, count).astype(np.uint32),
         "uncertainty": rng.uniform(0, 1, count).astype(np.float32),
-    }  # fmt: skip
+    }
     cloud = small_cloud()
     view = cloud_view(columns, cloud.classes, np.eye(3))
     data = json.loads(view["data"])
@@ -133,8 +138,15 @@ def css(color: Any) -> str:
 def browse(page: Path) -> dict[str, Any]:
     """Open a page without a window, and read what it says of itself."""
     assert CHROMIUM is not None
-    words = ["--headless", "--no-sandbox", "--disable-gpu-sandbox", "--use-angle=swiftshader",
-             "--enable-unsafe-swiftshader", f"--user-data-dir={page.parent / 'profile'}",
-             "--virtual-time-budget=60000", "--dump-dom"]  # fmt: skip
+    words = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu-sandbox",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        f"--user-data-dir={page.parent / 'profile'}",
+        "--virtual-time-budget=60000",
+        "--dump-dom",
+    ]
     answer = subprocess.run([CHROMIUM, *words, page.as_uri()], capture_output=True, text=True, check=True, timeout=300)
     return json.loads(answer.stdout.split(FOUND)[1].replace("&amp;", "&").replace("&lt;", "<").replace("&gt;", ">"))

@@ -59,8 +59,10 @@ def write_bridges(folder: Path, count: int = 5, bridge: str = "b") -> list[Path]
         columns["surface_distance"] = np.abs(off).astype(np.float32)
         statistics = {"stations": [(scan.columns["coord"].mean(axis=0) + np.array([0.0, -20.0, 0.0])).tolist()]}
         place = folder / f"{bridge}{number}"
-        for name, cloud in (("clean", exact), ("scan", Cloud(**{**vars(scan), "columns": columns,
-                            "statistics": statistics}))):  # fmt: skip
+        for name, cloud in (
+            ("clean", exact),
+            ("scan", Cloud(**{**vars(scan), "columns": columns, "statistics": statistics})),
+        ):
             (place / name).mkdir(parents=True)
             write_cloud(place / name, cloud)
         places.append(place)
@@ -90,8 +92,21 @@ def whole(bridges: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path
     from falsework.cli import main
 
     with pytest.raises(SystemExit) as caught:
-        main([str(word) for word in ("compare", *bridges, "-o", out / "cmp", "--preset",
-              bridges[0].parents[1] / "tiny.toml", "--page", out / "page.md")])  # fmt: skip
+        main(
+            [
+                str(word)
+                for word in (
+                    "compare",
+                    *bridges,
+                    "-o",
+                    out / "cmp",
+                    "--preset",
+                    bridges[0].parents[1] / "tiny.toml",
+                    "--page",
+                    out / "page.md",
+                )
+            ]
+        )
     assert not caught.value.code
     return out
 
@@ -113,7 +128,9 @@ def test_tables_follow_from_the_matrices(whole: Path) -> None:
         assert total.sum() == sum(sum(sum(values) for values in matrix) for matrix in _matrices(whole, row))
         assert row["mean_iou"] == pytest.approx(np.mean([float(mean_iou(matrix)) for matrix in _matrices(whole, row)]))
     assert {row["part"]: (row["bridges"], row["valid"] >= row["common"] > 0) for row in record["losses"]} == {
-        "bridges/clean": (2, True), "bridges/clean ~ scan": (2, True)}  # fmt: skip
+        "bridges/clean": (2, True),
+        "bridges/clean ~ scan": (2, True),
+    }
     text = (whole / "cmp/comparison.md").read_text()
     assert (whole / "page.md").read_text().startswith(text)
     assert "Weak figures: 2 test bridges, 2 seeds" in text
@@ -159,9 +176,12 @@ def test_no_bridge_is_trained_on_and_tested(whole: Path) -> None:
 
 
 def test_stopped_and_gone_on_with(
-    bridges: list[Path], whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    bridges: list[Path],
+    whole: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     """Stopped between two epochs of a training and run again: the bytes of the run that nothing stopped."""
     from learn.training import train
 
@@ -194,8 +214,13 @@ def test_a_plan_tells_what_is_missing_and_writes_nothing(
     assert "tests are counted once the bridges are cut" in said
     assert not (tmp_path / "cmp").exists()
     before = contents(whole / "cmp")
-    for words, wanted in (((), {}), (("--set", "seeds=3"), {"training forest": 2, "training pointnet2-ssg": 2,
-                           "scores forest": 2, "scores pointnet2-ssg": 2})):  # fmt: skip
+    for words, wanted in (
+        ((), {}),
+        (
+            ("--set", "seeds=3"),
+            {"training forest": 2, "training pointnet2-ssg": 2, "scores forest": 2, "scores pointnet2-ssg": 2},
+        ),
+    ):
         code, said, _ = compare(capsys, bridges, whole / "cmp", "--plan", "--json", *words)
         found = json.loads(said)
         assert {kind: row["make"] for kind, row in found["kinds"].items() if row["make"]} == wanted
@@ -248,9 +273,11 @@ def test_a_folder_of_bridges_is_as_good_as_each(
     assert not any(row["make"] for row in json.loads(said)["kinds"].values())
     (tmp_path / "empty").mkdir()
     wrong = [
-        ([*bridges, bridges[0]], "given twice"), ([tmp_path / "empty"], "no clouds are in it"),
-        ([], "Name the folder of a run"), ([bridges[1], f"korea={bridges[0]}"], "names no such set"),
-    ]  # fmt: skip
+        ([*bridges, bridges[0]], "given twice"),
+        ([tmp_path / "empty"], "no clouds are in it"),
+        ([], "Name the folder of a run"),
+        ([bridges[1], f"korea={bridges[0]}"], "names no such set"),
+    ]
     for sources, reason in wrong:
         code, _, error = call(capsys, "compare", *sources, "-o", tmp_path / "out", "--preset", preset)
         assert code != 0

@@ -37,9 +37,11 @@ def test_data_sets_from_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert sorted(path.name for path in (tmp_path / "h5").glob("*.h5")) == ["test.h5", "train.h5", "val.h5"]
     capsys.readouterr()
     for words, said in (
-        (("--set", "tile.sise=5"), "Did you mean 'size'?"), (("--table", "kim"), "unknown table"),
-        (("--bridge", "a"), "one name for each source"), (("--class-map", "nothing"), "no such class map"),
-    ):  # fmt: skip
+        (("--set", "tile.sise=5"), "Did you mean 'size'?"),
+        (("--table", "kim"), "unknown table"),
+        (("--bridge", "a"), "one name for each source"),
+        (("--class-map", "nothing"), "no such class map"),
+    ):
         assert run("dataset", "local", tmp_path / "run", "-o", tmp_path / "bad", *words) == 2
         error = capsys.readouterr().err
         assert said in error

@@ -80,14 +80,21 @@ def test_worlds_look_right_from_everywhere(world: str, proof_count: Count, recor
     drawn = float(np.quantile([measure.triangles for measure in found], 0.95))
     most = max(shot.total for shot in shots)
     assert most <= 1_500_000
-    record_proof(f"worlds/{world}/views", len(found), 0, {
-        "rays_down_to_sky": holes,
-        "under_deck_median_min": round(min(under)), "under_deck_median_max": round(max(under)),
-        "frames_with_four_kinds": round(float(np.mean([len(m.things) >= 4 for m in low])), 3),
-        "dead_patches_p95": round(float(np.quantile([m.dead for m in found], 0.95)), 4),
-        "triangles_in_all_max": most, "triangles_drawn_p95": round(drawn),
-        "over_the_budget": max(round(drawn) - MOST_DRAWN, 0),
-    })  # fmt: skip
+    record_proof(
+        f"worlds/{world}/views",
+        len(found),
+        0,
+        {
+            "rays_down_to_sky": holes,
+            "under_deck_median_min": round(min(under)),
+            "under_deck_median_max": round(max(under)),
+            "frames_with_four_kinds": round(float(np.mean([len(m.things) >= 4 for m in low])), 3),
+            "dead_patches_p95": round(float(np.quantile([m.dead for m in found], 0.95)), 4),
+            "triangles_in_all_max": most,
+            "triangles_drawn_p95": round(drawn),
+            "over_the_budget": max(round(drawn) - MOST_DRAWN, 0),
+        },
+    )
 
 
 def test_unknown_worlds_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

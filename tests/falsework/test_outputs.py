@@ -18,8 +18,10 @@ def test_a_report_replaces_no_script(tmp_path: Path) -> None:
     (scene / "capture" / "local").mkdir(parents=True)
     script.write_text("mine")
     for page, words in (
-        (script, "did not write"), (scene / "report.html", "lies in"), (scene.parent / "page.html", "scenes/ of a run"),
-    ):  # fmt: skip
+        (script, "did not write"),
+        (scene / "report.html", "lies in"),
+        (scene.parent / "page.html", "scenes/ of a run"),
+    ):
         with pytest.raises(InputError, match=words):
             report_scene(scene, page)
     assert script.read_text() == "mine"

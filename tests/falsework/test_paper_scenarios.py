@@ -65,8 +65,10 @@ def test_pseudo_korea() -> None:
     """Seven concrete bridges within the lengths and spans that are known, of several lengths, by laser alone."""
     scenario = load_scenario(SCENARIOS / "pseudo-korea.toml")
     assert (scenario.scenes, scenario.bridge.family, scenario.survey) == (7, "beam", ())
-    spans = [np.diff(draw_layout(scenario.bridge, stream(scene_seed(scenario.seed, number), "bridge"))[0].supports)
-             for number in range(scenario.scenes)]  # fmt: skip
+    spans = [
+        np.diff(draw_layout(scenario.bridge, stream(scene_seed(scenario.seed, number), "bridge"))[0].supports)
+        for number in range(scenario.scenes)
+    ]
     assert min(row.min() for row in spans) >= 17.0
     assert max(row.max() for row in spans) <= 38.0
     assert 54.0 <= min(row.sum() for row in spans) < 60.0 < 120.0 < max(row.sum() for row in spans) <= 272.0
@@ -79,11 +81,15 @@ def test_pseudo_illinois_shares_nothing_of_the_way_it_is_made() -> None:
     flight, other_flight = ours.survey[0], theirs.survey[0]
     assert flight.kind == "local"
     assert other_flight.kind == "local"
-    for one, other in ((flight.camera, other_flight.camera), (ours.light, theirs.light),
-                       (ours.background.name, theirs.background.name), (ours.seed, theirs.seed),
-                       (ours.recon.sparse.pairing, theirs.recon.sparse.pairing),
-                       (ours.recon.sparse.mapper, theirs.recon.sparse.mapper),
-                       (ours.recon.dense.method, theirs.recon.dense.method)):  # fmt: skip
+    for one, other in (
+        (flight.camera, other_flight.camera),
+        (ours.light, theirs.light),
+        (ours.background.name, theirs.background.name),
+        (ours.seed, theirs.seed),
+        (ours.recon.sparse.pairing, theirs.recon.sparse.pairing),
+        (ours.recon.sparse.mapper, theirs.recon.sparse.mapper),
+        (ours.recon.dense.method, theirs.recon.dense.method),
+    ):
         assert one != other
 
 

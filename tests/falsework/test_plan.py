@@ -39,9 +39,12 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcom
     monkeypatch.setattr(chain, "recon_platform", lambda: {"cpu": "none"})
 
     def run(
-        scenes: int = 1, faults: dict[str, str] | None = None, part: range | None = None, retry_failed: bool = False,
+        scenes: int = 1,
+        faults: dict[str, str] | None = None,
+        part: range | None = None,
+        retry_failed: bool = False,
         **more: Any,
-    ) -> Outcome:  # fmt: skip
+    ) -> Outcome:
         monkeypatch.setenv("TINY_FAULTS", json.dumps(faults or {}))
         return run_scenario(tiny_scenario(scenes, **more), tmp_path / "out", SILENT, part, retry_failed=retry_failed)
 

@@ -42,11 +42,15 @@ def run(words: list[str]) -> int:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--width", "-3"], "--width"), (["--height", "99999"], "--height"), (["--frame", "first"], "--frame"),
-        (["--exposure", "bright"], "--exposure"), (["--purpose", "all"], "--purpose"),
-        (["--variant", "roof=flat"], "--variant"), (["--subdivision", "9"], "subdivision"),
+        (["--width", "-3"], "--width"),
+        (["--height", "99999"], "--height"),
+        (["--frame", "first"], "--frame"),
+        (["--exposure", "bright"], "--exposure"),
+        (["--purpose", "all"], "--purpose"),
+        (["--variant", "roof=flat"], "--variant"),
+        (["--subdivision", "9"], "subdivision"),
     ],
-)  # fmt: skip
+)
 def test_wrong_words_are_said_before_the_stage_is_read(
     words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -60,8 +60,12 @@ def test_let_go_for_good(run: Run, tmp_path: Path) -> None:  # noqa: F811
     + [("flip", "capture", ("stage", "cloud"))],
 )
 def test_repair_brings_the_former_bytes_back(
-    damage: str, stage: str, keep: tuple[str, ...], run: Run, tmp_path: Path  # noqa: F811
-) -> None:  # fmt: skip
+    damage: str,
+    stage: str,
+    keep: tuple[str, ...],
+    run: Run,  # noqa: F811
+    tmp_path: Path,
+) -> None:
     """Damaged in any way, with any of its inputs let go: the tree is that of before; a stranger's file is kept."""
     out = tmp_path / "out"
     run(2, keep=keep)

@@ -5,26 +5,43 @@ from falsework.report.report import _pixels, _placing
 
 def test_limits_and_residuals_stand_in_the_report() -> None:
     """Every limit that is known, every control point, every bar: one row each; with truth, none."""
-    rows = _placing({
-        "expected_error": {"share": 0.95, "scale_percent": 1.234, "tilt_deg": 0.5, "heading_deg": None, "place_m": 2.0},
-        "control_points": [{"name": "A", "distance": 0.0214, "agrees": True},
-                           {"name": "B", "distance": 2.5, "agrees": False}],
-        "scale_bars": [{"ends": ["A", "B"], "error": -0.0012}],
-    })  # fmt: skip
+    rows = _placing(
+        {
+            "expected_error": {
+                "share": 0.95,
+                "scale_percent": 1.234,
+                "tilt_deg": 0.5,
+                "heading_deg": None,
+                "place_m": 2.0,
+            },
+            "control_points": [
+                {"name": "A", "distance": 0.0214, "agrees": True},
+                {"name": "B", "distance": 2.5, "agrees": False},
+            ],
+            "scale_bars": [{"ends": ["A", "B"], "error": -0.0012}],
+        }
+    )
     assert rows == [
-        ("error of scale, 95 % below", "1.2 %"), ("error of tilt, 95 % below", "0.5°"),
-        ("error of place, 95 % below", "2 m"), ("control point A off by", "0.021 m"),
-        ("control point B off by", "2.500 m, left out"), ("scale bar A to B off by", "-0.0012 m"),
-    ]  # fmt: skip
+        ("error of scale, 95 % below", "1.2 %"),
+        ("error of tilt, 95 % below", "0.5°"),
+        ("error of place, 95 % below", "2 m"),
+        ("control point A off by", "0.021 m"),
+        ("control point B off by", "2.500 m, left out"),
+        ("scale bar A to B off by", "-0.0012 m"),
+    ]
     assert _placing({"target": "truth"}) == []
 
 
 def test_pixels_of_each_class_stand_in_the_report() -> None:
     """A row a class: how many pixels show it, the share in points and of each reason; without depth maps, none."""
-    rows = _pixels({"pixels": {
-        "bearing": {"angle": 1, "in_points": 1000, "no_depth": 800, "seen_through": 9, "views": 190},
-        "deck": {"angle": 0, "in_points": 1, "no_depth": 0, "seen_through": 0, "views": 0},
-    }})  # fmt: skip
+    rows = _pixels(
+        {
+            "pixels": {
+                "bearing": {"angle": 1, "in_points": 1000, "no_depth": 800, "seen_through": 9, "views": 190},
+                "deck": {"angle": 0, "in_points": 1, "no_depth": 0, "seen_through": 0, "views": 0},
+            }
+        }
+    )
     assert rows == [
         ["bearing", "2,000", "50.0%", "40.0%", "9.5%", "0.4%", "0.1%"],
         ["deck", "1", "100.0%", "0.0%", "0.0%", "0.0%", "0.0%"],

@@ -254,8 +254,9 @@ def test_scenes_of_a_run_share_their_textures(run: Run, tmp_path: Path) -> None:
     (shared,) = (out / "store/texture").iterdir()
     assert len({path.stat().st_ino for path in (*textures, shared)}) == 1
     assert {path.name for path in tmp_path.rglob("*") if path.is_file() and path.stat().st_nlink > 1} == {
-        "steel.png", shared.name,
-    }  # fmt: skip
+        "steel.png",
+        shared.name,
+    }
     _flip(shared, 5)
     assert [line.split(": ")[-1] for line in Store(out).verify()] == ["changed"] * 3
     shutil.rmtree(textures[0].parents[1])

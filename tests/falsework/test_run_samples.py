@@ -53,8 +53,11 @@ def test_a_sample_changes_no_other_result(chained: Any) -> None:
     assert _keys(without).items() < _keys(one).items() < _keys(two).items()
     assert set(_keys(two)) - set(_keys(without)) == {"cloud/mesh", "cloud/tls"}
     assert without.report().task.key != one.report().task.key
-    settings = [chained(index, sample=[{**MESH, "seed": seed}]).samples[0].task.settings["sample"]
-                for index in (0, 1) for seed in (0, 1)]  # fmt: skip
+    settings = [
+        chained(index, sample=[{**MESH, "seed": seed}]).samples[0].task.settings["sample"]
+        for index in (0, 1)
+        for seed in (0, 1)
+    ]
     assert len({row["seed"] for row in settings}) == 4
     assert all({**row, "seed": 0} == {**settings[0], "seed": 0} for row in settings)
 
@@ -81,7 +84,13 @@ def test_plan_run_and_keep(agree: Agree, tmp_path: Path) -> None:  # noqa: F811
     out = tmp_path / "out"
     plan = agree(2, sample=[MESH, TRIPOD])
     assert {name: row.make for name, row in plan.stages.items()} == {
-        "stage": 2, "capture": 2, "model": 2, "cloud": 2, "sample": 4, "report": 2}  # fmt: skip
+        "stage": 2,
+        "capture": 2,
+        "model": 2,
+        "cloud": 2,
+        "sample": 4,
+        "report": 2,
+    }
     assert {path.name for path in (out / "scenes/0001/cloud").iterdir()} == {"global", "mesh", "tls"}
     assert len(plan.outcome.clouds) == 6
     assert Store(out).verify() == []
@@ -129,7 +138,9 @@ def test_repair_and_clean(run: Run, tmp_path: Path) -> None:  # noqa: F811
     assert contents(out) == whole
     run(2, sample=[MESH])
     assert {one.about for one in clean(out, SILENT, unused=True).removed} == {
-        "sample of no scene", "report of no scene"}  # fmt: skip
+        "sample of no scene",
+        "report of no scene",
+    }
     assert Store(out).verify() == []
     assert run(2, sample=[MESH]).made == 0
     shutil.rmtree(out / "store/sample")
@@ -142,9 +153,12 @@ def test_the_clouds_are_those_of_the_verb(tmp_path: Path, capsys: pytest.Capture
     section = "seed = 4\nsurvey = []\n[stage]\npath = 'scene.usda'\n"
     mesh, scan = "scope = 'bridge'\npoints = 700\nvoxel = 0.3\n", "positions = [[0, -9, 1.5]]\nangular_step = 2.0\n"
     (tmp_path / "s.toml").write_text(
-        section.replace("scene.usda", stage.name) + "[[sample]]\nkind = 'mesh'\n" + mesh
-        + "[[sample]]\nkind = 'terrestrial'\nid = 'tls'\n" + scan
-    )  # fmt: skip
+        section.replace("scene.usda", stage.name)
+        + "[[sample]]\nkind = 'mesh'\n"
+        + mesh
+        + "[[sample]]\nkind = 'terrestrial'\nid = 'tls'\n"
+        + scan
+    )
     scenario = load_scenario(tmp_path / "s.toml")
     outcome = run_scenario(scenario, tmp_path / "out", SILENT)
     assert (outcome.made, len(outcome.clouds)) == (3, 2)

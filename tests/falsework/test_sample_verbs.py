@@ -68,8 +68,20 @@ def test_a_mesh_cloud_and_its_exports(stage: Path, tmp_path: Path, capsys: pytes
 
 def test_a_scan(stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A tripod where the words say."""
-    code, _, _ = run(capsys, "sample", "lidar", stage, "-o", tmp_path / "c", "--set", "positions=[[0, -9, 1.5]]",
-                     "--set", "angular_step=2", "--set", "max_range=30")  # fmt: skip
+    code, _, _ = run(
+        capsys,
+        "sample",
+        "lidar",
+        stage,
+        "-o",
+        tmp_path / "c",
+        "--set",
+        "positions=[[0, -9, 1.5]]",
+        "--set",
+        "angular_step=2",
+        "--set",
+        "max_range=30",
+    )
     assert code == 0
     cloud = read_cloud(tmp_path / "c")
     assert cloud.source == "lidar-terrestrial"

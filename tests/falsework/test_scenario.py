@@ -106,8 +106,12 @@ def test_bad_scene_range(text: str) -> None:
 def test_good_scene_ranges() -> None:
     """Either side of a range may be left out."""
     assert [scene_range(text, 10) for text in (None, ":", "2:", ":3", "4:6")] == [
-        range(10), range(10), range(2, 10), range(3), range(4, 6),
-    ]  # fmt: skip
+        range(10),
+        range(10),
+        range(2, 10),
+        range(3),
+        range(4, 6),
+    ]
 
 
 def test_imported_world_is_found_beside_the_scenario(tmp_path: Path) -> None:
@@ -155,8 +159,14 @@ def test_its_paths_hold_in_any_folder(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     scenario, given = load_scenario(Path("in/authored.toml")), load_scenario(Path("in/given.toml")).stage
     monkeypatch.chdir("/")
-    names = {"world/more": "more", "world/world": "world", "sky/day.hdr": "day.hdr", "sky/later": "dusk.hdr",
-             "surface/stone": "stone", "surface/wood": "wood"}  # fmt: skip
+    names = {
+        "world/more": "more",
+        "world/world": "world",
+        "sky/day.hdr": "day.hdr",
+        "sky/later": "dusk.hdr",
+        "surface/stone": "stone",
+        "surface/wood": "wood",
+    }
     assert given_files(scenario) == {name: tmp_path / "in" / place for name, place in names.items()}
     assert given is not None
     assert given.path == str(tmp_path / "in/stage.usda")

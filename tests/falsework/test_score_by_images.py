@@ -85,10 +85,13 @@ def test_coverage_is_that_of_the_rendered_images(tmp_path: Path, proof_count: Co
         for name in sorted(set(names))
     }
     figures = {
-        "images": len(truth.poses), "components": len(names), "mean_difference_points": float(difference.mean()),
-        "components_within_3_points": float((difference <= 3.0).mean()), "worst_points": float(difference.max()),
+        "images": len(truth.poses),
+        "components": len(names),
+        "mean_difference_points": float(difference.mean()),
+        "components_within_3_points": float((difference <= 3.0).mean()),
+        "worst_points": float(difference.max()),
         **{f"{name}_points": value for name, value in of_class.items()},
-    }  # fmt: skip
+    }
     assert difference.mean() <= 2.0, figures
     assert figures["components_within_3_points"] >= 0.75, figures
     # Grates and lamp posts are hardly wider than a pixel here: what their pixels show is what lies beside them.

@@ -105,10 +105,14 @@ def test_misplaced_and_foreign_things_are_found(store: Store) -> None:
     for words in (
         f"store/stage/{'0' * 64}: misplaced, it is store/stage/{STAGE.key}",
         f"store/cloud/{CAPTURE.key}: misplaced, it is store/capture/{CAPTURE.key}",
-        "store/notes.txt: foreign", "store/stage/notes.txt: foreign", "scenes/0000/notes.txt: foreign",
-        "scenes/0000/out: leads out", "scenes/0000/passwords: leads out",
-        "alias: not in the manifest", "gone: not in the manifest",
-    ):  # fmt: skip
+        "store/notes.txt: foreign",
+        "store/stage/notes.txt: foreign",
+        "scenes/0000/notes.txt: foreign",
+        "scenes/0000/out: leads out",
+        "scenes/0000/passwords: leads out",
+        "alias: not in the manifest",
+        "gone: not in the manifest",
+    ):
         assert words in said
     assert len(said.splitlines()) == 9
 

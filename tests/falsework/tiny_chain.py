@@ -86,8 +86,13 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
 
 TINY: dict[str, Run] = {
-    "stage": author, "capture": capture, "model": model, "cloud": cloud, "sample": sample, "report": report,
-}  # fmt: skip
+    "stage": author,
+    "capture": capture,
+    "model": model,
+    "cloud": cloud,
+    "sample": sample,
+    "report": report,
+}
 
 
 def tiny_stages() -> dict[str, Stage]:
@@ -105,9 +110,14 @@ def start(
 ) -> subprocess.Popen[str]:
     """Begin `falsework …` with the tiny stages, in a session of its own."""
     return subprocess.Popen(
-        command(*words), cwd=cwd, env={**os.environ, "PYTHONPATH": str(ROOT), **environment}, stdout=subprocess.PIPE,
-        stderr=stderr, text=True, start_new_session=True,
-    )  # fmt: skip
+        command(*words),
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+        start_new_session=True,
+    )
 
 
 def contents(out: Path) -> dict[str, str]:

@@ -45,10 +45,14 @@ def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory
         file.write_text(settings)
         command = [sys.executable, "-m", "falsework", "reconstruct", str(capture), "-o", str(out)]
         return subprocess.Popen(
-            [*before, *command, "--settings", str(file)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-            start_new_session=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
+            [*before, *command, "--settings", str(file)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
             preexec_fn=_hear_interrupts,
-        )  # fmt: skip
+        )
 
     return start
 

@@ -172,8 +172,10 @@ def _plain(home: Path) -> dict[str, Sample]:
     for place in (scene, folder):
         place.mkdir()
         (place / "x.txt").write_text("x")
-    write_json(scene / "manifest.json", {"format": SCENE_FORMAT, "format_version": 1, "seed": 3, "settings": {},
-                                         "files": {"x.txt": "0"}})  # fmt: skip
+    write_json(
+        scene / "manifest.json",
+        {"format": SCENE_FORMAT, "format_version": 1, "seed": 3, "settings": {}, "files": {"x.txt": "0"}},
+    )
     seal(folder, {"stage": "cloud", "version": 1, "settings": {}, "inputs": {}})
 
     def surfaces() -> list[bytes]:

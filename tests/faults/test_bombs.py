@@ -104,17 +104,19 @@ PARSERS: dict[str, tuple[Attack, str]] = {
     "toml pipe": (pipe("a.toml", load_scenario), "is a pipe, not a file"),
     "toml large": (text("a.toml", b"#" * 10_000_001, read_toml), "0.0 GB are too large; allowed: 0.01 GB"),
     "scenario long path": (
-        text("a.toml", f'[stage]\npath = "{"a" * 300}"\n', load_scenario), "names a file that cannot be: File name too",
+        text("a.toml", f'[stage]\npath = "{"a" * 300}"\n', load_scenario),
+        "names a file that cannot be: File name too",
     ),
     "manifest without files": (text("artefact.json", "[]", read_manifest), "artefact.json: changed"),
     "photograph pipe": (pipe("a.jpg", beside(open_photographs)), "a.jpg: is a pipe, not a file"),
     "photograph device": (device("a.jpg", beside(open_photographs)), "a.jpg: is a device, not a file"),
     "zip of a file and a folder": (
-        zipped({"a": b"x", "a/b.obj": b"v 0 0 0\n"}, into), "cannot be unpacked|one name",
+        zipped({"a": b"x", "a/b.obj": b"v 0 0 0\n"}, into),
+        "cannot be unpacked|one name",
     ),
     "zip without a name": (zipped({"../x.obj": b"x"}, check_archive), "an entry leads out of the archive"),
     "zip bomb of surfaces": (zipped({"albedo.png": b"\0" * 9_000_000}, find_sets), "times its size; allowed: 200"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.faults
@@ -183,7 +185,7 @@ TRUTHS: dict[str, tuple[str, tuple[str | int, ...], object, str]] = {
     "id twice": ("truth/instances.json", ("instances", 0, "id"), 12, "an id twice"),
     "colour": ("truth/instances.json", ("classes", 0, "color"), [300, 0, 0], "classes: a row that cannot be"),
     "no list": ("truth/instances.json", ("instances",), 3, "not the truth of a capture"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.faults
@@ -203,7 +205,7 @@ SURFACES: dict[str, tuple[dict[str, object], str]] = {
     "NaN": ({"draw_transform": np.full((3, 4, 4), np.nan)}, "draw_transform: numbers that cannot be"),
     "type": ({"draw_label": np.zeros(3, np.float64)}, "draw_label is float64"),
     "objects": ({"draw_label": np.array([{}, {}, {}])}, "draw_label is object"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.faults
@@ -239,9 +241,16 @@ def test_a_surface_that_claims_terabytes_allocates_nothing(capture: Path) -> Non
     count = 20_000
     part = np.zeros(count, np.int32)
     triangles = np.zeros((count, 3), np.uint32)
-    many = {**whole, "triangles": triangles, "part_first": np.zeros(1, np.int32), "draw_part": part,
-            "part_count": np.full(1, count, np.int32), "draw_transform": np.tile(np.eye(4), (count, 1, 1)),
-            "draw_instance": part.astype(np.uint32), "draw_label": part.astype(np.uint8)}  # fmt: skip
+    many = {
+        **whole,
+        "triangles": triangles,
+        "part_first": np.zeros(1, np.int32),
+        "draw_part": part,
+        "part_count": np.full(1, count, np.int32),
+        "draw_transform": np.tile(np.eye(4), (count, 1, 1)),
+        "draw_instance": part.astype(np.uint32),
+        "draw_label": part.astype(np.uint8),
+    }
     np.savez_compressed(path, **many)
     with pytest.raises(InputError, match="draws 400000000 triangles; allowed: 100000000"):
         truth_of(capture).surface()

@@ -48,9 +48,13 @@ def _process(folder: Path, *words: str, **environment: str) -> Iterator[subproce
     folder.mkdir()
     with (folder / "said").open("wb") as said:
         process = subprocess.Popen(
-            [sys.executable, "-m", "dask", *words], cwd=folder, stdout=said, stderr=said, start_new_session=True,
+            [sys.executable, "-m", "dask", *words],
+            cwd=folder,
+            stdout=said,
+            stderr=said,
+            start_new_session=True,
             env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
-        )  # fmt: skip
+        )
     try:
         yield process
     finally:

@@ -41,8 +41,15 @@ def test_damaged_files_are_refused_or_read(tmp_path: Path, proof_count: Count, r
     assert max(row["seconds"] for row in rows) < LONGEST
     found = Counter(row["outcome"] for row in rows)
     assert found[REFUSED] > count // 2  # the damage is real
-    figures = {"formats": len(FORMATS), "refused": found[REFUSED], "unchanged": found[SAME], "other": found[OTHER],
-               "died_in_a_child": found[DIED], "crashes": 0, "silently_wrong": 0}  # fmt: skip
+    figures = {
+        "formats": len(FORMATS),
+        "refused": found[REFUSED],
+        "unchanged": found[SAME],
+        "other": found[OTHER],
+        "died_in_a_child": found[DIED],
+        "crashes": 0,
+        "silently_wrong": 0,
+    }
     record_proof("untrusted input: damaged files of every format", count, SEED, figures)
 
 

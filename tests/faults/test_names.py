@@ -124,10 +124,19 @@ def test_no_name_becomes_script_in_the_report(tmp_path: Path) -> None:
 def test_no_name_becomes_script_in_the_page_of_flights(tmp_path: Path) -> None:
     """The same of a survey and the classes that it covers."""
     row = {
-        "centres": np.zeros((3, 3)).tolist(), "looks": np.ones((3, 3)).tolist(), "outline": np.zeros((3, 3)).tolist(),
-        "pitches": [1, 2], "images": 3, "length": 1.0, "duration": 1.0, "clearance": 1.0, "overlap": 0.5, "linked": 1.0,
-        "sampling": [0.1, 0.2], "base_angle": 3.0,
-    }  # fmt: skip
+        "centres": np.zeros((3, 3)).tolist(),
+        "looks": np.ones((3, 3)).tolist(),
+        "outline": np.zeros((3, 3)).tolist(),
+        "pitches": [1, 2],
+        "images": 3,
+        "length": 1.0,
+        "duration": 1.0,
+        "clearance": 1.0,
+        "overlap": 0.5,
+        "linked": 1.0,
+        "sampling": [0.1, 0.2],
+        "base_angle": 3.0,
+    }
     pages = []
     for number, word in enumerate(("plain", SCRIPT)):
         pages.append(tmp_path / f"{number}.html")
@@ -145,11 +154,15 @@ def refused(stage: Path) -> str:
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("inner", [
-    'def "A" (\n    references = @{}@</A>\n)\n{{\n}}\n', 'def "A"\n{{\n    asset file = @{}@\n}}\n',
-    'def "A" (\n    prepend variantSets = "v"\n)\n{{\n    variantSet "v" = {{\n        "w" (\n'
-    "            references = @{}@</A>\n        ) {{\n        }}\n    }}\n}}\n",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "inner",
+    [
+        'def "A" (\n    references = @{}@</A>\n)\n{{\n}}\n',
+        'def "A"\n{{\n    asset file = @{}@\n}}\n',
+        'def "A" (\n    prepend variantSets = "v"\n)\n{{\n    variantSet "v" = {{\n        "w" (\n'
+        "            references = @{}@</A>\n        ) {{\n        }}\n    }}\n}}\n",
+    ],
+)
 @pytest.mark.parametrize("how", ["absolute", "../../out.usda", "http", "in the folder of the command", "nested"])
 def test_nothing_inside_a_package_leads_out(
     inner: str, how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -157,8 +170,12 @@ def test_nothing_inside_a_package_leads_out(
     """A layer deep in a usdz, in an arc or a texture, absolute, climbing, remote, or found where the command runs."""
     (tmp_path / "out.usda").write_text(HEAD + MESH + "}\n")
     monkeypatch.chdir(tmp_path)
-    places = {"absolute": str(tmp_path / "out.usda"), "nested": str(tmp_path / "out.usda"),
-              "http": "http:" + "//nowhere/out.usda", "in the folder of the command": "out.usda"}  # fmt: skip
+    places = {
+        "absolute": str(tmp_path / "out.usda"),
+        "nested": str(tmp_path / "out.usda"),
+        "http": "http:" + "//nowhere/out.usda",
+        "in the folder of the command": "out.usda",
+    }
     name = places.get(how, how)
     package = tmp_path / "scene/tile.usdz"
     package.parent.mkdir()

@@ -89,7 +89,7 @@ def test_killed_in_every_step(calm: Path, start_reconstruct: Start, tmp_path: Pa
 @pytest.mark.proof_only
 def test_killed_at_random(
     calm: Path, start_reconstruct: Start, tmp_path: Path, proof_count: Count, record_proof: RecordProof
-) -> None:  # fmt: skip
+) -> None:
     """Kill runs at random moments, several times each, and compare every byte of what they end with."""
     draw, kills = np.random.default_rng(8), 0
     begin = time.monotonic()

@@ -23,13 +23,19 @@ from tests.faults.conftest import MAX_FEATURES, PATIENCE, Start, contents
 
 # A disk of its own for one command, and for the same once more when it has grown; what is there then is copied.
 # It ends with the namespace: its folder, its size, where to copy to, the command.
-FULL_DISK = ("unshare", "-rm", "bash", "-c", """
+FULL_DISK = (
+    "unshare",
+    "-rm",
+    "bash",
+    "-c",
+    """
     mount -t tmpfs -o size="$1" none "$0" || exit 9
     copy="$2"; shift 2
     "$@"; echo "first: $?" >&2
     mount -o remount,size=1g "$0"
     "$@" && cp -r "$0/out" "$copy"
-""")  # fmt: skip
+""",
+)
 
 
 def one_line(process: subprocess.Popen[str], said: str, code: int) -> str:

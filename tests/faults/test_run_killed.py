@@ -88,8 +88,17 @@ def test_workers_die_again_and_again_on_one_task(
     """More often than Dask would forgive: the task is not blamed, none is lost, and the bytes are those of a loop."""
     deaths = proof_count(4, 10)
     (tmp_path / "once").mkdir()
-    process = start("run", scenario, "-o", tmp_path / "out", "--workers", "1", TINY_FAULTS='{"capture:1": "kill"}',
-                    TINY_ONCE=str(tmp_path / "once"), TINY_KILLS=str(deaths))  # fmt: skip
+    process = start(
+        "run",
+        scenario,
+        "-o",
+        tmp_path / "out",
+        "--workers",
+        "1",
+        TINY_FAULTS='{"capture:1": "kill"}',
+        TINY_ONCE=str(tmp_path / "once"),
+        TINY_KILLS=str(deaths),
+    )
     _finish(process)
     assert len(list((tmp_path / "once").iterdir())) == deaths
     assert contents(tmp_path / "out") == calm

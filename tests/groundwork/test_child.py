@@ -23,9 +23,7 @@ ENVIRONMENT = {"PYTHONPATH": str(ROOT)}
 def run(do: str, value: object = None, time_limit: float = 60.0, memory_limit: float = 4.0) -> Any:
     """Let the test child do one thing."""
     request = {"do": do, "value": value}
-    return run_child(
-        MODULE, request, time_limit=time_limit, memory_limit=memory_limit, environment=ENVIRONMENT
-    )  # fmt: skip
+    return run_child(MODULE, request, time_limit=time_limit, memory_limit=memory_limit, environment=ENVIRONMENT)
 
 
 class Listener:
@@ -53,9 +51,7 @@ def test_answer_and_progress_come_through_noise() -> None:
     listener = Listener()
     value = {"numbers": [1, 0.1, 1e300], "text": "Brücke – ok", "nothing": None}
     request = {"do": "echo", "value": value}
-    found = run_child(
-        MODULE, request, time_limit=60, memory_limit=4, progress=listener, environment=ENVIRONMENT
-    )  # fmt: skip
+    found = run_child(MODULE, request, time_limit=60, memory_limit=4, progress=listener, environment=ENVIRONMENT)
     assert found == value
     assert listener.heard == [("stage", "echo", 2), ("advance", 1), ("note", "half way – über"), ("advance", 2)]
 
@@ -133,9 +129,11 @@ def test_children_die_with_their_parent(tmp_path: Path) -> None:
 def started(request: bytes) -> Iterator[subprocess.Popen[bytes]]:
     """Start the test child as a parent of its own."""
     process = subprocess.Popen(
-        [sys.executable, "-m", MODULE], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+        [sys.executable, "-m", MODULE],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
         env={**os.environ, **ENVIRONMENT},
-    )  # fmt: skip
+    )
     assert process.stdin is not None
     process.stdin.write(request)
     process.stdin.close()

@@ -103,10 +103,14 @@ def test_no_space_left_keeps_the_old_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("number", "kind"),
     [
-        (errno.ENOSPC, OutOfSpaceError), (errno.EDQUOT, OutOfSpaceError), (errno.EFBIG, OutOfSpaceError),
-        (errno.EACCES, InputError), (errno.EROFS, InputError), (errno.EIO, OSError),
+        (errno.ENOSPC, OutOfSpaceError),
+        (errno.EDQUOT, OutOfSpaceError),
+        (errno.EFBIG, OutOfSpaceError),
+        (errno.EACCES, InputError),
+        (errno.EROFS, InputError),
+        (errno.EIO, OSError),
     ],
-)  # fmt: skip
+)
 def test_space_errors(number: int, kind: type[Exception]) -> None:
     """System errors become what a user can act on; others pass."""
     with pytest.raises(kind) as caught, space_errors(Path("here")):

@@ -54,13 +54,17 @@ def test_what_no_file_can_be_is_one_line(tmp_path: Path) -> None:
     result.mkdir(parents=True)
     (result / "artefact.json").write_text("{}")
     for path, words in (
-        (tmp_path, "holds what the output is made from"), (Path(), "is a folder, not a file"),
+        (tmp_path, "holds what the output is made from"),
+        (Path(), "is a folder, not a file"),
         (pipe, "is not a plain file"),
-        (Path("/dev/null"), "is not a plain file"), (source, "is what the output is made from"),
-        (source / "page.html", "lies in what the output is made from"), (result / "page.html", "in a stored result"),
-        (tmp_path / ("x" * 256), "a name that is too long"), (tmp_path / "a\0.html", "a null character"),
+        (Path("/dev/null"), "is not a plain file"),
+        (source, "is what the output is made from"),
+        (source / "page.html", "lies in what the output is made from"),
+        (result / "page.html", "in a stored result"),
+        (tmp_path / ("x" * 256), "a name that is too long"),
+        (tmp_path / "a\0.html", "a null character"),
         (Path("/proc/page.html"), "proc: not writable"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(InputError, match=words) as caught:
             write_fresh_file(path, PAGE, [source])
         assert "\n" not in str(caught.value)

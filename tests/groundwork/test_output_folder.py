@@ -256,10 +256,13 @@ def test_outputs_never_touch_what_they_are_made_from(tmp_path: Path) -> None:
     source.mkdir(parents=True)
     link.symlink_to(source)
     for out, words in (
-        (source, "is what the output is made from"), (link, "is what the output is made from"),
-        (source / "inner" / "out", "lies in what the output is made from"), (link / "out", "lies in what"),
-        (tmp_path / "deep", "holds what the output is made from"), (source / ".." / ".." / "deep", "holds what"),
-    ):  # fmt: skip
+        (source, "is what the output is made from"),
+        (link, "is what the output is made from"),
+        (source / "inner" / "out", "lies in what the output is made from"),
+        (link / "out", "lies in what"),
+        (tmp_path / "deep", "holds what the output is made from"),
+        (source / ".." / ".." / "deep", "holds what"),
+    ):
         refuse(out, words=words, inputs=(source,))
     assert not list(source.iterdir())
 

@@ -30,8 +30,10 @@ def floor_cloud(seed: int, count: int, *, measured: bool = False) -> Cloud:
         coord, distance = coord[kept], distance[kept]
         off = 0.002 * distance * rng.standard_normal(len(coord))
         coord[:, 2] += off
-    columns = {name: np.zeros((len(coord), row.width) if row.width > 1 else len(coord), row.dtype)
-               for name, row in COLUMNS.items()}  # fmt: skip
+    columns = {
+        name: np.zeros((len(coord), row.width) if row.width > 1 else len(coord), row.dtype)
+        for name, row in COLUMNS.items()
+    }
     columns |= {"coord": coord, "surface_distance": np.abs(off).astype(np.float32) * np.ones(len(coord), np.float32)}
     columns["normal"][:, 2] = 1.0
     facts = {"stations": [STATION.tolist()]} if measured else {}

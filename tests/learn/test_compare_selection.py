@@ -20,8 +20,12 @@ from tests.learn.toy_bridge import toy_cloud, write_toy
 
 def experiment(**more: object) -> ExperimentSettings:
     """Give an experiment with three arms of one set and two tests."""
-    values = {"arms": {"a": ["a"], "b": ["b"], "ab": ["a", "b"]}, "tests": {"a": "a", "b": "b"}, "fewest": 10,
-              "shares": (0.5, 0.1, 0.4)}  # fmt: skip
+    values = {
+        "arms": {"a": ["a"], "b": ["b"], "ab": ["a", "b"]},
+        "tests": {"a": "a", "b": "b"},
+        "fewest": 10,
+        "shares": (0.5, 0.1, 0.4),
+    }
     return ExperimentSettings.model_validate({**values, **more})
 
 
@@ -52,15 +56,22 @@ def test_windows_are_those_that_everything_compared_shows(windows: str, seed: in
         for arm, split in itertools.product(group, ("train", "val")):
             wanted = [
                 (scene.name, part.cloud, number)
-                for part in settings.parts(arm) for scene in scenes for number in range(12)
-                if splits["bridges", scene.bridge] == split and all(cloud in scene.counts for cloud in clouds)
-                and all((scene.counts[cloud].quiet if split == "train" else scene.counts[cloud].all)[number] >= 10
-                        for cloud in clouds)
-            ]  # fmt: skip
+                for part in settings.parts(arm)
+                for scene in scenes
+                for number in range(12)
+                if splits["bridges", scene.bridge] == split
+                and all(cloud in scene.counts for cloud in clouds)
+                and all(
+                    (scene.counts[cloud].quiet if split == "train" else scene.counts[cloud].all)[number] >= 10
+                    for cloud in clouds
+                )
+            ]
             found = windows_of(scenes, splits, settings, arm=arm, group=group, split=split)
             assert [(place.folder.name.zfill(4), place.cloud, place.number) for place in found] == wanted
-    tested = {name: {(place.folder, place.number) for place in windows_to_test(scenes, splits, settings, name)}
-              for name in "ab"}  # fmt: skip
+    tested = {
+        name: {(place.folder, place.number) for place in windows_to_test(scenes, splits, settings, name)}
+        for name in "ab"
+    }
     assert (tested["a"] == tested["b"]) == (windows == "all")
     assert all(splits["bridges", f"hash{folder.name}"] == "test" for places in tested.values() for folder, _ in places)
     for row in losses_of(scenes, splits, settings):
@@ -199,18 +210,28 @@ def test_too_few_bridges_are_said_before_anything_is_made() -> None:
 def test_presets_and_what_is_refused() -> None:
     """Every preset of the package loads; parts are read; what cannot be is one line."""
     assert preset_names() == (
-        "global", "sensor-matrix", "task-local-1", "task-local-2", "task-local-3", "uncertainty-filter",
-    )  # fmt: skip
+        "global",
+        "sensor-matrix",
+        "task-local-1",
+        "task-local-2",
+        "task-local-3",
+        "uncertainty-filter",
+    )
     for name in preset_names():
         assert experiment_settings(name, {"seeds": 2}).seeds == 2
     assert experiment_settings("sensor-matrix", {}).parts("visible_noise") == (Part("bridges", "visible", "local"),)
     assert read_part("korea/tls~ local") == Part("korea", "tls", "local")
-    for given, reason in (({"pairs": [["mesh", "mash"]]}, "mash"), ({"arms": {"x": ["a b"]}}, "no such clouds"),
-                          ({"shares": [1, 1, 1]}, "add up to 1"), ({"sede": 1}, "Did you mean 'seeds'"),
-                          ({"filters": {"mesh": 0.05}}, "0.1 .noisy. to 1000"), ({"filters": {"m": 1.0}}, "no arm"),
-                          ({"filters": {"mesh": 1.0}, "noisy_class": True}, "choose one"),
-                          ({"channels": ["x", "uncertainty"]}, "not a channel"),
-                          ({"channels": ["height"], "mode": "paper"}, "needs mode")):  # fmt: skip
+    for given, reason in (
+        ({"pairs": [["mesh", "mash"]]}, "mash"),
+        ({"arms": {"x": ["a b"]}}, "no such clouds"),
+        ({"shares": [1, 1, 1]}, "add up to 1"),
+        ({"sede": 1}, "Did you mean 'seeds'"),
+        ({"filters": {"mesh": 0.05}}, "0.1 .noisy. to 1000"),
+        ({"filters": {"m": 1.0}}, "no arm"),
+        ({"filters": {"mesh": 1.0}, "noisy_class": True}, "choose one"),
+        ({"channels": ["x", "uncertainty"]}, "not a channel"),
+        ({"channels": ["height"], "mode": "paper"}, "needs mode"),
+    ):
         with pytest.raises(InputError, match=reason):
             experiment_settings("sensor-matrix", given)
     with pytest.raises(InputError, match=r"sensor-matrix.*or a \.toml file"):

@@ -25,26 +25,42 @@ def record_of(arms: tuple[str, ...], seeds: int, bridges: int) -> dict[str, obje
     settings = ExperimentSettings.model_validate(
         {"arms": {arm: ["c"] for arm in arms}, "tests": {"t": "c"}, "models": ["forest"], "draws": 200}
     )
-    trials = [Trial(**{**vars(trial(arm, seed, bridges, 90 - 10 * place + seed)), "group": tuple(arms)})
-              for place, arm in enumerate(arms) for seed in range(seeds)]  # fmt: skip
+    trials = [
+        Trial(**{**vars(trial(arm, seed, bridges, 90 - 10 * place + seed)), "group": tuple(arms)})
+        for place, arm in enumerate(arms)
+        for seed in range(seeds)
+    ]
     found = findings(trials, CLASSES, settings)
-    return {"title": "T", "classes": list(CLASSES), "groups": [list(arms)], "level": 0.95, "draws": 200, "facts": ["f"],
-            "losses": [], "command": "falsework compare", **found}  # fmt: skip
+    return {
+        "title": "T",
+        "classes": list(CLASSES),
+        "groups": [list(arms)],
+        "level": 0.95,
+        "draws": 200,
+        "facts": ["f"],
+        "losses": [],
+        "command": "falsework compare",
+        **found,
+    }
 
 
 def test_a_difference_is_that_of_the_matrices() -> None:
     """Ten points of a hundred: difference, wins and both intervals by the functions that other tests prove."""
     record = record_of(("a", "b"), 3, 4)
     (row,) = record["differences"]  # type: ignore[misc]
-    stacks = [np.array([list(trial(arm, seed, 4, 90 - 10 * place + seed).bridges.values()) for seed in range(3)])
-              for place, arm in enumerate("ab")]  # fmt: skip
+    stacks = [
+        np.array([list(trial(arm, seed, 4, 90 - 10 * place + seed).bridges.values()) for seed in range(3)])
+        for place, arm in enumerate("ab")
+    ]
     wanted = crossed_bootstrap(stacks[0], stacks[1], 200, 0, 0.95, corrected=True)
     assert row["difference"] == pytest.approx(wanted.mean)
     assert row["interval"] == pytest.approx([wanted.low, wanted.high])
     assert (row["wins"], row["seeds"], row["bridges"]) == (3, 3, 4)
     assert row["over_seeds"][0] <= row["difference"] <= row["over_seeds"][1]
-    ious = [[(stack.sum(axis=0)[0, 0] / (stack.sum(axis=0)[0].sum() + stack.sum(axis=0)[1, 0])) for stack in both]
-            for both in stacks]  # fmt: skip
+    ious = [
+        [(stack.sum(axis=0)[0, 0] / (stack.sum(axis=0)[0].sum() + stack.sum(axis=0)[1, 0])) for stack in both]
+        for both in stacks
+    ]
     assert row["classes"]["background"]["difference"] == pytest.approx(np.mean(ious[0]) - np.mean(ious[1]))
     assert "arch" not in row["classes"]
 

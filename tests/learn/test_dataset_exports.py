@@ -106,8 +106,9 @@ def test_semanticbridge(tmp_path: Path) -> None:
     known = read_class_map("semanticbridge")
     facts = [identify(path, known) for path in (ply, tmp_path / "bridge_08.las")]
     assert [(row.test, row.evaluate_only, row.licence) for row in facts] == [
-        (True, True, "CC BY-NC 4.0"), (False, True, "CC BY-NC 4.0"),
-    ]  # fmt: skip
+        (True, True, "CC BY-NC 4.0"),
+        (False, True, "CC BY-NC 4.0"),
+    ]
     table = class_table("semanticbridge")
     clouds = [read_labelled(path, known, table) for path in (ply, tmp_path / "bridge_08.las")]
     for cloud in clouds:
@@ -159,10 +160,14 @@ def test_maps_of_the_package_and_of_users(tmp_path: Path) -> None:
     (tmp_path / "m.json").write_text(good)
     assert read_class_map(str(tmp_path / "m.json")).label(3, class_table("kim2023")) == 1
     for text, words in (
-        (good.replace("column", "colum"), "unknown part"), (good.replace('"id": 3', '"id": 300'), "less than or equal"),
-        (good.replace('"parts"', '"part"'), "Did you mean"), ("[]", "not a class map"), ("{", "not readable as JSON"),
-        ('{"title": "x"}', "names no number"), ('{"table": "kim"}', "unknown table"),
-    ):  # fmt: skip
+        (good.replace("column", "colum"), "unknown part"),
+        (good.replace('"id": 3', '"id": 300'), "less than or equal"),
+        (good.replace('"parts"', '"part"'), "Did you mean"),
+        ("[]", "not a class map"),
+        ("{", "not readable as JSON"),
+        ('{"title": "x"}', "names no number"),
+        ('{"table": "kim"}', "unknown table"),
+    ):
         (tmp_path / "m.json").write_text(text)
         with pytest.raises(InputError, match=words):
             read_class_map(str(tmp_path / "m.json"))

@@ -89,8 +89,19 @@ def test_inputs_are_a_whitelist(clouds: list[Path], metric: Path, tmp_path: Path
     for number, path in enumerate(clouds):
         cloud = read_cloud(path)
         order = rng.permutation(len(cloud))
-        names = ("segment", "instance", "component", "confidence", "label_margin_px", "uncertainty",
-                 "uncertainty_min", "uncertainty_max", "displacement", "surface_distance", "surface_class")  # fmt: skip
+        names = (
+            "segment",
+            "instance",
+            "component",
+            "confidence",
+            "label_margin_px",
+            "uncertainty",
+            "uncertainty_min",
+            "uncertainty_max",
+            "displacement",
+            "surface_distance",
+            "surface_class",
+        )
         changed: dict[str, Any] = {name: cloud.columns[name][order] for name in names}
         shuffled.append(write_toy(tmp_path / path.name, [0, 1, 2, 3, 9][number], bridge=cloud.bridge, **changed))
     other = build(tmp_path / "set", shuffled)
@@ -298,10 +309,11 @@ def test_bad_input_is_one_line(clouds: list[Path], metric: Path, tmp_path: Path)
         settings(tile={"size": 10.0, "stride": 3.0})
     stored = json.loads((metric / MANIFEST).read_text())
     for change, words in (
-        ({"format_version": 9}, "of this version"), ({"pieces": [{"name": "x"}]}, "missing or of a wrong kind"),
+        ({"format_version": 9}, "of this version"),
+        ({"pieces": [{"name": "x"}]}, "missing or of a wrong kind"),
         ({"inputs": ["uncertainty"]}, "cannot be"),
         ({"pieces": [{**stored["pieces"][0], "name": "../../x"}]}, "leaves the data set"),
-    ):  # fmt: skip
+    ):
         folder = tmp_path / words[:4]
         folder.mkdir()
         (folder / MANIFEST).write_text(json.dumps({**stored, **change}))

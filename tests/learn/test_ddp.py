@@ -35,8 +35,20 @@ def test_two_processes_train_as_one_with_twice_the_batch(tmp_path: Path) -> None
     cut = ["--set", "points=256", "--set", "fewest=64", "--set", "tile.voxel=0.3"]
     command = [sys.executable, "-m", "falsework"]
     subprocess.run([*command, "dataset", "local", *map(str, clouds), "-o", str(tmp_path / "set"), *cut], check=True)
-    net = ["--epochs", "4", "--batch", "4", "--set", "network.counts=[64, 16]", "--set", "network.unit=2.0", "--set",
-           "accelerator=cpu", "--set", "devices=2"]  # fmt: skip
+    net = [
+        "--epochs",
+        "4",
+        "--batch",
+        "4",
+        "--set",
+        "network.counts=[64, 16]",
+        "--set",
+        "network.unit=2.0",
+        "--set",
+        "accelerator=cpu",
+        "--set",
+        "devices=2",
+    ]
     for name in ("a", "b"):
         subprocess.run([*command, "train", str(tmp_path / "set"), "-o", str(tmp_path / name), *net], check=True)
     assert (tmp_path / "a/model.safetensors").read_bytes() == (tmp_path / "b/model.safetensors").read_bytes()

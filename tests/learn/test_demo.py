@@ -141,7 +141,15 @@ def test_the_demonstration_learns_and_shuffled_labels_teach_nothing(tmp_path: Pa
     mixed += [cloud for cloud in demo_clouds() if cloud.name in TEST]
     _, (shuffled, *_) = run_demo(tmp_path / "mixed", Silent(), clouds=mixed, changed={"epochs": 1})
     assert shuffled.mean < 0.25
-    record_proof("learn: train --demo", len(network.bridges), 0, {
-        "miou": network.mean, "miou_height_forest": forest.mean, "miou_majority": majority.mean,
-        "miou_shuffled_labels": shuffled.mean, "cpu_s": round(spent),
-    })  # fmt: skip
+    record_proof(
+        "learn: train --demo",
+        len(network.bridges),
+        0,
+        {
+            "miou": network.mean,
+            "miou_height_forest": forest.mean,
+            "miou_majority": majority.mean,
+            "miou_shuffled_labels": shuffled.mean,
+            "cpu_s": round(spent),
+        },
+    )

@@ -158,8 +158,11 @@ def test_a_model_that_knows_the_truth_has_panoptic_quality_one(overlapping: Path
     assert record["calibration_error"] == 0.0
     modelled = record["panoptic"]["modelled"]["classes"]
     assert {name: row["true"] for name, row in modelled.items()} == {
-        "background": 2, "column": 2, "pier_cap": 2, "deck": 2,
-    }  # fmt: skip
+        "background": 2,
+        "column": 2,
+        "pier_cap": 2,
+        "deck": 2,
+    }
 
 
 def test_what_cannot_be_scored_is_one_line(overlapping: Path, tmp_path: Path) -> None:

@@ -23,15 +23,49 @@ from recon.formats.laz import write_laz
 from tests.learn.toy_bridge import toy_cloud, write_toy
 
 COUNT = 3000
-HIDDEN = ("instance", "confidence", "label_margin_px", "uncertainty", "uncertainty_min", "uncertainty_max",
-          "uncertainty_relative", "displacement", "surface_distance", "reprojection_error")  # fmt: skip
-CUT = ("--set", "points=256", "--set", "fewest=1", "--set", 'test=["b3"]', "--set", "tile.voxel=0.3",
-       "--set", "tile.size=20.0", "--set", "tile.stride=10.0")  # fmt: skip
+HIDDEN = (
+    "instance",
+    "confidence",
+    "label_margin_px",
+    "uncertainty",
+    "uncertainty_min",
+    "uncertainty_max",
+    "uncertainty_relative",
+    "displacement",
+    "surface_distance",
+    "reprojection_error",
+)
+CUT = (
+    "--set",
+    "points=256",
+    "--set",
+    "fewest=1",
+    "--set",
+    'test=["b3"]',
+    "--set",
+    "tile.voxel=0.3",
+    "--set",
+    "tile.size=20.0",
+    "--set",
+    "tile.stride=10.0",
+)
 MODELS = {
     "forest": ("--model", "forest", "--set", "network.trees=12", "--set", "network.scales=[8, 24]"),
-    "net": ("--model", "pointnet2-ssg", "--epochs", "3", "--batch", "4", "--set", "network.counts=[64, 16]",
-            "--set", "network.unit=2.0", "--set", "accelerator=cpu"),
-}  # fmt: skip
+    "net": (
+        "--model",
+        "pointnet2-ssg",
+        "--epochs",
+        "3",
+        "--batch",
+        "4",
+        "--set",
+        "network.counts=[64, 16]",
+        "--set",
+        "network.unit=2.0",
+        "--set",
+        "accelerator=cpu",
+    ),
+}
 
 
 def call(*words: object) -> int:
@@ -196,8 +230,9 @@ def test_clouds_of_a_run_are_told_apart_and_empty_splits_are_said(
     assert "val is empty: the sources show 1 bridge" in said
     assert "test is empty" in said
     assert [row["name"] for row in json.loads((tmp_path / "set" / "dataset.json").read_text())["sources"]] == [
-        "0000/local", "0001/local",
-    ]  # fmt: skip
+        "0000/local",
+        "0001/local",
+    ]
     assert "| 0001/local | mesh |" in (tmp_path / "set" / "README.md").read_text()
     assert call("train", tmp_path / "set", "-o", tmp_path / "model", *MODELS["net"]) == 2
     assert "too few bridges" in capsys.readouterr().err

@@ -19,8 +19,20 @@ from learn.datasets.split import split_bridges
 from learn.trained import FACTS, WEIGHTS
 from tests.learn.toy_bridge import write_toy
 
-CUT = ("--set", "points=128", "--set", "fewest=1", "--set", 'test=["b4"]', "--set", "tile.voxel=0.4", "--set",
-       "tile.size=20.0", "--set", "tile.stride=20.0")  # fmt: skip
+CUT = (
+    "--set",
+    "points=128",
+    "--set",
+    "fewest=1",
+    "--set",
+    'test=["b4"]',
+    "--set",
+    "tile.voxel=0.4",
+    "--set",
+    "tile.size=20.0",
+    "--set",
+    "tile.stride=20.0",
+)
 NET = ("--epochs", "1", "--batch", "8", "--set", "network.counts=[64, 16]", "--set", "accelerator=cpu")
 
 
@@ -31,14 +43,19 @@ def call(*words: object) -> int:
     return int(left.value.code or 0)
 
 
-@given(st.lists(st.tuples(st.integers(0, 12), st.booleans(), st.booleans()), min_size=1, max_size=40),
-       st.integers(0, 99), st.tuples(st.floats(0, 1), st.floats(0, 1), st.floats(0.01, 1)))  # fmt: skip
+@given(
+    st.lists(st.tuples(st.integers(0, 12), st.booleans(), st.booleans()), min_size=1, max_size=40),
+    st.integers(0, 99),
+    st.tuples(st.floats(0, 1), st.floats(0, 1), st.floats(0.01, 1)),
+)
 def test_no_bridge_is_in_two_splits(
     drawn: list[tuple[int, bool, bool]], seed: int, shares: tuple[float, float, float]
 ) -> None:
     """Whatever looks, worlds and sensors of whichever bridges; what is for the test alone is in no other split."""
-    sources = [SourceFacts(f"{i}", f"b{bridge}", f"d{i}", "mesh", evaluate_only=only, test=kept)
-               for i, (bridge, only, kept) in enumerate(drawn)]  # fmt: skip
+    sources = [
+        SourceFacts(f"{i}", f"b{bridge}", f"d{i}", "mesh", evaluate_only=only, test=kept)
+        for i, (bridge, only, kept) in enumerate(drawn)
+    ]
     whole = [share / sum(shares) for share in shares]
     found = split_bridges(sources, dataset_settings("local", {"seed": seed, "shares": whole}, "test"))
     assert found.keys() == {source.bridge for source in sources}  # one split each
@@ -69,9 +86,14 @@ def test_a_manifest_keeps_the_test_apart(chains: Path) -> None:
         sets = [{getattr(row, key) for row in rows} for rows in parts.values()]
         assert sum(map(len, sets)) == len(set().union(*sets))
     assert {row.bridge for row in parts["test"]} == {"b40"}
-    places = {split: {tuple(place) for row in rows for place in
-                      (read_piece(chains / "set0", row, ()).coord + np.array(row.origin)).round(3).tolist()}
-              for split, rows in parts.items()}  # fmt: skip
+    places = {
+        split: {
+            tuple(place)
+            for row in rows
+            for place in (read_piece(chains / "set0", row, ()).coord + np.array(row.origin)).round(3).tolist()
+        }
+        for split, rows in parts.items()
+    }
     assert len(places["train"]) > 1000
     assert not places["train"] & places["test"]
     assert not places["val"] & places["test"]

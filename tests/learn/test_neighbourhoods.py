@@ -140,11 +140,19 @@ def test_the_cache_reads_what_it_wrote(tmp_path: Path) -> None:
 def test_each_network_has_its_own_key() -> None:
     """Whatever changes a pyramid changes its parameters."""
     variants = [
-        ("pointnet2-ssg", {}), ("pointnet2-ssg", {"unit": 2.0}), ("pointnet2-ssg", {"counts": (512, 64)}),
-        ("pointnet2-msg", {}), ("pointnext-s", {}), ("pointnext-b", {}), ("pointnext-s", {"radius": 0.2}),
-        ("pointnext-s", {"neighbours": 16}), ("randlanet", {}), ("randlanet", {"neighbours": 8}),
-        ("randlanet", {"ratios": (4, 4, 4, 4, 4)}), ("randlanet", {"sampling_seed": 1}),
-    ]  # fmt: skip
+        ("pointnet2-ssg", {}),
+        ("pointnet2-ssg", {"unit": 2.0}),
+        ("pointnet2-ssg", {"counts": (512, 64)}),
+        ("pointnet2-msg", {}),
+        ("pointnext-s", {}),
+        ("pointnext-b", {}),
+        ("pointnext-s", {"radius": 0.2}),
+        ("pointnext-s", {"neighbours": 16}),
+        ("randlanet", {}),
+        ("randlanet", {"neighbours": 8}),
+        ("randlanet", {"ratios": (4, 4, 4, 4, 4)}),
+        ("randlanet", {"sampling_seed": 1}),
+    ]
     keys = []
     for name, settings in variants:
         network = build_network(name, settings, 3, 4)

@@ -18,10 +18,32 @@ from learn.predict.class_sum import sum_classes
 from learn.trained import read_facts, read_weights
 from tests.learn.toy_bridge import DECK_HEIGHT, toy_cloud, write_toy
 
-CUT = ("--set", "points=256", "--set", "fewest=1", "--set", "tile.voxel=0.3", "--set", "tile.size=20.0", "--set",
-       "tile.stride=10.0")  # fmt: skip
-NET = ("--model", "pointnet2-ssg", "--epochs", "3", "--batch", "4", "--set", "network.counts=[64, 16]",
-       "--set", "network.unit=2.0", "--set", "accelerator=cpu")  # fmt: skip
+CUT = (
+    "--set",
+    "points=256",
+    "--set",
+    "fewest=1",
+    "--set",
+    "tile.voxel=0.3",
+    "--set",
+    "tile.size=20.0",
+    "--set",
+    "tile.stride=10.0",
+)
+NET = (
+    "--model",
+    "pointnet2-ssg",
+    "--epochs",
+    "3",
+    "--batch",
+    "4",
+    "--set",
+    "network.counts=[64, 16]",
+    "--set",
+    "network.unit=2.0",
+    "--set",
+    "accelerator=cpu",
+)
 CLASS_MAP = """title = "of our office"
 column = "classification"
 [[code]]
@@ -69,8 +91,19 @@ def office(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert call("train", root / "set", "-o", root / "net", *NET) == 0
     words = (root / "patch.laz", "--class-map", root / "mine.toml", "--table", "own")
     assert call("dataset", "local", *words, "-o", root / "patchset", *CUT) == 0
-    tuned = ("--init", root / "net", "--freeze-encoder", "--epochs", "6", "--batch", "4", "--set", "validation=0",
-             "--set", "accelerator=cpu")  # fmt: skip
+    tuned = (
+        "--init",
+        root / "net",
+        "--freeze-encoder",
+        "--epochs",
+        "6",
+        "--batch",
+        "4",
+        "--set",
+        "validation=0",
+        "--set",
+        "accelerator=cpu",
+    )
     assert call("train", root / "patchset", "-o", root / "mine", *tuned) == 0
     return root
 

@@ -82,14 +82,31 @@ def test_a_copy_of_las_changes_nothing_but_three_columns(kinds: tuple[str, str],
     np.testing.assert_array_equal(raw[0], raw[1])
     names = set(after.point_format.dimension_names) - set(before.point_format.dimension_names)
     assert names == {"predicted_class", "predicted_confidence", "predicted_instance"}
-    for name in ("scales", "offsets", "mins", "maxs", "system_identifier", "generating_software", "creation_date",
-                 "uuid", "point_count", "number_of_points_by_return", "version"):  # fmt: skip
+    for name in (
+        "scales",
+        "offsets",
+        "mins",
+        "maxs",
+        "system_identifier",
+        "generating_software",
+        "creation_date",
+        "uuid",
+        "point_count",
+        "number_of_points_by_return",
+        "version",
+    ):
         assert np.all(getattr(after.header, name) == getattr(before.header, name)), name
     described = [las.header.vlrs.get("ExtraBytesVlr")[0].record_data_bytes() for las in (before, after)]
     assert described[1][: len(described[0])] == described[0]
     own = {"LASF_Spec", "laszip encoded"}
-    kept = [[(v.user_id, v.record_id, v.description, v.record_data_bytes()) for v in las.header.vlrs
-             if v.user_id not in own] for las in (before, after)]  # fmt: skip
+    kept = [
+        [
+            (v.user_id, v.record_id, v.description, v.record_data_bytes())
+            for v in las.header.vlrs
+            if v.user_id not in own
+        ]
+        for las in (before, after)
+    ]
     assert kept[0] == kept[1]
     assert len(kept[0]) == 2
     if kinds[0] == "las":
@@ -139,11 +156,16 @@ def test_units_and_axes_do_not_matter(tmp_path: Path) -> None:
     coord -= np.array([4e5, 5e6, 30.0])
     asked = []
     turned = np.column_stack([coord[:, 0], coord[:, 2], -coord[:, 1]])  # y up
-    for number, (points, given) in enumerate((
-        (coord, {"unit": "m"}), (coord / 0.3048, {"unit": "ft"}), (coord * 1000.0, {"unit": "mm"}),
-        (coord / 7.5, {"scale": 7.5}), (turned + np.array([0.0, 0.0, 20.0]), {"unit": "m", "up": "y"}),
-        (coord + np.array([1e6, 0.0, 500.0]), {"unit": "m"}),
-    )):  # fmt: skip
+    for number, (points, given) in enumerate(
+        (
+            (coord, {"unit": "m"}),
+            (coord / 0.3048, {"unit": "ft"}),
+            (coord * 1000.0, {"unit": "mm"}),
+            (coord / 7.5, {"scale": 7.5}),
+            (turned + np.array([0.0, 0.0, 20.0]), {"unit": "m", "up": "y"}),
+            (coord + np.array([1e6, 0.0, 500.0]), {"unit": "m"}),
+        )
+    ):
         model = ColorModel()
         np.save(tmp_path / "a.npy", np.column_stack([points, color]))
         predict_scan(tmp_path / "a.npy", tmp_path / f"b{number}.npy", model, PredictSettings.model_validate(given))
@@ -162,16 +184,19 @@ def test_other_formats_are_copied(tmp_path: Path) -> None:
     expected = color[:, 0] // 64
     meters = PredictSettings(unit="m")
     # PLY, positions and colours in elements of their own, and bytes of a third element behind them
-    head = (b"ply\nformat binary_little_endian 1.0\ncomment kept\nelement vertex 500\nproperty double x\n"
-            b"property double y\nproperty double z\nelement color 500\nproperty uchar red\nproperty uchar green\n"
-            b"property uchar blue\nend_header\n")  # fmt: skip
+    head = (
+        b"ply\nformat binary_little_endian 1.0\ncomment kept\nelement vertex 500\nproperty double x\n"
+        b"property double y\nproperty double z\nelement color 500\nproperty uchar red\nproperty uchar green\n"
+        b"property uchar blue\nend_header\n"
+    )
     (tmp_path / "a.ply").write_bytes(head + coord.tobytes() + color.tobytes())
     predict_scan(tmp_path / "a.ply", tmp_path / "b.ply", ColorModel(), meters)
     found = (tmp_path / "b.ply").read_bytes()
     assert found.endswith(color.tobytes())
     assert b"comment kept\n" in found
-    rows = np.frombuffer(found[found.index(b"end_header\n") + 11 :],
-                         [("xyz", "<f8", 3), ("c", "u1"), ("p", "<f4"), ("i", "<u4")], 500)  # fmt: skip
+    rows = np.frombuffer(
+        found[found.index(b"end_header\n") + 11 :], [("xyz", "<f8", 3), ("c", "u1"), ("p", "<f4"), ("i", "<u4")], 500
+    )
     np.testing.assert_array_equal(rows["xyz"], coord)
     np.testing.assert_array_equal(rows["c"], expected)
     np.testing.assert_array_equal(read_scan(tmp_path / "b.ply").color, color)
@@ -187,8 +212,10 @@ def test_other_formats_are_copied(tmp_path: Path) -> None:
         assert new.startswith(old.strip() + f" {label} 0.7 ")
         assert new.endswith("\r")
     # records
-    table = np.zeros(500, [("x", "f8"), ("y", "f8"), ("z", "f8"), ("red", "u1"), ("green", "u1"), ("blue", "u1"),
-                           ("extra", "f4", (2,))])  # fmt: skip
+    table = np.zeros(
+        500,
+        [("x", "f8"), ("y", "f8"), ("z", "f8"), ("red", "u1"), ("green", "u1"), ("blue", "u1"), ("extra", "f4", (2,))],
+    )
     for place, name in enumerate("xyz"):
         table[name] = coord[:, place]
     for place, name in enumerate(("red", "green", "blue")):

@@ -74,11 +74,13 @@ def doubtful(mixed: bool, told: bool = True) -> DoubtfulBridges:
 
 def test_labels_of_points_that_nobody_saw_teach_nothing(tmp_path: Path) -> None:
     """Under modern the weights are the same bytes whatever they say; they matter with doubt 0, and under paper."""
-    for number, (chosen, same) in enumerate([
-        (settings(validation=0.0, epochs=1), True),
-        (settings(validation=0.0, epochs=1, doubt=0.0), False),
-        (settings(validation=0.0, epochs=1, recipe="paper"), False),
-    ]):  # fmt: skip
+    for number, (chosen, same) in enumerate(
+        [
+            (settings(validation=0.0, epochs=1), True),
+            (settings(validation=0.0, epochs=1, doubt=0.0), False),
+            (settings(validation=0.0, epochs=1, recipe="paper"), False),
+        ]
+    ):
         a, b = (train(tmp_path / f"{number}{mixed}", doubtful(mixed), chosen) for mixed in (False, True))
         assert ((a / WEIGHTS).read_bytes() == (b / WEIGHTS).read_bytes()) is same
 

@@ -29,8 +29,9 @@ def piece(count: int = 4000, seed: int = 0) -> Patch:
         "color": rng.integers(1, 256, (count, 3)).astype(np.uint8),
         "normal": np.tile(np.array([0, 0, 1], np.float32), (count, 1)),
     }
-    return Patch(coord, inputs, rng.integers(0, 4, count).astype(np.uint8), np.arange(count, dtype=np.float32),
-                 np.zeros(3), 7)  # fmt: skip
+    return Patch(
+        coord, inputs, rng.integers(0, 4, count).astype(np.uint8), np.arange(count, dtype=np.float32), np.zeros(3), 7
+    )
 
 
 def changed(seed: int, **chosen: float) -> tuple[Patch, NDArray[np.float64]]:

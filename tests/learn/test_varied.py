@@ -25,8 +25,14 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set of components of two bridges, nothing held out, nothing turned, mirrored or scaled."""
     place = tmp_path_factory.mktemp("varied")
     clouds = [write_toy(place / f"{i}", i, 24_000, f"b{i}") for i in range(2)]
-    chosen = {"points": 512, "fewest": 64, "table": "components", "shares": (1.0, 0.0, 0.0), "tile": {"voxel": 0.1},
-              "augment": {"flip": False, "rotate": False, "scale": (1.0, 1.0)}}  # fmt: skip
+    chosen = {
+        "points": 512,
+        "fewest": 64,
+        "table": "components",
+        "shares": (1.0, 0.0, 0.0),
+        "tile": {"voxel": 0.1},
+        "augment": {"flip": False, "rotate": False, "scale": (1.0, 1.0)},
+    }
     (place / "set").mkdir()
     build_dataset([Source(path) for path in clouds], place / "set", dataset_settings("local", chosen, "test"))
     return place / "set"
@@ -69,8 +75,11 @@ def test_a_still_sample_is_a_piece_and_each_change_does_what_it_says(stored: Pat
     plain = varied(stored).sample(1, 4)
     facts = StoredSplit(stored, "train").facts
     pieces = [read_piece(stored, row, ()) for row in facts.pieces]
-    known = {point.tobytes(): label for piece in pieces
-             for point, label in zip(facts.scaling.apply(piece.coord), piece.labels, strict=True)}  # fmt: skip
+    known = {
+        point.tobytes(): label
+        for piece in pieces
+        for point, label in zip(facts.scaling.apply(piece.coord), piece.labels, strict=True)
+    }
     assert [known[point.tobytes()] for point in plain.coord] == plain.labels.tolist()
     thinned = varied(stored, thinned=1.0, least=0.1)
     places = [len(np.unique(thinned.sample(row, 0).coord, axis=0)) for row in range(40)]
@@ -79,8 +88,11 @@ def test_a_still_sample_is_a_piece_and_each_change_does_what_it_says(stored: Pat
     bare = [row for row in range(40) if not varied(stored, bare=1.0).sample(row, 0).labels.any()]  # 0 is ground
     assert len(bare) > 20 + len(ground)
     halved = varied(stored, halved=1.0)
-    areas = [np.prod(np.ptp(source.sample(row, 0).coord[:, :2], axis=0)) for row in range(10)
-             for source in (varied(stored), halved)]  # fmt: skip
+    areas = [
+        np.prod(np.ptp(source.sample(row, 0).coord[:, :2], axis=0))
+        for row in range(10)
+        for source in (varied(stored), halved)
+    ]
     assert sum(areas[1::2]) < 0.9 * sum(areas[::2])
     lifted = varied(stored, lift=2.0).sample(1, 4)
     assert len(known.keys() & {point.tobytes() for point in lifted.coord}) < 10

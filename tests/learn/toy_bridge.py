@@ -44,11 +44,16 @@ def toy_cloud(seed: int = 0, count: int = 12_000, bridge: str = "b0", **changed:
     ids = np.array([255, *(class_id(name) for name in ("deck", "column", "background", "pier_cap"))], np.uint8)
     uncertainty = rng.exponential(0.06, count).astype(np.float32)
     columns |= {
-        "coord": coord + np.array([4e5, 5e6, 30.0]), "color": rng.integers(0, 256, (count, 3)).astype(np.uint8),
-        "component": kind.astype(np.uint16), "segment": ids[kind], "instance": kind.astype(np.uint32),
-        "uncertainty": uncertainty, "n_views": rng.integers(1, 9, count).astype(np.uint16),
-        "confidence": rng.random(count).astype(np.float32), "label_margin_px": rng.random(count).astype(np.float32),
-    }  # fmt: skip
+        "coord": coord + np.array([4e5, 5e6, 30.0]),
+        "color": rng.integers(0, 256, (count, 3)).astype(np.uint8),
+        "component": kind.astype(np.uint16),
+        "segment": ids[kind],
+        "instance": kind.astype(np.uint32),
+        "uncertainty": uncertainty,
+        "n_views": rng.integers(1, 9, count).astype(np.uint16),
+        "confidence": rng.random(count).astype(np.float32),
+        "label_margin_px": rng.random(count).astype(np.float32),
+    }
     columns["normal"][:, 2] = 1.0
     columns |= changed
     return Cloud(columns, without_observations(count), COMPONENTS, class_rows(), {}, (), {}, "mesh", bridge)

@@ -74,12 +74,18 @@ def see(camera: Pinhole, pose: F64, textures: list[NDArray[np.float32]]) -> tupl
             a, b = hit @ plane.along / (plane.along @ plane.along), hit @ plane.across / (plane.across @ plane.across)
             seen = (t > 0) & (t < depth) & (a >= 0) & (a <= 1) & (b >= 0) & (b <= 1)
         scale = TEXELS / np.linalg.norm(plane.along)
-        x, y = ((v[seen] * np.linalg.norm(axis) * scale - 0.5).astype(np.float32)[None]
-                for v, axis in ((a, plane.along), (b, plane.across)))  # fmt: skip
-        grey[seen] = np.concatenate([
-            cv2.remap(texture, x[:, i : i + 30_000], y[:, i : i + 30_000], cv2.INTER_LINEAR, None, cv2.BORDER_WRAP)[0]
-            for i in range(0, seen.sum(), 30_000)
-        ])  # fmt: skip
+        x, y = (
+            (v[seen] * np.linalg.norm(axis) * scale - 0.5).astype(np.float32)[None]
+            for v, axis in ((a, plane.along), (b, plane.across))
+        )
+        grey[seen] = np.concatenate(
+            [
+                cv2.remap(texture, x[:, i : i + 30_000], y[:, i : i + 30_000], cv2.INTER_LINEAR, None, cv2.BORDER_WRAP)[
+                    0
+                ]
+                for i in range(0, seen.sum(), 30_000)
+            ]
+        )
         depth[seen], ids[seen] = t[seen], plane.id
     shape = (camera.height, camera.width)
     return grey.reshape(shape), depth.reshape(shape), ids.reshape(shape)
@@ -106,34 +112,60 @@ def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True
         cv2.imwrite(str(folder / f"truth/instance/{name}.png"), ids.astype(np.uint16))
         cv2.imwrite(str(folder / f"truth/semantic/{name}.png"), label_of_id[ids.astype(int)])
     gps = poses[:, :3, 3] + rng.normal(0, 0.3, (len(poses), 3))
-    write(folder / "cameras.json", {
-        "format": "falsework.capture", "format_version": 1, "survey": "planes", "size": [CAMERA.width, CAMERA.height],
-        "prior": {"model": "SIMPLE_RADIAL", "focal_px": CAMERA.fx * 1.007, "cx": CAMERA.cx, "cy": CAMERA.cy},
-        "gps_sigma": [0.3, 0.3, 0.3], "facts": {"kind": "local"},
-        "images": [{"name": n, "file": f"images/{n}.jpg", "gps": g.tolist(), "time": None}
-                   for n, g in zip(names, gps, strict=True)],
-    })  # fmt: skip
-    write(folder / "truth/poses.json", {
-        "pinhole": CAMERA.__dict__,
-        "poses": [{"name": n, "camera_to_world": p.tolist()} for n, p in zip(names, poses, strict=True)],
-    })  # fmt: skip
-    write(folder / "truth/instances.json", {
-        "classes": [{"id": row.id, "name": row.name, "color": list(row.color)} for row in class_rows()],
-        "instances": [{"id": p.id, "path": f"/World/P{p.id}", "component": p.component, "class": class_of(p.component),
-                       "parameters": {}} for p in PLANES],
-    })  # fmt: skip
+    write(
+        folder / "cameras.json",
+        {
+            "format": "falsework.capture",
+            "format_version": 1,
+            "survey": "planes",
+            "size": [CAMERA.width, CAMERA.height],
+            "prior": {"model": "SIMPLE_RADIAL", "focal_px": CAMERA.fx * 1.007, "cx": CAMERA.cx, "cy": CAMERA.cy},
+            "gps_sigma": [0.3, 0.3, 0.3],
+            "facts": {"kind": "local"},
+            "images": [
+                {"name": n, "file": f"images/{n}.jpg", "gps": g.tolist(), "time": None}
+                for n, g in zip(names, gps, strict=True)
+            ],
+        },
+    )
+    write(
+        folder / "truth/poses.json",
+        {
+            "pinhole": CAMERA.__dict__,
+            "poses": [{"name": n, "camera_to_world": p.tolist()} for n, p in zip(names, poses, strict=True)],
+        },
+    )
+    write(
+        folder / "truth/instances.json",
+        {
+            "classes": [{"id": row.id, "name": row.name, "color": list(row.color)} for row in class_rows()],
+            "instances": [
+                {
+                    "id": p.id,
+                    "path": f"/World/P{p.id}",
+                    "component": p.component,
+                    "class": class_of(p.component),
+                    "parameters": {},
+                }
+                for p in PLANES
+            ],
+        },
+    )
     count = len(PLANES)
     corners = [[p.corner, p.corner + p.along, p.corner + p.along + p.across, p.corner + p.across] for p in PLANES]
     np.savez(
         folder / "truth/surface.npz",
         positions=np.array(corners, np.float32).reshape(-1, 3),
-        triangles=np.concatenate([[[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]] for i in range(count)])
-        .astype(np.uint32),
-        part_first=np.arange(count, dtype=np.int32) * 2, part_count=np.full(count, 2, np.int32),
-        draw_part=np.arange(count, dtype=np.int32), draw_transform=np.tile(np.eye(4), (count, 1, 1)),
+        triangles=np.concatenate(
+            [[[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]] for i in range(count)]
+        ).astype(np.uint32),
+        part_first=np.arange(count, dtype=np.int32) * 2,
+        part_count=np.full(count, 2, np.int32),
+        draw_part=np.arange(count, dtype=np.int32),
+        draw_transform=np.tile(np.eye(4), (count, 1, 1)),
         draw_instance=np.array([p.id for p in PLANES], np.uint32),
         draw_label=label_of_id[[p.id for p in PLANES]],
-    )  # fmt: skip
+    )
     return folder
 
 

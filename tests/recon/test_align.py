@@ -16,7 +16,7 @@ from recon.placing.align import (
     centre_limit,
     check_share,
     stand_upright,
-)  # fmt: skip
+)
 from recon.placing.similarity import Similarity, angles, camera_up, fit_similarity, turn_upright
 from recon.settings import AlignmentSettings
 from usd_schemas.pinhole import look_at
@@ -215,8 +215,6 @@ def test_without_positions_a_model_stands_upright() -> None:
 def test_cameras_that_look_down_know_up() -> None:
     """Nadir photographs turned every way: their rows are horizontal, and what is behind them is up."""
     yaw = np.linspace(0, 5, 12)
-    down = np.stack([
-        [[np.cos(a), np.sin(a), 0.0], [np.sin(a), -np.cos(a), 0.0], [0.0, 0.0, -1.0]] for a in yaw
-    ])  # fmt: skip
+    down = np.stack([[[np.cos(a), np.sin(a), 0.0], [np.sin(a), -np.cos(a), 0.0], [0.0, 0.0, -1.0]] for a in yaw])
     assert np.allclose(np.linalg.det(down), 1.0)
     np.testing.assert_allclose(camera_up(down), [0.0, 0.0, 1.0], atol=0.05)

@@ -43,9 +43,11 @@ def test_stated_limits_hold(proof_count: Count, record_proof: RecordProof) -> No
             kept.append([getattr(off, name) <= getattr(limits, name) for name in LIMITS])
     share = np.mean(kept, axis=0)
     record_proof(
-        "recon: stated 95 % limits of GPS alignments", count, 0,
+        "recon: stated 95 % limits of GPS alignments",
+        count,
+        0,
         {**dict(zip((f"{name}_within" for name in LIMITS), share.tolist(), strict=True)), "placed": len(kept)},
-    )  # fmt: skip
+    )
     slack = 0.03 if count >= 1000 else 0.05  # one standard deviation of a share of 150 is 0.018
     assert (np.abs(share - 0.95) <= slack).all(), share
     assert len(kept) > 0.85 * count

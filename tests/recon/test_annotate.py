@@ -49,9 +49,10 @@ def test_three_view_track(three_views: Truth) -> None:
     """Three tracks by hand: majority, depth errors, their median, an even number of views, sky."""
     points = np.array([[1.0, 10.02, 0.0], [0.0, 10.01, 0.0], [1.0, 9.0, 4.0]])
     seen = observations(
-        [0, 0, 0, 1, 1, 2, 2], [0, 1, 2, 0, 2, 0, 1],
+        [0, 0, 0, 1, 1, 2, 2],
+        [0, 1, 2, 0, 2, 0, 1],
         [(9.9, 6.0), (3.99, 6.0), (6.1, 6.0), (8.0, 6.0), (4.0, 6.0), (10.0, 0.5), (8.0, 0.9)],
-    )  # fmt: skip
+    )
     observed = gather(three_views, seen)
     assert observed.label.tolist() == [GIRDER, DECK, GIRDER, GIRDER, GIRDER, 0, 0]
     depth = depths(points, three_views.poses, seen)
@@ -116,9 +117,11 @@ def test_who_looks_past_a_point_does_not_vote() -> None:
     """A point on a cable: three views show the sky, one a hill, two the cable; and one that nobody shows as near."""
     nothing = np.zeros(8, np.float32)
     observed = ObservedTruth(
-        np.array([0, 0, 0, 0, 5, 5, DECK, GIRDER], np.uint8), np.array([0, 0, 0, 7, 31, 30, 50, 70], np.uint32),
-        nothing, nothing,
-    )  # fmt: skip
+        np.array([0, 0, 0, 0, 5, 5, DECK, GIRDER], np.uint8),
+        np.array([0, 0, 0, 7, 31, 30, 50, 70], np.uint32),
+        nothing,
+        nothing,
+    )
     error = np.array([np.inf, np.inf, np.inf, 0.11, 0.1, 0.02, 0.31, 0.3])
     verdict = annotate(observed, error, observations([0] * 6 + [1] * 2, [0] * 8, [(1.0, 1.0)] * 8))
     assert verdict.label.tolist() == [5, GIRDER]
@@ -180,10 +183,18 @@ def test_edge_distance_has_a_plain_twin() -> None:
     labels = np.zeros((14, 230), np.uint8)  # wider than what is searched at a time
     labels[3:8, 5:9], labels[10:, 40:] = 2, 7
     rows, columns = np.indices(labels.shape)
-    beside = np.array([
-        [any(0 <= r + a < 14 and 0 <= c + b < 230 and labels[r + a, c + b] != labels[r, c]
-             for a, b in ((0, 1), (0, -1), (1, 0), (-1, 0))) for c in range(230)] for r in range(14)
-    ])  # fmt: skip
+    beside = np.array(
+        [
+            [
+                any(
+                    0 <= r + a < 14 and 0 <= c + b < 230 and labels[r + a, c + b] != labels[r, c]
+                    for a, b in ((0, 1), (0, -1), (1, 0), (-1, 0))
+                )
+                for c in range(230)
+            ]
+            for r in range(14)
+        ]
+    )
     twin = np.min([np.hypot(rows - r, columns - c) for r, c in zip(*np.nonzero(beside), strict=True)], axis=0) + 0.5
     for one, other in ((labels, twin), (labels[:, ::-1], twin[:, ::-1]), (labels[::-1], twin[::-1])):
         found = edge_distance(np.ascontiguousarray(one), rows.ravel(), columns.ravel())
@@ -198,11 +209,17 @@ def test_edge_distance_has_a_plain_twin() -> None:
 def test_points_need_valid_cameras() -> None:
     """Observations of outlying cameras do not count; points left with too few, or badly reprojected, go."""
     model = SparseModel(
-        names=("a", "b", "c"), poses=np.tile(np.eye(4), (3, 1, 1)), camera_model="SIMPLE_RADIAL",
-        camera_params=(1.0, 0.0, 0.0, 0.0), points=np.zeros((4, 3)), colors=np.zeros((4, 3), np.uint8),
-        errors=np.array([0.5, 0.5, 0.5, 3.0]), obs_point=np.array([0, 0, 0, 1, 1, 2, 2, 3, 3]),
-        obs_image=np.array([0, 1, 2, 0, 2, 0, 1, 0, 1]), obs_uv=np.arange(18.0).reshape(9, 2),
-    )  # fmt: skip
+        names=("a", "b", "c"),
+        poses=np.tile(np.eye(4), (3, 1, 1)),
+        camera_model="SIMPLE_RADIAL",
+        camera_params=(1.0, 0.0, 0.0, 0.0),
+        points=np.zeros((4, 3)),
+        colors=np.zeros((4, 3), np.uint8),
+        errors=np.array([0.5, 0.5, 0.5, 3.0]),
+        obs_point=np.array([0, 0, 0, 1, 1, 2, 2, 3, 3]),
+        obs_image=np.array([0, 1, 2, 0, 2, 0, 1, 0, 1]),
+        obs_uv=np.arange(18.0).reshape(9, 2),
+    )
     valid = np.array([True, False, True, True, False, False])  # the model's image c is row 4 of the capture: invalid
     kept, seen = select_points(model, np.array([0, 2, 4]), valid, max_error=2.0, min_views=2)
     assert kept.tolist() == [True, False, True, False]

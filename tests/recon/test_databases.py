@@ -246,16 +246,20 @@ def test_spatial_pairs_of_a_long_flight_leap(tmp_path: Path) -> None:
     extract(capture, tmp_path / "features", settings, SILENT)
     nearest = {frozenset((row, row + 1)) for row in range(69)} | {frozenset((0, 2)), frozenset((67, 69))}
     leaps = {frozenset((row, row + leap)) for leap in (32, 64) for row in range(0, 70 - leap, 4)}
-    for name, long, wanted in (("long", settings, nearest | leaps),
-                               ("short", settings.model_copy(update={"leaps_from": 71}), nearest)):  # fmt: skip
+    for name, long, wanted in (
+        ("long", settings, nearest | leaps),
+        ("short", settings.model_copy(update={"leaps_from": 71}), nearest),
+    ):
         (tmp_path / name).mkdir()
         found = match(capture, tmp_path / "features", tmp_path / name, long, 0, SILENT)
         pairs = rows_paired(tmp_path / name)
         assert found["pairs"] == len(pairs) == len(wanted)
         assert {frozenset(pair) for pair in pairs} == wanted
     stations = [(1e4 * (row >= 35) + row % 35, 0.0, 0.0) for row in range(70)]
-    apart = replace(capture, images=tuple(image.model_copy(update={"gps": place})
-                                          for image, place in zip(images, stations, strict=True)))  # fmt: skip
+    apart = replace(
+        capture,
+        images=tuple(image.model_copy(update={"gps": place}) for image, place in zip(images, stations, strict=True)),
+    )
     for name in ("apart", "joined"):
         (tmp_path / name).mkdir()
     extract(apart, tmp_path / "apart", settings, SILENT)

@@ -169,9 +169,12 @@ def test_pixels_in_points_are_those_that_points_show(
 
 
 def test_the_step_needs_no_more_room_than_it_asks_for(
-    without_truth: tuple[DensePoints, PixelFates, dict[str, Any]], bare: Path, sparse: Sparse, tmp_path: Path,
+    without_truth: tuple[DensePoints, PixelFates, dict[str, Any]],
+    bare: Path,
+    sparse: Sparse,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """What it has on the disk at most, and would have if every pixel were in a point, stays below what it asks for."""
     _, fates, _ = without_truth
     asked = list[int]()
@@ -180,8 +183,10 @@ def test_the_step_needs_no_more_room_than_it_asks_for(
     with pytest.raises(ZeroDivisionError):
         run_dense(read_capture(bare), sparse, tmp_path, SETTINGS, SILENT)
     every = np.stack([fates.of(row) for row in range(len(fates.model.names))])
-    points, left = (sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-                    for folder in (fates.folder / "points", fates.folder))  # fmt: skip
+    points, left = (
+        sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+        for folder in (fates.folder / "points", fates.folder)
+    )
     images_and_depths = 7 * every.size
     used = float((every == PIXEL_FATES.index("in_points")).mean())
     most = left - points + points / used + images_and_depths
@@ -243,8 +248,11 @@ def test_an_interrupted_step_goes_on(
         folder = tmp_path / name
         folder.mkdir()
         request = {
-            "capture": str(bare), "model": str(sparse.folder), "out": str(folder), "settings": settings.model_dump()
-        }  # fmt: skip
+            "capture": str(bare),
+            "model": str(sparse.folder),
+            "out": str(folder),
+            "settings": settings.model_dump(),
+        }
         if name == "interrupted":
             with pytest.raises(KeyboardInterrupt):
                 dense_child.serve(request, Stop())
@@ -278,7 +286,7 @@ def test_patchmatch_compares_views_ahead_too(
         with pytest.raises(RejectedSceneError):
             dense_child.serve(
                 {"capture": str(bare), "model": str(sparse.folder), "out": str(folder), "settings": settings}, SILENT
-            )  # fmt: skip
+            )
         assert max(counts) == expected
 
 

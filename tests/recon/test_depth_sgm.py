@@ -73,8 +73,18 @@ def test_exact_disparities_are_exact_depths(views: list[PosedImage]) -> None:
     assert pair is not None
     width, height = pair.size
     column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    rays = np.stack([(column - pair.left_center[0]) / pair.focal, (row - pair.left_center[1]) / pair.focal,
-                     np.ones_like(column)], axis=-1) @ pair.left @ reference[:3, :3].T  # fmt: skip
+    rays = (
+        np.stack(
+            [
+                (column - pair.left_center[0]) / pair.focal,
+                (row - pair.left_center[1]) / pair.focal,
+                np.ones_like(column),
+            ],
+            axis=-1,
+        )
+        @ pair.left
+        @ reference[:3, :3].T
+    )
     common = (SLANTED.offset - SLANTED.normal @ reference[:3, 3]) / (rays @ SLANTED.normal)
     disparity = pair.focal * pair.baseline / common - pair.infinity
     sixteenths = np.where((common > 0) & (disparity >= 0), np.round(16 * disparity), -16).astype(np.int16)
@@ -88,9 +98,9 @@ def test_exact_disparities_are_exact_depths(views: list[PosedImage]) -> None:
     step = true**2 / (pair.focal * pair.baseline) / 16  # [m] that a sixteenth of a pixel is worth
     assert (np.abs(depth - true)[known] < step[known]).mean() > 0.99
     everywhere[:, :80] = False
-    assert not carry_depth(
-        sixteenths, pair.left, plane, np.linalg.inv(source) @ reference, lens, everywhere
-    )[:, :80].any()  # fmt: skip
+    assert not carry_depth(sixteenths, pair.left, plane, np.linalg.inv(source) @ reference, lens, everywhere)[
+        :, :80
+    ].any()
 
 
 def test_the_sky_beside_a_plane_stays_empty() -> None:
@@ -112,8 +122,9 @@ def test_the_sky_beside_a_plane_stays_empty() -> None:
 def test_bland_images_have_no_depth(views: list[PosedImage]) -> None:
     """A bare wall with a sensor's noise: not one pixel; and the mask is about grey values alone."""
     rng = np.random.default_rng(1)
-    bare = [PosedImage(np.clip(rng.normal(128, 0.4, view.gray.shape), 0, 255).astype(np.uint8), view.pose)
-            for view in views]  # fmt: skip
+    bare = [
+        PosedImage(np.clip(rng.normal(128, 0.4, view.gray.shape), 0, 255).astype(np.uint8), view.pose) for view in views
+    ]
     assert not measured(bare).any()
     assert textured(views[0].gray).mean() > 0.95
 

@@ -17,9 +17,17 @@ def told_twice(rng: np.random.Generator) -> SparseModel:
     point = np.repeat(np.arange(40), rng.integers(2, 6, 40))
     uv = rng.integers(0, 4, (len(point), 2)) + 10.0 * which[point][:, None] + 0.5
     return SparseModel(
-        ("a", "b", "c"), np.tile(np.eye(4), (3, 1, 1)), "SIMPLE_RADIAL", (1.0, 0.0, 0.0, 0.0), places[which],
-        rng.integers(0, 255, (40, 3)).astype(np.uint8), rng.random(40), point, rng.integers(0, 3, len(point)), uv,
-    )  # fmt: skip
+        ("a", "b", "c"),
+        np.tile(np.eye(4), (3, 1, 1)),
+        "SIMPLE_RADIAL",
+        (1.0, 0.0, 0.0, 0.0),
+        places[which],
+        rng.integers(0, 255, (40, 3)).astype(np.uint8),
+        rng.random(40),
+        point,
+        rng.integers(0, 3, len(point)),
+        uv,
+    )
 
 
 def test_equal_points_become_one() -> None:
@@ -58,9 +66,14 @@ def test_the_same_keypoints_make_one_point() -> None:
     )
     point = np.array([0, 0, 0, 1, 1, 1, 2, 2])
     three = replace(
-        model, points=np.eye(3), colors=model.colors[:3], errors=model.errors[:3], obs_point=point, obs_image=image,
+        model,
+        points=np.eye(3),
+        colors=model.colors[:3],
+        errors=model.errors[:3],
+        obs_point=point,
+        obs_image=image,
         obs_uv=uv.astype(np.float64),
-    )  # fmt: skip
+    )
     found, alike = merge_duplicates(three)
     assert alike.tolist() == [2, 1]
     np.testing.assert_array_equal(found.points, np.eye(3)[[0, 2]])

@@ -171,8 +171,11 @@ def test_pointcept(source: Path) -> None:
     assert set(arrays) == {"coord", "color", "normal", "segment", "instance", "strength", "uncertainty"}
     kinds = {name: values.dtype.name for name, values in arrays.items()}
     assert (kinds["coord"], kinds["color"], kinds["segment"], kinds["instance"]) == (
-        "float32", "uint8", "int32", "int32"
-    )  # fmt: skip
+        "float32",
+        "uint8",
+        "int32",
+        "int32",
+    )
     facts = json.loads((scene / "scene.json").read_text())
     np.testing.assert_allclose(arrays["coord"] + np.array(facts["origin"]), cloud.columns["coord"], atol=1e-5)
     segment = cloud.columns["segment"].astype(int)
@@ -215,9 +218,7 @@ def test_colmap(reconstructed: Path) -> None:
     after = pycolmap.Reconstruction(str(out / "sparse" / "0"))
     assert sorted(image.name for image in after.images.values()) == [f"{i:06d}.jpg" for i in range(5)]
     for number, image in before.images.items():
-        np.testing.assert_array_equal(
-            after.images[number].cam_from_world().matrix(), image.cam_from_world().matrix()
-        )  # fmt: skip
+        np.testing.assert_array_equal(after.images[number].cam_from_world().matrix(), image.cam_from_world().matrix())
         assert f"images/{after.images[number].name}" == image.name
         assert (out / image.name).read_bytes() == (reconstructed.parent / "capture" / image.name).read_bytes()
         assert after.images[number].num_points3D == image.num_points3D

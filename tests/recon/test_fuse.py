@@ -17,8 +17,10 @@ U8 = NDArray[np.uint8]
 CAMERA = Pinhole(48, 36, 60.0, 62.0, 24.5, 17.5)
 LENS = np.array([60.0, 62.0, 24.5, 17.5])
 PLANE = WavyPlane(np.array([0.4, -np.sqrt(0.84), 0.0]), -4.0)
-POSES = [look_at(np.array([x, 0.0, z]), np.array([0.3 * x, 5.0, 0.0]))
-         for x, z in ((0.0, 0.0), (0.7, 0.1), (-0.6, 0.0), (0.1, 0.6))]  # fmt: skip
+POSES = [
+    look_at(np.array([x, 0.0, z]), np.array([0.3 * x, 5.0, 0.0]))
+    for x, z in ((0.0, 0.0), (0.7, 0.1), (-0.6, 0.0), (0.1, 0.6))
+]
 
 
 def view_of(image: int, depth: F64) -> DepthView:
@@ -34,8 +36,9 @@ def view_of(image: int, depth: F64) -> DepthView:
 def planes(noise: float = 0.0, seed: int = 0) -> list[DepthView]:
     """See the plane from four places, its depths disturbed by a share."""
     rng = np.random.default_rng(seed)
-    return [view_of(i, PLANE.depth(CAMERA, pose) * (1 + noise * rng.normal(size=(36, 48))))
-            for i, pose in enumerate(POSES)]  # fmt: skip
+    return [
+        view_of(i, PLANE.depth(CAMERA, pose) * (1 + noise * rng.normal(size=(36, 48)))) for i, pose in enumerate(POSES)
+    ]
 
 
 def twin(

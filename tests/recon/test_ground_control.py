@@ -39,18 +39,31 @@ CORNERS = np.array([[0.0, 0, 0], [60, 0, 1], [60, 40, 0], [0, 40, 2], [30, 20, 5
 def flown() -> tuple[SparseModel, Capture, Similarity, F64]:
     """Make eight cameras over a field in model units, the similarity to the world, and the true poses there."""
     rng = np.random.default_rng(0)
-    true = np.stack([
-        look_at(np.array([x, y, 60.0]), np.array([x + 1.0, y + 6.0, 0.0]))
-        for x in (0.0, 20.0, 40.0, 60.0) for y in (-5.0, 30.0)
-    ])  # fmt: skip
+    true = np.stack(
+        [
+            look_at(np.array([x, y, 60.0]), np.array([x + 1.0, y + 6.0, 0.0]))
+            for x in (0.0, 20.0, 40.0, 60.0)
+            for y in (-5.0, 30.0)
+        ]
+    )
     known = Similarity(3.3, random_rotations(rng, 1)[0], np.array([400.0, -20.0, 7.0]))
     model = true.copy()
     model[:, :3, :3] = known.rotation.T @ true[:, :3, :3]
     model[:, :3, 3] = (true[:, :3, 3] - known.translation) @ known.rotation / known.scale
     params = (700.0, 512.0, 384.0, K1)
     nothing = np.zeros((0, 3))
-    sparse = SparseModel(NAMES, model, "SIMPLE_RADIAL", params, nothing, nothing.astype(np.uint8), np.zeros(0),
-                         np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)))  # fmt: skip
+    sparse = SparseModel(
+        NAMES,
+        model,
+        "SIMPLE_RADIAL",
+        params,
+        nothing,
+        nothing.astype(np.uint8),
+        np.zeros(0),
+        np.zeros(0, np.int64),
+        np.zeros(0, np.int64),
+        np.zeros((0, 2)),
+    )
     images = tuple(CaptureImage(name=name[:-4], file=name) for name in NAMES)
     prior = CalibrationPrior(focal_px=700.0, cx=512.0, cy=384.0)
     return sparse, Capture(Path(), "s", SIZE, prior, (2.0, 2.0, 3.0), {}, images), known, true
@@ -148,8 +161,10 @@ def test_scale_bars_alone_give_metres() -> None:
     """Two bars between marked points, no coordinates and no GPS: the scale is right, and its limit that of the bars."""
     _, _, known, true = flown()
     points = tuple(replace(point, position=None) for point in marked(CORNERS, true))
-    bars = (ScaleBar(("P0", "P1"), float(np.linalg.norm(CORNERS[1] - CORNERS[0])), 0.01),
-            ScaleBar(("P1", "P2"), float(np.linalg.norm(CORNERS[2] - CORNERS[1])), 0.01))  # fmt: skip
+    bars = (
+        ScaleBar(("P0", "P1"), float(np.linalg.norm(CORNERS[1] - CORNERS[0])), 0.01),
+        ScaleBar(("P1", "P2"), float(np.linalg.norm(CORNERS[2] - CORNERS[1])), 0.01),
+    )
     found, _ = placed(GroundControl(MapSystem("local", None), points, bars))
     assert found.kind == "scale bars"
     assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-9)
@@ -168,16 +183,23 @@ def test_both_forms_say_the_same(tmp_path: Path) -> None:
     points = marked(CORNERS + away, there)
     rows = [(point, mark) for point in points for mark in point.marks]
     listed = "\n".join(
-        ["WGS84 UTM 32N", *(f"{' '.join(map(repr, p.position or ()))} {m.uv[0]!r} {m.uv[1]!r} {m.image} {p.name}"
-                            for p, m in rows)])  # fmt: skip
+        [
+            "WGS84 UTM 32N",
+            *(f"{' '.join(map(repr, p.position or ()))} {m.uv[0]!r} {m.uv[1]!r} {m.image} {p.name}" for p, m in rows),
+        ]
+    )
     (tmp_path / "gcp_list.txt").write_text(listed + "\n", encoding="utf-8")
-    tables = "\n".join([
-        '# CoordinateSystem: PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84"]]',
-        "#Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_(m)",
-        *(f'"{p.name}",{",".join(map(repr, p.position or ()))},0.03' for p in points),
-        "#Camera,Label,x,y", *(f"{m.image[:-4]},{p.name},{m.uv[0]!r},{m.uv[1]!r}" for p, m in rows),
-        "#Label,Distance_(m),Accuracy_(m)", "P0_P1,60.0083,0.002",
-    ])  # fmt: skip
+    tables = "\n".join(
+        [
+            '# CoordinateSystem: PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84"]]',
+            "#Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_(m)",
+            *(f'"{p.name}",{",".join(map(repr, p.position or ()))},0.03' for p in points),
+            "#Camera,Label,x,y",
+            *(f"{m.image[:-4]},{p.name},{m.uv[0]!r},{m.uv[1]!r}" for p, m in rows),
+            "#Label,Distance_(m),Accuracy_(m)",
+            "P0_P1,60.0083,0.002",
+        ]
+    )
     (tmp_path / "markers.csv").write_text(tables, encoding="utf-8")
     one, other = read_ground_control(tmp_path / "gcp_list.txt"), read_ground_control(tmp_path / "markers.csv")
     assert one.system.zone == other.system.zone == 32
@@ -186,11 +208,21 @@ def test_both_forms_say_the_same(tmp_path: Path) -> None:
     assert other.bars == (ScaleBar(("P0", "P1"), 60.0083, 0.002),)
 
 
-@pytest.mark.parametrize(("name", "zone"), [
-    ("EPSG:32633", 33), ("epsg:32733", -33), ("WGS84 UTM 10N", 10), ("WGS84 UTM 17S", -17), ("EPSG:4326", 0),
-    ("+proj=utm +zone=15 +ellps=WGS84 +datum=WGS84 +units=m +no_defs", 15), ("EPSG:25832", None),
-    ("+proj=utm +zone=55 +south +datum=WGS84", -55), ("+proj=longlat +datum=WGS84", 0), ("LOCAL", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "zone"),
+    [
+        ("EPSG:32633", 33),
+        ("epsg:32733", -33),
+        ("WGS84 UTM 10N", 10),
+        ("WGS84 UTM 17S", -17),
+        ("EPSG:4326", 0),
+        ("+proj=utm +zone=15 +ellps=WGS84 +datum=WGS84 +units=m +no_defs", 15),
+        ("EPSG:25832", None),
+        ("+proj=utm +zone=55 +south +datum=WGS84", -55),
+        ("+proj=longlat +datum=WGS84", 0),
+        ("LOCAL", None),
+    ],
+)
 def test_systems_by_their_names(name: str, zone: int | None) -> None:
     """EPSG codes, PROJ strings and OpenDroneMap's own names; a plane system of another kind is taken as it is."""
     found = read_system(name)
@@ -204,9 +236,9 @@ def test_utm_against_colmap() -> None:
     rng = np.random.default_rng(0)
     for zone in (1, 17, 33, 60, -4, -55):
         low, high = (1.0, 80.0) if zone > 0 else (-75.0, -1.0)
-        places = np.column_stack([
-            rng.uniform(low, high, 40), 6.0 * abs(zone) - 183.0 + rng.uniform(-2.9, 2.9, 40), rng.uniform(0, 900, 40)
-        ])  # fmt: skip
+        places = np.column_stack(
+            [rng.uniform(low, high, 40), 6.0 * abs(zone) - 183.0 + rng.uniform(-2.9, 2.9, 40), rng.uniform(0, 900, 40)]
+        )
         there, number = pycolmap.GPSTransform().ellipsoid_to_utm(places)
         assert abs(number) == abs(zone)
         found = MapSystem("", zone).geographic(np.asarray(there, np.float64))

@@ -18,10 +18,17 @@ def model_of(eyes: list[tuple[float, float, float]], points: F64, seen: NDArray[
     poses = np.stack([look_at(np.array(eye), np.zeros(3)) for eye in eyes])
     obs_point, obs_image = np.nonzero(seen.T)
     return SparseModel(
-        tuple(f"{row:03d}" for row in range(len(eyes))), poses, "SIMPLE_RADIAL", (100.0, 50.0, 50.0, 0.0), points,
-        np.zeros((len(points), 3), np.uint8), np.zeros(len(points)), obs_point, obs_image,
+        tuple(f"{row:03d}" for row in range(len(eyes))),
+        poses,
+        "SIMPLE_RADIAL",
+        (100.0, 50.0, 50.0, 0.0),
+        points,
+        np.zeros((len(points), 3), np.uint8),
+        np.zeros(len(points)),
+        obs_point,
+        obs_image,
         np.zeros((len(obs_point), 2)),
-    )  # fmt: skip
+    )
 
 
 def on_circle(*degrees: float) -> list[tuple[float, float, float]]:
@@ -94,8 +101,17 @@ def test_a_lonely_image_has_no_sources(cloud: F64) -> None:
 def test_sources_ahead_count_for_the_part_that_they_show() -> None:
     """Two views across make two pictures; of views half ahead it takes more, and one straight ahead is no use."""
     camera = Pinhole(160, 120, 130.0, 132.0, 80.0, 60.0)
-    eyes = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.7, 0.9, 0.1], [-0.7, 0.9, 0.0], [0.8, 0.0, 0.0],
-                     [-0.8, 0.0, 0.0], [0.0, 0.0, 0.7]])  # fmt: skip
+    eyes = np.array(
+        [
+            [0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.7, 0.9, 0.1],
+            [-0.7, 0.9, 0.0],
+            [0.8, 0.0, 0.0],
+            [-0.8, 0.0, 0.0],
+            [0.0, 0.0, 0.7],
+        ]
+    )
     poses = np.stack([look_at(eye, np.array([0.0, 6.0, 0.0])) for eye in eyes])
     across = View(0, np.array([4, 5, 6]), 4.0, 9.0)
     assert choose_sources(across, poses, camera, 2) == (4, 5)

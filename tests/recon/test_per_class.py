@@ -10,8 +10,9 @@ from recon.truth.windows import LENGTH, lay_windows
 from usd_schemas.components import UNLABELLED, class_rows
 
 ROWS = class_rows()
-BACKGROUND, ABUTMENT, BEARING = (next(row.id for row in ROWS if row.name == name)
-                                 for name in ("background", "abutment", "bearing"))  # fmt: skip
+BACKGROUND, ABUTMENT, BEARING = (
+    next(row.id for row in ROWS if row.name == name) for name in ("background", "abutment", "bearing")
+)
 
 
 def strip(low: float, high: float, heading: float) -> np.ndarray:
@@ -83,8 +84,10 @@ def test_few_and_lost_are_named() -> None:
         "fewer than 50 points in a window of 10 m: bearing in 4 of 4, abutment in 2 of 6"
     )
     assert few_in_words([{"classes": {"deck": rows["deck"]}}]) == ""
-    pixels = {"bearing": {"no_depth": 20, "views": 25, "seen_through": 0, "angle": 5, "in_points": 50},
-              "deck": dict.fromkeys(PIXEL_FATES, 9)}  # fmt: skip
+    pixels = {
+        "bearing": {"no_depth": 20, "views": 25, "seen_through": 0, "angle": 5, "in_points": 50},
+        "deck": dict.fromkeys(PIXEL_FATES, 9),
+    }
     other = {"bearing": {"no_depth": 30, "views": 10, "seen_through": 0, "angle": 0, "in_points": 10}}
     assert few_in_words([{"classes": rows, "pixels": pixels}, {"classes": rows, "pixels": other}]) == (
         "fewer than 50 points in a window of 10 m: bearing in 4 of 4 (40% of its pixels in points; most others: "

@@ -37,8 +37,9 @@ def test_up_of_a_gimbal_is_up(look: tuple[float, ...], pitch: float) -> None:
     np.testing.assert_allclose(rotation @ camera_up_of(pitch, 0.0), [0.0, 0.0, 1.0], atol=1e-4)
     roll = np.radians(7.0)  # its right side down: the camera's own axes turn clockwise about the line of sight
     right, down = rotation[:, 0], rotation[:, 1]
-    rolled = np.column_stack([np.cos(roll) * right + np.sin(roll) * down, np.cos(roll) * down - np.sin(roll) * right,
-                              rotation[:, 2]])  # fmt: skip
+    rolled = np.column_stack(
+        [np.cos(roll) * right + np.sin(roll) * down, np.cos(roll) * down - np.sin(roll) * right, rotation[:, 2]]
+    )
     np.testing.assert_allclose(rolled @ camera_up_of(pitch, 7.0), [0.0, 0.0, 1.0], atol=1e-4)
     np.testing.assert_allclose(camera_up_of(-90.0, 0.0), [0.0, 0.0, -1.0], atol=1e-12)
 
@@ -50,9 +51,14 @@ def test_packets_as_drones_write_them() -> None:
     assert told.up == pytest.approx(camera_up_of(-45.0, 0.0))
     other = read_xmp(b"<Camera:GPSXYAccuracy>3/2</Camera:GPSXYAccuracy><Camera:GPSZAccuracy>4.5</Camera:GPSZAccuracy>")
     assert (other.sigmas, other.up) == ((1.5, 1.5, 4.5), None)
-    for packet in (b"", b"\xff\x00", b'drone-dji:GimbalPitchDegree=""', b'drone-dji:GimbalPitchDegree="up"',
-                   b'drone-dji:RtkStdLon="0.0" drone-dji:RtkStdLat="0.0" drone-dji:RtkStdHgt="0.0"',
-                   b"<Camera:GPSXYAccuracy>1/0</Camera:GPSXYAccuracy>"):  # fmt: skip
+    for packet in (
+        b"",
+        b"\xff\x00",
+        b'drone-dji:GimbalPitchDegree=""',
+        b'drone-dji:GimbalPitchDegree="up"',
+        b'drone-dji:RtkStdLon="0.0" drone-dji:RtkStdLat="0.0" drone-dji:RtkStdHgt="0.0"',
+        b"<Camera:GPSXYAccuracy>1/0</Camera:GPSXYAccuracy>",
+    ):
         assert read_xmp(packet).sigmas is None
         assert read_xmp(packet).up is None
 

@@ -89,8 +89,16 @@ def test_focal_length_from_the_sensor(tmp_path: Path, order: str) -> None:
     assert read_header(tmp_path / "a.jpg").focal_px == pytest.approx(8.8 * 12.8 / 2)
 
 
-@pytest.mark.parametrize("exif", [b"", b"II*\x00", b"XX*\x00" + bytes(20), b"II*\x00\xff\xff\xff\x7f",
-                                  tiff({0x920A: (5, struct.pack(">II", 8, 0), 1)})])  # fmt: skip
+@pytest.mark.parametrize(
+    "exif",
+    [
+        b"",
+        b"II*\x00",
+        b"XX*\x00" + bytes(20),
+        b"II*\x00\xff\xff\xff\x7f",
+        tiff({0x920A: (5, struct.pack(">II", 8, 0), 1)}),
+    ],
+)
 def test_damaged_exif_counts_as_none(tmp_path: Path, exif: bytes) -> None:
     """A photograph whose EXIF is cut, foreign or senseless still has a size."""
     (tmp_path / "a.jpg").write_bytes(with_exif(jpeg(), exif))
@@ -225,8 +233,10 @@ def test_grey_and_transparent_pictures_are_photographs(tmp_path: Path) -> None:
     """Grey is three equal colours, opacity is left out; 16 bits are one line."""
     picture = textured()
     clear = np.dstack([picture, picture[:, :, 0]])
-    for name, stored, wanted in (("grey", picture[:, :, 0], np.dstack([picture[:, :, 0]] * 3)),
-                                 ("clear", clear, picture[:, :, ::-1])):  # fmt: skip
+    for name, stored, wanted in (
+        ("grey", picture[:, :, 0], np.dstack([picture[:, :, 0]] * 3)),
+        ("clear", clear, picture[:, :, ::-1]),
+    ):
         (tmp_path / name).mkdir()
         cv2.imwrite(str(tmp_path / name / "a.png"), stored)
         np.testing.assert_array_equal(load_image(open_photographs(tmp_path / name), 0), wanted)

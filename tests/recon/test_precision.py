@@ -87,11 +87,17 @@ def example(far_images: list[int]) -> SparseModel:
     poses[:, 0, 3] = [0.0, 0.5, 1.0, 1.5]
     images = [0, 1, 1, 2, *far_images]
     return SparseModel(
-        names=("a", "b", "c", "d"), poses=poses, camera_model="SIMPLE_RADIAL", camera_params=(FOCAL, 0.0, 0.0, 0.0),
-        points=np.array([[0, 0, 2.0], [0, 0, 60.0], [1, 0, 60.0]]), colors=np.zeros((3, 3), np.uint8),
-        errors=np.full(3, 0.4), obs_point=np.array([0, 0, 1, 1, *(2 for _ in far_images)]),
-        obs_image=np.array(images), obs_uv=np.arange(2.0 * len(images)).reshape(-1, 2),
-    )  # fmt: skip
+        names=("a", "b", "c", "d"),
+        poses=poses,
+        camera_model="SIMPLE_RADIAL",
+        camera_params=(FOCAL, 0.0, 0.0, 0.0),
+        points=np.array([[0, 0, 2.0], [0, 0, 60.0], [1, 0, 60.0]]),
+        colors=np.zeros((3, 3), np.uint8),
+        errors=np.full(3, 0.4),
+        obs_point=np.array([0, 0, 1, 1, *(2 for _ in far_images)]),
+        obs_image=np.array(images),
+        obs_uv=np.arange(2.0 * len(images)).reshape(-1, 2),
+    )
 
 
 def placed(model: SparseModel, *, scale: float = 1.0, metric: bool = True, **settings: Any) -> PlacedPoints:
@@ -130,10 +136,14 @@ def test_what_its_keypoints_miss_decides_with_the_rays() -> None:
     assert fates(replace(near, errors=np.array([0.05, 1.6, 0.1])), **limit)[:2] == ["kept", "deviation"]
     point = np.repeat(np.arange(3, 303), 4)
     crowd = replace(  # three hundred more points, seen four times each, whose keypoints agree to a tenth of a pixel
-        near, points=np.vstack([near.points, np.tile([0.3, 0.0, 5.0], (300, 1))]), colors=np.zeros((303, 3), np.uint8),
-        errors=np.array([0.5, 0.5, *[0.1] * 301]), obs_point=np.concatenate([near.obs_point, point]),
-        obs_image=np.concatenate([near.obs_image, np.tile([0, 1, 2, 3], 300)]), obs_uv=np.zeros((8 + 1200, 2)),
-    )  # fmt: skip
+        near,
+        points=np.vstack([near.points, np.tile([0.3, 0.0, 5.0], (300, 1))]),
+        colors=np.zeros((303, 3), np.uint8),
+        errors=np.array([0.5, 0.5, *[0.1] * 301]),
+        obs_point=np.concatenate([near.obs_point, point]),
+        obs_image=np.concatenate([near.obs_image, np.tile([0, 1, 2, 3], 300)]),
+        obs_uv=np.zeros((8 + 1200, 2)),
+    )
     assert fates(replace(near, errors=np.full(3, 0.5)), max_deviation=0.25)[:2] == ["deviation"] * 2
     assert fates(crowd, max_deviation=0.25)[:2] == ["kept"] * 2
 

@@ -30,9 +30,14 @@ def verdicts(rows: list[Row]) -> dict[tuple[str, str], tuple[str, str, str]]:
 
 def test_the_page_holds_what_was_found_against_what_was_promised() -> None:
     """Three times as fast at 200 and five times at 400, the exponent, and equal accuracy: each can be missed."""
-    rows = [row_of("spatial", 100, 100.0), row_of("spatial", 200, 2.0**1.2 * 100.0 - 0.01),
-            row_of("spatial", 400, 4.0**1.2 * 100.0 - 0.01), row_of("exhaustive", 200, 700.0),
-            row_of("exhaustive", 400, 2600.0, median=0.005), row_of("global", 400, 300.0)]  # fmt: skip
+    rows = [
+        row_of("spatial", 100, 100.0),
+        row_of("spatial", 200, 2.0**1.2 * 100.0 - 0.01),
+        row_of("spatial", 400, 4.0**1.2 * 100.0 - 0.01),
+        row_of("exhaustive", 200, 700.0),
+        row_of("exhaustive", 400, 2600.0, median=0.005),
+        row_of("global", 400, 300.0),
+    ]
     found = verdicts(rows)
     assert found["times faster than every pair", "200"] == ("at least 3", "3.05", "held")
     assert found["times faster than every pair", "400"] == ("at least 5", "4.93", "**missed**")
@@ -60,11 +65,12 @@ def test_from_where_on_the_global_mapper_pays() -> None:
     """It must be faster, and as accurate, at a count and at every larger one."""
     ours = [row_of("spatial", count, 100.0) for count in (60, 200, 400)]
     title = ("global mapper faster at equal accuracy", "")
-    for seconds, error, found in (((90.0, 110.0, 90.0), 0.01, "from 400 images on"), ((90.0,) * 3, 0.02, "not yet"),
-                                  ((110.0, 90.0, 90.0), 0.01, "from 200 images on")):  # fmt: skip
-        others = [
-            row_of("global", count, time, error) for count, time in zip((60, 200, 400), seconds, strict=True)
-        ]  # fmt: skip
+    for seconds, error, found in (
+        ((90.0, 110.0, 90.0), 0.01, "from 400 images on"),
+        ((90.0,) * 3, 0.02, "not yet"),
+        ((110.0, 90.0, 90.0), 0.01, "from 200 images on"),
+    ):
+        others = [row_of("global", count, time, error) for count, time in zip((60, 200, 400), seconds, strict=True)]
         assert verdicts([*ours, *others])[title][1] == found
 
 
@@ -88,16 +94,15 @@ def test_equal_accuracy() -> None:
     assert not equally_accurate(row_of("spatial", 100, 1.0, None), every)
 
 
-def test_an_interrupted_benchmark_goes_on(
-    plane_capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:  # fmt: skip
+def test_an_interrupted_benchmark_goes_on(plane_capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Finished rows are not measured again, a way that died is; ways and counts may come one after the other."""
     truth = read_truth(read_capture(plane_capture))
     assert truth is not None
     calls: list[tuple[str, int]] = []
     trouble: dict[tuple[str, int], BaseException] = {
-        ("global", 6): ChildError("it died"), ("spatial", 8): KeyboardInterrupt(),
-    }  # fmt: skip
+        ("global", 6): ChildError("it died"),
+        ("spatial", 8): KeyboardInterrupt(),
+    }
 
     def way(name: str) -> Run:
         def run(capture: Capture, work: Path) -> Found:

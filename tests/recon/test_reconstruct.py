@@ -102,8 +102,9 @@ def test_the_model_in_metres_is_the_cloud(plane_cloud: Path, cloud: Cloud) -> No
         assert {tuple(p.xy) for p in elements} == {tuple(row) for row in ours.obs_uv[mine]}
 
 
-def test_without_truth_the_model_is_the_same(plane_capture: Path, plane_settings: ReconSettings, cloud: Cloud,
-                                             tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:  # fmt: skip
+def test_without_truth_the_model_is_the_same(
+    plane_capture: Path, plane_settings: ReconSettings, cloud: Cloud, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     """Without truth/, and on one thread, the model is the same byte for byte; the cloud is aligned to GPS instead."""
     bare, folder = tmp_path / "bare", tmp_path / "cloud"
     shutil.copytree(plane_capture, bare, ignore=shutil.ignore_patterns("truth"))
@@ -151,10 +152,17 @@ def test_a_cut_image_is_named(left: int, plane_capture: Path, tmp_path: Path) ->
     assert not [path for path in folder.rglob("*") if path.is_file()]  # no database, no cloud
 
 
-@pytest.mark.parametrize(("gps", "step", "count", "pairing"), [
-    (True, 1.0, 100, "spatial"), (False, 1.0, 40, "exhaustive"), (False, 1.0, 41, "sequential"),
-    (True, 0.0, 20, "spatial"), (True, 0.001, 100, "sequential"), (True, 0.0, 21, "exhaustive"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("gps", "step", "count", "pairing"),
+    [
+        (True, 1.0, 100, "spatial"),
+        (False, 1.0, 40, "exhaustive"),
+        (False, 1.0, 41, "sequential"),
+        (True, 0.0, 20, "spatial"),
+        (True, 0.001, 100, "sequential"),
+        (True, 0.0, 21, "exhaustive"),
+    ],
+)
 def test_pairing_is_chosen_by_what_is_known(gps: bool, step: float, count: int, pairing: str) -> None:
     """GPS for every image: spatial; else, and with one fix for all, exhaustive up to 40 images, sequential above."""
     from recon.sfm.matching import choose_pairing
@@ -225,10 +233,10 @@ def test_no_lie_in_a_model_does_harm(tmp_path: Path, proof_count: Count, record_
         ("points3D.bin", 8, struct.pack("<Q", 10**6), "a point that is not there"),
         ("images.bin", 8 + 4, struct.pack("<4d", 0, 0, 0, 0), "a pose is not finite"),
     ],
-)  # fmt: skip
+)
 def test_what_a_model_cannot_hold(
     name: str, at: int, value: bytes, reason: str, plane_cloud: Path, tmp_path: Path
-) -> None:  # fmt: skip
+) -> None:
     """More rows than bytes, a point at nan, a keypoint of no point, a camera that looks nowhere: named and refused."""
     folder = tmp_path / "model"
     shutil.copytree(plane_cloud / "sparse", folder)

@@ -11,9 +11,13 @@ F64 = NDArray[np.float64]
 CAMERA = Pinhole(160, 120, 130.0, 132.0, 81.0, 58.5)
 TARGET = np.array([0.0, 6.0, 0.0])
 MOTIONS = {
-    "right": (0.8, 0.0, 0.0), "left": (-0.8, 0.0, 0.0), "up": (0.0, 0.0, 0.7), "down": (0.1, 0.0, -0.7),
-    "diagonal": (0.6, 0.1, -0.5), "partly forward": (0.8, 0.4, 0.1),
-}  # fmt: skip
+    "right": (0.8, 0.0, 0.0),
+    "left": (-0.8, 0.0, 0.0),
+    "up": (0.0, 0.0, 0.7),
+    "down": (0.1, 0.0, -0.7),
+    "diagonal": (0.6, 0.1, -0.5),
+    "partly forward": (0.8, 0.4, 0.1),
+}
 
 
 def pose_at(offset: tuple[float, float, float], roll: float = 0.0) -> F64:
@@ -36,9 +40,7 @@ def test_rows_agree_and_disparity_is_depth(name: str) -> None:
     rays = np.column_stack([(pixels - [CAMERA.cx, CAMERA.cy]) / [CAMERA.fx, CAMERA.fy], np.ones(200)])
     world = (rays * depth[:, None]) @ reference[:3, :3].T + reference[:3, 3]
     places = []
-    for pose, turn, center in (
-        (reference, pair.left, pair.left_center), (source, pair.right, pair.right_center)
-    ):  # fmt: skip
+    for pose, turn, center in ((reference, pair.left, pair.left_center), (source, pair.right, pair.right_center)):
         local = (world - pose[:3, 3]) @ pose[:3, :3] @ turn.T
         places.append(local[:, :2] / local[:, 2:] * pair.focal + center)
         common_depth = local[:, 2]
@@ -73,9 +75,7 @@ def test_of_a_motion_forwards_the_part_beside_it_is_kept(motion: tuple[float, fl
     rays = np.column_stack([(pixels - [CAMERA.cx, CAMERA.cy]) / [CAMERA.fx, CAMERA.fy], np.ones(len(pixels))])
     world = (rays * depth[:, None]) @ reference[:3, :3].T + reference[:3, 3]
     places, fronts = [], []
-    for pose, turn, center in (
-        (reference, pair.left, pair.left_center), (source, pair.right, pair.right_center)
-    ):  # fmt: skip
+    for pose, turn, center in ((reference, pair.left, pair.left_center), (source, pair.right, pair.right_center)):
         local = (world - pose[:3, 3]) @ pose[:3, :3] @ turn.T
         places.append(local[:, :2] / local[:, 2:] * pair.focal + center)
         fronts.append(local[:, 2])
@@ -135,9 +135,13 @@ def _between(image: NDArray[np.float32], places: F64) -> F64:
 
 @pytest.mark.parametrize(
     ("offset", "target"),
-    [((0.0, 1.5, 0.0), (0.0, 6.0, 0.0)), ((0.4, 1.5, 0.0), (0.0, 6.0, 0.0)), ((0.0, 0.0, 0.0), (0.0, 6.0, 0.0)),
-     ((0.0, 12.0, 0.0), (0.0, 6.0, 0.0))],
-)  # fmt: skip
+    [
+        ((0.0, 1.5, 0.0), (0.0, 6.0, 0.0)),
+        ((0.4, 1.5, 0.0), (0.0, 6.0, 0.0)),
+        ((0.0, 0.0, 0.0), (0.0, 6.0, 0.0)),
+        ((0.0, 12.0, 0.0), (0.0, 6.0, 0.0)),
+    ],
+)
 def test_motion_towards_the_scene_is_refused(
     offset: tuple[float, float, float], target: tuple[float, float, float]
 ) -> None:

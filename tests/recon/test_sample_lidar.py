@@ -53,13 +53,25 @@ def named(scene: FlatScene, **parts: tuple[int, str]) -> FlatScene:
 
 def test_ranges_to_a_plane(tmp_path: Path) -> None:
     """Height over the sine of the depression, to a millionth of a millimetre, for every ray that must come back."""
-    cloud = scanned(ground(), tmp_path / "c", positions=[[3.0, -4.0, 2.5]], angular_step=2.0, lowest=-89.5,
-                    max_range=60.0, range_at_10_percent=1000.0, max_incidence=88.0, **EXACT)  # fmt: skip
+    cloud = scanned(
+        ground(),
+        tmp_path / "c",
+        positions=[[3.0, -4.0, 2.5]],
+        angular_step=2.0,
+        lowest=-89.5,
+        max_range=60.0,
+        range_at_10_percent=1000.0,
+        max_incidence=88.0,
+        **EXACT,
+    )
     columns = cloud.columns
     assert cloud.source == "lidar-terrestrial"
     heights = np.deg2rad(np.arange(-89.5, 90.0, 2.0))
-    expected = [-2.5 / np.sin(angle) for angle in heights if angle < 0 and -2.5 / np.sin(angle) <= 60.0
-                and np.pi / 2 + angle <= np.deg2rad(88.0)]  # fmt: skip
+    expected = [
+        -2.5 / np.sin(angle)
+        for angle in heights
+        if angle < 0 and -2.5 / np.sin(angle) <= 60.0 and np.pi / 2 + angle <= np.deg2rad(88.0)
+    ]
     assert len(cloud) == 180 * len(expected)
     ways = columns["coord"] - [3.0, -4.0, 2.5]
     found = np.linalg.norm(ways, axis=1)
@@ -112,16 +124,24 @@ def test_noise_grows_with_the_range(tmp_path: Path, proof_count: Count, record_p
     np.testing.assert_allclose(columns["uncertainty"], np.abs(error), atol=1e-6)
     np.testing.assert_allclose(columns["uncertainty_relative"], np.abs(error) / true_range, rtol=1e-3, atol=1e-8)
     np.testing.assert_allclose(columns["surface_distance"], np.abs(columns["coord"][:, 2]), atol=2e-4)
-    record_proof("recon: lidar range noise is normal with the stated spread (Kolmogorov-Smirnov)", len(error), 0,
-                 {"p_value": p_value, "sigma_ratio": float((error / sigma).std())})  # fmt: skip
+    record_proof(
+        "recon: lidar range noise is normal with the stated spread (Kolmogorov-Smirnov)",
+        len(error),
+        0,
+        {"p_value": p_value, "sigma_ratio": float((error / sigma).std())},
+    )
 
 
 def test_losses(tmp_path: Path) -> None:
     """Random loss, grazing incidence, weak echoes, water and too near a surface, each by its own rule."""
     place: dict[str, object] = {
-        **EXACT, "positions": [[0.0, 0.0, 3.0]], "angular_step": 1.0, "lowest": -85.0, "range_at_10_percent": 1000.0,
+        **EXACT,
+        "positions": [[0.0, 0.0, 3.0]],
+        "angular_step": 1.0,
+        "lowest": -85.0,
+        "range_at_10_percent": 1000.0,
         "max_incidence": 80.0,
-    }  # fmt: skip
+    }
     every = len(scanned(ground(), tmp_path / "all", **place))
     some = len(scanned(ground(), tmp_path / "some", **{**place, "drop_out": 0.3}))
     assert stats.binomtest(some, every, 0.7).pvalue > 1e-3
@@ -154,9 +174,14 @@ def plate_before_wall() -> FlatScene:
 def test_mixed_pixels_lie_at_edges_only(tmp_path: Path) -> None:
     """What lies between plate and wall is on a beam that the plate's edge cuts; its label is that of the middle."""
     settings = {
-        **EXACT, "positions": [[0.0, 0.0, 0.0]], "angular_step": 0.1, "lowest": -12.0, "highest": 12.0, "reach": 1.0,
+        **EXACT,
+        "positions": [[0.0, 0.0, 0.0]],
+        "angular_step": 0.1,
+        "lowest": -12.0,
+        "highest": 12.0,
+        "reach": 1.0,
         "range_at_10_percent": 1000.0,
-    }  # fmt: skip
+    }
     clean = scanned(plate_before_wall(), tmp_path / "clean", **settings)
     assert clean.statistics["mixed_share"] == 0.0
     assert np.allclose(clean.columns["coord"][:, 1], np.where(clean.columns["instance"] == 2, 10.0, 10.3))
@@ -177,8 +202,18 @@ def test_mixed_pixels_lie_at_edges_only(tmp_path: Path) -> None:
     np.testing.assert_array_equal(columns["instance"] == 2, inside)
     far = scanned(plate_before_wall(), tmp_path / "gap", **{**settings, "beam_divergence": wide, "mixing_gap": 0.2})
     assert far.statistics["mixed_share"] == 0.0
-    slope = scanned(ground(), tmp_path / "slope", **{**settings, "positions": [[0.0, 0.0, 1.0]],
-                    "beam_divergence": wide, "max_incidence": 89.5, "angular_step": 0.5, "reach": 100.0})  # fmt: skip
+    slope = scanned(
+        ground(),
+        tmp_path / "slope",
+        **{
+            **settings,
+            "positions": [[0.0, 0.0, 1.0]],
+            "beam_divergence": wide,
+            "max_incidence": 89.5,
+            "angular_step": 0.5,
+            "reach": 100.0,
+        },
+    )
     assert slope.statistics["mixed_share"] == 0.0  # a long footprint on one plane is no edge
 
 
@@ -187,14 +222,22 @@ def test_rays_pass_through_cut_out_leaves(tmp_path: Path) -> None:
     texels = np.zeros((2, 2, 4), np.uint8)
     texels[:, 0] = 255  # solid where s < 0.5
     cv2.imwrite(str(tmp_path / "leaf.png"), texels)
-    builder = SceneBuilder(materials=[
-        Material("fallback"), Material("leaf", base_texture=Texture(str(tmp_path / "leaf.png"), True),
-                                       opacity_threshold=0.5),
-    ])  # fmt: skip
+    builder = SceneBuilder(
+        materials=[
+            Material("fallback"),
+            Material("leaf", base_texture=Texture(str(tmp_path / "leaf.png"), True), opacity_threshold=0.5),
+        ]
+    )
     builder.add_mesh(SQUARE, placed((0.0, 0.0, 0.0), (50.0, 50.0, 1.0)), 1)
     builder.add_mesh(SQUARE, placed((0.0, 0.0, 1.0)), 2, material=1, st=(SQUARE[..., :2] + 1) / 2)
-    cloud = scanned(builder.build(POSE), tmp_path / "c", positions=[[0.0, 0.0, 2.0]], angular_step=1.0, lowest=-89.9,
-                    **{**EXACT, "beam_divergence": 0.001})  # fmt: skip
+    cloud = scanned(
+        builder.build(POSE),
+        tmp_path / "c",
+        positions=[[0.0, 0.0, 2.0]],
+        angular_step=1.0,
+        lowest=-89.9,
+        **{**EXACT, "beam_divergence": 0.001},
+    )
     x, y, z = cloud.columns["coord"].T
     over = (np.abs(z - 1.0) < 0.2) & (cloud.columns["instance"] == 2)
     assert over.sum() > 1000
@@ -225,8 +268,17 @@ def test_a_tripod_looks_into_every_direction() -> None:
 
 def test_a_moving_scanner_turns_as_it_goes() -> None:
     """Place and angle of each shot follow from its number; the error of the path has the spread that was asked for."""
-    settings = MobileSettings(beams=3, lowest=-10.0, highest=10.0, angular_step=1.0, rate=4.0, speed=2.0, tilt=30.0,
-                              path_noise=0.05, path_noise_length=0.01)  # fmt: skip
+    settings = MobileSettings(
+        beams=3,
+        lowest=-10.0,
+        highest=10.0,
+        angular_step=1.0,
+        rate=4.0,
+        speed=2.0,
+        tilt=30.0,
+        path_noise=0.05,
+        path_noise_length=0.01,
+    )
     path = np.array([[0.0, 0.0, 1.0], [30.0, 0.0, 1.0], [30.0, 30.0, 4.0]])
     parts = list(mobile_rays(path, settings, np.random.default_rng(1)))
     origins, directions, errors = (
@@ -256,8 +308,13 @@ def deck_on_walls() -> FlatScene:
     builder.add_box(placed((19.0, 0.0, 3.0), (2.0, 8.0, 6.0)), 4, 1)
     builder.add_box(placed((10.0, 3.9, 7.5), (20.0, 0.2, 1.0)), 5, 11)
     scene = builder.build(POSE)
-    parts = {"ground": (1, "background"), "deck_slab": (2, "deck"), "abutment_wall": (3, "abutment"),
-             "wing_wall": (4, "abutment"), "parapet": (5, "parapet")}  # fmt: skip
+    parts = {
+        "ground": (1, "background"),
+        "deck_slab": (2, "deck"),
+        "abutment_wall": (3, "abutment"),
+        "wing_wall": (4, "abutment"),
+        "parapet": (5, "parapet"),
+    }
     return named(scene, **parts)
 
 
@@ -307,9 +364,22 @@ def test_a_vehicle_drives_along_the_deck(tmp_path: Path) -> None:
     assert "station" not in cloud.columns
     deck = cloud.columns["instance"] == 2
     assert (cloud.columns["normal"][deck, 2] > 0.9).mean() > 0.95
-    flown = scanned(dataclasses.replace(scene, cameras=(dataclasses.replace(
-        scene.cameras[0], poses=np.stack([look_at(np.array([x, -12.0, 3.0]), np.array([10.0, 0, 3])) for x in (0, 20)])
-    ),)), tmp_path / "d", kind="mobile", path="test", angular_step=2.0, beams=8)  # fmt: skip
+    flown = scanned(
+        dataclasses.replace(
+            scene,
+            cameras=(
+                dataclasses.replace(
+                    scene.cameras[0],
+                    poses=np.stack([look_at(np.array([x, -12.0, 3.0]), np.array([10.0, 0, 3])) for x in (0, 20)]),
+                ),
+            ),
+        ),
+        tmp_path / "d",
+        kind="mobile",
+        path="test",
+        angular_step=2.0,
+        beams=8,
+    )
     assert (flown.columns["instance"] >= 3).any()
     with pytest.raises(InputError, match="stands still"):
         scanned(scene, tmp_path / "e", kind="mobile", path="test")

@@ -61,8 +61,12 @@ def test_points_are_even_by_area(proof_count: Count, record_proof: RecordProof) 
         assert (cells > 0).sum() == 64
         worst = min(worst, stats.chisquare(cells[cells > 0]).pvalue)
     assert min(share, worst) > 1e-3, (share, worst)
-    record_proof("recon: mesh samples are uniform by area (chi-squared)", count, 3,
-                 {"p_two_areas": float(share), "p_64_cells_worst": float(worst)})  # fmt: skip
+    record_proof(
+        "recon: mesh samples are uniform by area (chi-squared)",
+        count,
+        3,
+        {"p_two_areas": float(share), "p_64_cells_worst": float(worst)},
+    )
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -105,7 +109,9 @@ def test_every_point_lies_on_its_own_instance(tmp_path: Path) -> None:
 
 def test_instances_of_an_instancer_keep_their_names(tmp_path: Path) -> None:
     """Repeated cubes are sampled where each stands, under its own id."""
-    scene = read_body(tmp_path, """def PointInstancer "Trees" {
+    scene = read_body(
+        tmp_path,
+        """def PointInstancer "Trees" {
         rel prototypes = [</Trees/Protos/Small>]
         int[] protoIndices = [0, 0, 0]
         point3f[] positions = [(0, 0, 0), (10, 0, 0), (0, 10, 5)]
@@ -116,7 +122,8 @@ def test_instances_of_an_instancer_keep_their_names(tmp_path: Path) -> None:
                 double size = 1
             }
         }
-    }""")  # fmt: skip
+    }""",
+    )
     cloud = sampled(scene, tmp_path / "cloud", points=3000)
     points, ids = cloud.columns["coord"], cloud.columns["instance"]
     for number, middle, size in ((21, (0, 0, 0), (1, 1, 1)), (22, (10, 0, 0), (2, 2, 2)), (23, (0, 10, 5), (1, 1, 3))):
@@ -234,8 +241,9 @@ def test_colours_are_those_of_the_texels(tmp_path: Path) -> None:
     material = Material("m", base_texture=Texture(str(tmp_path / "t.png"), True), opacity_threshold=0.5)
     columns = sampled(with_materials(scene, (material,)), tmp_path / "cloud", points=900).columns
     x, y = columns["coord"][:, 0], columns["coord"][:, 1]
-    expected = np.where((y > 0.5)[:, None], np.where((x < 0.5)[:, None], texels[0, 0, :3], texels[0, 1, :3]),
-                        texels[1, 0, :3])  # fmt: skip
+    expected = np.where(
+        (y > 0.5)[:, None], np.where((x < 0.5)[:, None], texels[0, 0, :3], texels[0, 1, :3]), texels[1, 0, :3]
+    )
     np.testing.assert_array_equal(columns["color"], expected)
     assert not ((x > 0.5) & (y < 0.5)).any()
     missing = with_materials(scene, (Material("m", (0.2, 0.2, 0.2), base_texture=Texture("/nowhere.png", True)),))

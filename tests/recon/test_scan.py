@@ -197,7 +197,7 @@ DAMAGES: list[tuple[str, Damage, str]] = [
     ("ply", lambda data: first_point_of(data, (1.0, np.nan, 2.0)), "point 0 is not finite"),
     ("ply", lambda data: first_point_of(data, (1.0, 1e30, 2.0)), "point 0 is not finite"),
     ("ply", swap(b"element vertex", b"element nothing 0\n" * 2000 + b"element vertex"), "more columns"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("kind", "damage", "reason"), DAMAGES)
@@ -221,8 +221,12 @@ def test_text_that_ends_early_or_is_none(tmp_path: Path) -> None:
     """ASCII PLY: too few numbers, a word among them, not a number at all; and a good one without a last line end."""
     head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
     path = tmp_path / "t.ply"
-    for body, reason in (("1 2 3\n4 5 6\n", "cut off"), ("1 2 3\n4 5 6\n7 8 nine\n", "not a number"),
-                         ("1 2 3\n4 nan 6\n7 8 9\n", "point 1"), ("1 2 3\n4 5 6\n7 8     \n", "cut off")):  # fmt: skip
+    for body, reason in (
+        ("1 2 3\n4 5 6\n", "cut off"),
+        ("1 2 3\n4 5 6\n7 8 nine\n", "not a number"),
+        ("1 2 3\n4 nan 6\n7 8 9\n", "point 1"),
+        ("1 2 3\n4 5 6\n7 8     \n", "cut off"),
+    ):
         path.write_text(head + body)
         with pytest.raises(InputError, match=reason):
             read_scan(path)
@@ -255,9 +259,14 @@ def test_labels_must_be_labels(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("kind", "quick", "full"), [("las", 200, 2000), ("ply", 200, 2000), ("laz", 4, 200)])
 def test_no_flipped_byte_does_harm(
-    files: dict[str, Path], tmp_path: Path, proof_count: Count, record_proof: RecordProof, kind: str, quick: int,
+    files: dict[str, Path],
+    tmp_path: Path,
+    proof_count: Count,
+    record_proof: RecordProof,
+    kind: str,
+    quick: int,
     full: int,
-) -> None:  # fmt: skip
+) -> None:
     """Headers with a few wrong bytes: a scan or an `InputError`, nothing else, and little memory."""
     data = files[kind].read_bytes()
     end = data.index(b"end_header") if kind == "ply" else struct.unpack_from("<I", data, 96)[0]
@@ -282,5 +291,9 @@ def test_no_flipped_byte_does_harm(
     assert peak < LEAST_MEMORY
     assert all("\n" not in line and str(path) in line for line in said)
     assert count < 100 or len(said) > 0.05 * count  # most bytes of a LAS header are names and descriptions
-    record_proof(f"recon: {kind} scans with flipped bytes are read or refused", count, 0,
-                 {"refused": len(said), "peak_memory_mb": round(peak / 1e6, 1)})  # fmt: skip
+    record_proof(
+        f"recon: {kind} scans with flipped bytes are read or refused",
+        count,
+        0,
+        {"refused": len(said), "peak_memory_mb": round(peak / 1e6, 1)},
+    )

@@ -83,7 +83,7 @@ def synthetic(folder: Path) -> Capture:
     pycolmap.set_random_seed(1)
     options = pycolmap.SyntheticDatasetOptions(
         num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=10, num_points3D=3000, track_length=4, prior_position=True
-    )  # fmt: skip
+    )
     with pycolmap.Database.open(folder / DATABASE) as database:
         model = pycolmap.synthesize_dataset(options, database)
         pycolmap.synthesize_noise(pycolmap.SyntheticNoiseOptions(point2D_stddev=0.2), model, database)

@@ -37,9 +37,7 @@ def test_nearest_points_against_a_search() -> None:
     wanted = np.array([searched(point, triangle) for point, triangle in zip(points, corners, strict=True)])
     np.testing.assert_allclose(far[:50], wanted[:50], atol=1e-6)
     assert (far[50:] <= wanted[50:] + 1e-9).all()
-    weights = np.linalg.lstsq(
-        np.block([[corners[0].T], [np.ones((1, 3))]]), np.append(found[0], 1.0), rcond=None
-    )[0]  # fmt: skip
+    weights = np.linalg.lstsq(np.block([[corners[0].T], [np.ones((1, 3))]]), np.append(found[0], 1.0), rcond=None)[0]
     assert (weights > -1e-9).all()
 
 

@@ -15,9 +15,17 @@ def model_with(params: tuple[float, ...], name: str = "SIMPLE_RADIAL") -> Sparse
     """Make a model that knows only its camera."""
     none = np.zeros((0, 3))
     return SparseModel(
-        (), np.zeros((0, 4, 4)), name, params, none, none.astype(np.uint8), np.zeros(0), np.zeros(0, np.int64),
-        np.zeros(0, np.int64), np.zeros((0, 2)),
-    )  # fmt: skip
+        (),
+        np.zeros((0, 4, 4)),
+        name,
+        params,
+        none,
+        none.astype(np.uint8),
+        np.zeros(0),
+        np.zeros(0, np.int64),
+        np.zeros(0, np.int64),
+        np.zeros((0, 2)),
+    )
 
 
 @pytest.mark.parametrize("k1", [-0.1, 0.0, 0.08])

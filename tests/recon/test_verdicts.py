@@ -118,7 +118,7 @@ def test_wrong_matches_hardly_pull_at_the_cameras() -> None:
     pycolmap.set_random_seed(4)
     options = pycolmap.SyntheticDatasetOptions(
         num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=8, num_points3D=300
-    )  # fmt: skip
+    )
     true = pycolmap.synthesize_dataset(options)
     places = {number: image.projection_center() for number, image in true.images.items()}
     extent = np.linalg.norm(np.ptp(list(places.values()), axis=0))
@@ -176,7 +176,7 @@ def test_every_absent_camera_has_a_reason() -> None:
     poses = np.stack([look_at(np.array(eye), np.array([0.0, 9.0, 1.0])) for eye in np.eye(3) * 4])
     alignment, target = place(
         poses, np.arange(3), reasons, capture, None, AlignmentSettings(), np.random.default_rng(0)
-    )  # fmt: skip
+    )
     assert target.kind == "none"
     assert alignment.status == (OK, OK, OK, NOT_IN_LARGEST, NO_TEXTURE, NO_OVERLAP, UNREGISTERED, NO_TEXTURE)
 
@@ -236,9 +236,7 @@ def test_positions_that_do_not_fit_leave_photographs_in_their_own_units() -> Non
     _, model = flown(rng, rng.normal(0, 6, (10, 3)))
     for gps in (rng.normal(0, 900, (10, 3)), np.zeros((10, 3))):
         capture = capture_of([f"{row}.jpg" for row in range(10)], gps=gps)
-        found, target = place(
-            model, np.arange(10), {}, capture, None, AlignmentSettings(), np.random.default_rng(0)
-        )  # fmt: skip
+        found, target = place(model, np.arange(10), {}, capture, None, AlignmentSettings(), np.random.default_rng(0))
         assert target.kind == "none"
         assert alignment_facts(found, target, capture)["unit"] == "unknown"
 
@@ -277,10 +275,13 @@ def shots(kind: str, rng: np.random.Generator) -> list[NDArray[np.float32]]:
 @pytest.mark.parametrize(
     ("kind", "reason"),
     [
-        ("turning", "no_model"), ("sky", "no_texture"), ("bare walls", "no_texture"),
-        ("different worlds", "no_overlap"), ("two photographs", "too_few_images"),
+        ("turning", "no_model"),
+        ("sky", "no_texture"),
+        ("bare walls", "no_texture"),
+        ("different worlds", "no_overlap"),
+        ("two photographs", "too_few_images"),
     ],
-)  # fmt: skip
+)
 def test_hopeless_flights_have_reasons(kind: str, reason: str, tmp_path: Path) -> None:
     """A camera that only turns, noise in the sky, bare walls, nothing in common, too few: a reason, and no crash."""
     folder, work = tmp_path / "photographs", tmp_path / "work"
@@ -300,9 +301,9 @@ def test_hopeless_flights_have_reasons(kind: str, reason: str, tmp_path: Path) -
 
 def test_a_walk_straight_ahead_has_a_model(tmp_path: Path) -> None:
     """Eight views, each half a metre nearer to the wall: COLMAP alone finds no two of them to begin with."""
-    poses = np.stack([
-        look_at(np.array([0.02 * row, -9.0 + 0.52 * row, 1.8]), np.array([0.0, 50.0, 1.8])) for row in range(8)
-    ])  # fmt: skip
+    poses = np.stack(
+        [look_at(np.array([0.02 * row, -9.0 + 0.52 * row, 1.8]), np.array([0.0, 50.0, 1.8])) for row in range(8)]
+    )
     capture = read_capture(write_capture(tmp_path / "capture", poses))
     model = run_sparse(capture, tmp_path, ReconSettings(sparse=SparseSettings(max_features=1800)), SILENT).model
     assert len(model.names) == 8

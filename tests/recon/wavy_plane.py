@@ -45,9 +45,7 @@ class WavyPlane:
         total = np.zeros((camera.height, camera.width))
         for dx in (-0.25, 0.25):
             for dy in (-0.25, 0.25):
-                shifted = Pinhole(
-                    camera.width, camera.height, camera.fx, camera.fy, camera.cx - dx, camera.cy - dy
-                )  # fmt: skip
+                shifted = Pinhole(camera.width, camera.height, camera.fx, camera.fy, camera.cx - dx, camera.cy - dy)
                 total += self._shade(shifted, pose)
         return np.clip(total / 4, 0, 255).astype(np.uint8)
 

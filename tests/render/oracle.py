@@ -107,6 +107,9 @@ def judge(ids: U32, depth: NDArray[np.float32], expected: U32, truth: F64) -> Ve
     error = np.abs(depth[sure].astype(np.float64) - truth[sure]) / truth[sure]
     inner = ~beside[sure]
     return Verdict(
-        float(same.mean()), float((~same & ~beside).mean()), float(np.median(error)),
-        float(np.quantile(error[inner] if inner.any() else error, 0.999)), ids.size,
-    )  # fmt: skip
+        float(same.mean()),
+        float((~same & ~beside).mean()),
+        float(np.median(error)),
+        float(np.quantile(error[inner] if inner.any() else error, 0.999)),
+        ids.size,
+    )

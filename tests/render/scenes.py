@@ -69,24 +69,41 @@ class SceneBuilder:
         vertices = np.concatenate(self.vertices)
         triangles = np.concatenate([part + start for part, start in zip(self.triangles, starts, strict=False)])
         geometry = Geometry(
-            vertices.astype(np.float32), np.concatenate(self.normals).astype(np.float32),
-            np.concatenate(self.st).astype(np.float32), np.zeros((len(vertices), 2), np.float32),
-            np.ones((len(vertices), 3), np.float32), triangles.astype(np.uint32),
-            (np.cumsum(counts) - counts).astype(np.int32), counts, np.ones(len(counts), np.uint8),
-        )  # fmt: skip
+            vertices.astype(np.float32),
+            np.concatenate(self.normals).astype(np.float32),
+            np.concatenate(self.st).astype(np.float32),
+            np.zeros((len(vertices), 2), np.float32),
+            np.ones((len(vertices), 3), np.float32),
+            triangles.astype(np.uint32),
+            (np.cumsum(counts) - counts).astype(np.int32),
+            counts,
+            np.ones(len(counts), np.uint8),
+        )
         transforms, materials, ids, labels = zip(*self.rows, strict=True)
         draws = Draws(
-            np.arange(len(counts), dtype=np.int32), np.array(transforms), np.array(materials, np.int32),
-            np.array(ids, np.uint32), np.array(labels, np.uint8),
-        )  # fmt: skip
+            np.arange(len(counts), dtype=np.int32),
+            np.array(transforms),
+            np.array(materials, np.int32),
+            np.array(ids, np.uint32),
+            np.array(labels, np.uint8),
+        )
         names = tuple(f"{row:06d}" for row in range(len(poses)))
         track = CameraTrack("test", "/Camera", UsdLens(0.24, 0.36, 0.27), poses, names, calibration=camera)
         known = sorted({(int(i), int(k)) for i, k in zip(ids, labels, strict=True)})
         rows = tuple(InstanceRow(i, f"/Part_{i}", "", class_rows()[k].name) for i, k in known)
         return FlatScene(
-            geometry, draws, tuple(self.materials), None, None, (track,),
-            (Product("test", 0, camera.width, camera.height),), rows, class_rows(), (), "test",
-        )  # fmt: skip
+            geometry,
+            draws,
+            tuple(self.materials),
+            None,
+            None,
+            (track,),
+            (Product("test", 0, camera.width, camera.height),),
+            rows,
+            class_rows(),
+            (),
+            "test",
+        )
 
 
 def box_corners() -> F64:

@@ -152,10 +152,11 @@ SHAPES: dict[str, tuple[str, list[tuple[Point, tuple[Color | None, float]]]]] = 
     "purpose render": (mesh('uniform token purpose = "render"'), [((0, 0, 0), RED_SEEN)]),
     "invisible": (mesh('token visibility = "invisible"'), [((0, 0, -1), FLOOR_SEEN)]),
     "colours of vertices": (
-        mesh(VERTEX_COLORS).replace(RED, ""), [((-0.9, 0, 0), ((0.04, 0, 0), 0.0)), ((0.5, 0, 0), ((0.6, 0, 0), 0.0))]
+        mesh(VERTEX_COLORS).replace(RED, ""),
+        [((-0.9, 0, 0), ((0.04, 0, 0), 0.0)), ((0.5, 0, 0), ((0.6, 0, 0), 0.0))],
     ),
     "native shape": (f'def Cube "C" {{\ndouble size = 2\n{RED}}}\n', [((0, 0, 1), ((0.8, 0, 0), 1.0))]),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -192,32 +193,68 @@ GREY = (0.5, 0.5, 0.5)
 MATERIALS: dict[str, tuple[str, list[tuple[Point, Color]], int]] = {
     "preview constant": (network(f"color3f inputs:{ORANGE}"), [((0, 0, 0), (0.6, 0.3, 0.1))], 0),
     "preview texture": (
-        network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>",
-                texture("A", "./sides.png").replace("(0.25, 0.5)", "(1, 1)").replace("rotation = 30", "rotation = 0")
-                .replace("(0.1, 0.2)", "(0, 0)")), SIDES, 0),
+        network(
+            "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>",
+            texture("A", "./sides.png")
+            .replace("(0.25, 0.5)", "(1, 1)")
+            .replace("rotation = 30", "rotation = 0")
+            .replace("(0.1, 0.2)", "(0, 0)"),
+        ),
+        SIDES,
+        0,
+    ),
     "preview texture, turned by UsdTransform2d": (
-        network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>",
-                texture("A", "./sides.png").replace("(0.25, 0.5)", "(1, 1)").replace("rotation = 30", "rotation = 90")
-                .replace("(0.1, 0.2)", "(0, 0)")), [((0, 0.5, 0), (0.8, 0, 0)), ((0, -0.5, 0), (0, 0, 0.8))], 0),
+        network(
+            "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>",
+            texture("A", "./sides.png")
+            .replace("(0.25, 0.5)", "(1, 1)")
+            .replace("rotation = 30", "rotation = 90")
+            .replace("(0.1, 0.2)", "(0, 0)"),
+        ),
+        [((0, 0.5, 0), (0.8, 0, 0)), ((0, -0.5, 0), (0, 0, 0.8))],
+        0,
+    ),
     "cut-out": (
-        network(CUT + "float inputs:opacityThreshold = 0.5",
-                texture("A", "./leaf.png").replace("(0.25, 0.5)", "(1, 1)").replace("rotation = 30", "rotation = 0")
-                .replace("(0.1, 0.2)", "(0, 0)")), [((-0.5, 0, -1), FLOOR_SEEN[0]), ((0.5, 0, 0), (0.8, 0.8, 0.8))], 0),
+        network(
+            CUT + "float inputs:opacityThreshold = 0.5",
+            texture("A", "./leaf.png")
+            .replace("(0.25, 0.5)", "(1, 1)")
+            .replace("rotation = 30", "rotation = 0")
+            .replace("(0.1, 0.2)", "(0, 0)"),
+        ),
+        [((-0.5, 0, -1), FLOOR_SEEN[0]), ((0.5, 0, 0), (0.8, 0.8, 0.8))],
+        0,
+    ),
     "detail": (network(f"color3f inputs:{ORANGE}", "", DETAIL), [((0, 0, 0), (0.36, 0.18, 0.06))], 0),
     "displayColor": (mesh(""), [((0, 0, 0), (0.8, 0, 0))], 0),
-    "OmniPBR constant": (omni(f"color3f inputs:{ORANGE.replace('diffuseColor', 'diffuse_color_constant')}"),
-                         [((0, 0, 0), (0.6, 0.3, 0.1))], 0),
+    "OmniPBR constant": (
+        omni(f"color3f inputs:{ORANGE.replace('diffuseColor', 'diffuse_color_constant')}"),
+        [((0, 0, 0), (0.6, 0.3, 0.1))],
+        0,
+    ),
     "OmniPBR texture": (surface(omni(TINTED)), [((-0.5, 0, 0), (0.4, 0, 0)), ((0.5, 0, 0), (0, 0, 0.8))], 0),
-    "standard_surface constant": (standard("float inputs:base = 0.5\ncolor3f inputs:base_color = (0.6, 0.4, 0.2)"),
-                                  [((0, 0, 0), (0.3, 0.2, 0.1))], 0),
+    "standard_surface constant": (
+        standard("float inputs:base = 0.5\ncolor3f inputs:base_color = (0.6, 0.4, 0.2)"),
+        [((0, 0, 0), (0.3, 0.2, 0.1))],
+        0,
+    ),
     "standard_surface texture": (
-        surface(standard("color3f inputs:base_color.connect = </Mat/I.outputs:out>",
-                         IMAGE.format("color3", "sides", "color3f"))), SIDES, 0),
+        surface(
+            standard(
+                "color3f inputs:base_color.connect = </Mat/I.outputs:out>", IMAGE.format("color3", "sides", "color3f")
+            )
+        ),
+        SIDES,
+        0,
+    ),
     "unknown": (STRANGER, [((0, 0, 0), GREY)], 1),
     "unknown with displayColor": (STRANGER.replace(SQUARE, SQUARE + RED), [((0, 0, 0), (0.8, 0, 0))], 1),
-    "missing texture": (network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>",
-                                texture("A", "./gone.png")), [((0, 0, 0), GREY)], 1),
-}  # fmt: skip
+    "missing texture": (
+        network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./gone.png")),
+        [((0, 0, 0), GREY)],
+        1,
+    ),
+}
 
 
 def write_pictures(folder: Path) -> None:

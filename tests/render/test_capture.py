@@ -44,9 +44,14 @@ def write_example(folder: Path, *, highest: int = 65535) -> tuple[Capture, FlatS
         write_frame_truth(folder, name, frame_truth(row, highest), wide_ids=highest > 65535)
         images.append(CaptureImage(name=name, file=f"images/{name}.jpg", gps=(1.5, -2.25, row / 3), time=row * 2.0))
     capture = Capture(
-        folder, "local", (CAMERA.width, CAMERA.height), CalibrationPrior(focal_px=141.0, cx=80.0, cy=60.0),
-        (0.5, 0.5, 1.0), {"kind": "local", "spacing": 2.0}, tuple(images),
-    )  # fmt: skip
+        folder,
+        "local",
+        (CAMERA.width, CAMERA.height),
+        CalibrationPrior(focal_px=141.0, cx=80.0, cy=60.0),
+        (0.5, 0.5, 1.0),
+        {"kind": "local", "spacing": 2.0},
+        tuple(images),
+    )
     write_cameras(capture)
     write_truth(folder, CAMERA, scene.cameras[0].image_names, scene.cameras[0].poses, scene)
     return capture, scene
@@ -83,11 +88,13 @@ def test_round_trip(tmp_path: Path) -> None:
 def test_depth_comes_back_bit_for_bit(tmp_path: Path, shape: tuple[int, int]) -> None:
     """Smooth, wild, tiny and infinite values, through OpenCV's reader; a damaged file is refused."""
     rng = np.random.default_rng(3)
-    for number, depth in enumerate((
-        np.linspace(0.1, 5000, shape[0] * shape[1]).reshape(shape),
-        np.where(rng.random(shape) < 0.3, np.inf, 10.0 ** rng.uniform(-40, 38, shape)),
-        rng.integers(0, 2**31 - 2**23, shape).astype(np.uint32).view(np.float32),
-    )):  # fmt: skip
+    for number, depth in enumerate(
+        (
+            np.linspace(0.1, 5000, shape[0] * shape[1]).reshape(shape),
+            np.where(rng.random(shape) < 0.3, np.inf, 10.0 ** rng.uniform(-40, 38, shape)),
+            rng.integers(0, 2**31 - 2**23, shape).astype(np.uint32).view(np.float32),
+        )
+    ):
         path = tmp_path / f"{number}.tiff"
         wanted = np.asarray(depth, np.float32)
         data = encode_depth_tiff(wanted)

@@ -47,9 +47,13 @@ def through(scene: FlatScene, model: str) -> FlatScene:
 
 @pytest.mark.parametrize(("quality", "models"), [("fast", tuple(MODELS)), ("fine", ("rolling", "barrel rolling"))])
 def test_every_exact_image_equals_the_ray_caster(
-    tmp_path: Path, small: RenderSettings, quality: str, models: tuple[str, ...], proof_count: Count,
+    tmp_path: Path,
+    small: RenderSettings,
+    quality: str,
+    models: tuple[str, ...],
+    proof_count: Count,
     record_proof: RecordProof,
-) -> None:  # fmt: skip
+) -> None:
     """Depth, ids, labels and normals of a capture as read back, for every camera model; sixty boxes, some mirrored."""
     settings = small.model_copy(update={"quality": quality, "volume_probes": 1000, "volume_rays": 16})
     figures = {}

@@ -76,24 +76,34 @@ def park() -> FlatScene:
     ids = [*range(10, 10 + TREES), BRIDGE, BRIDGE, BRIDGE + 2]
     more = len(ids)
     draws = scene.draws
-    rows = [InstanceRow(number, f"/World/Park/Trees_{number}", "tree", "background", {}, "background")
-            for number in [TREE, *range(10, 10 + TREES)]]  # fmt: skip
+    rows = [
+        InstanceRow(number, f"/World/Park/Trees_{number}", "tree", "background", {}, "background")
+        for number in [TREE, *range(10, 10 + TREES)]
+    ]
     rows += [
         InstanceRow(BRIDGE, "/World/Bridge/Pier", "column", "column", {}, "column"),
         InstanceRow(BRIDGE + 1, "/World/Ground", "ground", "background", {}, "background"),
         InstanceRow(BRIDGE + 2, "/World/Bridge/Pier/Pole", "pole", "background", {}, "background"),
     ]
     return replace(
-        scene, instances=tuple(sorted(rows, key=lambda row: row.id)), products=(Product("test", 0, 320, 240),),
+        scene,
+        instances=tuple(sorted(rows, key=lambda row: row.id)),
+        products=(Product("test", 0, 320, 240),),
         draws=Draws(
             np.concatenate([draws.part, np.zeros(more, np.int32)]),
             np.concatenate([draws.transform, trees, bridge]),
             np.concatenate([draws.material, np.zeros(more, np.int32)]),
             np.concatenate([draws.instance, np.array(ids, np.uint32)]),
-            np.concatenate([draws.label, np.zeros(TREES, np.uint8), np.full(2, class_id("column"), np.uint8),
-                            np.zeros(1, np.uint8)]),
+            np.concatenate(
+                [
+                    draws.label,
+                    np.zeros(TREES, np.uint8),
+                    np.full(2, class_id("column"), np.uint8),
+                    np.zeros(1, np.uint8),
+                ]
+            ),
         ),
-    )  # fmt: skip
+    )
 
 
 def simplified(scene: FlatScene, budget: int) -> FlatScene:

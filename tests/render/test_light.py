@@ -173,8 +173,11 @@ def write_quadrants(path: Path) -> None:
     """Write red over green on the left, blue over white on the right."""
     pixels = np.zeros((64, 64, 3), np.uint8)
     pixels[:32, :32], pixels[32:, :32], pixels[:32, 32:], pixels[32:, 32:] = (
-        (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255),
-    )  # fmt: skip
+        (255, 0, 0),
+        (0, 255, 0),
+        (0, 0, 255),
+        (255, 255, 255),
+    )
     cv2.imwrite(str(path), pixels[..., ::-1])
 
 
@@ -214,9 +217,11 @@ def test_raw_colours_channels_and_gains_of_textures(gl: Gl, ideal: RenderSetting
     for texture, expected in (
         (Texture(str(tmp_path / "tint.png"), False), told),
         (Texture(str(tmp_path / "tint.png"), True), decoded),
-        (Texture(str(tmp_path / "tint.png"), True, gain=(1.0, 0.5, 0.25), bias=(0.1, 0.0, 0.2)),
-         decoded * [1.0, 0.5, 0.25] + [0.1, 0.0, 0.2]),
-    ):  # fmt: skip
+        (
+            Texture(str(tmp_path / "tint.png"), True, gain=(1.0, 0.5, 0.25), bias=(0.1, 0.0, 0.2)),
+            decoded * [1.0, 0.5, 0.25] + [0.1, 0.0, 0.2],
+        ),
+    ):
         scene = plate(Material("card", base_texture=texture)).build(DOWN[None])
         light, _ = radiance(gl, replace(scene, dome=WHITE_DOME), ideal.model_copy(update={"quality": "fast"}))
         np.testing.assert_allclose(light[60, 80], expected, rtol=0.02)

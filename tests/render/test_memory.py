@@ -195,8 +195,9 @@ def test_roughness_shares_a_layer_only_where_one_look_up_finds_both(
         found = isinstance(value, Texture | Detail) and files.get(value.file)
         return replace(value, file=found) if found else value  # pyright: ignore[reportArgumentType]
 
-    first = Material("m", base_texture=Texture(files["sheet.png"], True),
-                     roughness_texture=Texture(files["grey.png"], False))  # fmt: skip
+    first = Material(
+        "m", base_texture=Texture(files["sheet.png"], True), roughness_texture=Texture(files["grey.png"], False)
+    )
     materials = (first, replace(first, **{name: on_disk(value) for name, value in change.items()}))
     keys, averaged = texture_keys(materials, "fine")
     number, color = TextureKey(files["grey.png"], False, "number"), TextureKey(files["sheet.png"], True)
@@ -288,8 +289,10 @@ def test_a_worker_loads_nothing_that_drawing_does_not_need(tmp_path: Path) -> No
     unwanted = "{'pxr', 'open3d', 'torch', 'scipy', 'numba'}"
     answer = subprocess.run(
         [sys.executable, "-c", f"import sys, render.frames; print(sorted({unwanted} & set(sys.modules)))"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert answer.stdout.strip() == "[]"
     apart, here = survey_scene_apart(stage, "Drone", 0, AS_AUTHORED, SILENT), survey_scene(load_scene(stage), 0)
     assert (apart.camera, apart.needs, apart.scene.origin) == (here.camera, here.needs, here.scene.origin)

@@ -105,9 +105,7 @@ def test_shadows_move_with_what_throws_them(gl: Gl, ideal: RenderSettings, scene
         ids = np.concatenate([[0], slanted.at_moment(row).draws.instance])[view.draw]
         floor = next(number.id for number in scene.instances if number.path == "/Floor")
         place = scene.cameras[0].poses[row]
-        column, line = (
-            int(CAMERA.cx + CAMERA.fx * (-2.0 - place[0, 3]) / 9.0), int(CAMERA.cy + CAMERA.fy * 3.5 / 9.0)
-        )  # fmt: skip
+        column, line = (int(CAMERA.cx + CAMERA.fx * (-2.0 - place[0, 3]) / 9.0), int(CAMERA.cy + CAMERA.fy * 3.5 / 9.0))
         assert ids[line, column] == floor
         light.append(float(view.code[line, column].mean()))
     assert light[0] < 0.7 * light[1]

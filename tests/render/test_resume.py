@@ -39,8 +39,12 @@ def request(stage: Path, folder: Path, settings: RenderSettings, workers: int = 
     folder.mkdir(exist_ok=True)
     chosen = settings.model_copy(update={"workers": workers, "encoders": workers})
     return {
-        "scene": str(stage), "folder": str(folder), "settings": chosen.model_dump(mode="json"), "seed": 3, "survey": ""
-    }  # fmt: skip
+        "scene": str(stage),
+        "folder": str(folder),
+        "settings": chosen.model_dump(mode="json"),
+        "seed": 3,
+        "survey": "",
+    }
 
 
 def notes(folder: Path) -> set[str]:

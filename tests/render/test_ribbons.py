@@ -91,9 +91,11 @@ def test_a_thin_hanger_is_even_and_as_strong_as_its_samples(
     assert max(unevenness) < 0.15
     assert max(losses) < 0.10
     record_proof(
-        "render/thin members", len(losses), 3,
+        "render/thin members",
+        len(losses),
+        3,
         {"most_uneven_share": round(max(unevenness), 3), "worst_integral": round(max(losses), 3)},
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("quality", ["standard", "fine"])

@@ -148,12 +148,17 @@ def test_the_specular_workflow_shines_as_it_says(gl: Gl, ideal: RenderSettings, 
     sun = SUN.format(moved(TURN.format("(0, 10, 0)")))
     rough = "float inputs:roughness = 0.5\n"
     pairs = [
-        ("color3f inputs:diffuseColor = (0.6, 0.3, 0.1)\n", "color3f inputs:diffuseColor = (0.6, 0.3, 0.1)\n"
-         "int inputs:useSpecularWorkflow = 1\ncolor3f inputs:specularColor = (0.04, 0.04, 0.04)\n"),
-        ("color3f inputs:diffuseColor = (0.9, 0.6, 0.2)\nfloat inputs:metallic = 1\n",
-         "color3f inputs:diffuseColor = (0, 0, 0)\nint inputs:useSpecularWorkflow = 1\n"
-         "color3f inputs:specularColor = (0.9, 0.6, 0.2)\n"),
-    ]  # fmt: skip
+        (
+            "color3f inputs:diffuseColor = (0.6, 0.3, 0.1)\n",
+            "color3f inputs:diffuseColor = (0.6, 0.3, 0.1)\n"
+            "int inputs:useSpecularWorkflow = 1\ncolor3f inputs:specularColor = (0.04, 0.04, 0.04)\n",
+        ),
+        (
+            "color3f inputs:diffuseColor = (0.9, 0.6, 0.2)\nfloat inputs:metallic = 1\n",
+            "color3f inputs:diffuseColor = (0, 0, 0)\nint inputs:useSpecularWorkflow = 1\n"
+            "color3f inputs:specularColor = (0.9, 0.6, 0.2)\n",
+        ),
+    ]
     for one, other in pairs:
         first, second = (
             take(gl, ideal, tmp_path, network(rough + text), sun, quality="standard").seen(0, 0, 0)[0]
@@ -175,8 +180,13 @@ def test_metals_are_lit_by_lamps_in_fast(gl: Gl, ideal: RenderSettings, tmp_path
 def tga(kind: int, bits: int, body: bytes, width: int, height: int, flags: int, table: bytes = b"") -> bytes:
     """Write a TGA file."""
     count = len(table) // 3
-    return struct.pack("<BBBHHBHHHHBB", 0, bool(table), kind, 0, count, 24 if table else 0, 0, 0, width, height, bits,
-                       flags) + table + body  # fmt: skip
+    return (
+        struct.pack(
+            "<BBBHHBHHHHBB", 0, bool(table), kind, 0, count, 24 if table else 0, 0, 0, width, height, bits, flags
+        )
+        + table
+        + body
+    )
 
 
 def test_tga_is_read(tmp_path: Path, gl: Gl, ideal: RenderSettings) -> None:
@@ -203,15 +213,23 @@ def test_tga_is_read(tmp_path: Path, gl: Gl, ideal: RenderSettings) -> None:
     np.testing.assert_array_equal(decode_tga(file)[0, 0], [255, round(15 * 255 / 31), 0])
     red = np.full((16, 16, 3), (0, 0, coded(0.8)), np.uint8)
     file.write_bytes(tga(2, 24, red.tobytes(), 16, 16, 0x20))
-    picture = shot(gl, ideal, tmp_path, network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>",
-                                                texture("A", "./a.tga")))  # fmt: skip
+    picture = shot(
+        gl,
+        ideal,
+        tmp_path,
+        network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./a.tga")),
+    )
     np.testing.assert_allclose(picture.seen(0, 0, 0)[0], (0.8, 0, 0), atol=0.02)
 
 
 BROKEN = [
-    b"", b"\0" * 30, tga(2, 24, b"\1" * 20, 9, 9, 0), tga(10, 24, b"\x05", 9, 9, 0),
-    tga(1, 8, b"\7" * 81, 9, 9, 0, b"\1\2\3"), tga(2, 24, b"", 65535, 65535, 0),
-]  # fmt: skip
+    b"",
+    b"\0" * 30,
+    tga(2, 24, b"\1" * 20, 9, 9, 0),
+    tga(10, 24, b"\x05", 9, 9, 0),
+    tga(1, 8, b"\7" * 81, 9, 9, 0, b"\1\2\3"),
+    tga(2, 24, b"", 65535, 65535, 0),
+]
 
 
 @pytest.mark.parametrize("data", BROKEN)
@@ -227,7 +245,9 @@ def test_floating_point_pictures_color_surfaces(gl: Gl, ideal: RenderSettings, t
     """An HDR picture is linear light, cut at 1."""
     cv2.imwrite(str(tmp_path / "a.hdr"), np.full((16, 16, 3), (0.1, 0.3, 4.0), np.float32))
     assert decode_float(tmp_path / "a.hdr").max() == pytest.approx(4.0, rel=0.02)
-    body = network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>",
-                   texture("A", "./a.hdr", 'token inputs:sourceColorSpace = "raw"'))  # fmt: skip
+    body = network(
+        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>",
+        texture("A", "./a.hdr", 'token inputs:sourceColorSpace = "raw"'),
+    )
     picture = shot(gl, ideal, tmp_path, surface(body))
     np.testing.assert_allclose(picture.seen(0, 0, 0)[0], (0.95, 0.3, 0.1), atol=0.03)

@@ -92,9 +92,9 @@ def edge_line(inner: NDArray[np.floating], outer: NDArray[np.floating]) -> tuple
     """
     ones = np.ones(len(inner))
     scale = float(np.abs(outer - inner).max())
-    bounds = np.concatenate([
-        np.column_stack([-ones, -inner[:, 1], scale * ones]), np.column_stack([ones, outer[:, 1], scale * ones])
-    ])  # fmt: skip
+    bounds = np.concatenate(
+        [np.column_stack([-ones, -inner[:, 1], scale * ones]), np.column_stack([ones, outer[:, 1], scale * ones])]
+    )
     limits = np.concatenate([-inner[:, 0], outer[:, 0]])
     found = linprog([0, 0, -1], bounds, limits, bounds=[(None, None)] * 3)
     assert found.x[2] > 0, "the edge is not straight"

@@ -19,7 +19,7 @@ from usd_schemas.apis import (
     direct_label,
     read_component,
     read_survey,
-)  # fmt: skip
+)
 from usd_schemas.distortion import Distortion
 from usd_schemas.pinhole import Pinhole
 from usd_schemas.registration import register_schemas
@@ -75,11 +75,23 @@ def test_survey_round_trip(tmp_path: Path) -> None:
     camera = UsdGeom.Camera.Define(stage, "/Camera")
     rng = np.random.default_rng(1)
     facts = SurveyFacts(
-        "grid", "north", 42, 1.25, ("000000", "000001", "000002"),
-        Pinhole(1280, 960, 900.1, 901.2, 655.3, 470.7), 0.024,
-        rng.normal(size=(3, 3)), (1.5, 1.5, 3.0), rng.uniform(0, 9, 3),
-        Distortion(-0.1, 0.02, 1e-4, -2e-4), 0.02, "Falsework", "Test 24", rng.normal(size=(3, 3)), (0.5, 0.2, 0.1),
-    )  # fmt: skip
+        "grid",
+        "north",
+        42,
+        1.25,
+        ("000000", "000001", "000002"),
+        Pinhole(1280, 960, 900.1, 901.2, 655.3, 470.7),
+        0.024,
+        rng.normal(size=(3, 3)),
+        (1.5, 1.5, 3.0),
+        rng.uniform(0, 9, 3),
+        Distortion(-0.1, 0.02, 1e-4, -2e-4),
+        0.02,
+        "Falsework",
+        "Test 24",
+        rng.normal(size=(3, 3)),
+        (0.5, 0.2, 0.1),
+    )
     apply_survey(camera, facts)
     stage.Save()
     again = Usd.Stage.Open(str(tmp_path / "a.usdc"))

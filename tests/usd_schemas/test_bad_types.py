@@ -21,10 +21,26 @@ VALUES = {
     "asset": "@nowhere.png@",
 }
 MESH = (
-    "points", "faceVertexCounts", "faceVertexIndices", "normals", "primvars:normals", "primvars:st",
-    "primvars:displayColor", "doubleSided", "orientation", "subdivisionScheme", "holeIndices", "visibility",
-    "xformOp:translate", "cornerIndices", "creaseIndices", "creaseLengths", "creaseSharpnesses", "extent", "purpose",
-)  # fmt: skip
+    "points",
+    "faceVertexCounts",
+    "faceVertexIndices",
+    "normals",
+    "primvars:normals",
+    "primvars:st",
+    "primvars:displayColor",
+    "doubleSided",
+    "orientation",
+    "subdivisionScheme",
+    "holeIndices",
+    "visibility",
+    "xformOp:translate",
+    "cornerIndices",
+    "creaseIndices",
+    "creaseLengths",
+    "creaseSharpnesses",
+    "extent",
+    "purpose",
+)
 SHAPES = {"Sphere": "radius", "Cube": "size", "Cone": "height", "Cylinder": "axis", "Plane": "width"}
 OTHERS = {
     "Camera": ("focalLength", "horizontalAperture", "clippingRange", "projection", "falsework:cal:fx"),

@@ -57,9 +57,11 @@ def test_a_known_corner_lands_on_one_pixel(header: str, tmp_path: Path) -> None:
     ours, depth = project(world[None], pinhole, track.poses[0])
     local = np.linalg.inv(track.poses[0]) @ np.append(world, 1.0)
     colmap = pycolmap.Camera(
-        model="PINHOLE", width=pinhole.width, height=pinhole.height,
+        model="PINHOLE",
+        width=pinhole.width,
+        height=pinhole.height,
         params=[pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy],
-    )  # fmt: skip
+    )
     theirs = np.asarray(colmap.img_from_cam(local[:3][None])).reshape(2)
     np.testing.assert_allclose(ours[0], expected, atol=0.01)
     np.testing.assert_allclose(theirs, expected, atol=0.01)
@@ -101,12 +103,27 @@ def write_survey(folder: Path) -> Path:
     for code, pose in enumerate(poses(3)):
         operation.Set(Gf.Matrix4d((pose @ np.diag([1.0, -1.0, -1.0, 1.0])).T.tolist()), code)
     pinhole = Pinhole(960, 720, 640.0, 640.0, 480.0, 360.0)
-    apply_survey(prim, SurveyFacts(
-        "local", "local", 5, 1.5, ("000000", "000001", "000002"), pinhole, 0.024,
-        np.arange(9.0).reshape(3, 3), (1.0, 1.0, 2.0), np.array([0.0, 2.0, 4.0]),
-        Distortion(-0.1, 0.02, 1e-4, -2e-4), 0.02, "Falsework", "Test 24",
-        -np.arange(9.0).reshape(3, 3), (0.5, 0.2, 0.1),
-    ))  # fmt: skip
+    apply_survey(
+        prim,
+        SurveyFacts(
+            "local",
+            "local",
+            5,
+            1.5,
+            ("000000", "000001", "000002"),
+            pinhole,
+            0.024,
+            np.arange(9.0).reshape(3, 3),
+            (1.0, 1.0, 2.0),
+            np.array([0.0, 2.0, 4.0]),
+            Distortion(-0.1, 0.02, 1e-4, -2e-4),
+            0.02,
+            "Falsework",
+            "Test 24",
+            -np.arange(9.0).reshape(3, 3),
+            (0.5, 0.2, 0.1),
+        ),
+    )
     stage.GetRootLayer().Save()
     return path
 

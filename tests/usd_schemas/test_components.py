@@ -14,9 +14,24 @@ from usd_schemas.components import (
 )
 
 PAPER = (
-    "background", "abutment", "arch", "beam", "bearing", "cable", "cable_base", "cable_top", "column", "deck", "girder",
-    "parapet", "pier_cap", "slab", "sleeper", "track", "noisy_point",
-)  # fmt: skip
+    "background",
+    "abutment",
+    "arch",
+    "beam",
+    "bearing",
+    "cable",
+    "cable_base",
+    "cable_top",
+    "column",
+    "deck",
+    "girder",
+    "parapet",
+    "pier_cap",
+    "slab",
+    "sleeper",
+    "track",
+    "noisy_point",
+)
 
 
 def test_the_seventeen_classes_and_unlabelled() -> None:

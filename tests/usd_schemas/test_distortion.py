@@ -32,9 +32,7 @@ def test_agrees_with_opencv_and_colmap() -> None:
     np.testing.assert_allclose(ours * [900, 910] + [655, 470], np.asarray(camera.img_from_cam(points)), atol=1e-9)
 
 
-@given(
-    k1=st.floats(-0.25, 0.3), k2=st.floats(-0.05, 0.1), p1=st.floats(-0.005, 0.005), p2=st.floats(-0.005, 0.005)
-)  # fmt: skip
+@given(k1=st.floats(-0.25, 0.3), k2=st.floats(-0.05, 0.1), p1=st.floats(-0.005, 0.005), p2=st.floats(-0.005, 0.005))
 def test_undistort_inverts_distort(k1: float, k2: float, p1: float, p2: float) -> None:
     """There and back, to within rounding, over an image of 74 degrees and more."""
     lens = Distortion(k1, k2, p1, p2)

@@ -47,7 +47,9 @@ def standard(inputs: str, nodes: str = "") -> str:
 
 def test_omnipbr_constants(tmp_path: Path) -> None:
     """Colour times tint, roughness, metallic, emission only where it is on; no warning."""
-    scene, material = read_one(tmp_path, omni("""
+    scene, material = read_one(
+        tmp_path,
+        omni("""
         color3f inputs:diffuse_color_constant = (0.8, 0.4, 0.2)
         color3f inputs:diffuse_tint = (0.5, 1, 1)
         float inputs:reflection_roughness_constant = 0.3
@@ -55,7 +57,8 @@ def test_omnipbr_constants(tmp_path: Path) -> None:
         color3f inputs:emissive_color = (1, 1, 1)
         float inputs:emissive_intensity = 50
         bool inputs:enable_emission = 0
-    """))  # fmt: skip
+    """),
+    )
     assert material.base_color == pytest.approx((0.4, 0.4, 0.2))
     assert (material.roughness, material.metallic) == pytest.approx((0.3, 0.9))
     assert material.emissive == (0.0, 0.0, 0.0)
@@ -67,7 +70,9 @@ def test_omnipbr_constants(tmp_path: Path) -> None:
 
 def test_omnipbr_textures(tmp_path: Path) -> None:
     """One texture an input, with the material's own placement; what is left out is named."""
-    scene, material = read_one(tmp_path, omni("""
+    scene, material = read_one(
+        tmp_path,
+        omni("""
         asset inputs:diffuse_texture = @./a.png@
         asset inputs:normalmap_texture = @./b.png@
         asset inputs:reflectionroughness_texture = @./c.png@
@@ -77,7 +82,8 @@ def test_omnipbr_textures(tmp_path: Path) -> None:
         float2 inputs:texture_translate = (0.5, 0)
         asset inputs:metallic_texture = @./gone.png@
         float inputs:metallic_texture_influence = 1
-    """))  # fmt: skip
+    """),
+    )
     assert material.base_texture == Texture(str(tmp_path / "a.png"), True, (2.0, 3.0), 45.0, (0.5, 0.0))
     assert material.normal_texture == Texture(str(tmp_path / "b.png"), False, (2.0, 3.0), 45.0, (0.5, 0.0))
     assert material.roughness_texture is not None
@@ -88,7 +94,9 @@ def test_omnipbr_textures(tmp_path: Path) -> None:
 
 def test_omnipbr_weights_and_packed_channels(tmp_path: Path) -> None:
     """An influence mixes constant and texture, a tint multiplies the texture, ORM has its own channels."""
-    scene, material = read_one(tmp_path, omni("""
+    scene, material = read_one(
+        tmp_path,
+        omni("""
         asset inputs:diffuse_texture = @./a.png@
         color3f inputs:diffuse_tint = (0.5, 1, 0.25)
         bool inputs:enable_ORM_texture = 1
@@ -96,7 +104,8 @@ def test_omnipbr_weights_and_packed_channels(tmp_path: Path) -> None:
         float inputs:reflection_roughness_constant = 0.5
         float inputs:reflection_roughness_texture_influence = 0.25
         float inputs:metallic_texture_influence = 1
-    """))  # fmt: skip
+    """),
+    )
     rough = Texture(str(tmp_path / "b.png"), False, channel=1, gain=(0.25, 0.25, 0.25), bias=(0.375, 0.375, 0.375))
     assert material.base_texture == Texture(str(tmp_path / "a.png"), True, gain=(0.5, 1.0, 0.25))
     assert material.roughness_texture == rough
@@ -114,7 +123,9 @@ def test_omnipbr_fed_by_a_node_is_named(tmp_path: Path) -> None:
 
 def test_standard_surface_constants(tmp_path: Path) -> None:
     """Its weights multiply its colours; glass is drawn blended, with a warning."""
-    scene, material = read_one(tmp_path, standard("""
+    scene, material = read_one(
+        tmp_path,
+        standard("""
         float inputs:base = 0.5
         color3f inputs:base_color = (0.8, 0.4, 0.2)
         float inputs:specular_roughness = 0.35
@@ -122,7 +133,8 @@ def test_standard_surface_constants(tmp_path: Path) -> None:
         float inputs:emission = 3
         color3f inputs:emission_color = (0.5, 0, 0)
         float inputs:transmission = 0.9
-    """))  # fmt: skip
+    """),
+    )
     assert material.base_color == pytest.approx((0.4, 0.2, 0.1))
     assert (material.roughness, material.metallic) == pytest.approx((0.35, 1.0))
     assert material.emissive == pytest.approx((1.5, 0.0, 0.0))

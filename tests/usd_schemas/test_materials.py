@@ -73,24 +73,31 @@ def read_one(folder: Path, body: str) -> tuple[FlatScene, Material]:
 
 def test_constants(tmp_path: Path) -> None:
     """Plain values arrive as written."""
-    scene, material = read_one(tmp_path, network("""
+    scene, material = read_one(
+        tmp_path,
+        network("""
         color3f inputs:diffuseColor = (0.25, 0.5, 0.75)
         float inputs:roughness = 0.25
         float inputs:metallic = 1
-        color3f inputs:emissiveColor = (0, 1, 0)"""))  # fmt: skip
+        color3f inputs:emissiveColor = (0, 1, 0)"""),
+    )
     assert material == Material("/Mat", (0.25, 0.5, 0.75), roughness=0.25, metallic=1.0, emissive=(0.0, 1.0, 0.0))
     assert not scene.warnings
 
 
 def test_textures_and_their_placement(tmp_path: Path) -> None:
     """Three textures: colour as sRGB, data as raw, the atlas as second set, files absolute."""
-    scene, material = read_one(tmp_path, network(
-        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
-        "float inputs:roughness.connect = </Mat/B.outputs:r>\n"
-        "normal3f inputs:normal.connect = </Mat/C.outputs:rgb>",
-        texture("A", "./a.png", 'token inputs:sourceColorSpace = "sRGB"')
-        + texture("B", "./b.png", varname="st1") + texture("C", "./c.png", 'token inputs:sourceColorSpace = "raw"'),
-    ))  # fmt: skip
+    scene, material = read_one(
+        tmp_path,
+        network(
+            "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+            "float inputs:roughness.connect = </Mat/B.outputs:r>\n"
+            "normal3f inputs:normal.connect = </Mat/C.outputs:rgb>",
+            texture("A", "./a.png", 'token inputs:sourceColorSpace = "sRGB"')
+            + texture("B", "./b.png", varname="st1")
+            + texture("C", "./c.png", 'token inputs:sourceColorSpace = "raw"'),
+        ),
+    )
     base, rough, normal = material.base_texture, material.roughness_texture, material.normal_texture
     assert base
     assert rough
@@ -115,11 +122,14 @@ def test_the_reader_names_the_uv_set(named: str, corner: tuple[float, float], tm
 
 def test_two_foreign_uv_sets(tmp_path: Path) -> None:
     """Two textures on two sets of any name get one column each."""
-    scene, material = read_one(tmp_path, network(
-        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
-        "float inputs:roughness.connect = </Mat/B.outputs:r>",
-        texture("A", "./a.png", varname="map7") + texture("B", "./b.png", varname="st"),
-    ))  # fmt: skip
+    scene, material = read_one(
+        tmp_path,
+        network(
+            "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+            "float inputs:roughness.connect = </Mat/B.outputs:r>",
+            texture("A", "./a.png", varname="map7") + texture("B", "./b.png", varname="st"),
+        ),
+    )
     assert material.base_texture
     assert material.roughness_texture
     assert (material.base_texture.uv_set, material.roughness_texture.uv_set) == (0, 1)
@@ -135,8 +145,9 @@ def test_interface_inputs_are_followed(tmp_path: Path) -> None:
     body = network(
         "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
         "float inputs:roughness.connect = </Mat.inputs:rough>",
-        nodes, 'string inputs:uv = "map7"\nfloat inputs:rough = 0.125',
-    )  # fmt: skip
+        nodes,
+        'string inputs:uv = "map7"\nfloat inputs:rough = 0.125',
+    )
     scene, material = read_one(tmp_path, body)
     assert material.roughness == 0.125
     np.testing.assert_allclose(scene.geometry.st.max(axis=0), (3.0, 3.0))
@@ -144,13 +155,18 @@ def test_interface_inputs_are_followed(tmp_path: Path) -> None:
 
 def test_packed_channels_with_scale_and_bias(tmp_path: Path) -> None:
     """Roughness from green and metallic from blue of one picture, each with its own scale and bias; a tinted colour."""
-    scene, material = read_one(tmp_path, network(
-        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
-        "float inputs:roughness.connect = </Mat/B.outputs:g>\n"
-        "float inputs:metallic.connect = </Mat/B.outputs:b>",
-        texture("A", "./a.png", "float4 inputs:scale = (0.5, 1, 0.25, 1)")
-        + texture("B", "./b.png", "float4 inputs:scale = (9, 0.5, 0.75, 1)\nfloat4 inputs:bias = (9, 0.25, 0.125, 0)"),
-    ))  # fmt: skip
+    scene, material = read_one(
+        tmp_path,
+        network(
+            "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+            "float inputs:roughness.connect = </Mat/B.outputs:g>\n"
+            "float inputs:metallic.connect = </Mat/B.outputs:b>",
+            texture("A", "./a.png", "float4 inputs:scale = (0.5, 1, 0.25, 1)")
+            + texture(
+                "B", "./b.png", "float4 inputs:scale = (9, 0.5, 0.75, 1)\nfloat4 inputs:bias = (9, 0.25, 0.125, 0)"
+            ),
+        ),
+    )
     rough, metal = material.roughness_texture, material.metallic_texture
     assert material.base_texture
     assert material.base_texture.gain == (0.5, 1.0, 0.25)
@@ -164,14 +180,17 @@ def test_packed_channels_with_scale_and_bias(tmp_path: Path) -> None:
 
 def test_what_a_flat_material_cannot_hold_is_named(tmp_path: Path) -> None:
     """Inputs that change the look and are not read: one line each, and the rest is drawn."""
-    scene, material = read_one(tmp_path, network(
-        "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
-        "color3f inputs:emissiveColor.connect = </Mat/A.outputs:rgb>\n"
-        "int inputs:useSpecularWorkflow = 1\nfloat inputs:clearcoat = 0.5\nfloat inputs:displacement = 0.1\n"
-        "normal3f inputs:normal.connect = </Mat/C.outputs:rgb>",
-        texture("A", "./a.png", 'token inputs:wrapS = "mirror"\ntoken inputs:wrapT = "repeat"')
-        + texture("C", "./c.png", "float4 inputs:scale = (2, -2, 2, 1)\nfloat4 inputs:bias = (-1, 1, -1, 0)"),
-    ))  # fmt: skip
+    scene, material = read_one(
+        tmp_path,
+        network(
+            "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
+            "color3f inputs:emissiveColor.connect = </Mat/A.outputs:rgb>\n"
+            "int inputs:useSpecularWorkflow = 1\nfloat inputs:clearcoat = 0.5\nfloat inputs:displacement = 0.1\n"
+            "normal3f inputs:normal.connect = </Mat/C.outputs:rgb>",
+            texture("A", "./a.png", 'token inputs:wrapS = "mirror"\ntoken inputs:wrapT = "repeat"')
+            + texture("C", "./c.png", "float4 inputs:scale = (2, -2, 2, 1)\nfloat4 inputs:bias = (-1, 1, -1, 0)"),
+        ),
+    )
     assert material.base_texture
     assert material.normal_texture
     assert (material.normal_texture.gain, material.normal_texture.bias) == ((1.0, -1.0, 1.0), (0.0, 1.0, 0.0))

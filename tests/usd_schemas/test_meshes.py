@@ -27,10 +27,14 @@ def mesh(content: str, name: str = "M") -> str:
 
 def test_concave_ngon(tmp_path: Path) -> None:
     """An L of six corners has the area of an L."""
-    scene = read_body(tmp_path, mesh("""
+    scene = read_body(
+        tmp_path,
+        mesh("""
         point3f[] points = [(0,0,0), (3,0,0), (3,1,0), (1,1,0), (1,4,0), (0,4,0)]
         int[] faceVertexCounts = [6]
-        int[] faceVertexIndices = [0, 1, 2, 3, 4, 5]"""), subdivision=0)  # fmt: skip
+        int[] faceVertexIndices = [0, 1, 2, 3, 4, 5]"""),
+        subdivision=0,
+    )
     assert area(scene) == pytest.approx(6.0)
     assert area_vectors(scene)[:, 2].min() > 0.0
 
@@ -39,9 +43,14 @@ def test_concave_ngon(tmp_path: Path) -> None:
 @pytest.mark.parametrize("hand", ["rightHanded", "leftHanded"])
 def test_winding_and_normals_survive_mirrors(scale: str, hand: str, tmp_path: Path) -> None:
     """Mirrored and left-handed cubes keep their outside outside: volume over 0, normals along it."""
-    content = CUBE if hand == "rightHanded" else CUBE.replace(
-        "0,3,2,1, 4,5,6,7, 0,1,5,4, 1,2,6,5, 2,3,7,6, 3,0,4,7", "1,2,3,0, 7,6,5,4, 4,5,1,0, 5,6,2,1, 6,7,3,2, 7,4,0,3"
-    )  # fmt: skip
+    content = (
+        CUBE
+        if hand == "rightHanded"
+        else CUBE.replace(
+            "0,3,2,1, 4,5,6,7, 0,1,5,4, 1,2,6,5, 2,3,7,6, 3,0,4,7",
+            "1,2,3,0, 7,6,5,4, 4,5,1,0, 5,6,2,1, 6,7,3,2, 7,4,0,3",
+        )
+    )
     text = content + f'uniform token orientation = "{hand}"\n uniform token subdivisionScheme = "none"' + SCALED
     scene = read_body(tmp_path, mesh(text.replace("({})", f"({scale})")))
     assert volume(scene) == pytest.approx(abs(np.prod([float(s) for s in scale.split(",")])))
@@ -69,8 +78,10 @@ def test_flat_and_smooth_normals(tmp_path: Path) -> None:
     flat = read_body(tmp_path, mesh(CUBE + 'uniform token subdivisionScheme = "none"'))
     assert len(flat.geometry.positions) == 24
     assert sorted(map(tuple, np.unique(np.abs(flat.geometry.normals), axis=0).tolist())) == [
-        (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0),
-    ]  # fmt: skip
+        (0.0, 0.0, 1.0),
+        (0.0, 1.0, 0.0),
+        (1.0, 0.0, 0.0),
+    ]
     smooth = read_body(tmp_path, mesh(CUBE), subdivision=0)
     assert len(smooth.geometry.positions) == 8
     outward = (smooth.geometry.positions - 0.5) / np.sqrt(0.75)
@@ -224,7 +235,7 @@ BROKEN = {
     "int[] faceVertexIndices = [0, 1, 7]",
     "fit together": "point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\nint[] faceVertexCounts = [4]\n"
     "int[] faceVertexIndices = [0, 1, 2]",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("reason", BROKEN)

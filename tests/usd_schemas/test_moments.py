@@ -97,8 +97,10 @@ def test_a_skeleton_bends_its_mesh_at_each_time(tmp_path: Path) -> None:
     scene = read_body(tmp_path, EYE + SKIN)
     for number, time in enumerate((1.0, 2.0, 3.0)):
         assert corners_of(scene, "/Body/Skin", number)[..., 1].min() == pytest.approx(3.0 * (time - 1.0) - 1.0)
-    posed = read_body(tmp_path, SKIN.replace("translations.timeSamples = { 1: [(0, 0, 0)], 3: [(0, 6, 0)] }",
-                                             "translations = [(0, 4, 0)]"))  # fmt: skip
+    posed = read_body(
+        tmp_path,
+        SKIN.replace("translations.timeSamples = { 1: [(0, 0, 0)], 3: [(0, 6, 0)] }", "translations = [(0, 4, 0)]"),
+    )
     assert corners_of(posed, "/Body/Skin", 0)[..., 1].min() == pytest.approx(3.0)
     assert posed.moments == ()
 

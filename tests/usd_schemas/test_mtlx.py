@@ -115,8 +115,12 @@ def test_prims_lie_where_other_programs_put_them(tmp_path: Path) -> None:
     """Materials below /MaterialX/Materials with their surface inside, node graphs below /MaterialX/NodeGraphs."""
     layer = translate(read_document(write_document(tmp_path, GRAPH)))
     assert layer.defaultPrim == "MaterialX"
-    for path in ("/MaterialX/Materials/Tiles", "/MaterialX/Materials/Tiles/ND_standard_surface_surfaceshader",
-                 "/MaterialX/Materials/Tiles/NG/color", "/MaterialX/NodeGraphs/NG/color"):  # fmt: skip
+    for path in (
+        "/MaterialX/Materials/Tiles",
+        "/MaterialX/Materials/Tiles/ND_standard_surface_surfaceshader",
+        "/MaterialX/Materials/Tiles/NG/color",
+        "/MaterialX/NodeGraphs/NG/color",
+    ):
         assert layer.GetPrimAtPath(path), path
 
 

@@ -150,12 +150,12 @@ def test_the_same_bytes_elsewhere_are_the_same_scene(stage: Path, tmp_path: Path
 
 
 CHANGES: dict[str, Callable[[Path], object]] = {
-    "root layer": lambda home: write_stage(home, LIGHTS, 'subLayers = [@./cameras.usda@, @./mesh.usda@]'),
+    "root layer": lambda home: write_stage(home, LIGHTS, "subLayers = [@./cameras.usda@, @./mesh.usda@]"),
     "sublayer": lambda home: write_stage(home, MATERIAL + MESH.replace("-1, -1, 0", "-3, -1, 0"), name="mesh.usda"),
     "layer of an unselected variant": lambda home: (home / "other.usda").unlink(),
     "missing texture": lambda home: (home / "skins/a.png").unlink(),
     "texture": lambda home: (home / "skins/a.png").write_bytes(b"new"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("change", CHANGES)
@@ -185,9 +185,15 @@ def test_a_damaged_file_is_made_anew(damage: str, stage: Path, tmp_path: Path, c
     flipped[len(whole) // 2] ^= 4
     other = scene_cache.pack_scene(FlatScene(*[()] * 11), ())  # type: ignore[arg-type]
     strange = whole[:32] + scene_cache.pack_scene(expected, ())[32:]  # sound in itself, but not what the hash is of
-    place.write_bytes({
-        "cut": whole[:-7], "emptied": b"", "one bit": bytes(flipped), "another form": other, "another scene": strange,
-    }[damage])  # fmt: skip
+    place.write_bytes(
+        {
+            "cut": whole[:-7],
+            "emptied": b"",
+            "one bit": bytes(flipped),
+            "another form": other,
+            "another scene": strange,
+        }[damage]
+    )
     assert_same(load_scene(stage, folder=folder), expected)
     assert len(composed) == 2
     assert place.read_bytes() == whole

@@ -19,9 +19,10 @@ BODIES = {
     "Capsule": ('double radius = 1\n double height = 2\n uniform token axis = "Z"', 8 * np.pi, (2 + 4 / 3) * np.pi),
     "Cylinder_1": (
         "double radiusBottom = 2\n double radiusTop = 1\n double height = 3",
-        np.pi * (5 + 3 * np.sqrt(10)), 7 * np.pi,
+        np.pi * (5 + 3 * np.sqrt(10)),
+        7 * np.pi,
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("kind", BODIES)

@@ -16,14 +16,25 @@ CUBE_FACES = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 
 RIM = [(0, 1), (1, 3), (2, 3), (0, 2), (4, 5), (5, 7), (6, 7), (4, 6), (0, 4), (1, 5), (2, 6), (3, 7)]
 
 
-def cage(points: np.ndarray, faces: list[list[int]], creases: list[tuple[int, int]] | None = None,
-         sharpness: float = 0.0, sharp_corners: bool = True) -> Cage:  # fmt: skip
+def cage(
+    points: np.ndarray,
+    faces: list[list[int]],
+    creases: list[tuple[int, int]] | None = None,
+    sharpness: float = 0.0,
+    sharp_corners: bool = True,
+) -> Cage:
     """Make a cage."""
     pairs = np.array(creases or [], np.int64).reshape(-1, 2)
     return Cage(
-        points, np.array([len(face) for face in faces]), np.concatenate(faces), pairs, np.full(len(pairs), sharpness),
-        np.zeros(len(points)), sharp_corners, np.arange(len(faces)),
-    )  # fmt: skip
+        points,
+        np.array([len(face) for face in faces]),
+        np.concatenate(faces),
+        pairs,
+        np.full(len(pairs), sharpness),
+        np.zeros(len(points)),
+        sharp_corners,
+        np.arange(len(faces)),
+    )
 
 
 def test_a_cube_goes_where_the_rules_say() -> None:
@@ -108,8 +119,6 @@ def test_a_stage_is_refined_as_often_as_asked_for(level: int, widest: float, tmp
 
 def test_polygons_are_not_refined(tmp_path: Path) -> None:
     """A scheme of none or bilinear, and normals that the file brings, leave the faces as they are."""
-    for more in (
-        'uniform token subdivisionScheme = "none"', 'uniform token subdivisionScheme = "bilinear"', NORMALS
-    ):  # fmt: skip
+    for more in ('uniform token subdivisionScheme = "none"', 'uniform token subdivisionScheme = "bilinear"', NORMALS):
         corners, _, _ = world_triangles(read_body(tmp_path, CAGE.format(POINTS, INDICES, more)))
         assert len(corners) == 12

@@ -17,9 +17,16 @@ from usd_schemas.taxonomies import BASE, TAXONOMIES, Taxonomy, taxonomy
 FOLDER = Path(__file__).parents[2] / "usd_schemas/tables/taxonomies"
 KINDS = tuple(component_classes())
 SEMANTIC_BRIDGE = (
-    "unlabeled", "ground", "high_vegetation", "abutment", "superstructure", "top_surface", "railing", "traffic_sign",
+    "unlabeled",
+    "ground",
+    "high_vegetation",
+    "abutment",
+    "superstructure",
+    "top_surface",
+    "railing",
+    "traffic_sign",
     "pillar",
-)  # fmt: skip
+)
 
 # The predefined types of the entities that the IFC table names, from the EXPRESS schema IFC4X3_ADD2. Each has
 # USERDEFINED and NOTDEFINED too; IfcBuilding has no predefined type.

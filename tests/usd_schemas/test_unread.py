@@ -17,8 +17,10 @@ FAMILY = f"""def Xform "{{}}" (
 }}}}
 """
 SAID = {
-    "drawMode": (FAMILY.format("A") + FAMILY.format("B"),
-                 "/A: model:drawMode cards is left out: drawn as its geometry (and 1 more)"),
+    "drawMode": (
+        FAMILY.format("A") + FAMILY.format("B"),
+        "/A: model:drawMode cards is left out: drawn as its geometry (and 1 more)",
+    ),
     "light linking": (
         MESH + 'def DistantLight "Sun" {\n rel collection:lightLink:excludes = </M>\n}\n',
         "/Sun: lightLink is left out: the light shines on everything",
@@ -42,7 +44,7 @@ SAID = {
         MESH + 'def Camera "C" {\n double shutter:open = -0.25\n double shutter:close = 0.25\n}\n',
         "/C: the shutter's interval is left out: what moves is not blurred",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", SAID)

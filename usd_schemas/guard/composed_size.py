@@ -54,18 +54,20 @@ class ComposedSize:
             return self._known[site]
         if site in self._open:
             raise InputError(
-                "arcs lead back to where they started", where=f"{self._bounds.name(file)}: {prim}",
+                "arcs lead back to where they started",
+                where=f"{self._bounds.name(file)}: {prim}",
                 hint="Take one of the references of this circle out",
-            )  # fmt: skip
+            )
         self._open.append(site)
         total = 1
         for layer, spec in self._specs(file, prim):
             total += self._content(layer, spec, file)
             if total > self._limit:
                 raise InputError(
-                    f"composes to more than {self._limit} prims", where=f"{self._bounds.name(file)}: {prim}",
+                    f"composes to more than {self._limit} prims",
+                    where=f"{self._bounds.name(file)}: {prim}",
                     hint="Use fewer nested references, or a PointInstancer",
-                )  # fmt: skip
+                )
         self._open.pop()
         self._known[site] = total
         return total

@@ -127,9 +127,10 @@ def _refuse_found(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> No
     if found and Path(found).exists() and not bounds.contain(Path(found).resolve()):
         raise InputError(
             f"{name} is not there, and would be taken from {Path(found).parent}",
-            where=f"{bounds.name(file)}{_holder(layer, name)}", allowed="files below the folder of the root layer",
+            where=f"{bounds.name(file)}{_holder(layer, name)}",
+            allowed="files below the folder of the root layer",
             hint="Copy the file there",
-        )  # fmt: skip
+        )
 
 
 def _target(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> Path:
@@ -149,10 +150,11 @@ def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
     if remote or not bounds.contain(target):
         how = "is remote" if remote else "leads out of the allowed folders"
         raise InputError(
-            f"{name} {how}", where=f"{bounds.name(file)}{holder}",
+            f"{name} {how}",
+            where=f"{bounds.name(file)}{holder}",
             allowed="files below the folder of the root layer",
             hint="Copy the file there" + ("" if remote else f", or add {_allowing(bounds, target)}"),
-        )  # fmt: skip
+        )
     return target
 
 

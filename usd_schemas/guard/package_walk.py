@@ -46,9 +46,11 @@ def check_package(file: Path, where: str) -> None:
             target = found_by(layer, name)
             if _ELSEWHERE.match(name) or _CLIMBS.search(target) or not target.startswith(f"{file}["):
                 raise InputError(
-                    f"{name} leads out of the package", where=inside, allowed="files inside the package",
+                    f"{name} leads out of the package",
+                    where=inside,
+                    allowed="files inside the package",
                     hint="Package it anew with all that it uses",
-                )  # fmt: skip
+                )
             if is_layer(target.rstrip("]")):
                 pending.append(target)
 

@@ -116,9 +116,12 @@ def _lens_fault(prim: Usd.Prim, track: CameraTrack) -> str:
 
 def _read_lens(camera: UsdGeom.Camera) -> UsdLens:
     values = (
-        camera.GetFocalLengthAttr(), camera.GetHorizontalApertureAttr(), camera.GetVerticalApertureAttr(),
-        camera.GetHorizontalApertureOffsetAttr(), camera.GetVerticalApertureOffsetAttr(),
-    )  # fmt: skip
+        camera.GetFocalLengthAttr(),
+        camera.GetHorizontalApertureAttr(),
+        camera.GetVerticalApertureAttr(),
+        camera.GetHorizontalApertureOffsetAttr(),
+        camera.GetVerticalApertureOffsetAttr(),
+    )
     return UsdLens(*(float(told) if (told := value.Get(EARLIEST)) is not None else 0.0 for value in values))
 
 
@@ -274,9 +277,13 @@ def sized(product: Product, choices: StageChoices) -> Product:
 
 
 def _add_product(
-    prim: Usd.Prim, settings: UsdRender.Settings, rows: dict[str, int], cameras: tuple[CameraTrack, ...],
-    products: list[Product], warn: Warn,
-) -> None:  # fmt: skip
+    prim: Usd.Prim,
+    settings: UsdRender.Settings,
+    rows: dict[str, int],
+    cameras: tuple[CameraTrack, ...],
+    products: list[Product],
+    warn: Warn,
+) -> None:
     base = UsdRender.SettingsBase(prim)
     seen_by = base.GetCameraRel().GetForwardedTargets()
     if not seen_by and settings:

@@ -53,10 +53,14 @@ def choices_from(told: dict[str, Any] | None) -> StageChoices:
     if not told:
         return AS_AUTHORED
     return StageChoices(
-        str(told["camera"]), tuple(float(value) for value in told["frames"]), tuple(told["purposes"]),
+        str(told["camera"]),
+        tuple(float(value) for value in told["frames"]),
+        tuple(told["purposes"]),
         tuple((str(path), str(name), str(chosen)) for path, name, chosen in told["variants"]),
-        int(told["width"]), int(told["height"]), int(told["subdivision"]),
-    )  # fmt: skip
+        int(told["width"]),
+        int(told["height"]),
+        int(told["subdivision"]),
+    )
 
 
 def frames_of(words: Sequence[str]) -> tuple[float, ...]:

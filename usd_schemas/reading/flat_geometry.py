@@ -91,9 +91,15 @@ class _Work:
     """What has been read so far, and what it is read with."""
 
     def __init__(
-        self, stage_to_world: F64, splits: dict[object, _Split], materials: "_Materials", register: Register,
-        pile: GeometryPile, level: int, warn: Warn,
-    ) -> None:  # fmt: skip
+        self,
+        stage_to_world: F64,
+        splits: dict[object, _Split],
+        materials: "_Materials",
+        register: Register,
+        pile: GeometryPile,
+        level: int,
+        warn: Warn,
+    ) -> None:
         self.pile, self.materials = pile, materials
         self._parts = _Parts(pile, level, warn)
         self._stage_to_world, self._splits, self._register, self._warn = stage_to_world, splits, register, warn

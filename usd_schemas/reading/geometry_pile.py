@@ -76,10 +76,16 @@ class GeometryPile:
 
         counts = np.array([len(run) for run in self._runs], np.int32)
         return Geometry(
-            joined("positions", 3), joined("normals", 3), joined("st", 2), joined("st1", 2), joined("colors", 3),
+            joined("positions", 3),
+            joined("normals", 3),
+            joined("st", 2),
+            joined("st1", 2),
+            joined("colors", 3),
             np.concatenate([np.zeros((0, 3), np.int64), *self._runs]).astype(np.uint32),
-            (np.cumsum(counts) - counts).astype(np.int32), counts, np.array(self._double_sided, np.uint8),
-        )  # fmt: skip
+            (np.cumsum(counts) - counts).astype(np.int32),
+            counts,
+            np.array(self._double_sided, np.uint8),
+        )
 
     def draws(self) -> Draws:
         """Concatenate the draws."""
@@ -87,6 +93,9 @@ class GeometryPile:
         columns = zip(nothing, *self._draws, strict=True)
         part, transform, material, instance, label = (np.concatenate(column) for column in columns)
         return Draws(
-            part.astype(np.int32), np.ascontiguousarray(transform), material.astype(np.int32),
-            instance.astype(np.uint32), label.astype(np.uint8),
-        )  # fmt: skip
+            part.astype(np.int32),
+            np.ascontiguousarray(transform),
+            material.astype(np.int32),
+            instance.astype(np.uint32),
+            label.astype(np.uint8),
+        )

@@ -118,10 +118,18 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EA
     uv = [values or _Values(*nothing) for values in (st, st1)]
     vertex, (points, normal, first, second, color) = _weld(faces, [normals, *uv, colors or white])
     return FlatMesh(
-        points, normal, first, second, color,
-        vertex[triangles[:, ::-1] if left_handed else triangles], face, len(cage.counts),
-        bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(EARLIEST)), colors is not None, tuple(notes),
-    )  # fmt: skip
+        points,
+        normal,
+        first,
+        second,
+        color,
+        vertex[triangles[:, ::-1] if left_handed else triangles],
+        face,
+        len(cage.counts),
+        bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(EARLIEST)),
+        colors is not None,
+        tuple(notes),
+    )
 
 
 def _refined(
@@ -168,10 +176,15 @@ def _cage(prim: Usd.Prim, faces: _Faces) -> Cage:
     if len(corner) == len(corner_sharp) and len(corner) and 0 <= corner.min() <= corner.max() < count:
         fixed[corner] = corner_sharp
     return Cage(
-        faces.points, faces.counts, faces.corners, np.concatenate([np.zeros((0, 2), np.int64), *pairs]),
-        np.concatenate([np.zeros(0), *strengths]), fixed,
-        mesh.GetInterpolateBoundaryAttr().Get(EARLIEST) != UsdGeom.Tokens.edgeOnly, np.arange(len(faces.counts)),
-    )  # fmt: skip
+        faces.points,
+        faces.counts,
+        faces.corners,
+        np.concatenate([np.zeros((0, 2), np.int64), *pairs]),
+        np.concatenate([np.zeros(0), *strengths]),
+        fixed,
+        mesh.GetInterpolateBoundaryAttr().Get(EARLIEST) != UsdGeom.Tokens.edgeOnly,
+        np.arange(len(faces.counts)),
+    )
 
 
 def choose_uv(prim: Usd.Prim, uv_names: tuple[str, str]) -> tuple[str, str]:

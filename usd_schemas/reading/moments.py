@@ -38,9 +38,13 @@ class Moving:
 
 
 def flatten_moments(
-    stage: Usd.Stage, cameras: tuple[CameraTrack, ...], choices: StageChoices, table: Taxonomy, stage_to_world: F64,
+    stage: Usd.Stage,
+    cameras: tuple[CameraTrack, ...],
+    choices: StageChoices,
+    table: Taxonomy,
+    stage_to_world: F64,
     warn: Warn,
-) -> Moving | None:  # fmt: skip
+) -> Moving | None:
     """Read everything that is drawn, once where it stands still, and at the time of each image where it moves.
 
     Args:

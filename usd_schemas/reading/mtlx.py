@@ -17,11 +17,17 @@ from groundwork.foreign_file import read_regular
 
 SUFFIX = ".mtlx"
 _TYPES = {
-    "float": Sdf.ValueTypeNames.Float, "integer": Sdf.ValueTypeNames.Int, "boolean": Sdf.ValueTypeNames.Bool,
-    "string": Sdf.ValueTypeNames.String, "filename": Sdf.ValueTypeNames.Asset,
-    "color3": Sdf.ValueTypeNames.Color3f, "color4": Sdf.ValueTypeNames.Color4f,
-    "vector2": Sdf.ValueTypeNames.Float2, "vector3": Sdf.ValueTypeNames.Float3, "vector4": Sdf.ValueTypeNames.Float4,
-}  # fmt: skip
+    "float": Sdf.ValueTypeNames.Float,
+    "integer": Sdf.ValueTypeNames.Int,
+    "boolean": Sdf.ValueTypeNames.Bool,
+    "string": Sdf.ValueTypeNames.String,
+    "filename": Sdf.ValueTypeNames.Asset,
+    "color3": Sdf.ValueTypeNames.Color3f,
+    "color4": Sdf.ValueTypeNames.Color4f,
+    "vector2": Sdf.ValueTypeNames.Float2,
+    "vector3": Sdf.ValueTypeNames.Float3,
+    "vector4": Sdf.ValueTypeNames.Float4,
+}
 _WIDTHS = {"color3": 3, "color4": 4, "vector2": 2, "vector3": 3, "vector4": 4}
 _INCLUDE = re.compile(rb"<(?:\w+:)?include\b")
 _BY_INPUT = ("convert", "extract", "separate2", "separate3", "separate4")  # whose definitions name their input's type

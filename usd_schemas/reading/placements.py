@@ -19,8 +19,19 @@ U32 = NDArray[np.uint32]
 _PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 _DEEPEST = 8  # nested instancers
 _INSTANCED = ("protoIndices", "positions", "orientations", "orientationsf", "scales", "invisibleIds")
-_SHAPED = ("points", "normals", "faceVertexIndices", "size", "radius", "radiusTop", "radiusBottom", "height", "width",
-           "length", "axis")  # fmt: skip
+_SHAPED = (
+    "points",
+    "normals",
+    "faceVertexIndices",
+    "size",
+    "radius",
+    "radiusTop",
+    "radiusBottom",
+    "height",
+    "width",
+    "length",
+    "axis",
+)
 
 
 @dataclass(frozen=True)
@@ -205,10 +216,22 @@ class _Walker:
             if here.numbers is not None:  # the outermost instancer knows what was placed
                 ids = np.repeat(here.numbers, len(rows))
             label = here.label if numbers is None or here.numbers is not None else replace(here.label, carrier=path)
-            below.append((target, _Above(
-                base, target, here.purpose, label, ids, here.owner or prim, bool(here.own_id or here.label.instance_id),
-                here.moves, here.depth + 1,
-            )))  # fmt: skip
+            below.append(
+                (
+                    target,
+                    _Above(
+                        base,
+                        target,
+                        here.purpose,
+                        label,
+                        ids,
+                        here.owner or prim,
+                        bool(here.own_id or here.label.instance_id),
+                        here.moves,
+                        here.depth + 1,
+                    ),
+                )
+            )
         return below
 
     def _numbers(self, prim: Usd.Prim, count: int) -> U32 | None:

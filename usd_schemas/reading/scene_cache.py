@@ -112,13 +112,16 @@ def _renamed(scene: FlatScene, rename: Rename) -> FlatScene:
         fine = one.detail
         return replace(
             one,
-            base_texture=texture(one.base_texture), roughness_texture=texture(one.roughness_texture),
-            metallic_texture=texture(one.metallic_texture), normal_texture=texture(one.normal_texture),
-            emissive_texture=texture(one.emissive_texture), specular_texture=texture(one.specular_texture),
+            base_texture=texture(one.base_texture),
+            roughness_texture=texture(one.roughness_texture),
+            metallic_texture=texture(one.metallic_texture),
+            normal_texture=texture(one.normal_texture),
+            emissive_texture=texture(one.emissive_texture),
+            specular_texture=texture(one.specular_texture),
             detail=replace(
                 fine, file=fine.file and rename(fine.file), macro_file=fine.macro_file and rename(fine.macro_file)
             ),
-        )  # fmt: skip
+        )
 
     dome = scene.dome and replace(scene.dome, file=scene.dome.file and rename(scene.dome.file))
     return replace(scene, materials=tuple(map(material, scene.materials)), dome=dome)

@@ -102,9 +102,12 @@ def _lathe(profile: F64) -> Shape:
     first = (down * (AROUND + 1) + across).reshape(-1)
     quads = np.stack([first, first + AROUND + 1, first + AROUND + 2, first + 1], axis=1).reshape(-1)
     return Shape(
-        points.reshape(-1, 3), np.full(len(quads) // 4, 4, np.int64), quads,
-        normals.reshape(-1, 3)[quads], st.reshape(-1, 2)[quads],
-    )  # fmt: skip
+        points.reshape(-1, 3),
+        np.full(len(quads) // 4, 4, np.int64),
+        quads,
+        normals.reshape(-1, 3)[quads],
+        st.reshape(-1, 2)[quads],
+    )
 
 
 def _joined(pieces: list[Shape]) -> Shape:

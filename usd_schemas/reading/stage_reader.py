@@ -106,8 +106,9 @@ def compose_stage(path: Path, choices: StageChoices = AS_AUTHORED) -> ComposedSt
         digests = [_layer_digest(layer) for layer in layers if layer.identifier not in documents.files]
         return ComposedStage(
             replace(scene, warnings=tuple(warnings)),
-            tuple(sorted([*digests, *map(file_digest, adopted)])), (*files, *adopted),
-        )  # fmt: skip
+            tuple(sorted([*digests, *map(file_digest, adopted)])),
+            (*files, *adopted),
+        )
     finally:
         del quiet
 
@@ -199,8 +200,14 @@ def stage_to_world(stage: Usd.Stage, where: Path | None = None) -> F64:
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     if not 0.0 < unit < np.inf:  # nor NaN
         hint = "Write 1 for metres, 0.01 for centimetres"
-        raise InputError("the stage's unit is no length", where=where, field="metersPerUnit", value=unit,
-                         allowed="a finite number above 0", hint=hint)  # fmt: skip
+        raise InputError(
+            "the stage's unit is no length",
+            where=where,
+            field="metersPerUnit",
+            value=unit,
+            allowed="a finite number above 0",
+            hint=hint,
+        )
     transform = np.eye(4)
     if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
         transform[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
@@ -247,9 +254,21 @@ def _flatten_stage(stage: Usd.Stage, transform: F64, choices: StageChoices, warn
     note_unread(stage, warn)
     visibility = read_visibility(stage.GetPrimAtPath(tokens.ENVIRONMENT))
     return FlatScene(
-        flat.geometry, flat.draws, flat.materials, lights.sun, lights.dome, cameras, products, flat.instances,
-        table.rows, (), "", visibility, lights.spheres, moving.moments,
-    )  # fmt: skip
+        flat.geometry,
+        flat.draws,
+        flat.materials,
+        lights.sun,
+        lights.dome,
+        cameras,
+        products,
+        flat.instances,
+        table.rows,
+        (),
+        "",
+        visibility,
+        lights.spheres,
+        moving.moments,
+    )
 
 
 def _anywhere(choices: StageChoices) -> CameraTrack:

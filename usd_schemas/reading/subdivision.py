@@ -75,10 +75,14 @@ def refine(cage: Cage, values: list[F64]) -> tuple[Cage, list[F64]]:
         [vertex + cage.corners, edge + edges.of_corner, face + owner, edge + edges.of_corner[behind]], axis=1
     )
     finer = Cage(
-        np.concatenate([moved, edge_points, centers]), np.full(len(quads), 4, np.int64), quads.reshape(-1),
-        *_worn(edges, edge), np.concatenate([_less(cage.corner_sharpness), np.zeros(len(edge_points) + len(centers))]),
-        cage.sharp_corners, cage.parent[owner],
-    )  # fmt: skip
+        np.concatenate([moved, edge_points, centers]),
+        np.full(len(quads), 4, np.int64),
+        quads.reshape(-1),
+        *_worn(edges, edge),
+        np.concatenate([_less(cage.corner_sharpness), np.zeros(len(edge_points) + len(centers))]),
+        cage.sharp_corners,
+        cage.parent[owner],
+    )
     return finer, [_spread(one, owner, ahead, behind, len(cage.counts)) for one in values]
 
 

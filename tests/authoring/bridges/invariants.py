@@ -147,9 +147,16 @@ def _common(bridge: Bridge, i: int, j: int, points: F64) -> tuple[float, float]:
 def no_common_faces(bridge: Bridge) -> list[str]:
     """No two members show faces in one plane on top of each other, where the eye could see them."""
     rows, finds = common_faces(
-        bridge.corners, bridge.normals, bridge.low, bridge.high, bridge.first, bridge.boxes, bridge.contacts,
-        APART, LEAST_FACE,
-    )  # fmt: skip
+        bridge.corners,
+        bridge.normals,
+        bridge.low,
+        bridge.high,
+        bridge.first,
+        bridge.boxes,
+        bridge.contacts,
+        APART,
+        LEAST_FACE,
+    )
     found: dict[tuple[str, str], float] = {}
     for row, find in zip(rows, finds, strict=True):
         i, j = bridge.contacts[row]

@@ -134,10 +134,13 @@ def _in_box(low: F64, high: F64, first: Row, last: Row, box_low: F64, box_high: 
     count = 0
     for t in range(first, last):
         if (
-            low[t, 0] <= box_high[0] and high[t, 0] >= box_low[0]
-            and low[t, 1] <= box_high[1] and high[t, 1] >= box_low[1]
-            and low[t, 2] <= box_high[2] and high[t, 2] >= box_low[2]
-        ):  # fmt: skip
+            low[t, 0] <= box_high[0]
+            and high[t, 0] >= box_low[0]
+            and low[t, 1] <= box_high[1]
+            and high[t, 1] >= box_low[1]
+            and low[t, 2] <= box_high[2]
+            and high[t, 2] >= box_low[2]
+        ):
             found[count] = t
             count += 1
     return found[:count]
@@ -166,11 +169,14 @@ def touching(corners: F64, low: F64, high: F64, first: I64, boxes: F64, pairs: I
         for a in mine:
             for b in theirs:
                 if (
-                    low[a, 0] <= high[b, 0] + reach and low[b, 0] <= high[a, 0] + reach
-                    and low[a, 1] <= high[b, 1] + reach and low[b, 1] <= high[a, 1] + reach
-                    and low[a, 2] <= high[b, 2] + reach and low[b, 2] <= high[a, 2] + reach
+                    low[a, 0] <= high[b, 0] + reach
+                    and low[b, 0] <= high[a, 0] + reach
+                    and low[a, 1] <= high[b, 1] + reach
+                    and low[b, 1] <= high[a, 1] + reach
+                    and low[a, 2] <= high[b, 2] + reach
+                    and low[b, 2] <= high[a, 2] + reach
                     and _triangles_within(corners[a], corners[b], reach)
-                ):  # fmt: skip
+                ):
                     out[k] = True
                     break
             if out[k]:
@@ -202,9 +208,12 @@ def winding(points: F64, corners: F64, first: Row, last: Row) -> I64:
         xa, xb, xc = a[0] - slope_x * a[2], b[0] - slope_x * b[2], c[0] - slope_x * c[2]
         ya, yb, yc = a[1] - slope_y * a[2], b[1] - slope_y * b[2], c[1] - slope_y * c[2]
         if (
-            min(xa, xb, xc) > high_x or max(xa, xb, xc) < low_x or min(ya, yb, yc) > high_y or max(ya, yb, yc) < low_y
+            min(xa, xb, xc) > high_x
+            or max(xa, xb, xc) < low_x
+            or min(ya, yb, yc) > high_y
+            or max(ya, yb, yc) < low_y
             or max(a[2], b[2], c[2]) < low_z
-        ):  # fmt: skip
+        ):
             continue
         for n in range(len(points)):
             p = _row(points, n)

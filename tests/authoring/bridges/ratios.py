@@ -311,7 +311,7 @@ RATIOS: dict[str, tuple[Ratio, ...]] = {
         Ratio("slope of stays [deg]", 20.0, 80.0, "practice", _stay_angle),
         _PIER,
     ),
-}  # fmt: skip
+}
 
 
 def ratios_in_bands(bridge: Bridge) -> list[str]:

@@ -12,17 +12,53 @@ GAUGE = {"default": 1.435, "paper": 1.400}  # [m] between the rails' inner faces
 _GAUGE_TOLERANCE = 0.003  # [m] on a straight track; a curved one's chords add their sagitta
 _GAUGE_DEPTH = 0.016  # [m] of the rail's head
 _CARRIERS = frozenset(
-    ("pier_cap", "cross_head", "abutment_wall", "anchor_block", "column", "wall_pier", "pier_footing", "pylon_leg",
-     "pylon_beam", "tower_leg", "tower_beam", "arch_ring", "arch_rib", "spandrel_column")
-)  # fmt: skip
+    (
+        "pier_cap",
+        "cross_head",
+        "abutment_wall",
+        "anchor_block",
+        "column",
+        "wall_pier",
+        "pier_footing",
+        "pylon_leg",
+        "pylon_beam",
+        "tower_leg",
+        "tower_beam",
+        "arch_ring",
+        "arch_rib",
+        "spandrel_column",
+    )
+)
 _CARRIED = frozenset(
-    ("concrete_girder", "plate_girder", "box_girder", "edge_beam", "deck_slab", "deck_soffit", "floor_beam",
-     "diaphragm", "arch_rib", "cross_frame", "stiffener")
-)  # fmt: skip
+    (
+        "concrete_girder",
+        "plate_girder",
+        "box_girder",
+        "edge_beam",
+        "deck_slab",
+        "deck_soffit",
+        "floor_beam",
+        "diaphragm",
+        "arch_rib",
+        "cross_frame",
+        "stiffener",
+    )
+)
 _DECKS = frozenset(
-    ("deck_slab", "deck_top", "box_girder", "edge_beam", "wing_wall", "backwall", "abutment_wall", "anchor_block",
-     "spandrel_wall", "ballast", "surfacing")
-)  # fmt: skip
+    (
+        "deck_slab",
+        "deck_top",
+        "box_girder",
+        "edge_beam",
+        "wing_wall",
+        "backwall",
+        "abutment_wall",
+        "anchor_block",
+        "spandrel_wall",
+        "ballast",
+        "surfacing",
+    )
+)
 _UPPER = frozenset(("saddle", "upper_anchorage", "cable_clamp"))
 _LOWER = frozenset(("cable_socket", "cable_clamp", "anchor_block", "saddle"))
 

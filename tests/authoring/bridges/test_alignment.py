@@ -37,9 +37,11 @@ def curved(seed: int) -> Alignment:
     kind = ("arc", "clothoid", "s", "sine")[seed % 4]
     skew, heading = rng.uniform(-30.0, 30.0), rng.uniform(-180.0, 180.0)
     settings = {
-        "service": "road", "beam": {"spans": [20.0, 15.0, 25.0]}, "heading": heading,
+        "service": "road",
+        "beam": {"spans": [20.0, 15.0, 25.0]},
+        "heading": heading,
         "alignment": {"kind": kind, "skew": skew, "profile": "crest", "wave": 60.0, "amplitude": 15.0},
-    }  # fmt: skip
+    }
     return draw_layout(parse_settings(BridgeSettings, settings, "test"), stream(seed, "bridge"))[0].alignment
 
 
@@ -309,17 +311,32 @@ def test_draws_have_their_shares_and_keep_their_bounds(proof_count: Count) -> No
     ("settings", "field", "nearest"),
     [
         ({"alignment": {"kind": "arc", "radius": 60.0, "skew": 25.0}}, "bridge.alignment.radius", 73.1),
-        ({"alignment": {"kind": "arc", "radius": 80.0, "skew": 0.0}, "beam": {"spans": [60.0, 60.0]}},
-         "bridge.alignment.radius", 98.4),
-        ({"service": "rail_single", "alignment": {"kind": "clothoid", "radius": 120.0, "skew": 0.0}, "grade": 0.01},
-         "bridge.alignment.radius", 300.0),
+        (
+            {"alignment": {"kind": "arc", "radius": 80.0, "skew": 0.0}, "beam": {"spans": [60.0, 60.0]}},
+            "bridge.alignment.radius",
+            98.4,
+        ),
+        (
+            {"service": "rail_single", "alignment": {"kind": "clothoid", "radius": 120.0, "skew": 0.0}, "grade": 0.01},
+            "bridge.alignment.radius",
+            300.0,
+        ),
         ({"service": "rail_single", "grade": 0.04}, "bridge.grade", 0.025),
-        ({"alignment": {"kind": "sine", "amplitude": 20.0, "wave": 40.0, "skew": 30.0}, "beam": {"spans": [30.0] * 4}},
-         "bridge.alignment.amplitude", None),
-        ({"grade": 0.045, "alignment": {"profile": "crest", "crest_radius": 400.0}, "beam": {"spans": [40.0]}},
-         "bridge.alignment.crest_radius", 4000.0),
+        (
+            {
+                "alignment": {"kind": "sine", "amplitude": 20.0, "wave": 40.0, "skew": 30.0},
+                "beam": {"spans": [30.0] * 4},
+            },
+            "bridge.alignment.amplitude",
+            None,
+        ),
+        (
+            {"grade": 0.045, "alignment": {"profile": "crest", "crest_radius": 400.0}, "beam": {"spans": [40.0]}},
+            "bridge.alignment.crest_radius",
+            4000.0,
+        ),
     ],
-)  # fmt: skip
+)
 def test_impossible_axis_names_key_rule_and_nearest_value(
     settings: dict[str, Any], field: str, nearest: float | None
 ) -> None:

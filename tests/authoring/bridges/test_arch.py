@@ -22,8 +22,11 @@ from tests.authoring.bridges.built import Bridge, make_bridge
 from tests.conftest import Count
 from usd_schemas.components import class_of
 
-AXES = [ArchAxis(shape, span, rise) for shape in ("parabola", "circle", "catenary") for span, rise in
-        ((30.0, 10.0), (100.0, 25.0), (150.0, 18.75))]  # fmt: skip
+AXES = [
+    ArchAxis(shape, span, rise)
+    for shape in ("parabola", "circle", "catenary")
+    for span, rise in ((30.0, 10.0), (100.0, 25.0), (150.0, 18.75))
+]
 
 
 @cache
@@ -98,8 +101,13 @@ def test_rib_volume_is_section_times_length(shape: str, slope: float) -> None:
 def fan(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Triangles of convex faces, vertex numbers, shape (T, 3)."""
     starts = np.cumsum(counts) - counts
-    return np.array([(corners[s], corners[s + k], corners[s + k + 1]) for s, n in zip(starts, counts, strict=True)
-                     for k in range(1, n - 1)])  # fmt: skip
+    return np.array(
+        [
+            (corners[s], corners[s + k], corners[s + k + 1])
+            for s, n in zip(starts, counts, strict=True)
+            for k in range(1, n - 1)
+        ]
+    )
 
 
 def test_rib_lies_square_about_its_axis() -> None:
@@ -152,8 +160,11 @@ def test_fixing_one_value_changes_no_other() -> None:
         ArchSettings.model_validate({"bays": 9, "shape": free.shape, "form": free.form}), Draws(stream(4, "bridge"))
     )
     assert (fixed.bays, fixed.rise, fixed.springing, fixed.below_deck) == (
-        9, free.rise, free.springing, free.below_deck,
-    )  # fmt: skip
+        9,
+        free.rise,
+        free.springing,
+        free.below_deck,
+    )
 
 
 @pytest.mark.parametrize("form", ["ring", "concrete", "steel"])
@@ -235,8 +246,10 @@ def test_tied_arch_follows_its_grade() -> None:
     bridge = make_bridge("arch", 6, grade=0.02, service="road", arch={"arrangement": "tied"})
     for rib in of_kind(bridge, "arch_rib"):
         points = coordinates(bridge, rib)
-        feet = [points[points[:, 0] < points[:, 0].min() + 0.3, 2].min(),
-                points[points[:, 0] > points[:, 0].max() - 0.3, 2].min()]  # fmt: skip
+        feet = [
+            points[points[:, 0] < points[:, 0].min() + 0.3, 2].min(),
+            points[points[:, 0] > points[:, 0].max() - 0.3, 2].min(),
+        ]
         run = np.ptp(points[:, 0])
         assert (feet[1] - feet[0]) / run == pytest.approx(0.02, abs=2e-3)
     pads = [member for member in bridge.members if member.kind in ("bearing_pad", "bearing_pot")]

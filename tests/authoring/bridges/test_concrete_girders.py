@@ -55,16 +55,24 @@ def trapezoid(low: float, high: float, height: float) -> float:
 
 # From the soffit up: widths and heights of each layer; girders reach 10 mm into what lies on them.
 AREAS = {
-    "i": 0.6 * 0.18 + trapezoid(0.6, 0.2, 0.144) + 0.2 * (1.2 - 0.18 - 0.144 - 0.12 - 0.084)
-    + trapezoid(0.2, 0.6, 0.084) + 0.6 * 0.13,
-    "bulb_t": 0.6 * 0.18 + trapezoid(0.6, 0.2, 0.144) + 0.2 * (1.2 - 0.18 - 0.144 - 0.08 - 0.11)
-    + trapezoid(0.2, 1.2, 0.11) + 1.2 * 0.09,
+    "i": 0.6 * 0.18
+    + trapezoid(0.6, 0.2, 0.144)
+    + 0.2 * (1.2 - 0.18 - 0.144 - 0.12 - 0.084)
+    + trapezoid(0.2, 0.6, 0.084)
+    + 0.6 * 0.13,
+    "bulb_t": 0.6 * 0.18
+    + trapezoid(0.6, 0.2, 0.144)
+    + 0.2 * (1.2 - 0.18 - 0.144 - 0.08 - 0.11)
+    + trapezoid(0.2, 1.2, 0.11)
+    + 1.2 * 0.09,
     "t": trapezoid(0.6, 0.64, 1.1) + trapezoid(0.64, 0.84, 0.09) + 0.84 * 0.02,
-    "u": trapezoid(1.2, 1.725, 1.05) + trapezoid(1.725, 1.845, 0.02) + 1.845 * 0.14  # the outside
+    "u": trapezoid(1.2, 1.725, 1.05)
+    + trapezoid(1.725, 1.845, 0.02)
+    + 1.845 * 0.14  # the outside
     - (0.965 * 0.16 + trapezoid(0.88, 0.965, 0.75) + trapezoid(0.68, 0.88, 0.10)),  # less the trough
     "box": 1.2 * 1.21,
     "rectangle": 0.5 * 1.21,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -38,9 +38,12 @@ class Scene:
 def scene(request: pytest.FixtureRequest) -> Scene:
     """A road bridge of two spans."""
     settings = {
-        "service": "road", "heading": 30.0, "beam": {"spans": [18.0, 24.0]}, "roadway": {"lanes": 2},
+        "service": "road",
+        "heading": 30.0,
+        "beam": {"spans": [18.0, 24.0]},
+        "roadway": {"lanes": 2},
         "alignment": AXES[request.param],
-    }  # fmt: skip
+    }
     layout, drawn = draw_layout(parse_settings(BridgeSettings, settings, "test"), stream(4, "bridge"))
     site = draw_site(SiteSettings(), layout, stream(4, "site"))
     parts = build_bridge(layout, drawn, site.ground)

@@ -20,8 +20,14 @@ Judged = Callable[[str], dict[int, Judgement]]
 _MESSAGES = 12
 _EVERYWHERE = {"deck", "parapet", "abutment", "bearing", "column", "pier_cap", "slab", "sleeper", "track"}
 _HUNG = {"girder", "beam", "cable", "cable_base", "cable_top"}
-_OWN = {"slab": set(), "beam": {"girder"}, "girder": {"beam"}, "arch": {"arch"}, "suspension": _HUNG,
-        "cable_stayed": _HUNG}  # fmt: skip
+_OWN = {
+    "slab": set(),
+    "beam": {"girder"},
+    "girder": {"beam"},
+    "arch": {"arch"},
+    "suspension": _HUNG,
+    "cable_stayed": _HUNG,
+}
 
 
 @pytest.mark.parametrize("invariant", [BUILDS, *(invariant.__name__ for invariant in INVARIANTS)])
@@ -50,8 +56,12 @@ def test_same_seed_is_the_same_bytes(family: str, proof_count: Count, record_pro
         members += len(one.members)
         for first, second in zip(one.members, two.members, strict=True):
             assert (first.name, first.kind, first.role, first.instance_id, first.parameters) == (
-                second.name, second.kind, second.role, second.instance_id, second.parameters,
-            )  # fmt: skip
+                second.name,
+                second.kind,
+                second.role,
+                second.instance_id,
+                second.parameters,
+            )
             for key in ("points", "face_counts", "corners", "normals", "st", "st1"):
                 assert getattr(first.mesh, key).tobytes() == getattr(second.mesh, key).tobytes(), (first.name, key)
         assert one.drawn != (before or make_bridge(family, seed + 1).drawn)

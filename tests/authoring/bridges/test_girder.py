@@ -24,9 +24,11 @@ from groundwork.settings import parse_settings
 
 MULTI = {"arrangement": "multi"}
 PLAIN: dict[str, Any] = {
-    "service": "road", "grade": 0.0, "alignment": {"kind": "straight", "profile": "grade", "skew": 0.0},
+    "service": "road",
+    "grade": 0.0,
+    "alignment": {"kind": "straight", "profile": "grade", "skew": 0.0},
     "roadway": {"lanes": 2, "lane_width": 3.5, "shoulder": 0.5, "footway": False},
-}  # fmt: skip
+}
 
 
 def flat(xy: F64) -> F64:
@@ -148,8 +150,12 @@ def test_haunches_are_continuous_and_meet_their_bearings(haunch: str) -> None:
 @pytest.mark.parametrize(("arrangement", "kind"), [("multi", "x"), ("multi", "k"), ("multi", "solid"), ("ladder", "x")])
 def test_frames_stand_at_every_row_and_reach_both_girders(arrangement: str, kind: str) -> None:
     """Frames lie no further apart than said, one at each row of bearings, from stiffener to stiffener or web to web."""
-    settings = {"spans": [30.0, 36.0], "continuous": True, "steel": {"arrangement": arrangement},
-                "frames": {"kind": kind}}  # fmt: skip
+    settings = {
+        "spans": [30.0, 36.0],
+        "continuous": True,
+        "steel": {"arrangement": arrangement},
+        "frames": {"kind": kind},
+    }
     record, parts = make(4, settings, **PLAIN)
     frames = of_kind(parts, "floor_beam" if arrangement == "ladder" else "cross_frame")
     frames = [part for part in frames if part.parameters["type"] != "lateral"]
@@ -231,11 +237,14 @@ def test_a_long_bridge_stays_within_its_parts() -> None:
     [
         ({"spans": [30.0, 300.0]}, "bridge.girder.spans", "10 to 90 m.*nearest is 90 m"),
         ({"spans": [30.0], "steel": {"haunch": "parabolic"}}, "bridge.girder.steel.haunch", "continuous over a pier"),
-        ({"spans": [30.0, 30.0], "continuous": False, "steel": {"haunch": "straight"}},
-         "bridge.girder.steel.haunch", "continuous over a pier"),
+        (
+            {"spans": [30.0, 30.0], "continuous": False, "steel": {"haunch": "straight"}},
+            "bridge.girder.steel.haunch",
+            "continuous over a pier",
+        ),
         ({"steel": {"count": 12}}, "bridge.girder.steel.count", "2.2 to 3.6 m apart.*nearest [0-9]"),
     ],
-)  # fmt: skip
+)
 def test_contradictions_name_key_rule_and_nearest_value(girder: dict[str, Any], field: str, words: str) -> None:
     """Bad input: one line with the key and what is allowed."""
     with pytest.raises(InputError) as caught:

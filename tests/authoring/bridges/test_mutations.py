@@ -82,27 +82,39 @@ MUTATIONS: dict[str, tuple[str, Break, str]] = {
     "a cap grown by a third": ("Pier_001_Cap", scaled(1.33), "no_collision"),
     "a kerb shrunk by half": ("Kerb_000_L", scaled(0.5), "declared_sizes"),
     "a footway level with its kerb": (
-        "Footway_000_L", with_mesh(points=lambda c: c.mesh.points + np.array([0.0, -0.03, 0.006])), "no_common_faces",
+        "Footway_000_L",
+        with_mesh(points=lambda c: c.mesh.points + np.array([0.0, -0.03, 0.006])),
+        "no_common_faces",
     ),
     "an id used twice": ("Deck_000", lambda c: replace(c, instance_id=c.instance_id + 1), "named_and_numbered"),
     "a name used twice": ("Deck_000", lambda c: replace(c, name="Deck_001"), "named_and_numbered"),
     "a parameter that is no JSON": (
-        "Deck_000", lambda c: replace(c, parameters={"width": np.nan}), "named_and_numbered",
+        "Deck_000",
+        lambda c: replace(c, parameters={"width": np.nan}),
+        "named_and_numbered",
     ),
     "a texture stretched": (
-        "Deck_000", with_mesh(st=lambda c: c.mesh.st * np.array([1.6, 1.0], np.float32)), "even_texels",
+        "Deck_000",
+        with_mesh(st=lambda c: c.mesh.st * np.array([1.6, 1.0], np.float32)),
+        "even_texels",
     ),
     "a chart over all others": (
-        "Deck_000", with_mesh(st1=lambda c: c.mesh.st1 * np.float32(0.5) + np.float32(0.2)), "atlas_without_overlap",
+        "Deck_000",
+        with_mesh(st1=lambda c: c.mesh.st1 * np.float32(0.5) + np.float32(0.2)),
+        "atlas_without_overlap",
     ),
     "a chart out of the atlas": (
-        "Deck_000", with_mesh(st1=lambda c: c.mesh.st1 + np.float32(1.0)), "atlas_without_overlap",
+        "Deck_000",
+        with_mesh(st1=lambda c: c.mesh.st1 + np.float32(1.0)),
+        "atlas_without_overlap",
     ),
     "a length that is not there": (
-        "Deck_000", lambda c: replace(c, parameters=c.parameters | {"length": 99.0}), "declared_sizes",
+        "Deck_000",
+        lambda c: replace(c, parameters=c.parameters | {"length": 99.0}),
+        "declared_sizes",
     ),
     "a deck under the clearance": ("Girder_000_00", moved(z=-3.0), "headroom"),
-}  # fmt: skip
+}
 
 
 def broken(bridge: Bridge, name: str, change: Break) -> Bridge:

@@ -43,9 +43,12 @@ def test_floor_beams_reach_beyond_columns_of_every_width() -> None:
 def test_bars_of_a_skewed_railing_stand_clear_of_its_posts(skew: float) -> None:
     """No bar begins or ends beside a post, whichever way the deck's lines run."""
     bridge = make_bridge(
-        "girder", FIXED, service="road", parapet={"shape": "railing", "infill": "bars"},
+        "girder",
+        FIXED,
+        service="road",
+        parapet={"shape": "railing", "infill": "bars"},
         alignment={"kind": "straight", "profile": "grade", "skew": skew},
-    )  # fmt: skip
+    )
     (posts,) = (m for m in bridge.members if m.name == "Post_000_L")
     (rails,) = (m for m in bridge.members if m.name == "Railing_000_L")
     post_x = np.unique(np.round(posts.mesh.points[:, 0], 4))
@@ -61,10 +64,12 @@ def test_joints_of_cable_decks_lie_between_floor_beams() -> None:
     """No piece of girder ends in the plane of a floor beam's flange."""
     bridge = make_bridge("cable_stayed", 7)
     floor = np.array([bridge.bridge_coordinates[n][:, 0].mean() for n in of_kind(bridge, "floor_beam")])
-    ends = np.concatenate([
-        [bridge.bridge_coordinates[n][:, 0].min(), bridge.bridge_coordinates[n][:, 0].max()]
-        for n in of_kind(bridge, "plate_girder")
-    ])  # fmt: skip
+    ends = np.concatenate(
+        [
+            [bridge.bridge_coordinates[n][:, 0].min(), bridge.bridge_coordinates[n][:, 0].max()]
+            for n in of_kind(bridge, "plate_girder")
+        ]
+    )
     inner = ends[(ends > ends.min() + 1.0) & (ends < ends.max() - 1.0)]
     assert len(inner)
     assert np.abs(inner[:, None] - floor).min() > 0.30

@@ -118,8 +118,9 @@ def test_each_cap_has_its_volume(shape: CapShape, expected: float) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_stands_square_and_symmetric(kind: str) -> None:
     """Mirrored about the axis each pier covers the same points; one cap and one footing; shafts of the right kind."""
-    bridge = make_bridge("beam", 4, **STRAIGHT, pier={"kind": kind}, beam={"spans": [20.0, 20.0]},
-                         roadway={"lanes": 2}, service="road")  # fmt: skip
+    bridge = make_bridge(
+        "beam", 4, **STRAIGHT, pier={"kind": kind}, beam={"spans": [20.0, 20.0]}, roadway={"lanes": 2}, service="road"
+    )
     pier = [member for member in bridge.members if member.name.startswith("Pier_001")]
     words = Counter(member.name.split("_")[2] for member in pier)
     assert words["Cap"] == words["Footing"] == 1
@@ -141,8 +142,15 @@ def deck_heights(bridge: Bridge, points: F64, above: float) -> F64:
 @pytest.mark.parametrize("pier", ["multi", "y"])
 def test_bearings_meet_soffit_and_seat_on_a_bent_bridge(kind: str, pier: str) -> None:
     """On an arc with grade, crossfall and skew no corner of a sole plate or plinth is off by more than 5 mm."""
-    bridge = make_bridge("beam", 5, **BENT, bearing={"kind": kind}, pier={"kind": pier}, roadway={"lanes": 2},
-                         beam={"spans": [24.0, 24.0]})  # fmt: skip
+    bridge = make_bridge(
+        "beam",
+        5,
+        **BENT,
+        bearing={"kind": kind},
+        pier={"kind": pier},
+        roadway={"lanes": 2},
+        beam={"spans": [24.0, 24.0]},
+    )
     levels = bridge.drawn.record.levels
     found = {member.name: member for member in bridge.members}
     names = [name.removeprefix("Bearing_") for name in found if name.startswith("Bearing_")]
@@ -226,11 +234,12 @@ def draw_one(settings: dict[str, Any]) -> Layout:
         ({"pier": {"kind": "single"}, "roadway": {"lanes": 6}}, "bridge.pier.kind", "multi or wall"),
         (
             {"pier": {"cap": "inverted_t", "kind": "multi"}, "bearing": {"kind": "pot", "pot_width": 0.5}},
-            "bridge.pier.cap", "drop or tapered",
+            "bridge.pier.cap",
+            "drop or tapered",
         ),
         ({"bearing": {"kind": "pot", "pot_width": 0.9}}, "bridge.bearing.pot_width", "at most"),
     ],
-)  # fmt: skip
+)
 def test_contradictions_name_key_and_way_out(settings: dict[str, Any], field: str, allowed: str) -> None:
     """One line with the key, the rule and the nearest valid choice."""
     with pytest.raises(InputError, match=re.escape(field)) as caught:
