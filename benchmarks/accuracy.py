@@ -190,7 +190,7 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]]) -> str:
         "",
         "Written by `python -m benchmarks.accuracy WORK`. One bridge a row, 960 x 720 px, sensor noise, countryside,",
         f"quality `medium`; both clouds come from one model. *Near*: within {NEAR:g} m of the true surface. *Right*:",
-        "of these, with the class of that surface. *Centre*: median error of the camera centers. An *instance* is right",
+        "of these, with the class of that surface. *Centre*: median error of camera centers. An *instance* is right",
         f"where {ALL_RIGHT:.0%} of its near points have its class; those with fewer than {FEWEST} do not count.",
         "",
         "| family | service | flight | cloud | cameras | centre [mm] | points | near | right | instances right |",
