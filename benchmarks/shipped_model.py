@@ -29,7 +29,7 @@ from learn.datasets.stored import StoredSplit
 from learn.datasets.varied import SomeSamples, Variation, VariedSplit
 from learn.trained import FACTS, read_facts, read_weights, write_model
 from learn.training.settings import TrainSettings
-from learn.training.train import train_network
+from learn.training.train import TrainingData, train_network
 
 CHANNELS = ("z",)
 SAMPLES, HELD_SAMPLES = 800, 128  # of an epoch, and of its validation
@@ -132,7 +132,7 @@ def train_on(dataset: Path, validation: Sequence[str], folder: Path, settings: M
         fresh_output(
             folder,
             "model",
-            lambda inner: train_network(source, held, chosen, inner, progress, data=data),
+            lambda inner: train_network(TrainingData(source, held, data), chosen, inner, progress),
             inputs=[dataset],
             asked=[data, chosen.model_dump(mode="json")],
             resume=True,

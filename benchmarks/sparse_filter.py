@@ -18,7 +18,7 @@ from benchmarks.noise import named_cloud
 from groundwork.errors import InputError
 from groundwork.files import write_text
 from recon.placing.align import OK
-from recon.placing.place import place
+from recon.placing.place import Registered, place
 from recon.points.duplicates import merge_duplicates
 from recon.points.observations import select_points
 from recon.points.precision import deviations, keypoint_noise
@@ -112,7 +112,7 @@ def judge(model: SparseModel, capture: Capture, truth: Truth) -> Judged:
     model, _ = merge_duplicates(model)
     row_of = {image.file: row for row, image in enumerate(capture.images)}
     rows = np.array([row_of[name] for name in model.names])
-    alignment, _ = place(model.poses, rows, {}, capture, truth, SETTINGS.alignment, np.random.default_rng(0))
+    alignment, _ = place(Registered(model.poses, rows), capture, truth, SETTINGS.alignment, np.random.default_rng(0))
     valid = np.array([code == OK for code in alignment.status])
     poses = np.full((len(capture.images), 4, 4), np.nan)
     poses[rows] = alignment.similarity.move_poses(model.poses)

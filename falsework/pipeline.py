@@ -54,14 +54,7 @@ def run_scenario(
         raise InputError(
             "no such number of workers", field="workers", value=workers, allowed="0 or more, and none beside a cluster"
         )
-    indices = list(range(scenario.scenes) if scenes is None else scenes)
-    if not set(indices) <= set(range(scenario.scenes)):
-        raise InputError(
-            "no such scene",
-            field="scenes",
-            value=sorted(set(indices) - set(range(scenario.scenes))),
-            allowed=f"0 to {scenario.scenes - 1}",
-        )
+    indices = _wanted(scenario, scenes)
     if cluster is not None:
         from falsework.execution.cluster import check_address
 
@@ -80,6 +73,15 @@ def run_scenario(
         outcome = _run_here(scenario, sources, indices, out, manner, (progress, board))
     Store(out).sweep()
     return outcome
+
+
+def _wanted(scenario: Scenario, scenes: Iterable[int] | None) -> list[int]:
+    """List the scenes to run, all of which the scenario has."""
+    indices = list(range(scenario.scenes) if scenes is None else scenes)
+    unknown = sorted(set(indices) - set(range(scenario.scenes)))
+    if unknown:
+        raise InputError("no such scene", field="scenes", value=unknown, allowed=f"0 to {scenario.scenes - 1}")
+    return indices
 
 
 def _run_here(

@@ -1,6 +1,6 @@
 """The conductor: from a capture to an annotated cloud, step by step as in the paper's figure."""
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,15 @@ from recon.formats.export import write_laz, write_ply
 from recon.photos.photos import open_photographs
 from recon.placing.align import OK, Alignment, Target
 from recon.placing.ground_control import GroundControl
-from recon.placing.place import alignment_facts, camera_rows, place, place_on_control, read_control, similarity_facts
+from recon.placing.place import (
+    Registered,
+    alignment_facts,
+    camera_rows,
+    place,
+    place_on_control,
+    read_control,
+    similarity_facts,
+)
 from recon.points.duplicates import merge_duplicates
 from recon.points.fates import KEPT
 from recon.points.observations import Observations
@@ -70,7 +78,7 @@ def reconstruct(
         place = folder / "cloud" / mode if len(settings.modes) > 1 else folder
         place.mkdir(parents=True, exist_ok=True)
         one = settings.model_copy(update={"mode": mode})
-        _make_cloud(photographs, sparse, place, work, one, progress, surveyed, control)
+        _make_cloud(photographs, sparse, surveyed, _Workplace(place, work), one, progress)
     (folder / MODEL).mkdir()
     write_stored_model(folder / MODEL, sparse, photographs)
     leave_work(work)
@@ -116,34 +124,41 @@ def reconstruct_cloud(
     surveyed = None if control is None else read_control(control, photographs)
     work = enter_work(folder)
     sparse = read_stored_model(model, photographs)
-    _make_cloud(photographs, sparse, folder, work, settings, progress, surveyed, control)
+    _make_cloud(photographs, sparse, surveyed, _Workplace(folder, work), settings, progress)
     leave_work(work)
+
+
+@dataclass(frozen=True)
+class _Workplace:
+    """Folder of the cloud, and folder of what is needed on the way."""
+
+    folder: Path
+    work: Path
 
 
 def _make_cloud(
     photographs: Capture,
     sparse: Sparse,
-    folder: Path,
-    work: Path,
+    surveyed: GroundControl | None,
+    at: _Workplace,
     settings: ReconSettings,
     progress: Progress,
-    surveyed: GroundControl | None,
-    control: Path | None,
 ) -> None:
     """Place a model, fill a cloud from it, and write it."""
     model, copies = merge_duplicates(sparse.model)
     progress.stage("align", 0)
     truth = read_truth(photographs)
+    classes = truth.classes if truth else class_rows()
     rows = _rows_in_capture(model, photographs)
-    alignment, target, facts = _place(model, rows, sparse.reasons, photographs, truth, settings, surveyed, control)
+    registered = Registered(model.poses, rows, sparse.reasons)
+    alignment, target, facts = _place(model, registered, photographs, truth, settings, surveyed)
     poses = np.full((len(photographs.images), 4, 4), np.nan)
     poses[rows] = alignment.similarity.move_poses(model.poses)
     valid = np.array([code == OK for code in alignment.status])
     figures: dict[str, Any] = {"sparse": sparse.facts}
     if settings.mode == "dense":
-        dense, fates, figures["dense"] = run_dense(photographs, sparse, work, settings, progress)
-        table = truth.classes if truth else class_rows()
-        figures["pixels"] = describe_pixels(fates, rows, valid, truth, table)
+        dense, fates, figures["dense"] = run_dense(photographs, sparse, at.work, settings, progress)
+        figures["pixels"] = describe_pixels(fates, rows, valid, truth, classes)
         found, copies = len(dense.counts), np.ones(len(dense.counts), np.int64)
         placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
         del dense  # as large as what follows
@@ -158,49 +173,47 @@ def _make_cloud(
     figures |= _count_classes(columns["segment"], placed, copies, truth)
     kept = placed.fate == KEPT
     columns, observed, depth = _those(kept, columns, observed, depth)
+    figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, observed["start"][:-1]))
     cloud = Cloud(
         columns,
         observed,
         components,
-        truth.classes if truth else class_rows(),
+        classes,
         facts,
         camera_rows(photographs, alignment),
-        {},
+        {**describe(columns, alignment, model, classes), **figures},
         f"sfm-{settings.mode}",
         bridge_digest(*truth.surface(), truth.instances) if truth else "",
     )
-    figures["noise"] = describe_noise(columns, np.minimum.reduceat(depth, observed["start"][:-1]))
-    statistics = {**describe(columns, alignment, model, cloud.classes), **figures}
-    cloud = Cloud(**{**vars(cloud), "statistics": statistics})
-
-    write_cloud(folder, cloud)
-    write_laz(folder / "cloud.laz", cloud)
-    write_ply(folder / "cloud.ply", cloud)
-    _write_poses(folder / "cameras_sfm.json", photographs, model, poses)
+    _write_files(at.folder, cloud)
+    _write_poses(at.folder / "cameras_sfm.json", photographs, model, poses)
     world = similarity_facts(alignment.similarity)
-    write_world_model(sparse.folder, folder / "sparse", world, settings, progress)
-    note = cloud.alignment["note"]
-    progress.note(verdict_in_words(alignment.status, int(kept.sum()), found, note, lost_classes(figures)))
+    write_world_model(sparse.folder, at.folder / "sparse", world, settings, progress)
+    progress.note(verdict_in_words(alignment.status, int(kept.sum()), found, facts["note"], lost_classes(figures)))
     if few := few_in_words([figures]):
         progress.note(few)
 
 
+def _write_files(folder: Path, cloud: Cloud) -> None:
+    write_cloud(folder, cloud)
+    write_laz(folder / "cloud.laz", cloud)
+    write_ply(folder / "cloud.ply", cloud)
+
+
 def _place(
     model: SparseModel,
-    rows: NDArray[np.int64],
-    reasons: Mapping[str, str],
+    registered: Registered,
     photographs: Capture,
     truth: Truth | None,
     settings: ReconSettings,
     surveyed: GroundControl | None,
-    control: Path | None,
 ) -> tuple[Alignment, Target, dict[str, Any]]:
     """Place the model by ground control where there is some, else by what is known of the cameras; state it as JSON."""
     rng = np.random.default_rng(settings.seed)
-    if surveyed is not None and control is not None:
-        alignment, target, residuals = place_on_control(model, rows, reasons, photographs, surveyed, control, rng)
+    if surveyed is not None:
+        alignment, target, residuals = place_on_control(model, registered, photographs, surveyed, rng)
         return alignment, target, alignment_facts(alignment, target, photographs, residuals)
-    alignment, target = place(model.poses, rows, reasons, photographs, truth, settings.alignment, rng)
+    alignment, target = place(registered, photographs, truth, settings.alignment, rng)
     return alignment, target, alignment_facts(alignment, target, photographs)
 
 

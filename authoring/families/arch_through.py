@@ -93,14 +93,7 @@ def draw_through_arch(
         shared: Settings of the parts that every family has.
         draws: Random stream and profile of the bridge.
     """
-    if choice.form == "ring":
-        raise InputError(
-            "a ring has no room for traffic",
-            field="bridge.arch.form",
-            value="ring",
-            allowed="concrete or steel ribs",
-            hint="Choose ribs, or the arrangement deck",
-        )
+    _refuse_ring(choice)
     top = draw_deck_top(shared, draws)
     top = replace(top, fittings=replace(top.fittings, lamps=False))  # braces are where lamp posts would stand
     bearings = draw_bearings(shared.bearing, draws)
@@ -119,33 +112,29 @@ def draw_through_arch(
     slab = round(max(0.25, choice.hanger_pitch / (20.0 + 6.0 * shares[3])), 3)
     diameter = round(0.06 + 0.05 * shares[4], 3)
     hangers = Hangers(diameter, round(2.0 * diameter + 0.04, 3), 0.30, round(min(0.6 * width, 0.45), 3))
-    thick = round(0.5 + 0.3 * shares[5], 3)
-    role = "Role_GirderSteel" if choice.form == "steel" else "Role_PierConcrete"
-    across = round(min(width - 0.16, thick), 3)
-    columns = Bents("rectangular", thick, across, section.lines, 0.0, 0.0, 0.0, 0.02, role)
+    columns = _draw_columns(choice, section, width, shares[5])
     start = _start(choice, rib, floor)
     total = round(choice.span + 2.0 * start, 3)
     panels = max(6, round(total / choice.hanger_pitch))
     overhang = max(0.35, round(0.5 * bearings.plinth_length + 0.02, 3))
-    inner = 0.5 * top.width - 0.8
-    lines = section.lines if tied else tuple(np.linspace(-inner, inner, max(2, round(inner / 2.0))).round(3).tolist())
+    lines = section.lines if tied else _lines_under_deck(top.width)
     drawn = DrawnThroughArch(
-        choice.arrangement,
-        replace(rib, start=start),
-        section,
-        panels,
-        total / panels,
-        slab,
-        floor,
-        hangers,
-        columns,
-        brace,
-        choice.bracing,
-        Spans((0.0, total), overhang, 0.05),
-        top,
-        bearings,
-        lines,
-        abutments,
+        kind=choice.arrangement,
+        rib=replace(rib, start=start),
+        section=section,
+        panels=panels,
+        pitch=total / panels,
+        slab=slab,
+        floor=floor,
+        hangers=hangers,
+        columns=columns,
+        brace=brace,
+        bracing=choice.bracing,
+        spans=Spans((0.0, total), overhang, 0.05),
+        top=top,
+        bearings=bearings,
+        bearing_lines=lines,
+        abutments=abutments,
     )
     levels = drawn.levels
     supports = (0.0, total)
@@ -185,6 +174,31 @@ def build_through_arch(layout: Layout, arch: DrawnThroughArch, ground: Ground) -
     top = arch.top
     parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
     return parts
+
+
+def _refuse_ring(choice: ArchChoice) -> None:
+    if choice.form == "ring":
+        raise InputError(
+            "a ring has no room for traffic",
+            field="bridge.arch.form",
+            value="ring",
+            allowed="concrete or steel ribs",
+            hint="Choose ribs, or the arrangement deck",
+        )
+
+
+def _draw_columns(choice: ArchChoice, section: RibSection, width: float, share: float) -> Bents:
+    """Size the columns on ribs of some width [m], by a drawn share [1]."""
+    length = round(0.5 + 0.3 * share, 3)
+    role = "Role_GirderSteel" if choice.form == "steel" else "Role_PierConcrete"
+    across = round(min(width - 0.16, length), 3)
+    return Bents("rectangular", length, across, section.lines, 0.0, 0.0, 0.0, 0.02, role)
+
+
+def _lines_under_deck(width: float) -> tuple[float, ...]:
+    """Share bearings out under the ends of a deck of some width [m]."""
+    inner = 0.5 * width - 0.8
+    return tuple(np.linspace(-inner, inner, max(2, round(inner / 2.0))).round(3).tolist())
 
 
 def _draw_floor(choice: ArchChoice, top: DeckTop, tie_width: float, reach: float, share: float) -> Floor:

@@ -14,6 +14,7 @@ from authoring.looks.noise import Floats
 from authoring.looks.recipe import DETAIL_PERIODS, SMOOTH
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, fill_roles, sheet_numbers
+from authoring.looks.user_maps import MapSet
 from authoring.looks.user_sets import place_set, read_sets
 from authoring.looks.weathering import ground_patches, weather
 from authoring.shapes.component import Component, Scatter
@@ -81,10 +82,8 @@ def bake_look(
     pieces = tuple(components)
     surfaces, years = fill_roles(name, rng)
     worn = worn_sheets(pieces)
-    own = {
-        role: sets for role, sets in read_sets(given[n] for n in settings.folders if n in given).items() if role in worn
-    }
-    chosen = {role: sets[int(rng.integers(len(sets)))] for role, sets in own.items()}
+    sets_of_role = read_sets(given[n] for n in settings.folders if n in given)
+    chosen = {role: sets[int(rng.integers(len(sets)))] for role, sets in sets_of_role.items() if role in worn}
     wanted = {
         (role, number): SheetName(surface, number, settings.texels)
         for role, surface in surfaces.items()
@@ -103,22 +102,8 @@ def bake_look(
         for role, surface in surfaces.items()
         if role in worn and role not in chosen
     }
-    for role, one in chosen.items():
-        files, metallic = place_set(one, folder, settings.picture_side, settings.texels)
-        recipes[role] = MaterialRecipe(
-            one.name,
-            files.albedo,
-            files.color,
-            files.roughness,
-            files.mean_roughness,
-            files.normal,
-            metallic,
-            settings.picture_side,
-            detail,
-            DETAIL_PERIODS,
-            SMOOTH,
-            macro,
-        )
+    for role, pictures in chosen.items():
+        recipes[role] = _picture_recipe(pictures, settings, folder, detail, macro)
     return {role: recipes[role] for role in ROLES if role in recipes}
 
 
@@ -185,6 +170,25 @@ def _recipe(surface: str, detail: str, macro: str, sheets: dict[int, SheetFiles]
         amplitudes=recipe.detail,
         macro_file=macro,
         others={number: files for number, files in sheets.items() if number},
+    )
+
+
+def _picture_recipe(pictures: MapSet, settings: LookSettings, folder: Path, detail: str, macro: str) -> MaterialRecipe:
+    """Place a user's own surface beside the layer."""
+    files, metallic = place_set(pictures, folder, settings.picture_side, settings.texels)
+    return MaterialRecipe(
+        name=pictures.name,
+        albedo_file=files.albedo,
+        color=files.color,
+        roughness_file=files.roughness,
+        roughness=files.mean_roughness,
+        normal_file=files.normal,
+        metallic=metallic,
+        sheet=settings.picture_side,
+        detail_file=detail,
+        periods=DETAIL_PERIODS,
+        amplitudes=SMOOTH,
+        macro_file=macro,
     )
 
 

@@ -21,6 +21,7 @@ from groundwork.settings import Settings
 
 _COLUMN_PITCH = 7.0  # [m] no two columns stand further apart
 _CLEAR_PITCH = 2.2  # of their diameter: nor closer
+_COLUMNS = {"pi_frame": 2}  # of the kinds that have another fixed number than one
 _LEG_SHARE = 0.29  # of a pi-frame's beam, from the axis to a leg
 _ARM_SHARE = 0.33  # of the cap's length, from the axis to the head of a Y's arm
 _FLUSH = 0.015  # [m] legs of a frame behind its beam's faces
@@ -173,9 +174,8 @@ def draw_piers(
     kind, cap = choose_kind(
         (settings.kind, settings.cap, settings.columns), cap_length, upstand, draws, paper_kinds if paper else ()
     )
-    least = 2 if kind != "multi" else max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
     room = max(2, int(cap_length / (_CLEAR_PITCH * several)))  # a short cap under a narrow box holds few
-    number = {"multi": settings.columns or min(least + int(2.0 * share), 5, room), "pi_frame": 2}.get(kind, 1)
+    number = settings.columns or _column_count(width, share, room) if kind == "multi" else _COLUMNS.get(kind, 1)
     shape = settings.column_shape or _shape(round_share, paper)
     battered = settings.battered if settings.battered is not None else batter_share < 0.35 and not paper
     piers = Piers(
@@ -199,6 +199,12 @@ def draw_piers(
         slenderness=draw(settings, "slenderness", draws),
     )
     return _with_cap(_with_shafts(piers, single, several, thickness, wall_share, paper), taper)
+
+
+def _column_count(width: float, share: float, room: int) -> int:
+    """Take as many columns as the deck's width [m] needs, or one more, and no more than the cap has room for."""
+    least = max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
+    return min(least + int(2.0 * share), 5, room)
 
 
 def _shape(share: float, paper: bool) -> str:

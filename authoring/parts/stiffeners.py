@@ -1,5 +1,6 @@
 """Stiffeners of plate girders: plates across the web, where cross-frames join it, between them, and on the bearings."""
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,15 @@ from authoring.solids.sweep import Surface
 INTO = 0.004  # [m] plates into web and flanges
 _FROM_EDGE = 0.015  # [m] from a stiffener's free edge to the narrower flange's edge
 _BEARING_THICKER = 1.6  # [1] a bearing stiffener is so much thicker
+
+
+@dataclass(frozen=True)
+class _Plates:
+    """Stiffeners of one part, in bridge coordinates."""
+
+    name: str
+    surface: Surface
+    facts: dict[str, object]
 
 
 def stiffener_width(girders: PlateGirders) -> float:
@@ -51,9 +61,36 @@ def stiffener_parts(
     """
     if girders.box:
         return []
-    surfaces: list[Surface] = []
-    facts: list[tuple[str, dict[str, object]]] = []
     top = girders.steel_top(levels)
+    made = [
+        *_along_spans(girders, spans, frames, cuts, pitch, thickness, top),
+        *_on_bearings(girders, spans, thickness, top),
+    ]
+    surfaces = to_world([plate.surface for plate in made], place)
+    return [
+        Part(
+            plate.name,
+            "stiffener",
+            "Role_GirderSteel",
+            SUPERSTRUCTURE,
+            surface,
+            {"thickness": thickness, **plate.facts},
+        )
+        for plate, surface in zip(made, surfaces, strict=True)
+    ]
+
+
+def _along_spans(
+    girders: PlateGirders,
+    spans: Spans,
+    frames: tuple[float, ...],
+    cuts: tuple[float, ...],
+    pitch: float,
+    thickness: float,
+    top: float,
+) -> list[_Plates]:
+    """Build the stiffeners at cross-frames and between them: one part for each span and line."""
+    found: list[_Plates] = []
     for span in range(spans.count):
         low, high = spans.bearing_lines(span)
         joints = [station for station in frames if low + 0.01 < station < high - 0.01]
@@ -72,8 +109,15 @@ def stiffener_parts(
                 if wanted not in made:
                     depth = girders.depths(spans, np.array([station for station, _ in wanted]))
                     made[wanted] = _across(girders, depth, wanted, thickness)
-                surfaces.append(shifted(made[wanted], np.array([0.0, left, top])))
-                facts.append((f"Stiffeners_{span:03d}_{line:02d}", {"count": len(wanted), "span": span, "line": line}))
+                surface = shifted(made[wanted], np.array([0.0, left, top]))
+                facts: dict[str, object] = {"count": len(wanted), "span": span, "line": line}
+                found.append(_Plates(f"Stiffeners_{span:03d}_{line:02d}", surface, facts))
+    return found
+
+
+def _on_bearings(girders: PlateGirders, spans: Spans, thickness: float, top: float) -> list[_Plates]:
+    """Build a pair of thicker stiffeners over each bearing."""
+    found: list[_Plates] = []
     rows = np.array(sorted({station for _, _, station in spans.rows}))
     pairs: dict[float, Surface] = {}  # rows under the same depth have the same plates
     for number, (station, depth) in enumerate(
@@ -83,12 +127,10 @@ def stiffener_parts(
             both = ((0.0, -1.0), (0.0, 1.0))
             pairs[depth] = _across(girders, np.full(2, depth), both, _BEARING_THICKER * thickness)
         for line, left in enumerate(girders.lines):
-            surfaces.append(shifted(pairs[depth], np.array([station, left, top])))
-            facts.append((f"BearingStiffener_{number:03d}_{line:02d}", {"count": 2, "row": number, "line": line}))
-    return [
-        Part(name, "stiffener", "Role_GirderSteel", SUPERSTRUCTURE, surface, {"thickness": thickness, **fact})
-        for (name, fact), surface in zip(facts, to_world(surfaces, place), strict=True)
-    ]
+            surface = shifted(pairs[depth], np.array([station, left, top]))
+            facts: dict[str, object] = {"count": 2, "row": number, "line": line}
+            found.append(_Plates(f"BearingStiffener_{number:03d}_{line:02d}", surface, facts))
+    return found
 
 
 def _inner_sides(girders: PlateGirders, line: int) -> list[float]:

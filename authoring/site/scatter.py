@@ -1,10 +1,12 @@
 """Stones, shrubs and tufts of grass: small repeats strewn over the site, denser near the bridge."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from authoring.shapes.component import Scatter
+from authoring.shapes.component import Mesh, Scatter
 from authoring.site.covers import to_world
 from authoring.site.grid import HeightField
 from authoring.site.growth import blade_tuft, leaf_bush, pebble
@@ -13,6 +15,7 @@ from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
+Prototypes = tuple[tuple[tuple[str, Mesh], ...], ...]
 DETAILED = 22.0  # distance from the bridge's edge up to which plants are modelled in detail [m]
 SMALL = 0.2  # size of stones that need no detail [m]
 NEAR = 28.0  # distance from the axis or the crossing at which density has fallen to about a third [m]
@@ -25,6 +28,26 @@ class ScatterSettings(Settings):
     shrubs: int = Field(default=190, ge=0, le=5_000, description="shrubs tried [1]")
     reeds: int = Field(default=260, ge=0, le=20_000, description="clumps of reed tried at a river [1]")
     tufts: int = Field(default=1250, ge=0, le=50_000, description="tufts of grass tried [1]")
+
+
+@dataclass(frozen=True)
+class _Gaps:
+    """Distances that repeats keep: from the bridge's outline, and from roads and the water's edge [m]."""
+
+    bridge: float
+    edge: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """Repeats of one kind: models near the bridge and far from it, least and largest size [m], places (N, 3)."""
+
+    name: str
+    kind: str
+    detailed: Prototypes
+    plain: Prototypes
+    size: tuple[float, float]
+    places: F64
 
 
 def scatter_plants(
@@ -49,59 +72,43 @@ def scatter_plants(
     plain_stones = tuple((("rock", pebble(more, 0)),) for _ in stones)
     plain_shrubs = tuple((("foliage", leaf_bush(more, 16)),) for _ in shrubs)
     plain_tufts = tuple((("meadow", blade_tuft(more, 4)),) for _ in tufts)
+    stony = _places(land, ground, settings.stones, _Gaps(0.3, 0.4), rng, 0.75)
+    shrubby = _places(land, ground, settings.shrubs, _Gaps(3.0, 1.4), rng)
+    grassy = _places(land, ground, settings.tufts, _Gaps(0.5, 0.3), rng)
+    shore = _shore_places(land, ground, settings.reeds, rng)
     runs = (
-        (
-            "Site_Stones",
-            "rock",
-            (stones, plain_stones),
-            (0.08, 0.55),
-            _places(land, ground, settings.stones, 0.3, 0.4, rng, 0.75),
-        ),
-        (
-            "Site_Shrubs",
-            "shrub",
-            (shrubs, plain_shrubs),
-            (0.7, 1.9),
-            _places(land, ground, settings.shrubs, 3.0, 1.4, rng),
-        ),
-        (
-            "Site_Tufts",
-            "vegetation",
-            (tufts, plain_tufts),
-            (0.25, 0.7),
-            _places(land, ground, settings.tufts, 0.5, 0.3, rng),
-        ),
-        (
-            "Site_Reeds",
-            "vegetation",
-            (tufts, plain_tufts),
-            (0.8, 1.7),
-            _shore_places(land, ground, settings.reeds, rng),
-        ),
+        _Run("Site_Stones", "rock", stones, plain_stones, (0.08, 0.55), stony),
+        _Run("Site_Shrubs", "shrub", shrubs, plain_shrubs, (0.7, 1.9), shrubby),
+        _Run("Site_Tufts", "vegetation", tufts, plain_tufts, (0.25, 0.7), grassy),
+        _Run("Site_Reeds", "vegetation", tufts, plain_tufts, (0.8, 1.7), shore),
     )
-    scatters = []
-    for name, kind, (detailed, plain), size, places in runs:
-        scale = np.exp(rng.uniform(np.log(size[0]), np.log(size[1]), len(places)))
-        scales = scale[:, None] * rng.uniform(0.8, 1.2, (len(places), 3))
-        yaw, chosen = rng.uniform(0.0, 2 * np.pi, len(places)), rng.integers(0, len(detailed), len(places))
-        far = np.abs(places[:, 1]) > 0.5 * land.layout.width + DETAILED
-        far |= (scale < SMALL) if kind == "rock" else False
-        chosen, prototypes = np.where(far, chosen + len(detailed), chosen), (*detailed, *plain)
-        if len(places):
-            positions = to_world(land.layout.alignment, places)
-            number = first_id + len(scatters)
-            scatters.append(
-                Scatter(name, kind, "Plants", prototypes, chosen.astype(np.int32), positions, yaw, scales, (number,))
-            )
+    scatters: list[Scatter] = []
+    for run in runs:
+        scatter = _strewn(run, land, rng, first_id + len(scatters))
+        scatters += [] if scatter is None else [scatter]
     return tuple(scatters)
+
+
+def _strewn(run: _Run, land: Land, rng: np.random.Generator, number: int) -> Scatter | None:
+    """Draw size, heading and model at each place; the random stream is used even where there is none."""
+    places, count = run.places, len(run.detailed)
+    scale = np.exp(rng.uniform(np.log(run.size[0]), np.log(run.size[1]), len(places)))
+    scales = scale[:, None] * rng.uniform(0.8, 1.2, (len(places), 3))
+    yaw, chosen = rng.uniform(0.0, 2 * np.pi, len(places)), rng.integers(0, count, len(places))
+    far = np.abs(places[:, 1]) > 0.5 * land.layout.width + DETAILED
+    far |= (scale < SMALL) if run.kind == "rock" else False
+    if not len(places):
+        return None
+    models = np.where(far, chosen + count, chosen).astype(np.int32)
+    positions = to_world(land.layout.alignment, places)
+    return Scatter(run.name, run.kind, "Plants", (*run.detailed, *run.plain), models, positions, yaw, scales, (number,))
 
 
 def _places(
     land: Land,
     ground: HeightField,
     count: int,
-    bridge_gap: float,
-    edge_gap: float,
+    gaps: _Gaps,
     rng: np.random.Generator,
     by_crossing: float = 0.0,
 ) -> F64:
@@ -109,13 +116,13 @@ def _places(
 
     `by_crossing` is the share of the places far from the crossing that is given up [1].
     """
-    border = edge_gap + 0.5
+    border = gaps.edge + 0.5
     station = rng.uniform(ground.stations[0] + border, ground.stations[-1] - border, 6 * count)
     left = rng.uniform(ground.lefts[0] + border, ground.lefts[-1] - border, 6 * count)
     beside = np.abs(left) - land.layout.width / 2
     nearest = np.maximum(np.minimum(beside, 1.5 * land.crossing.distance(station, left)), 0.0)
     wanted = rng.uniform(0.0, 1.0, 6 * count) < np.exp(-nearest / NEAR)
-    free = wanted & clear(land, station, left, bridge_gap, edge_gap)
+    free = wanted & clear(land, station, left, gaps.bridge, gaps.edge)
     if by_crossing > 0:
         shore = land.crossing.distance(station, left) < land.crossing.half_width + 5.0
         free &= shore | (rng.uniform(0.0, 1.0, 6 * count) > by_crossing)

@@ -51,21 +51,7 @@ def fly_inspection(
     """
     shift, heading = rng.random(3), float(rng.uniform(0.0, 0.25 * np.pi))
     targets = _targets(settings, subject)
-    places = free_places(
-        subject,
-        settings.cell,
-        max(settings.reach, STAND_OFF * settings.near),
-        settings.safety,
-        settings.over_ground,
-        shift,
-    )
-    if not len(places):
-        raise InputError(
-            "no free space round the bridge",
-            field="survey.safety",
-            value=settings.safety,
-            hint="Lower it or survey.over_ground, or raise survey.reach",
-        )
+    places = _free_places(settings, subject, shift)
     model = camera_models()[settings.camera]
     eye = eye_of(calibration(model, settings.width, settings.height), model.distortion)
     highest = np.radians(settings.pitch_limit)
@@ -94,6 +80,20 @@ def fly_inspection(
     views = found.poses[chosen]
     axis = oriented_box(subject.bridge.reshape(-1, 3)).axes[0]
     return fly_legs(views, order_views(views, subject, settings.safety, axis), settings.spacing, highest)
+
+
+def _free_places(settings: InspectionSettings, subject: Subject, shift: F64) -> F64:
+    """Find where a camera can be near the bridge [m], shape (P, 3); refuse a bridge without such a place."""
+    reach = max(settings.reach, STAND_OFF * settings.near)
+    places = free_places(subject, settings.cell, reach, settings.safety, settings.over_ground, shift)
+    if not len(places):
+        raise InputError(
+            "no free space round the bridge",
+            field="survey.safety",
+            value=settings.safety,
+            hint="Lower it or survey.over_ground, or raise survey.reach",
+        )
+    return places
 
 
 def _targets(settings: InspectionSettings, subject: Subject) -> Targets:

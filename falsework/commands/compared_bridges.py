@@ -50,12 +50,36 @@ def find_bridges(
     """
     if names and len(names) != len(sources):
         raise InputError("not one name for each source", field="--bridge", value=len(names), allowed=str(len(sources)))
+    _check_sources(sources, wanted)
+    bridges: list[Bridge] = []
+    available: dict[str, set[str]] = {}
+    for number, (name, folder) in enumerate(sources):
+        for place, found in _clouds_by_place(folder, names[number] if names else "").items():
+            available.setdefault(name, set()).update(found)
+            clouds = {cloud: path for cloud, path in found.items() if cloud in wanted[name]}
+            if clouds:
+                label = place.parent.name if place.name == "cloud" else place.name
+                taken = {one.name for one in bridges if one.set == name}
+                label = label if label not in taken else f"{label}.{number}"
+                bridges.append(_bridge(name, label, place, clouds, names[number] if names else ""))
+    for name, needed in sorted(wanted.items()):
+        if lacking := sorted(needed - available[name]):
+            raise InputError(
+                "no bridge has a cloud of this name",
+                field=f"clouds of the set {name}",
+                value=lacking[0],
+                allowed=", ".join(sorted(available[name])),
+                hint="Name clouds that there are in arms and tests",
+            )
+    return bridges
+
+
+def _check_sources(sources: Sequence[tuple[str, Path]], wanted: Mapping[str, set[str]]) -> None:
+    """Refuse sets without a folder, folders of no set, and folders that are given twice."""
     for name in sorted(wanted):
         if name not in {found for found, _ in sources}:
             hint = "Name the folder of a run" if name == DEFAULT_SET else f"Name it: {name}=FOLDER"
             raise MissingError("no folder is given for a set of bridges", field="sources", value=name, hint=hint)
-    bridges: list[Bridge] = []
-    there: dict[str, set[str]] = {}
     for number, (name, folder) in enumerate(sources):
         if name not in wanted:
             raise InputError(
@@ -68,40 +92,27 @@ def find_bridges(
             )
         if folder.resolve() in {other.resolve() for _, other in sources[:number]}:
             raise InputError("given twice", where=folder, field="sources", hint="Name every folder once")
-        places = {place: _clouds(place) for place in _places(folder)}
-        if not any(places.values()):
-            raise InputError(
-                "no clouds are in it",
-                where=folder,
-                field="sources",
-                hint="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such folders",
-            )
-        if names and len(places) > 1:
-            raise InputError(
-                "has several bridges, and --bridge names one",
-                where=folder,
-                field="--bridge",
-                value=names[number],
-                hint="Name the folder of each bridge, and one --bridge for each",
-            )
-        for place, found in places.items():
-            there.setdefault(name, set()).update(found)
-            clouds = {cloud: path for cloud, path in found.items() if cloud in wanted[name]}
-            if clouds:
-                label = place.parent.name if place.name == "cloud" else place.name
-                taken = {one.name for one in bridges if one.set == name}
-                label = label if label not in taken else f"{label}.{number}"
-                bridges.append(_bridge(name, label, place, clouds, names[number] if names else ""))
-    for name, needed in sorted(wanted.items()):
-        if lacking := sorted(needed - there[name]):
-            raise InputError(
-                "no bridge has a cloud of this name",
-                field=f"clouds of the set {name}",
-                value=lacking[0],
-                allowed=", ".join(sorted(there[name])),
-                hint="Name clouds that there are in arms and tests",
-            )
-    return bridges
+
+
+def _clouds_by_place(folder: Path, given: str) -> dict[Path, dict[str, Path]]:
+    """Find the folders of bridges in a source, each with its clouds; one folder alone where a name is given for it."""
+    places = {place: _clouds(place) for place in _places(folder)}
+    if not any(places.values()):
+        raise InputError(
+            "no clouds are in it",
+            where=folder,
+            field="sources",
+            hint="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such folders",
+        )
+    if given and len(places) > 1:
+        raise InputError(
+            "has several bridges, and --bridge names one",
+            where=folder,
+            field="--bridge",
+            value=given,
+            hint="Name the folder of each bridge, and one --bridge for each",
+        )
+    return places
 
 
 def _clouds(place: Path) -> dict[str, Path]:

@@ -38,8 +38,8 @@ def predict(
         scan: LAS, LAZ, PLY, E57, NPY or text file, or a cloud's folder with cloud.laz (for a PLY: cloud.ply) in it.
         output: File to write, of the same format, or .las or .laz; boxes of the instances go into a .json beside it.
         model: What knows the classes: a folder that falsework train has written, or module:function of a model of
-            your own. Left out: the small model of the package, of positions alone; its card, whose path is said, tells
-            what it cannot do.
+            your own. Left out: the small model of the package, of positions alone; its card (its path is printed) names
+            its limits.
         unit: Unit of the coordinates; counts more than what the scan says.
         scale: Metres that one unit of a cloud without scale stands for.
         up: Axis of the scan that points up.
@@ -53,8 +53,7 @@ def predict(
     from learn.predict.predict import predict_scan
     from learn.predict.settings import PredictSettings
 
-    if not scan.exists():
-        raise MissingError("no such file", where=scan, hint="Name a scan, or the folder of a cloud")
+    _check_paths(scan, output)
     values: dict[str, Any] = {
         "unit": unit,
         "scale": scale,
@@ -66,21 +65,26 @@ def predict(
         "chunk": chunk,
     }
     settings = parse_settings(PredictSettings, values, "predict")
-    if not output.suffix:
-        raise InputError("says no format", where=output, field="-o", hint="Give it a suffix such as .laz")
     known = named_model(model)
     if model and Path(model).is_dir():
         output_place(output, [Path(model)])
     with ConsoleProgress() as progress:
         made = predict_scan(scan, output, known, settings, progress)
-    _tell(made)
+    _print_counts(made)
     sys.stdout.write(f"labelled {output}\n")
     if not model:
-        sys.stdout.write(f"by the model of the package; what it cannot do: {shipped_folder() / 'README.md'}\n")
+        sys.stdout.write(f"by the model of the package; its limits: {shipped_folder() / 'README.md'}\n")
     return 0
 
 
-def _tell(made: "Prediction") -> None:
+def _check_paths(scan: Path, output: Path) -> None:
+    if not scan.exists():
+        raise MissingError("no such file", where=scan, hint="Name a scan, or the folder of a cloud")
+    if not output.suffix:
+        raise InputError("has no suffix that names a format", where=output, field="-o", hint="Add one, such as .laz")
+
+
+def _print_counts(made: "Prediction") -> None:
     for line in made.doubts:
         sys.stderr.write(f"warning: {line}\n")
     for name, count in made.counts.items():

@@ -108,20 +108,14 @@ def _fit(dataset: Path, output: Path, settings: "TrainSettings", channels: tuple
                 asked=asked,
             )
         else:
-            from learn.training.train import train_network
+            from learn.training.train import TrainingData, train_network
+
+            data = TrainingData(source, held if len(held) else None, _facts(source))
 
             fresh_output(
                 output,
                 "model",
-                lambda folder: train_network(
-                    source,
-                    held if len(held) else None,
-                    settings,
-                    folder,
-                    progress,
-                    data=_facts(source),
-                    init=init,
-                ),
+                lambda folder: train_network(data, settings, folder, progress, init=init),
                 inputs=inputs,
                 asked=asked,
                 resume=True,

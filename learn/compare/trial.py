@@ -78,11 +78,11 @@ def train_trial(
     if settings.model == FOREST:
         train_forest(source, settings, folder, progress, data)
         return
-    from learn.training.train import train_network
+    from learn.training.train import TrainingData, train_network
 
     if not validation.windows:
         raise InputError("no bridge is left for validation", field="shares", hint="Give more bridges")
-    train_network(source, validation, settings, folder, progress, data=data)
+    train_network(TrainingData(source, validation, data), settings, folder, progress)
 
 
 def score_trial(model: Path, source: HeldWindows, folder: Path, progress: Progress) -> None:

@@ -80,32 +80,16 @@ def build_dataset(
     splits = split_bridges(known, settings)
     progress.stage("data set", len(sources))
     pieces: list[PieceRow] = []
-    counts: dict[str, NDArray[np.int64]] = {}
+    counts = {split: np.zeros(256, np.int64) for split in SPLITS}
     present = set(INPUTS)
     for number, (source, facts) in enumerate(zip(sources, known, strict=True)):
         cloud = read_labelled(source.path, source.class_map, table, progress, settings.moving)
         cloud = _with_noise(cloud, table, settings)
         present &= set(cloud.inputs)
-        for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, splits.get(facts.bridge, ""))):
-            split = _split_of(facts, place, settings, splits)
-            patch = _for_split(patch, split, settings)
-            if len(patch) < settings.fewest:
-                continue
-            draws = min(draws, count_draws(len(patch), settings.points))
-            row = PieceRow(
-                f"{number:04d}_{place:06d}",
-                split,
-                facts.bridge,
-                number,
-                len(patch),
-                draws,
-                patch.seed,
-                _three(patch.origin),
-            )
-            write_piece(folder / split / row.name, patch)
+        for row, patch in _rows(cloud, number, facts, settings, splits):
+            write_piece(folder / row.split / row.name, patch)
             pieces.append(row)
-            seen = np.bincount(patch.labels, minlength=256)
-            counts[split] = counts.get(split, np.zeros(256, np.int64)) + seen
+            counts[row.split] += np.bincount(patch.labels, minlength=256)
         progress.advance(number + 1)
     _note_empty(pieces, splits, settings, progress)
     if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
@@ -120,7 +104,7 @@ def build_dataset(
     whole = DatasetFacts(
         settings, table.names, inputs, _scaling(settings), tuple(pieces), tuple(vars(facts) for facts in known)
     )
-    write_text(folder / CARD, card_text(whole, counts))
+    write_text(folder / CARD, card_text(whole, {split: seen for split, seen in counts.items() if seen.any()}))
     write_manifest(folder, manifest_record(whole), MANIFEST)
     return whole
 
@@ -175,6 +159,27 @@ def _with_noise(cloud: LabelledCloud, table: ClassTable, settings: DatasetSettin
         return cloud
     labels = np.where(cloud.uncertainty > settings.noisy, table.index(NOISY_CLASS), cloud.labels).astype(np.uint8)
     return replace(cloud, labels=labels)
+
+
+def _rows(
+    cloud: LabelledCloud, number: int, facts: SourceFacts, settings: DatasetSettings, splits: Mapping[str, str]
+) -> Iterator[tuple[PieceRow, Patch]]:
+    """Cut a cloud into pieces that are large enough, each with its row in the manifest."""
+    for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, splits.get(facts.bridge, ""))):
+        split = _split_of(facts, place, settings, splits)
+        patch = _for_split(patch, split, settings)
+        if len(patch) >= settings.fewest:
+            row = PieceRow(
+                f"{number:04d}_{place:06d}",
+                split,
+                facts.bridge,
+                number,
+                len(patch),
+                min(draws, count_draws(len(patch), settings.points)),
+                patch.seed,
+                _three(patch.origin),
+            )
+            yield row, patch
 
 
 def _pieces(

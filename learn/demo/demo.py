@@ -20,7 +20,7 @@ from learn.models.forest import forest_probabilities, grow_forest
 from learn.sample import UNLABELLED, Sample
 from learn.trained import read_model
 from learn.training.settings import TrainSettings, recipe_of
-from learn.training.train import train_network
+from learn.training.train import TrainingData, train_network
 
 F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
@@ -87,7 +87,8 @@ def run_demo(
             "scaling": vars(train.facts.scaling),
             "table": train.facts.settings.table,
         }
-        train_network(train, StoredSplit(data, "val", channels), settings, folder, progress, data=facts)
+        samples = TrainingData(train, StoredSplit(data, "val", channels), facts)
+        train_network(samples, settings, folder, progress)
         held = StoredSplit(data, "test", channels)
         names = {cloud.bridge: cloud.name for cloud in clouds}
         answers = [

@@ -77,17 +77,9 @@ def predict_scan(
     """
     file, said = _file_of(source, out)
     former = _boxes_record(out.with_suffix(BOXES))
-    _refuse_boxes_of_another(former, out)
-    check_output_file(out.with_suffix(BOXES), [source], lambda path: bool(former))
-    check_output_file(out, [source], lambda path: _is_former(former, path))
+    _check_outputs(source, out, former)
     check_copy(file, out)
-    if settings.link < model.tile.voxel:
-        raise InputError(
-            "smaller than the cubes of which the model sees one point each",
-            field="--link",
-            value=settings.link,
-            allowed=f"at least {model.tile.voxel:g} m",
-        )
+    _check_link(settings, model)
     ids = tuple(getattr(model, "ids", ()))  # of own classes, which no table numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
@@ -124,6 +116,23 @@ def predict_scan(
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
         doubts = _doubts(contradiction(told, frame), len(cloud), stream.count)
         return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
+
+
+def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
+    """Refuse to write over files that no former prediction of this name has left."""
+    _refuse_boxes_of_another(former, out)
+    check_output_file(out.with_suffix(BOXES), [source], lambda path: bool(former))
+    check_output_file(out, [source], lambda path: _is_former(former, path))
+
+
+def _check_link(settings: PredictSettings, model: PointModel) -> None:
+    if settings.link < model.tile.voxel:
+        raise InputError(
+            "smaller than the cubes of which the model sees one point each",
+            field="--link",
+            value=settings.link,
+            allowed=f"at least {model.tile.voxel:g} m",
+        )
 
 
 @contextmanager

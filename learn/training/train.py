@@ -3,7 +3,7 @@
 import logging
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,36 +32,112 @@ _CALIBRATION_POINTS = 200_000
 I64 = NDArray[np.int64]
 
 
+@dataclass(frozen=True)
+class TrainingData:
+    """Where the samples of a training come from.
+
+    Attributes:
+        training: Training samples.
+        validation: Samples of other bridges, the same at every call; None holds whole bridges out of `training`.
+        facts: How the samples were made: kept with the model.
+        cache: Folder of the pyramids of validation, or None.
+    """
+
+    training: SampleSource
+    validation: SampleSource | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    cache: Path | None = None
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What a network learns, and from which samples.
+
+    Attributes:
+        source: Where training samples come from.
+        rows: Their numbers.
+        validation: Where validation samples come from.
+        held: Their numbers.
+        cache: Folder of the pyramids of validation, or None.
+        channels: Inputs of the network.
+        noisy: Number of the class of noisy points where a head of its own learns it, or None.
+        counts: Points of each class in each training sample, shape (rows, C), int64.
+        request: Hash of everything that the training depends on.
+    """
+
+    source: SampleSource
+    rows: Sequence[int]
+    validation: SampleSource
+    held: Sequence[int]
+    cache: Path | None
+    channels: tuple[str, ...]
+    noisy: int | None
+    counts: I64
+    request: str
+
+
 def train_network(
-    source: SampleSource,
-    validation: SampleSource | None,
+    data: TrainingData,
     settings: TrainSettings,
     folder: Path,
     progress: Progress,
     *,
-    data: Mapping[str, Any] | None = None,
     init: Path | None = None,
-    cache: Path | None = None,
     stop_after: int | None = None,
 ) -> None:
-    """Train a network and write the model of the best epoch; goes on where a former call was stopped.
+    """Train a network and write the model of the best epoch; continues where a former call was stopped.
 
     Args:
-        source: Training samples.
-        validation: Samples of other bridges, the same at every call; None holds whole bridges out of `source`.
+        data: Samples.
         settings: What the user chose.
-        folder: Where the model goes; what an interrupted call left there is gone on from.
+        folder: Where the model goes, and where an interrupted call left what this one continues.
         progress: Listener.
-        data: How the samples were made: kept with the model.
         init: A model to begin with; its head stays behind where the classes are others.
-        cache: Folder of the pyramids of validation, or None.
-        stop_after: Stop after so many epochs, to go on with another call; the learning rates are those of the whole.
+        stop_after: Stop after so many epochs, to continue with another call; the learning rates are those of the whole.
 
     Raises:
         InputError: No samples, one class alone, or a model to begin with that does not fit.
     """
     torch.use_deterministic_algorithms(True)
-    validation, rows, held = _shared_out(source, validation, settings)
+    task, classes = _set_task(data, settings, init), data.training.classes
+    torch.manual_seed(settings.seed)
+    network = build_network(settings.model, settings.network, len(task.channels), len(classes))
+    if init is not None:
+        begin_with(network, init, task.channels, classes)
+    if settings.freeze_encoder:
+        _freeze(network)
+    progress.stage("train", settings.epochs)
+    module = _fit(network, task, settings, folder, progress, stop_after)
+    if len(module.history) < settings.epochs:
+        return
+    best = _best_weights(folder)
+    load_weights(network, best, folder)
+    facts = ModelFacts(
+        network=settings.model,
+        settings=settings.network,
+        classes=classes,
+        channels=task.channels,
+        data=data.facts,
+        noisy=task.noisy,
+        temperature=_temperature(network, task),
+        training={
+            "settings": settings.model_dump(mode="json"),
+            "picked_epoch": module.best,
+            "validation": module.history[module.best],
+            "training_points": task.counts.sum(axis=0).tolist(),
+            "training_bridges": sorted({task.source.bridge(row) for row in task.rows}),
+            "validation_bridges": sorted({task.validation.bridge(row) for row in task.held}),
+        },
+    )
+    write_model(folder, facts, best)
+    for name in ("last.ckpt", "best.safetensors", _REQUEST):
+        (folder / name).unlink(missing_ok=True)
+
+
+def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) -> _Task:
+    """Share the samples out, and count what they show."""
+    source = data.training
+    validation, rows, held = _shared_out(source, data.validation, settings)
     channels = _check(source, validation, rows, held, settings)
     recipe, classes = recipe_of(settings), source.classes
     noisy = classes.index(NOISY) if recipe.noise_head and NOISY in classes and len(classes) > 2 else None
@@ -73,12 +149,6 @@ def train_network(
             value=", ".join(classes),
             hint="Add clouds that show other classes",
         )
-    torch.manual_seed(settings.seed)
-    network = build_network(settings.model, settings.network, len(channels), len(classes))
-    if init is not None:
-        begin_with(network, init, channels, classes)
-    if settings.freeze_encoder:
-        _freeze(network)
     request = digest(
         {
             "settings": settings,
@@ -89,45 +159,7 @@ def train_network(
             "init": None if init is None else asdict(read_facts(init)),
         }
     )
-    progress.stage("train", settings.epochs)
-    module = _fit(
-        network,
-        (source, rows),
-        (validation, held),
-        settings,
-        folder,
-        progress,
-        request=request,
-        channels=channels,
-        counts=counts,
-        noisy=noisy,
-        cache=cache,
-        stop_after=stop_after,
-    )
-    if len(module.history) < settings.epochs:
-        return
-    best = _best_weights(folder)
-    load_weights(network, best, folder)
-    facts = ModelFacts(
-        network=settings.model,
-        settings=settings.network,
-        classes=classes,
-        channels=channels,
-        data=data or {},
-        noisy=noisy,
-        temperature=_temperature(network, validation, held, channels, noisy),
-        training={
-            "settings": settings.model_dump(mode="json"),
-            "picked_epoch": module.best,
-            "validation": module.history[module.best],
-            "training_points": counts.sum(axis=0).tolist(),
-            "training_bridges": sorted({source.bridge(row) for row in rows}),
-            "validation_bridges": sorted({validation.bridge(row) for row in held}),
-        },
-    )
-    write_model(folder, facts, best)
-    for name in ("last.ckpt", "best.safetensors", _REQUEST):
-        (folder / name).unlink(missing_ok=True)
+    return _Task(source, rows, validation, held, data.cache, channels, noisy, counts, request)
 
 
 def begin_with(network: nn.Module, folder: Path, channels: tuple[str, ...], classes: tuple[str, ...]) -> None:
@@ -210,36 +242,19 @@ def _freeze(network: nn.Module) -> None:
 
 
 def _fit(
-    network: Any,
-    training: tuple[SampleSource, Sequence[int]],
-    held: tuple[SampleSource, Sequence[int]],
-    settings: TrainSettings,
-    folder: Path,
-    progress: Progress,
-    *,
-    request: str,
-    channels: tuple[str, ...],
-    counts: I64,
-    noisy: int | None,
-    cache: Path | None,
-    stop_after: int | None,
+    network: Any, task: _Task, settings: TrainSettings, folder: Path, progress: Progress, stop_after: int | None
 ) -> Any:
     import lightning
 
     from learn.training.module import LAST, Segmentation, keeper
 
-    going_on = (folder / LAST).is_file() and _former(folder) == request
-    write_text(folder / _REQUEST, canonical_json(request))
+    continued = (folder / LAST).is_file() and _former(folder) == task.request
+    write_text(folder / _REQUEST, canonical_json(task.request))
     recipe = recipe_of(settings)
-    order = EpochOrder(training[1], settings.seed, counts, recipe.class_aware)
-    weights = class_weights(expected_counts(counts, recipe.class_aware), recipe.weights)
-    several: dict[str, Any] = {"collate_fn": collate, "num_workers": settings.workers}
-    drawn = Loaded(training[0], network, channels, settings.seed, doubt=recipe.doubt)
-    loader = DataLoader(drawn, batch_size=settings.batch, sampler=order, **several)
-    same = Loaded(held[0], network, channels, settings.seed, cache)
-    fixed = DataLoader(same, batch_size=settings.batch, sampler=[(0, row) for row in held[1]], **several)
-    steps = settings.epochs * -(-len(training[1]) // (settings.batch * settings.devices))
-    module = Segmentation(network, settings, recipe, weights, noisy, steps, folder, progress)
+    loader, fixed = _loaders(network, task, settings)
+    weights = class_weights(expected_counts(task.counts, recipe.class_aware), recipe.weights)
+    steps = settings.epochs * -(-len(task.rows) // (settings.batch * settings.devices))
+    module = Segmentation(network, settings, recipe, weights, task.noisy, steps, folder, progress)
     epochs = settings.epochs if stop_after is None else min(stop_after, settings.epochs)
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)  # it advises on devices and services
     with warnings.catch_warnings():
@@ -262,8 +277,8 @@ def _fit(
         trainer.fit(
             module,
             loader,
-            fixed if held[1] else None,
-            ckpt_path=str(folder / LAST) if going_on else None,
+            fixed if task.held else None,
+            ckpt_path=str(folder / LAST) if continued else None,
             weights_only=True,
         )
     if trainer.interrupted:
@@ -271,6 +286,19 @@ def _fit(
     if settings.devices > 1:  # what the processes have seen is in their checkpoint
         module.on_load_checkpoint(torch.load(folder / LAST, weights_only=True))
     return module
+
+
+def _loaders(network: Any, task: _Task, settings: TrainSettings) -> tuple[DataLoader[Any], DataLoader[Any]]:
+    """Load training samples drawn anew in each epoch, and validation samples that are always the same."""
+    recipe = recipe_of(settings)
+    several: dict[str, Any] = {"collate_fn": collate, "num_workers": settings.workers}
+    drawn = Loaded(task.source, network, task.channels, settings.seed, doubt=recipe.doubt)
+    order = EpochOrder(task.rows, settings.seed, task.counts, recipe.class_aware)
+    same = Loaded(task.validation, network, task.channels, settings.seed, task.cache)
+    return (
+        DataLoader(drawn, batch_size=settings.batch, sampler=order, **several),
+        DataLoader(same, batch_size=settings.batch, sampler=[(0, row) for row in task.held], **several),
+    )
 
 
 def _former(folder: Path) -> str | None:
@@ -286,12 +314,10 @@ def _best_weights(folder: Path) -> dict[str, Tensor]:
     return load((folder / BEST).read_bytes())
 
 
-def _temperature(
-    network: Any, source: SampleSource, rows: Sequence[int], channels: tuple[str, ...], noisy: int | None
-) -> float:
+def _temperature(network: Any, task: _Task) -> float:
     """Fit the temperature at which the labelled points of validation are likeliest, to three digits."""
-    samples, logits, labels, count = Loaded(source, network.eval(), channels, 0), [], [], 0
-    for row in rows:
+    samples, logits, labels, count = Loaded(task.validation, network.eval(), task.channels, 0), [], [], 0
+    for row in task.held:
         item = collate([samples[0, row]])
         with torch.no_grad():
             found = network(item["features"], item["geometry"])[0]
@@ -306,7 +332,7 @@ def _temperature(
     scores, target = torch.cat(logits), torch.cat(labels)[:, None]
 
     def loss(power: float) -> float:
-        likely = as_probabilities(scores, noisy, float(np.exp(power))).gather(1, target)
+        likely = as_probabilities(scores, task.noisy, float(np.exp(power))).gather(1, target)
         return -float(likely.clamp(min=1e-12).log().mean())
 
     found_power = minimize_scalar(loss, bounds=(np.log(0.05), np.log(20.0)), method="bounded").x

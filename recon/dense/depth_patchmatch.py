@@ -9,6 +9,7 @@ Massively parallel multiview stereopsis by surface normal diffusion (2015).
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -62,24 +63,47 @@ def measure_slanted(
     gray = reference.gray.astype(np.float32)
     sources = np.stack([other.gray for other in others]).astype(np.float32)
     to_other = np.stack([np.linalg.inv(other.pose) @ reference.pose for other in others])
-    cost = refine(gray, sources, to_other, lens, wanted, 1.0 / reach[1], 1.0 / reach[0], depth, normal)
+    views = Views(sources, to_other, lens, 1.0 / reach[1], 1.0 / reach[0])
+    cost = refine(gray, views, wanted, depth, normal)
     return np.where(wanted & (cost <= _GOOD), depth, 0.0).astype(np.float32)
 
 
+class Views(NamedTuple):
+    """What planes are compared with.
+
+    Attributes:
+        sources: Grey values of the sources, shape (S, H, W), float32.
+        to_other: Transforms from the view into each source, shape (S, 4, 4), float64.
+        lens: fx, fy, cx, cy of all cameras [px], shape (4,), float64.
+        least: Smallest inverse depth that is looked for [1 / model units].
+        most: Largest [1 / model units].
+    """
+
+    sources: F32
+    to_other: F64
+    lens: F64
+    least: float
+    most: float
+
+
+class _Window(NamedTuple):
+    """The window about pixel (i, j): weight and value of each sample, shape (W,), and the weighted sum of squares."""
+
+    i: int
+    j: int
+    weights: F64
+    values: F64
+    square: float
+
+
 @njit(cache=True, nogil=True)
-def refine(
-    gray: F32, sources: F32, to_other: F64, lens: F64, wanted: Mask, least: float, most: float, depth: F32, normal: F32
-) -> F32:
+def refine(gray: F32, views: Views, wanted: Mask, depth: F32, normal: F32) -> F32:
     """Improve a plane for every pixel, in rounds over the two colours of a chessboard.
 
     Args:
         gray: Grey values of the view, shape (H, W), float32.
-        sources: Grey values of the sources, shape (S, H, W), float32.
-        to_other: Transforms from the view into each source, shape (S, 4, 4), float64.
-        lens: fx, fy, cx, cy [px], shape (4,), float64.
+        views: Its sources.
         wanted: Pixels to work on, shape (H, W), bool.
-        least: Smallest inverse depth.
-        most: Largest inverse depth.
         depth: Planar depth to start from, 0 where unknown [model units]; receives the result, shape (H, W), float32.
         normal: Unit normals in camera axes; receives the result, shape (H, W, 3), float32.
 
@@ -88,85 +112,56 @@ def refine(
     """
     height, width = gray.shape
     cost = np.full((height, width), np.float32(_WORST))
-    weights, window, costs = np.empty(_SIDE * _SIDE), np.empty(_SIDE * _SIDE), np.empty(len(sources))
+    weights, values = np.empty(_SIDE * _SIDE), np.empty(_SIDE * _SIDE)
     plane, trial = np.empty(4), np.empty(4)
     for turn in range(-1, 2 * _ROUNDS):  # the turn before the first gives every pixel a plane
         for i in range(height):
             for j in range(width):
                 if not wanted[i, j] or (turn >= 0 and (i + j + turn) % 2):
                     continue
-                count = _gather(gray, i, j, weights, window)
+                window = _Window(i, j, weights, values, _gather(gray, i, j, weights, values))
                 if turn < 0:
-                    _begin(plane, depth, normal, i, j, least, most)
-                    _face(plane, i, j, lens)
-                    best = _cost(sources, to_other, lens, i, j, plane, weights, window, count, costs)
+                    _begin(plane, depth, normal, window, views)
+                    best = _cost(views, window, plane)
                 else:
                     _set(plane, 1.0 / depth[i, j], normal[i, j, 0], normal[i, j, 1], normal[i, j, 2])
                     best = np.float64(cost[i, j])
                     for di, dj in ((-1, 0), (1, 0), (0, -1), (0, 1), (-3, 0), (3, 0), (0, -3), (0, 3)):
                         y, x = i + di, j + dj
-                        if not (0 <= y < height and 0 <= x < width) or not wanted[y, x]:
-                            continue
-                        _set(
-                            trial,
-                            _carried(depth, normal, y, x, i, j, lens),
-                            normal[y, x, 0],
-                            normal[y, x, 1],
-                            normal[y, x, 2],
-                        )
-                        best = _better(
-                            sources,
-                            to_other,
-                            lens,
-                            i,
-                            j,
-                            trial,
-                            weights,
-                            window,
-                            count,
-                            costs,
-                            plane,
-                            best,
-                            least,
-                            most,
-                        )
-                    reach = 0.5 ** (turn // 2 + 1)
+                        if 0 <= y < height and 0 <= x < width and wanted[y, x]:
+                            carried = _carried(depth, normal, (y, x), (i, j), views.lens)
+                            _set(trial, carried, normal[y, x, 0], normal[y, x, 1], normal[y, x, 2])
+                            best = _better(views, window, trial, plane, best)
                     for way in range(3):
-                        trial[:] = plane
-                        if way != 1:
-                            trial[0] *= 1.0 + 0.08 * reach * (2.0 * _draw(i, j, turn + 1, way) - 1.0)
-                        if way != 0:
-                            _tilt(trial, plane, 0.8 * reach, i, j, 10 * (turn + 1) + way)
-                        _face(trial, i, j, lens)
-                        best = _better(
-                            sources,
-                            to_other,
-                            lens,
-                            i,
-                            j,
-                            trial,
-                            weights,
-                            window,
-                            count,
-                            costs,
-                            plane,
-                            best,
-                            least,
-                            most,
-                        )
+                        _vary(trial, plane, window, views, turn, way)
+                        best = _better(views, window, trial, plane, best)
                 depth[i, j], cost[i, j] = 1.0 / plane[0], best
                 normal[i, j, 0], normal[i, j, 1], normal[i, j, 2] = plane[1], plane[2], plane[3]
     return cost
 
 
 @njit(cache=True, nogil=True)
-def _begin(plane: F64, depth: F32, normal: F32, i: int, j: int, least: float, most: float) -> None:
+def _vary(trial: F64, plane: F64, window: _Window, views: Views, turn: int, way: int) -> None:
+    """Write a plane a random step away, smaller in each round: in depth and normal, in one of them alone."""
+    reach = 0.5 ** (turn // 2 + 1)
+    trial[:] = plane
+    if way != 1:
+        trial[0] *= 1.0 + 0.08 * reach * (2.0 * _draw(window.i, window.j, turn + 1, way) - 1.0)
+    if way != 0:
+        _tilt(trial, plane, 0.8 * reach, window.i, window.j, 10 * (turn + 1) + way)
+    _face(trial, window.i, window.j, views.lens)
+
+
+@njit(cache=True, nogil=True)
+def _begin(plane: F64, depth: F32, normal: F32, window: _Window, views: Views) -> None:
     """Write the plane that a pixel starts with: what is known of it, or a draw."""
+    i, j = window.i, window.j
     known = depth[i, j] > 0.0
-    inverse = 1.0 / depth[i, j] if known else least + (most - least) * _draw(i, j, 0, 0)
+    inverse = 1.0 / depth[i, j] if known else views.least + (views.most - views.least) * _draw(i, j, 0, 0)
     _set(plane, inverse, normal[i, j, 0], normal[i, j, 1], normal[i, j, 2])
     if not known:
         _tilt(plane, plane, 1.0, i, j, 0)
+    _face(plane, i, j, views.lens)
 
 
 @njit(cache=True, nogil=True)
@@ -176,26 +171,11 @@ def _set(plane: F64, inverse: float, x: float, y: float, z: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _better(
-    sources: F32,
-    to_other: F64,
-    lens: F64,
-    i: int,
-    j: int,
-    trial: F64,
-    weights: F64,
-    window: F64,
-    count: float,
-    costs: F64,
-    plane: F64,
-    best: float,
-    least: float,
-    most: float,
-) -> float:
+def _better(views: Views, window: _Window, trial: F64, plane: F64, best: float) -> float:
     """Take a trial plane over where it costs less; returns the cost of the plane that stays."""
-    if not least <= trial[0] <= most:
+    if not views.least <= trial[0] <= views.most:
         return best
-    found = _cost(sources, to_other, lens, i, j, trial, weights, window, count, costs)
+    found = _cost(views, window, trial)
     if found < best:
         plane[:] = trial
         return found
@@ -203,68 +183,54 @@ def _better(
 
 
 @njit(cache=True, nogil=True)
-def _gather(gray: F32, i: int, j: int, weights: F64, window: F64) -> float:
+def _gather(gray: F32, i: int, j: int, weights: F64, values: F64) -> float:
     """Read the window about a pixel, less its weighted mean; returns the weighted sum of its squares."""
     height, width = gray.shape
     total, mean, at = 0.0, 0.0, 0
     for di in range(-_RADIUS, _RADIUS + 1, _STEP):
         for dj in range(-_RADIUS, _RADIUS + 1, _STEP):
             y, x = min(max(i + di, 0), height - 1), min(max(j + dj, 0), width - 1)
-            window[at] = gray[y, x]
+            values[at] = gray[y, x]
             weights[at] = np.exp(-abs(gray[y, x] - gray[i, j]) / _SIMILAR)
-            total, mean = total + weights[at], mean + weights[at] * window[at]
+            total, mean = total + weights[at], mean + weights[at] * values[at]
             at += 1
     mean, square = mean / total, 0.0
     for at in range(_SIDE * _SIDE):
         weights[at] /= total
-        window[at] -= mean
-        square += weights[at] * window[at] * window[at]
+        values[at] -= mean
+        square += weights[at] * values[at] * values[at]
     return square
 
 
 @njit(cache=True, nogil=True)
-def _cost(
-    sources: F32,
-    to_other: F64,
-    lens: F64,
-    i: int,
-    j: int,
-    plane: F64,
-    weights: F64,
-    window: F64,
-    square: float,
-    costs: F64,
-) -> float:
+def _cost(views: Views, window: _Window, plane: F64) -> float:
     """Compare the window with what the best sources show of the plane: 1 - weighted correlation."""
-    x, y = (j + 0.5 - lens[2]) / lens[0], (i + 0.5 - lens[3]) / lens[1]
+    x, y = _ray(window, views.lens)
     facing = plane[1] * x + plane[2] * y + plane[3]
     if facing > -1e-3:
         return _WORST
-    for s in range(len(sources)):
-        costs[s] = _correlate(sources[s], to_other[s], lens, x, y, plane, plane[0] / facing, weights, window, square)
     first = second = _WORST
-    for s in range(len(sources)):
-        if costs[s] < first:
-            first, second = costs[s], first
-        elif costs[s] < second:
-            second = costs[s]
-    return first if len(sources) == 1 else 0.5 * (first + second)
+    for source in range(len(views.sources)):
+        cost = _correlate(views, source, window, plane, plane[0] / facing)
+        if cost < first:
+            first, second = cost, first
+        elif cost < second:
+            second = cost
+    return first if len(views.sources) == 1 else 0.5 * (first + second)
 
 
 @njit(cache=True, nogil=True)
-def _correlate(
-    image: F32,
-    turn: F64,
-    lens: F64,
-    x: float,
-    y: float,
-    plane: F64,
-    scale: float,
-    weights: F64,
-    window: F64,
-    square: float,
-) -> float:
+def _ray(window: _Window, lens: F64) -> tuple[float, float]:
+    """Find the ray of the window's pixel: where it cuts the plane at depth 1."""
+    return (window.j + 0.5 - lens[2]) / lens[0], (window.i + 0.5 - lens[3]) / lens[1]
+
+
+@njit(cache=True, nogil=True)
+def _correlate(views: Views, source: int, window: _Window, plane: F64, scale: float) -> float:
     """Compare the window with one source through the plane's homography (R + t n^T / d)."""
+    image, turn, lens = views.sources[source], views.to_other[source], views.lens
+    weights, values = window.weights, window.values
+    x, y = _ray(window, lens)
     height, width = image.shape
     dx, dy = _STEP / lens[0], _STEP / lens[1]
     h = np.empty((3, 3))
@@ -291,17 +257,18 @@ def _correlate(
             )
             mean += weights[at] * value
             total += weights[at] * value * value
-            cross += weights[at] * value * window[at]
+            cross += weights[at] * value * values[at]
             at += 1
-    spread = (total - mean * mean) * square
+    spread = (total - mean * mean) * window.square
     if spread <= 1e-3:
         return _WORST
     return 1.0 - cross / np.sqrt(spread)  # the window's own mean is zero
 
 
 @njit(cache=True, nogil=True)
-def _carried(depth: F32, normal: F32, y: int, x: int, i: int, j: int, lens: F64) -> float:
+def _carried(depth: F32, normal: F32, neighbour: tuple[int, int], pixel: tuple[int, int], lens: F64) -> float:
     """Carry a neighbour's plane to a pixel: its inverse depth there."""
+    (y, x), (i, j) = neighbour, pixel
     a, b, c = normal[y, x, 0], normal[y, x, 1], normal[y, x, 2]
     there = a * (x + 0.5 - lens[2]) / lens[0] + b * (y + 0.5 - lens[3]) / lens[1] + c
     here = a * (j + 0.5 - lens[2]) / lens[0] + b * (i + 0.5 - lens[3]) / lens[1] + c

@@ -4,6 +4,7 @@ Compiled loops over pixels; the tests hold their plain twins.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -46,6 +47,44 @@ class DepthView:
     fate: U8
 
 
+class _Own(NamedTuple):
+    """Maps of the view whose points are made, shape (H, W) each: depth, what is used, what became of it."""
+
+    depth: F32
+    used: Mask
+    fate: U8
+
+
+class _Others(NamedTuple):
+    """The views that a point is checked against, V of them.
+
+    to_other: from the view's axes into theirs, shape (V, 4, 4); depths, used, fates: their maps, shape (V, H, W);
+    camera: fx, fy, cx, cy of all [px], shape (4,); tolerance: largest difference of depths [1].
+    """
+
+    to_other: F64
+    depths: F32
+    used: Mask
+    fates: U8
+    camera: F64
+    tolerance: float
+
+
+class _Answer(NamedTuple):
+    """What the views say of a point, filled anew for each: numbers of those that agree, the pixel of each, the mean."""
+
+    views: I64
+    pixels: I64
+    mean: F64
+
+
+class _Seen(NamedTuple):
+    """Observations of all points, one after the other: number of the view (0 is the view itself) and its pixel."""
+
+    number: U8
+    uv: F32
+
+
 def fuse_view(
     reference: DepthView, others: list[DepthView], camera: F64, min_views: int, tolerance: float, min_angle: float
 ) -> DensePoints:
@@ -68,19 +107,9 @@ def fuse_view(
     depths = np.stack([view.depth for view in others])
     used = np.stack([view.used for view in others])
     fates = np.stack([view.fate for view in others])
-    points, counts, seen, uv = _agreeing(
-        reference.depth,
-        reference.used,
-        reference.fate,
-        to_other,
-        depths,
-        used,
-        fates,
-        camera,
-        min_views,
-        tolerance,
-        float(np.cos(np.radians(min_angle))),
-    )
+    own = _Own(reference.depth, reference.used, reference.fate)
+    asked = _Others(to_other, depths, used, fates, camera, tolerance)
+    points, counts, seen, uv = _agreeing(own, asked, min_views, float(np.cos(np.radians(min_angle))))
     for view, mask, fate in zip(others, used, fates, strict=True):
         view.used[:], view.fate[:] = mask, fate
     world = points @ reference.pose[:3, :3].T + reference.pose[:3, 3]
@@ -100,68 +129,71 @@ def fuse_view(
 
 
 @njit(cache=True, nogil=True)
-def _agreeing(
-    depth: F32,
-    taken: Mask,
-    fate: U8,
-    to_other: F64,
-    depths: F32,
-    used: Mask,
-    fates: U8,
-    camera: F64,
-    min_views: int,
-    tolerance: float,
-    max_cosine: float,
-) -> tuple[F64, I64, U8, F32]:
+def _agreeing(own: _Own, others: _Others, min_views: int, max_cosine: float) -> tuple[F64, I64, U8, F32]:
     """Find what agrees: points in the view's axes, view counts, view numbers (0 is it), their pixels."""
-    height, width = depth.shape
-    count = to_other.shape[0]
-    room = height * width
+    height, width = own.depth.shape
+    count = len(others.to_other)
+    room, camera = height * width, others.camera
     points, counts = np.empty((room, 3)), np.empty(room, np.int64)
     # For the worst case: what is never written takes no memory.
-    seen, uv = np.empty(room * (count + 1), np.uint8), np.empty((room * (count + 1), 2), np.float32)
+    seen = _Seen(np.empty(room * (count + 1), np.uint8), np.empty((room * (count + 1), 2), np.float32))
     made = filled = 0
-    views, place, mean = np.empty(count + 1, np.int64), np.empty((count + 1, 2), np.int64), np.empty(3)
+    answer = _Answer(np.empty(count + 1, np.int64), np.empty((count + 1, 2), np.int64), np.empty(3))
     for i in range(height):
         for j in range(width):
-            z = np.float64(depth[i, j])
-            if z <= 0.0 or taken[i, j]:
+            z = np.float64(own.depth[i, j])
+            if z <= 0.0 or own.used[i, j]:
                 continue
             x, y = (j + 0.5 - camera[2]) / camera[0] * z, (i + 0.5 - camera[3]) / camera[1] * z
-            views[0], place[0, 0], place[0, 1] = 0, i, j
-            agreeing, through = _ask(x, y, z, to_other, depths, camera, tolerance, views, place, mean)
-            fate[i, j] = TOO_FEW
+            answer.views[0], answer.pixels[0, 0], answer.pixels[0, 1] = 0, i, j
+            agreeing, through = _ask(x, y, z, others, answer)
+            own.fate[i, j] = TOO_FEW
             if agreeing < min_views:
                 continue
             if 2 * through >= agreeing:
-                fate[i, j] = SEEN_THROUGH
+                own.fate[i, j] = SEEN_THROUGH
                 continue
-            x, y, z = mean[0], mean[1], mean[2]
-            if _narrowest(to_other, views, agreeing, x, y, z) > max_cosine:
-                fate[i, j] = NARROW
+            if _narrowest(others.to_other, answer, agreeing) > max_cosine:
+                own.fate[i, j] = NARROW
                 continue
             first = filled
-            for n in range(agreeing):
-                k = views[n]
-                s, t, pz = x / z * camera[0] + camera[2], y / z * camera[1] + camera[3], z
-                if k > 0:
-                    s, t, pz = _seen(to_other[k - 1], x, y, z, camera)
-                    used[k - 1, place[n, 0], place[n, 1]] = True
-                else:
-                    taken[i, j] = True
-                if pz > 0.0 and 0.0 <= s < width - _RIM_OFF and 0.0 <= t < height - _RIM_OFF:
-                    seen[filled], uv[filled, 0], uv[filled, 1] = k, s, t
-                    filled += 1
+            filled = _use_pixels(own, others, answer, agreeing, seen, filled)
             enough = filled - first >= min_views
-            for n in range(agreeing):
-                _settle(fate if views[n] == 0 else fates[views[n] - 1], place[n, 0], place[n, 1], enough)
+            _settle_all(own, others, answer, agreeing, enough)
             if not enough:
                 filled = first
                 continue
-            counts[made] = filled - first
-            points[made, 0], points[made, 1], points[made, 2] = x, y, z
+            counts[made], points[made] = filled - first, answer.mean
             made += 1
-    return points[:made], counts[:made], seen[:filled], uv[:filled]
+    return points[:made], counts[:made], seen.number[:filled], seen.uv[:filled]
+
+
+@njit(cache=True, nogil=True)
+def _use_pixels(own: _Own, others: _Others, answer: _Answer, agreeing: int, seen: _Seen, filled: int) -> int:
+    """Mark the pixels that agree as used, and append those that a point is seen at; returns how many there are then."""
+    height, width = own.depth.shape
+    camera = others.camera
+    x, y, z = answer.mean[0], answer.mean[1], answer.mean[2]
+    for n in range(agreeing):
+        k, row, column = answer.views[n], answer.pixels[n, 0], answer.pixels[n, 1]
+        s, t, pz = x / z * camera[0] + camera[2], y / z * camera[1] + camera[3], z
+        if k > 0:
+            s, t, pz = _project(others.to_other[k - 1], x, y, z, camera)
+            others.used[k - 1, row, column] = True
+        else:
+            own.used[row, column] = True
+        if pz > 0.0 and 0.0 <= s < width - _RIM_OFF and 0.0 <= t < height - _RIM_OFF:
+            seen.number[filled], seen.uv[filled, 0], seen.uv[filled, 1] = k, s, t
+            filled += 1
+    return filled
+
+
+@njit(cache=True, nogil=True)
+def _settle_all(own: _Own, others: _Others, answer: _Answer, agreeing: int, in_points: bool) -> None:
+    """Note of all pixels that agree whether they are part of a point."""
+    for n in range(agreeing):
+        k = answer.views[n]
+        _settle(own.fate if k == 0 else others.fates[k - 1], answer.pixels[n, 0], answer.pixels[n, 1], in_points)
 
 
 @njit(cache=True, nogil=True)
@@ -174,35 +206,25 @@ def _settle(fate: U8, row: int, column: int, in_points: bool) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _ask(
-    x: float,
-    y: float,
-    z: float,
-    to_other: F64,
-    depths: F32,
-    camera: F64,
-    tolerance: float,
-    views: I64,
-    place: I64,
-    mean: F64,
-) -> tuple[int, int]:
+def _ask(x: float, y: float, z: float, others: _Others, answer: _Answer) -> tuple[int, int]:
     """Ask every view about a point: how many agree, itself among them, and how many see through it.
 
     Fills in which views agree, at which row and column, and the mean of what they say, each weighted as it measures.
     """
-    _, height, width = depths.shape
+    _, height, width = others.depths.shape
+    camera, mean = others.camera, answer.mean
     total = 1.0 / (z * z)
     mean[0], mean[1], mean[2] = total * x, total * y, total * z
     agreeing, through = 1, 0
-    for k in range(len(to_other)):
-        turn = to_other[k]
-        s, t, pz = _seen(turn, x, y, z, camera)
+    for k in range(len(others.to_other)):
+        turn = others.to_other[k]
+        s, t, pz = _project(turn, x, y, z, camera)
         if pz <= 0.0 or not (0.0 <= s < width and 0.0 <= t < height):
             continue
-        there = _depth_at(depths[k], s, t)
+        there = _depth_at(others.depths[k], s, t)
         if there > pz * (1.0 + _FREE_SPACE):
             through += 1
-        if there <= 0.0 or abs(there - pz) > tolerance * pz:
+        if there <= 0.0 or abs(there - pz) > others.tolerance * pz:
             continue
         bx = (s - camera[2]) / camera[0] * there - turn[0, 3]
         by = (t - camera[3]) / camera[1] * there - turn[1, 3]
@@ -211,7 +233,7 @@ def _ask(
         total += weight
         for axis in range(3):
             mean[axis] += weight * (turn[0, axis] * bx + turn[1, axis] * by + turn[2, axis] * bz)
-        views[agreeing], place[agreeing, 0], place[agreeing, 1] = k + 1, int(t), int(s)
+        answer.views[agreeing], answer.pixels[agreeing, 0], answer.pixels[agreeing, 1] = k + 1, int(t), int(s)
         agreeing += 1
     for axis in range(3):
         mean[axis] /= total
@@ -219,7 +241,7 @@ def _ask(
 
 
 @njit(cache=True, nogil=True)
-def _seen(turn: F64, x: float, y: float, z: float, camera: F64) -> tuple[float, float, float]:
+def _project(turn: F64, x: float, y: float, z: float, camera: F64) -> tuple[float, float, float]:
     """Project a point into another view: column, row [px], depth."""
     px = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z + turn[0, 3]
     py = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + turn[1, 3]
@@ -245,13 +267,13 @@ def _depth_at(depth: F32, s: float, t: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _narrowest(to_other: F64, views: I64, count: int, x: float, y: float, z: float) -> float:
+def _narrowest(to_other: F64, answer: _Answer, count: int) -> float:
     """Find the cosine of the widest angle between the rays of a point."""
     rays = np.empty((count, 3))
     for n in range(count):
-        rays[n, 0], rays[n, 1], rays[n, 2] = x, y, z
-        if views[n] > 0:
-            turn = to_other[views[n] - 1]
+        rays[n] = answer.mean
+        if answer.views[n] > 0:
+            turn = to_other[answer.views[n] - 1]
             for axis in range(3):  # the other's centre in these axes is -R^T t
                 rays[n, axis] += turn[0, axis] * turn[0, 3] + turn[1, axis] * turn[1, 3] + turn[2, axis] * turn[2, 3]
         length = np.sqrt(rays[n, 0] ** 2 + rays[n, 1] ** 2 + rays[n, 2] ** 2)

@@ -12,9 +12,9 @@ from groundwork.errors import InputError
 from recon.dense.undistort import lens_of
 from recon.placing.align import Alignment, Target, stand_upright
 from recon.placing.align_gps import align_to_fixes
-from recon.placing.gps_fit import fit_to_fixes
-from recon.placing.gravity import levels_of
-from recon.placing.ground_control import GroundControl
+from recon.placing.gps_fit import Fit, fit_to_fixes
+from recon.placing.gravity import Levels, levels_of
+from recon.placing.ground_control import ControlPoint, GroundControl
 from recon.placing.place_errors import PlaceErrors, expected_errors
 from recon.placing.similarity import Similarity
 from recon.sfm.colmap_model import SparseModel
@@ -50,7 +50,6 @@ def align_to_control(
     target: Target,
     capture: Capture,
     control: GroundControl,
-    where: Path,
     rng: np.random.Generator,
 ) -> ControlFit:
     """Place a model by surveyed points, or, where there are fewer than three, scale it by bars.
@@ -61,7 +60,6 @@ def align_to_control(
         target: What GPS and gimbals say.
         capture: Photographs.
         control: Points, marks and bars.
-        where: Their file, for messages.
         rng: Draws triples of points to start from.
 
     Returns:
@@ -70,13 +68,13 @@ def align_to_control(
     Raises:
         InputError: A mark outside its image, or too few points that two registered photographs show and no bar.
     """
-    places = _triangulated(model, capture, control, where)
+    places = _triangulated(model, capture, control)
     known = [point for point in control.points if point.position is not None and point.name in places]
     bars = [bar for bar in control.bars if bar.ends[0] in places and bar.ends[1] in places]
     if len(known) < _LEAST_POINTS and not bars:
         raise InputError(
             f"{len(known)} of {len(control.points)} control points are marked in two registered photographs",
-            where=where,
+            where=control.file,
             allowed=f"{_LEAST_POINTS} or more, or a scale bar between marked points",
             hint="Mark each in more photographs",
         )
@@ -88,40 +86,49 @@ def align_to_control(
     goal = control.system.local(coordinates, origin)
     source, sigma = np.array([places[point.name][0] for point in known]), np.array([point.sigma for point in known])
     gimbal = None if target.gimbal is None else target.gimbal[rows]
-    fit = fit_to_fixes(source, goal, sigma, levels_of(target.level(model.poses, rows), gimbal), rng, flown=False)
+    levels = levels_of(target.level(model.poses, rows), gimbal)
+    fit, errors = _fixed_frame(source, goal, sigma, levels, control.file, rng)
+    alignment = replace(
+        stand_upright(model.poses, rows, target), similarity=fit.similarity, method=POINTS, errors=errors
+    )
+    residuals = fit.similarity.move(source) - goal
+    facts = {
+        "control_points": [
+            _point_facts(point, places[point.name], off, bool(agrees))
+            for point, off, agrees in zip(known, residuals, fit.agreeing, strict=True)
+        ],
+        "origin": {"system": control.system.name, **_origin_facts(control, origin)},
+        **_bar_facts(fit.similarity, places, control),
+    }
+    return ControlFit(alignment, POINTS, facts)
+
+
+def _fixed_frame(
+    source: F64, goal: F64, sigma: F64, levels: Levels, file: Path, rng: np.random.Generator
+) -> tuple[Fit, PlaceErrors]:
+    """Lay points of the model onto surveyed ones; refuse points that leave scale, tilt or heading open."""
+    fit = fit_to_fixes(source, goal, sigma, levels, rng, flown=False)
     errors = None if fit is None else expected_errors(fit, np.zeros(3))
     if fit is None or errors is None or errors.unfixed():
         wide = "" if errors is None else f" ({errors.unfixed()})"
         raise InputError(
             f"the control points fix no frame{wide}",
-            where=where,
+            where=file,
             hint="Take points that do not lie on one line, and see that each is marked where it is",
         )
-    alignment = replace(
-        stand_upright(model.poses, rows, target), similarity=fit.similarity, method=POINTS, errors=errors
-    )
-    residuals = fit.similarity.move(source) - goal
-    facts = [
-        {
-            "name": point.name,
-            "images": places[point.name][1],
-            "error": off.tolist(),
-            "distance": float(np.linalg.norm(off)),
-            "pixels": places[point.name][2],
-            "agrees": bool(agrees),
-        }
-        for point, off, agrees in zip(known, residuals, fit.agreeing, strict=True)
-    ]
-    frame = {"system": control.system.name, **_origin_facts(control, origin)}
-    return ControlFit(
-        alignment,
-        POINTS,
-        {
-            "control_points": facts,
-            "origin": frame,
-            **_bar_facts(fit.similarity, places, control),
-        },
-    )
+    return fit, errors
+
+
+def _point_facts(point: ControlPoint, place: tuple[F64, int, float], off: F64, agrees: bool) -> dict[str, Any]:
+    _, images, pixels = place
+    return {
+        "name": point.name,
+        "images": images,
+        "error": off.tolist(),
+        "distance": float(np.linalg.norm(off)),
+        "pixels": pixels,
+        "agrees": agrees,
+    }
 
 
 def triangulate(centres: F64, directions: F64) -> F64:
@@ -147,9 +154,7 @@ def triangulate(centres: F64, directions: F64) -> F64:
     return point
 
 
-def _triangulated(
-    model: SparseModel, capture: Capture, control: GroundControl, where: Path
-) -> dict[str, tuple[F64, int, float]]:
+def _triangulated(model: SparseModel, capture: Capture, control: GroundControl) -> dict[str, tuple[F64, int, float]]:
     """Give each point's place in the model, the number of its photographs, and how far it misses its marks [px]."""
     camera, distortion = lens_of(model, capture.size)
     row_of = {PurePath(name).stem: row for row, name in enumerate(model.names)}
@@ -163,7 +168,7 @@ def _triangulated(
             if not ((np.array(mark.uv) >= 0.0) & (np.array(mark.uv) <= size)).all():
                 raise InputError(
                     f"the mark of {point.name} lies outside the image",
-                    where=where,
+                    where=control.file,
                     field=mark.image,
                     value=mark.uv,
                     allowed=f"0 0 to {size[0]} {size[1]}",

@@ -80,6 +80,7 @@ class ScaleBar:
 class GroundControl:
     """What a file states: the system of its coordinates, points in the order of the file, and scale bars."""
 
+    file: Path
     system: MapSystem
     points: tuple[ControlPoint, ...]
     bars: tuple[ScaleBar, ...] = ()
@@ -137,7 +138,7 @@ def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
         name = cells[6] if len(cells) > 6 else f"{cells[0]} {cells[1]} {cells[2]}"
         _place(path, number, points.setdefault(name, ControlPoint(name)), (east, north, up))
         _mark(path, number, points[name], cells[5], (u, v))
-    return GroundControl(system, tuple(points.values()))
+    return GroundControl(path, system, tuple(points.values()))
 
 
 def _read_tables(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
@@ -175,7 +176,7 @@ def _read_tables(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
                 raise InputError("a mark without a pixel", where=path, field=f"line {number}", value=line[:60])
             _mark(path, number, point, given["camera"], (numbers["u"], numbers["v"]))
     measured = tuple(_bar(path, number, label, numbers, points) for number, label, numbers in bars)
-    return GroundControl(system or MapSystem("local", None), tuple(points.values()), measured)
+    return GroundControl(path, system or MapSystem("local", None), tuple(points.values()), measured)
 
 
 def _heads(line: str) -> dict[str, int]:

@@ -1,7 +1,7 @@
 """Where a model belongs: its target (truth, GPS, or nothing), the alignment to it, and every camera's reason code."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -23,23 +23,34 @@ F64 = NDArray[np.float64]
 _LEAST_SIGMA = 1e-3  # [m] no receiver is better, and no weight infinite
 
 
+@dataclass(frozen=True, eq=False)
+class Registered:
+    """The images of a capture whose cameras a model holds.
+
+    Attributes:
+        poses: camera_to_world of each [model units], shape (I, 4, 4), float64.
+        rows: Their rows in the capture, shape (I,), int64.
+        reasons: Why an image is not in the model, by file, where more is known than that.
+    """
+
+    poses: F64
+    rows: NDArray[np.int64]
+    reasons: Mapping[str, str] = field(default_factory=dict)
+
+
 def place(
-    poses: F64,
-    rows: NDArray[np.int64],
-    reasons: Mapping[str, str],
+    registered: Registered,
     capture: Capture,
     truth: Truth | None,
     settings: AlignmentSettings,
     rng: np.random.Generator,
 ) -> tuple[Alignment, Target]:
-    """Carry a model to where it belongs, as far as anybody knows, and judge every camera.
+    """Carry a model to where it belongs, as far as that is known, and judge every camera.
 
     Photographs whose GPS is absent, or does not fix the frame, leave the model in its own units, standing upright.
 
     Args:
-        poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.
-        rows: Their rows in the capture, shape (I,), int64.
-        reasons: Why an image is not in the model, by file, where more is known than that.
+        registered: What the model holds.
         capture: Photographs.
         truth: Its truth, if there is any.
         settings: Method and limits.
@@ -51,36 +62,33 @@ def place(
     Raises:
         RejectedSceneError: With truth only: `alignment_failed`, `straight_path` or `too_few_cameras`.
     """
+    poses, rows = registered.poses, registered.rows
     target = _target(capture, truth, settings)
     if truth is not None:
         found = align(poses, rows, target, settings, rng)
     else:
         found = align_to_fixes(poses, rows, target, rng) if target.kind == "gps" else stand_upright(poses, rows, target)
         target = replace(target, kind="none") if found.unfixed else target
-    found = replace(found, status=_with_reasons(found.status, reasons, capture))
-    if truth is not None:  # the rule is that of a data set; whoever brings photographs wants what they give
+    found = replace(found, status=_with_reasons(found.status, registered.reasons, capture))
+    if truth is not None:  # a data set needs its share of cameras; photographs of a user give what they can
         check_share(found.status, settings)
     return found, target
 
 
 def place_on_control(
     model: SparseModel,
-    rows: NDArray[np.int64],
-    reasons: Mapping[str, str],
+    registered: Registered,
     capture: Capture,
     control: GroundControl,
-    where: Path,
     rng: np.random.Generator,
 ) -> tuple[Alignment, Target, dict[str, Any]]:
     """Carry a model to where ground control puts it; every registered camera stays.
 
     Args:
         model: Reconstruction.
-        rows: Row in the capture of each image of the model, shape (I,), int64.
-        reasons: Why an image is not in the model, by file, where more is known than that.
+        registered: Its images.
         capture: Photographs without truth.
         control: Control points and scale bars.
-        where: Their file.
         rng: Draws triples of points to start from.
 
     Returns:
@@ -90,8 +98,8 @@ def place_on_control(
         InputError: The control points do not suffice, or a mark is wrong.
     """
     target = _target(capture, None, AlignmentSettings())
-    found = align_to_control(model, rows, target, capture, control, where, rng)
-    status = _with_reasons(found.alignment.status, reasons, capture)
+    found = align_to_control(model, registered.rows, target, capture, control, rng)
+    status = _with_reasons(found.alignment.status, registered.reasons, capture)
     return replace(found.alignment, status=status), replace(target, kind=found.kind), found.facts
 
 

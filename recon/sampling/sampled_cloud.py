@@ -80,28 +80,15 @@ def annotate_samples(
     segment, instance = surface.labels[samples.rows], surface.instances[samples.rows]
     displacement = np.linalg.norm(samples.points - samples.true_points, axis=1)
     distance, nearest = _nearest(samples, displacement, rays)
-    nothing = np.full(count, np.nan, np.float32)
-    error = samples.uncertainty.astype(np.float32)
     components = ("", *sorted({row.component for row in scene.instances} - {""}))
     columns = {
-        "coord": samples.points,
-        "color": samples.colors,
-        "normal": samples.normals.astype(np.float32),
+        **_measured_columns(samples),
         "segment": segment,
         "instance": instance,
         "component": _components(instance, scene, components),
-        "confidence": np.ones(count, np.float32),
-        "label_margin_px": nothing,
-        "uncertainty": error,
-        "uncertainty_min": error,
-        "uncertainty_max": error,
-        "uncertainty_relative": samples.relative.astype(np.float32),
         "displacement": displacement.astype(np.float32),
         "surface_distance": distance.astype(np.float32),
         "surface_class": surface.labels[nearest],
-        "reprojection_error": nothing,
-        "n_views": samples.views,
-        **samples.further,
     }
     statistics = {
         **facts,
@@ -122,6 +109,27 @@ def annotate_samples(
         source,
         bridge_digest(surface.corners, surface.instances, surface.labels, scene.instances),
     )
+
+
+def _measured_columns(samples: Samples) -> dict[str, NDArray[Any]]:
+    """Fill the columns that the measurement alone knows; what only photographs have stays empty."""
+    count = len(samples.points)
+    nothing = np.full(count, np.nan, np.float32)
+    error = samples.uncertainty.astype(np.float32)
+    return {
+        "coord": samples.points,
+        "color": samples.colors,
+        "normal": samples.normals.astype(np.float32),
+        "confidence": np.ones(count, np.float32),
+        "label_margin_px": nothing,
+        "uncertainty": error,
+        "uncertainty_min": error,
+        "uncertainty_max": error,
+        "uncertainty_relative": samples.relative.astype(np.float32),
+        "reprojection_error": nothing,
+        "n_views": samples.views,
+        **samples.further,
+    }
 
 
 def _nearest(samples: Samples, displacement: F64, rays: RayScene | None) -> tuple[F64, I64]:

@@ -22,7 +22,7 @@ from learn.trained import FACTS, WEIGHTS, read_facts, read_weights
 from learn.training.loader import EpochOrder, Loaded, collate, count_labels, expected_counts
 from learn.training.module import Segmentation
 from learn.training.settings import TrainSettings, recipe_of
-from learn.training.train import train_network
+from learn.training.train import TrainingData, train_network
 from tests.learn.toy import ToyBridges
 from tests.learn.toy_bridge import write_toy
 
@@ -61,7 +61,7 @@ class DoubtfulBridges(ToyBridges):
 def train(folder: Path, source: Any, chosen: TrainSettings, **more: Any) -> Path:
     """Train on a few toy bridges."""
     folder.mkdir(exist_ok=True)
-    train_network(source, None, chosen, folder, Silent(), **more)
+    train_network(TrainingData(source), chosen, folder, Silent(), **more)
     return folder
 
 
@@ -180,7 +180,7 @@ def test_a_training_with_everything_goes_on_to_the_same_bytes(folder: Path, tmp_
         source, held = StoredSplit(folder, "train", channels, sensors=sensors), StoredSplit(folder, "val", channels)
         (tmp_path / name).mkdir(exist_ok=True)
         chosen = settings(epochs=3, workers=workers)
-        train_network(source, held, chosen, tmp_path / name, Silent(), stop_after=stop_after)
+        train_network(TrainingData(source, held), chosen, tmp_path / name, Silent(), stop_after=stop_after)
         return tmp_path / name
 
     whole = run("whole", workers=workers)

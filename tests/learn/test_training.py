@@ -16,7 +16,7 @@ from learn.metrics import confusion, scores
 from learn.trained import FACTS, WEIGHTS, read_facts, read_network, read_weights
 from learn.training.loader import EpochOrder, hold_out
 from learn.training.settings import TrainSettings
-from learn.training.train import train_network
+from learn.training.train import TrainingData, train_network
 from tests.learn.toy import CLASSES, ToyBridges
 
 SMALL: dict[str, Any] = {"counts": (64, 16), "unit": 2.0}
@@ -37,7 +37,7 @@ def settings(**changed: Any) -> TrainSettings:
 def train(folder: Path, chosen: TrainSettings | None = None, source: ToyBridges | None = None, **more: Any) -> Path:
     """Train on six toy bridges, two of them held out."""
     folder.mkdir(exist_ok=True)
-    train_network(source or ToyBridges(6), None, chosen or settings(), folder, Silent(), **more)
+    train_network(TrainingData(source or ToyBridges(6)), chosen or settings(), folder, Silent(), **more)
     return folder
 
 
@@ -173,7 +173,7 @@ def test_what_cannot_be_trained_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="of one class"):
         train(tmp_path, source=one_class)
     with pytest.raises(InputError, match="bridges of the training"):
-        train_network(ToyBridges(3), ToyBridges(1), settings(), tmp_path, Silent())
+        train_network(TrainingData(ToyBridges(3), ToyBridges(1)), settings(), tmp_path, Silent())
 
 
 def _of_one_class(source: ToyBridges, index: int, seed: int) -> Any:

@@ -112,6 +112,15 @@ def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True
         cv2.imwrite(str(folder / f"truth/instance/{name}.png"), ids.astype(np.uint16))
         cv2.imwrite(str(folder / f"truth/semantic/{name}.png"), label_of_id[ids.astype(int)])
     gps = poses[:, :3, 3] + rng.normal(0, 0.3, (len(poses), 3))
+    write_cameras(folder, names, gps)
+    stated = [{"name": n, "camera_to_world": p.tolist()} for n, p in zip(names, poses, strict=True)]
+    write(folder / "truth/poses.json", {"pinhole": CAMERA.__dict__, "poses": stated})
+    write_surface(folder, label_of_id)
+    return folder
+
+
+def write_cameras(folder: Path, names: list[str], gps: F64) -> None:
+    """State images, their fixes [m], shape (N, 3), and what is known of the camera."""
     write(
         folder / "cameras.json",
         {
@@ -128,13 +137,10 @@ def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True
             ],
         },
     )
-    write(
-        folder / "truth/poses.json",
-        {
-            "pinhole": CAMERA.__dict__,
-            "poses": [{"name": n, "camera_to_world": p.tolist()} for n, p in zip(names, poses, strict=True)],
-        },
-    )
+
+
+def write_surface(folder: Path, label_of_id: NDArray[np.uint8]) -> None:
+    """Write the planes as instances, with their class by id, shape (64,), and as triangles."""
     write(
         folder / "truth/instances.json",
         {
@@ -166,7 +172,6 @@ def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True
         draw_instance=np.array([p.id for p in PLANES], np.uint32),
         draw_label=label_of_id[[p.id for p in PLANES]],
     )
-    return folder
 
 
 def write(path: Path, value: object) -> None:

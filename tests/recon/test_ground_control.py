@@ -30,6 +30,7 @@ from usd_schemas.distortion import Distortion
 from usd_schemas.pinhole import look_at, project
 
 F64 = NDArray[np.float64]
+FILE = Path("gcp.txt")
 SIZE = (1024, 768)
 K1 = -0.08
 NAMES = tuple(f"{row}.jpg" for row in range(8))
@@ -93,9 +94,7 @@ def no_gps() -> Target:
 def placed(control: GroundControl) -> tuple[Any, Similarity]:
     """Lay the eight cameras onto some control."""
     sparse, capture, known, _ = flown()
-    return align_to_control(
-        sparse, np.arange(8), no_gps(), capture, control, Path("gcp.txt"), np.random.default_rng(0)
-    ), known
+    return align_to_control(sparse, np.arange(8), no_gps(), capture, control, np.random.default_rng(0)), known
 
 
 def test_two_rays_meet_where_the_closed_form_says() -> None:
@@ -115,7 +114,7 @@ def test_two_rays_meet_where_the_closed_form_says() -> None:
 def test_exact_marks_give_the_exact_similarity() -> None:
     """Five surveyed points, a lens that bends: the similarity comes back to a micron, residuals and marks are zero."""
     _, _, known, true = flown()
-    found, _ = placed(GroundControl(MapSystem("local", None), marked(CORNERS, true)))
+    found, _ = placed(GroundControl(FILE, MapSystem("local", None), marked(CORNERS, true)))
     moved = found.alignment.similarity.move(np.eye(3))
     origin = found.facts["origin"]
     shift = np.array([origin["east"], origin["north"], origin["up"]])
@@ -138,7 +137,7 @@ def test_noise_stays_within_the_stated_limits() -> None:
             replace(point, position=tuple(np.array(point.position) + draw.normal(0, 0.03, 3)))
             for point in marked(spots, true, 0.5, 1000 + seed)
         )
-        found, _ = placed(GroundControl(MapSystem("local", None), points))
+        found, _ = placed(GroundControl(FILE, MapSystem("local", None), points))
         kept.append(100 * abs(found.alignment.similarity.scale / known.scale - 1) <= found.alignment.errors.scale)
         residuals.append(np.mean([row["distance"] for row in found.facts["control_points"]]))
     assert np.mean(kept) > 0.9
@@ -151,7 +150,7 @@ def test_a_point_surveyed_wrongly_is_named() -> None:
     more = np.concatenate([CORNERS, [[15.0, 10.0, 1.0], [45.0, 25.0, 3.0]]])
     points = list(marked(more, true))
     points[2] = replace(points[2], position=(62.0, 40.0, 0.0))
-    found, _ = placed(GroundControl(MapSystem("local", None), tuple(points)))
+    found, _ = placed(GroundControl(FILE, MapSystem("local", None), tuple(points)))
     assert [row["agrees"] for row in found.facts["control_points"]] == [True, True, False, True, True, True, True]
     assert found.facts["control_points"][2]["distance"] == pytest.approx(2.0, abs=1e-3)
     assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-5)
@@ -165,7 +164,7 @@ def test_scale_bars_alone_give_metres() -> None:
         ScaleBar(("P0", "P1"), float(np.linalg.norm(CORNERS[1] - CORNERS[0])), 0.01),
         ScaleBar(("P1", "P2"), float(np.linalg.norm(CORNERS[2] - CORNERS[1])), 0.01),
     )
-    found, _ = placed(GroundControl(MapSystem("local", None), points, bars))
+    found, _ = placed(GroundControl(FILE, MapSystem("local", None), points, bars))
     assert found.kind == "scale bars"
     assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-9)
     assert found.alignment.errors.scale == pytest.approx(
@@ -287,12 +286,12 @@ def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:
     local = MapSystem("local", None)
     outside = replace(points[0], marks=[Mark("0.jpg", (-5.0, 3.0))])
     with pytest.raises(InputError, match="mark of P0 lies outside the image"):
-        placed(GroundControl(local, (outside,)))
+        placed(GroundControl(FILE, local, (outside,)))
     with pytest.raises(InputError, match="2 of 2 control points"):
-        placed(GroundControl(local, points[:2]))
+        placed(GroundControl(FILE, local, points[:2]))
     row = marked(np.array([[12.0 * x, 20.0 - 2.0 * x, 0.0] for x in range(5)]), true, 0.3)
     with pytest.raises(InputError, match=r"control points fix no frame \((tilt|two ways)"):
-        placed(GroundControl(local, row))
+        placed(GroundControl(FILE, local, row))
 
 
 def test_photographs_are_laid_onto_control(

@@ -8,7 +8,7 @@ import pytest
 
 from recon.photos.photo_xmp import camera_up_of, read_xmp
 from recon.photos.photos import open_photographs
-from recon.placing.place import place
+from recon.placing.place import Registered, place
 from recon.settings import AlignmentSettings
 from tests.recon.test_photos import tagged
 from usd_schemas.pinhole import look_at
@@ -76,7 +76,7 @@ def test_corrected_places_weigh_as_they_are(tmp_path: Path) -> None:
     assert capture.gps_sigma == pytest.approx((0.011, 0.012, 0.025))
     model = poses.copy()
     model[:, :3, 3] /= 7.0
-    found, target = place(model, np.arange(12), {}, capture, None, AlignmentSettings(), rng)
+    found, target = place(Registered(model, np.arange(12)), capture, None, AlignmentSettings(), rng)
     assert target.kind == "gps"
     assert found.errors is not None
     assert abs(found.similarity.scale / 7.0 - 1.0) * 100 < found.errors.scale < 0.5

@@ -7,7 +7,7 @@ import pytest
 
 from recon.sampling import sample_lidar
 from recon.sampling.thinning import one_in_each_cube
-from tests.recon.test_sample_lidar import deck_on_walls, scanned
+from tests.recon.scanned_scenes import deck_on_walls, scanned
 from tests.recon.test_sample_mesh import sampled, two_triangles
 
 

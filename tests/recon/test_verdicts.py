@@ -14,7 +14,7 @@ from groundwork.errors import RejectedSceneError
 from groundwork.files import write_json
 from groundwork.progress import SILENT
 from recon.placing.align import CENTRE_OUTLIER, OK, ROTATION_OUTLIER, UNREGISTERED
-from recon.placing.place import alignment_facts, place
+from recon.placing.place import Registered, alignment_facts, place
 from recon.settings import AlignmentSettings, ReconSettings, SparseSettings
 from recon.sfm.colmap_model import read_model
 from recon.sfm.database import DATABASE
@@ -107,7 +107,9 @@ def test_of_two_models_the_largest_is_kept(mapper: str, tmp_path: Path) -> None:
     assert reasons == {image.file: NOT_IN_LARGEST for image in capture.images if image.file.startswith("two")}
     rows = np.arange(7)
     truth = truth_of(np.stack([true[image.file] for image in capture.images]))
-    alignment, _ = place(model.poses, rows, reasons, capture, truth, AlignmentSettings(), np.random.default_rng(0))
+    alignment, _ = place(
+        Registered(model.poses, rows, reasons), capture, truth, AlignmentSettings(), np.random.default_rng(0)
+    )
     assert alignment.status == (OK,) * 7 + (NOT_IN_LARGEST,) * 4  # 36 % are invalid: the scene passes
     assert np.nanmax(alignment.centre_errors) < 1e-5
     assert np.nanmax(alignment.rotation_errors) < 1e-4
@@ -175,7 +177,7 @@ def test_every_absent_camera_has_a_reason() -> None:
     assert reasons == {"3.jpg": NOT_IN_LARGEST, "4.jpg": NO_TEXTURE, "5.jpg": NO_OVERLAP, "7.jpg": NO_TEXTURE}
     poses = np.stack([look_at(np.array(eye), np.array([0.0, 9.0, 1.0])) for eye in np.eye(3) * 4])
     alignment, target = place(
-        poses, np.arange(3), reasons, capture, None, AlignmentSettings(), np.random.default_rng(0)
+        Registered(poses, np.arange(3), reasons), capture, None, AlignmentSettings(), np.random.default_rng(0)
     )
     assert target.kind == "none"
     assert alignment.status == (OK, OK, OK, NOT_IN_LARGEST, NO_TEXTURE, NO_OVERLAP, UNREGISTERED, NO_TEXTURE)
@@ -201,7 +203,7 @@ def test_the_paper_rule_over_all_images(wrong: int, verdict: str) -> None:
 
     def judge() -> tuple[str, ...]:
         draw = np.random.default_rng(0)
-        return place(model, np.arange(10), {}, capture, truth_of(true), AlignmentSettings(), draw)[0].status
+        return place(Registered(model, np.arange(10)), capture, truth_of(true), AlignmentSettings(), draw)[0].status
 
     if not verdict:
         assert judge() == (CENTRE_OUTLIER,) * wrong + (OK,) * (10 - wrong)
@@ -217,7 +219,7 @@ def test_a_straight_flight_is_placed_by_its_rotations() -> None:
     true, model = flown(rng, np.linspace([0.0, 0.0, 3.0], [30.0, 0.0, 3.0], 40))
     capture = capture_of([f"{row}.jpg" for row in range(40)])
     draw = np.random.default_rng(0)
-    alignment, target = place(model, np.arange(40), {}, capture, truth_of(true), AlignmentSettings(), draw)
+    alignment, target = place(Registered(model, np.arange(40)), capture, truth_of(true), AlignmentSettings(), draw)
     back = alignment.similarity
     aside = np.array([[15.0, 8.0, 0.0]])
     local = (aside @ (model[0, :3, :3] @ true[0, :3, :3].T).T) / 2.5
@@ -226,7 +228,7 @@ def test_a_straight_flight_is_placed_by_its_rotations() -> None:
     assert values[0] == pytest.approx(np.linalg.norm(np.linspace(-15, 15, 40)))
     assert values[1] < 1e-9
     with pytest.raises(RejectedSceneError) as rejected:
-        place(model, np.arange(40), {}, capture, truth_of(true), AlignmentSettings(method="paper"), draw)
+        place(Registered(model, np.arange(40)), capture, truth_of(true), AlignmentSettings(method="paper"), draw)
     assert rejected.value.reason == "straight_path"
 
 
@@ -236,7 +238,9 @@ def test_positions_that_do_not_fit_leave_photographs_in_their_own_units() -> Non
     _, model = flown(rng, rng.normal(0, 6, (10, 3)))
     for gps in (rng.normal(0, 900, (10, 3)), np.zeros((10, 3))):
         capture = capture_of([f"{row}.jpg" for row in range(10)], gps=gps)
-        found, target = place(model, np.arange(10), {}, capture, None, AlignmentSettings(), np.random.default_rng(0))
+        found, target = place(
+            Registered(model, np.arange(10)), capture, None, AlignmentSettings(), np.random.default_rng(0)
+        )
         assert target.kind == "none"
         assert alignment_facts(found, target, capture)["unit"] == "unknown"
 
