@@ -19,6 +19,7 @@ PLAIN_ST = "st"
 ATLAS_ST = "st1"
 _SMOOTH = ("catmullClark", "loop")
 _MOST_CORNERS = 4_000_000  # of a refined mesh
+_FARTHEST = 1e15  # [stage units]; areas of what lies beyond are no numbers in single precision
 _SHORT = 1e-12  # a normal of this length or less points nowhere [1]
 _UV_TYPES = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
 _UV_LIKE = (*_UV_TYPES, "float2[]", "double2[]", "half2[]")
@@ -69,15 +70,22 @@ class _Values:
 
 @dataclass(frozen=True)
 class _Faces:
-    """Topology: `owner` is the face of each corner, shape (C,)."""
+    """Topology: `owner` is the face of each corner, shape (C,); `lost` are faces with points that are not finite."""
 
     points: F64
     counts: I64
     corners: I64
     owner: I64
+    lost: tuple[int, ...] = ()
 
 
-def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EARLIEST, level: int = 1) -> FlatMesh:
+def read_mesh(
+    prim: Usd.Prim,
+    uv_names: tuple[str, str],
+    time: Usd.TimeCode = EARLIEST,
+    level: int = 1,
+    color_name: str = "displayColor",
+) -> FlatMesh:
     """Read a mesh or a native gprim.
 
     Args:
@@ -85,13 +93,17 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EA
         uv_names: Primvars that the bound material reads as first and second UV set; either may be empty.
         time: When.
         level: How many times a subdivision surface is refined.
+        color_name: Primvar of its colours.
 
     Raises:
         UnreadableMeshError: Points or face arrays are wrong.
     """
     notes: list[str] = []
     if prim.GetTypeName() in SHAPES:
-        shape = read_shape(prim, time)
+        with np.errstate(invalid="ignore"):
+            shape = read_shape(prim, time)
+        if not _is_near(shape.points).all():
+            raise UnreadableMeshError("its size is not finite")
         faces = _Faces(shape.points, shape.face_counts, shape.corners, _owners(shape.face_counts))
         number = np.arange(len(shape.corners))
         normals, st, st1 = _Values(shape.normals, number), _Values(shape.st, number), None
@@ -99,7 +111,10 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EA
         faces = _read_faces(UsdGeom.Mesh(prim), time)
         normals = _read_normals(UsdGeom.Mesh(prim), faces, time, notes)
         st, st1 = (_read_primvar(prim, name, faces, 2, time, notes) for name in choose_uv(prim, uv_names))
-    colors = _read_primvar(prim, "displayColor", faces, 3, time, notes)
+        if faces.lost:
+            notes.append(f"points that are not finite: {len(faces.lost)} of {len(faces.counts)} faces are left out")
+            level = 0
+    colors = _read_primvar(prim, color_name, faces, 3, time, notes)
     left_handed = UsdGeom.Gprim(prim).GetOrientationAttr().Get(EARLIEST) == UsdGeom.Tokens.leftHanded
     cage, parent = faces, np.arange(len(faces.counts))
     if normals is None and level and prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.catmullClark:
@@ -111,7 +126,7 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EA
     face = parent[face]
     corner = faces.points[faces.corners[triangles]]
     area = cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    solid = np.any(area != 0.0, axis=1) & ~_holes(prim, cage, face, time)
+    solid = np.any(area != 0.0, axis=1) & ~_holes(prim, cage, face, time) & ~np.isin(face, cage.lost)
     triangles, face = triangles[solid], face[solid]
     nothing = np.zeros((1, 2)), np.zeros(len(faces.corners), np.int64)
     white = _Values(np.ones((1, 3)), nothing[1])
@@ -214,13 +229,20 @@ def _read_faces(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> _Faces:
     if points is None or counts is None or corners is None:
         name = "points" if points is None else "faceVertexCounts" if counts is None else "faceVertexIndices"
         raise UnreadableMeshError(f"its {name} are of another type")
-    if not np.isfinite(points).all():
-        raise UnreadableMeshError("its points are not finite")
     if np.any(counts < 0) or counts.sum() != len(corners):
         raise UnreadableMeshError("faceVertexCounts and faceVertexIndices do not fit together")
     if len(corners) and not 0 <= corners.min() <= corners.max() < len(points):
         raise UnreadableMeshError("faceVertexIndices name points that do not exist")
-    return _Faces(points, counts, corners, _owners(counts))
+    owner, bad = _owners(counts), ~_is_near(points)
+    lost = np.unique(owner[bad[corners]]).tolist() if len(corners) else []
+    if bad.any() and len(lost) == np.count_nonzero(counts):
+        raise UnreadableMeshError("its points are not finite")
+    points[bad] = points[~bad].mean(axis=0) if bad.any() else 0.0
+    return _Faces(points, counts, corners, owner, tuple(lost))
+
+
+def _is_near(points: F64) -> NDArray[np.bool_]:
+    return np.max(np.abs(points), axis=1, initial=0.0) < _FARTHEST  # not so where they are NaN
 
 
 def _owners(counts: I64) -> I64:
