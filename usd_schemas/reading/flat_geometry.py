@@ -10,9 +10,10 @@ from usd_schemas.flat_scene import Draws, FlatScene, Geometry, InstanceRow, Mate
 from usd_schemas.reading.geometry_pile import GeometryPile
 from usd_schemas.reading.labels import Label, Register, Warn, inherit_label
 from usd_schemas.reading.materials import GREY, PLAIN_COLOR, ReadMaterial, read_material
-from usd_schemas.reading.meshes import FlatMesh, UnreadableMeshError, read_mesh, subset_faces
+from usd_schemas.reading.meshes import FlatMesh, read_mesh
 from usd_schemas.reading.placements import Placement
-from usd_schemas.reading.traversal import guarded, numbers_of, table_of
+from usd_schemas.reading.subsets import subset_faces
+from usd_schemas.reading.traversal import UnreadableMeshError, guarded, numbers_of, table_of
 from usd_schemas.taxonomies import Taxonomy
 
 F64 = NDArray[np.float64]

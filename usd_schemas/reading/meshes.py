@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from usd_schemas.reading.shapes import SHAPES, read_shape
+from usd_schemas.reading.strands import STRANDS, read_strands
 from usd_schemas.reading.subdivision import Cage, refine, smooth_normals
-from usd_schemas.reading.traversal import COMPOSED, EARLIEST, numbers_of, table_of
+from usd_schemas.reading.traversal import EARLIEST, UnreadableMeshError, numbers_of, table_of
 from usd_schemas.triangulate import cross, face_normals, triangulate
 
 F32 = NDArray[np.float32]
@@ -23,10 +24,6 @@ _FARTHEST = 1e15  # [stage units]; areas of what lies beyond are no numbers in s
 _SHORT = 1e-12  # a normal of this length or less points nowhere [1]
 _UV_TYPES = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
 _UV_LIKE = (*_UV_TYPES, "float2[]", "double2[]", "half2[]")
-
-
-class UnreadableMeshError(Exception):
-    """A mesh whose arrays contradict each other; the text says how."""
 
 
 @dataclass(frozen=True)
@@ -86,10 +83,10 @@ def read_mesh(
     level: int = 1,
     color_name: str = "displayColor",
 ) -> FlatMesh:
-    """Read a mesh or a native gprim.
+    """Read a mesh, a native gprim, curves or points.
 
     Args:
-        prim: A Mesh, or a gprim out of `SHAPES`.
+        prim: A Mesh, or a gprim out of `SHAPES` or `STRANDS`.
         uv_names: Primvars that the bound material reads as first and second UV set; either may be empty.
         time: When.
         level: How many times a subdivision surface is refined.
@@ -99,6 +96,7 @@ def read_mesh(
         UnreadableMeshError: Points or face arrays are wrong.
     """
     notes: list[str] = []
+    colors: _Values | None = None
     if prim.GetTypeName() in SHAPES:
         with np.errstate(invalid="ignore"):
             shape = read_shape(prim, time)
@@ -107,6 +105,11 @@ def read_mesh(
         faces = _Faces(shape.points, shape.face_counts, shape.corners, _owners(shape.face_counts))
         number = np.arange(len(shape.corners))
         normals, st, st1 = _Values(shape.normals, number), _Values(shape.st, number), None
+    elif prim.GetTypeName() in STRANDS:
+        strands = read_strands(prim, time, color_name, notes)
+        faces = _Faces(strands.points, strands.counts, strands.corners, _owners(strands.counts))
+        normals, st, st1 = _Values(strands.normals, strands.corners), None, None
+        colors = None if strands.colors is None else _Values(strands.colors, strands.corners)
     else:
         faces = _read_faces(UsdGeom.Mesh(prim), time)
         normals = _read_normals(UsdGeom.Mesh(prim), faces, time, notes)
@@ -114,7 +117,8 @@ def read_mesh(
         if faces.lost:
             notes.append(f"points that are not finite: {len(faces.lost)} of {len(faces.counts)} faces are left out")
             level = 0
-    colors = _read_primvar(prim, color_name, faces, 3, time, notes)
+    if prim.GetTypeName() not in STRANDS:
+        colors = _read_primvar(prim, color_name, faces, 3, time, notes)
     left_handed = UsdGeom.Gprim(prim).GetOrientationAttr().Get(EARLIEST) == UsdGeom.Tokens.leftHanded
     cage, parent = faces, np.arange(len(faces.counts))
     if normals is None and level and prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.catmullClark:
@@ -367,23 +371,3 @@ def _ranks_of_rows(data: F64) -> I64:
     plain = np.ascontiguousarray(data, np.float32) + np.float32(0.0)  # -0.0 is 0.0
     ranks = _ranks(np.ascontiguousarray(plain[:, :2]).view(np.int64)[:, 0])
     return ranks if plain.shape[1] == 2 else _ranks(ranks * len(plain) + _ranks(plain[:, 2]))
-
-
-def subset_faces(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, I64]]:
-    """List the face subsets of a mesh.
-
-    Args:
-        prim: A Mesh.
-
-    Returns:
-        Subset prim, family name, and face numbers, shape (K,), int64, in namespace order.
-    """
-    found = []
-    for child in prim.GetFilteredChildren(COMPOSED):
-        if child.IsA(UsdGeom.Subset):
-            subset = UsdGeom.Subset(child)
-            if subset.GetElementTypeAttr().Get() == UsdGeom.Tokens.face:
-                indices = numbers_of(subset.GetIndicesAttr().Get(EARLIEST))
-                indices = np.full(1, -1, np.int64) if indices is None else indices  # of another type: of no face
-                found.append((child, str(subset.GetFamilyNameAttr().Get() or ""), indices))
-    return found

@@ -10,6 +10,7 @@ from pxr import Usd, UsdGeom, UsdShade
 from usd_schemas.reading.choices import DRAWN_PURPOSES
 from usd_schemas.reading.labels import Label, Warn, inherit_label
 from usd_schemas.reading.shapes import SHAPES
+from usd_schemas.reading.strands import STRANDS, has_width
 from usd_schemas.reading.traversal import COMPOSED, EARLIEST, guarded, numbers_of, table_of
 
 F64 = NDArray[np.float64]
@@ -22,6 +23,7 @@ _INSTANCED = ("protoIndices", "positions", "orientations", "orientationsf", "sca
 _SHAPED = (
     "points",
     "normals",
+    "widths",
     "faceVertexIndices",
     "size",
     "radius",
@@ -162,8 +164,11 @@ class _Walker:
         return replace(above, purpose=purpose, label=label, own_id=own_id, moves=moves)
 
     def _placed(self, prim: Usd.Prim, here: _Above) -> Iterator[Placement]:
-        if not prim.IsA(UsdGeom.Mesh) and prim.GetTypeName() not in SHAPES:
-            self.undrawn.setdefault(str(prim.GetTypeName()), []).append(str(prim.GetPath()))
+        kind = str(prim.GetTypeName())
+        if kind in STRANDS and not has_width(prim):
+            kind += " without width"
+        if not prim.IsA(UsdGeom.Mesh) and kind not in (*SHAPES, *STRANDS):
+            self.undrawn.setdefault(kind, []).append(str(prim.GetPath()))
             return
         transforms = here.base @ self._relative(prim, here.root)
         deforms = any(attribute.ValueMightBeTimeVarying() for attribute in map(prim.GetAttribute, _SHAPED) if attribute)

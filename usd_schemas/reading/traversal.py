@@ -20,6 +20,10 @@ MISTYPED = (ValueError, TypeError, LookupError, AttributeError, OverflowError, R
 COMPOSED = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
+class UnreadableMeshError(Exception):
+    """A mesh whose arrays contradict each other; the text says how."""
+
+
 def composed_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
     """Walk every active, defined, loaded prim, those inside instances too, but not the prototypes of instancers.
 
