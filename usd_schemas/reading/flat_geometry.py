@@ -13,6 +13,7 @@ from usd_schemas.reading.materials import GREY, PLAIN_COLOR, ReadMaterial, read_
 from usd_schemas.reading.meshes import FlatMesh, read_mesh
 from usd_schemas.reading.placements import Placement
 from usd_schemas.reading.subsets import subset_faces
+from usd_schemas.reading.tiles import tile_materials, tile_numbers
 from usd_schemas.reading.traversal import UnreadableMeshError, guarded, numbers_of, table_of
 from usd_schemas.taxonomies import Taxonomy
 
@@ -121,9 +122,11 @@ class _Work:
             ids = self._register.instance_ids(label, placement.owner.GetPath(), own_numbers, len(rows))
             material = self.materials.rows(number, group, mesh.colored, placement, rows)
             class_id = self._register.class_id(label)
-            part = self._parts.row(key, group, self._splits[key].face)
-            if part is not None:
-                self.pile.add_draws(part, transforms, material, ids, class_id)
+            face, tiles = self._splits[key].face, self.materials.tiles_of(material)
+            for tile, own in (tiles or {None: material}).items():
+                part = self._parts.row(key, group, face, tile, tuple(tiles))
+                if part is not None:
+                    self.pile.add_draws(part, transforms, own, ids, class_id)
 
 
 def mesh_key(placement: Placement) -> object:
@@ -223,16 +226,28 @@ class _Materials:
         bound, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, UsdShade.Tokens.full)
         known: dict[object, tuple[int | None, ReadMaterial]] = {None: (None, ReadMaterial(None))}
         self._found, self._tints = [], {}
+        self._tiles: dict[int, dict[int | None, int]] = {}
         for material in bound:
             key = material.GetPath() if material else None
             if key not in known:
                 read = read_material(material, warn)
-                known[key] = (None if read.material is None else len(self.flat), read)
-                self.flat += [read.material] if read.material is not None else []
+                known[key] = (None if read.material is None else self._add(read.material), read)
             self._found.append(known[key])
         unbound = {prim.GetPath() for prim, material in zip(prims, bound, strict=True) if not material}
         if unbound:
             warn(f"{len(unbound)} parts have no material: drawn in displayColor or grey")
+
+    def _add(self, material: Material) -> int:
+        row = len(self.flat)
+        bare, tiles = tile_materials(material)
+        self.flat += [bare, *tiles.values()]
+        if tiles:
+            self._tiles[row] = {0: row, **dict(zip(tiles, range(row + 1, len(self.flat)), strict=True))}
+        return row
+
+    def tiles_of(self, material: int | I64) -> dict[int | None, int]:
+        """Rows of the materials of a tiled one by their tiles, 0 for everything beside them; none for another."""
+        return self._tiles.get(material, {}) if isinstance(material, int) else {}
 
     def rows(self, number: int, group: int, colored: bool, placement: Placement, places: I64) -> int | I64:
         """Find the material of a group of the `number`th placement: one, or one for each of some of its places."""
@@ -292,7 +307,7 @@ class _Parts:
         self._level = level
         self._warn = warn
         self._meshes: dict[object, tuple[FlatMesh, int] | None] = {}
-        self._rows: dict[tuple[object, int], int] = {}
+        self._rows: dict[tuple[object, int, int | None], int] = {}
 
     def mesh(self, key: object, placement: Placement, uv_names: tuple[str, str], color: str) -> FlatMesh | None:
         """Read a mesh, unless that was done; None where it cannot be drawn."""
@@ -314,16 +329,21 @@ class _Parts:
             self._warn(f"{prim.GetPath()}: {note}")
         return (mesh, self._pile.add_mesh(mesh)) if len(mesh.triangles) else None
 
-    def row(self, key: object, group: int, face: I64 | None) -> int | None:
-        """Find the part of a group of faces."""
-        if (key, group) not in self._rows:
+    def row(
+        self, key: object, group: int, face: I64 | None, tile: int | None, tiles: tuple[int | None, ...]
+    ) -> int | None:
+        """Find the part of a group of faces, or of those of them that lie on one of several tiles."""
+        if (key, group, tile) not in self._rows:
             known = self._meshes[key]
             mesh, first = known if known else (None, 0)
             if mesh is None:
                 return None
-            chosen = slice(None) if face is None else face[mesh.face] == group
+            chosen = np.ones(len(mesh.triangles), bool) if face is None else face[mesh.face] == group
+            if tile is not None:
+                number = tile_numbers(mesh.st, mesh.triangles)
+                chosen &= number == tile if tile else ~np.isin(number, [other for other in tiles if other])
             triangles = mesh.triangles[chosen] + first
             if not len(triangles):
                 return None
-            self._rows[key, group] = self._pile.add_part(triangles, mesh.double_sided)
-        return self._rows[key, group]
+            self._rows[key, group, tile] = self._pile.add_part(triangles, mesh.double_sided)
+        return self._rows[key, group, tile]
