@@ -96,29 +96,8 @@ def read_mesh(
         UnreadableMeshError: Points or face arrays are wrong.
     """
     notes: list[str] = []
-    colors: _Values | None = None
-    if prim.GetTypeName() in SHAPES:
-        with np.errstate(invalid="ignore"):
-            shape = read_shape(prim, time)
-        if not _is_near(shape.points).all():
-            raise UnreadableMeshError("its size is not finite")
-        faces = _Faces(shape.points, shape.face_counts, shape.corners, _owners(shape.face_counts))
-        number = np.arange(len(shape.corners))
-        normals, st, st1 = _Values(shape.normals, number), _Values(shape.st, number), None
-    elif prim.GetTypeName() in STRANDS:
-        strands = read_strands(prim, time, color_name, notes)
-        faces = _Faces(strands.points, strands.counts, strands.corners, _owners(strands.counts))
-        normals, st, st1 = _Values(strands.normals, strands.corners), None, None
-        colors = None if strands.colors is None else _Values(strands.colors, strands.corners)
-    else:
-        faces = _read_faces(UsdGeom.Mesh(prim), time)
-        normals = _read_normals(UsdGeom.Mesh(prim), faces, time, notes)
-        st, st1 = (_read_primvar(prim, name, faces, 2, time, notes) for name in choose_uv(prim, uv_names))
-        if faces.lost:
-            notes.append(f"points that are not finite: {len(faces.lost)} of {len(faces.counts)} faces are left out")
-            level = 0
-    if prim.GetTypeName() not in STRANDS:
-        colors = _read_primvar(prim, color_name, faces, 3, time, notes)
+    faces, normals, (st, st1, colors) = _read_values(prim, uv_names, color_name, time, notes)
+    level = 0 if faces.lost else level
     left_handed = UsdGeom.Gprim(prim).GetOrientationAttr().Get(EARLIEST) == UsdGeom.Tokens.leftHanded
     cage, parent = faces, np.arange(len(faces.counts))
     if normals is None and level and prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.catmullClark:
@@ -149,6 +128,32 @@ def read_mesh(
         colors is not None,
         tuple(notes),
     )
+
+
+def _read_values(
+    prim: Usd.Prim, uv_names: tuple[str, str], color_name: str, time: Usd.TimeCode, notes: list[str]
+) -> tuple[_Faces, _Values | None, tuple[_Values | None, _Values | None, _Values | None]]:
+    """Topology as authored; normals where there are any; and what there is of both UV sets and colours."""
+    if prim.GetTypeName() in STRANDS:
+        strands = read_strands(prim, time, color_name, notes)
+        faces = _Faces(strands.points, strands.counts, strands.corners, _owners(strands.counts))
+        colors = None if strands.colors is None else _Values(strands.colors, strands.corners)
+        return faces, _Values(strands.normals, strands.corners), (None, None, colors)
+    if prim.GetTypeName() in SHAPES:
+        with np.errstate(invalid="ignore"):
+            shape = read_shape(prim, time)
+        if not _is_near(shape.points).all():
+            raise UnreadableMeshError("its size is not finite")
+        faces = _Faces(shape.points, shape.face_counts, shape.corners, _owners(shape.face_counts))
+        number = np.arange(len(shape.corners))
+        normals, st, st1 = _Values(shape.normals, number), _Values(shape.st, number), None
+    else:
+        faces = _read_faces(UsdGeom.Mesh(prim), time)
+        normals = _read_normals(UsdGeom.Mesh(prim), faces, time, notes)
+        st, st1 = (_read_primvar(prim, name, faces, 2, time, notes) for name in choose_uv(prim, uv_names))
+        if faces.lost:
+            notes.append(f"points that are not finite: {len(faces.lost)} of {len(faces.counts)} faces are left out")
+    return faces, normals, (st, st1, _read_primvar(prim, color_name, faces, 3, time, notes))
 
 
 def _refined(
