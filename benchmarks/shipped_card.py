@@ -24,39 +24,42 @@ I64 = NDArray[np.int64]
 LIMITS = (
     "Everything it saw was made by this project: no real scan had a part in its training, and none in these scores.",
     "It sees positions alone. What only colour or intensity tells apart it cannot know.",
-    "It saw {bridges} bridges, with bare surroundings: ground, water, road, shrubs. It knows no tree, building, "
-    "vehicle or power line, and will call some of them parts of a bridge.",
+    "It saw {bridges} bridges among the plants, houses and vehicles of our own worlds. It knows no power line, crane, "
+    "scaffold or person, and will call some of them parts of a bridge.",
     "Parts finer than its cubes of {voxel:g} m (bearings, sockets, clamps, rails) are mostly lost.",
     "Its tiles are {size:g} m wide: what a part is for, where that is seen from farther away alone, it guesses.",
-    "Confidence is calibrated on one bridge of ours; how far it can be trusted on other scans is not known.",
+    "Confidence is calibrated on {picked} bridges of ours; how far it can be trusted on other scans is not known.",
     "The scan must say its unit, or be given `--unit`, and stand with z up, or be given `--up`.",
 )
 
 
-def card_text(folder: Path, dataset: Path, tests: Sequence[Path], validation: Sequence[str], note: str = "") -> str:
+def card_text(folder: Path, dataset: Path, tests: Mapping[str, Path], validation: Sequence[str], note: str = "") -> str:
     """Write the card.
 
     Args:
         folder: The model.
         dataset: Data set that it was trained on.
-        tests: Clouds of bridges that neither training nor the choice of the epoch saw.
+        tests: Name and folder of clouds of bridges that neither training nor the choice of the epoch saw.
         validation: First digits of the bridges that the epoch was picked on.
         note: A line more.
     """
     model, facts = read_trained_model(folder), read_model_facts(folder)
     matrices: dict[str, Mapping[str, I64]] = {}
     seconds, points = 0.0, 0
-    for path in tests:
+    for name, path in tests.items():
         scan = read_labelled_scan(path)
         before = time.process_time()
         found = label_scan(scan, model)
         seconds, points = seconds + time.process_time() - before, points + len(scan.coord)
-        matrices[f"{path.parent.name} {path.name} ({read_cloud(path).source})"] = {t: found.matrix(t) for t in TABLES}
+        matrices[f"{name} ({read_cloud(path).source})"] = {t: found.matrix(t) for t in TABLES}
     lines = [*_head(folder, facts, model), *([f"- {note}"] if note else [])]
     lines += ["", "## What it learnt from", "", *_sources(read_facts(dataset), validation)]
     lines += ["", "## Scores", "", *_score_lines(matrices), "", "## What it cannot do", ""]
     bridges = len({row.bridge for row in read_facts(dataset).pieces if row.split == "train"})
-    lines += [f"- {line.format(bridges=bridges, voxel=model.tile.voxel, size=model.tile.size)}" for line in LIMITS]
+    lines += [
+        f"- {line.format(bridges=bridges, picked=len(validation), voxel=model.tile.voxel, size=model.tile.size)}"
+        for line in LIMITS
+    ]
     if points:
         lines += [
             "",

@@ -9,6 +9,7 @@ first digits are enough. What was begun in `--work` is gone on with. The model g
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -44,8 +45,13 @@ def clouds_below(places: Sequence[Path]) -> list[Path]:
     Args:
         places: Folders of clouds, or folders that hold some.
     """
-    found = {record.parent for place in places for record in place.rglob("cloud.json")}
-    return sorted(found)
+    found = [
+        Path(folder)
+        for place in places
+        for folder, _, files in os.walk(place, followlinks=True)  # the scenes of a run are links
+        if "cloud.json" in files
+    ]
+    return sorted(set(found))
 
 
 def bridge_of(cloud: Path) -> str:
@@ -165,7 +171,9 @@ def main() -> None:
     settings = {key: json.loads(value) for key, _, value in (word.partition("=") for word in given.set)}
     train_on(dataset, given.validation, model, {"seed": given.seed, **settings}, given.samples)
     ship(model, SHIPPED)
-    tests = [path for path in clouds if bridge_of(path).startswith(tuple(given.test))] if given.test else []
+    named = [(bridge_of(path), path) for path in clouds]
+    held = tuple(given.test)
+    tests = {f"{bridge[:8]} {path.name}": path for bridge, path in named if held and bridge.startswith(held)}
     write_text(SHIPPED / "README.md", card_text(SHIPPED, dataset, tests, given.validation, given.note))
     sys.stdout.write(f"model   {SHIPPED}\n")
 

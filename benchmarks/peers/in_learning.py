@@ -68,8 +68,14 @@ def open3d(steps: int) -> dict[str, list[float]]:
     from open3d._ml3d.torch.models.randlanet import RandLANet  # pyright: ignore[reportMissingImports]
 
     ratios = [4, 4, 4, 4, 2]
-    network: Any = RandLANet(num_neighbors=16, num_layers=5, num_classes=17, sub_sampling_ratio=ratios, in_channels=6,
-                        dim_output=[16, 64, 128, 256, 512])
+    network: Any = RandLANet(
+        num_neighbors=16,
+        num_layers=5,
+        num_classes=17,
+        sub_sampling_ratio=ratios,
+        in_channels=6,
+        dim_output=[16, 64, 128, 256, 512],
+    )
     network.device = torch.device("cpu")
     network.train()
     optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)

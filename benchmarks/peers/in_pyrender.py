@@ -29,8 +29,10 @@ def main(request: dict[str, Any]) -> None:
         part = slice(int(starts[row]), int(starts[row + 1]))
         material = pyrender.MetallicRoughnessMaterial(baseColorFactor=[*data["color"][row].tolist(), 1.0])
         corners = data["corners"][part].reshape(-1, 3)
-        sides = np.cross(data["corners"][part][:, 1] - data["corners"][part][:, 0],
-                         data["corners"][part][:, 2] - data["corners"][part][:, 0])
+        sides = np.cross(
+            data["corners"][part][:, 1] - data["corners"][part][:, 0],
+            data["corners"][part][:, 2] - data["corners"][part][:, 0],
+        )
         normals = np.repeat(sides / np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-12), 3, axis=0)
         mesh = pyrender.Primitive(positions=corners, normals=normals.astype(np.float32), material=material, mode=4)
         scene.add(pyrender.Mesh([mesh]))

@@ -26,12 +26,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("shipped")
     for number, name in enumerate(("train", "pick", "test")):
         write_toy(root / "clouds" / name / "mesh", number, 4_000, f"{name}bridge")
-    clouds = clouds_below([root / "clouds"])
+    (root / "scenes").symlink_to(root / "clouds")  # as the scenes of a run are
+    clouds = [root / "clouds" / path.relative_to(root / "scenes") for path in clouds_below([root / "scenes"])]
     dataset_of(clouds, ["pick", "test"], 0, root / "dataset")
     train_on(root / "dataset", ["pick"], root / "model", {"epochs": 1, "batch": 2, "precision": "32-true"}, 4)
     ship(root / "model", root / "shipped")
     (root / "shipped" / "README.md").write_text(
-        card_text(root / "shipped", root / "dataset", [root / "clouds" / "test" / "mesh"], ["pick"])
+        card_text(root / "shipped", root / "dataset", {"test mesh": root / "clouds" / "test" / "mesh"}, ["pick"])
     )
     return root
 

@@ -1,0 +1,40 @@
+"""The benchmark of accuracy counts what its page says."""
+
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.accuracy import ROWS, accuracy_page, class_lines, instances_right, judge
+from recon.cloud import Cloud, read_cloud
+
+
+def _cloud(plane_cloud: Path) -> Cloud:
+    """90 points of a cloud with labels, instances and distances written by hand."""
+    cloud = read_cloud(plane_cloud)
+    columns = {name: values[:90].copy() for name, values in cloud.columns.items()}
+    columns["segment"] = np.repeat(np.array([1, 1, 2], np.uint8), 30)
+    columns["instance"] = np.repeat(np.array([5, 6, 7], np.uint32), 30)
+    columns["surface_class"] = columns["segment"].copy()
+    columns["surface_class"][:2] = 9  # two of 30 of the first instance are wrong: 93.3 %
+    columns["surface_distance"] = np.zeros(90, np.float32)
+    columns["surface_distance"][75:] = 0.2  # the third has 15 points left
+    return Cloud(columns, {}, cloud.components, cloud.classes, {}, (), cloud.statistics, cloud.source)
+
+
+def test_points_and_instances_are_counted(plane_cloud: Path) -> None:
+    """One of two instances with enough points is right; shares are of points near the surface."""
+    judged = judge(_cloud(plane_cloud))
+    assert (judged.near.sum(), judged.right.sum()) == (75, 73)
+    assert instances_right(judged) == (1, 2)
+    rows = {line.split("|")[1].strip(): line for line in class_lines([judged, judged])}
+    names = judged.classes
+    assert rows[names[1]] == f"| {names[1]} | 120 | 100.0% | 96.7% | 2 of 4 |"
+    assert rows[names[2]] == f"| {names[2]} | 60 | 50.0% | 100.0% |  |"
+
+
+def test_the_page_says_what_was_not_made(plane_cloud: Path) -> None:
+    """One line for the cloud that is there; every other row is named."""
+    page = accuracy_page({ROWS[0]: {"sparse": judge(_cloud(plane_cloud))}})
+    assert "| slab | road | local | sparse |" in page
+    assert "| 90 | 83.3% | 97.3% | 1 of 2 |" in page
+    assert all(row.name in page for row in ROWS[1:])
