@@ -4,7 +4,8 @@ Usage: python -m benchmarks.stages FOLDER [--sheets OUT]
 
 FOLDER is a checkout of the public repository usd-wg/assets, which is not committed. Every stage with a thumbnail of its
 own name is read as `falsework render` reads it, drawn small, and laid beside its thumbnail on contact sheets in OUT.
-Whoever looks at these writes what is wrong into `benchmarks/stages.toml`; the page counts.
+Where a stage's own camera sees next to nothing of it, one that sees everything draws it, so that there is something to
+compare. Whoever looks at the sheets writes what is wrong into `benchmarks/stages.toml`; the page counts.
 """
 
 import argparse
@@ -29,7 +30,9 @@ from render.settings import RenderSettings, SensorSettings
 from render.views.prepare import prepare
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.guard.guard import check_stage
+from usd_schemas.reading.cameras import framing_camera
 from usd_schemas.reading.choices import StageChoices
+from usd_schemas.reading.flat_geometry import world_bounds
 from usd_schemas.reading.scene_cache import load_scene
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "stages.md"
@@ -37,6 +40,7 @@ VERDICTS = Path(__file__).with_name("stages.toml")
 MOST_OF_A_FOLDER = 3  # a folder of twenty frame rates says no more than three of them
 PARTS = ("_geom", "_look", "_payload", "_Geometry", "_Materials", "_Payload")  # layers that are no stage by themselves
 WIDTH, HEIGHT = 256, 192  # [px]
+LEAST_SEEN = 0.002  # share of an image below which there is nothing to compare
 ACROSS = 4  # stages beside each other on a sheet
 ROWS = 6
 
@@ -124,19 +128,34 @@ def draw(stage: Path, name: str, folder: Path) -> tuple[Image | None, Drawn]:
     try:
         check_stage(stage, (folder,), lambda line: None)
         scene = load_scene(stage, choices=StageChoices(width=WIDTH, height=HEIGHT))
-        return photograph(scene), Drawn(name, "", len(scene.warnings))
+        image, share = photograph(scene)
+        if share < LEAST_SEEN:
+            image, _ = photograph(framed(scene))
+        return image, Drawn(name, "", len(scene.warnings))
     except FalseworkError as error:
         return None, Drawn(name, str(error).rpartition(f"{name}: ")[2], 0)
 
 
-def photograph(scene: FlatScene) -> Image:
+def framed(scene: FlatScene) -> FlatScene:
+    """Give a scene one camera that sees everything.
+
+    Args:
+        scene: The scene.
+    """
+    moments = scene.cameras[scene.products[0].camera].moments[:1]
+    track, product = framing_camera(*world_bounds(scene))
+    product = replace(product, width=WIDTH, height=HEIGHT)
+    return replace(scene, cameras=(replace(track, moments=moments),), products=(product,))
+
+
+def photograph(scene: FlatScene) -> tuple[Image, float]:
     """Take the first image of a scene as the renderer does, in this process.
 
     Args:
         scene: The scene.
 
     Returns:
-        Blue, green, red [0 to 255], shape (H, W, 3), uint8.
+        Blue, green, red [0 to 255], shape (H, W, 3), uint8; and the share of its pixels that show anything [1].
     """
     product = scene.products[0]
     track = scene.cameras[product.camera]
@@ -156,7 +175,8 @@ def photograph(scene: FlatScene) -> Image:
         for one in (view, cards)
     )
     sensor = Sensor(SETTINGS.sensor, meter(light, card), BRIGHTEST, view.depth.shape, 1)
-    return np.ascontiguousarray(sensor.develop(view.code, sensor.expose(0, view.code))[..., ::-1])
+    image = sensor.develop(view.code, sensor.expose(0, view.code))
+    return np.ascontiguousarray(image[..., ::-1]), float((view.draw > 0).mean())
 
 
 def cell(image: Image | None, thumbnail: Path, name: str) -> Image:
@@ -210,30 +230,40 @@ def page(drawn: list[Drawn], verdicts: dict[str, Any]) -> str:
 
     Args:
         drawn: What became of each stage.
-        verdicts: `{wrong: {path: reason}, nothing: {path: reason}}`: what eyes found; what rightly shows nothing.
+        verdicts: What eyes found, path of the stage = reason: `wrong`; `nothing`, which rightly shows nothing;
+            `noted`, right although the thumbnail differs; `missing`, which cannot be judged.
     """
-    wrong, nothing = verdicts.get("wrong", {}), verdicts.get("nothing", {})
-    bad = [one for one in drawn if one.name in wrong or (one.said and one.name not in nothing)]
-    right = len(drawn) - len(bad)
+    wrong, nothing, noted, missing = (verdicts.get(name, {}) for name in ("wrong", "nothing", "noted", "missing"))
+    judged = [one for one in drawn if one.name not in missing]
+    bad = [one for one in judged if one.name in wrong or (one.said and one.name not in nothing)]
+    empty = [one for one in judged if one.name in nothing and one.said]
+    right = len(judged) - len(bad)
     lines = [
         "# Stages that nobody here wrote",
         "",
         "Made by `python -m benchmarks.stages FOLDER`; FOLDER is a checkout of the public repository usd-wg/assets. "
-        "Every picture was looked at beside the thumbnail of the stage; light and point of view are others.",
+        "Every picture was looked at beside the thumbnail of the stage; light and point of view are others. Right "
+        "means the same shapes, in the same places, in the same colours, as far as another light lets one tell.",
         "",
         "| | stages |",
         "|---|---|",
-        f"| looked at | {len(drawn)} |",
-        f"| right | {right} ({100.0 * right / max(len(drawn), 1):.0f} %) |",
-        f"| of these rightly without a picture | {sum(one.name in nothing and bool(one.said) for one in drawn)} |",
+        f"| looked at | {len(judged)} |",
+        f"| right | {right} ({100.0 * right / max(len(judged), 1):.0f} %) |",
+        f"| of these with a picture | {right - len(empty)} of {len(judged) - len(empty)} |",
+        f"| of these rightly without a picture | {len(empty)} |",
         f"| wrong or visibly limited | {len(bad)} |",
         "",
     ]
-    lines += ["| wrong or limited | why |", "|---|---|"]
-    lines += [f"| `{one.name}` | {wrong.get(one.name) or one.said} |" for one in bad]
-    lines += ["", "| rightly without a picture | what is said |", "|---|---|"]
-    lines += [f"| `{one.name}` | {nothing[one.name]} |" for one in drawn if one.name in nothing and one.said]
-    return "\n".join(lines) + "\n"
+    told = {one.name: one.said for one in drawn}
+    for title, rows in (
+        ("wrong or limited", {one.name: wrong.get(one.name) or one.said for one in bad}),
+        ("rightly without a picture", {one.name: nothing[one.name] for one in empty}),
+        ("right, though the thumbnail shows something else", {name: noted[name] for name in noted if name in told}),
+        ("not counted", {name: missing[name] for name in missing if name in told}),
+    ):
+        if rows:
+            lines += [f"| {title} | why |", "|---|---|", *(f"| `{name}` | {why} |" for name, why in rows.items()), ""]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

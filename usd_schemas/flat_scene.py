@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from usd_schemas.components import ClassRow
 from usd_schemas.distortion import NO_DISTORTION, Distortion
+from usd_schemas.flat_lights import Dome, SphereLight, Sun
 from usd_schemas.pinhole import Pinhole, UsdLens
 
 F32 = NDArray[np.float32]
@@ -182,52 +183,6 @@ class Material:
 
 
 @dataclass(frozen=True)
-class Sun:
-    """A DistantLight.
-
-    Attributes:
-        direction: Unit vector from the scene towards the light [1], world axes.
-        radiance: Linear irradiance of a surface that faces it [1].
-        angle: Angular diameter [deg].
-    """
-
-    direction: tuple[float, float, float]
-    radiance: tuple[float, float, float]
-    angle: float = 0.53
-
-
-@dataclass(frozen=True)
-class Dome:
-    """A DomeLight.
-
-    Attributes:
-        radiance: Linear colour times intensity [1].
-        file: Latitude-longitude texture, or empty.
-        rotation: dome to world, shape (3, 3), row-major nested tuples [1].
-    """
-
-    radiance: tuple[float, float, float]
-    file: str = ""
-    rotation: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-@dataclass(frozen=True)
-class SphereLight:
-    """A SphereLight.
-
-    Attributes:
-        position: Centre in the world [m].
-        radius: Radius [m]; 0 for a point.
-        intensity: Linear radiant intensity [m2]: radiance of its surface times pi times radius squared. At distance d
-            from the centre a facing surface receives intensity / d^2, in the same unit as `Sun.radiance`.
-    """
-
-    position: tuple[float, float, float]
-    radius: float
-    intensity: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
 class CameraTrack:
     """A camera and its poses, one per image.
 
@@ -329,7 +284,7 @@ class FlatScene:
         warnings: One line for each thing that could not be read as authored.
         origin: Hash of the composed stage content that was read.
         visibility: Distance at which haze leaves 2 % of the contrast [m]; None where the stage does not say.
-        sphere_lights: SphereLights, in the order of the stage.
+        sphere_lights: SphereLights and panels, in the order of the stage.
         moments: What moves, as it stands at each moment that an image is taken at; the first is the tail of `draws`.
             Empty for a stage that stands still.
     """

@@ -13,7 +13,7 @@ from authoring.edits.shapes import (
     write_topology,
     write_uv,
 )
-from usd_schemas.reading.meshes import subset_faces
+from usd_schemas.reading.subsets import subset_faces
 
 _TYPES = Sdf.ValueTypeNames
 _COLORS = ("displayColor", "displayOpacity")

@@ -8,13 +8,17 @@ from typing import Any
 from pxr import Sdf, Usd, UsdShade, UsdUtils
 
 from groundwork.errors import InputError, MissingError
+from usd_schemas.guard.layer_walk import Warn
+from usd_schemas.reading.mtlx import Adopted
+from usd_schemas.reading.parse_errors import reason_of
 
 
-def open_foreign(file: Path) -> Usd.Stage:
-    """Open a file of the user's whole.
+def open_foreign(file: Path, warn: Warn) -> Usd.Stage:
+    """Open a file of the user's whole, MaterialX documents that it refers to included.
 
     Args:
         file: USD file, looked through by `usd_schemas.guard.guard.check_stage` where its origin is unknown.
+        warn: Called with one line for each thing of a document that was not read.
 
     Raises:
         InputError: Missing, not USD, or a prim is bound to a material that is not there.
@@ -22,9 +26,13 @@ def open_foreign(file: Path) -> Usd.Stage:
     if not file.is_file():
         raise MissingError("no such file", where=file, hint="Check the path")
     try:
+        documents = Adopted(file)  # the stage keeps what it composes of them
         stage = Usd.Stage.Open(str(file.resolve()), Usd.Stage.LoadAll)
     except Exception as error:
-        raise InputError("not readable as USD", where=file, allowed="usda, usdc, usd, usdz") from error
+        what = f"not readable as USD: {reason_of(error)}"
+        raise InputError(what, where=file, allowed="usda, usdc, usd, usdz") from error
+    for note in documents.notes:
+        warn(note)
     for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
         for target in UsdShade.MaterialBindingAPI(prim).GetDirectBindingRel().GetTargets():
             if not stage.GetPrimAtPath(target):

@@ -38,7 +38,7 @@ def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
     name = safe_name(file.stem)
     if name in LOOKS:
         raise InputError("has the name of a look of ours", where=file, value=name, hint="Rename it")
-    stage = open_foreign(file)
+    stage = open_foreign(file, warn)
     roles = _roles(scene)
     materials = {
         prim.GetName(): prim.GetPath()

@@ -15,7 +15,8 @@ from groundwork.progress import Progress
 
 JSON_VERSION = 2
 _DRAWN = "shines in all renderers; in ours it throws no shadow"
-_UNDRAWN = "shines in other renderers; of lamps ours draws SphereLights"
+_LAMPS = ("SphereLight", "RectLight", "DiskLight")
+_UNDRAWN = "shines in other renderers; of lamps ours draws SphereLights, RectLights and DiskLights"
 _SAID = {"moved": "moved", "reshaped": "reshaped", "recoloured": "recoloured", "hidden": "hidden", "removed": "removed"}
 
 
@@ -113,7 +114,7 @@ def report_lines(found: dict[str, Any]) -> list[str]:
     for name, poses in found["cameras"].items():
         lines.append(f'{"camera":<11} {name}, {poses} pose{"s" * (poses > 1)}: a flight for a survey of kind "stage"')
     for name, kind in found["lights"].items():
-        lines.append(f"{'light':<11} {name}, a {kind}: {_DRAWN if kind == 'SphereLight' else _UNDRAWN}")
+        lines.append(f"{'light':<11} {name}, a {kind}: {_DRAWN if kind in _LAMPS else _UNDRAWN}")
     lines = lines or ["no changes: edits/user.usda is empty"]
     if found["missing"]:
         lines.append(f"{'missing':<11} {', '.join(found['missing'])}: still there; --remove switches them off")

@@ -1,4 +1,4 @@
-"""The SphereLights that shade a scene, at most `MOST`. They throw no shadow, and nothing bounces their light."""
+"""The lamps that shade a scene, at most `MOST`. They throw no shadow, and nothing bounces their light."""
 
 from dataclasses import dataclass
 
@@ -15,21 +15,24 @@ MOST = 8  # each is computed at every pixel
 
 @dataclass(frozen=True)
 class LocalLights:
-    """Balls of light.
+    """Balls and panels of light.
 
     Attributes:
         positions: Centres in the world [m], shape (N, 3), float64.
         radii: Radii [m], shape (N,), float64.
         intensities: Linear radiant intensities [m2], shape (N, 3), float64.
+        sides: From the centre of each panel to two of its edges [m], shape (N, 2, 3), float64; zeros for a ball.
     """
 
     positions: F64
     radii: F64
     intensities: F64
+    sides: F64
 
     def features(self) -> tuple[str, ...]:
         """Name what the surface shader must be compiled with: nothing where there is no light."""
-        return (f"LOCAL_LIGHTS {len(self.radii)}",) if len(self.radii) else ()
+        panels = ("LOCAL_PANELS",) if self.sides.any() else ()
+        return (f"LOCAL_LIGHTS {len(self.radii)}", *panels) if len(self.radii) else ()
 
     def uniforms(self, anchor: F64) -> dict[str, object]:
         """List what the surface shader reads.
@@ -40,11 +43,15 @@ class LocalLights:
         if not len(self.radii):
             return {}
         places: F32 = np.column_stack([self.positions - anchor, self.radii]).astype(np.float32)
-        return {"local_places": places.tobytes(), "local_intensities": self.intensities.astype(np.float32).tobytes()}
+        return {
+            "local_places": places.tobytes(),
+            "local_intensities": self.intensities.astype(np.float32).tobytes(),
+            "local_sides": self.sides.astype(np.float32).tobytes(),
+        }
 
 
 def choose_local_lights(scene: FlatScene, box: tuple[F64, F64]) -> tuple[LocalLights, list[str]]:
-    """Take the SphereLights that give most light to what matters in a scene.
+    """Take the lamps that give most light to what matters in a scene.
 
     Args:
         scene: A scene.
@@ -61,5 +68,8 @@ def choose_local_lights(scene: FlatScene, box: tuple[F64, F64]) -> tuple[LocalLi
     strength = intensities.sum(axis=1) / (away**2 + reach**2)
     kept = np.sort(np.argsort(-strength, kind="stable")[:MOST])
     left = len(lights) - len(kept)
-    said = [f"{left} of {len(lights)} SphereLights are left out: the {MOST} that give most light shine"] if left else []
-    return LocalLights(positions[kept], np.array([light.radius for light in lights])[kept], intensities[kept]), said
+    kinds = "lamps" if any(light.sides for light in lights) else "SphereLights"
+    said = [f"{left} of {len(lights)} {kinds} are left out: the {MOST} that give most light shine"] if left else []
+    radii = np.array([light.radius for light in lights])
+    sides = np.array([light.sides or np.zeros((2, 3)) for light in lights], np.float64).reshape(-1, 2, 3)
+    return LocalLights(positions[kept], radii[kept], intensities[kept], sides[kept]), said

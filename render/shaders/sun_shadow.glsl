@@ -9,6 +9,7 @@ uniform float sun_depth;        // the maps' depth [m]
 uniform float sun_blur;         // width of a penumbra over the distance of what throws it [1]
 
 const float STEEPEST = 8.0;     // slope against the sun's view: where it is steeper, hardly any sun falls
+const float MOST_MORE = 40.0;   // slope beyond it that still gives slack: rays that all but graze a surface
 const float SLACK = 0.003;      // [m] and of a texel: a surface does not shade itself
 const float SLACK_TEXELS = 0.15;
 const float NARROWEST = 1.5, WIDEST = 3.0;  // [texels] of a filter: narrower, texels would show; wider, it costs more
@@ -21,12 +22,15 @@ vec2 covered(float middle, float width, float texel) {
 }
 #endif
 
-// How the map's depth changes along right and up of the sun's view on the plane of this triangle [1/m].
-vec2 sun_slope(vec3 ray) {
+// How the map's depth changes along right and up of the sun's view on the plane of this triangle, as far as `STEEPEST`
+// lets it, and by how much it changes more than that [1/m].
+vec3 sun_slope(vec3 ray) {
     vec3 across = dFdx(ray), down = dFdy(ray);
     float area = across.x * down.y - across.y * down.x;
     vec2 slope = vec2(across.z * down.y - down.z * across.y, across.x * down.z - down.x * across.z);
-    return clamp(slope / (abs(area) > 1e-16 ? area : 1.0), -STEEPEST / sun_depth, STEEPEST / sun_depth);
+    slope /= abs(area) > 1e-16 ? area : 1.0;
+    vec2 held = clamp(slope, -STEEPEST / sun_depth, STEEPEST / sun_depth), more = abs(slope - held);
+    return vec3(held, min(more.x + more.y, MOST_MORE / sun_depth));
 }
 
 // A filter as wide as the penumbra that the sun's disc and what hides it make. The plane of the surface carries the
@@ -36,9 +40,9 @@ vec2 sun_slope(vec3 ray) {
 float sun_visibility() {
     vec3 ray = vec3(dot(sun_axes[0], relative), dot(sun_axes[1], relative), dot(sun_axes[2], relative));
 #ifdef RIBBON
-    vec2 slope = vec2(0.0);
+    vec3 slope = vec3(0.0);
 #else
-    vec2 slope = sun_slope(ray);
+    vec3 slope = sun_slope(ray);
 #endif
     ray += sun_eye;
     vec2 sharp = abs(ray.xy * shadow_maps[0].x + shadow_maps[0].yz);
@@ -48,14 +52,15 @@ float sun_visibility() {
     vec4 map = in_sharp ? shadow_maps[0] : in_near ? shadow_maps[1] : shadow_maps[2];
     float size = float(textureSize(shadow_map, 0).y), texel = 2.0 / (map.x * size);  // [m]
     vec2 inside = ray.xy * map.x + map.yz;
-    vec2 step = slope * texel;
+    vec2 step = slope.xy * texel;
     if (max(abs(inside.x), abs(inside.y)) > map.w) return 1.0;
 
     vec2 texels = (inside * 0.5 + 0.5) * size - 0.5;
     vec2 corner = floor(texels), part = texels - corner;
     vec2 unit = vec2(1.0 / 3.0, 1.0) / size;
     vec2 origin = (corner + vec2((in_sharp ? 0.0 : in_near ? 1.0 : 2.0) * size, 0.0)) * unit;
-    float depth = ray.z - (SLACK + SLACK_TEXELS * texel) / sun_depth;
+    // Where the plane is steeper than the look-up follows, it falls behind by this much over half a filter.
+    float depth = ray.z - (SLACK + SLACK_TEXELS * texel) / sun_depth - slope.z * (0.5 * WIDEST + 0.5) * texel;
     const vec4 RIGHT = vec4(0.0, 1.0, 1.0, 0.0), UP = vec4(1.0, 1.0, 0.0, 0.0);  // the texels of a gather
 #ifdef SOFT
     vec4 gaps[4];  // how far the surface lies behind what the texels of four gathers show [1]

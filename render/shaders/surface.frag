@@ -1,5 +1,5 @@
 // Shades a surface. Features (HAS_…, CUT_OUT, BLEND, ROUGHNESS_IN_ALBEDO, SPECULAR, MIRROR, VOLUME, SUN, LOCAL_LIGHTS n,
-// NORMALS, GREY_CARD) are put in front when it is compiled.
+// LOCAL_PANELS, NORMALS, GREY_CARD) are put in front when it is compiled.
 // #include material.glsl
 
 uniform vec3 eye;               // camera centre, counted from the scene's anchor [m]
@@ -20,6 +20,9 @@ uniform float volume_cell;      // [m]
 #ifdef LOCAL_LIGHTS
 uniform vec4 local_places[LOCAL_LIGHTS];      // centre, counted from the scene's anchor; radius [m]
 uniform vec3 local_intensities[LOCAL_LIGHTS]; // radiant intensity [m2]
+#ifdef LOCAL_PANELS
+uniform vec3 local_sides[2 * LOCAL_LIGHTS];   // from a panel's centre to two of its edges [m]; zero for a ball
+#endif
 #endif
 
 uniform sampler2D panorama;
@@ -127,6 +130,24 @@ float ball_cosine(float cosine, float size) {
 }
 #endif
 
+#ifdef LOCAL_PANELS
+// What an edge of a polygon of light adds to the irradiance, for corners as seen from the surface.
+// Source: Lambert 1760; Baum, Rushmeier and Winget, Improving radiosity solutions through the use of analytically
+// determined form-factors, SIGGRAPH 1989.
+vec3 edge_light(vec3 from, vec3 to) {
+    vec3 turn = cross(from, to);
+    float sine = length(turn);
+    return sine > 1e-12 ? turn * (atan(sine, dot(from, to)) / sine) : vec3(0.0);
+}
+
+// Direction in which a panel's light arrives, times the share of the half sphere that it fills.
+vec3 panel_light(vec3 reach, vec3 across, vec3 up) {
+    vec3 a = normalize(reach - across - up), b = normalize(reach + across - up);
+    vec3 c = normalize(reach + across + up), d = normalize(reach - across + up);
+    return (edge_light(a, b) + edge_light(b, c) + edge_light(c, d) + edge_light(d, a)) / (2.0 * PI);
+}
+#endif
+
 vec3 shade(vec3 albedo, vec3 face, float roughness) {
     vec3 scene = relative + eye;
     float away = length(relative);
@@ -176,9 +197,21 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
         float square = max(dot(reach, reach), 1e-6);
         vec3 towards = reach * inversesqrt(square);
         float size = min(local_places[number].w * local_places[number].w / square, 0.999);
+        vec3 strength = local_intensities[number] / square;
+#ifdef LOCAL_PANELS
+        vec3 across = local_sides[2 * number], up = local_sides[2 * number + 1];
+        vec3 shines = cross(up, across);
+        if (dot(shines, shines) > 0.0) {
+            if (dot(shines, reach) >= 0.0) continue;  // behind it
+            vec3 arriving = panel_light(reach, across, up);
+            size = clamp(length(arriving), 1e-12, 0.999);
+            towards = arriving / size;
+            strength = local_intensities[number] / (4.0 * length(shines)) * PI * size;
+        }
+#endif
         float cosine = clamp(dot(n, towards), -0.9999, 0.9999);
         if (dot(face, towards) < -sqrt(size)) continue;
-        vec3 received = local_intensities[number] / square * ball_cosine(cosine, size);
+        vec3 received = strength * ball_cosine(cosine, size);
         light += albedo * (1.0 - metallic) / PI * received;
 #ifndef SOFT
         light += albedo * metallic / PI * received;  // no shine is drawn: a metal scatters all that it reflects

@@ -187,6 +187,51 @@ def test_a_look_brings_its_own_textures_only(own_scene: Path, tmp_path: Path) ->
         set_choices(own_scene, {"look": str(file.rename(file.with_name("weathered.usda")))}, print)
 
 
+DOCUMENT = """<?xml version="1.0"?>
+<materialx version="1.38">
+  <nodegraph name="NG">
+    <image name="wall" type="color3">
+      <input name="file" type="filename" value="brick.png" colorspace="srgb_texture"/>
+    </image>
+    <output name="out" type="color3" nodename="wall"/>
+  </nodegraph>
+  <standard_surface name="S" type="surfaceshader">
+    <input name="base_color" type="color3" nodegraph="NG" output="out"/>
+  </standard_surface>
+  <surfacematerial name="Brick" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="S"/>
+  </surfacematerial>
+</materialx>
+"""
+
+
+@pytest.mark.parametrize("choice", ["look", "background"])
+def test_materialx_documents_come_along(choice: str, own_scene: Path, tmp_path: Path) -> None:
+    """A look or a world that names a .mtlx file wears its material in the scene, which has its picture."""
+    (tmp_path / "brick.mtlx").write_text(DOCUMENT, encoding="utf-8")
+    cv2.imwrite(str(tmp_path / "brick.png"), np.full((4, 4, 3), 90, np.uint8))
+    body = (
+        'def Scope "Mine" {\ndef Material "Role_DeckConcrete" (references = @./brick.mtlx@</MaterialX/Materials/Brick>'
+    )
+    body += """) {}
+        def Mesh "Wall" (prepend apiSchemas = ["MaterialBindingAPI"]) {
+            rel material:binding = </Mine/Role_DeckConcrete>
+            point3f[] points = [(0, 300, 0), (9, 300, 0), (9, 300, 9), (0, 300, 9)]
+            int[] faceVertexCounts = [4]
+            int[] faceVertexIndices = [0, 1, 2, 3]
+        }
+    }
+    """
+    head = '#usda 1.0\n(\ndefaultPrim = "Mine"\nmetersPerUnit = 1\nupAxis = "Z"\n)\n'
+    (tmp_path / "mine.usda").write_text(head + body, encoding="utf-8")
+    set_choices(own_scene, {choice: str(tmp_path / "mine.usda")}, lambda line: None)
+    assert validate_scene(own_scene) == []
+    (picture,) = own_scene.parent.rglob("brick.png")
+    scene = read_stage(own_scene)
+    worn = {scene.materials[row].base_texture for row in scene.draws.material}
+    assert sum(texture is not None and texture.file == str(picture.resolve()) for texture in worn) >= 1
+
+
 def test_a_wrong_light_names_the_forms(own_scene: Path) -> None:
     """Names, a date and hour, or a sky: the line says how each is written."""
     with pytest.raises(InputError, match=r"2024-12-21T10:00.*\.hdr"):

@@ -189,6 +189,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "layer_walk.open_layer",
         "package_walk._opened",
         "packages.unpacked",
+        "tiles.tiles_of",
         "stage_reader._open",
         "mtlx.Adopted._walk",
         "open_scene.read_product",

@@ -20,6 +20,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "distortion.py",
         "registration.py",
         "apis.py",
+        "flat_lights.py",
         "flat_scene.py",
         "raycast.py",
         "triangulate.py",

@@ -321,3 +321,19 @@ def test_haze_follows_the_visibility_of_the_stage(gl: Gl, ideal: RenderSettings)
         np.testing.assert_allclose(light[60, 80], 1.0 - share, rtol=3e-3)
     assert haze_distance(scene, settings) == CLEAR_DAY
     assert haze_distance(replace(scene, visibility=100.0), ideal) == ideal.haze_distance
+
+
+@pytest.mark.parametrize("height", [1.5, 3.0, 5.0, 8.0])
+@pytest.mark.parametrize("quality", ["fast", "standard"])
+def test_a_plane_that_rays_graze_has_no_stripes(height: float, quality: str, gl: Gl, ideal: RenderSettings) -> None:
+    """Open ground under a sun near the horizon is lit evenly: it does not shade itself."""
+    low = np.deg2rad(height)
+    scene = plate(Material("card", base_color=(0.5, 0.5, 0.5), roughness=1.0)).build(DOWN[None])
+    # Turned off the axes of the map, where every texel lies elsewhere on the plane.
+    direction = (float(np.cos(low) * np.cos(0.4)), float(np.cos(low) * np.sin(0.4)), float(np.sin(low)))
+    scene = replace(scene, sun=Sun(direction, (9.0, 9.0, 9.0)))
+    settings = ideal.model_copy(update={"quality": "fast", "shadow_size": 512} | {"quality": quality})
+    light, depth = radiance(gl, scene, settings)
+    inner = light[20:100, 30:130, 0][np.isfinite(depth[20:100, 30:130])]
+    assert inner.min() > 0.95 * inner.max()
+    assert inner.mean() > 0.9 * 0.5 / np.pi * 9.0 * np.sin(low)

@@ -97,3 +97,35 @@ def test_normals_of_another_length_or_type_are_ignored_by_name(tmp_path: Path) -
         scene = read_body(tmp_path, f'def Mesh "Bad" {{\n{SQUARE}\n{text}\n}}\n')
         assert area(scene) == pytest.approx(4.0)
         assert any(line.startswith("/Bad: normals ") for line in scene.warnings), scene.warnings
+
+
+def test_points_that_are_not_finite_cost_their_faces(tmp_path: Path) -> None:
+    """One NaN or huge corner takes its own face along, is named, and the other face stays; in a cage, too."""
+    for bad in ("nan", "inf", "1e30"):
+        for scheme in ("none", "catmullClark"):
+            body = f"""def Mesh "M" {{
+            point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), ({bad}, 0, 0), (2, 1, 0)]
+            int[] faceVertexCounts = [4, 4]
+            int[] faceVertexIndices = [0, 1, 2, 3, 1, 4, 5, 2]
+            uniform token subdivisionScheme = "{scheme}"
+            }}"""
+            scene = read_body(tmp_path, body)
+            assert area(scene) == pytest.approx(1.0)
+            assert any("1 of 2 faces are left out" in line for line in scene.warnings)
+
+
+@pytest.mark.parametrize("radius", ["inf", "nan", "1e30"])
+def test_a_shape_without_a_finite_size_is_left_out(radius: str, tmp_path: Path) -> None:
+    """A sphere of infinite radius is named, and the rest of the stage is drawn."""
+    scene = read_body(tmp_path, f'{GOOD}def Sphere "Bad" {{\ndouble radius = {radius}\n}}\n')
+    assert any("/Bad: its size is not finite: not drawn" in line for line in scene.warnings)
+    assert len(scene.draws.part) == 1
+
+
+def test_what_usd_says_of_a_wrong_type_is_the_cause_alone(tmp_path: Path) -> None:
+    """A line about a translation that is a word names no source file of USD."""
+    text = 'string xformOp:translate = "x"\nuniform token[] xformOpOrder = ["xformOp:translate"]'
+    scene = read_body(tmp_path, f'{GOOD}def Cube "Bad" {{\n{text}\n}}\n')
+    line = next(line for line in scene.warnings if line.startswith("/Bad:"))
+    assert ".cpp" not in line
+    assert "opVal (x)" in line

@@ -95,16 +95,67 @@ def test_sphere_lights(header: str, unit: float, tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.parametrize(("header", "unit"), [(Z_UP, 1.0), (Y_UP, 0.01)])
+def test_panels(header: str, unit: float, tmp_path: Path) -> None:
+    """RectLights and DiskLights: radiance times area in metres; normalized, divided by the area in stage units."""
+    text = """def Xform "Pole" {
+        double3 xformOp:translate = (1, 2, 3)
+        float3 xformOp:scale = (%s, 2, 2)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
+        def RectLight "Plain" {
+            float inputs:width = 0.5
+            float inputs:height = 0.25
+            float inputs:intensity = 8
+            color3f inputs:color = (1, 0.5, 0.25)
+        }
+        def RectLight "Normalized" {
+            float inputs:width = 0.5
+            float inputs:height = 0.25
+            float inputs:intensity = 8
+            bool inputs:normalize = 1
+            asset inputs:texture:file = @softbox.exr@
+        }
+        def DiskLight "Disk" {
+            float inputs:radius = 0.25
+            float inputs:intensity = 8
+        }
+        def RectLight "Flat" {
+            float inputs:width = 0
+        }
+    }
+    """
+    for sign in (2, -2):
+        scene = read_body(tmp_path, GROUND + text % sign, header)
+        plain, normalized, disk = scene.sphere_lights
+        expected = np.array([1.0, 2.0, 3.0] if header == Z_UP else [1.0, -3.0, 2.0]) * unit
+        np.testing.assert_allclose(plain.position, expected, atol=1e-12)
+        assert plain.intensity == pytest.approx(tuple(np.array([8.0, 4.0, 2.0]) * (1.0 * 0.5) * unit**2))
+        assert normalized.intensity == pytest.approx((8.0 * unit**2,) * 3)
+        assert disk.intensity == pytest.approx((8.0 * np.pi * (0.5 * unit) ** 2,) * 3)
+        assert plain.sides is not None
+        across, up = np.array(plain.sides)
+        assert np.linalg.norm(across) == pytest.approx(0.5 * unit)
+        assert np.linalg.norm(up) == pytest.approx(0.25 * unit)
+        shines = np.cross(up, across)
+        down = [0, 0, -1] if header == Z_UP else [0, 1, 0]  # the local -z, mirrored or not
+        np.testing.assert_allclose(shines / np.linalg.norm(shines), down, atol=1e-12)
+    said = {line for line in scene.warnings if "Light" in line}
+    assert said == {
+        "/Pole/Flat: a RectLight that gives no light: left out",
+        "/Pole/Normalized: the picture of a RectLight is left out: it shines evenly",
+    }
+
+
 def test_the_first_visible_light_counts(tmp_path: Path) -> None:
     """Hidden lights do not shine; further ones and other kinds are named."""
     lights = 'def DistantLight "Hidden" {\ntoken visibility = "invisible"\n}\ndef DistantLight "A" {\n'
     lights += "float inputs:intensity = 3\nbool inputs:normalize = 1\n}\n"
-    lights += 'def DistantLight "B" {}\ndef RectLight "Panel" {}\n'
+    lights += 'def DistantLight "B" {}\ndef CylinderLight "Tube" {}\n'
     scene = read_body(tmp_path, GROUND + lights)
     assert scene.sun is not None
     assert scene.sun.radiance == (3.0, 3.0, 3.0)
     assert "/B: DistantLight is left out" in scene.warnings
-    assert "/Panel: RectLight is left out" in scene.warnings
+    assert "/Tube: CylinderLight is left out" in scene.warnings
     assert read_body(tmp_path, GROUND).sun is None
 
 

@@ -241,7 +241,9 @@ def test_display_color_reader(tmp_path: Path) -> None:
         string inputs:varname = "displayColor"
         float3 outputs:result
     }"""
-    _, material = read_one(tmp_path, network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:result>", reader))
+    body = network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:result>", reader)
+    color = 'color3f[] primvars:displayColor = [(1, 0, 0)] (interpolation = "constant")\n'
+    _, material = read_one(tmp_path, body.replace(SQUARE, SQUARE + color))
     assert material.use_display_color
 
 

@@ -185,7 +185,8 @@ def test_what_is_not_drawn_is_named_once_a_type(tmp_path: Path) -> None:
     """Curves and points are left out with one line for each type."""
     body = 'def BasisCurves "C1" {}\ndef BasisCurves "C2" {}\ndef Points "P" {}\n' + f'def Mesh "M" {{\n{SQUARE}}}'
     scene = read_body(tmp_path, body)
-    assert scene.warnings[:2] == ("/C1: BasisCurves is not drawn (nor 1 more)", "/P: Points is not drawn")
+    said = ("/C1: BasisCurves without width is not drawn (nor 1 more)", "/P: Points without width is not drawn")
+    assert scene.warnings[:2] == said
 
 
 def test_transforms_that_are_not_finite(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ SAID = {
         "/M: MeshLightAPI is left out: the mesh is drawn, and gives no light",
     ),
     "volume": (MESH + 'def Volume "Smoke" {}\n', "/Smoke: Volume is not drawn"),
-    "curves": (MESH + 'def BasisCurves "Hair" {}\n', "/Hair: BasisCurves is not drawn"),
+    "curves": (MESH + 'def BasisCurves "Hair" {}\n', "/Hair: BasisCurves without width is not drawn"),
     "displayOpacity": (
         MESH.replace(SQUARE, SQUARE + "float[] primvars:displayOpacity = [0.5]\n"),
         "/M: displayOpacity is left out: drawn opaque",

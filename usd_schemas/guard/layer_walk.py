@@ -75,7 +75,10 @@ def walk_layers(path: Path, bounds: Bounds, warn: Warn) -> tuple[Path, ...]:
             continue
         for name in named_by(layer, str(file)):
             target = _target(layer, file, name, bounds)
-            if target in missing or _TILES.search(name):
+            if _TILES.search(name):
+                _check_tiles(file, name, bounds, warn)
+                continue
+            if target in missing:
                 continue
             if target.exists() and not (target.is_file() or target.is_dir()):
                 raise InputError(f"{name} is a pipe or a device", where=bounds.name(file), allowed="regular files")
@@ -95,10 +98,26 @@ def _walk_document(file: Path, bounds: Bounds, warn: Warn) -> None:
     document = read_document(file)
     for name in named_files(document):
         target = _inside(file, name, bounds, "")
-        if target.exists() and not target.is_file():
+        if _TILES.search(name):
+            _check_tiles(file, name, bounds, warn)
+        elif target.exists() and not target.is_file():
             raise InputError(f"{name} is no picture", where=bounds.name(file), allowed="regular files")
-        if not target.exists() and not _TILES.search(name):
+        elif not target.exists():
             warn(f"{bounds.name(file)}: there is no file {name}")
+
+
+def _check_tiles(file: Path, name: str, bounds: Bounds, warn: Warn) -> None:
+    """The tiles of a texture may be links, which lead nowhere else either."""
+    folder, _, last = name.partition("[")[0].rpartition("/")
+    form = re.compile("\\d{4}".join(map(re.escape, _TILES.split(last))))
+    place = (file.parent / folder).resolve()
+    tiles = sorted(one for one in place.iterdir() if form.fullmatch(one.name)) if place.is_dir() else []
+    for tile in tiles:
+        target = _inside(file, f"{folder}/{tile.name}" if folder else tile.name, bounds, "")
+        if not target.is_file():
+            raise InputError(f"{tile.name} is no picture", where=bounds.name(file), allowed="regular files")
+    if not tiles and file.suffix != ".usdz":
+        warn(f"{bounds.name(file)}: there is no tile of {name}")
 
 
 def open_layer(file: Path, bounds: Bounds) -> Sdf.Layer:

@@ -1,6 +1,6 @@
 """Placed prims into the arrays of a flat scene: each mesh once, one draw for each visible part of each instance."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +9,12 @@ from pxr import Usd, UsdGeom, UsdShade
 from usd_schemas.flat_scene import Draws, FlatScene, Geometry, InstanceRow, Material
 from usd_schemas.reading.geometry_pile import GeometryPile
 from usd_schemas.reading.labels import Label, Register, Warn, inherit_label
-from usd_schemas.reading.materials import GREY, ReadMaterial, read_material
-from usd_schemas.reading.meshes import FlatMesh, UnreadableMeshError, read_mesh, subset_faces
+from usd_schemas.reading.materials import GREY, PLAIN_COLOR, ReadMaterial, read_material
+from usd_schemas.reading.meshes import FlatMesh, read_mesh
 from usd_schemas.reading.placements import Placement
-from usd_schemas.reading.traversal import guarded, numbers_of
+from usd_schemas.reading.subsets import subset_faces
+from usd_schemas.reading.tiles import tile_materials, tile_numbers
+from usd_schemas.reading.traversal import UnreadableMeshError, guarded, numbers_of, table_of
 from usd_schemas.taxonomies import Taxonomy
 
 F64 = NDArray[np.float64]
@@ -20,6 +22,8 @@ I64 = NDArray[np.int64]
 
 FALLBACK, DISPLAY_COLOR = 0, 1  # the first two materials
 _BIND_FAMILY = "materialBind"
+_MOST_TINTS = 4096  # colours of instances that are kept as they are
+_SHADES = 15  # steps of each of red, green and blue where there are more
 _LEAST_SCALE = 1e-9  # [1], below which an instance is taken for hidden
 
 
@@ -107,7 +111,7 @@ class _Work:
     def draw(self, placement: Placement, number: int) -> None:
         """Add the draws of one placement, the `number`th that the materials know."""
         key = mesh_key(placement)
-        mesh = self._parts.mesh(key, placement, self.materials.uv_names(number))
+        mesh = self._parts.mesh(key, placement, *self.materials.primvars(number))
         transforms, rows = _usable(placement, self._stage_to_world @ placement.transforms, self._warn)
         if mesh is None or not len(rows):
             return
@@ -116,10 +120,13 @@ class _Work:
             label = _group_label(placement, names)
             own_numbers = numbers if label.instance_id == placement.label.instance_id else None
             ids = self._register.instance_ids(label, placement.owner.GetPath(), own_numbers, len(rows))
-            material, class_id = self.materials.row(number, group, mesh.colored), self._register.class_id(label)
-            part = self._parts.row(key, group, self._splits[key].face)
-            if part is not None:
-                self.pile.add_draws(part, transforms, material, ids, class_id)
+            material = self.materials.rows(number, group, mesh.colored, placement, rows)
+            class_id = self._register.class_id(label)
+            face, tiles = self._splits[key].face, self.materials.tiles_of(material)
+            for tile, own in (tiles or {None: material}).items():
+                part = self._parts.row(key, group, face, tile, tuple(tiles))
+                if part is not None:
+                    self.pile.add_draws(part, transforms, own, ids, class_id)
 
 
 def mesh_key(placement: Placement) -> object:
@@ -218,27 +225,78 @@ class _Materials:
                 prims.append(placement.prim.GetChild(name) if name else placement.prim)
         bound, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, UsdShade.Tokens.full)
         known: dict[object, tuple[int | None, ReadMaterial]] = {None: (None, ReadMaterial(None))}
-        self._found = []
+        self._found, self._tints = [], {}
+        self._tiles: dict[int, dict[int | None, int]] = {}
         for material in bound:
             key = material.GetPath() if material else None
             if key not in known:
                 read = read_material(material, warn)
-                known[key] = (None if read.material is None else len(self.flat), read)
-                self.flat += [read.material] if read.material is not None else []
+                known[key] = (None if read.material is None else self._add(read.material), read)
             self._found.append(known[key])
         unbound = {prim.GetPath() for prim, material in zip(prims, bound, strict=True) if not material}
         if unbound:
             warn(f"{len(unbound)} parts have no material: drawn in displayColor or grey")
 
-    def row(self, placement: int, group: int, colored: bool) -> int:
-        found = self._found[self._starts[placement] + group][0]
-        return found if found is not None else (DISPLAY_COLOR if colored else FALLBACK)
+    def _add(self, material: Material) -> int:
+        row = len(self.flat)
+        bare, tiles = tile_materials(material)
+        self.flat += [bare, *tiles.values()]
+        if tiles:
+            self._tiles[row] = {0: row, **dict(zip(tiles, range(row + 1, len(self.flat)), strict=True))}
+        return row
 
-    def uv_names(self, placement: int) -> tuple[str, str]:
+    def tiles_of(self, material: int | I64) -> dict[int | None, int]:
+        """Rows of the materials of a tiled one by their tiles, 0 for everything beside them; none for another."""
+        return self._tiles.get(material, {}) if isinstance(material, int) else {}
+
+    def rows(self, number: int, group: int, colored: bool, placement: Placement, places: I64) -> int | I64:
+        """Find the material of a group of the `number`th placement: one, or one for each of some of its places."""
+        found, read = self._found[self._starts[number] + group]
+        row = found if found is not None else (DISPLAY_COLOR if colored else FALLBACK)
+        if row != FALLBACK and not self.flat[row].use_display_color:
+            return row
+        tints = _tints(placement, read.color_name, colored)
+        if tints is None:
+            plain = self.flat[row].use_display_color and not colored
+            return self._tinted(row, self.flat[row].base_color) if plain else row
+        return self._tinted_all(row, tints if len(tints) == 1 else tints[places])
+
+    def _tinted_all(self, row: int, tints: F64) -> int | I64:
+        if len(np.unique(tints, axis=0)) > _MOST_TINTS:
+            tints = np.round(tints * _SHADES) / _SHADES
+        colors, place = np.unique(tints, axis=0, return_inverse=True)
+        found = np.array([self._tinted(row, (red, green, blue)) for red, green, blue in colors.tolist()])
+        return int(found[0]) if len(found) == 1 else found[place.reshape(-1)]
+
+    def _tinted(self, row: int, color: tuple[float, float, float]) -> int:
+        """Find the row of a material whose colours are one."""
+        if (row, color) not in self._tints:
+            self._tints[row, color] = len(self.flat)
+            self.flat.append(replace(self.flat[row], base_color=color, use_display_color=False))
+        return self._tints[row, color]
+
+    def primvars(self, placement: int) -> tuple[tuple[str, str], str]:
+        """Name what the materials of a placement read: its two UV sets, and its colours."""
         last = self._starts[placement + 1] if placement + 1 < len(self._starts) else len(self._found)
-        named = [read.uv_names for _, read in self._found[self._starts[placement] : last]]
-        first, second = (next((name for name in column if name), "") for column in zip(*named, strict=True))
-        return first, second
+        read = [read for _, read in self._found[self._starts[placement] : last]]
+        named = zip(*(one.uv_names for one in read), strict=True)
+        first, second = (next((name for name in column if name), "") for column in named)
+        return (first, second), next((one.color_name for one in read if one.color_name != PLAIN_COLOR), PLAIN_COLOR)
+
+
+def _tints(placement: Placement, name: str, colored: bool) -> F64 | None:
+    """Colours that instances give to what they show, and that are not its own: one, one for each place, or none."""
+    primvars = UsdGeom.PrimvarsAPI(placement.prim)
+    if primvars.GetPrimvar(name).HasAuthoredValue():
+        return None
+    if placement.prim.IsInstanceProxy():
+        above = primvars.FindPrimvarWithInheritance(name)
+        value = table_of(above.Get(placement.time), 3) if above and above.HasValue() else None
+        if value is not None and len(value) and np.isfinite(value).all():
+            return value[:1]
+        if colored and placement.colors is None:  # another instance gave a colour
+            return np.array([GREY])
+    return placement.colors if name == PLAIN_COLOR and (placement.prim.IsInstanceProxy() or not colored) else None
 
 
 class _Parts:
@@ -249,20 +307,20 @@ class _Parts:
         self._level = level
         self._warn = warn
         self._meshes: dict[object, tuple[FlatMesh, int] | None] = {}
-        self._rows: dict[tuple[object, int], int] = {}
+        self._rows: dict[tuple[object, int, int | None], int] = {}
 
-    def mesh(self, key: object, placement: Placement, uv_names: tuple[str, str]) -> FlatMesh | None:
+    def mesh(self, key: object, placement: Placement, uv_names: tuple[str, str], color: str) -> FlatMesh | None:
         """Read a mesh, unless that was done; None where it cannot be drawn."""
         if key not in self._meshes:
-            self._meshes[key] = self._read(placement, uv_names)
+            self._meshes[key] = self._read(placement, uv_names, color)
         known = self._meshes[key]
         return known[0] if known else None
 
-    def _read(self, placement: Placement, uv_names: tuple[str, str]) -> tuple[FlatMesh, int] | None:
+    def _read(self, placement: Placement, uv_names: tuple[str, str], color: str) -> tuple[FlatMesh, int] | None:
         prim, mesh = placement.prim, None
         try:
             with guarded(prim, self._warn, "not drawn"):
-                mesh = read_mesh(prim, uv_names, placement.time, self._level)
+                mesh = read_mesh(prim, uv_names, placement.time, self._level, color)
         except UnreadableMeshError as error:
             self._warn(f"{prim.GetPath()}: {error}: not drawn")
         if mesh is None:
@@ -271,16 +329,21 @@ class _Parts:
             self._warn(f"{prim.GetPath()}: {note}")
         return (mesh, self._pile.add_mesh(mesh)) if len(mesh.triangles) else None
 
-    def row(self, key: object, group: int, face: I64 | None) -> int | None:
-        """Find the part of a group of faces."""
-        if (key, group) not in self._rows:
+    def row(
+        self, key: object, group: int, face: I64 | None, tile: int | None, tiles: tuple[int | None, ...]
+    ) -> int | None:
+        """Find the part of a group of faces, or of those of them that lie on one of several tiles."""
+        if (key, group, tile) not in self._rows:
             known = self._meshes[key]
             mesh, first = known if known else (None, 0)
             if mesh is None:
                 return None
-            chosen = slice(None) if face is None else face[mesh.face] == group
+            chosen = np.ones(len(mesh.triangles), bool) if face is None else face[mesh.face] == group
+            if tile is not None:
+                number = tile_numbers(mesh.st, mesh.triangles)
+                chosen &= number == tile if tile else ~np.isin(number, [other for other in tiles if other])
             triangles = mesh.triangles[chosen] + first
             if not len(triangles):
                 return None
-            self._rows[key, group] = self._pile.add_part(triangles, mesh.double_sided)
-        return self._rows[key, group]
+            self._rows[key, group, tile] = self._pile.add_part(triangles, mesh.double_sided)
+        return self._rows[key, group, tile]

@@ -54,13 +54,13 @@ class GeometryPile:
         self._double_sided.append(double_sided)
         return len(self._runs) - 1
 
-    def add_draws(self, part: int, transforms: F64, material: int, instances: U32, label: int) -> None:
+    def add_draws(self, part: int, transforms: F64, material: int | I64, instances: U32, label: int) -> None:
         """Add a part's instances.
 
         Args:
             part: Row of the part.
             transforms: Mesh to world [m], shape (N, 4, 4), float64.
-            material: Row of the material.
+            material: Row of the material, or one for each instance, shape (N,), int64.
             instances: Instance ids, shape (N,), uint32.
             label: Class id.
         """

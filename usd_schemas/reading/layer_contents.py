@@ -7,6 +7,7 @@ from pxr import Ar, Sdf, Tf, UsdUtils
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from usd_schemas.reading.mtlx import SUFFIX, named_files, read_document
+from usd_schemas.reading.tiles import MARK, tiles_of
 
 _VARIABLE = "${"  # what an asset path with a variable in it means depends on other layers
 _THERE, _MISSING = "there", "missing"
@@ -65,7 +66,9 @@ def _walk(root: Path) -> dict[str, str] | None:
             return None
         for asset in sorted(named):
             target = _resolve(layer, asset)
-            if target is None:
+            if MARK in asset:
+                found[f"{name}: {asset}"] = _tiles(layer.ComputeAbsolutePath(asset))
+            elif target is None:
                 found[f"{name}: {asset}"] = _MISSING
             elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):
                 pending.append(target)
@@ -86,7 +89,9 @@ def _add_document(home: Path, file: Path, found: dict[str, str]) -> None:
         return
     for picture in pictures:
         target = (file.parent / picture).resolve()
-        if target.is_file():
+        if MARK in picture:
+            found[f"{name}: {picture}"] = _tiles(str(file.parent / picture))
+        elif target.is_file():
             found[name_from(home, target)] = _THERE
         else:
             found[f"{name}: {picture}"] = _MISSING
@@ -95,3 +100,7 @@ def _add_document(home: Path, file: Path, found: dict[str, str]) -> None:
 def _resolve(layer: Sdf.Layer, asset: str) -> Path | None:
     resolved = str(Ar.GetResolver().Resolve(layer.ComputeAbsolutePath(asset.partition("[")[0])))
     return Path(resolved).resolve() if resolved and Path(resolved).is_file() else None
+
+
+def _tiles(pattern: str) -> str:
+    return ",".join(map(str, tiles_of(pattern))) or _MISSING

@@ -25,7 +25,8 @@ from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
 F64 = NDArray[np.float64]
 
-_UNLIT = ("RectLight", "DiskLight", "CylinderLight", "GeometryLight", "PortalLight", "PluginLight")
+_PANELS = ("RectLight", "DiskLight")
+_UNLIT = ("CylinderLight", "GeometryLight", "PortalLight", "PluginLight")
 _ROUND = 0.01  # difference of scales beyond which a sphere is stretched [1]
 _POLE_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # dome's +y to the stage's +z
 
@@ -37,7 +38,7 @@ class Lights:
     Attributes:
         sun: The first visible DistantLight, or None.
         dome: The first visible DomeLight, or None.
-        spheres: Every visible SphereLight.
+        spheres: Every visible SphereLight, RectLight and DiskLight.
     """
 
     sun: Sun | None
@@ -46,7 +47,7 @@ class Lights:
 
 
 def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
-    """Read the first visible DistantLight and DomeLight, and every visible SphereLight.
+    """Read the first visible DistantLight and DomeLight, and every visible SphereLight, RectLight and DiskLight.
 
     Args:
         stage: Composed stage.
@@ -60,7 +61,7 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
     turn = stage_to_world[:3, :3] / np.linalg.norm(stage_to_world[:3, 0])
     for prim in composed_prims(stage):
         kind = str(prim.GetTypeName())
-        if kind not in ("DistantLight", "DomeLight", "DomeLight_1", "SphereLight", *_UNLIT):
+        if kind not in ("DistantLight", "DomeLight", "DomeLight_1", "SphereLight", *_PANELS, *_UNLIT):
             continue
         with guarded(prim, warn, "the light is left out"):
             if UsdGeom.Imageable(prim).ComputeVisibility(EARLIEST) == UsdGeom.Tokens.invisible:
@@ -69,9 +70,9 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
                 suns.append(_read_sun(prim, turn))
             elif kind in ("DomeLight", "DomeLight_1") and not domes:
                 domes.append(_read_dome(prim, turn, warn))
-            elif kind == "SphereLight":
-                sphere = _read_sphere(prim, stage_to_world, warn)
-                spheres += [sphere] if sphere is not None else []
+            elif kind in ("SphereLight", *_PANELS):
+                lamp = (_read_sphere if kind == "SphereLight" else _read_panel)(prim, stage_to_world, warn)
+                spheres += [lamp] if lamp is not None else []
             else:
                 left_out.setdefault(kind, []).append(str(prim.GetPath()))
     for kind, paths in sorted(left_out.items()):
@@ -129,6 +130,36 @@ def _read_sphere(prim: Usd.Prim, stage_to_world: F64, warn: Warn) -> SphereLight
     x, y, z = matrix[:3, 3].tolist()
     red, green, blue = intensity.tolist()
     return SphereLight((x, y, z), radius, (red, green, blue))
+
+
+def _read_panel(prim: Usd.Prim, stage_to_world: F64, warn: Warn) -> SphereLight | None:
+    """Read a RectLight, or a DiskLight as the square of its area; None where it gives no light."""
+    kind, path = str(prim.GetTypeName()), prim.GetPath()
+    matrix = stage_to_world @ np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(EARLIEST)).T
+    if kind == "DiskLight":
+        radius = float(UsdLux.DiskLight(prim).GetRadiusAttr().Get(EARLIEST))
+        width = height = radius * float(np.sqrt(np.pi))
+    else:
+        light = UsdLux.RectLight(prim)
+        width, height = (float(one.Get(EARLIEST)) for one in (light.GetWidthAttr(), light.GetHeightAttr()))
+    across, up = matrix[:3, 0] * abs(width) / 2, matrix[:3, 1] * abs(height) / 2
+    if np.cross(up, across) @ matrix[:3, 2] > 0.0:  # a mirrored panel still shines along its own -z
+        across = -across
+    area = 4 * float(np.linalg.norm(np.cross(across, up)))
+    unit = float(np.linalg.norm(stage_to_world[:3, 0]))
+    intensity = np.array(_radiance(prim)) * (unit**2 if _is_normalized(prim) else area)
+    if not (np.isfinite(matrix).all() and np.isfinite(intensity).all() and intensity.max() > 0.0 < area):
+        warn(f"{path}: a {kind} that gives no light: left out")
+        return None
+    if prim.HasAPI(UsdLux.ShapingAPI):
+        warn(f"{path}: the shaping of a {kind} is left out: it shines to all of its side")
+    texture = prim.GetAttribute("inputs:texture:file")
+    if texture and texture.HasAuthoredValue():
+        warn(f"{path}: the picture of a {kind} is left out: it shines evenly")
+    x, y, z = matrix[:3, 3].tolist()
+    red, green, blue = intensity.tolist()
+    (a, b, c), (d, e, f) = across.tolist(), up.tolist()
+    return SphereLight((x, y, z), float(np.sqrt(area / np.pi)), (red, green, blue), ((a, b, c), (d, e, f)))
 
 
 def _read_dome(prim: Usd.Prim, turn: F64, warn: Warn) -> Dome:

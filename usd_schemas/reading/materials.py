@@ -11,6 +11,7 @@ from usd_schemas.reading.meshes import ATLAS_ST
 from usd_schemas.reading.shader_inputs import Source, asset_file, channel_of, find_source, number_of, pair_of, triple_of
 
 GREY = (0.5, 0.5, 0.5)
+PLAIN_COLOR = "displayColor"
 _DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)
 _DEFAULT_ROUGHNESS = 0.5
 _WRAPS = ("mirror", "clamp", "black")  # how a texture goes on beyond its edge, other than by repeating
@@ -30,10 +31,12 @@ class ReadMaterial:
     Attributes:
         material: The flat material; None where only displayColor or grey can stand in for it.
         uv_names: Primvar names of its first and second UV set; empty where it names none.
+        color_name: Primvar of colours that it reads.
     """
 
     material: Material | None
     uv_names: tuple[str, str] = ("", "")
+    color_name: str = PLAIN_COLOR
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
     def note(text: str) -> None:
         warn(f"{path}: {text}")
 
-    base, color, by_vertex = _read_color(find_source(surface, "diffuseColor"), note)
+    base, color, colored_by = _read_color(find_source(surface, "diffuseColor"), note)
     rough, metal = (_read_number(surface, name, note) for name in ("roughness", "metallic"))
     normal = _read_normal(find_source(surface, "normal"), note)
     glow = _read_plain(surface, "emissiveColor", note)
@@ -91,7 +94,7 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
         Material(
             name=path,
             base_color=color,
-            use_display_color=by_vertex,
+            use_display_color=bool(colored_by),
             base_texture=numbered(base),
             roughness=number_of(find_source(surface, "roughness"), _DEFAULT_ROUGHNESS),
             roughness_texture=numbered(rough),
@@ -108,6 +111,7 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
             blends=opacity.blends,
         ),
         names,
+        colored_by or PLAIN_COLOR,
     )
 
 
@@ -118,21 +122,19 @@ def _uv_names(used: list[str]) -> tuple[str, str]:
     return (first[0] if first else ""), second
 
 
-def _read_color(source: Source, note: Warn) -> tuple[_Sampled | None, tuple[float, float, float], bool]:
-    """Diffuse colour: its texture, else a constant, else the vertex colour."""
+def _read_color(source: Source, note: Warn) -> tuple[_Sampled | None, tuple[float, float, float], str]:
+    """Diffuse colour: its texture, else a constant, else the primvar whose colours it shows."""
     if source.shader is None:
-        return None, triple_of(source, _DEFAULT_DIFFUSE), False
+        return None, triple_of(source, _DEFAULT_DIFFUSE), ""
     if source.shader.GetShaderId() == "UsdPrimvarReader_float3":
-        if str(find_source(source.shader, "varname").value) == "displayColor":
-            return None, GREY, True
-        note("diffuseColor reads a primvar other than displayColor: drawn grey")
-        return None, GREY, False
+        fallback = triple_of(find_source(source.shader, "fallback"), GREY)  # where a mesh has no such primvar
+        return None, fallback, str(find_source(source.shader, "varname").value or PLAIN_COLOR)
     sampled = _read_texture(source, True, "diffuseColor", note)
     if sampled and sampled.output in ("rgb", ""):
-        return sampled, GREY, False
+        return sampled, GREY, ""
     if sampled:
         note(f"diffuseColor from output {sampled.output} of a texture is left out: drawn plain grey")
-    return None, GREY, False
+    return None, GREY, ""
 
 
 def _read_number(surface: UsdShade.Shader, name: str, note: Warn) -> _Sampled | None:

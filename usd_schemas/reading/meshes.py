@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from usd_schemas.reading.shapes import SHAPES, read_shape
+from usd_schemas.reading.strands import STRANDS, read_strands
 from usd_schemas.reading.subdivision import Cage, refine, smooth_normals
-from usd_schemas.reading.traversal import COMPOSED, EARLIEST, numbers_of, table_of
+from usd_schemas.reading.traversal import EARLIEST, UnreadableMeshError, numbers_of, table_of
 from usd_schemas.triangulate import cross, face_normals, triangulate
 
 F32 = NDArray[np.float32]
@@ -19,13 +20,10 @@ PLAIN_ST = "st"
 ATLAS_ST = "st1"
 _SMOOTH = ("catmullClark", "loop")
 _MOST_CORNERS = 4_000_000  # of a refined mesh
+_FARTHEST = 1e15  # [stage units]; areas of what lies beyond are no numbers in single precision
 _SHORT = 1e-12  # a normal of this length or less points nowhere [1]
 _UV_TYPES = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
 _UV_LIKE = (*_UV_TYPES, "float2[]", "double2[]", "half2[]")
-
-
-class UnreadableMeshError(Exception):
-    """A mesh whose arrays contradict each other; the text says how."""
 
 
 @dataclass(frozen=True)
@@ -69,37 +67,37 @@ class _Values:
 
 @dataclass(frozen=True)
 class _Faces:
-    """Topology: `owner` is the face of each corner, shape (C,)."""
+    """Topology: `owner` is the face of each corner, shape (C,); `lost` are faces with points that are not finite."""
 
     points: F64
     counts: I64
     corners: I64
     owner: I64
+    lost: tuple[int, ...] = ()
 
 
-def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EARLIEST, level: int = 1) -> FlatMesh:
-    """Read a mesh or a native gprim.
+def read_mesh(
+    prim: Usd.Prim,
+    uv_names: tuple[str, str],
+    time: Usd.TimeCode = EARLIEST,
+    level: int = 1,
+    color_name: str = "displayColor",
+) -> FlatMesh:
+    """Read a mesh, a native gprim, curves or points.
 
     Args:
-        prim: A Mesh, or a gprim out of `SHAPES`.
+        prim: A Mesh, or a gprim out of `SHAPES` or `STRANDS`.
         uv_names: Primvars that the bound material reads as first and second UV set; either may be empty.
         time: When.
         level: How many times a subdivision surface is refined.
+        color_name: Primvar of its colours.
 
     Raises:
         UnreadableMeshError: Points or face arrays are wrong.
     """
     notes: list[str] = []
-    if prim.GetTypeName() in SHAPES:
-        shape = read_shape(prim, time)
-        faces = _Faces(shape.points, shape.face_counts, shape.corners, _owners(shape.face_counts))
-        number = np.arange(len(shape.corners))
-        normals, st, st1 = _Values(shape.normals, number), _Values(shape.st, number), None
-    else:
-        faces = _read_faces(UsdGeom.Mesh(prim), time)
-        normals = _read_normals(UsdGeom.Mesh(prim), faces, time, notes)
-        st, st1 = (_read_primvar(prim, name, faces, 2, time, notes) for name in choose_uv(prim, uv_names))
-    colors = _read_primvar(prim, "displayColor", faces, 3, time, notes)
+    faces, normals, (st, st1, colors) = _read_values(prim, uv_names, color_name, time, notes)
+    level = 0 if faces.lost else level
     left_handed = UsdGeom.Gprim(prim).GetOrientationAttr().Get(EARLIEST) == UsdGeom.Tokens.leftHanded
     cage, parent = faces, np.arange(len(faces.counts))
     if normals is None and level and prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.catmullClark:
@@ -111,7 +109,7 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EA
     face = parent[face]
     corner = faces.points[faces.corners[triangles]]
     area = cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    solid = np.any(area != 0.0, axis=1) & ~_holes(prim, cage, face, time)
+    solid = np.any(area != 0.0, axis=1) & ~_holes(prim, cage, face, time) & ~np.isin(face, cage.lost)
     triangles, face = triangles[solid], face[solid]
     nothing = np.zeros((1, 2)), np.zeros(len(faces.corners), np.int64)
     white = _Values(np.ones((1, 3)), nothing[1])
@@ -130,6 +128,32 @@ def read_mesh(prim: Usd.Prim, uv_names: tuple[str, str], time: Usd.TimeCode = EA
         colors is not None,
         tuple(notes),
     )
+
+
+def _read_values(
+    prim: Usd.Prim, uv_names: tuple[str, str], color_name: str, time: Usd.TimeCode, notes: list[str]
+) -> tuple[_Faces, _Values | None, tuple[_Values | None, _Values | None, _Values | None]]:
+    """Topology as authored; normals where there are any; and what there is of both UV sets and colours."""
+    if prim.GetTypeName() in STRANDS:
+        strands = read_strands(prim, time, color_name, notes)
+        faces = _Faces(strands.points, strands.counts, strands.corners, _owners(strands.counts))
+        colors = None if strands.colors is None else _Values(strands.colors, strands.corners)
+        return faces, _Values(strands.normals, strands.corners), (None, None, colors)
+    if prim.GetTypeName() in SHAPES:
+        with np.errstate(invalid="ignore"):
+            shape = read_shape(prim, time)
+        if not _is_near(shape.points).all():
+            raise UnreadableMeshError("its size is not finite")
+        faces = _Faces(shape.points, shape.face_counts, shape.corners, _owners(shape.face_counts))
+        number = np.arange(len(shape.corners))
+        normals, st, st1 = _Values(shape.normals, number), _Values(shape.st, number), None
+    else:
+        faces = _read_faces(UsdGeom.Mesh(prim), time)
+        normals = _read_normals(UsdGeom.Mesh(prim), faces, time, notes)
+        st, st1 = (_read_primvar(prim, name, faces, 2, time, notes) for name in choose_uv(prim, uv_names))
+        if faces.lost:
+            notes.append(f"points that are not finite: {len(faces.lost)} of {len(faces.counts)} faces are left out")
+    return faces, normals, (st, st1, _read_primvar(prim, color_name, faces, 3, time, notes))
 
 
 def _refined(
@@ -214,13 +238,20 @@ def _read_faces(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> _Faces:
     if points is None or counts is None or corners is None:
         name = "points" if points is None else "faceVertexCounts" if counts is None else "faceVertexIndices"
         raise UnreadableMeshError(f"its {name} are of another type")
-    if not np.isfinite(points).all():
-        raise UnreadableMeshError("its points are not finite")
     if np.any(counts < 0) or counts.sum() != len(corners):
         raise UnreadableMeshError("faceVertexCounts and faceVertexIndices do not fit together")
     if len(corners) and not 0 <= corners.min() <= corners.max() < len(points):
         raise UnreadableMeshError("faceVertexIndices name points that do not exist")
-    return _Faces(points, counts, corners, _owners(counts))
+    owner, bad = _owners(counts), ~_is_near(points)
+    lost = np.unique(owner[bad[corners]]).tolist() if len(corners) else []
+    if bad.any() and len(lost) == np.count_nonzero(counts):
+        raise UnreadableMeshError("its points are not finite")
+    points[bad] = points[~bad].mean(axis=0) if bad.any() else 0.0
+    return _Faces(points, counts, corners, owner, tuple(lost))
+
+
+def _is_near(points: F64) -> NDArray[np.bool_]:
+    return np.max(np.abs(points), axis=1, initial=0.0) < _FARTHEST  # not so where they are NaN
 
 
 def _owners(counts: I64) -> I64:
@@ -345,23 +376,3 @@ def _ranks_of_rows(data: F64) -> I64:
     plain = np.ascontiguousarray(data, np.float32) + np.float32(0.0)  # -0.0 is 0.0
     ranks = _ranks(np.ascontiguousarray(plain[:, :2]).view(np.int64)[:, 0])
     return ranks if plain.shape[1] == 2 else _ranks(ranks * len(plain) + _ranks(plain[:, 2]))
-
-
-def subset_faces(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, I64]]:
-    """List the face subsets of a mesh.
-
-    Args:
-        prim: A Mesh.
-
-    Returns:
-        Subset prim, family name, and face numbers, shape (K,), int64, in namespace order.
-    """
-    found = []
-    for child in prim.GetFilteredChildren(COMPOSED):
-        if child.IsA(UsdGeom.Subset):
-            subset = UsdGeom.Subset(child)
-            if subset.GetElementTypeAttr().Get() == UsdGeom.Tokens.face:
-                indices = numbers_of(subset.GetIndicesAttr().Get(EARLIEST))
-                indices = np.full(1, -1, np.int64) if indices is None else indices  # of another type: of no face
-                found.append((child, str(subset.GetFamilyNameAttr().Get() or ""), indices))
-    return found

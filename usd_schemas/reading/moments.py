@@ -92,8 +92,8 @@ def _moved(stage: Usd.Stage, time: Usd.TimeCode, choices: StageChoices, warn: Wa
 
 def _is_too_much(placements: Iterable[Placement], times: int) -> bool:
     moving = [placement for placement in placements if placement.moves]
-    deforming = {one.prim.GetPath(): one for one in moving if one.deforms and one.prim.IsA(UsdGeom.Mesh)}
-    points = sum(len(UsdGeom.Mesh(one.prim).GetPointsAttr().Get(one.time) or ()) for one in deforming.values())
+    deforming = {one.prim.GetPath(): one for one in moving if one.deforms and one.prim.IsA(UsdGeom.PointBased)}
+    points = sum(len(UsdGeom.PointBased(one.prim).GetPointsAttr().Get(one.time) or ()) for one in deforming.values())
     return len(moving) * times > MOST_PLACED or points * times > MOST_POINTS
 
 

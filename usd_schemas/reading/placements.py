@@ -10,7 +10,8 @@ from pxr import Usd, UsdGeom, UsdShade
 from usd_schemas.reading.choices import DRAWN_PURPOSES
 from usd_schemas.reading.labels import Label, Warn, inherit_label
 from usd_schemas.reading.shapes import SHAPES
-from usd_schemas.reading.traversal import COMPOSED, EARLIEST, guarded, numbers_of
+from usd_schemas.reading.strands import STRANDS, has_width
+from usd_schemas.reading.traversal import COMPOSED, EARLIEST, guarded, numbers_of, table_of
 
 F64 = NDArray[np.float64]
 U32 = NDArray[np.uint32]
@@ -22,6 +23,7 @@ _INSTANCED = ("protoIndices", "positions", "orientations", "orientationsf", "sca
 _SHAPED = (
     "points",
     "normals",
+    "widths",
     "faceVertexIndices",
     "size",
     "radius",
@@ -47,6 +49,7 @@ class Placement:
         moves: Its place, or whether it is there, may change with time.
         deforms: Its own shape may change with time.
         time: When it stands so.
+        colors: Linear displayColor of each of its N places where an instancer gives them [1], shape (N, 3), or None.
     """
 
     prim: Usd.Prim
@@ -57,6 +60,7 @@ class Placement:
     moves: bool = False
     deforms: bool = False
     time: Usd.TimeCode = EARLIEST
+    colors: F64 | None = None
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,7 @@ class _Above:
     own_id: bool
     moves: bool
     depth: int
+    colors: F64 | None = None
 
 
 @dataclass(frozen=True)
@@ -159,14 +164,18 @@ class _Walker:
         return replace(above, purpose=purpose, label=label, own_id=own_id, moves=moves)
 
     def _placed(self, prim: Usd.Prim, here: _Above) -> Iterator[Placement]:
-        if not prim.IsA(UsdGeom.Mesh) and prim.GetTypeName() not in SHAPES:
-            self.undrawn.setdefault(str(prim.GetTypeName()), []).append(str(prim.GetPath()))
+        kind = str(prim.GetTypeName())
+        if kind in STRANDS and not has_width(prim):
+            kind += " without width"
+        if not prim.IsA(UsdGeom.Mesh) and kind not in (*SHAPES, *STRANDS):
+            self.undrawn.setdefault(kind, []).append(str(prim.GetPath()))
             return
         transforms = here.base @ self._relative(prim, here.root)
         deforms = any(attribute.ValueMightBeTimeVarying() for attribute in map(prim.GetAttribute, _SHAPED) if attribute)
         self.moving = self.moving or here.moves or deforms
         owner = here.owner or prim
-        yield Placement(prim, transforms, here.label, here.numbers, owner, here.moves or deforms, deforms, self._time)
+        moves = here.moves or deforms
+        yield Placement(prim, transforms, here.label, here.numbers, owner, moves, deforms, self._time, here.colors)
 
     def _relative(self, prim: Usd.Prim, root: Usd.Prim | None) -> F64:
         """Transform of a prim to the space of a prototype's root, or to the stage, for column vectors: (4, 4)."""
@@ -204,7 +213,7 @@ class _Walker:
             self._warn(f"{path}: protoIndices name prototypes that do not exist: those instances are not drawn")
         mask = np.array(instancer.ComputeMaskAtTime(self._time), bool)
         seen = mask if len(mask) == len(chosen) else np.ones(len(chosen), bool)
-        numbers = self._numbers(prim, len(chosen))
+        numbers, colors = self._numbers(prim, len(chosen)), self._colors(prim, len(chosen))
         to_stage = here.base @ self._relative(prim, here.root)
         below = []
         for number, target in enumerate(targets):
@@ -215,6 +224,9 @@ class _Walker:
             ids = np.tile(numbers[rows], len(to_stage)) if numbers is not None else None
             if here.numbers is not None:  # the outermost instancer knows what was placed
                 ids = np.repeat(here.numbers, len(rows))
+            tints = None if here.colors is None else np.repeat(here.colors, len(rows), axis=0)
+            if colors is not None:  # the innermost one knows what it places
+                tints = np.tile(colors[rows], (len(to_stage), 1))
             label = here.label if numbers is None or here.numbers is not None else replace(here.label, carrier=path)
             below.append(
                 (
@@ -229,6 +241,7 @@ class _Walker:
                         bool(here.own_id or here.label.instance_id),
                         here.moves,
                         here.depth + 1,
+                        tints,
                     ),
                 )
             )
@@ -243,3 +256,13 @@ class _Walker:
             self._warn(f"{prim.GetPath()}: instanceIds do not fit the instances: ignored")
             return None
         return values.astype(np.uint32)
+
+    def _colors(self, prim: Usd.Prim, count: int) -> F64 | None:
+        primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayColor")
+        if not primvar or not primvar.HasAuthoredValue():
+            return None
+        values = table_of(primvar.ComputeFlattened(self._time), 3)
+        if values is None or len(values) not in (1, count) or not np.isfinite(values).all():
+            self._warn(f"{prim.GetPath()}: primvars:displayColor does not fit the instances: ignored")
+            return None
+        return np.broadcast_to(values, (count, 3))

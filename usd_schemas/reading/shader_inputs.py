@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
 from usd_schemas.reading.packages import unpacked
+from usd_schemas.reading.tiles import MARK, tiles_of
 from usd_schemas.reading.traversal import EARLIEST
 
 
@@ -41,7 +42,16 @@ def find_source(shader: UsdShade.Shader, name: str) -> Source:
     if UsdShade.Output.IsOutput(attributes[0]):
         output = UsdShade.Output(attributes[0])
         return Source(shader=UsdShade.Shader(attributes[0].GetPrim()), output=str(output.GetBaseName()))
-    return Source(value=attributes[0].Get(EARLIEST), color_space=str(attributes[0].GetColorSpace() or ""))
+    return Source(value=_value(attributes[0]), color_space=str(attributes[0].GetColorSpace() or ""))
+
+
+def _value(attribute: Usd.Attribute) -> Any:
+    """Value of an attribute; the path of a texture in tiles, which USD finds nowhere, as its layer means it."""
+    value = attribute.Get(EARLIEST)
+    if not isinstance(value, Sdf.AssetPath) or MARK not in value.path or value.resolvedPath:
+        return value
+    holders = [spec.layer for spec in attribute.GetPropertyStack(EARLIEST) if spec.HasDefaultValue()]
+    return Sdf.AssetPath(value.path, holders[0].ComputeAbsolutePath(value.path)) if holders else value
 
 
 def asset_file(value: Any) -> str:
@@ -51,9 +61,12 @@ def asset_file(value: Any) -> str:
         value: Value of an asset attribute.
 
     Returns:
-        Absolute path of an existing file, or empty; of a file inside a usdz package that of a copy.
+        Absolute path of an existing file, or empty; of a file inside a usdz package that of a copy; of a texture in
+        tiles the path with `MARK`, if there are any.
     """
     resolved = str(value.resolvedPath) if isinstance(value, Sdf.AssetPath) else ""
+    if MARK in resolved:
+        return resolved if tiles_of(resolved) else ""
     if resolved.endswith("]"):
         return unpacked(resolved)
     return str(Path(resolved).resolve()) if resolved and Path(resolved).is_file() else ""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pxr import Tf, Usd, UsdGeom
 
 from groundwork.errors import InputError
+from usd_schemas.reading.parse_errors import reason_of
 
 # The first sample where there are samples, else the default: what a still picture of the stage shows.
 EARLIEST = Usd.TimeCode.EarliestTime()
@@ -17,6 +18,10 @@ EARLIEST = Usd.TimeCode.EarliestTime()
 MISTYPED = (ValueError, TypeError, LookupError, AttributeError, OverflowError, RuntimeError, Tf.ErrorException)
 
 COMPOSED = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+
+
+class UnreadableMeshError(Exception):
+    """A mesh whose arrays contradict each other; the text says how."""
 
 
 def composed_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
@@ -44,7 +49,7 @@ def guarded(prim: Usd.Prim, warn: Callable[[str], None], what: str = "left out")
     try:
         yield
     except (*MISTYPED, InputError) as error:
-        reason = (str(error).strip() or type(error).__name__).splitlines()[-1].strip()
+        reason = reason_of(error) if str(error).strip() else type(error).__name__
         warn(f"{prim.GetPath()}: a value of another type than its schema says ({reason}): {what}")
 
 

@@ -1,0 +1,55 @@
+"""What lights a flat scene."""
+
+from dataclasses import dataclass
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Sun:
+    """A DistantLight.
+
+    Attributes:
+        direction: Unit vector from the scene towards the light [1], world axes.
+        radiance: Linear irradiance of a surface that faces it [1].
+        angle: Angular diameter [deg].
+    """
+
+    direction: tuple[float, float, float]
+    radiance: tuple[float, float, float]
+    angle: float = 0.53
+
+
+@dataclass(frozen=True)
+class Dome:
+    """A DomeLight.
+
+    Attributes:
+        radiance: Linear colour times intensity [1].
+        file: Latitude-longitude texture, or empty.
+        rotation: dome to world, shape (3, 3), row-major nested tuples [1].
+    """
+
+    radiance: tuple[float, float, float]
+    file: str = ""
+    rotation: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class SphereLight:
+    """A SphereLight; with `sides` a panel: a RectLight, or a DiskLight as the square of its area.
+
+    Attributes:
+        position: Centre in the world [m].
+        radius: Radius [m]; 0 for a point; of a panel that of a disc of its area.
+        intensity: Linear radiant intensity [m2]: radiance of its surface times pi times radius squared. At distance d
+            from the centre a facing surface receives intensity / d^2, in the same unit as `Sun.radiance`; from a panel
+            a far surface straight before it.
+        sides: From the centre of a panel to the middles of two of its edges [m], world axes: it shines along the cross
+            product of the second and the first. None for a ball.
+    """
+
+    position: Triple
+    radius: float
+    intensity: Triple
+    sides: tuple[Triple, Triple] | None = None
