@@ -84,7 +84,7 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
             "children": "work that is done in a process of its own",
             "store": "results under their keys: written once, verified, repaired",
             "execution": "which results are wanted, who makes them, here or on a cluster",
-            "gallery": "contact sheets of families, looks and worlds",
+            "gallery": "contact sheets of families, looks and worlds, one picture of a scenario",
             "commands": "the verbs of the command line",
         },
     ),

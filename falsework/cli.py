@@ -203,6 +203,7 @@ GROUPS = {
 SINGLE = {
     "demo": ("run_verbs", "Make one small bridge from nothing to an annotated dense point cloud and a report."),
     "run": ("run_verbs", "Run the whole chain of a scenario; a second call makes only what is missing."),
+    "preview": ("preview_verb", "Show a scenario: one picture of its bridge in its world, and nothing else is kept."),
     "plan": ("plan_verbs", "Tell what a run would do, how long it takes and what disk space it needs."),
     "verify": ("store_verbs", "Find what is not as it was written in the folder of a run: falsework verify --help."),
     "clean": ("store_verbs", "Remove what killed runs left in the folder of a run, and results of no scene if asked."),

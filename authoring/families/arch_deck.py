@@ -191,6 +191,7 @@ def _draw_bents(choice: ArchChoice, section: RibSection, slab: SpandrelDeck, wid
         cap_depth=round(depth, 3),
         cap_end_depth=round(depth * (1.0 if paper else 1.0 - taper), 3),
         chamfer=0.0 if paper else 0.02,
+        footing_top=0.3 if paper else -0.4,
         role="Role_GirderSteel" if choice.form == "steel" else "Role_PierConcrete",
     )
 

@@ -298,7 +298,7 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
     parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     for support, station, _ in bridge.pylons:
-        parts += pylon_parts(bridge.pylon, support, station, -levels.surfacing, place, ground)
+        parts += pylon_parts(bridge.pylon, support, station, -levels.surfacing, place, ground, bridge.piers.footing_top)
     parts += pier_parts(bridge.piers, spans, levels, place, ground, tuple(station for _, station, _ in bridge.pylons))
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top

@@ -216,7 +216,7 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     towers = [(spans.supports.index(station), station) for station in cables.towers]
     for support, station in towers:
-        parts += pylon_parts(bridge.tower, support, station, -levels.surfacing, place, ground)
+        parts += pylon_parts(bridge.tower, support, station, -levels.surfacing, place, ground, bridge.piers.footing_top)
     parts += pier_parts(bridge.piers, spans, levels, place, ground, cables.towers)
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top

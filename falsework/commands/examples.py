@@ -7,6 +7,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "plan": ("falsework plan bridges.toml -o out",),
     "verify": ("falsework verify out", "falsework verify out --repair"),
     "clean": ("falsework clean out --dry-run",),
+    "preview": (
+        "falsework preview scenarios/demo.toml -o picture.png",
+        "falsework preview bridges.toml -o picture.png --view ground --width 1920 --height 1080",
+    ),
     "author": ("falsework author scenarios/demo.toml -o scene",),
     "render": (
         "falsework render scene/scene.usda -o captures",
