@@ -78,7 +78,7 @@ def fit_to_fixes(
     """
     if len(source) < _TRIPLE or not min(np.ptp(source, axis=0).max(), np.ptp(goal, axis=0).max()) > 0.0:
         return None
-    found = [_settle(source, goal, sigma, levels, start) for start in _starts(source, goal, sigma, levels, rng)]
+    found = [_settle(source, goal, sigma, levels, start) for start in _starts(source, goal, sigma, rng)]
     level = min(_level(_squares(similarity, source, goal, sigma)) for similarity in found)
     costs = [_cost(similarity, source, goal, sigma * level, levels) for similarity in found]
     best = found[int(np.argmin(costs))]
@@ -95,7 +95,7 @@ def fit_to_fixes(
     return replace(fit, twofold=unlike)
 
 
-def _starts(source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.random.Generator) -> list[Similarity]:
+def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> list[Similarity]:
     """Propose similarities: of all fixes, of the triple that half of them agree with best, and upside down of each."""
     count = len(source)
     keys = rng.random((_TRIPLES, count))
