@@ -52,7 +52,7 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "alignment": (
         ("recon/placing/similarity.py", "recon/placing/align.py", "recon/placing/gps_fit.py"),
-        ("tests/recon/test_align.py", "tests/recon/test_align_gps.py"),
+        ("tests/recon/test_align.py", "tests/recon/test_gps_fit.py", "tests/recon/test_align_gps.py"),
     ),
     "cameras": (
         ("usd_schemas/pinhole.py", "usd_schemas/distortion.py"),
@@ -77,15 +77,14 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "bearings": (
         ("authoring/parts/bearings.py",),
-        ("tests/authoring/bridges/test_substructure.py", "tests/authoring/bridges/test_families.py"),
+        ("tests/authoring/bridges/test_bearings.py", "tests/authoring/bridges/test_substructure.py"),
     ),
     "surveys": (
         ("authoring/surveys/coverage.py", "authoring/surveys/gps.py", "authoring/surveys/way.py"),
         (
+            "tests/authoring/test_coverage.py",
+            "tests/authoring/test_ways.py",
             "tests/authoring/test_surveys.py",
-            "tests/authoring/test_local_survey.py",
-            "tests/authoring/test_random_surveys.py",
-            "tests/authoring/test_inspection.py",
         ),
     ),
     "light": (

@@ -25,7 +25,6 @@ from authoring.surveys.score import score_flight
 from authoring.surveys.settings import GridSettings, LocalSettings
 from authoring.surveys.subject import Subject, make_subject
 from authoring.surveys.turning import angle_between, limit_pitch, look_along, pitch_of, turn_between
-from authoring.surveys.way import _catmull_rom, equal_steps, rounded_way
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.authoring.boxes import box, flat_site
@@ -218,40 +217,6 @@ def test_turns_and_pitch_in_closed_form() -> None:
     up = look_along(np.array([[1.0, 0.0, 0.2], [0.0, 0.0, 1.0]]))
     np.testing.assert_allclose(np.linalg.det(up), 1.0)
     np.testing.assert_allclose(up[1, :, 0], up[0, :, 0], atol=1e-12)
-
-
-def test_equal_steps_and_rounding(subject: Subject) -> None:
-    """Steps of a broken line are L / ceil(L / 0.5); a rounded way passes through its corners."""
-    line = np.array([[0.0, 0.0, 40.0], [3.1, 0.0, 40.0], [3.1, 4.0, 40.0]])
-    places = equal_steps(line, 0.5)
-    assert len(places) == int(np.ceil(7.1 / 0.5)) + 1
-    np.testing.assert_allclose(np.linalg.norm(np.diff(places[:6], axis=0), axis=1), 7.1 / 15)
-    np.testing.assert_array_equal(places[[0, -1]], line[[0, -1]])
-    assert len(equal_steps(np.array([[0.0, 0, 0], [4.0, 0, 0]]), 0.5)) == 9  # a length of whole steps takes no more
-    for aside in (np.zeros(3), np.array([500.0, -800.0, 60.0])):
-        curve = rounded_way(line + aside, subject, 1.0)
-        for corner in line + aside:
-            assert np.linalg.norm(curve - corner, axis=1).min() < 1e-9
-        assert 72 <= len(curve) <= 74  # a decimetre each
-        steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
-        assert 0.05 < steps.min() < steps.max() < 0.2
-    turned = np.diff(curve, axis=0) / steps[:, None]
-    assert (turned[1:] * turned[:-1]).sum(axis=1).min() > np.cos(np.radians(10.0))  # no corner is left
-    np.testing.assert_array_equal(rounded_way(line[:2], subject, 1.0), line[:2])
-
-
-def test_a_spline_goes_evenly_through_its_corners() -> None:
-    """Centripetal Catmull-Rom: a straight line of even corners stays one; ends and slopes join the next leg's."""
-    even = np.array([[float(k), 2.0 * k, 0.0] for k in range(4)])
-    share = np.linspace(0.0, 1.0, 11)
-    np.testing.assert_allclose(_catmull_rom(even, share), even[1] + share[:, None] * (even[2] - even[1]), atol=1e-12)
-    corners = np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 3.0, 0], [2.0, 4.0, 5.0], [7.0, 4.0, 5.0]])
-    first, second = (_catmull_rom(corners[k : k + 4], np.array([0.0, 1e-6, 1.0 - 1e-6, 1.0])) for k in (0, 1))
-    np.testing.assert_allclose(first[[0, -1]], corners[1:3], atol=1e-12)
-    np.testing.assert_allclose(second[[0, -1]], corners[2:4], atol=1e-12)
-    knots = np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1))
-    ahead, back = (second[1] - second[0]) / knots[2], (first[-1] - first[-2]) / knots[1]
-    np.testing.assert_allclose(ahead, back, rtol=1e-4)
 
 
 def test_same_seed_same_flight_and_sections_do_not_disturb(subject: Subject) -> None:

@@ -9,10 +9,8 @@ import pytest
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
-from authoring.parts.bearings import Bearings, _askew, bearing_parts, sole_thickness
 from authoring.parts.pier_caps import CapShape, cap_surface
 from authoring.parts.shafts import Shafts, fork_outline, shaft_base, shaft_outline, shaft_surfaces, stout_shafts
-from authoring.parts.spans import Levels, Spans
 from authoring.parts.wedges import road_slope, seat_slope
 from authoring.shapes.component import F64, Component, triangles
 from authoring.shapes.sections import area
@@ -174,40 +172,6 @@ def test_bearings_meet_soffit_and_seat_on_a_bent_bridge(kind: str, pier: str) ->
         s, left = frame.locate(foot)
         seat = frame.point(s, left, np.full(4, levels.seat))[:, 2]
         assert np.all((seat - foot[:, 2] > 0.0) & (seat - foot[:, 2] < 0.02)), where
-
-
-@pytest.mark.parametrize("kind", ["pad", "pot"])
-@pytest.mark.parametrize("flange", [0.0, 0.43, 0.434, 0.45, 0.425])
-def test_bearings_have_their_sizes(kind: str, flange: float) -> None:
-    """Sole plate 15 mm wider all round, 20 mm thick; no side within 6 mm of that of the flange above; plinth beside."""
-    told = Bearings(0.4, 0.3, 0.09, 0.06, 0.2, kind)
-    levels = Levels(surfacing=0.1, slab=0.2, girder=1.0, pad=0.09, plinth=0.2)
-    parts = bearing_parts(told, (1.5,), Spans((0.0, 20.0), 0.4, 0.05), levels, Alignment(10.0), (flange, 0.0))
-    bearing, plinth = (next(part for part in parts if part.kind == f"bearing_{word}") for word in (kind, "plinth"))
-    points = bearing.surface.points
-    plate, lower = points[-8:], points[:-8]
-    width = 0.4 if abs(0.43 - flange) > 0.006 else 0.388
-    np.testing.assert_allclose(np.ptp(plate, axis=0), [0.33, width + 0.03, 0.022], atol=1e-9)
-    np.testing.assert_allclose(plate.mean(axis=0)[1], 1.5, atol=1e-9)
-    np.testing.assert_allclose([plate[:, 2].min(), plate[:, 2].max()], [8.68, 8.702], atol=1e-9)
-    np.testing.assert_allclose(np.ptp(lower, axis=0)[1], width, atol=1e-9)
-    assert bearing.parameters["width"] == width
-    assert bearing.parameters["height"] == pytest.approx(0.09)
-    foot = plinth.surface.points
-    np.testing.assert_allclose(np.ptp(foot, axis=0), [0.42, width + 0.12, 0.21], atol=1e-9)
-
-
-def test_a_skewed_bearing_stays_under_its_girder() -> None:
-    """Turned against its girder, its corners reach as far across as its width did."""
-    for skew in (0.0, 0.2, -0.5):
-        turned = _askew(Bearings(0.4, 0.3, 0.09, 0.06, 0.2), skew)
-        reach = turned.pad_width * np.cos(skew) + turned.pad_length * np.sin(abs(skew))
-        assert reach == pytest.approx(0.4, abs=1.5e-3)  # sizes are whole millimetres
-        assert turned.pad_width / turned.pad_length == pytest.approx(4 / 3, abs=0.01)
-    steep = (0.03, -0.02)
-    assert sole_thickness(turned, steep) == pytest.approx(
-        max(0.02, 0.006 + 0.03 * (turned.pad_length / 2 + 0.015) + 0.02 * (turned.pad_width / 2 + 0.015))
-    )
 
 
 def test_slopes_are_those_of_the_deck() -> None:
