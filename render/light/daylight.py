@@ -165,5 +165,5 @@ def _default_sky() -> F32:
     height = np.sin(np.pi / 2 - (np.arange(64) + 0.5) / 64 * np.pi)[:, None]
     mix = np.exp(-4.0 * np.abs(height))
     sky = np.array(_ZENITH) * (1 - mix) + np.array(_HORIZON) * mix
-    column = np.where(height > 0, sky, np.array(_GROUND))
+    column = np.where(height > 0.0, sky, np.array(_GROUND))
     return np.repeat(column[:, None], 128, axis=1).astype(np.float32)

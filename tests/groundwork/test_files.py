@@ -150,8 +150,17 @@ def test_commit_folder(tmp_path: Path) -> None:
     partial = tmp_path / "work"
     (partial / "deep").mkdir(parents=True)
     (partial / "deep" / "file").write_text("x")
+    temporary_name(partial / "deep" / "file").write_text("half")
+    (partial / "link").symlink_to("deep")
+    (partial / "nowhere").symlink_to("gone")
     final = tmp_path / "store" / "key"
     commit_folder(partial, final)
+    assert sorted(path.relative_to(final).as_posix() for path in final.rglob("*")) == [
+        "deep",
+        "deep/file",
+        "link",
+        "nowhere",
+    ]
     assert (final / "deep" / "file").read_text() == "x"
     assert not partial.exists()
     (tmp_path / "again" / "file").mkdir(parents=True)
