@@ -8,16 +8,17 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import jinja2
-import plotly.graph_objects as go
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from groundwork.files import write_text
 from groundwork.output_file import SIGNATURE
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 FONT = {"family": "system-ui, sans-serif", "size": 13, "color": "#2b2f33"}
 BLUE, RED, GREY = "#3d7cc0", "#d1453b", "#9aa0a6"  # seen well on light and on dark ground
@@ -40,7 +41,10 @@ def write_page(path: Path, template: str, *, title: str, lead: str, **values: An
     """
     body = _environment().get_template(template).render(title=title, lead=lead, **values)
     scripts = [_template("space.js")] if 'class="card space"' in body else []
-    scripts += [get_plotlyjs(), _template("figures.js")] if 'class="figure"' in body else []
+    if 'class="figure"' in body:
+        from plotly.offline import get_plotlyjs  # pages without figures need not wait for it
+
+        scripts += [get_plotlyjs(), _template("figures.js")]
     scripts.append(_template("page.js"))
     frame = _environment().get_template("frame.html.j2")
     page = frame.render(
@@ -54,7 +58,7 @@ def write_page(path: Path, template: str, *, title: str, lead: str, **values: An
     write_text(path, page)
 
 
-def figure_json(figure: go.Figure) -> Markup:
+def figure_json(figure: "go.Figure") -> Markup:
     """Spell a figure for `figures.js`.
 
     Args:
@@ -84,7 +88,7 @@ def file_link(*parts: str) -> str:
     return "/".join(["." if not parts[0] else quote(parts[0]), *(quote(part) for part in parts[1:])])
 
 
-def plain_layout(figure: go.Figure, height: int) -> go.Figure:
+def plain_layout(figure: "go.Figure", height: int) -> "go.Figure":
     """Give a figure the margins and the font of the page; colours follow light and dark in the browser.
 
     Args:

@@ -143,6 +143,19 @@ class Pen {
     return made;
   }
 
+  // A target without smoothed edges, whose colours are numbers.
+  numbered(width, height) {
+    const { gl } = this;
+    if (!this.target) this.target = { frame: gl.createFramebuffer(), color: gl.createRenderbuffer(), depth: gl.createRenderbuffer() };
+    const { frame, color, depth } = this.target;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    for (const [store, format, place] of [[color, gl.RGBA8, gl.COLOR_ATTACHMENT0], [depth, gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT]]) {
+      gl.bindRenderbuffer(gl.RENDERBUFFER, store);
+      gl.renderbufferStorage(gl.RENDERBUFFER, format, width, height);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, store);
+    }
+  }
+
   use(name, columns, numbers) {  // columns: name → [buffer, width, type, scaled to 1]
     const { gl } = this, program = this.programs[name];
     gl.useProgram(program);
@@ -282,6 +295,7 @@ class Space {
     if (!width || !height) return;
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     const view = this.eye.matrix(width / height), size = Number(this.card.querySelector("input[name=size]")?.value || 1);
+    if (picking) pen.numbered(width, height);
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -329,6 +343,7 @@ class Space {
     const { gl } = this.pen, side = 2 * reach + 1, pixels = new Uint8Array(4 * side * side);
     this.draw(true);
     gl.readPixels(x - reach, y - reach, side, side, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     this.draw();
     let best = -1, nearest = Infinity;
     for (let k = 0; k < side * side; k += 1) {
