@@ -21,7 +21,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "falsework reconstruct photos_of_a_bridge -o cloud --mode dense --gcp points.txt",
     ),
     "export": ("falsework export cloud --to laz -o for_others",),
-    "report": ("falsework report out/scenes/0000 -o page.html",),
+    "report": (
+        "falsework report out/scenes/0000 -o page.html",
+        "falsework report out -o run.html",
+        "falsework report model scores.json -o training.html",
+    ),
+    "view": ("falsework view out/scenes/0000", "falsework view out/scenes/0000 --save scene.html"),
     "gallery": ("falsework gallery families -o sheets",),
     "scene info": ("falsework scene info scene/scene.usda",),
     "scene validate": ("falsework scene validate scene",),

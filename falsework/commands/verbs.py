@@ -1,5 +1,6 @@
 """The verbs that write one plain folder, with the same functions that the pipeline's stages call."""
 
+import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -203,7 +204,12 @@ def report_scene(scene: Path, page: Path) -> None:
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
     inputs = [scene, *captures, *clouds.values()]
     with reading(*inputs), fresh_file(page, inputs) as temporary:
-        write_report(temporary, _title(scene), scene / "stage", surveys, samples)
+        write_report(temporary, _title(scene), scene / "stage", surveys, samples, _link(scene, page))
+
+
+def _link(scene: Path, page: Path) -> str:
+    """Spell the way from a page to a scene; the page quotes it."""
+    return Path(os.path.relpath(scene.absolute(), page.absolute().parent)).as_posix()
 
 
 def _is_sampled(cloud: Path) -> bool:
