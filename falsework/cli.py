@@ -210,6 +210,7 @@ SINGLE = {
     "evaluate": ("train_verbs", "Score a model on a data set: falsework evaluate --help."),
     "compare": ("compare_verbs", "Compare ways of making training clouds, with intervals: falsework compare --help."),
     "predict": ("predict_verbs", "Label a scan of one's own with a trained model: falsework predict --help."),
+    "completion": ("completion", "Print what a shell needs to complete verbs and options on Tab."),
 }
 ELSEWHERE = {**GROUPS, **{name: about for name, (_, about) in SINGLE.items()}}
 
