@@ -8,7 +8,7 @@ from pathlib import Path
 
 import docstring_parser
 
-from falsework.commands.completion import all_verbs
+from falsework.cli import all_verbs
 from falsework.commands.examples import EXAMPLES
 
 _TOPICS = {

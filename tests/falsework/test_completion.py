@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from falsework.cli import main
-from falsework.commands.completion import all_verbs
+from falsework.cli import all_verbs, main
 
 # A line of words as bash has them when Tab is pressed: the last one is being typed.
 ASK = """

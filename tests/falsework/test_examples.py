@@ -8,8 +8,7 @@ import shlex
 import pytest
 import tyro
 
-from falsework.cli import main
-from falsework.commands.completion import all_verbs
+from falsework.cli import all_verbs, main
 from falsework.commands.examples import EXAMPLES, examples_for
 
 
