@@ -4,6 +4,7 @@
 PYTHON ?= python3
 PYTHON_DCC ?= python3.11
 OUT ?= demo-out
+SITE := build/site
 
 PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PYTEST := .venv/bin/python -m pytest
@@ -22,7 +23,8 @@ help:
 	@echo "make proof-all    every test at full counts; writes docs/proof.json"
 	@echo "make test-dcc     the tests against Blender's bpy, in a virtual environment of its own"
 	@echo "make test-faults  only the tests that kill, corrupt and fill disks"
-	@echo "make bench docs   regenerate the tables measured in minutes, and the generated pages"
+	@echo "make docs         check the generated pages, and build the site into $(SITE)/"
+	@echo "make bench        regenerate the tables measured in minutes"
 
 setup: .venv/.stamp-core .venv/.stamp-dev .venv/.stamp-learn
 
@@ -53,9 +55,12 @@ test-faults: .venv/.stamp-dev .venv/.stamp-learn
 bench: .venv/.stamp-dev .venv/.stamp-learn
 	.venv/bin/python -m benchmarks
 
-docs: .venv/.stamp-dev
+# The site: generated pages and notebooks are checked first, and warnings are errors.
+docs: .venv/.stamp-dev .venv/.stamp-docs
 	.venv/bin/python -m docs.proof_state
 	.venv/bin/python -m docs.generate --check
+	.venv/bin/python -m sphinx --quiet --fail-on-warning --keep-going --builder html docs $(SITE)
+	@echo "the site: $(SITE)/index.html"
 
 .venv/.stamp-venv:
 	@command -v $(PYTHON) >/dev/null || { echo "falsework set-up: no $(PYTHON): apt-get install python3-venv" >&2; exit 2; }
@@ -67,7 +72,7 @@ docs: .venv/.stamp-dev
 	@.venv/bin/python bootstrap/system_libraries.py core
 	@touch $@
 
-# Every extra of pyproject.toml: dev, learn, view, …
+# Every extra of pyproject.toml: dev, docs, learn, view, …
 .venv/.stamp-%: .venv/.stamp-core
 	$(PIP) --editable ".[$*]"
 	@touch $@

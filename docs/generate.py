@@ -1,20 +1,17 @@
-"""Write the pages that are generated from the code: keys of the scenario and the samplers, classes, architecture.
+"""Write the pages that are generated from the code: keys of the scenario, commands, classes, architecture.
 
 Usage: python -m docs.generate [--check]
 """
 
 import sys
-import types
-import typing
+from functools import partial
 from pathlib import Path
 
-from pydantic_core import PydanticUndefined
-
-from authoring.surveys.settings import LegSettings
 from docs.architecture import FIGURE, architecture_figure, architecture_page
-from falsework.scenario import Scenario
+from docs.command_page import commands_page
+from docs.scenario_pages import TOPICS, index_page, topic_page
+from docs.settings_table import table
 from groundwork.files import write_text
-from groundwork.settings import Settings
 from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
 from usd_schemas.components import ClassRow, component_classes
 from usd_schemas.taxonomies import TAXONOMIES, Taxonomy, taxonomy
@@ -28,14 +25,6 @@ _INTRODUCTION = (
     "component. Ids 16 and 255 mean the same in every table: `noisy_point` is made on read by a threshold,",
     "`unlabelled` says that no class is known. Class 0 is what the sky shows.",
 )
-
-
-def scenario_page() -> str:
-    """Spell every key of the scenario as Markdown tables, one for each section."""
-    lines = ["# Keys of the scenario", "", "Generated from the settings models by `python -m docs.generate`.", ""]
-    for name, model in _sections(Scenario, ""):
-        lines += [f"## `[{name}]`" if name else "## Top level", "", *_table(model), ""]
-    return "\n".join(lines)
 
 
 def samplers_page() -> str:
@@ -52,7 +41,7 @@ def samplers_page() -> str:
         ("lidar --kind terrestrial", TerrestrialSettings),
         ("lidar --kind mobile", MobileSettings),
     ):
-        lines += [f"## `falsework sample {verb}`", "", *_table(model), ""]
+        lines += [f"## `falsework sample {verb}`", "", *table(model), ""]
     return "\n".join(lines)
 
 
@@ -74,7 +63,9 @@ def classes_page() -> str:
 
 
 PAGES = {
-    "scenario.md": scenario_page,
+    "scenario.md": index_page,
+    **{f"scenario/{name}.md": partial(topic_page, name) for name in TOPICS},
+    "commands.md": commands_page,
     "classes.md": classes_page,
     "samplers.md": samplers_page,
     "architecture.md": architecture_page,
@@ -94,27 +85,13 @@ def main(arguments: list[str]) -> int:
     stale = [name for name, page in PAGES.items() if not (HERE / name).is_file() or (HERE / name).read_text() != page()]
     if "--check" not in arguments:
         for name in stale:
+            (HERE / name).parent.mkdir(exist_ok=True)
             write_text(HERE / name, PAGES[name]())
         return 0
     for name in stale:
         sys.stderr.write(f"docs/{name} is not what the code says: run python -m docs.generate\n")
     sys.stdout.write(f"{len(PAGES) - len(stale)} passed, {len(stale)} failed\n")
     return int(bool(stale))
-
-
-def _table(model: type[Settings]) -> list[str]:
-    """One row for each key that holds a value, not further settings."""
-    lines = ["| key | type | default | meaning |", "|---|---|---|---|"]
-    for key, field in model.model_fields.items():
-        if _is_list_of_kinds(field.annotation):
-            lines.append(f"| `{key}` | sections `[[survey.{key}]]` of the kinds above | – | {field.description} |")
-        elif not _models_in(field.annotation):
-            default = field.get_default(call_default_factory=True, validated_data={})
-            nothing = "–" if "left out" in (field.description or "") else "drawn"
-            shown = "required" if default is PydanticUndefined else nothing if default is None else f"`{default!r}`"
-            meaning = (field.description or "").replace("\n", " ").replace("|", "\\|")
-            lines.append(f"| `{key}` | {_type_name(field.annotation)} | {shown} | {meaning} |")
-    return lines
 
 
 def _kinds(table: Taxonomy, row: ClassRow) -> str:
@@ -129,37 +106,6 @@ def _alone(table: Taxonomy, row: ClassRow) -> str:
 def _color(row: ClassRow) -> str:
     red, green, blue = row.color
     return f"`#{red:02x}{green:02x}{blue:02x}`"
-
-
-def _sections(model: type[Settings], name: str) -> list[tuple[str, type[Settings]]]:
-    found = [(name, model)]
-    for key, field in model.model_fields.items():
-        inner_models = [] if _is_list_of_kinds(field.annotation) else _models_in(field.annotation)
-        for inner in inner_models:
-            found += _sections(inner, f"{name}.{key}" if name else key)
-    return found
-
-
-def _is_list_of_kinds(annotation: object) -> bool:
-    """Tell whether a field lists sections of several kinds that the page shows anyway, such as the legs of a mix."""
-    return {model.__name__ for model in _models_in(annotation)} == {model.__name__ for model in _models_in(LegSettings)}
-
-
-def _models_in(annotation: object) -> list[type[Settings]]:
-    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
-        return [annotation] if issubclass(annotation, Settings) else []
-    return [inner for argument in typing.get_args(annotation) for inner in _models_in(argument)]
-
-
-def _type_name(annotation: object) -> str:
-    if typing.get_origin(annotation) is typing.Literal:
-        return ", ".join(f"`{choice}`" for choice in typing.get_args(annotation))
-    if typing.get_origin(annotation) is typing.Annotated:
-        return _type_name(typing.get_args(annotation)[0])
-    if typing.get_origin(annotation) is tuple:
-        return f"tuple[{', '.join('...' if part is ... else _type_name(part) for part in typing.get_args(annotation))}]"
-    name = annotation.__name__ if isinstance(annotation, type) else str(annotation)
-    return name.replace("typing.", "").replace(" | None", "").replace("|", "or")
 
 
 if __name__ == "__main__":

@@ -177,6 +177,21 @@ def gallery(
     return 0
 
 
+def completion(shell: tyro.conf.Positional[Literal["bash", "zsh", "fish"]]) -> int:
+    """Print the script with which a shell completes verbs, options and their choices on Tab.
+
+    Write it to `~/.local/share/bash-completion/completions/falsework` for bash, to a file `_falsework` in a folder of
+    `fpath` for zsh, to `~/.config/fish/completions/falsework.fish` for fish; then start a new shell.
+
+    Args:
+        shell: The shell that will read it.
+    """
+    from falsework.commands.completion import completion_script
+
+    sys.stdout.write(completion_script(all_verbs(), shell))
+    return 0
+
+
 # Verbs that have verbs of their own, each group in a module that is loaded only then.
 GROUPS = {
     "scene": "Look into a scene, choose its look and light, compare, copy, package: falsework scene --help.",
@@ -231,7 +246,23 @@ VERBS = {
     "view": _LINES["view"],
     "gallery": gallery,
     **_LINES,
+    "completion": completion,
 }
+
+
+def all_verbs() -> dict[str, Callable[..., int]]:
+    """Collect every verb and the function behind it.
+
+    Returns:
+        Name as one types it, two words for a verb of a group, and the function.
+    """
+    found = {name: verb for name, verb in VERBS.items() if name not in ELSEWHERE}
+    for name, (module, _) in SINGLE.items():
+        found[name] = getattr(import_module(f"falsework.commands.{module}"), name)
+    for group in GROUPS:
+        module = import_module(f"falsework.commands.{group}_verbs")
+        found |= {f"{group} {name}": verb for name, verb in getattr(module, f"{group.upper()}_VERBS").items()}
+    return found
 
 
 def main(arguments: list[str] | None = None) -> None:

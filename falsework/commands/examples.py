@@ -53,6 +53,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "evaluate": ("falsework evaluate model set",),
     "compare": ("falsework compare out -o compared --preset task-local-1 --plan",),
     "predict": ("falsework predict scan.laz -o labelled.laz --unit m",),
+    "completion": ("falsework completion bash",),
 }
 
 

@@ -4,36 +4,23 @@ from __future__ import annotations
 
 import functools
 import shlex
-from collections.abc import Callable
-from importlib import import_module
 
 import pytest
 import tyro
 
-from falsework.cli import GROUPS, SINGLE, VERBS, main
+from falsework.cli import all_verbs, main
 from falsework.commands.examples import EXAMPLES, examples_for
-
-
-def verbs() -> dict[str, Callable[..., int]]:
-    """Collect every verb, those of groups under two words."""
-    found = {name: verb for name, verb in VERBS.items() if name not in GROUPS and name not in SINGLE}
-    for name, (module, _) in SINGLE.items():
-        found[name] = getattr(import_module(f"falsework.commands.{module}"), name)
-    for group in GROUPS:
-        module = import_module(f"falsework.commands.{group}_verbs")
-        found |= {f"{group} {name}": verb for name, verb in getattr(module, f"{group.upper()}_VERBS").items()}
-    return found
 
 
 def test_every_verb_has_an_example() -> None:
     """No verb lacks one, and no example is of a verb that is not there."""
-    assert sorted(EXAMPLES) == sorted(verbs())
+    assert sorted(EXAMPLES) == sorted(all_verbs())
 
 
 @pytest.mark.parametrize("name", sorted(EXAMPLES))
 def test_the_parser_takes_each_example(name: str) -> None:
     """Each begins with its verb, and its further words are such as the verb takes."""
-    verb = verbs()[name]
+    verb = all_verbs()[name]
 
     @functools.wraps(verb)
     def taken(*_: object, **__: object) -> int:

@@ -1,0 +1,105 @@
+"""The reference of the command line, spelt from the functions that the verbs are."""
+
+import inspect
+import types
+import typing
+from collections.abc import Callable
+from pathlib import Path
+
+import docstring_parser
+
+from falsework.cli import all_verbs
+from falsework.commands.examples import EXAMPLES
+
+_TOPICS = {
+    "To begin with": ("doctor", "demo", "completion"),
+    "Whole runs": ("plan", "run", "verify", "clean", "report"),
+    "Stages": ("author", "scene", "background", "survey", "gallery"),
+    "Photographs and clouds": ("render", "reconstruct", "sample", "export"),
+    "Learning": ("dataset", "train", "evaluate", "compare", "predict"),
+}
+
+
+def commands_page() -> str:
+    """Spell every verb as Markdown: what it does, an example, its options."""
+    lines = ["# The command line", "", "Generated from the functions behind the verbs by `python -m docs.generate`.", ""]
+    lines += [
+        "`falsework VERB --help` says the same. Results go to stdout, progress and errors to stderr.",
+        "`falsework completion bash` writes what completes verbs and options on Tab.",
+        "",
+        "| exit code | meaning |",
+        "|---|---|",
+        "| 0 | done; in `run`, rejected scenes are results, and counted |",
+        "| 1 | an error of ours; `doctor` found a failure; `verify` found damage |",
+        "| 2 | bad input: one line names file, field, value, what is allowed, and what to do |",
+        "| 3 | some scenes failed, or the result of a single verb was rejected |",
+        "| 4 | out of space; the same command goes on once there is room |",
+        "| 130, 143 | interrupted; the same command goes on |",
+        "",
+    ]
+    verbs = all_verbs()
+    for topic, heads in _listed(verbs).items():
+        lines += [f"## {topic}", ""]
+        for name in heads:
+            lines += _verb(name, verbs[name])
+    return "\n".join(lines)
+
+
+def _listed(verbs: dict[str, Callable[..., int]]) -> dict[str, list[str]]:
+    """Sort the verbs by topic; what no topic names comes last, so that a new verb is never missing."""
+    order = {head: topic for topic, heads in _TOPICS.items() for head in heads}
+    found: dict[str, list[str]] = {topic: [] for topic in [*_TOPICS, "Others"]}
+    for name in sorted(verbs, key=lambda name: list(order).index(name.split()[0]) if name.split()[0] in order else 99):
+        found[order.get(name.split()[0], "Others")].append(name)
+    return {topic: names for topic, names in found.items() if names}
+
+
+def _verb(name: str, verb: Callable[..., int]) -> list[str]:
+    said = docstring_parser.parse(inspect.getdoc(verb) or "")
+    about = "\n\n".join(part for part in (said.short_description, said.long_description) if part)
+    meaning = {one.arg_name: " ".join((one.description or "").split()) for one in said.params}
+    lines = [f"### `falsework {name}`", "", about, "", "```sh", *EXAMPLES.get(name, (f"falsework {name}",)), "```", ""]
+    rows = [_row(parameter, hint, meaning) for parameter, hint in _parameters(verb)]
+    return lines + (["| option | default | meaning |", "|---|---|---|", *rows, ""] if rows else [])
+
+
+def _parameters(verb: Callable[..., int]) -> list[tuple[inspect.Parameter, object]]:
+    hints = typing.get_type_hints(verb, include_extras=True)
+    return [(parameter, hints[name]) for name, parameter in inspect.signature(verb).parameters.items()]
+
+
+def _row(parameter: inspect.Parameter, hint: object, meaning: dict[str, str]) -> str:
+    """One row of the table: the option as one types it, its default, what it does."""
+    notes = typing.get_args(hint)[1:] if typing.get_origin(hint) is typing.Annotated else ()
+    plain = typing.get_args(hint)[0] if notes else hint
+    given = next((note.name for note in notes if getattr(note, "name", None)), None)
+    word = str(given or parameter.name).replace("_", "-")
+    # The marker of a positional argument in tyro's annotations has no name of its own; what has no default is one,
+    # unless it is the output.
+    required = parameter.default is inspect.Parameter.empty
+    positional = required and parameter.kind is not inspect.Parameter.KEYWORD_ONLY and word != "output"
+    long = word.upper() if positional else f"--no-{word}" if parameter.default is True else f"--{word}"
+    short = "-o, " if word == "output" else ""
+    value = "" if positional or plain is bool else f" {_value(plain)}"
+    default = "required" if required else _default(parameter.default)
+    text = meaning.get(parameter.name, "").replace("|", "\\|")
+    return f"| `{short}{long}{value}` | {default} | {text} |"
+
+
+def _value(plain: object) -> str:
+    """Spell what an option takes: its choices, or the kind of thing."""
+    inside = [part for part in typing.get_args(plain) if part is not type(None)]
+    origin = typing.get_origin(plain)
+    if origin is typing.Literal:
+        return "\\|".join(map(str, inside))
+    if origin is typing.Annotated:
+        return _value(inside[0])
+    if origin in (typing.Union, types.UnionType):
+        return _value(inside[0])
+    if origin is tuple:
+        return f"{_value(inside[0])} …"
+    return {int: "N", float: "X", str: "TEXT", Path: "PATH"}.get(typing.cast(type, plain), "VALUE")
+
+
+def _default(value: object) -> str:
+    return "–" if value in (None, "", ()) or isinstance(value, bool) else f"`{value}`"

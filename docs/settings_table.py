@@ -1,0 +1,87 @@
+"""Spell settings models as Markdown: one table a model, one row a key."""
+
+import types
+import typing
+
+from pydantic_core import PydanticUndefined
+
+from authoring.surveys.settings import LegSettings
+from groundwork.settings import Settings
+
+
+def table(model: type[Settings]) -> list[str]:
+    """Spell the keys of a model that hold a value, not further settings.
+
+    Args:
+        model: The settings model.
+
+    Returns:
+        Lines of a Markdown table; none where every key holds further settings.
+    """
+    rows = []
+    for key, field in model.model_fields.items():
+        if _is_list_of_kinds(field.annotation):
+            rows.append(f"| `{key}` | sections `[[survey.{key}]]` of the kinds above | – | {field.description} |")
+        elif not _models_in(field.annotation):
+            default = field.get_default(call_default_factory=True, validated_data={})
+            nothing = "–" if "left out" in (field.description or "") else "drawn"
+            shown = "required" if default is PydanticUndefined else nothing if default is None else f"`{default!r}`"
+            meaning = (field.description or "").replace("\n", " ").replace("|", "\\|")
+            rows.append(f"| `{key}` | {_type_name(field.annotation)} | {shown} | {meaning} |")
+    return ["| key | type | default | meaning |", "|---|---|---|---|", *rows] if rows else []
+
+
+def sections(model: type[Settings], name: str = "") -> list[tuple[str, type[Settings]]]:
+    """List a model and all models within it.
+
+    Args:
+        model: The settings model.
+        name: Its section's name; empty for the top level.
+
+    Returns:
+        Name of the section and its model, outermost first; a section of several kinds comes once for each.
+    """
+    found = [(name, model)]
+    for key, field in model.model_fields.items():
+        for inner in [] if _is_list_of_kinds(field.annotation) else _models_in(field.annotation):
+            found += sections(inner, f"{name}.{key}" if name else key)
+    return found
+
+
+def kind_of(model: type[Settings]) -> str:
+    """Give the one value that the key `kind` of a model may have; empty where there is no such key."""
+    field = model.model_fields.get("kind")
+    choices = typing.get_args(field.annotation) if field else ()
+    only = field is not None and typing.get_origin(field.annotation) is typing.Literal and len(choices) == 1
+    return str(choices[0]) if only else ""
+
+
+def _is_list_of_kinds(annotation: object) -> bool:
+    """Tell whether a field lists sections of several kinds that the page shows anyway, such as the legs of a mix."""
+    return {model.__name__ for model in _models_in(annotation)} == {model.__name__ for model in _models_in(LegSettings)}
+
+
+def _models_in(annotation: object) -> list[type[Settings]]:
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        return [annotation] if issubclass(annotation, Settings) else []
+    return [inner for argument in typing.get_args(annotation) for inner in _models_in(argument)]
+
+
+def _type_name(annotation: object) -> str:
+    """Spell a type as a reader of a TOML file would: choices one after the other, lists of something, tables."""
+    origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
+    if annotation is type(None):
+        return ""
+    if origin is typing.Literal:
+        return ", ".join(f"`{choice}`" for choice in inside)
+    if origin is typing.Annotated:
+        return _type_name(inside[0])
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(name for part in inside if (name := _type_name(part)))
+    if origin is tuple and inside[1:] == (...,):
+        return f"list of {_type_name(inside[0])}"
+    if origin is tuple:
+        return f"[{', '.join(map(_type_name, inside))}]"
+    if origin is dict:
+        return f"table: {_type_name(inside[0])} = {_type_name(inside[1])}"
+    return annotation.__name__ if isinstance(annotation, type) else str(annotation)
