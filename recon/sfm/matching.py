@@ -183,7 +183,7 @@ def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tup
             for pair in generator(options, opened).all_pairs():
                 named.setdefault(frozenset(pair), pair)
         images = sorted(image.image_id for image in opened.read_all_images())
-        if kind == "spatial" and named and not _hang_together(named.values(), len(images)):
+        if kind == "spatial" and named and not _is_connected(named.values(), len(images)):
             for generator, options in _ways("sequential", settings):  # two stations far apart: the way between them
                 for pair in generator(options, opened).all_pairs():
                     named.setdefault(frozenset(pair), pair)
@@ -193,7 +193,7 @@ def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tup
     return list(named.values())
 
 
-def _hang_together(pairs: Iterable[tuple[int, int]], count: int) -> bool:
+def _is_connected(pairs: Iterable[tuple[int, int]], count: int) -> bool:
     """Tell whether pairs lead from each of some images to every other."""
     partners: dict[int, list[int]] = {}
     for one, other in pairs:

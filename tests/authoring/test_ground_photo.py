@@ -86,7 +86,7 @@ def test_pictures_go_on_over_every_border() -> None:
     column = int((one.stations[0] + 0.1 - field.stations[0]) / np.ptp(field.stations) * len(patches))
     plain = patches[len(patches) - 1 - ((80.0 + lefts) / 160.0 * len(patches)).astype(int), column, 0]
     shown = [look_up("river", 0, one.stations[0] + 0.1, float(left))[0] for left in lefts]
-    assert np.corrcoef(shown, plain)[0, 1] > 0.8
+    assert np.corrcoef(shown, plain)[0, 1] > 0.85  # 0.875: each is looked up at its own nearest texel
     assert np.abs(np.array(shown) - plain).mean() < 0.12
 
 

@@ -27,6 +27,7 @@ def test_bearings_have_their_sizes(kind: str, flange: float) -> None:
     np.testing.assert_allclose([plate[:, 2].min(), plate[:, 2].max()], [8.68, 8.702], atol=1e-9)
     np.testing.assert_allclose(np.ptp(lower, axis=0)[1], width, atol=1e-9)
     assert bearing.parameters["width"] == width
+    assert bearing.parameters["sole_plate"] == pytest.approx(0.02)
     assert bearing.parameters["height"] == pytest.approx(0.09)
     foot = plinth.surface.points
     np.testing.assert_allclose(np.ptp(foot, axis=0), [0.42, width + 0.12, 0.21], atol=1e-9)
@@ -80,6 +81,7 @@ def test_rubber_bulges_between_its_laminates() -> None:
     """A pad of 90 mm has four layers, 3 mm wider in the middle of each than at the steel."""
     told, levels = Bearings(0.4, 0.3, 0.09, 0.06, 0.2, sole_plate=False), Levels(0.1, 0.2, 1.0, 0.09, 0.2)
     part = built(told, levels)
+    assert "sole_plate" not in part.parameters
     rings = part.surface.points.reshape(-1, 4, 3)
     assert len(rings) == 2 * 4 + 1
     widths = np.ptp(rings[:, :, 1], axis=1)
