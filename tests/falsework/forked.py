@@ -7,12 +7,37 @@ import signal
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 from falsework.cli import main
 from tests.falsework.tiny_chain import use_tiny_stages
 
 PATIENCE = 120.0  # [s] on a box that many tests share
+
+
+def fork(work: Callable[[], object]) -> int:
+    """Do something in a copy of this process, in a group of its own; nothing of the tests runs there afterwards.
+
+    Args:
+        work: What to do; the copy ends with 99 where it raises, else with 0, or as `sys.exit` says.
+
+    Returns:
+        Id of the process, and of its group.
+    """
+    pid = os.fork()
+    if pid:
+        return pid
+    code = 99
+    try:
+        os.setpgid(0, 0)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        work()
+        code = 0
+    except SystemExit as left:
+        code = left.code if isinstance(left.code, int) else 0 if left.code is None else 1
+    finally:
+        os._exit(code)
 
 
 def begin(*words: str | Path, said: Path, **environment: str) -> int:
@@ -26,28 +51,25 @@ def begin(*words: str | Path, said: Path, **environment: str) -> int:
     Returns:
         Id of the process, and of its group.
     """
-    pid = os.fork()
-    if pid:
-        return pid
-    code, spoken = 99, io.StringIO()  # in memory: a full disk shall not silence it
-    try:
-        os.setpgid(0, 0)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def work() -> None:
+        spoken = io.StringIO()  # in memory: a full disk shall not silence it
         sys.stdout = sys.stderr = spoken
         os.environ.update(environment)
         use_tiny_stages()
-        main([str(word) for word in words])
-    except SystemExit as left:
-        code = left.code if isinstance(left.code, int) else 0 if left.code is None else 1
-    except BaseException:
-        traceback.print_exc()
-    finally:
         try:
+            main([str(word) for word in words])
+        except SystemExit:
+            raise
+        except BaseException:
+            traceback.print_exc()
+            raise
+        finally:
             most = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
             resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
             said.write_text(spoken.getvalue())
-        finally:
-            os._exit(code)  # nothing of the tests runs twice
+
+    return fork(work)
 
 
 def end_of(pid: int) -> int:

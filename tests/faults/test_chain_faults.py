@@ -23,9 +23,9 @@ from groundwork.errors import OutOfSpaceError
 from groundwork.files import MANIFEST
 from groundwork.progress import SILENT
 from tests.conftest import Count, RecordProof
-from tests.falsework.forked import begin, end_of, run
+from tests.falsework.forked import begin, end_of, fork, run
 from tests.falsework.tiny_chain import SEED, contents, start, tiny_scenario, tiny_stages
-from tests.faults.test_output_faults import Hook, Killed, calls_of, failing_at, in_a_fork, killed_at, traced
+from tests.faults.test_output_faults import Hook, Killed, calls_of, failing_at, killed_at, traced
 
 pytestmark = pytest.mark.faults
 SCENES = 3
@@ -185,7 +185,7 @@ def test_results_are_on_the_disk_before_they_have_their_name(
 
     with traced(watch):
         small(tmp_path / "out")
-    assert (late, len(named)) == ([], 5)
+    assert (late, len(named)) == ([], 4)
     assert set(named) <= synced
     monkeypatch.setattr(files, "sync", lambda path: None)
     synced.clear()
@@ -264,15 +264,11 @@ def test_processes_share_one_cold_cache(count: int, tmp_path: Path, monkeypatch:
 
     def bake() -> None:
         os.close(done)
-        os.read(gate, 1)  # until the parent closes it
+        os.read(gate, 1)  # until the last one closes it
         for place in bake_sheets(names, tmp_path / "cache").values():
             assert library._whole(place)
 
-    pids = []
-    for _ in range(count):
-        if not (pid := os.fork()):
-            os._exit(in_a_fork(bake))
-        pids.append(pid)
+    pids = [fork(bake) for _ in range(count)]
     os.close(done)
     codes = [end_of(pid) for pid in pids]
     os.close(gate)
