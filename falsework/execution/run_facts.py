@@ -103,9 +103,7 @@ def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[Fai
             stage = str(record.get("stage", ""))
         except (OSError, InputError, AttributeError, TypeError):
             scene, stage = "", ""
-        rows.append(
-            FailureRow(scene, stage, failure.kind, failure.reason, failure.message, failure.last_lines)
-        )
+        rows.append(FailureRow(scene, stage, failure.kind, failure.reason, failure.message, failure.last_lines))
     return sorted(rows, key=lambda row: (row.scene or "~", row.stage))
 
 
