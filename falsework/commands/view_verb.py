@@ -1,6 +1,5 @@
 """The verb that shows a scene in the browser."""
 
-import os
 import sys
 import threading
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import tyro
 
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.report_verb import way_to
 from groundwork.errors import InputError
 from groundwork.output_file import fresh_file
 from groundwork.output_reading import reading
@@ -42,9 +42,9 @@ def view(
     if save is not None:
         from falsework.view.saved import save_view
 
-        link = Path(os.path.relpath(place.absolute(), save.absolute().parent)).as_posix()
+        way = way_to(place, save) if (place / "capture").is_dir() else ""
         with ConsoleProgress() as progress, reading(*inputs), fresh_file(save, inputs) as temporary:
-            save_view(temporary, subject, cloud, link, progress)
+            save_view(temporary, subject, cloud, way, progress)
         sys.stdout.write(f"page    {save}\n")
         return 0
     if not PORTS[0] <= port <= PORTS[1]:

@@ -32,7 +32,7 @@ def write_dataset_page(path: Path, folder: Path, place: str = "", progress: Prog
     Args:
         path: HTML file to write.
         folder: Root of the data set.
-        place: Link from the page to that folder; empty for its own.
+        place: Way from the page to that folder; empty for its own.
         progress: Listener.
     """
     from learn.datasets.layout import read_facts

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from recon.cloud import Cloud
 
 CORNERS = 6000  # that stand for a stage without flight and cloud
-POINTS, VIEWS = 60_000, 10  # of the page, which stays below 10 MB
-TRIANGLES = 60_000
+POINTS, VIEWS = 50_000, 8  # of the page, which stays below 10 MB
+TRIANGLES = 150_000
+REACH = 200.0  # [m] round the bridge; a 65,535th of twice that is 6 mm
 
 
 def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progress: Progress) -> None:
@@ -31,7 +32,7 @@ def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progres
         path: HTML file to write.
         subject: What to show.
         cloud_name: Which of its clouds; empty for the first.
-        place: Link from the page to the folder of the subject, or empty for none.
+        place: Way from the page to the folder of the scene, or empty where it has no captures in it.
         progress: Listener.
 
     Raises:
@@ -51,10 +52,10 @@ def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progres
     if capture_folder is not None:
         capture = read_capture(capture_folder)
         truth = read_truth(capture)
-        link = f"{place}/{file_link('capture', capture_folder.name)}" if place and len(subject.captures) else ""
+        link = file_link(*place.split("/"), "capture", capture_folder.name) if place else ""
         flight = flight_of(capture, truth, cloud, folder, link)
         drawn = cloud or (None if truth is None else outline_cloud(truth))
-    surfaces = None if subject.stage is None else read_surfaces(subject.stage, TRIANGLES, progress)[0]
+    surfaces = None if subject.stage is None else read_surfaces(subject.stage, TRIANGLES, progress, reach=REACH)[0]
     if drawn is None:
         if surfaces is None:
             raise InputError("neither a cloud nor a stage", where=path, hint="Name a scene of a run, or a cloud")

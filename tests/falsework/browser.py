@@ -77,10 +77,9 @@ def open_page(page: Path, script: str = "", budget: int = 20_000, *flags: str) -
         text = page.read_text(encoding="utf-8")
         begin = text.index('<meta http-equiv="Content-Security-Policy"')
         text = text[:begin] + text[text.index(">", begin) + 1 :]
-        ask = (
-            f"<script>(async () => {{ {script} }})().catch((mistake) => ({{ mistake: String(mistake && mistake.stack) }}))"
-            f'.then((told) => {{ document.body.textContent = "{FOUND}" + JSON.stringify(told) + "{FOUND}"; }});</script>'
-        )
+        say = f'(told) => {{ document.body.textContent = "{FOUND}" + JSON.stringify(told) + "{FOUND}"; }}'
+        failed = "(mistake) => ({ mistake: String(mistake && mistake.stack) })"
+        ask = f"<script>(async () => {{ {script} }})().catch({failed}).then({say});</script>"
         page = page.with_name(f"asked-{page.name}")
         page.write_text(text.replace("</body>", ask + "</body>"), encoding="utf-8")
     profile = page.parent / "profile"

@@ -43,7 +43,7 @@ def small_cloud(count: int = 600) -> Cloud:
     seen = {
         "start": np.arange(count + 1, dtype=np.int64) * VIEWS,
         "image": np.tile(np.arange(VIEWS, dtype=np.uint32), count),
-        "uv": rng.uniform(1.0, 400.0, (count * VIEWS, 2)),
+        "uv": rng.integers(1, 400, (count * VIEWS, 2)) + 0.5,  # spelt with one decimal, none of them is in doubt
         "label": np.zeros(count * VIEWS, np.uint8),
         "instance": np.zeros(count * VIEWS, np.uint32),
         "depth_error": np.zeros(count * VIEWS, np.float32),
