@@ -146,8 +146,9 @@ def reliability(confidence: F32, right: Bools, bins: int = BINS) -> tuple[I64, F
     """
     values = confidence.astype(np.float64)
     bin_of = np.clip(np.ceil(values * bins).astype(np.int64) - 1, 0, bins - 1)
-    counts, said, true = (np.bincount(bin_of, weights, bins) for weights in (None, values, right.astype(np.float64)))
-    return counts.astype(np.int64), said, true
+    counts = np.bincount(bin_of, minlength=bins).astype(np.int64)
+    said, true = (np.bincount(bin_of, weights, bins).astype(np.float64) for weights in (values, right))
+    return counts, said, true
 
 
 def risk_coverage(confidence: F32, right: Bools, steps: int = 20) -> tuple[F64, F64]:

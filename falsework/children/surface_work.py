@@ -12,26 +12,31 @@ from groundwork.progress import Progress
 
 SMALL = 64  # [px] to which a texture is reduced for its mean
 GREY = (0.5, 0.5, 0.5)
+NEAR = 10.0  # [m] from what matters most, within which distance does not count
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 
-def reduced(corners: F64, first: NDArray[np.bool_], most: int) -> NDArray[np.int64]:
-    """Choose triangles: of those that matter all, of the others the largest, as many as there is room for.
+def reduced(corners: F64, level: NDArray[np.int64], most: int, reach: float = np.inf) -> NDArray[np.int64]:
+    """Choose triangles: the lowest levels first, and of one level those that look largest from the lowest one.
 
     Args:
         corners: Corner positions [m], shape (T, 3, 3), float64.
-        first: Whether a triangle matters, shape (T,), bool.
-        most: Triangles at most; of more that matter the largest, too.
+        level: 0 for what matters most, shape (T,), int64.
+        most: Triangles at most.
+        reach: How far from the middle of what matters most other triangles may lie [m].
 
     Returns:
         Their rows in ascending order, shape (K,), int64.
     """
-    if len(corners) <= most:
+    if not len(corners) or (len(corners) <= most and np.isinf(reach)):
         return np.arange(len(corners))
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    order = np.lexsort((np.arange(len(area)), -area, ~first))
+    middle = np.median(corners[level == level.min()].reshape(-1, 3), axis=0)
+    away = ((corners.mean(axis=1) - middle) ** 2).sum(axis=1)
+    order = np.lexsort((np.arange(len(area)), -area / (away + NEAR**2), level))
+    order = order[(away[order] <= reach**2) | (level[order] == level.min())]
     return np.sort(order[:most])
 
 
@@ -76,8 +81,8 @@ def _variants(path: Path) -> list[dict[str, Any]]:
     """List the variant sets of a stage that offer a choice."""
     from pxr import Usd
 
-    found = []
-    for prim in Usd.Stage.Open(str(path)).Traverse():
+    found, stage = [], Usd.Stage.Open(str(path))  # held: prims die with their stage
+    for prim in stage.Traverse():
         for name in prim.GetVariantSets().GetNames():
             one = prim.GetVariantSet(name)
             names = sorted(one.GetVariantNames())
@@ -113,7 +118,9 @@ def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     scene = load_scene(stage, choices=choices_from(request.get("choices")))
     corners, ids, rows = world_triangles(scene)
     bridge = [row.id for row in scene.instances if row.class_name not in ("background", "unlabelled", "")]
-    chosen = reduced(corners, np.isin(ids, bridge), int(request["most"]))
+    plants = [row.id for row in scene.instances if row.component == "vegetation"]
+    level = np.where(np.isin(ids, bridge), 0, np.where(np.isin(ids, plants), 2, 1))
+    chosen = reduced(corners, level, int(request["most"]), float(request["reach"] or np.inf))
     colors = _colors(scene, rows)[chosen]
     np.savez(request["file"], corners=corners[chosen].astype(np.float32), colors=colors)  # inside a temporary folder
     return {"variants": _variants(stage), "triangles": len(corners)}

@@ -4,7 +4,6 @@ import os
 import sys
 from pathlib import Path
 from typing import Annotated
-from urllib.parse import quote
 
 import tyro
 
@@ -89,11 +88,11 @@ def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
             from falsework.execution.run_facts import run_facts
             from falsework.report.run_page import write_run_page
 
-            write_run_page(temporary, [run_facts(run, link_to(run, page)) for run in sources])
+            write_run_page(temporary, [run_facts(run, way_to(run, page)) for run in sources])
         elif kinds[0] == "dataset":
             from falsework.report.dataset_page import write_dataset_page
 
-            write_dataset_page(temporary, first, link_to(first, page), progress)
+            write_dataset_page(temporary, first, way_to(first, page), progress)
         elif kinds[0] == "comparison":
             from falsework.report.comparison_page import write_comparison_page
 
@@ -107,15 +106,14 @@ def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
             write_training_page(temporary, models, scores)
 
 
-def link_to(folder: Path, page: Path) -> str:
-    """Spell the link from a page to a folder, as both are named.
+def way_to(folder: Path, page: Path) -> str:
+    """Spell the way from a page to a folder, as both are named; pages quote it.
 
     Args:
         folder: Any folder.
         page: HTML file.
     """
-    relative = os.path.relpath(folder.absolute(), page.absolute().parent)
-    return "/".join(quote(part) for part in Path(relative).parts)
+    return Path(os.path.relpath(folder.absolute(), page.absolute().parent)).as_posix()
 
 
 def _name(source: Path, sources: tuple[Path, ...]) -> str:

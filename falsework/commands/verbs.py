@@ -1,6 +1,5 @@
 """The verbs that write one plain folder, with the same functions that the pipeline's stages call."""
 
-import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -202,14 +201,11 @@ def report_scene(scene: Path, page: Path) -> None:
     if not captures and not samples:
         raise MissingError("holds no capture", where=scene, hint="Name a folder such as OUT/scenes/0000")
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
+    from falsework.commands.report_verb import way_to
+
     inputs = [scene, *captures, *clouds.values()]
     with reading(*inputs), fresh_file(page, inputs) as temporary:
-        write_report(temporary, _title(scene), scene / "stage", surveys, samples, _link(scene, page))
-
-
-def _link(scene: Path, page: Path) -> str:
-    """Spell the way from a page to a scene; the page quotes it."""
-    return Path(os.path.relpath(scene.absolute(), page.absolute().parent)).as_posix()
+        write_report(temporary, _title(scene), scene / "stage", surveys, samples, way_to(scene, page))
 
 
 def _is_sampled(cloud: Path) -> bool:

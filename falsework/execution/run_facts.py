@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from falsework.execution.events import read_events
+from falsework.report.page import file_link
 from falsework.report.run_page import Event, FailureRow, RunFacts, SceneRow, write_run_page
 from falsework.scenario import scene_seed
 from falsework.store.failures import read_failure
@@ -21,7 +22,7 @@ def run_facts(root: Path, place: str, *, times: bool = True) -> RunFacts:
 
     Args:
         root: Its output folder.
-        place: Link from the page to that folder.
+        place: Way from the page to that folder.
         times: Whether to read when what ran.
 
     Raises:
@@ -62,8 +63,6 @@ def write_run_report(root: Path) -> None:
 
 
 def _scene(folder: Path, place: str) -> SceneRow:
-    from urllib.parse import quote
-
     results, clouds, cameras = {}, {}, {}
     for stage in STAGES:
         found = folder / stage
@@ -82,7 +81,7 @@ def _scene(folder: Path, place: str) -> SceneRow:
             cameras[path.name] = (good, len(told["cameras"]))
         except (OSError, InputError, KeyError, TypeError, ValueError, AttributeError):
             continue  # what is not as it should be, `falsework verify` finds
-    page = f"{place}/scenes/{quote(folder.name)}/{REPORT}" if (folder / REPORT).exists() else ""
+    page = file_link(*place.split("/"), "scenes", folder.name, REPORT) if (folder / REPORT).exists() else ""
     return SceneRow(folder.name, results, clouds, cameras, page)
 
 
@@ -103,9 +102,7 @@ def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[Fai
             stage = str(record.get("stage", ""))
         except (OSError, InputError, AttributeError, TypeError):
             scene, stage = "", ""
-        rows.append(
-            FailureRow(scene, stage, failure.kind, failure.reason, failure.message, failure.last_lines)
-        )
+        rows.append(FailureRow(scene, stage, failure.kind, failure.reason, failure.message, failure.last_lines))
     return sorted(rows, key=lambda row: (row.scene or "~", row.stage))
 
 

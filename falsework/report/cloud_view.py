@@ -37,10 +37,12 @@ class Shown:
     Attributes:
         points: Points at most.
         views: Images that are named of each point, at most.
+        whole: Begin with all of the points in the picture, not with the bridge and its flight.
     """
 
     points: int = SHOWN_POINTS
     views: int = SHOWN_VIEWS
+    whole: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def cloud_view(
     counts = np.bincount(cloud.columns["segment"], minlength=256)
     rows = [row for row in cloud.classes if counts[row.id]]
     rows += [ClassRow(255, "unlabelled", _GREY)] if counts[255] and all(row.id != 255 for row in rows) else []
-    whole = _framed(columns["coord"], columns["segment"], flight)
+    whole = _framed(columns["coord"], np.ones(len(columns["coord"])) if shown.whole else columns["segment"], flight)
     origin = np.round(np.mean(whole, axis=0))  # single precision draws nothing fine far from 0
     box = np.array(whole) - origin
     data = {
@@ -201,7 +203,7 @@ def _quantized(places: F64) -> tuple[list[float], list[float], str]:
     return low.tolist(), step.tolist(), _packed(((places - low) / step).round().astype("<u2"))
 
 
-def _framed(coord: F64, segment: U8, flight: Flight | None) -> tuple[F64, F64]:
+def _framed(coord: F64, segment: NDArray[Any], flight: Flight | None) -> tuple[F64, F64]:
     """Find the box that the view begins with: the bridge with its flight, not the land up to the horizon."""
     bridge = coord[(segment != 0) & (segment != 255)]
     if len(bridge):

@@ -47,7 +47,9 @@ def write_comparison_page(path: Path, folder: Path) -> None:
             for row in record["differences"]
         ],
         losses=[_loss_row(row) for row in record["losses"]],
-        matrices=[(" · ".join(_place(row, record)), _matrix(row["confusion"], record["classes"], names)) for row in rows],
+        matrices=[
+            (" · ".join(_place(row, record)), _matrix(row["confusion"], record["classes"], names)) for row in rows
+        ],
         command=str(record["command"]),
         settings=[("settings", settings_rows(record["settings"]))],
     )
@@ -108,7 +110,8 @@ def _score_figure(rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) 
         mine = [row for row in rows if row["arm"] == arm and row["mean_iou"] is not None]
         several = len(record["groups"]) > 1
         places = [
-            escape(f"{row['model']}, {row['test']}" + (f", {' · '.join(row['group'])}" if several else "")) for row in mine
+            escape(f"{row['model']}, {row['test']}" + (f", {' · '.join(row['group'])}" if several else ""))
+            for row in mine
         ]
         figure.add_bar(
             x=places,

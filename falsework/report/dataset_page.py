@@ -32,7 +32,7 @@ def write_dataset_page(path: Path, folder: Path, place: str = "", progress: Prog
     Args:
         path: HTML file to write.
         folder: Root of the data set.
-        place: Link from the page to that folder; empty for its own.
+        place: Way from the page to that folder; empty for its own.
         progress: Listener.
     """
     from learn.datasets.layout import read_facts
@@ -104,7 +104,9 @@ def _class_table(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: lis
             percent(count / int(counts[split].sum())) if counts[split].sum() else "–"
             for count, split in zip(each, splits, strict=True)
         ]
-        table.append({"id": row.id, "name": row.name, "color": row.color, "cells": list(zip(each, shares, strict=True))})
+        table.append(
+            {"id": row.id, "name": row.name, "color": row.color, "cells": list(zip(each, shares, strict=True))}
+        )
     return table
 
 
@@ -115,7 +117,7 @@ def _share_figure(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: li
         shares = [100.0 * int(counts[split][row.id]) / total for row in rows]
         figure.add_bar(x=[escape(row.name) for row in rows], y=shares, name=split, marker_color=color)
     plain_layout(figure, 340)
-    return figure.update_layout(yaxis={"title": "share of the points with a class [%]", "type": "log"}, bargap=0.25)
+    return figure.update_layout(yaxis={"title": "share of the points with a class [%]"}, bargap=0.25)
 
 
 def _bridge_table(facts: "DatasetFacts") -> list[list[str]]:
@@ -177,7 +179,7 @@ def _examples(facts: "DatasetFacts", folder: Path, rows: tuple[ClassRow, ...]) -
             continue
         found = [(read_piece(folder, row, inputs), row) for row in mine]
         patch, row = max(found, key=lambda pair: len(np.unique(pair[0].labels)))
-        view = cloud_view(_as_cloud(patch, rows), None, Shown(EXAMPLE_POINTS, 0))
+        view = cloud_view(_as_cloud(patch, rows), None, Shown(EXAMPLE_POINTS, 0, whole=True))
         view["first_paint"] = "class"
         examples.append({"name": row.name, "split": split, "points": f"{row.points:,}", "view": view})
     return examples

@@ -117,7 +117,8 @@ def small_picture(path: Path, width: int) -> NDArray[np.uint8] | None:
     except (InputError, OSError, cv2.error):
         return None
     height = max(round(pixels.shape[0] * width / pixels.shape[1]), 1)
-    return np.ascontiguousarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)[..., ::-1])
+    small = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(small[..., ::-1], np.uint8)
 
 
 def flight_data(flight: Flight | None, origin: F64) -> dict[str, Any]:

@@ -102,7 +102,7 @@ def plain_layout(figure: "go.Figure", height: int) -> "go.Figure":
         template="none",
         paper_bgcolor="rgba(0,0,0,0)",
         plot_bgcolor="rgba(0,0,0,0)",
-        legend={"orientation": "h", "y": 1.08},
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"},
     )
 
 
@@ -151,6 +151,8 @@ def settings_rows(value: Mapping[str, Any], depth: int = 0) -> list[dict[str, An
 
 
 def _spelled(value: Any) -> str:
+    if value == {}:
+        return "–"
     if isinstance(value, str | int | float | None):
         return "–" if value is None or value == "" else (value if isinstance(value, str) else f"{value}")
     if isinstance(value, Sequence) and all(isinstance(part, str | int | float) for part in value):

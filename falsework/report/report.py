@@ -57,7 +57,7 @@ def write_report(
         stage: Scene folder or USD file; the manifest beside it gives the lead line.
         surveys: Survey id to its capture folder, and each cloud by what tells it apart, empty for an only one.
         samples: Id of each sample to its cloud folder.
-        place: Link from the page to the folder of the scene; empty for the folder that the page lies in.
+        place: Way from the page to the folder of the scene; empty for the folder that the page lies in.
     """
     samples = samples or {}
     clouds = sum(max(len(several), 1) for _, several in surveys.values()) + len(samples)

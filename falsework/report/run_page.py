@@ -113,9 +113,8 @@ def write_run_page(path: Path, runs: Sequence[RunFacts]) -> None:
 
 def _run(run: RunFacts) -> dict[str, Any]:
     failed = {row.scene for row in run.failures if row.scene}
-    classes = list(dict.fromkeys(name for scene in run.scenes for cloud in scene.clouds.values() for name in cloud))
-    totals = {name: sum(c.get(name, 0) for s in run.scenes for c in s.clouds.values()) for name in classes}
-    classes.sort(key=lambda name: -totals[name])
+    totals = _class_totals(run)
+    classes = sorted((name for name, count in totals.items() if count), key=lambda name: -totals[name])
     shown = sorted(run.scenes, key=lambda scene: (scene.name not in failed, scene.name))[:MOST_ROWS]
     bad = {(row.scene, row.stage): row for row in run.failures}
     return {
@@ -134,7 +133,13 @@ def _run(run: RunFacts) -> dict[str, Any]:
         "failures": run.failures,
         "classes": classes,
         "clouds": [
-            [scene.name, name, _cameras(scene, name), number(sum(cloud.values())), *(number(cloud.get(one, 0)) for one in classes)]
+            [
+                scene.name,
+                name,
+                _cameras(scene, name),
+                number(sum(cloud.values())),
+                *(number(cloud.get(one, 0)) for one in classes),
+            ]
             for scene in sorted(shown, key=lambda scene: scene.name)
             for name, cloud in scene.clouds.items()
         ],
@@ -144,6 +149,16 @@ def _run(run: RunFacts) -> dict[str, Any]:
         "colors": dict(zip(run.stages, SERIES, strict=False)),
         "settings": [("scenario", settings_rows(run.settings))] if run.settings else [],
     }
+
+
+def _class_totals(run: RunFacts) -> dict[str, int]:
+    """Sum the points of each class over all clouds."""
+    totals: dict[str, int] = {}
+    for scene in run.scenes:
+        for cloud in scene.clouds.values():
+            for name, count in cloud.items():
+                totals[name] = totals.get(name, 0) + count
+    return totals
 
 
 def _tiles(run: RunFacts) -> list[dict[str, str]]:
@@ -222,13 +237,11 @@ def _side_by_side(runs: Sequence[RunFacts]) -> list[list[str]]:
     names = list(dict.fromkeys(tile["label"] for run in runs for tile in _tiles(run)))
     tiles = [{tile["label"]: tile["value"] for tile in _tiles(run)} for run in runs]
     rows = [[name, *(told.get(name, "–") for told in tiles)] for name in names]
-    sums = [
-        {name: sum(c.get(name, 0) for s in run.scenes for c in s.clouds.values()) for s0 in run.scenes for c0 in s0.clouds.values() for name in c0}
-        for run in runs
-    ]
+    sums = [_class_totals(run) for run in runs]
     rows += [
         [f"points of {name}", *(number(told.get(name, 0)) for told in sums)]
         for name in dict.fromkeys(name for told in sums for name in told)
+        if any(told.get(name, 0) for told in sums)
     ]
     return [["", *(run.name for run in runs)], *rows]
 

@@ -86,7 +86,9 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
             {"label": "bridges to train on", "value": number(len(training.get("training_bridges", ())))},
             {"label": "for validation", "value": number(len(training.get("validation_bridges", ())))},
         ],
-        "classes": [[str(label), number(count)] for label, count in zip(stored.get("classes", ()), counts, strict=False)],
+        "classes": [
+            [str(label), number(count)] for label, count in zip(stored.get("classes", ()), counts, strict=False)
+        ],
         "settings": [
             (f"training of {name}", settings_rows(_mapping(training.get("settings")))),
             (f"network of {name}", settings_rows(_mapping(stored.get("settings")))),
@@ -129,7 +131,9 @@ def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
                     )
         if figure.data:
             plain_layout(figure, 340)
-            scale = {"title": "score", "range": [0, 1]} if keys[0] != "loss" else {"title": "loss", "rangemode": "tozero"}
+            scale = (
+                {"title": "score", "range": [0, 1]} if keys[0] != "loss" else {"title": "loss", "rangemode": "tozero"}
+            )
             drawn.append((title, figure.update_layout(xaxis={"title": "epoch"}, yaxis=scale)))
     return drawn
 
@@ -137,13 +141,18 @@ def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
 def _scores(name: str, record: Mapping[str, Any]) -> dict[str, Any]:
     """Spell one table of scores."""
     names = list(record["classes"])
-    seen = [k for k, one in enumerate(names) if record["classes"][one]["points"] or any(r[k] for r in record["confusion"])]
+    seen = [
+        k for k, one in enumerate(names) if record["classes"][one]["points"] or any(r[k] for r in record["confusion"])
+    ]
     panoptic = record["panoptic"]
     return {
         "name": name,
         "tiles": [
             {"label": "mean IoU", "value": percent(record["mean_iou"])},
-            {"label": f"mean IoU up to {record['sure']['uncertainty']:g} m", "value": percent(record["sure"]["mean_iou"])},
+            {
+                "label": f"mean IoU up to {record['sure']['uncertainty']:g} m",
+                "value": percent(record["sure"]["mean_iou"]),
+            },
             {"label": "overall accuracy", "value": percent(record["overall_accuracy"])},
             {"label": "mean accuracy", "value": percent(record["mean_accuracy"])},
             {"label": "calibration error", "value": percent(record["calibration_error"])},
@@ -165,11 +174,16 @@ def _scores(name: str, record: Mapping[str, Any]) -> dict[str, Any]:
         "errors": _errors(record),
         "by_uncertainty": [
             [f"{limit:g} m", number(points), percent(value)]
-            for limit, points, value in zip(*(record["by_uncertainty"][k] for k in ("thresholds", "points", "mean_iou")), strict=True)
+            for limit, points, value in zip(
+                *(record["by_uncertainty"][k] for k in ("thresholds", "points", "mean_iou")), strict=True
+            )
         ],
         "panoptic": [
             (title, _instances(panoptic[key]))
-            for key, title in (("parts", "connected parts of the true classes"), ("modelled", "components as they were modelled"))
+            for key, title in (
+                ("parts", "connected parts of the true classes"),
+                ("modelled", "components as they were modelled"),
+            )
             if panoptic.get(key)
         ],
         "bridges": [
@@ -207,7 +221,9 @@ def _errors(record: Mapping[str, Any]) -> go.Figure | None:
     if not record["coverage"]:
         return None
     figure = go.Figure(
-        go.Scatter(x=record["coverage"], y=record["risk"], mode="lines+markers", line={"color": SERIES[0]}, marker={"size": 5})
+        go.Scatter(
+            x=record["coverage"], y=record["risk"], mode="lines+markers", line={"color": SERIES[0]}, marker={"size": 5}
+        )
     )
     plain_layout(figure, 340)
     return figure.update_layout(

@@ -154,7 +154,11 @@ def point_facts(cloud: "Cloud", row: int) -> PointFacts:
     columns, seen = cloud.columns, cloud.observations
     names = {one.id: one.name for one in cloud.classes}
     sightings = tuple(
-        Sighting(_name(cloud, int(seen["image"][k])), int(seen["image"][k]), (float(seen["uv"][k][0]), float(seen["uv"][k][1])))
+        Sighting(
+            _name(cloud, int(seen["image"][k])),
+            int(seen["image"][k]),
+            (float(seen["uv"][k][0]), float(seen["uv"][k][1])),
+        )
         for k in range(int(seen["start"][row]), int(seen["start"][row + 1]))
     )
     x, y, z = (float(value) for value in columns["coord"][row])

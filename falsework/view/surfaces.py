@@ -33,7 +33,11 @@ class VariantSet:
 
 
 def read_surfaces(
-    stage: Path, most: int, progress: Progress, chosen: Mapping[tuple[str, str], str] | None = None
+    stage: Path,
+    most: int,
+    progress: Progress,
+    chosen: Mapping[tuple[str, str], str] | None = None,
+    reach: float | None = None,
 ) -> tuple[Surfaces, tuple[VariantSet, ...]]:
     """Read the surfaces of a stage.
 
@@ -42,6 +46,7 @@ def read_surfaces(
         most: Triangles at most; what is left out first are small ones of the surroundings.
         progress: Listener.
         chosen: Prim path and variant set to the variant that shall be shown instead of the stage's own.
+        reach: How far from the bridge its surroundings are shown [m]; None shows all of them.
 
     Returns:
         The surfaces, and the choices that the stage offers.
@@ -55,7 +60,13 @@ def read_surfaces(
     choices = StageChoices(variants=variants).as_json() if variants else None
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "surfaces.npz"
-        request: dict[str, Any] = {"stage": str(stage.absolute()), "most": most, "file": str(file), "choices": choices}
+        request: dict[str, Any] = {
+            "stage": str(stage.absolute()),
+            "most": most,
+            "reach": reach,
+            "file": str(file),
+            "choices": choices,
+        }
         answer = read_safely("falsework.children.surface_work", request, stage, progress, TIME_LIMIT, MEMORY_LIMIT)
         with np.load(file, allow_pickle=False) as stored:
             surfaces = Surfaces(stored["corners"].astype(np.float64), stored["colors"])

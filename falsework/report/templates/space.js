@@ -204,6 +204,7 @@ class Space {
       instance: unpacked(told.instance, Uint16Array),
     });
     this.top = told.levels.length - 2;
+    this.grain = 0.0045 * Math.min(this.eye.fit, 40) * Math.max(1, Math.min(2.5, Math.sqrt(8000 / Math.max(told.count, 1))));  // few points are drawn larger
     this.span = told.step.map((step) => 65535 * step);
     this.buffers = { place: pen.buffer(this.place), color: pen.buffer(new Uint8Array(3 * told.count)), rows: gl.createBuffer() };
     this.paints = {
@@ -312,7 +313,7 @@ class Space {
       gl.colorMask(true, true, true, true);
     }
     pen.use("points", { place: [buffers.place, 3, gl.UNSIGNED_SHORT, true], color: [buffers.color, 3, gl.UNSIGNED_BYTE, true] },
-      { view, low: told.low, span: this.span, picking: hidden, size: 0.0045 * size * height * Math.min(this.eye.fit, 40) });
+      { view, low: told.low, span: this.span, picking: hidden, size: this.grain * size * height });
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.rows);
     gl.drawElements(gl.POINTS, this.rows.length, gl.UNSIGNED_INT, 0);
     if (this.checked("pictures") && this.sheet) {
@@ -352,13 +353,6 @@ class Space {
       if (id && pixels[4 * k + 3] === 255 && away < nearest) [best, nearest] = [id - 1, away];
     }
     return best;
-  }
-
-  colorAt([x, y]) {
-    const { gl } = this.pen, pixel = new Uint8Array(4);
-    this.draw();
-    gl.readPixels(x, y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-    return [...pixel];
   }
 
   listen() {
