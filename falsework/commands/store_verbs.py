@@ -12,13 +12,16 @@ from groundwork.errors import MissingError
 
 JSON_VERSION = 1
 
+AsJson = Annotated[bool, tyro.conf.arg(name="json")]
 
-def verify(output: tyro.conf.Positional[Path], *, repair: bool = False) -> int:
+
+def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json: AsJson = False) -> int:
     """Find everything in a run's folder that is not as it was written: changed, missing, misplaced, foreign.
 
     Args:
         output: Output folder of a run.
         repair: Make it whole: what is damaged, what was made from it, and what those need, with the former bytes.
+        as_json: Print one JSON object instead of lines.
     """
     from falsework.store.store import Store
 
@@ -31,6 +34,9 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False) -> int:
             wrong = make_whole(output, progress)
     else:
         wrong = Store(output).verify()
+    if as_json:
+        sys.stdout.write(json.dumps({"version": JSON_VERSION, "whole": not wrong, "wrong": wrong}) + "\n")
+        return int(bool(wrong))
     for line in wrong:
         sys.stdout.write(line + "\n")
     said = f"{len(wrong)} things are not as they were written" if wrong else "all stored results are whole"
@@ -43,7 +49,7 @@ def clean(
     *,
     unused: bool = False,
     dry_run: bool = False,
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Remove what killed runs left in a run's folder, and say what that frees.
 

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,6 +17,9 @@ from groundwork.output_file import check_output_file, fresh_file
 WORKER = "falsework.children.survey_work"
 JSON_VERSION = 1
 NAMED = 12  # ids in a line
+ENOUGH_OVERLAP = 0.7  # of an image with the next: photogrammetrists ask for 70 to 80 % along a strip
+ENOUGH_LINKED = 0.9  # of the images; the limit of the warning, too
+WELL, PARTLY = 0.5, 0.25  # of a surface, faces that nothing can see among it: no member reaches all of it
 _FIGURE = ("centres", "looks", "outline")  # what only the figure needs
 
 File = tyro.conf.Positional[Path]
@@ -110,14 +114,37 @@ def _tell(row: dict[str, Any]) -> None:
     median, worst = row["sampling"]
     _say(f"survey      {row['survey']}: {row['images']} images, {row['length']:.0f} m, {row['duration']:.0f} s")
     _say(f"clearance   {row['clearance']:.2f} m at least")
-    _say(f"overlap     {100.0 * row['overlap']:.0f} % with the next image")
-    _say(f"linked      {100.0 * row['linked']:.0f} % of the images, as predicted")
+    _say(f"overlap     {100.0 * row['overlap']:.0f} % with the next image: {_judged(row['overlap'], ENOUGH_OVERLAP)}")
+    _say(f"linked      {100.0 * row['linked']:.0f} % of the images, as predicted: {_judged(row['linked'], ENOUGH_LINKED)}")
     _say(f"sampling    {1e3 * median:.1f} mm a pixel, {1e3 * worst:.1f} mm at the 95th percentile")
     _say(f"base angle  {row['base_angle']:.0f} degrees")
-    shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in row["by_class"].items())
-    _say(f"covered     by 3 cameras at 60 degrees or less: {shares}")
+    for line in coverage_lines(row["by_class"]):
+        _say(line)
     for line in row["warnings"]:
         _say(f"warning     {line}")
+
+
+def coverage_lines(by_class: Mapping[str, float]) -> list[str]:
+    """Say which classes a flight covers well, partly and poorly, the worst last.
+
+    Args:
+        by_class: Share of the surface that three cameras see at 60 degrees or less, by class [1].
+    """
+    words = {
+        f"well (from {100.0 * WELL:.0f} %)": lambda share: share >= WELL,
+        f"partly (from {100.0 * PARTLY:.0f} %)": lambda share: PARTLY <= share < WELL,
+        "poorly, expect holes": lambda share: share < PARTLY,
+    }
+    lines = ["covered     share of the surface that 3 cameras see at 60 degrees or less, hidden faces counted:"]
+    for word, fits in words.items():
+        found = sorted(((share, name) for name, share in by_class.items() if fits(share)), reverse=True)
+        if found:
+            lines.append(f"            {word}: " + ", ".join(f"{name} {100.0 * share:.0f} %" for share, name in found))
+    return lines
+
+
+def _judged(share: float, enough: float) -> str:
+    return f"{'enough' if share >= enough else 'too little'} (from {100.0 * enough:.0f} %)"
 
 
 def _tell_unseen(row: dict[str, Any], scene: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from falsework.cli import main
 from falsework.commands.repair import repair
 from falsework.store.store import Store
 from groundwork.files import MANIFEST
@@ -117,3 +118,17 @@ def test_damage_that_the_scenario_no_longer_leads_to_is_left(run: Run, tmp_path:
     lines = repair(out, SILENT)
     assert lines == [f"store/cloud/{folder.name}/coord.npy: changed"]
     assert json.loads((folder / MANIFEST).read_text())["key"] == folder.name
+
+
+def test_verify_answers_a_script(run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: F811
+    """`--json` holds the lines that people read, and the exit code says the same."""
+    run(1)
+    out = tmp_path / "out"
+    for flipped in (False, True):
+        if flipped:
+            _flip(sorted((out / "store/stage").iterdir())[0] / "scene.usda", 5)
+        with pytest.raises(SystemExit) as left:
+            main(["verify", str(out), "--json"])
+        found = json.loads(capsys.readouterr().out)
+        assert found == {"version": 1, "whole": not flipped, "wrong": Store(out).verify()}
+        assert left.value.code == int(flipped) == int(bool(found["wrong"]))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from falsework.cli import main
+from falsework.commands.survey_verbs import coverage_lines
 from groundwork.files import write_text
 from tests.authoring.small_scene import write_small_scene
 from tests.conftest import RecordProof
@@ -211,3 +212,14 @@ def test_bad_words_are_one_line(
     (line,) = [line for line in errors.splitlines() if line.startswith("falsework: ")]
     for part in parts:
         assert part in line
+
+
+def test_coverage_is_judged_in_words() -> None:
+    """Each class stands in one line with its share, best first; a line without a class is left out; 8 % is poor."""
+    shares = {"girder": 0.08, "deck": 0.5, "column": 0.66, "parapet": 0.25, "bearing": 0.12, "arch": 0.4999}
+    assert coverage_lines(shares)[1:] == [
+        "            well (from 50 %): column 66 %, deck 50 %",
+        "            partly (from 25 %): arch 50 %, parapet 25 %",
+        "            poorly, expect holes: bearing 12 %, girder 8 %",
+    ]
+    assert [line.split(":")[0].strip() for line in coverage_lines({"deck": 0.9})[1:]] == ["well (from 50 %)"]
