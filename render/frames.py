@@ -11,6 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from groundwork.canonical import digest
 from groundwork.child import answer_parent
@@ -24,7 +25,7 @@ from render.images import image_files
 from render.images.exif import insert_exif
 from render.light.illumination import BRIGHTEST
 from render.light.light_volume import LightVolume
-from render.sensor.sensor import Exposure, Sensor, meter
+from render.sensor.sensor import Exposure, Sensor, balance, meter
 from render.sensor.shutter import read_out
 from render.settings import RenderSettings
 from render.views.camera_body import CameraBody, Shot
@@ -42,7 +43,8 @@ _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _LOOKED_UP = 64  # rows at once
-_RECIPE = 8  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_RECIPE = 9  # raised whenever frames that an interrupted run left would no longer fit to new ones
+F32 = NDArray[np.float32]
 Share = tuple[int, int]
 ALL: Share = (0, 1)
 
@@ -226,7 +228,8 @@ def _draw_missing(
             journal.keep_gain(gain)
     shape, told = (assignment.camera.height, assignment.camera.width), assignment.settings.sensor
     follows = told.exposure is None and not assignment.meters_light
-    sensor = Sensor(told, gain, BRIGHTEST, shape, assignment.seed, follows)
+    white = balance(body.prepared.light.daylight.on_level_ground(), told.white_balance)
+    sensor = Sensor(told, gain, BRIGHTEST, shape, assignment.seed, follows, white)
     _photograph(assignment, body, sensor, journal, rows, progress)
 
 
@@ -256,15 +259,17 @@ def _meter_survey(prepared: Prepared, assignment: Assignment) -> float:
     )
     rows = np.unique(np.linspace(0, len(track.poses) - 1, _METERED).round().astype(int))
 
-    def luminance(cards: bool) -> "np.ndarray[Any, np.dtype[np.float32]]":
-        painter, samples = prepared.painter(small, sharp=False, cards=cards), []
+    def luminance(cards: bool) -> "tuple[F32, F32]":
+        painter, samples, skies = prepared.painter(small, sharp=False, cards=cards), [], []
         for row in rows:
             view = painter.draw(track.poses[row], track.near)
             light = (view.code.astype(np.float32) / 65535) ** 2 * BRIGHTEST
             samples.append((light @ _LUMINANCE)[view.draw > 0])
-        return np.concatenate(samples)
+            skies.append((light @ _LUMINANCE)[view.draw == 0])
+        return np.concatenate(samples), np.concatenate(skies)
 
-    return meter(luminance(False), luminance(True) if assignment.meters_light else None)
+    surfaces, sky = luminance(False)
+    return meter(surfaces, luminance(True)[0] if assignment.meters_light else None, sky)
 
 
 def _photograph(

@@ -6,8 +6,8 @@ uniform vec3 eye;               // camera centre, counted from the scene's ancho
 uniform vec3 to_sun;
 uniform vec3 sun_irradiance;
 uniform vec3 open_sky[4];
-uniform vec3 haze;
-uniform float haze_density;     // [1/m]
+uniform vec3 haze[3];           // of far air by the cosine of the angle to the sun: constant, slope, glow
+uniform vec3 haze_density;      // [1/m] in powers of two
 uniform float code_scale;       // 1 / brightest radiance that the target can hold
 
 uniform sampler3D volume_red;
@@ -60,6 +60,7 @@ layout(location = 3) out uint out_triangle;
 #endif
 
 const float PI = 3.14159265;
+const float GLOW = 0.08;        // as in daylight.py
 
 // #include sun_shadow.glsl
 
@@ -234,7 +235,9 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
     light += emissive.rgb;
 #endif
 #endif
-    return mix(haze, light, exp2(-away * haze_density));
+    float sunward = -dot(view, to_sun);
+    vec3 far = haze[0] + haze[1] * sunward + haze[2] * (GLOW / (1.0 + GLOW - sunward));
+    return mix(far, light, exp2(-away * haze_density));
 }
 
 #ifdef RIBBON
