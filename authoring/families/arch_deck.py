@@ -97,7 +97,7 @@ def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> 
     drawn = DrawnDeckArch(rib, section, bents, pitch, inner, outer, slab, spans, top, bearings, abutments)
     seat = drawn.levels.seat
     soffit = float(rib.intrados(np.array([rib.start + 0.25 * choice.span]))[0])
-    layout = draw_layout_of(shared, top, supports, soffit, seat, draws, straight=True)
+    layout = draw_layout_of(shared, top, supports, soffit, seat, draws, straight=True, walls=abutments.wing_length)
     drawn = replace(drawn, rib=_lowered(drawn, layout.alignment))
     return footed(raised(layout, drawn.rib, choice.springing), drawn.rib), drawn
 

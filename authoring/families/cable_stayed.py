@@ -127,7 +127,15 @@ def draw_cable_stayed(
     walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, strip + 0.5), 3))
     air = draw(settings, "air", draws) * choice.main  # ships pass under long spans
     layout = draw_layout_of(
-        shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True, least_clearance=air
+        shared,
+        top,
+        spans.supports,
+        levels.girder_soffit,
+        levels.seat,
+        draws,
+        straight=True,
+        least_clearance=air,
+        walls=walls.wing_length,
     )
     record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, piers, walls)
     return replace(layout, width=deck.width), record

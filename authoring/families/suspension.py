@@ -107,7 +107,15 @@ def draw_suspension(
     walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, _STRIP + 0.45), 3))
     air = draw(settings, "air", draws) * choice.main  # ships pass under long spans
     layout = draw_layout_of(
-        shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True, least_clearance=air
+        shared,
+        top,
+        spans.supports,
+        levels.girder_soffit,
+        levels.seat,
+        draws,
+        straight=True,
+        least_clearance=air,
+        walls=walls.wing_length,
     )
     record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls)
     return replace(layout, width=deck.width), record

@@ -288,7 +288,7 @@ def test_stays_and_legs_leave_the_traffic_its_gauge(shape: str, service: str) ->
 
 
 def test_ratios_hold(proof_count: Count) -> None:
-    """Side spans, pylons, stays, sag and slenderness stay in their bands in every draw."""
+    """Side spans, pylons, stays, sag and slenderness stay in their bands; no cables where girders would do."""
     for seed in range(proof_count(40, 200)):
         record: DrawnCableStayed = record_of("cable_stayed", seed)
         choice, stays, pylon = record.choice, record.stays, record.pylon
@@ -301,11 +301,14 @@ def test_ratios_hold(proof_count: Count) -> None:
         assert min(np.diff(stays.offsets)) > 1.2
         assert min(np.diff(stays.heights)) > 0.1
         assert record.spans.supports[-1] <= (260.0 if choice.size == "compact" else 620.0)
+        assert choice.main >= {1: 55.0, 2: 70.0}[choice.pylons]
         other: DrawnSuspension = record_of("suspension", seed)
         cables, span = other.cables, other.choice.main
         assert 1 / 12 - 1e-3 <= cables.sag / span <= 1 / 8 + 1e-3
         assert 2.0 - 1e-9 <= cables.low <= 4.0 + 1e-9
         assert 0.2 - 0.002 <= other.choice.side / span <= 0.5 + 0.002
+        assert span >= 80.0
+        assert 0.09 <= other.tower.top / span <= 0.16
         assert cables.diameter >= span / 2000.0 - 1e-3
 
 
