@@ -26,8 +26,9 @@ import benchmarks.peers
 from benchmarks.frame_meter import WARM, FrameMeter, processor_time
 from benchmarks.render_scene import CAMERA, IMAGES, SEED, SURVEY, VIEWS, author_bench, view_pairs
 from benchmarks.sfm_value import SfmValue, sfm_value
+from benchmarks.speed_unit import slower, this_machine
 from falsework.gallery.camera import seen_from
-from falsework.platform import processor, render_platform
+from falsework.platform import render_platform
 from falsework.stages import STAGES
 from groundwork.files import write_bytes, write_text
 from groundwork.progress import SILENT
@@ -255,7 +256,7 @@ def _page(scene: FlatScene, ours: dict[str, list[Cost]], peers: list[Cost], valu
     lines = [
         "# The renderer beside others",
         "",
-        f"Written by `python -m benchmarks.render`. {len(os.sched_getaffinity(0))} cores of {processor()},",
+        f"Written by `python -m benchmarks.render`. {len(os.sched_getaffinity(0))} cores of {this_machine()},",
         f"{render_platform()['gl_renderer']}; {CAMERA.width} x {CAMERA.height} px. Processor time counts all threads.",
         f"The scene: {len(scene.instances):,} prims, {triangles:,} triangles with instances, look `weathered`; after "
         "culling and",
@@ -277,12 +278,14 @@ def _page(scene: FlatScene, ours: dict[str, list[Cost]], peers: list[Cost], valu
         "| memory [GB] | at most |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
+    speed = slower("llvmpipe")
     for name, costs in ours.items():
         cpu, rate = LIMITS[name]
         least, greatest = (pick(cost.cpu for cost in costs) for pick in (min, max))
         quick, slow = (1 / pick(cost.wall for cost in costs) for pick in (min, max))
         lines.append(
-            f"| Falsework `{name}` | {least:.2f} ({greatest:.2f}) | {cpu} | {quick:.1f} ({slow:.1f}) | {rate or ''} "
+            f"| Falsework `{name}` | {least:.2f} ({greatest:.2f}) | {cpu * speed:.2f} | {quick:.1f} ({slow:.1f}) | "
+            f"{f'{rate / speed:.1f}' if rate else ''} "
             f"| {least / standard:.1f} | {min(cost.once for cost in costs):.0f} "
             f"| {max(cost.memory for cost in costs):.2f} | {MEMORY:.1f} |"
         )

@@ -2,8 +2,8 @@
 
 Usage: python -m benchmarks.scale [--small] [--run OUT]
 
-Writes `docs/benchmarks/scale.md`. Some ten minutes, on a machine with nothing else to do; `--small` takes one, prints
-the page, and writes nothing. `--run` names a finished run whose results tell the bytes of a scene; without it they are
+Writes `docs/benchmarks/scale.md`. Some twenty minutes, on a machine with nothing else to do; `--small` takes two, and
+the page says so. `--run` names a finished run whose results tell the bytes of a scene; without it they are
 the demo's, which `plan` starts from, too.
 """
 
@@ -70,10 +70,12 @@ class Timed:
     Attributes:
         wall: From the command to its end [s].
         span: From the beginning of the first result to the end of the last one [s].
+        processor: Of the command and its workers, all threads together [s].
     """
 
     wall: float
     span: float
+    processor: float
 
 
 def main() -> None:
@@ -83,25 +85,24 @@ def main() -> None:
     parser.add_argument("--run", type=Path, default=None)
     asked = parser.parse_args()
     size = SMALL if asked.small else WHOLE
+    load = os.getloadavg()[0]
+    one = fake_run(1, size.seconds, "wait", 0)
     waited = {workers: fake_run(size.scenes, size.seconds, "wait", workers) for workers in (0, 2)}
+    each = (waited[0].processor - one.processor) / (size.scenes - 1)
     rate = work_rate()
     bare = {count: bare_span(size, rate, count) for count in (1, 2)}
     busy = {workers: fake_run(size.busy_scenes, size.busy_seconds, "work", workers, rate) for workers in (1, 2)}
     parts = {name: part(name, size.simulated) for name in ("plan", "schedule")}
     costs = _bytes_of(asked.run)
     lines = [
-        *_head(),
-        *_overhead(size, waited),
+        *_head(load, asked.small),
+        *_overhead(size, waited, each),
         *_speedup(size, busy, bare),
         *_simulated(size, parts),
-        *_projected(overhead_each(size, waited), costs),
+        *_projected(each, costs),
         *_disk(costs, asked.run),
     ]
-    text = "\n".join(lines) + "\n"
-    if asked.small:
-        print(text)  # noqa: T201
-    else:
-        write_text(PAGE, text)
+    write_text(PAGE, "\n".join(lines) + "\n")
 
 
 def fake_run(scenes: int, seconds: float, kind: str, workers: int, rate: float = 1.0) -> Timed:
@@ -120,7 +121,7 @@ def fake_run(scenes: int, seconds: float, kind: str, workers: int, rate: float =
         out, scenario = Path(scratch) / "out", Path(scratch) / "s.toml"
         write_text(scenario, f'scenes = {scenes}\n[[survey]]\nkind = "global"\n')
         words = ["run", str(scenario), "-o", str(out), "--workers", str(workers)]
-        begin = time.perf_counter()
+        begin, before = time.perf_counter(), os.times()
         subprocess.run(
             [sys.executable, "-m", "benchmarks.fake_run", *words],
             cwd=ROOT,
@@ -128,9 +129,11 @@ def fake_run(scenes: int, seconds: float, kind: str, workers: int, rate: float =
             capture_output=True,
             check=True,
         )
-        wall = time.perf_counter() - begin
+        wall, after = time.perf_counter() - begin, os.times()
         events = list(read_events(out))
-    return Timed(wall, max(one["end"] for one in events) - min(one["end"] - one["seconds"] for one in events))
+    span = max(one["end"] for one in events) - min(one["end"] - one["seconds"] for one in events)
+    spent = after.children_user + after.children_system - before.children_user - before.children_system
+    return Timed(wall, span, spent)
 
 
 def part(name: str, number: int) -> dict[str, float]:
@@ -168,17 +171,6 @@ def bare_span(size: Size, rate: float, count: int) -> float:
     return max(_told(one)["seconds"] for one in [_begin("work", times) for _ in range(count)])
 
 
-def overhead_each(size: Size, waited: dict[int, Timed]) -> float:
-    """Tell what the engine adds to a scene, the start not counted [s]: the greater of those with and without workers.
-
-    Args:
-        size: How much was run.
-        waited: Number of workers to the time of the waiting run.
-    """
-    ideal = size.scenes * size.seconds
-    return max((one.span - ideal / max(workers, 1)) * max(workers, 1) / size.scenes for workers, one in waited.items())
-
-
 def _begin(name: str, number: int) -> subprocess.Popen[bytes]:
     alone = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "benchmarks.scale_part", name, str(number)]
@@ -192,16 +184,18 @@ def _told(process: subprocess.Popen[bytes]) -> dict[str, float]:
     return json.loads(said.splitlines()[-1])
 
 
-def _head() -> list[str]:
+def _head(load: float, small: bool) -> list[str]:
+    cores = len(os.sched_getaffinity(0))
+    busy = "The machine was busy with other work: waits are too long, and only processor time means something. "
     return [
         "# Many scenes",
         "",
-        f"Written by `python -m benchmarks.scale`. {len(os.sched_getaffinity(0))} cores of {this_machine()}; load when "
-        f"it began {os.getloadavg()[0]:.1f}. What is compared was measured in this one run.",
+        f"Written by `python -m benchmarks.scale{' --small' * small}`. {cores} cores of {this_machine()}; load when it "
+        f"began {load:.1f}. {busy * (load > 1.0)}What is compared was measured in this one run.",
     ]
 
 
-def _overhead(size: Size, waited: dict[int, Timed]) -> list[str]:
+def _overhead(size: Size, waited: dict[int, Timed], each: float) -> list[str]:
     lines = [
         "",
         "## What the engine adds",
@@ -210,16 +204,19 @@ def _overhead(size: Size, waited: dict[int, Timed]) -> list[str]:
         f"what is more than the waiting is the engine's. To hold: {MOST_OVERHEAD:.0%} of the whole beyond {START:g} s "
         "for the start.",
         "",
-        "| workers | waiting [s] | whole [s] | more [s] | of it beyond the start | first result to last [s] |",
-        "|---|---|---|---|---|---|",
+        "| workers | waiting [s] | whole [s] | more [s] | beyond the start | first to last result [s] | processor [s] |",
+        "|---|---|---|---|---|---|---|",
     ]
     for workers, one in waited.items():
         ideal = size.scenes * size.seconds / max(workers, 1)
         more = one.wall - ideal
         share = max(0.0, more - START) / one.wall
         name = "none: this process" if workers == 0 else str(workers)
-        lines.append(f"| {name} | {ideal:.1f} | {one.wall:.1f} | {more:.1f} | {share:.1%} | {one.span:.1f} |")
-    return [*lines, "", f"That is {1000 * overhead_each(size, waited):.0f} ms a scene at most, after the start."]
+        lines.append(
+            f"| {name} | {ideal:.1f} | {one.wall:.1f} | {more:.1f} | {share:.1%} | {one.span:.1f} "
+            f"| {one.processor:.1f} |"
+        )
+    return [*lines, "", f"A further scene costs the engine {1000 * each:.0f} ms of processor time."]
 
 
 def _speedup(size: Size, busy: dict[int, Timed], bare: dict[int, float]) -> list[str]:
@@ -269,9 +266,9 @@ def _projected(overhead: float, costs: dict[str, float]) -> list[str]:
         "",
         "From the rows of [proof.json](../proof.json): processor time of a scene from its seed to its annotated cloud. "
         "Assumed: each core does what one core did there, and the work of a scene stays on one; scenes need nothing of "
-        f"each other; the engine adds {1000 * overhead:.0f} ms to each, as measured above; 4 GB of memory a core; and "
-        f"a shared disk that takes what is written, {written / _MB:.0f} MB a scene (below), of which {kept / _MB:.0f} MB "
-        "stay. Not measured on more than two cores.",
+        f"each other; the engine adds {1000 * overhead:.0f} ms to each, as above; 4 GB of memory a core; and "
+        f"a shared disk that takes what is written, {written / _MB:.0f} MB a scene (below), of which "
+        f"{kept / _MB:.0f} MB stay. Not measured on more than two cores.",
         "",
         "| data set | cores | scenes an hour | annotated points an hour [million] | written [MB/s] |",
         "|---|---|---|---|---|",

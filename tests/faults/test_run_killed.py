@@ -1,6 +1,5 @@
 """A run of tiny stages, killed, interrupted, and deprived of its workers: nothing is lost, the bytes are the same."""
 
-import os
 import signal
 import subprocess
 import time
