@@ -1,10 +1,9 @@
 """The conductor: from settings and a seed to a folder of layers that composes into one stage."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import islice
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from pxr import Sdf
@@ -42,8 +41,6 @@ from groundwork.progress import Progress
 from usd_schemas import tokens
 from usd_schemas.taxonomies import BASE, taxonomy
 
-_NONE: Mapping[str, Path] = MappingProxyType({})
-
 
 @dataclass(frozen=True)
 class GivenFiles:
@@ -55,9 +52,9 @@ class GivenFiles:
         surfaces: Folders of surfaces of `[look]`.
     """
 
-    worlds: Mapping[str, Path] = _NONE
-    skies: Mapping[str, Path] = _NONE
-    surfaces: Mapping[str, Path] = _NONE
+    worlds: Mapping[str, Path] = field(default_factory=dict[str, Path])
+    skies: Mapping[str, Path] = field(default_factory=dict[str, Path])
+    surfaces: Mapping[str, Path] = field(default_factory=dict[str, Path])
 
 
 NO_FILES = GivenFiles()
