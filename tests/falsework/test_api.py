@@ -84,10 +84,8 @@ def test_every_type_that_an_argument_needs_is_public() -> None:
     for name in ("author", "render", "reconstruct", "sample", "run", "save_cloud"):
         for hint in get_type_hints(public[name], {**vars(falsework.api), **public}).values():
             needed |= own_classes(hint)
-    sections = (field for kind in needed if issubclass(kind, BaseModel) for field in kind.model_fields.values())
-    scenario = falsework.Scenario.model_fields.values()
-    for field in sections:
-        if field not in scenario:
-            needed |= own_classes(field.annotation)
+    for kind in needed - {falsework.Scenario}:
+        if issubclass(kind, BaseModel):
+            needed = needed.union(*(own_classes(field.annotation) for field in kind.model_fields.values()))
     assert {kind.__name__ for kind in needed} <= set(public)
     assert {"SensorSettings", "DenseSettings", "Capture", "TerrestrialSettings"} <= {kind.__name__ for kind in needed}
