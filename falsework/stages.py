@@ -49,7 +49,7 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
         folder: Empty folder to fill.
         progress: Listener.
     """
-    from authoring.scene import author_scene
+    from authoring.scene import GivenFiles, author_scene
     from authoring.settings import AuthoringSettings
 
     given = {
@@ -57,7 +57,8 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
         for kind in ("world/", "sky/", "surface/")
     }
     authoring = parse_settings(AuthoringSettings, settings["authoring"], "scenario")
-    author_scene(authoring, settings["seed"], folder, progress, given["world/"], given["sky/"], given["surface/"])
+    files = GivenFiles(given["world/"], given["sky/"], given["surface/"])
+    author_scene(authoring, settings["seed"], folder, progress, files)
 
 
 def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:

@@ -18,7 +18,7 @@ from authoring.families.stayed_choices import (
     stretched,
     with_median,
 )
-from authoring.families.stayed_elevation import FLATTEST, Frame, NoRoomForStays, fit, frame_of, leg_size
+from authoring.families.stayed_elevation import FLATTEST, GAUGE, Frame, NoRoomForStays, fit, leg_size
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
@@ -253,7 +253,17 @@ def _elevation(
     height = _height(choice, values)
     for _ in range(6):
         foot = _foot(choice, top, levels)
-        frame = frame_of(top, levels.seat, foot, height, values["leg"], _DROP, values["zone"])
+        frame = Frame(
+            top.width,
+            top.kerb_face,
+            GAUGE[top.service],
+            foot,
+            levels.seat,
+            height,
+            values["leg"],
+            _DROP,
+            values["zone"],
+        )
         found = fit(choice, frame, _PORTAL_STRIP if choice.shape == "portal" else values["strip"])
         if found is None:
             return None
