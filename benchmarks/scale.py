@@ -60,7 +60,7 @@ class Size:
 
 
 WHOLE = Size(20, 30.0, 8, 8.0, 10_000)
-SMALL = Size(4, 2.0, 4, 1.0, 500)
+SMALL = Size(3, 1.0, 2, 1.0, 200)
 
 
 @dataclass(frozen=True)
