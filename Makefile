@@ -24,16 +24,16 @@ help:
 	@echo "make test-faults  only the tests that kill, corrupt and fill disks"
 	@echo "make bench docs   regenerate the tables measured in minutes, and the generated pages"
 
-setup: .venv/.stamp-core .venv/.stamp-dev .venv/.stamp-learn
+setup: .venv/.stamp-core .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view .venv/.stamp-browser
 
 demo: .venv/.stamp-core
 	.venv/bin/falsework demo -o $(OUT)
 
-test: lint
+test: lint .venv/.stamp-browser
 	$(PYTEST) -m "not dcc" $(PARALLEL)
 
-# The tests of learn/ need its extra, and so does pyright, which reads what torch says of its types.
-lint: .venv/.stamp-dev .venv/.stamp-learn
+# The tests of learn/ and of the viewer need their extras, and so does pyright, which reads what torch and viser say of their types.
+lint: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/pyright
@@ -70,6 +70,11 @@ docs: .venv/.stamp-dev
 # Every extra of pyproject.toml: dev, learn, view, …
 .venv/.stamp-%: .venv/.stamp-core
 	$(PIP) --editable ".[$*]"
+	@touch $@
+
+# A browser for the tests of pages; where none can be had, they are skipped and say so.
+.venv/.stamp-browser: .venv/.stamp-venv
+	@.venv/bin/python bootstrap/system_libraries.py browser
 	@touch $@
 
 .venv-dcc/.stamp: constraints-dcc.txt

@@ -61,7 +61,7 @@ class Tab:
     def click(self, x: float, y: float) -> None:
         """Click a place of the window [px]."""
         for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
-            self.tell("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+            self.tell("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
 
     def screenshot(self) -> bytes:
         """Take a picture of the window, as PNG."""
@@ -83,7 +83,7 @@ def open_tab(address: str, folder: Path) -> Iterator[Tab]:
         while not (port.is_file() and port.read_text()):
             assert time.monotonic() < end
             time.sleep(0.1)
-        with urllib.request.urlopen(f"http://127.0.0.1:{port.read_text().split()[0]}/json/list") as answer:
+        with urllib.request.urlopen(f"http://localhost:{port.read_text().split()[0]}/json/list") as answer:
             (page,) = [row for row in json.load(answer) if row["type"] == "page"]
         with connect(page["webSocketDebuggerUrl"], max_size=None, proxy=None) as line:
             yield Tab(line)
