@@ -41,7 +41,7 @@ def subject(tmp_path: Path) -> Subject:
 
 
 def test_a_click_means_the_point_in_front() -> None:
-    """Rays at points beside which no other is seen mean them; of points in one line the nearest; none behind the eye."""
+    """Rays at points beside which no other is seen mean them; of those in line the nearest; none behind the eye."""
     rng, alone = np.random.default_rng(0), 0
     for _ in range(200):
         places = rng.uniform(-10.0, 10.0, (400, 3))
