@@ -13,8 +13,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
+from falsework.view.viewer import LOOPBACK
 from tests.falsework.browser import WORDS, chromium
 
 PATIENCE = 180.0  # [s]
@@ -23,7 +25,7 @@ PATIENCE = 180.0  # [s]
 class Tab:
     """The one page of a browser."""
 
-    def __init__(self, line: ClientConnection) -> None:
+    def __init__(self, line: Connection) -> None:
         """Listen to the page.
 
         Args:
@@ -83,7 +85,7 @@ def open_tab(address: str, folder: Path) -> Iterator[Tab]:
         while not (port.is_file() and port.read_text()):
             assert time.monotonic() < end
             time.sleep(0.1)
-        with urllib.request.urlopen(f"http://localhost:{port.read_text().split()[0]}/json/list") as answer:
+        with urllib.request.urlopen(f"http://{LOOPBACK}:{port.read_text().split()[0]}/json/list") as answer:
             (page,) = [row for row in json.load(answer) if row["type"] == "page"]
         with connect(page["webSocketDebuggerUrl"], max_size=None, proxy=None) as line:
             yield Tab(line)
