@@ -15,7 +15,7 @@ version = release = version_of("falsework")
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
 source_suffix = {".md": "markdown"}
 root_doc = "index"
-exclude_patterns = ["proof.json", "images", "benchmarks/recon"]
+exclude_patterns = ["proof.json", "images", "benchmarks/recon", "notebooks/*.ipynb"]
 templates_path: list[str] = []
 nitpicky = False
 

@@ -124,6 +124,30 @@ def test_the_command(
     assert sorted(path.name for path in (tmp_path / "model").iterdir())[-2:] == ["model.json", "model.safetensors"]
 
 
+def test_the_clouds_are_written_for_whoever_wants_data(
+    toys: list[DemoCloud], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One folder a bridge with its points and labels, a card with the true counts, and `dataset local` reads them."""
+    monkeypatch.setattr("learn.demo.clouds.demo_clouds", lambda: toys)
+    out = tmp_path / "bridges"
+    with pytest.raises(SystemExit) as left:
+        main(["dataset", "demo", "-o", str(out)])
+    assert not left.value.code
+    total = sum(len(toy.coord) for toy in toys)
+    assert f"{len(toys)} bridges, {total:,} points" in capsys.readouterr().out
+    card = (out / "README.md").read_text()
+    for toy in toys:
+        cloud = read_cloud(out / toy.name)
+        assert np.array_equal(cloud.columns["coord"], toy.coord)
+        names = {row.id: row.name for row in cloud.classes}
+        counts = {names[i]: int(n) for i, n in enumerate(np.bincount(cloud.columns["segment"])) if n}
+        listed = ", ".join(f"{name} {n:,}" for name, n in sorted(counts.items(), key=lambda item: -item[1]))
+        assert f"| {toy.name} | {len(toy.coord):,} | {listed} |" in card
+    with pytest.raises(SystemExit) as left:
+        main(["dataset", "local", *(str(out / toy.name) for toy in toys), "-o", str(tmp_path / "set")])
+    assert not left.value.code
+
+
 @pytest.mark.proof_only
 def test_the_demonstration_learns_and_shuffled_labels_teach_nothing(tmp_path: Path, record_proof: RecordProof) -> None:
     """At least 0.6 on four bridges never seen, above both simple answers; with shuffled labels no more than chance."""
