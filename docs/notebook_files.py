@@ -1,4 +1,4 @@
-"""Notebooks out of tested scripts: cells begin with `# %%`, text cells with `# %% [markdown]`; the docstring comes first."""
+"""Notebooks out of tested scripts: `# %%` begins a cell, `# %% [markdown]` one of text; the docstring comes first."""
 
 import ast
 import json
@@ -34,7 +34,9 @@ def cells(script: str) -> list[Cell]:
     for part in script.split(f"\n{_MARK}")[1:]:
         head, _, body = part.partition("\n")
         if f"{_MARK}{head}" == _TEXT:
-            found.append(Cell(False, "\n".join(line.removeprefix("#").removeprefix(" ") for line in body.splitlines()).strip()))
+            found.append(
+                Cell(False, "\n".join(line.removeprefix("#").removeprefix(" ") for line in body.splitlines()).strip())
+            )
         else:
             found.append(Cell(True, body.strip()))
     return found

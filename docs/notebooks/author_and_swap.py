@@ -1,7 +1,7 @@
 """Author a bridge, and swap its layers.
 
-A bridge, its surroundings and its flights are one USD stage of several layers. This notebook makes one, gives it another look,
-and shows what that moves: nothing but colours.
+A bridge, its surroundings and its flights are one USD stage of several layers. This notebook makes one, gives it
+another look, and shows what that moves: nothing but colours.
 """
 
 # %% [markdown]

@@ -1,7 +1,7 @@
 """Render a flight, and reconstruct it.
 
-The renderer stands for the drone's camera. Structure from Motion sees its photographs and nothing else. The truth is asked at the end:
-which class has each point, and how far is it off?
+The renderer stands for the drone's camera. Structure from Motion sees its photographs and nothing else. The truth is
+asked at the end: which class has each point, and how far is it off?
 """
 
 # %% [markdown]

@@ -1,7 +1,7 @@
 """Train a model, and label a scan.
 
-The package brings small labelled clouds of random bridges. A forest learns from them here, since it needs no GPU and a minute; the networks
-are trained by the same command. One bridge is kept for the test.
+The package brings small labelled clouds of random bridges. A forest learns from them here, since it needs no GPU and a
+minute; the networks are trained by the same command. One bridge is kept for the test.
 """
 
 # %% [markdown]
@@ -41,8 +41,8 @@ kept = "beam26"
 sources = " ".join(str(folder) for folder in folders)
 held = clouds[kept].bridge[:8]
 run(
-    f"falsework dataset local {sources} -o set --set points=1024 --set fewest=128 --set tile.voxel=0.5 "
-    f"--set tile.stride=10.0 --set 'test=[\"{held}\"]'"
+    f"falsework dataset local {sources} -o set --set points=1024 --set fewest=128 --set tile.size=10 "
+    f"--set tile.stride=10 --set tile.voxel=0.5 --set 'test=[\"{held}\"]'"
 )
 
 # %% [markdown]

@@ -108,9 +108,9 @@ def demo(output: Output) -> int:
         output: Folder to write.
     """
     from learn.demo.clouds import demo_clouds
-    from learn.demo.ready_made import write_ready_made
+    from learn.demo.ready_made import small_enough, write_ready_made
 
-    clouds, counts = demo_clouds(), []
+    clouds, counts = small_enough(demo_clouds()), []
     fresh_output(output, "clouds", lambda folder: counts.append(write_ready_made(clouds, folder)))
     sys.stdout.write(f"clouds  {output}: {len(clouds)} bridges, {counts[-1]:,} points; read {output / 'README.md'}\n")
     return 0

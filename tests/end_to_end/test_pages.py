@@ -48,7 +48,7 @@ def blocks(page: Path) -> list[tuple[str, str]]:
 
 
 def commands(text: str) -> list[str]:
-    """Give the lines of a shell block without comments and explanations behind three spaces; lines that go on are one."""
+    """Give the lines of a shell block without comments and what three spaces part; lines that go on are one."""
     joined = re.sub(r"\\\n\s*", "", text)
     lines = (re.split(r"\s+# |\s{3,}(?=\S)", line.strip())[0] for line in joined.splitlines())
     return [line.removeprefix(".venv/bin/").removeprefix("exec ") for line in lines if line and line[0] != "#"]
@@ -113,11 +113,11 @@ def test_every_scenario_and_class_map_that_a_page_shows_is_one(tmp_path: Path) -
 
 
 def test_the_tutorial_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every block in its order in an empty folder; a smaller scene, a small town, and the photographs of a flight that is there."""
+    """Every block in its order in an empty folder; a smaller scene and town, and photographs that are there."""
     flown = chain.out / "scenes/0000"
     monkeypatch.chdir(tmp_path)
     _stand_ins(tmp_path)
-    _small_demo(tmp_path, monkeypatch)
+    small_demo(tmp_path, monkeypatch)
     names: dict[str, Any] = {}
     ran = []
     for language, text in blocks(ROOT / "docs/tutorial.md"):
@@ -137,7 +137,7 @@ def test_the_tutorial_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.Mon
             else:
                 subprocess.run(shlex.split(line), check=True)
             ran.append(line.split()[1] if line.startswith("falsework ") else line.split()[0])
-    assert ran == "author scene cp scene scene scene render reconstruct train predict".split()
+    assert ran == ["author", "scene", "cp", "scene", "scene", "scene", "render", "reconstruct", "train", "predict"]
     assert (tmp_path / "captures/global/images/000000.jpg").is_file()
     assert len(names["cloud"]) > 1000
     assert (tmp_path / "labelled.laz").is_file()
@@ -178,7 +178,7 @@ def _stand_ins(folder: Path) -> None:
     stage.Save()
 
 
-def _small_demo(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def small_demo(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let `train --demo` learn from five toy bridges with a small network."""
     torch.set_num_threads(1)
     toys = [

@@ -22,6 +22,7 @@ from learn.datasets.tiles import thin
 from learn.demo import demo
 from learn.demo.clouds import FILE, STEP, VOXEL, DemoCloud, demo_clouds, pack_clouds, thin_cloud, write_demo_cloud
 from learn.demo.demo import TEST, demo_table, run_demo
+from learn.demo.ready_made import CUT, small_enough
 from recon.cloud import read_cloud
 from tests.conftest import RecordProof
 from tests.learn.toy_bridge import write_toy
@@ -144,8 +145,13 @@ def test_the_clouds_are_written_for_whoever_wants_data(
         listed = ", ".join(f"{name} {n:,}" for name, n in sorted(counts.items(), key=lambda item: -item[1]))
         assert f"| {toy.name} | {len(toy.coord):,} | {listed} |" in card
     with pytest.raises(SystemExit) as left:
-        main(["dataset", "local", *(str(out / toy.name) for toy in toys), "-o", str(tmp_path / "set")])
+        main(["dataset", "local", *(str(out / toy.name) for toy in toys), "-o", str(tmp_path / "set"), *CUT.split()])
     assert not left.value.code
+    named = [replace(toy, name=name) for toy, name in zip(toys, ("beam26", "big", "c", "d", "slab34"), strict=True)]
+    most = total - len(toys[1].coord) // 2 - max(len(toy.coord) for toy in toys[2:4])
+    assert {"beam26", "slab34"} <= {cloud.name for cloud in small_enough(named, most)}
+    assert sum(len(cloud.coord) for cloud in small_enough(named, most)) <= most
+    assert small_enough(named, total) == named
 
 
 @pytest.mark.proof_only
