@@ -22,10 +22,12 @@ def table(model: type[Settings]) -> list[str]:
     for key, field in model.model_fields.items():
         if _is_list_of_kinds(field.annotation):
             rows.append(f"| `{key}` | sections `[[survey.{key}]]` of the kinds above | – | {field.description} |")
-        elif not _models_in(field.annotation):
+        elif not _models_in(field.annotation) and not (key == "kind" and kind_of(model)):
             default = field.get_default(call_default_factory=True, validated_data={})
             nothing = "–" if "left out" in (field.description or "") else "drawn"
-            shown = "required" if default is PydanticUndefined else nothing if default is None else f"`{default!r}`"
+            shown = (
+                "required" if default is PydanticUndefined else nothing if default is None else f"`{_toml(default)}`"
+            )
             meaning = (field.description or "").replace("\n", " ").replace("|", "\\|")
             rows.append(f"| `{key}` | {_type_name(field.annotation)} | {shown} | {meaning} |")
     return ["| key | type | default | meaning |", "|---|---|---|---|", *rows] if rows else []
@@ -54,6 +56,15 @@ def kind_of(model: type[Settings]) -> str:
     choices = typing.get_args(field.annotation) if field else ()
     only = field is not None and typing.get_origin(field.annotation) is typing.Literal and len(choices) == 1
     return str(choices[0]) if only else ""
+
+
+def _toml(value: object) -> str:
+    """Spell a default as one would type it in a scenario."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {_toml(inner)}' for key, inner in value.items())}}}"
+    return str(value).lower() if isinstance(value, bool) else f'"{value}"' if isinstance(value, str) else str(value)
 
 
 def _is_list_of_kinds(annotation: object) -> bool:
