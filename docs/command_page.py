@@ -13,8 +13,8 @@ from falsework.commands.examples import EXAMPLES
 
 _TOPICS = {
     "To begin with": ("doctor", "demo", "completion"),
-    "Whole runs": ("plan", "run", "verify", "clean", "report"),
-    "Stages": ("author", "scene", "background", "survey", "gallery"),
+    "Whole runs": ("plan", "run", "verify", "clean", "report", "view"),
+    "Stages": ("author", "preview", "scene", "background", "survey", "gallery"),
     "Photographs and clouds": ("render", "reconstruct", "sample", "export"),
     "Learning": ("dataset", "train", "evaluate", "compare", "predict"),
 }

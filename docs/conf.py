@@ -18,6 +18,8 @@ root_doc = "index"
 exclude_patterns = ["proof.json", "images", "benchmarks/recon", "notebooks/*.ipynb"]
 templates_path: list[str] = []
 nitpicky = False
+# What docstrings put between single backticks is code.
+default_role = "code"
 
 # The pages are read on a code host, too: links and anchors are those of plain Markdown there.
 myst_heading_anchors = 4

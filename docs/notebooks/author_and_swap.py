@@ -36,7 +36,7 @@ for layer in stage.GetUsedLayers():
 # A variant is a small file beside the scene that selects something else.
 
 # %%
-roots = {"weathered": scene, **{path.stem: path for path in sorted(scene.parent.glob("variant_*.usda"))}}
+roots = {path.stem.removeprefix("variant_"): path for path in sorted(scene.parent.glob("variant_*.usda"))}
 settings = falsework.RenderSettings(quality="fast")
 flights = {
     name: falsework.render(root, f"captures_{name}", settings=settings)["global"] for name, root in roots.items()

@@ -39,7 +39,7 @@ def test_authoring_and_swapping(
     small = {'"images": 12, "width": 640, "height": 480': '"images": 3, "spacing": 60.0, "width": 160, "height": 120'}
     names: dict[str, Any] = {"small": SMALL}
     run_cells("author_and_swap", names, {**small, '"variants": {': '**small, "variants": {'})
-    assert sorted(names["flights"]) == ["variant_clean", "weathered"]
+    assert sorted(names["flights"]) == ["clean", "weathered"]
     assert "truth is the same: True · different first photographs: 2" in capsys.readouterr().out
 
 
