@@ -22,9 +22,9 @@ help:
 	@echo "make proof        at full counts, the tests whose rows in docs/proof.json speak of other code, or are missing"
 	@echo "make proof-all    every test at full counts; writes docs/proof.json"
 	@echo "make test-dcc     the tests against Blender's bpy, in a virtual environment of its own"
-	@echo "make test-faults  only the tests that kill, corrupt and fill disks"
 	@echo "make docs         check the generated pages, and build the site into $(SITE)/"
 	@echo "make bench        regenerate the tables measured in minutes"
+	@echo "make test-faults  at full counts, the tests that kill, corrupt and fill disks; writes docs/benchmarks/faults.md"
 
 setup: .venv/.stamp-core .venv/.stamp-dev .venv/.stamp-learn
 
@@ -50,7 +50,8 @@ test-dcc: .venv/.stamp-dev .venv/.stamp-learn .venv-dcc/.stamp
 	FALSEWORK_BPY_PYTHON=$(CURDIR)/.venv-dcc/bin/python $(PYTEST) -m dcc
 
 test-faults: .venv/.stamp-dev .venv/.stamp-learn
-	$(PYTEST) -m faults
+	$(PYTEST) -m faults $(PARALLEL) --proof -o faulthandler_timeout=3600
+	.venv/bin/python -m benchmarks.faults
 
 bench: .venv/.stamp-dev .venv/.stamp-learn
 	.venv/bin/python -m benchmarks

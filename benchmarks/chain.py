@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.speed_unit import this_machine
 from falsework.execution.events import read_events
 from falsework.pipeline import Outcome, run_scenario
-from falsework.platform import processor, render_platform
+from falsework.platform import render_platform
 from falsework.scenario import demo_scenario
 from groundwork.files import write_text
 from groundwork.progress import SILENT
@@ -44,7 +45,7 @@ def _page(out: Path, outcome: Outcome, again: Outcome, walls: tuple[float, float
     lines = [
         "# The demo, stage by stage",
         "",
-        f"Written by `make bench`. {cores} cores of {processor()}, {render_platform()['gl_renderer']}.",
+        f"Written by `make bench`. {cores} cores of {this_machine()}, {render_platform()['gl_renderer']}.",
         "",
         "| stage | wall [s] |",
         "|---|---|",

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.plain_vote import plain_verdict
-from falsework.platform import processor
+from benchmarks.speed_unit import slower, this_machine
 from groundwork.files import write_text
 from groundwork.progress import SILENT
 from recon.dense.dense import run_dense
@@ -220,7 +220,7 @@ class _Labelled:
         return (
             f"Labels, uncertainty and displacement of {len(self.seen.counts):,} points ({len(self.error):,} "
             f"observations) take {min(self.waited):.2f} s ({max(self.waited):.2f} at most in {len(self.waited)} "
-            f"rounds), {min(self.spent):.1f} s of processor time (to hold: {most:.0f} s for {name})."
+            f"rounds), {min(self.spent):.1f} s of processor time (to hold: {most * slower('numpy'):.1f} s for {name})."
         )
 
 
@@ -268,8 +268,9 @@ def _page(rows: list[Row], speed: str, samples: int, capture: Capture, chosen: s
         "# Dense depth: ways compared",
         "",
         f"Written by `python -m benchmarks.dense`. {len(capture.images)} photographs of {width} x {height} px, poses",
-        f"from structure from motion, filter {chosen}; {len(os.sched_getaffinity(0))} cores of {processor()}. To hold:",
-        f"{MOST_MINUTES:.0f} minutes for 75 photographs of 1280 x 960 px in quality high, and {MOST_MEMORY:.0f} GB.",
+        f"from structure from motion, filter {chosen}; {len(os.sched_getaffinity(0))} cores of {this_machine()}. To "
+        f"hold: {MOST_MINUTES * slower('numpy'):.1f} minutes for 75 photographs of 1280 x 960 px in quality high, "
+        f"and {MOST_MEMORY:.0f} GB.",
         f"Completeness: share of {samples:,} samples of the true surface, at most {FAR:.0f} m from {VIEWS} cameras,",
         f"with a point within {100 * REACH:.0f} cm.",
         "",

@@ -23,6 +23,7 @@ import numpy as np
 from benchmarks.colmap_defaults import Found
 from benchmarks.recon_page import LIMIT, Row, render_page
 from benchmarks.recon_ways import TITLES, WAYS, Run, nothing, with_openmvg
+from benchmarks.speed_unit import this_machine
 from falsework.platform import processor
 from falsework.scenario import load_scenario, scene_seed
 from falsework.stages import STAGES
@@ -108,7 +109,7 @@ class _Rows:
         found = [path for path in self._folder.iterdir() if path.stem.rpartition("-")[0] in keys]
         rows = [Row(**read_json(path)) for path in found] + self._failed
         rows.sort(key=lambda row: (row.images, list(TITLES).index(row.way)))
-        write_text(self._page, render_page(rows, self._source, processor()))
+        write_text(self._page, render_page(rows, self._source, this_machine()))
 
     def _path(self, way: str, count: int) -> Path:
         return self._folder / f"{self._key(way)}-{count}.json"

@@ -21,7 +21,7 @@ from authoring.settings import AuthoringSettings
 from authoring.surveys.framing import eye_of
 from authoring.surveys.score import score_flight
 from authoring.surveys.stage_subject import stage_subject
-from falsework.platform import processor
+from benchmarks.speed_unit import this_machine
 from falsework.stages import STAGES
 from groundwork.errors import RejectedSceneError
 from groundwork.files import write_text
@@ -204,7 +204,7 @@ def _page(rows: list[dict[str, Any]]) -> str:
         f"Written by `python -m benchmarks.registration`. {len(rows)} flights of "
         f"{SIZE['width']} x {SIZE['height']} px, "
         f"{int((~good).sum())} of them deliberately bad; sparse reconstruction with the default settings; "
-        f"{len(os.sched_getaffinity(0))} cores of {processor()}.",
+        f"{len(os.sched_getaffinity(0))} cores of {this_machine()}.",
         "",
         f"Rank correlation (Spearman) of the predicted share with the registered one "
         f"**{rank_correlation(rows, 'registered'):.2f}**, with the right one "

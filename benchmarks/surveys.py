@@ -22,7 +22,7 @@ from authoring.surveys.score import score_flight
 from authoring.surveys.settings import GlobalSettings, GridSettings, LocalSettings
 from authoring.surveys.subject import Subject, make_subject
 from benchmarks.inspection import inspection_rows
-from falsework.platform import processor
+from benchmarks.speed_unit import slower, this_machine
 from groundwork.files import write_text
 from usd_schemas.raycast import RayScene
 
@@ -94,14 +94,15 @@ def _split(corners: F64, ids: I64) -> tuple[F64, I64]:
 
 
 def _page(rows: list[tuple[str, int, float, float]], inspected: list[str]) -> str:
+    speed = slower("numpy")
     lines = [
         "# Planning and judging flights",
         "",
-        f"Written by `python -m benchmarks.surveys`. Processor time, all threads together, {processor()}.",
+        f"Written by `python -m benchmarks.surveys`. Processor time, all threads together, {this_machine()}.",
         "",
         "| what | images | seconds | limit [s] |",
         "|---|---|---|---|",
-        *(f"| {name} | {images} | {spent:.2f} | {limit:g} |" for name, images, spent, limit in rows),
+        *(f"| {name} | {images} | {spent:.2f} | {limit * speed:.2g} |" for name, images, spent, limit in rows),
         "",
         "## What an inspection shows",
         "",

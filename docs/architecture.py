@@ -80,11 +80,12 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
     "falsework": (
         "the door: scenario, store, runs, command line, report, Python API",
         {
-            "report": "the page of one scene",
+            "report": "pages: of a scene, a run, a data set, a training, a comparison",
             "children": "work that is done in a process of its own",
+            "view": "a scene in the browser: stage, cameras, pictures and cloud together",
             "store": "results under their keys: written once, verified, repaired",
             "execution": "which results are wanted, who makes them, here or on a cluster",
-            "gallery": "contact sheets of families, looks and worlds",
+            "gallery": "contact sheets of families, looks and worlds, one picture of a scenario",
             "commands": "the verbs of the command line",
         },
     ),

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from falsework.report.figures import paint_depth, paint_labels
+from falsework.report.pictures import paint_depth, paint_labels
 from groundwork.files import write_bytes
 from recon.cloud import Cloud, read_cloud
 from render.capture import load_image, read_capture, read_truth

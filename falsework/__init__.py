@@ -27,16 +27,21 @@ if TYPE_CHECKING:
     from groundwork.progress import Progress
     from recon.cloud import Cloud, read_cloud
     from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
-    from recon.settings import ReconSettings
+    from recon.settings import AlignmentSettings, DenseSettings, ReconSettings, SparseSettings
     from render.capture import Capture, Truth, read_capture, read_truth
-    from render.settings import RenderSettings
+    from render.settings import RenderSettings, SensorSettings
+    from usd_schemas.components import ClassRow
     from usd_schemas.flat_scene import FlatScene
+    from usd_schemas.reading.choices import StageChoices
     from usd_schemas.reading.stage_reader import read_stage
 
 __all__ = [
+    "AlignmentSettings",
     "Capture",
+    "ClassRow",
     "Cloud",
     "ConsoleProgress",
+    "DenseSettings",
     "FalseworkError",
     "FlatScene",
     "InputError",
@@ -48,6 +53,9 @@ __all__ = [
     "RejectedSceneError",
     "RenderSettings",
     "Scenario",
+    "SensorSettings",
+    "SparseSettings",
+    "StageChoices",
     "TerrestrialSettings",
     "Truth",
     "author",
@@ -73,10 +81,12 @@ _HOMES = {
     "groundwork.progress": ("Progress",),
     "recon.cloud": ("Cloud", "read_cloud"),
     "recon.sampling.sampler_settings": ("MeshSettings", "MobileSettings", "TerrestrialSettings"),
-    "recon.settings": ("ReconSettings",),
+    "recon.settings": ("AlignmentSettings", "DenseSettings", "ReconSettings", "SparseSettings"),
     "render.capture": ("Capture", "Truth", "read_capture", "read_truth"),
-    "render.settings": ("RenderSettings",),
+    "render.settings": ("RenderSettings", "SensorSettings"),
+    "usd_schemas.components": ("ClassRow",),
     "usd_schemas.flat_scene": ("FlatScene",),
+    "usd_schemas.reading.choices": ("StageChoices",),
     "usd_schemas.reading.stage_reader": ("read_stage",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

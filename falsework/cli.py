@@ -133,20 +133,6 @@ def export(
     return 0
 
 
-def report(scene: File, output: Output) -> int:
-    """Write the report page of one finished scene anew.
-
-    Args:
-        scene: Folder such as `OUT/scenes/0000`.
-        output: HTML file to write.
-    """
-    from falsework.commands.verbs import report_scene
-
-    report_scene(scene, output)
-    _say(f"report  {output}")
-    return 0
-
-
 def gallery(
     subject: tyro.conf.Positional[Literal["families", "worlds", "looks"]],
     output: Output,
@@ -218,7 +204,10 @@ GROUPS = {
 SINGLE = {
     "demo": ("run_verbs", "Make one small bridge from nothing to an annotated dense point cloud and a report."),
     "run": ("run_verbs", "Run the whole chain of a scenario; a second call makes only what is missing."),
+    "preview": ("preview_verb", "Show a scenario: one picture of its bridge in its world, and nothing else is kept."),
     "plan": ("plan_verbs", "Tell what a run would do, how long it takes and what disk space it needs."),
+    "report": ("report_verb", "Write a page of a scene, a run, a data set, a training or a comparison."),
+    "view": ("view_verb", "Look at a scene in the browser: stage, cameras, pictures and cloud together."),
     "verify": ("store_verbs", "Find what is not as it was written in the folder of a run: falsework verify --help."),
     "clean": ("store_verbs", "Remove what killed runs left in the folder of a run, and results of no scene if asked."),
     "train": ("train_verbs", "Train a network on a data set: falsework train --help."),
@@ -240,7 +229,10 @@ def _elsewhere(name: str, about: str) -> Callable[[], int]:
 
 
 HELP = {"-h", "--help"}
-LEARN = {"torch", "lightning", "safetensors", "sklearn"}  # what the extra of that name brings
+EXTRAS = {  # package that may be missing → extra that brings it
+    **dict.fromkeys(("torch", "lightning", "safetensors", "sklearn"), "learn"),
+    "viser": "view",
+}
 _LINES = {name: _elsewhere(name, about) for name, about in ELSEWHERE.items()}
 VERBS = {
     "doctor": doctor,
@@ -250,7 +242,8 @@ VERBS = {
     "render": render,
     "reconstruct": reconstruct,
     "export": export,
-    "report": report,
+    "report": _LINES["report"],
+    "view": _LINES["view"],
     "gallery": gallery,
     **_LINES,
     "completion": completion,
@@ -302,11 +295,12 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stderr.write(f"falsework: {reason}{error}\n")
         code = error.exit_code
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] not in LEARN:
+        extra = EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None:
             raise
         sys.stderr.write(
-            f"falsework: this needs the package {error.name}. Install the extra: make .venv/.stamp-learn, "
-            "or pip install 'falsework[learn]'\n"
+            f"falsework: this needs the package {error.name}. Install the extra: make .venv/.stamp-{extra}, "
+            f"or pip install 'falsework[{extra}]'\n"
         )
         code = InputError.exit_code
     except BrokenPipeError:  # `falsework scene info SCENE | head`: whoever read has gone

@@ -10,6 +10,7 @@ from falsework.execution.board import NO_BOARD, Board
 from falsework.execution.chain import Sources, look_at_sources, scene_chain
 from falsework.execution.claim import claim_run
 from falsework.execution.outcome import Outcome
+from falsework.execution.run_facts import write_run_report
 from falsework.execution.scene import BusySceneError, Manner, run_scene, steps_of
 from falsework.scenario import Scenario
 from falsework.store.store import Store
@@ -72,6 +73,7 @@ def run_scenario(
     else:
         outcome = _run_here(scenario, sources, indices, out, manner, (progress, board))
     Store(out).sweep()
+    write_run_report(out)
     return outcome
 
 

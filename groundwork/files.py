@@ -1,5 +1,6 @@
 """Files that are whole or absent: atomic writes, atomic folders, and the manifest that proves a folder whole."""
 
+import ctypes
 import errno
 import json
 import os
@@ -16,6 +17,7 @@ from groundwork.foreign_file import MOST_TEXT, parse_json, read_regular
 from groundwork.marks import TEMPORARY, content_files
 
 MANIFEST = "artefact.json"  # a scene folder has a manifest.json of its own
+_HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2
 
 
 def write_bytes(path: Path, data: bytes, *, durable: bool = True) -> None:
@@ -178,27 +180,65 @@ def whole_folder(place: Path) -> Iterator[Path]:
         OutOfSpaceError: The disk is full; a former folder stays.
         InputError: Not writable.
     """
-    fresh, former = (temporary_name(place, f"-{place.name}") for _ in range(2))
+    fresh = temporary_name(place, f"-{place.name}")
     with space_errors(place):
         fresh.mkdir(parents=True)
         try:
             yield fresh
-            sync_tree(fresh)
-            while True:
-                with suppress(FileNotFoundError):
-                    place.rename(former)
-                try:
-                    fresh.rename(place)
-                    break
-                except OSError as error:
-                    if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
-                        raise
-                finally:
-                    shutil.rmtree(former, ignore_errors=True)
-            sync(place.parent)
+            put_in_place(fresh, place)
         except BaseException:
             shutil.rmtree(fresh, ignore_errors=True)
             raise
+
+
+def put_in_place(fresh: Path, place: Path) -> None:
+    """Let a finished folder take the place of a former one, which goes; killed at any moment, one of them is there.
+
+    Where the file system cannot exchange two names (the old NFS, some overlays), there is a moment with neither.
+
+    Args:
+        fresh: The finished folder, beside its place.
+        place: Its name from now on.
+
+    Raises:
+        OutOfSpaceError: The disk is full; a former folder stays.
+    """
+    with space_errors(place):
+        sync_tree(fresh)
+        if exchange(fresh, place):
+            sync(place.parent)
+            shutil.rmtree(fresh, ignore_errors=True)
+            return
+        former = temporary_name(place, f"-{place.name}")
+        while True:
+            with suppress(FileNotFoundError):
+                place.rename(former)
+            try:
+                fresh.rename(place)
+                break
+            except OSError as error:
+                if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                    raise
+            finally:
+                shutil.rmtree(former, ignore_errors=True)
+        sync(place.parent)
+
+
+def exchange(one: Path, other: Path) -> bool:
+    """Let two files or folders exchange their names at once.
+
+    Args:
+        one: The first.
+        other: The second, on the same file system.
+
+    Returns:
+        Whether they did; not where one of them is missing, or the system cannot.
+    """
+    try:
+        rename = ctypes.CDLL(None).renameat2
+    except AttributeError:  # a C library from before 2018
+        return False
+    return rename(_HERE, os.fsencode(one), _HERE, os.fsencode(other), _EXCHANGE) == 0
 
 
 def sweep_folders(folder: Path, name: str = "*") -> None:

@@ -128,10 +128,27 @@ def calibration_error(confidence: F32, right: Bools, bins: int = BINS) -> float:
     """
     if not len(confidence):
         return float("nan")
+    counts, said, true = reliability(confidence, right, bins)
+    return float(np.abs(said - true).sum() / counts.sum())
+
+
+def reliability(confidence: F32, right: Bools, bins: int = BINS) -> tuple[I64, F64, F64]:
+    """Sum up how likely a class was said to be, and how often it was right, in bins of equal width.
+
+    Args:
+        confidence: Highest class probability of each point [1], shape (N,), float32.
+        right: Whether its class is right, shape (N,), bool.
+        bins: Number of bins.
+
+    Returns:
+        Points of each bin, shape (bins,), int64; sum of their confidence [1] and number of right ones, shape (bins,),
+        float64.
+    """
     values = confidence.astype(np.float64)
     bin_of = np.clip(np.ceil(values * bins).astype(np.int64) - 1, 0, bins - 1)
-    sums = np.bincount(bin_of, values - right, minlength=bins)
-    return float(np.abs(sums).sum() / len(values))
+    counts = np.bincount(bin_of, minlength=bins).astype(np.int64)
+    said, true = (np.bincount(bin_of, weights, bins).astype(np.float64) for weights in (values, right))
+    return counts, said, true
 
 
 def risk_coverage(confidence: F32, right: Bools, steps: int = 20) -> tuple[F64, F64]:

@@ -63,9 +63,9 @@ def crossed_bootstrap(
     second: I64,
     draws: int,
     seed: int,
+    *,
     level: float = 0.95,
     statistic: Callable[[F64], F64] = mean_iou,
-    *,
     corrected: bool = False,
 ) -> Difference:
     """Compare two arms with seeds and bridges drawn anew, crossed: every seed meets every bridge.

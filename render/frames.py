@@ -11,6 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from groundwork.canonical import digest
 from groundwork.child import answer_parent
@@ -24,7 +25,7 @@ from render.images import image_files
 from render.images.exif import insert_exif
 from render.light.illumination import BRIGHTEST
 from render.light.light_volume import LightVolume
-from render.sensor.sensor import Exposure, Sensor, meter
+from render.sensor.sensor import Exposure, Sensor, balance, meter
 from render.sensor.shutter import read_out
 from render.settings import RenderSettings
 from render.views.camera_body import CameraBody, Shot
@@ -42,9 +43,21 @@ _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _LOOKED_UP = 64  # rows at once
-_RECIPE = 8  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_RECIPE = 9  # raised whenever frames that an interrupted run left would no longer fit to new ones
+F32 = NDArray[np.float32]
 Share = tuple[int, int]
 ALL: Share = (0, 1)
+
+
+@dataclass(frozen=True)
+class _Order:
+    """Where frames go and what they depend on beside the scene, as in `render_stage`."""
+
+    folder: Path
+    settings: RenderSettings
+    seed: int
+    share: Share = ALL
+    choices: StageChoices = AS_AUTHORED
 
 
 @dataclass(frozen=True)
@@ -106,6 +119,7 @@ def render_stage(
     settings: RenderSettings,
     seed: int,
     progress: Progress,
+    *,
     survey: str = "",
     share: Share = ALL,
     choices: StageChoices = AS_AUTHORED,
@@ -129,12 +143,8 @@ def render_stage(
     # Kept nowhere but there, so that the meshes go when they are uploaded.
     return _render(
         survey_scene_apart(scene, survey or None, settings.triangle_budget, choices, progress),
-        folder,
-        settings,
-        seed,
+        _Order(folder, settings, seed, share, choices),
         progress,
-        share,
-        choices,
     )
 
 
@@ -154,18 +164,11 @@ def render_scene(
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
     """
-    return _render(survey_scene(scene, settings.triangle_budget), folder, settings, seed, progress, share)
+    return _render(survey_scene(scene, settings.triangle_budget), _Order(folder, settings, seed, share), progress)
 
 
-def _render(
-    surveyed: SurveyedScene,
-    folder: Path,
-    settings: RenderSettings,
-    seed: int,
-    progress: Progress,
-    share: Share,
-    choices: StageChoices = AS_AUTHORED,
-) -> dict[str, Any]:
+def _render(surveyed: SurveyedScene, order: _Order, progress: Progress) -> dict[str, Any]:
+    folder, settings, seed, share = order.folder, order.settings, order.seed, order.share
     scene, surveyed = surveyed.scene, surveyed.without_meshes()
     track, camera = surveyed.track, surveyed.camera
     readout = read_out(track, camera.height, settings.sensor, seed)
@@ -173,7 +176,7 @@ def _render(
     warnings = scene.warnings
     try:
         prior = draw_prior(camera, settings, seed)
-        assignment = Assignment(surveyed, readout, prior, folder, settings, seed, gl.driver, choices)
+        assignment = Assignment(surveyed, readout, prior, folder, settings, seed, gl.driver, order.choices)
         journal = Journal(folder, assignment.recipe())
         facts = {"frames": len(track.poses), "driver": asdict(gl.driver)}
         if not journal.is_complete():
@@ -181,13 +184,13 @@ def _render(
             missing = [row for row, name in enumerate(track.image_names) if journal.facts(name) is None]
             mine = [row for row in missing if row % share[1] == share[0]]
             if share == ALL:
-                write_truth(folder, camera, track.image_names, track.poses, scene, track.distortion, readout)
+                write_truth(folder, camera, track, scene, readout)
             if mine:
                 prepared = _prepare(gl, scene, assignment, journal, progress)
                 body = CameraBody(track, camera, readout, prepared, scene)
                 del scene
                 warnings = prepared.warnings
-                _draw_missing(assignment, prepared, body, journal, mine, progress)
+                _draw_missing(assignment, body, journal, mine, progress)
             if share == ALL:
                 _finish(assignment, journal)
     finally:
@@ -215,18 +218,19 @@ def _prepare(gl: Gl, scene: FlatScene, assignment: Assignment, journal: Journal,
 
 
 def _draw_missing(
-    assignment: Assignment, prepared: Prepared, body: CameraBody, journal: Journal, rows: list[int], progress: Progress
+    assignment: Assignment, body: CameraBody, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
     """Draw what is not there yet."""
     with hold_lock(journal.gain_lock):  # one worker meters, the others wait and take it over
         gain = journal.gain()
         if gain is None:
-            gain = _meter_survey(prepared, assignment)
+            gain = _meter_survey(body.prepared, assignment)
             journal.keep_gain(gain)
     shape, told = (assignment.camera.height, assignment.camera.width), assignment.settings.sensor
     follows = told.exposure is None and not assignment.meters_light
-    sensor = Sensor(told, gain, BRIGHTEST, shape, assignment.seed, follows)
-    _photograph(assignment, prepared, body, sensor, journal, rows, progress)
+    white = balance(body.prepared.light.daylight.on_level_ground(), told.white_balance)
+    sensor = Sensor(told, gain, BRIGHTEST, shape, assignment.seed, follows, white)
+    _photograph(assignment, body, sensor, journal, rows, progress)
 
 
 def _finish(assignment: Assignment, journal: Journal) -> None:
@@ -255,32 +259,28 @@ def _meter_survey(prepared: Prepared, assignment: Assignment) -> float:
     )
     rows = np.unique(np.linspace(0, len(track.poses) - 1, _METERED).round().astype(int))
 
-    def luminance(cards: bool) -> "np.ndarray[Any, np.dtype[np.float32]]":
-        painter, samples = prepared.painter(small, sharp=False, cards=cards), []
+    def luminance(cards: bool) -> "tuple[F32, F32]":
+        painter, samples, skies = prepared.painter(small, sharp=False, cards=cards), [], []
         for row in rows:
             view = painter.draw(track.poses[row], track.near)
             light = (view.code.astype(np.float32) / 65535) ** 2 * BRIGHTEST
             samples.append((light @ _LUMINANCE)[view.draw > 0])
-        return np.concatenate(samples)
+            skies.append((light @ _LUMINANCE)[view.draw == 0])
+        return np.concatenate(samples), np.concatenate(skies)
 
-    return meter(luminance(False), luminance(True) if assignment.meters_light else None)
+    surfaces, sky = luminance(False)
+    return meter(surfaces, luminance(True)[0] if assignment.meters_light else None, sky)
 
 
 def _photograph(
-    assignment: Assignment,
-    prepared: Prepared,
-    body: CameraBody,
-    sensor: Sensor,
-    journal: Journal,
-    rows: list[int],
-    progress: Progress,
+    assignment: Assignment, body: CameraBody, sensor: Sensor, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
     """Draw on this thread, develop and encode on others; no more frames are in flight than there are threads.
 
     What sees the same ground comes together, so that its shadows are drawn once.
     """
     encoders, total = assignment.settings.encoders, len(assignment.track.poses)
-    squares = prepared.shadow_squares(assignment.track.poses, body.widest)
+    squares = body.prepared.shadow_squares(assignment.track.poses, body.widest)
     waiting: deque[Future[None]] = deque()
     done = total - len(rows)
 
@@ -347,9 +347,9 @@ def _serve(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
         settings,
         int(request["seed"]),
         progress,
-        str(request.get("survey") or ""),
-        (int(number), int(count)),
-        choices_from(request.get("choices")),
+        survey=str(request.get("survey") or ""),
+        share=(int(number), int(count)),
+        choices=choices_from(request.get("choices")),
     )
 
 

@@ -27,6 +27,12 @@ class SensorSettings(Settings):
         description="Share of a frame's difference from the survey that its exposure follows: metered on all but sky, "
         "2 EV at most [1].",
     )
+    white_balance: float = Field(
+        default=0.75,
+        ge=0,
+        le=1,
+        description="Share of the daylight's cast on level ground that the camera takes away; 0: none [1].",
+    )
     white_balance_sigma: float = Field(
         default=0.008, ge=0, le=0.2, description="Frame-to-frame spread of the red and blue gains [1]."
     )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.plan_curve import Element, PlanCurve
+from authoring.axis.road_section import RoadSection
 from authoring.axis.track_section import TrackSection
 
 F64 = NDArray[np.float64]
@@ -343,6 +344,7 @@ class Layout:
         edge_line: From the axis to the middle of the road's edge lines [m]; 0 when not known.
         underlay: From the finished surface, or from the rails' top, down to the ground under the approaches [m].
         track: Cross-section of a railway, None for a road.
+        road: What of a road's cross-section the approaches take over; None for a railway, or where they have their own.
         feet: Where arches stand on a valley's sides: station and height of the land there [m].
     """
 
@@ -355,4 +357,5 @@ class Layout:
     edge_line: float = 0.0
     underlay: float = 0.07
     track: TrackSection | None = None
+    road: RoadSection | None = None
     feet: tuple[tuple[float, float], ...] = ()

@@ -107,7 +107,7 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
     for path, transform in moved_prims(before, after, matches.pairs).items():
         write_transform(layer, place(path), before.GetPrimAtPath(path), transform)
         found.moved.append(path.name)
-    for path, visible in hidden_prims(before, after, matches.pairs).items():
+    for path, visible in hidden_prims(before, matches.pairs).items():
         write_visibility(layer, place(path), visible)
         found.hidden.append(path.name)
     sun, edited_sun = find_sun(before, after)

@@ -76,13 +76,12 @@ def write_transform(layer: Sdf.Layer, path: Sdf.Path, prim: Usd.Prim, transform:
     written.default = ["xformOp:transform"]
 
 
-def hidden_prims(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> dict[Sdf.Path, bool]:
+def hidden_prims(scene: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> dict[Sdf.Path, bool]:
     """Find the prims that were hidden or shown; what is in a hidden group is not hidden itself.
 
     Args:
         scene: The scene.
-        edited: What a DCC made of it.
-        pairs: Path in the scene to the prim of the edited stage.
+        pairs: Path in the scene to the prim of what a DCC made of it.
 
     Returns:
         Whether each such prim is visible now.

@@ -97,7 +97,7 @@ def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> 
     drawn = DrawnDeckArch(rib, section, bents, pitch, inner, outer, slab, spans, top, bearings, abutments)
     seat = drawn.levels.seat
     soffit = float(rib.intrados(np.array([rib.start + 0.25 * choice.span]))[0])
-    layout = draw_layout_of(shared, top, supports, soffit, seat, draws, straight=True)
+    layout = draw_layout_of(shared, top, supports, soffit, seat, draws, straight=True, walls=abutments.wing_length)
     drawn = replace(drawn, rib=_lowered(drawn, layout.alignment))
     return footed(raised(layout, drawn.rib, choice.springing), drawn.rib), drawn
 
@@ -191,6 +191,7 @@ def _draw_bents(choice: ArchChoice, section: RibSection, slab: SpandrelDeck, wid
         cap_depth=round(depth, 3),
         cap_end_depth=round(depth * (1.0 if paper else 1.0 - taper), 3),
         chamfer=0.0 if paper else 0.02,
+        footing_top=0.3 if paper else -0.4,
         role="Role_GirderSteel" if choice.form == "steel" else "Role_PierConcrete",
     )
 

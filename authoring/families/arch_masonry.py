@@ -79,7 +79,7 @@ def draw_masonry(
     supports = (0.0, *piers, total)
     drawn = DrawnMasonry(viaduct, supports, Spans((0.0, total), 0.35, 0.02), top, abutments)
     quarter = float(viaduct.rib(0).intrados(np.array([starts[0] + 0.25 * axis.span]))[0])
-    layout = draw_layout_of(shared, top, supports, quarter, base, draws, straight=True)
+    layout = draw_layout_of(shared, top, supports, quarter, base, draws, straight=True, walls=abutments.wing_length)
     # The lowest springing is as high as asked for when the middle of the bridge is.
     return raised(layout, replace(viaduct.ring, start=0.5 * (total - axis.span)), springing), drawn
 

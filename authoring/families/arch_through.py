@@ -138,7 +138,9 @@ def draw_through_arch(
     )
     levels = drawn.levels
     supports = (0.0, total)
-    layout = draw_layout_of(shared, top, supports, levels.girder_soffit, levels.seat, draws, straight=True)
+    layout = draw_layout_of(
+        shared, top, supports, levels.girder_soffit, levels.seat, draws, straight=True, walls=abutments.wing_length
+    )
     if not tied:
         layout = footed(raised(layout, drawn.rib, choice.springing), drawn.rib)
     return layout, drawn

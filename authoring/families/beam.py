@@ -122,7 +122,9 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
     kinds = ("single", "multi")
     piers = draw_piers(shared.pier, width, girders.lines[-1], bearings, spans, draws, paper_kinds=kinds)
     beam = DrawnBeam(spans, slab, top, edge, girders, bearings, piers, abutments)
-    layout = draw_layout_of(shared, top, spans.supports, beam.levels.girder_soffit, beam.levels.seat, draws)
+    layout = draw_layout_of(
+        shared, top, spans.supports, beam.levels.girder_soffit, beam.levels.seat, draws, walls=abutments.wing_length
+    )
     return layout, beam
 
 

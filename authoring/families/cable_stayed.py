@@ -127,7 +127,15 @@ def draw_cable_stayed(
     walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, strip + 0.5), 3))
     air = draw(settings, "air", draws) * choice.main  # ships pass under long spans
     layout = draw_layout_of(
-        shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True, least_clearance=air
+        shared,
+        top,
+        spans.supports,
+        levels.girder_soffit,
+        levels.seat,
+        draws,
+        straight=True,
+        least_clearance=air,
+        walls=walls.wing_length,
     )
     record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, piers, walls)
     return replace(layout, width=deck.width), record
@@ -298,7 +306,7 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
     parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     for support, station, _ in bridge.pylons:
-        parts += pylon_parts(bridge.pylon, support, station, -levels.surfacing, place, ground)
+        parts += pylon_parts(bridge.pylon, support, station, -levels.surfacing, place, ground, bridge.piers.footing_top)
     parts += pier_parts(bridge.piers, spans, levels, place, ground, tuple(station for _, station, _ in bridge.pylons))
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top

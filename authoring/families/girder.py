@@ -131,7 +131,9 @@ def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Dr
     piers = draw_piers(shared.pier, top.width, steel.bearing_lines[-1], bearings, spans, draws)
     girder = DrawnGirder(spans, slab, top, edge, steel, frames, bearings, piers, abutments)
     lowest = (girder.pier_levels if spans.count > 1 else girder.levels).girder_soffit
-    return draw_layout_of(shared, top, spans.supports, lowest, girder.levels.seat, draws), girder
+    return draw_layout_of(
+        shared, top, spans.supports, lowest, girder.levels.seat, draws, walls=abutments.wing_length
+    ), girder
 
 
 def _draw_spans(settings: SteelGirderSettings, bearings: Bearings, draws: Draws) -> Spans:

@@ -10,7 +10,7 @@ from authoring.axis.clearance import refuse_hill
 from authoring.families.alignments import AlignmentSettings, draw_alignment
 from authoring.parts.abutments import AbutmentSettings
 from authoring.parts.bearings import BearingSettings
-from authoring.parts.deck_top import DeckTop, DeckTopSettings
+from authoring.parts.deck_top import DeckTop, DeckTopSettings, road_section
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.piers import Ground, PierSettings
 
@@ -51,6 +51,7 @@ def draw_layout_of(
     *,
     straight: bool = False,
     least_clearance: float = 0.0,
+    walls: float,
 ) -> Layout:
     """Draw the axis of a bridge and gather what the site has to know.
 
@@ -63,6 +64,7 @@ def draw_layout_of(
         draws: Random stream and profile of the bridge.
         straight: The family wants a straight axis, square supports and no crest.
         least_clearance: Height over z = 0 that the superstructure keeps in any case [m].
+        walls: Length of the wing walls behind the abutments' back faces [m].
     """
     clearance, grade = draw(shared, "clearance", draws), draw(shared, "grade", draws)
     clearance = max(clearance, least_clearance)
@@ -83,6 +85,7 @@ def draw_layout_of(
         edge_line=top.edge_line,
         underlay=top.underlay,
         track=None if top.tracks is None else top.tracks.section,
+        road=road_section(top, walls) if draws.profile == "default" else None,
     )
 
 

@@ -116,7 +116,9 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
     piers = draw_piers(shared.pier, top.width, slab.lines[-1], bearings, spans, draws)
     drawn_slab = DrawnSlab(spans, top, slab, bearings, piers, abutments)
     levels = drawn_slab.levels
-    return draw_layout_of(shared, top, spans.supports, levels.girder_soffit, levels.seat, draws), drawn_slab
+    return draw_layout_of(
+        shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, walls=abutments.wing_length
+    ), drawn_slab
 
 
 def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Bearings, draws: Draws) -> Spans:

@@ -34,7 +34,9 @@ _PITCHES = {
 }
 _LEANING = ("a", "diamond")
 _DIAMETERS = {"compact": (0.06, 0.12), "realistic": (0.10, 0.25)}
-_TOTAL = {"compact": (60.0, 250.0), "realistic": (144.0, 480.0)}  # [m] whole bridge
+# [m] whole bridge; girders carry a road over less: stays are not worth their pylons there
+_TOTAL = {"compact": {1: (100.0, 230.0), 2: (130.0, 250.0)}, "realistic": {1: (144.0, 480.0), 2: (144.0, 480.0)}}
+_LEAST_MAIN = {1: 55.0, 2: 70.0}  # [m] drawn
 _PAPER_HEIGHT = 36.0  # [m] of the paper's pylons
 
 
@@ -43,7 +45,7 @@ class CableStayedSettings(Settings):
 
     size: Literal["compact", "realistic"] | None = Field(
         default=None,
-        description="Scale: compact 60 to 250 m long, realistic 144 to 480 m long (main spans to 400 m may be asked "
+        description="Scale: compact 100 to 250 m long, realistic 144 to 480 m long (main spans to 400 m may be asked "
         "for); drawn 70 : 30, in profile paper compact",
     )
     pylons: Literal[1, 2] | None = Field(default=None, description="Pylons; drawn 40 : 60")
@@ -247,9 +249,9 @@ def _main(size: str, pylons: int, ratio: float, randoms: RandomDraws) -> float:
     if randoms.profile == "paper":
         low, high = (3.0, 6.0) if pylons == 2 else (0.75, 1.5)
         return round(_PAPER_HEIGHT * (low + randoms.main * (high - low)), 1)
-    low, high = _TOTAL[size]
+    low, high = _TOTAL[size][pylons]
     parts = 1.0 + ratio * (2 if pylons == 2 else 1)
-    return round(max(low * (high / low) ** randoms.main / parts, 30.0), 1)
+    return round(max(low * (high / low) ** randoms.main / parts, _LEAST_MAIN[pylons]), 1)
 
 
 def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes: int, divided: bool) -> None:

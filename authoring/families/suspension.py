@@ -107,7 +107,15 @@ def draw_suspension(
     walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, _STRIP + 0.45), 3))
     air = draw(settings, "air", draws) * choice.main  # ships pass under long spans
     layout = draw_layout_of(
-        shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, straight=True, least_clearance=air
+        shared,
+        top,
+        spans.supports,
+        levels.girder_soffit,
+        levels.seat,
+        draws,
+        straight=True,
+        least_clearance=air,
+        walls=walls.wing_length,
     )
     record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls)
     return replace(layout, width=deck.width), record
@@ -216,7 +224,7 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     towers = [(spans.supports.index(station), station) for station in cables.towers]
     for support, station in towers:
-        parts += pylon_parts(bridge.tower, support, station, -levels.surfacing, place, ground)
+        parts += pylon_parts(bridge.tower, support, station, -levels.surfacing, place, ground, bridge.piers.footing_top)
     parts += pier_parts(bridge.piers, spans, levels, place, ground, cables.towers)
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top

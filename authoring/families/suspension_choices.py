@@ -10,7 +10,8 @@ from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
-_TOTAL = {"compact": (80.0, 250.0), "realistic": (420.0, 640.0)}  # [m] whole bridge
+_TOTAL = {"compact": (140.0, 260.0), "realistic": (420.0, 640.0)}  # [m] whole bridge
+_LEAST_MAIN = {"compact": 80.0, "realistic": 300.0}  # [m] drawn: below it a girder spans what two towers would
 _PITCHES = {"compact": (3.0, 6.0), "realistic": (8.0, 18.0)}
 _OVER_DECK = (1.6, 8.0)  # [m] of the cables' lowest point, that a user may ask for
 _SAG_RATIOS = (0.05, 0.25)  # of the sag over the main span, that a user may ask for [1]
@@ -23,7 +24,7 @@ class SuspensionSettings(Settings):
 
     size: Literal["compact", "realistic"] | None = chosen(
         {"compact": 70, "realistic": 30},
-        "Scale: compact 80 to 250 m long, realistic 420 to 640 m long with a main span of 300 m and more (to 1000 m "
+        "Scale: compact 140 to 260 m long, realistic 420 to 640 m long with a main span of 300 m and more (to 1000 m "
         "may be asked for)",
         paper={"compact": 1},
     )
@@ -130,7 +131,7 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
     side_ratio = ratio[1] if suspended else ratio[0]
     share, tower_share = 0.5 * (draws.random() + draws.random()), draws.random()
     low, high = _TOTAL[size]
-    main = round(max(low * (high / low) ** share / (1.0 + 2.0 * side_ratio), 300.0 if size == "realistic" else 40.0), 1)
+    main = round(max(low * (high / low) ** share / (1.0 + 2.0 * side_ratio), _LEAST_MAIN[size]), 1)
     tower = _PAPER_TOWER[0] + tower_share * (_PAPER_TOWER[1] - _PAPER_TOWER[0])
     main = settings.main or (round(tower * (3.0 + 3.0 * share), 1) if paper else main)
     sag, over = draw(settings, "sag_ratio", draws) * main, draw(settings, "over_deck", draws)

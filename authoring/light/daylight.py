@@ -23,8 +23,10 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 from pydantic import Field
 
+from authoring.light.atmosphere import scattered_sky
+from authoring.light.clouds import clouded
 from authoring.light.panorama import part_sun, read_panorama, reduce_panorama, turned
-from authoring.light.sky import clear_sky, clouded, sky_directions, solid_angles
+from authoring.light.sky import sky_directions, solid_angles
 from authoring.light.sun import LUMINANCE, direction, sun_illuminance, sun_position
 from authoring.looks.noise import Floats, snap
 from groundwork.files import write_bytes
@@ -153,7 +155,7 @@ def _computed(settings: LightSettings, rng: np.random.Generator) -> tuple[F64, F
     height, azimuth = sun_position(settings.date, settings.latitude, settings.longitude)
     sun = direction(height, azimuth)
     directions = sky_directions(settings.sky_height)
-    radiance = clear_sky(directions, sun, settings.turbidity)
+    radiance = scattered_sky(directions, sun, settings.turbidity)
     radiance = clouded(radiance, directions, sun, settings.cloud_cover, rng)
     above = (np.maximum(directions[..., 2], 0) * solid_angles(settings.sky_height))[..., None]
     light = float(np.sum(radiance * above, axis=(0, 1)) @ LUMINANCE)

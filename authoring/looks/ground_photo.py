@@ -25,20 +25,58 @@ _SEAM = 4.0  # [m] beside the next square, on which both show the same mottle
 _FAR = 50.0  # distance that stands for none [m]
 _PATH = 0.42  # half the width of a footpath [m]
 _RUTS = 0.80, 0.19  # from the middle to each rut, and half its width [m]
+_ROWS = 64  # of the picture worked on at once
+
+
+@dataclass(frozen=True)
+class Enlarged:
+    """A coarse field that is enlarged by linear interpolation, some rows at a time: they stay in the cache.
+
+    Attributes:
+        coarse: Values, shape (N, N), float32.
+        pixels: Texels along a side of the enlarged field.
+        limits: Values that a ramp is at its two ends at; none leaves the values as they are.
+    """
+
+    coarse: Floats
+    pixels: int
+    limits: tuple[float, float] | None = None
+
+    def rows(self, wanted: slice) -> Floats:
+        """Interpolate some rows.
+
+        Args:
+            wanted: Which, of the enlarged field.
+
+        Returns:
+            Values, shape (rows, pixels), float32.
+        """
+        low, share = self._between(np.arange(wanted.start, wanted.stop))
+        lines = self.coarse[low] + share[:, None] * (self.coarse[low + 1] - self.coarse[low])
+        low, share = self._between(np.arange(self.pixels))
+        start = np.take(lines, low, axis=1)
+        start += share * (np.take(lines, low + 1, axis=1) - start)
+        return start if self.limits is None else ramp(start, *self.limits)
+
+    def _between(self, texels: NDArray[np.intp]) -> tuple[NDArray[np.int64], Floats]:
+        count = len(self.coarse)
+        place = np.clip((texels + 0.5) * count / self.pixels - 0.5, 0, count - 1)
+        low = np.minimum(place.astype(np.int64), count - 2)
+        return low, (place - low).astype(np.float32)
 
 
 @dataclass(frozen=True)
 class _Lie:
-    """What the texels of a picture lie on, each of shape (H, W), float32: distances [m], heights over water [m]."""
+    """What the texels of a picture lie on: shares [1], distances [m], heights over water [m], factors [1]."""
 
-    fade: Floats
-    green: Floats
-    path: Floats
-    rut: Floats
-    above: Floats
-    deck: Floats
-    side: Floats
-    patches: Floats
+    fade: Enlarged
+    green: Enlarged
+    path: Enlarged
+    rut: Enlarged
+    above: Enlarged
+    deck: Enlarged
+    side: Enlarged
+    patches: tuple[Enlarged, Enlarged, Enlarged]
 
 
 def ground_photo(
@@ -62,36 +100,59 @@ def ground_photo(
     mid = _mottle(square, pixels, (14.0, 0.9), (seed, 1), bank)
     fine = _mottle(square, pixels, (1.5, 0.0), (seed, 2), bank)
     speck = _mottle(square, pixels, (0.22, 0.0), (seed, 3), bank)
+    factors = np.empty((pixels, pixels, 3), np.float32)
+    total = area = 0.0
+    strips = [slice(top, min(top + _ROWS, pixels)) for top in range(0, pixels, _ROWS)]
+    for rows in strips:
+        dry = lie.fade.rows(rows) * (lie.above.rows(rows) > 0.0)
+        worn = _worn(lie, rows, mid[rows], fine[rows], speck[rows])
+        total += float(np.sum(worn.mean(axis=0) * dry, dtype=np.float64))
+        area += float(dry.sum(dtype=np.float64))
+        factors[rows] = np.moveaxis(worn, 0, -1)
+    scale = np.float32(area / total if area > 1.0 else 1.0)
+    for rows in strips:
+        fade = lie.fade.rows(rows)
+        for band in range(3):
+            shown = 1 + fade * (factors[rows, :, band] * scale - 1)
+            factors[rows, :, band] = np.clip(lie.patches[band].rows(rows) * shown, LEAST, MOST)
+    return factors
+
+
+def _worn(lie: _Lie, rows: slice, mid: Floats, fine: Floats, speck: Floats) -> Floats:
+    """Factors of some rows before they are levelled, shape (3, rows, pixels), float32."""
+    green = lie.green.rows(rows)
     ragged = np.float32(0.16) * mid + np.float32(0.10) * fine
-    factors = (1 + 0.06 * mid + 0.21 * np.clip(fine, -2.6, 2.6) + 0.09 * speck)[..., None] * np.ones(3, np.float32)
-    leaves = ramp(speck, 1.3, 2.0) * ramp(mid + 0.4 * fine, 0.3, 1.5)
-    factors = _tint(factors, leaves, lie.green, (1.75, 1.20, 0.80), (0.78, 0.62, 0.45))
-    under = ramp(lie.deck + ragged, 0.2, -0.9)
-    factors = _tint(factors, 0.8 * under, lie.green, (1.25, 1.10, 1.15), (1.12, 1.09, 1.04))
-    drip = ramp(np.abs(lie.side + 0.4 * ragged), 0.34, 0.05) * ramp(fine, -1.6, 0.2)
-    factors = _tint(factors, drip, lie.green, (0.74, 0.72, 0.80), (0.70, 0.69, 0.68))
-    worn = ramp(lie.path + ragged, _PATH + 0.18, _PATH - 0.16)
-    factors = _tint(factors, worn, lie.green, (1.80, 1.28, 1.60), (1.14, 1.11, 1.06))
-    rut = ramp(lie.rut + 0.7 * ragged, _RUTS[1] + 0.13, _RUTS[1] - 0.06) * ramp(mid, -1.9, -0.7)
-    factors = _tint(factors, 0.85 * rut, lie.green, (1.42, 1.02, 1.25), (0.80, 0.79, 0.78))
-    silt = ramp(np.abs(lie.above + 0.5 * ragged - 0.62), 0.20, 0.02) * ramp(fine, -1.0, 0.8)
-    factors = _tint(factors, 0.7 * silt, lie.green, (1.45, 1.25, 1.50), (1.18, 1.15, 1.08))
-    wet = ramp(lie.above + 0.7 * ragged, 0.48, 0.04)
-    factors = _tint(factors, wet, lie.green, (0.62, 0.64, 0.66), (0.50, 0.50, 0.51))
-    dry = (lie.fade * (lie.above > 0.0))[..., None]
-    area = float(dry.sum())
-    mean = np.float32(
-        np.sum(factors.mean(axis=-1, keepdims=True) * dry, dtype=np.float64) / area if area > 1.0 else 1.0
-    )
-    shown = lie.patches * (1 + lie.fade[..., None] * (factors / mean - 1))
-    return np.clip(shown, LEAST, MOST).astype(np.float32)
+    ground = 1 + np.float32(0.06) * mid + np.float32(0.21) * np.clip(fine, -2.6, 2.6) + np.float32(0.09) * speck
+    factors = np.repeat(ground[None], 3, axis=0)
+    leaves = ramp(speck, 1.3, 2.0) * ramp(mid + np.float32(0.4) * fine, 0.3, 1.5)
+    _tint(factors, leaves, green, (1.75, 1.20, 0.80), (0.78, 0.62, 0.45))
+    under = np.float32(0.8) * ramp(lie.deck.rows(rows) + ragged, 0.2, -0.9)
+    _tint(factors, under, green, (1.25, 1.10, 1.15), (1.12, 1.09, 1.04))
+    drip = ramp(np.abs(lie.side.rows(rows) + np.float32(0.4) * ragged), 0.34, 0.05) * ramp(fine, -1.6, 0.2)
+    _tint(factors, drip, green, (0.74, 0.72, 0.80), (0.70, 0.69, 0.68))
+    path = ramp(lie.path.rows(rows) + ragged, _PATH + 0.18, _PATH - 0.16)
+    _tint(factors, path, green, (1.80, 1.28, 1.60), (1.14, 1.11, 1.06))
+    beside = lie.rut.rows(rows) + np.float32(0.7) * ragged
+    rut = np.float32(0.85) * ramp(beside, _RUTS[1] + 0.13, _RUTS[1] - 0.06) * ramp(mid, -1.9, -0.7)
+    _tint(factors, rut, green, (1.42, 1.02, 1.25), (0.80, 0.79, 0.78))
+    above = lie.above.rows(rows)
+    line = np.abs(above + np.float32(0.5) * ragged - np.float32(0.62))
+    silt = np.float32(0.7) * ramp(line, 0.20, 0.02) * ramp(fine, -1.0, 0.8)
+    _tint(factors, silt, green, (1.45, 1.25, 1.50), (1.18, 1.15, 1.08))
+    wet = ramp(above + np.float32(0.7) * ragged, 0.48, 0.04)
+    _tint(factors, wet, green, (0.62, 0.64, 0.66), (0.50, 0.50, 0.51))
+    return factors
 
 
-def _tint(factors: Floats, share: Floats, green: Floats, grass: tuple[float, ...], bare: tuple[float, ...]) -> Floats:
-    """Multiply by a colour of grass where it is green, of bare ground elsewhere, as far as a share says."""
-    on_grass, on_bare = np.array(grass, np.float32), np.array(bare, np.float32)
-    color = on_bare + green[..., None] * (on_grass - on_bare)
-    return factors * (1 + share[..., None] * (color - 1))
+def _tint(factors: Floats, share: Floats, green: Floats, grass: tuple[float, ...], bare: tuple[float, ...]) -> None:
+    """Multiply in place by a colour of grass where it is green, of bare ground elsewhere, as far as a share says."""
+    reached = np.flatnonzero(share)
+    if not len(reached):
+        return
+    amount, lush = share.ravel()[reached], green.ravel()[reached]
+    for channel, on_grass, on_bare in zip(factors, grass, bare, strict=True):
+        color = np.float32(on_bare - 1) + lush * np.float32(on_grass - on_bare)
+        channel.reshape(-1)[reached] *= 1 + amount * color
 
 
 def _mottle(square: PhotoSquare, pixels: int, waves: tuple[float, float], seed: tuple[int, int], bank: Bank) -> Floats:
@@ -99,11 +160,13 @@ def _mottle(square: PhotoSquare, pixels: int, waves: tuple[float, float], seed: 
     longest = max(waves[0], 4.0 * square.side / pixels)  # a coarse picture has no finer ones
     streams = (np.random.default_rng(seed), np.random.default_rng((*seed, 7 + square.number)))
     shared, own = (fractal(Tile(pixels, square.side, stream, bank), longest, waves[1], slope=0.7) for stream in streams)
-    shared = np.roll(shared, -round(square.corner[0] / square.side * pixels), axis=1)
     station = square.corner[0] + (np.arange(pixels) + 0.5) * square.side / pixels
     inside = np.minimum(station - square.stations[0], square.stations[1] - station).astype(np.float32)
-    share = ramp(inside, 0.3, _SEAM)[None, :]
-    return (np.sqrt(1 - share * share) * shared + share * own).astype(np.float32)
+    share = ramp(inside, 0.3, _SEAM)
+    both = np.flatnonzero(share < 1)  # columns near the next square
+    moved = (both + round(square.corner[0] / square.side * pixels)) % pixels
+    own[:, both] = np.sqrt(1 - share[both] ** 2) * shared[:, moved] + share[both] * own[:, both]
+    return own
 
 
 def _survey(site: Site, square: PhotoSquare, squares: int, patches: Floats, pixels: int, seed: int) -> _Lie:
@@ -136,36 +199,20 @@ def _survey(site: Site, square: PhotoSquare, squares: int, patches: Floats, pixe
         for value, line in ((station, site.field.stations), (left, site.field.lefts))
     ]
 
-    def full(values: F64 | Floats) -> Floats:
-        return enlarged(np.asarray(values, np.float32), pixels)
+    def full(values: F64 | Floats, limits: tuple[float, float] | None = None) -> Enlarged:
+        return Enlarged(np.asarray(values, np.float32), pixels, limits)
 
+    red, green, blue = (full(_look_up(patches[..., band], *at)) for band in range(3))
     return _Lie(
-        ramp(full(inside), 0.0, _FADE),
-        ramp(full(np.clip(bare, -2.0, 2.0)), 0.15, -0.25),
+        full(inside, (0.0, _FADE)),
+        full(np.clip(bare, -2.0, 2.0), (0.15, -0.25)),
         full(path),
         full(rut),
         full(above),
         full(np.maximum(edge, ends)),
         full(np.where(ends < 0.0, edge, _FAR)),
-        np.stack([full(_look_up(patches[..., band], *at)) for band in range(3)], axis=-1),
+        (red, green, blue),
     )
-
-
-def enlarged(field: Floats, pixels: int) -> Floats:
-    """Enlarge a field by linear interpolation.
-
-    Args:
-        field: Values, shape (N, N), float32.
-        pixels: Texels along a side of the result.
-
-    Returns:
-        Values, shape (pixels, pixels), float32.
-    """
-    place = np.clip((np.arange(pixels) + 0.5) * len(field) / pixels - 0.5, 0, len(field) - 1)
-    low = np.minimum(place.astype(np.int64), len(field) - 2)
-    share = (place - low).astype(np.float32)
-    rows = field[low] + share[:, None] * (field[low + 1] - field[low])
-    return rows[:, low] + share * (rows[:, low + 1] - rows[:, low])
 
 
 def _look_up(image: Floats, across: F64, up: F64) -> Floats:

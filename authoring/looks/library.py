@@ -215,7 +215,10 @@ def _whole(place: Path) -> bool:
     """Somebody may have painted over a file in place: then it is baked anew."""
     if not (place / _FACTS).is_file():
         return False
-    files = read_json(place / _FACTS)["files"]
+    try:
+        files = {str(name): str(said) for name, said in read_json(place / _FACTS)["files"].items()}
+    except (InputError, KeyError, TypeError, AttributeError):
+        return False
     return all((place / file).is_file() and file_digest(place / file) == files[file] for file in files)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.footings import footing_top
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
@@ -30,9 +31,16 @@ class AbutmentSettings(Settings):
     wing_thickness: float | None = drawn(0.45, 0.60, "Thickness of the wing walls [m]", ge=0.45, le=1.2)
     founding: float | None = drawn(0.5, 1.0, "Walls below the lowest ground at them [m]", ge=0.3, le=3.0)
     chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
-    footing: bool | None = chosen({True: 50, False: 50}, "The wall's footing shows in front of it", paper={False: 1})
+    footing: bool | None = chosen({True: 50, False: 50}, "The wall has a footing in front of it", paper={False: 1})
     footing_toe: float | None = drawn(0.4, 0.9, "Footing in front of the wall [m]", ge=0.1, le=2.0)
-    footing_top: float | None = drawn(0.15, 0.40, "Footing above the highest ground before it [m]", ge=0.0, le=1.0)
+    footing_top: float | None = drawn(
+        -0.60,
+        -0.30,
+        "Top of the footing above the highest ground before it; below zero under the lowest [m]",
+        ge=-2.0,
+        le=1.0,
+        paper=(0.15, 0.40),
+    )
     battered: bool | None = chosen({True: 30, False: 70}, "The wall's front leans", paper={False: 1})
     batter: float | None = drawn(0.02, 0.08, "Lean of a battered front [1]", ge=0.0, le=0.2)
 
@@ -47,8 +55,8 @@ class Abutments:
         wing_thickness: Thickness of the wing walls [m].
         founding: Walls below the lowest ground at them [m].
         chamfer: Leg of chamfers [m].
-        footing_toe: Footing in front of the wall [m]; 0 where none shows.
-        footing_top: Footing above the highest ground before it [m].
+        footing_toe: Footing in front of the wall [m]; 0 for none.
+        footing_top: Footing above the highest ground before it; below zero under the lowest [m].
         batter: Lean of the wall's front [1].
     """
 
@@ -146,7 +154,9 @@ def _wall_parts(
     parts = []
     size: dict[str, object]
     if a.footing_toe:
-        foot = min(_highest(ground, level, (before[0], before[1]), (-half, half)) + a.footing_top, drop)
+        strip = _heights(ground, level, (before[0], before[1]), (-half, half), beside=0.0)
+        foot = min(footing_top(float(strip.min()), float(strip.max()), a.footing_top), drop)
+        lowest = min(lowest, foot - a.founding)
         toe = a.front + a.footing_toe + a.batter * (levels.seat - foot)
         reach = half + 0.5 * a.footing_toe
         corners = [
@@ -238,11 +248,6 @@ def _wing_parts(
 def _lowest(ground: Ground, place: Alignment, stations: tuple[float, float], left: tuple[float, float]) -> float:
     """Find the lowest ground under a rectangle and close beside it, above the finished deck surface [m]."""
     return float(np.min(_heights(ground, place, stations, left)))
-
-
-def _highest(ground: Ground, place: Alignment, stations: tuple[float, float], left: tuple[float, float]) -> float:
-    """Find the highest ground under a rectangle and close beside it, above the finished deck surface [m]."""
-    return float(np.max(_heights(ground, place, stations, left, beside=0.0)))
 
 
 def _heights(

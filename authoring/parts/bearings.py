@@ -166,8 +166,6 @@ def _standing(level: Alignment, station: float, left: float) -> F64:
 
 def _askew(bearings: Bearings, skew: float) -> Bearings:
     """Shrink a bearing that is turned against its girder until it stays under the soffit."""
-    if skew == 0.0:
-        return bearings
     w, length = bearings.pad_width, bearings.pad_length
     share = w / (w * np.cos(skew) + length * np.sin(abs(skew)))
     if share >= 1.0:

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from authoring.axis.alignment import Alignment
+from authoring.axis.road_section import RoadSection
 from authoring.parts.abutments import Abutments, approach_range
 from authoring.parts.drawing import Draws, chosen, draw_option
 from authoring.parts.fittings import Fittings, FittingSettings, draw_fittings
 from authoring.parts.medians import median_parts
 from authoring.parts.parapets import LEDGE, Parapets, ParapetSettings, draw_parapets, parapet_parts
 from authoring.parts.part import Part
-from authoring.parts.roadway import Roadway, RoadwaySettings, draw_roadway, kerb_parts, surfacing_parts
+from authoring.parts.roadway import Roadway, RoadwaySettings, draw_roadway, kerb_parts, lane_lines, surfacing_parts
 from authoring.parts.spans import Spans
 from authoring.parts.tracks import Tracks, TrackSettings, draw_tracks, side_parts, track_parts
 from groundwork.settings import Settings
@@ -113,6 +114,22 @@ class DeckTop:
     def underlay(self) -> float:
         """From the finished surface, or from the rails' top, down to the ground under the approaches [m]."""
         return _ROAD_UNDERLAY if self.tracks is None else self.surfacing - _RAIL_UNDERLAY
+
+
+def road_section(top: DeckTop, walls: float) -> RoadSection | None:
+    """Tell what the approaches of a road bridge take over; None for a railway.
+
+    Args:
+        top: What lies on the deck.
+        walls: Length of the wing walls behind the abutments' back faces [m].
+    """
+    way = top.roadway
+    if way is None:
+        return None
+    lines = tuple((round(left, 6), dashed) for left, dashed in lane_lines(way))
+    return RoadSection(
+        lines, (way.dash, way.dash_gap), way.marking_width, way.half_width, way.footway_width > 0.0, walls
+    )
 
 
 def draw_deck_top(settings: DeckTopSettings, draws: Draws) -> DeckTop:

@@ -1,4 +1,4 @@
-"""Spread footings: blocks whose top shows a little above the ground and whose bottom lies below it everywhere."""
+"""Spread footings: blocks in the ground, whose bottoms lie below it everywhere; their tops show where asked for."""
 
 from collections.abc import Callable
 
@@ -15,6 +15,17 @@ Ground = Callable[[F64], F64]
 _LEAST_SHAFT = 0.5  # [m] that stays between a footing and what its shafts carry
 
 
+def footing_top(lowest: float, highest: float, rise: float) -> float:
+    """Find the top of a footing [m].
+
+    Args:
+        lowest: Lowest ground at it [m].
+        highest: Highest ground at it [m].
+        rise: Above the highest ground; below zero: under the lowest [m].
+    """
+    return highest + rise if rise >= 0.0 else lowest + rise
+
+
 def footing_heights(
     half: F64, station: float, ceiling: float, level: Alignment, ground: Ground, reach: tuple[float, float]
 ) -> tuple[float, float]:
@@ -26,12 +37,13 @@ def footing_heights(
         ceiling: Underside of what its shafts carry [m].
         level: Level frame of the support.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
-        reach: Above the highest and below the lowest ground at it [m].
+        reach: Its top above the highest ground at it, below zero under the lowest; its bottom below the lowest ground
+            and below its top [m].
     """
     s, left = (g.ravel() for g in np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 17), indexing="ij"))
     corners = level.point(station + s * half[0], left * half[1], np.zeros(len(s)))
     heights = ground(corners[:, :2]) - corners[:, 2]
-    top = min(float(heights.max()) + reach[0], ceiling - _LEAST_SHAFT)
+    top = min(footing_top(float(heights.min()), float(heights.max()), reach[0]), ceiling - _LEAST_SHAFT)
     return min(float(heights.min()), top) - reach[1], top
 
 

@@ -62,8 +62,17 @@ class PierSettings(Settings):
     )
     chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
     footing_margin: float | None = drawn(0.5, 0.9, "Footing beyond the columns [m]", ge=0.2, le=2.0)
-    footing_top: float | None = drawn(0.15, 0.45, "Footing above the highest ground at it [m]", ge=0.0, le=1.0)
-    footing_depth: float | None = drawn(0.5, 1.0, "Footing below the lowest ground at it [m]", ge=0.3, le=3.0)
+    footing_top: float | None = drawn(
+        -0.60,
+        -0.30,
+        "Top of the footing above the highest ground at it; below zero under the lowest [m]",
+        ge=-2.0,
+        le=1.0,
+        paper=(0.15, 0.45),
+    )
+    footing_depth: float | None = drawn(
+        0.5, 1.0, "Footing below the lowest ground at it, and below its own top [m]", ge=0.3, le=3.0
+    )
     wall_thickness: float | None = drawn(0.8, 1.2, "Wall pier along the bridge [m]", ge=0.6, le=2.5)
     wall_share: float | None = drawn(0.70, 0.96, "Wall pier over cap length [1]", ge=0.5, le=0.97)
     battered: bool | None = Field(
@@ -98,8 +107,8 @@ class Piers:
         column_lines: Distance of every column to the left of the axis [m].
         chamfer: Leg of chamfers [m].
         footing_margin: Footing beyond the columns [m].
-        footing_top: Above the highest ground at it [m].
-        footing_depth: Below the lowest ground at it [m].
+        footing_top: Above the highest ground at it; below zero under the lowest [m].
+        footing_depth: Below the lowest ground at it, and below its own top [m].
         batter: Growth of each side of a shaft towards its base [1].
         slenderness: Largest height of a shaft over its least side [1].
     """

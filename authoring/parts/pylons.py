@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.footings import Ground, footing_surface
+from authoring.parts.footings import Ground, footing_surface, footing_top
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import level_at
 from authoring.shapes.component import F64
@@ -22,7 +22,8 @@ _HEAD_TAPER = 0.25  # [1] of its width that a head loses on either side towards 
 _FLUSH = 0.015  # [m] cross beams behind the legs' faces
 _TAPER = 0.010  # growth of a leg along the bridge towards its foot, each side [1]
 _DEEP_WATER = -2.5  # [m] world height: ground below it lies under water
-_CAP_DRY = 0.6  # [m] world height of a pile cap's top in deep water
+_CAP_DRY = 0.6  # [m] world height of a pile cap's top in deep water: boats see it, and piles are driven from above it
+_CAP_SHOWN = 0.35  # [m] of a cap that shows on land
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class Pylon:
 
 
 def pylon_parts(
-    pylon: Pylon, support: int, station: float, deck: float, place: Alignment, ground: Ground
+    pylon: Pylon, support: int, station: float, deck: float, place: Alignment, ground: Ground, rise: float
 ) -> list[Part]:
     """Build one pylon.
 
@@ -124,9 +125,10 @@ def pylon_parts(
         deck: Height of the structural deck that a mast stands on [m].
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+        rise: Of the piers' footings over the ground; below zero the pile cap, too, lies in the ground on land [m].
     """
     level = level_at(place, station)
-    low, foot = _cap_heights(pylon, station, level, ground)
+    low, foot = _cap_heights(pylon, station, level, ground, rise if rise < 0.0 else _CAP_SHOWN)
     name = f"{pylon.prefix}_{support:03d}"
     parts = []
     for label, kind, surface in (
@@ -222,7 +224,7 @@ def _cap_half(pylon: Pylon, foot: float) -> F64:
     return np.array([pylon.face(foot) + margin, across + margin])
 
 
-def _cap_heights(pylon: Pylon, station: float, level: Alignment, ground: Ground) -> tuple[float, float]:
+def _cap_heights(pylon: Pylon, station: float, level: Alignment, ground: Ground, rise: float) -> tuple[float, float]:
     """Find bottom and top of the pile cap [m]: in the ground on land, out of the water in a harbour."""
     datum = float(level.point(*(np.array([v]) for v in (station, 0.0, 0.0)))[0, 2])
     half = _cap_half(pylon, -datum)
@@ -230,7 +232,7 @@ def _cap_heights(pylon: Pylon, station: float, level: Alignment, ground: Ground)
     corners = level.point(station + s * half[0], left * half[1], np.zeros(len(s)))
     heights = ground(corners[:, :2])
     wet = float(heights.min()) < _DEEP_WATER
-    top = _CAP_DRY if wet else float(heights.max()) + 0.35
+    top = _CAP_DRY if wet else footing_top(float(heights.min()), float(heights.max()), rise)
     top = min(top - datum, pylon.seat - pylon.beam_depth - 0.6)
     return min(float(heights.min()) - datum, top) - (1.5 + 0.2 * pylon.width), top
 

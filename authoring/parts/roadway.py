@@ -222,6 +222,16 @@ def _lane_lines(roadway: Roadway) -> tuple[F64, tuple[int, ...]]:
     return apart, (0, middle, middle + 1, roadway.lanes + 1)
 
 
+def lane_lines(roadway: Roadway) -> list[tuple[float, bool]]:
+    """List the painted lines: distance to the left of the axis [m], rising, and whether the line is dashed.
+
+    Args:
+        roadway: Cross-section.
+    """
+    lines, edges = _lane_lines(roadway)
+    return [(float(left), number not in edges) for number, left in enumerate(lines)]
+
+
 def _dashes(roadway: Roadway, low: float, high: float) -> F64:
     period = roadway.dash + roadway.dash_gap
     begin = np.arange(np.floor(low / period), np.ceil(high / period) + 1.0) * period

@@ -7,6 +7,7 @@ import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.arches import ground_under
+from authoring.parts.footings import footing_top
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import level_at
@@ -38,6 +39,7 @@ class Bents:
         cap_end_depth: At its ends [m].
         chamfer: Leg of chamfers [m].
         role: Material role of the columns.
+        footing_top: Of footings above the middle of the ground at them; below zero under its lowest [m].
     """
 
     shape: str
@@ -49,6 +51,7 @@ class Bents:
     cap_end_depth: float
     chamfer: float
     role: str
+    footing_top: float = -0.4
 
     @property
     def cap_width(self) -> float:
@@ -218,7 +221,8 @@ def bent_footing(
     """
     half = np.array([0.5 * bents.length, max(bents.lines) + 0.5 * bents.width]) + _FOOTING_MARGIN
     low, high = ground_under(ground, level, (station - half[0], station + half[0]), (-half[1], half[1]))
-    top = min(0.5 * (low + high) + 0.3, ceiling)  # on a slope it is cut into the upper side
+    # One that shows is cut into the upper side of a slope.
+    top = min(footing_top(low, 0.5 * (low + high), bents.footing_top), ceiling)
     bottom = min(low, top) - founding
     outline = cut_corners(rectangle((station - half[0], -half[1]), (station + half[0], half[1])), 0.025)
     surface = Prism(outline, bottom, top, "above", level, 0.025)

@@ -12,7 +12,7 @@ from authoring.axis.track_section import APPROACH_TRACK, GAUGE, TrackSection
 from authoring.shapes.component import Mesh
 from authoring.site.covers import to_world
 from authoring.site.shape import RAIL_UNDERLAY, Land
-from authoring.site.ways import Line, merged, ribbon
+from authoring.site.ways import Line, boxes, merged, ribbon
 
 F64 = NDArray[np.float64]
 Piece = tuple[str, str, str, Mesh]
@@ -36,7 +36,6 @@ MAIN_LINE = TrackSection(
     shoulder=0.40,
     embedded=0.0,
 )
-_TOP = np.array([(0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)])  # faces, no bottom
 
 
 def railway_pieces(
@@ -161,32 +160,9 @@ def _sleepers(land: Land, track: TrackSection, line: Line, crown: F64) -> Mesh:
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     up = np.cross(ahead, lean)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
-    return _boxes(place, ahead, np.cross(up, ahead), up, track)
+    size = track.sleeper_width, track.sleeper_length, track.sleeper_height
+    return boxes(place, ahead, np.cross(up, ahead), up, size)
 
 
 def _at(values: F64, places: F64, along: F64) -> F64:
     return np.column_stack([np.interp(places, along, values[:, k]) for k in range(3)])
-
-
-def _boxes(place: F64, ahead: F64, left: F64, up: F64, track: TrackSection) -> Mesh:
-    """Make sleepers from the middles of their tops and their axes, each of shape (N, 3), float64."""
-    half = 0.5 * np.array([track.sleeper_width, track.sleeper_length])
-    signs = np.array([(-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0)]) * half
-    top = place[:, None] + signs[:, :1] * ahead[:, None] + signs[:, 1:] * left[:, None]
-    world = np.concatenate([top, top - track.sleeper_height * up[:, None]], axis=1).reshape(-1, 3)
-    faces = (_TOP[None] + 8 * np.arange(len(place))[:, None, None]).reshape(-1, 4)
-    p = world[faces]
-    normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    square = np.array([(0.0, 1.0), (0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
-    first = np.linalg.norm(p[:, 1] - p[:, 0], axis=1)
-    second = np.linalg.norm(p[:, 2] - p[:, 1], axis=1)
-    start = 0.37 * (np.arange(len(faces)) % 97)
-    st = square[None] * np.stack([second, first], axis=1)[:, None] + start[:, None, None]
-    return Mesh(
-        points=world,
-        face_counts=np.full(len(faces), 4, np.int32),
-        corners=faces.reshape(-1).astype(np.int32),
-        normals=np.repeat(normal, 4, axis=0).astype(np.float32),
-        st=st.reshape(-1, 2).astype(np.float32),
-    )

@@ -22,6 +22,7 @@ EDGE_LINE = 0.3  # from the edge of the asphalt to the middle of the edge line [
 LANE = 6.6  # width of a pair of lanes [m]
 CLEARANCE = 0.05  # least height of a far road over the ground [m]
 DASHES, SOLID = (3.0, 6.0), (1.0, 0.0)
+LINE_WIDTH = 0.12  # [m]
 
 
 def way_pieces(land: Land, ground: HeightField) -> list[Piece]:
@@ -112,15 +113,26 @@ def _road(
         for share in (-1.0, -0.5, 0.0, 0.5, 1.0):
             station, left = line.offset(share * half).T
             crown = np.maximum(crown, lift(station, left) + fall * abs(share) + CLEARANCE)
-    edge = half - EDGE_LINE
-    if road.startswith("Approach") and land.layout.edge_line > 0:
-        edge = min(land.layout.edge_line, half - 0.1)
-    lanes = max(2 * round(2 * edge / LANE), 2)
-    paint = []
-    for number in range(lanes + 1):
-        left = edge * (2 * number / lanes - 1)
-        style = SOLID if number in (0, lanes) else DASHES
-        paint.append(dashes(axis, line, crown - fall * abs(left) / half + tilt * left, left, style))
+    lines, width = _lines(land, half, road.startswith("Approach"))
+    paint = [
+        dashes(axis, line, crown - fall * abs(left) / half + tilt * left, left, style, width) for left, style in lines
+    ]
     surface = carriageway(axis, line, crown, fall, tilt, half)
     strips = merged([strip for strip in paint if strip is not None])
     return [(road, "road", "asphalt", surface), (marking, "road", "road_marking", strips)]
+
+
+def _lines(land: Land, half: float, approach: bool) -> tuple[list[tuple[float, tuple[float, float]]], float]:
+    """List the painted lines of a road: place to the left [m], dash and gap [m]; and their width [m].
+
+    An approach takes over those of its bridge.
+    """
+    section = land.layout.road
+    if approach and section is not None:
+        return [(left, section.dash if dashed else SOLID) for left, dashed in section.lines], section.line_width
+    edge = half - EDGE_LINE
+    if approach and land.layout.edge_line > 0:
+        edge = min(land.layout.edge_line, half - 0.1)
+    lanes = max(2 * round(2 * edge / LANE), 2)
+    lefts = (edge * (2 * number / lanes - 1) for number in range(lanes + 1))
+    return [(left, SOLID if number in (0, lanes) else DASHES) for number, left in enumerate(lefts)], LINE_WIDTH

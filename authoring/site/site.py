@@ -13,6 +13,7 @@ from authoring.site.covers import Soup, chunked, covered, drape, strip_atlas
 from authoring.site.crossing import CrossingKind
 from authoring.site.extent import Box, keep_out, strip_corners, strip_edge
 from authoring.site.grid import HeightField
+from authoring.site.guardrails import guardrail_pieces
 from authoring.site.land import draw_land, strip_ground, strip_lines
 from authoring.site.photo import PhotoSquare, by_square, photo_role, photo_squares
 from authoring.site.roads import way_pieces
@@ -107,6 +108,7 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     squares = photo_squares(ground, layout.width / 2, ends, settings.photo_reach)
     parts = _ground(soup, ground, squares, layout)
     parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in way_pieces(land, ground)]
+    parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in guardrail_pieces(land)]
     components = [
         Component(f"Site_{prim}", kind, role, group, mesh, FIRST_SITE_ID + number)
         for number, (prim, kind, role, group, mesh) in enumerate(parts)

@@ -10,6 +10,7 @@ from authoring.shapes.component import Mesh
 from authoring.site.covers import to_world, turn
 
 F64 = NDArray[np.float64]
+_TOP = np.array([(0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)])  # faces, no bottom
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,38 @@ def dashes(
             )
         pieces.append(ribbon(alignment, rows, at, (left + width / 2, left - width / 2)))
     return merged(pieces) if pieces else None
+
+
+def boxes(place: F64, ahead: F64, left: F64, up: F64, size: tuple[float, float, float]) -> Mesh:
+    """Make boxes without undersides: sleepers, posts.
+
+    Args:
+        place: Middles of their tops [m], shape (N, 3), float64.
+        ahead: Unit vectors along them, shape (N, 3), float64.
+        left: Unit vectors to their left, shape (N, 3), float64.
+        up: Unit vectors, shape (N, 3), float64.
+        size: Along, across and down [m].
+    """
+    half = 0.5 * np.array(size[:2])
+    signs = np.array([(-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0)]) * half
+    top = place[:, None] + signs[:, :1] * ahead[:, None] + signs[:, 1:] * left[:, None]
+    world = np.concatenate([top, top - size[2] * up[:, None]], axis=1).reshape(-1, 3)
+    faces = (_TOP[None] + 8 * np.arange(len(place))[:, None, None]).reshape(-1, 4)
+    p = world[faces]
+    normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    square = np.array([(0.0, 1.0), (0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
+    first = np.linalg.norm(p[:, 1] - p[:, 0], axis=1)
+    second = np.linalg.norm(p[:, 2] - p[:, 1], axis=1)
+    start = 0.37 * (np.arange(len(faces)) % 97)
+    st = square[None] * np.stack([second, first], axis=1)[:, None] + start[:, None, None]
+    return Mesh(
+        points=world,
+        face_counts=np.full(len(faces), 4, np.int32),
+        corners=faces.reshape(-1).astype(np.int32),
+        normals=np.repeat(normal, 4, axis=0).astype(np.float32),
+        st=st.reshape(-1, 2).astype(np.float32),
+    )
 
 
 def merged(meshes: list[Mesh]) -> Mesh:

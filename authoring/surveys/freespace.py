@@ -48,18 +48,6 @@ class FreeSpace:
         """
         return self.box.to_world((cells + 0.5) * self.edge - 0.5 * self.edge * np.array(self.free.shape))
 
-    def cell_of(self, points: F64) -> I64:
-        """Find the cells that hold positions; outside the box the numbers go on.
-
-        Args:
-            points: World positions [m], shape (N, 3), float64.
-
-        Returns:
-            Numbers along the box's axes, shape (N, 3), int64.
-        """
-        local = self.box.to_local(points) / self.edge + 0.5 * np.array(self.free.shape)
-        return np.floor(local).astype(np.int64)
-
 
 def cut_free_space(box: OrientedBox, subject: Subject, edge: float, safety: float, over_ground: float) -> FreeSpace:
     """Find the cells of a box in which a drone keeps its distance.

@@ -10,7 +10,7 @@ from pxr import Sdf, Usd
 from authoring.layers.selection import AXES
 from authoring.scenes.validate import RULES, asset_findings, usd_findings
 from groundwork.errors import InputError
-from groundwork.files import commit_folder, temporary_name
+from groundwork.files import put_in_place, sweep, temporary_name
 from usd_schemas import tokens
 from usd_schemas.guard.layer_walk import Warn
 
@@ -38,11 +38,8 @@ class Staged:
 
     def commit(self) -> None:
         """Move the asset to its place, in exchange for a former one of its name, and offer it."""
-        former = temporary_name(self.place, f"-{self.place.name}")
-        if self.place.exists():
-            self.place.rename(former)
-        commit_folder(self.fresh, self.place)
-        shutil.rmtree(former, ignore_errors=True)
+        sweep(self.fresh)
+        put_in_place(self.fresh, self.place)
         self.offer()
 
     def discard(self) -> None:

@@ -29,16 +29,11 @@ def main(request: dict[str, Any]) -> None:
     open_scene(request["scene"], request["survey"])
     scene = bpy.context.scene
     engine, samples = request["engine"], request["samples"]
-    try:
-        scene.render.engine = engine
-    except TypeError:  # Blender 4.2 to 4.5 call it so
-        scene.render.engine = f"{engine}_NEXT"
+    scene.render.engine = engine
     scene.render.image_settings.file_format = "JPEG"
     scene.render.image_settings.quality = 95
     if engine == "CYCLES":
         scene.cycles.device, scene.cycles.samples, scene.cycles.use_denoising = "CPU", samples, True
-    elif engine.startswith("BLENDER_EEVEE"):
-        scene.eevee.taa_render_samples = samples
     rows = []
     for number, frame in enumerate(request["frames"]):
         scene.frame_set(frame)

@@ -7,6 +7,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "plan": ("falsework plan bridges.toml -o out",),
     "verify": ("falsework verify out", "falsework verify out --repair"),
     "clean": ("falsework clean out --dry-run",),
+    "preview": (
+        "falsework preview scenarios/demo.toml -o picture.png",
+        "falsework preview bridges.toml -o picture.png --view ground --width 1920 --height 1080",
+    ),
     "author": ("falsework author scenarios/demo.toml -o scene",),
     "render": (
         "falsework render scene/scene.usda -o captures",
@@ -17,7 +21,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "falsework reconstruct photos_of_a_bridge -o cloud --mode dense --gcp points.txt",
     ),
     "export": ("falsework export cloud --to laz -o for_others",),
-    "report": ("falsework report out/scenes/0000 -o page.html",),
+    "report": (
+        "falsework report out/scenes/0000 -o page.html",
+        "falsework report out -o run.html",
+        "falsework report model scores.json -o training.html",
+    ),
+    "view": ("falsework view out/scenes/0000", "falsework view out/scenes/0000 --save scene.html"),
     "gallery": ("falsework gallery families -o sheets",),
     "scene info": ("falsework scene info scene/scene.usda",),
     "scene validate": ("falsework scene validate scene",),

@@ -201,9 +201,11 @@ def report_scene(scene: Path, page: Path) -> None:
     if not captures and not samples:
         raise MissingError("holds no capture", where=scene, hint="Name a folder such as OUT/scenes/0000")
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
+    from falsework.commands.report_verb import way_to
+
     inputs = [scene, *captures, *clouds.values()]
     with reading(*inputs), fresh_file(page, inputs) as temporary:
-        write_report(temporary, _title(scene), scene / "stage", surveys, samples)
+        write_report(temporary, _title(scene), scene / "stage", surveys, samples, way_to(scene, page))
 
 
 def _is_sampled(cloud: Path) -> bool:

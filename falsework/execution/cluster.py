@@ -199,17 +199,17 @@ def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> S
 def _own_cluster(workers: int) -> Iterator[Any]:
     """Start workers on this machine, reachable from it alone; none outlives us, nor do their children."""
     from dask import config
+    from distributed import Client, LocalCluster  # before the settings, with which its defaults would go again
 
     settings: dict[str, Any] = {
         "distributed.scheduler.allowed-failures": FAILURES,
         "distributed.deploy.lost-worker-timeout": PATIENCE,
-        # Connections that end with an interrupted run are no news; read where a process first loads Dask.
+        # Connections that end with an interrupted run are no news; the workers get this with the settings.
         "logging": {"distributed": "critical"},
     }
     with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
-        from distributed import Client, LocalCluster
-
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in ("distributed", "distributed.client"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         with _deaf_to_interrupts():
             how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # neither a page nor Dask's own guard
             cluster = LocalCluster(

@@ -1,6 +1,5 @@
 """What results of each stage have cost so far, in time and on disk; and a look at the disk before more are made."""
 
-import json
 import shutil
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -8,8 +7,8 @@ from pathlib import Path
 
 from falsework.execution.events import parse_event
 from falsework.store.workroom import plain_files
-from groundwork.errors import OutOfSpaceError
-from groundwork.files import MANIFEST
+from groundwork.errors import InputError, OutOfSpaceError
+from groundwork.files import MANIFEST, read_json
 
 # Seconds and bytes of a result of which nothing is known yet: the demo's, whose cloud is dense; guesses of samples.
 DEFAULT_SECONDS = {"stage": 13.7, "capture": 19.7, "model": 160.0, "cloud": 56.1, "sample": 60.0, "report": 2.0}
@@ -186,8 +185,8 @@ def _stored_sizes(root: Path, stage: str) -> Seen:
     seen = Seen()
     for path in sorted((root / "store" / stage).glob(f"*/{MANIFEST}")):
         try:
-            files = json.loads(path.read_text(encoding="utf-8"))["files"]
+            files = read_json(path)["files"]
             seen.add(sum(row["bytes"] for row in files.values()))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             continue  # `verify` tells what is wrong with it
     return seen

@@ -227,7 +227,7 @@ def plan_run(
     )
     for index in range(scenario.scenes) if scenes is None else scenes:
         before = plan.outcome.made
-        plan.outcome.add(run_scene(scenario, sources, index, store, manner, SILENT, PlannedRun))
+        plan.outcome.add(run_scene(scenario, sources, index, store, manner, SILENT, kind=PlannedRun))
         plan.scenes += 1
         plan.scenes_to_do += plan.outcome.made > before
         _count(scene_chain(scenario, index, sources), store, manner, plan.stages)

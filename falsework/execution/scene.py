@@ -218,6 +218,7 @@ def run_scene(
     store: Store,
     manner: Manner,
     progress: Progress,
+    *,
     kind: type[SceneRun] = SceneRun,
     board: Board = NO_BOARD,
 ) -> Outcome:

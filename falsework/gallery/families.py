@@ -18,7 +18,7 @@ from authoring.site.site import draw_site
 from authoring.streams import stream
 from falsework.gallery.camera import seen_from
 from falsework.gallery.contact_sheet import contact_sheet
-from falsework.report.figures import paint_labels
+from falsework.report.pictures import paint_labels
 from groundwork.errors import InputError
 from groundwork.files import write_bytes, write_text
 from groundwork.progress import SILENT, Progress

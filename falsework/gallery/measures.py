@@ -55,20 +55,34 @@ class Measures:
     triangles: int
 
 
-def measure_picture(
-    image: U8, depth: F32, instance: U32, kinds: dict[int, str], pose: F64, camera: Pinhole, ground: float
-) -> Measures:
-    """Measure one picture, all but its triangles.
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One picture with its truth.
 
-    Args:
+    Attributes:
         image: Photograph, shape (H, W, 3), uint8.
         depth: Planar depth [m], +inf for sky, shape (H, W), float32.
         instance: Instance ids, shape (H, W), uint32.
-        kinds: Component of each instance of the background.
         pose: camera_to_world [m], shape (4, 4), float64.
         camera: Intrinsics.
+    """
+
+    image: U8
+    depth: F32
+    instance: U32
+    pose: F64
+    camera: Pinhole
+
+
+def measure_picture(picture: Picture, kinds: dict[int, str], ground: float) -> Measures:
+    """Measure one picture, all but its triangles.
+
+    Args:
+        picture: The picture.
+        kinds: Component of each instance of the background.
         ground: Lowest height of the land or water near by [m].
     """
+    image, depth, instance, pose = picture.image, picture.depth, picture.instance, picture.pose
     sky = ~np.isfinite(depth)
     code = image.astype(np.float64) @ _LUMINANCE
     ids, counts = np.unique(instance, return_counts=True)
@@ -77,7 +91,7 @@ def measure_picture(
         for thing, members in THINGS.items():
             pixels[thing] += count * (kinds.get(number, "") in members)
     things = tuple(thing for thing, count in pixels.items() if count >= _SEEN * image.shape[0] * image.shape[1])
-    down = _downward(camera, pose) > horizon_dip(float(pose[2, 3] - ground))
+    down = _downward(picture.camera, pose) > horizon_dip(float(pose[2, 3] - ground))
     return Measures(int((sky & down).sum()), dead_share(code, sky), float(np.median(code[~sky])), things, 0)
 
 

@@ -18,7 +18,7 @@ from authoring.site.site import draw_site
 from authoring.streams import stream
 from falsework.gallery.camera import seen_from
 from falsework.gallery.contact_sheet import contact_sheet
-from falsework.gallery.measures import Measures, measure_picture, visible_triangles
+from falsework.gallery.measures import Measures, Picture, measure_picture, visible_triangles
 from falsework.gallery.world_views import VIEWS, world_views
 from groundwork.errors import InputError
 from groundwork.files import write_bytes, write_text
@@ -143,7 +143,7 @@ def _take(
     drawn = visible_triangles(scene, camera, poses)
     pictures = tuple(load_image(taken, row) for row in range(len(poses)))
     measures = (
-        measure_picture(picture, truth.depth(row), truth.instance(row), kinds, poses[row], camera, ground)
+        measure_picture(Picture(picture, truth.depth(row), truth.instance(row), poses[row], camera), kinds, ground)
         for row, picture in enumerate(pictures)
     )
     return pictures, tuple(

@@ -1,76 +1,114 @@
-"""The cloud to turn around: what the page's script needs to paint and filter it, in as few bytes as will do."""
+"""Points and cameras to turn around: what the page's script needs to paint and filter them, in few bytes."""
 
 import base64
 import colorsys
-import json
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from markupsafe import Markup
 from numpy.typing import NDArray
 
+from falsework.report.flight import Flight, flight_data
+from falsework.report.page import script_json
 from usd_schemas.components import ClassRow
+
+if TYPE_CHECKING:
+    from recon.cloud import Cloud
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
-SHOWN_POINTS = 40_000
+SHOWN_POINTS = 40_000  # of one cloud
+SHOWN_VIEWS = 4  # of a point: images that are named
 UNKNOWN = 255  # level of an uncertainty that is not known
 _LEVELS = 255  # of those that are known
 _FINEST, _COARSEST = 1e-3, 10.0  # [m] ends of the colour scale
 _GREY = (154, 160, 166)
-_ROOM = 5.0  # [m] around what is framed
+_MARGIN = 0.02  # of the box that is framed
 _GOLDEN = 0.618033988749895  # hues that follow each other are far apart
 
 
-def cloud_view(columns: dict[str, NDArray[Any]], classes: tuple[ClassRow, ...], centres: F64) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Shown:
+    """How much of a cloud a page shows.
+
+    Attributes:
+        points: Points at most.
+        views: Images that are named of each point, at most.
+        whole: Begin with all of the points in the picture, not with the bridge and its flight.
+    """
+
+    points: int = SHOWN_POINTS
+    views: int = SHOWN_VIEWS
+    whole: bool = False
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Triangles to stand behind the points.
+
+    Attributes:
+        corners: Corner positions [m], shape (T, 3, 3), float64.
+        colors: sRGB colour of each triangle, shape (T, 3), uint8.
+    """
+
+    corners: F64
+    colors: U8
+
+
+def cloud_view(
+    cloud: "Cloud", flight: Flight | None = None, shown: Shown | None = None, surfaces: Surfaces | None = None
+) -> dict[str, Any]:
     """Describe a cloud and its cameras for the page.
 
     Args:
-        columns: `coord` [m], shape (N, 3), `color`, shape (N, 3), uint8, `segment`, shape (N,), uint8, `instance`,
-            shape (N,), and `uncertainty` [m], shape (N,), float32; NaN where it is not known.
-        classes: Class table.
-        centres: Camera centres [m], shape (M, 3), float64; none of a sampled cloud.
+        cloud: A cloud; where all colours are black, photographs are no choice.
+        flight: Where its images were taken from, or None.
+        shown: How much of it to show.
+        surfaces: Surfaces to show with it.
 
     Returns:
-        `classes`, rows with their number of points, `has_uncertainty`, `has_unknown`, `scale`, colours from fine to
-        coarse, and `data`: JSON that may stand in a script element.
+        `classes`, rows with their number of points, what there is to choose, `scale`, colours from fine to coarse, and
+        `data`: JSON that may stand in a script element.
     """
-    every = -(-len(columns["coord"]) // SHOWN_POINTS)
-    part = {name: values[:: max(every, 1)] for name, values in columns.items()}
-    levels = uncertainty_levels(part["uncertainty"])
-    counts = np.bincount(columns["segment"], minlength=256)
-    rows = [row for row in classes if counts[row.id]]
-    numbers, instance = np.unique(part["instance"], return_inverse=True)
-    origin = np.round(np.mean(_box(part["coord"]), axis=0))  # single precision draws nothing fine far from 0
-    coord, cameras = part["coord"] - origin, centres - origin
-    low, high = _box(coord)
-    step = np.maximum((high - low) / 65535, 1e-9)
+    shown = shown or Shown()
+    every = max(-(-len(cloud) // shown.points), 1)
+    columns = {name: cloud.columns[name][::every] for name in ("coord", "color", "segment", "instance", "uncertainty")}
+    levels = uncertainty_levels(columns["uncertainty"])
+    counts = np.bincount(cloud.columns["segment"], minlength=256)
+    rows = [row for row in cloud.classes if counts[row.id]]
+    rows += [ClassRow(255, "unlabelled", _GREY)] if counts[255] and all(row.id != 255 for row in rows) else []
+    whole = _framed(columns["coord"], np.ones(len(columns["coord"])) if shown.whole else columns["segment"], flight)
+    origin = np.round(np.mean(whole, axis=0))  # single precision draws nothing fine far from 0
+    box = np.array(whole) - origin
     data = {
-        "count": len(coord),
-        "every": max(every, 1),
-        "low": low.tolist(),
-        "step": step.tolist(),
-        "place": _packed(((coord - low) / step).round().astype("<u2")),
-        "color": _packed(part["color"]),
-        "segment": _packed(part["segment"]),
-        "level": _packed(levels),
-        "instance": _packed((instance.reshape(-1) % 65536).astype("<u2")),
-        "classes": {row.id: list(row.color) for row in rows},
-        "instances": [list(instance_color(int(number))) for number in numbers[:65536]],
+        "every": every,
+        **_points(cloud, columns, every, origin),
+        "classes": {row.id: {"name": row.name, "color": list(row.color)} for row in rows},
         "levels": [*uncertainty_scale().tolist(), list(_GREY)],
         "ends": [_FINEST, _COARSEST],
-        "cameras": cameras.round(2).tolist(),
-        "ranges": _ranges(cameras if len(cameras) else coord),
+        "flight": flight_data(flight, origin),
+        "origin": origin.tolist(),
+        "box": box.round(3).tolist(),
+        "along": _along(columns["coord"], columns["segment"]),
+        "seen": _seen(cloud, every, shown.views),
+        "mesh": None if surfaces is None else _mesh(surfaces, origin),
     }
+    known = bool((levels != UNKNOWN).any())
+    paints = ["photo"] if columns["color"].any() else []
+    paints += ["class", "instance", *(["uncertainty"] if known else [])]
     return {
-        "classes": [
-            {"id": row.id, "name": row.name, "color": row.color, "points": int(counts[row.id])} for row in rows
-        ],
-        "has_uncertainty": bool((levels != UNKNOWN).any()),
-        "has_unknown": bool((levels == UNKNOWN).any()),
+        "classes": [{"id": r.id, "name": r.name, "color": r.color, "points": int(counts[r.id])} for r in rows],
+        "paints": paints,
+        "first_paint": paints[0],
+        "has_uncertainty": known,
+        "has_unknown": known and bool((levels == UNKNOWN).any()),
         "scale": [tuple(color) for color in uncertainty_scale()[:: _LEVELS // 15].tolist()],
+        "cameras": 0 if flight is None else len(flight.poses),
+        "has_pictures": flight is not None and flight.sheet is not None,
+        "has_mesh": surfaces is not None,
         "data": script_json(data),
     }
 
@@ -109,25 +147,88 @@ def instance_color(number: int) -> tuple[int, int, int]:
     return round(255 * red), round(255 * green), round(255 * blue)
 
 
-def script_json(value: object) -> Markup:
-    """Spell JSON that may stand in a script element: names from files cannot end it.
+def _points(cloud: "Cloud", columns: Mapping[str, NDArray[Any]], every: int, origin: F64) -> dict[str, Any]:
+    """Spell the points that are shown."""
+    low, step, place = _quantized(columns["coord"] - origin)
+    numbers, first, instance = np.unique(columns["instance"], return_index=True, return_inverse=True)
+    kinds = cloud.columns["component"][::every]
+    of_numbers = [
+        cloud.components[int(kinds[row])] if number else "" for number, row in zip(numbers, first, strict=True)
+    ]
+    return {
+        "count": len(columns["coord"]),
+        "low": low,
+        "step": step,
+        "place": place,
+        "color": _packed(columns["color"]),
+        "segment": _packed(columns["segment"]),
+        "level": _packed(uncertainty_levels(columns["uncertainty"])),
+        "instance": _packed((instance.reshape(-1) % 65536).astype("<u2")),
+        "instances": [
+            {"id": int(number), "kind": kind, "color": list(instance_color(int(number)))}
+            for number, kind in zip(numbers[:65536], of_numbers[:65536], strict=True)
+        ],
+    }
 
-    Args:
-        value: Plain lists, tables, numbers and strings.
-    """
-    text = json.dumps(value, separators=(",", ":"))
-    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+def _seen(cloud: "Cloud", every: int, most: int) -> dict[str, Any] | None:
+    """Spell which images saw each point that is shown, and at which pixel; None where no image did."""
+    start, image, uv = (cloud.observations[name] for name in ("start", "image", "uv"))
+    if not len(image) or not most:
+        return None
+    begin, views = start[:-1][::every], np.diff(start)[::every]
+    taken = np.minimum(views, most)
+    ends = np.cumsum(taken)
+    rows = np.repeat(begin - (ends - taken), taken) + np.arange(int(taken.sum()))
+    step = max(float(uv[rows].max(initial=1.0)), 1.0) / 65535
+    return {
+        "views": _packed(taken.astype("u1")),
+        "of": _packed(np.minimum(views, 65535).astype("<u2")),
+        "image": _packed(image[rows].astype("<u2")),
+        "uv": _packed(np.clip(uv[rows] / step, 0, 65535).round().astype("<u2")),
+        "step": step,
+        "names": [str(camera["name"]) for camera in cloud.cameras],
+    }
+
+
+def _mesh(surfaces: Surfaces, origin: F64) -> dict[str, Any]:
+    low, step, place = _quantized(surfaces.corners.reshape(-1, 3) - origin)
+    return {"low": low, "step": step, "place": place, "color": _packed(surfaces.colors)}
+
+
+def _quantized(places: F64) -> tuple[list[float], list[float], str]:
+    """Spell places as steps of a 65,535th of their box: where it begins, the steps, and how many of them."""
+    low, high = _box(places)
+    step = np.maximum((high - low) / 65535, 1e-9)
+    return low.tolist(), step.tolist(), _packed(((places - low) / step).round().astype("<u2"))
+
+
+def _framed(coord: F64, segment: NDArray[Any], flight: Flight | None) -> tuple[F64, F64]:
+    """Find the box that the view begins with: the bridge with its flight, not the land up to the horizon."""
+    bridge = coord[(segment != 0) & (segment != 255)]
+    if len(bridge):
+        low, high = np.percentile(bridge, [0.5, 99.5], axis=0)
+    else:
+        low, high = np.percentile(coord, [2, 98], axis=0) if len(coord) else (np.zeros(3), np.ones(3))
+    if flight is not None and len(flight.poses):
+        places = flight.poses[:, :3, 3]
+        low, high = np.minimum(low, places.min(axis=0)), np.maximum(high, places.max(axis=0))
+    room = _MARGIN * (high - low) + 0.2
+    return low - room, high + room
+
+
+def _along(coord: F64, segment: U8) -> float:
+    """Find the direction in plan in which the bridge is longest [rad]."""
+    bridge = coord[(segment != 0) & (segment != 255)][:, :2]
+    if len(bridge) < 3:
+        return 0.0
+    _, axes = np.linalg.eigh(np.cov((bridge - bridge.mean(axis=0)).T))
+    x, y = axes[:, 1] * (1.0 if axes[0, 1] >= 0.0 else -1.0)
+    return round(float(np.arctan2(y, x)), 4)
 
 
 def _box(coord: F64) -> tuple[F64, F64]:
     return (coord.min(axis=0), coord.max(axis=0)) if len(coord) else (np.zeros(3), np.ones(3))
-
-
-def _ranges(framed: F64) -> list[list[float]]:
-    """What the plot frames: the box of the cameras, since what they look at stands in it, and a little more."""
-    low, high = _box(framed)
-    low, high = low - _ROOM, high + _ROOM
-    return [[float(low[axis]) - (3.0 if axis == 2 else 0.0), float(high[axis])] for axis in range(3)]
 
 
 def _packed(values: NDArray[Any]) -> str:

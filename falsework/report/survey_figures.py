@@ -11,7 +11,8 @@ import plotly.graph_objects as go
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from falsework.report.figures import FONT, flight_figure
+from falsework.report.figures import flight_figure
+from falsework.report.page import FONT
 from groundwork.files import write_text
 from groundwork.output_file import SIGNATURE
 from groundwork.slug import slug

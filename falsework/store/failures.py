@@ -8,7 +8,7 @@ from typing import Any
 
 from groundwork.canonical import digest
 from groundwork.errors import ChildError, FalseworkError, InputError, RejectedSceneError
-from groundwork.files import write_json
+from groundwork.files import read_json, write_json
 
 FORMAT_VERSION = 2  # 1 knew rejections only, and had no digest of itself
 ATTEMPTS = 3  # how often a task is tried whose process was killed from outside, short of memory for instance
@@ -113,7 +113,7 @@ def read_failure(path: Path) -> Failure | None:
         None where there is none, or it is torn: the task is then tried again.
     """
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = read_json(path)
         if record.get("format_version", 1) == 1:
             return Failure("rejected", str(record["reason"]), str(record["message"]))
         said = record.pop("digest")
@@ -121,5 +121,5 @@ def read_failure(path: Path) -> Failure | None:
             return None
         values = {name: record[name] for name in Failure.__dataclass_fields__}
         return Failure(**{**values, "last_lines": tuple(values["last_lines"])})
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None

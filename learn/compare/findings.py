@@ -121,7 +121,7 @@ def _difference(
         record["over_seeds"] = [over.low, over.high]
     if len(seeds) > 1 and len(bridges) > 1:
         both = crossed_bootstrap(
-            stacks[0], stacks[1], settings.draws, settings.split_seed, settings.level, corrected=True
+            stacks[0], stacks[1], settings.draws, settings.split_seed, level=settings.level, corrected=True
         )
         record["interval"], record["bootstrap_sd"] = [both.low, both.high], both.deviation
     record["classes"] = _classes(stacks[0], stacks[1], classes)

@@ -78,10 +78,8 @@ def forest_probabilities(arrays: Arrays, features: F32) -> F32:
     return _vote(
         np.ascontiguousarray(features, dtype=np.float32),
         arrays["first"].astype(np.int64),
-        arrays["column"].astype(np.int64),
+        np.stack([arrays[name].astype(np.int64) for name in ("column", "left", "right")]),
         arrays["threshold"].astype(np.float64),
-        arrays["left"].astype(np.int64),
-        arrays["right"].astype(np.int64),
         arrays["share"].astype(np.float64),
     ).astype(np.float32)
 
@@ -106,7 +104,8 @@ def _check(arrays: Arrays, columns: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _vote(features: F32, first: I64, column: I64, threshold: F64, left: I64, right: I64, share: F64) -> F64:
+def _vote(features: F32, first: I64, nodes: I64, threshold: F64, share: F64) -> F64:
+    column, left, right = nodes[0], nodes[1], nodes[2]
     total = np.zeros((len(features), share.shape[1]))
     for row in range(len(features)):
         for tree in range(len(first) - 1):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.instances import connected_parts
-from learn.metrics import calibration_error, confusion_by_threshold, mean_iou, risk_coverage, scores
+from learn.metrics import calibration_error, confusion_by_threshold, mean_iou, reliability, risk_coverage, scores
 from learn.panoptic import PanopticCounts, count_instances, panoptic_quality
 from learn.scoring.votes import ScoredCloud, labelled
 
@@ -111,6 +111,7 @@ def whole_record(tallies: dict[str, Tally], names: Sequence[str], link: float) -
         "confusion": matrix.tolist(),
         "confusion_shares": [[_plain(value) for value in row] for row in shares],
         "calibration_error": _plain(calibration_error(confidence, right)),
+        "reliability": _reliability(confidence, right),
         "coverage": coverage.tolist(),
         "risk": risk.tolist(),
         "sure": {"uncertainty": SURE, **score_rows(total.matrices[THRESHOLDS.index(SURE)], names)},
@@ -161,6 +162,15 @@ def _bridge(tally: Tally, names: Sequence[str]) -> dict[str, Any]:
             key: _mean_quality(counts) for key, counts in (("modelled", tally.modelled), ("parts", tally.parts))
         },
     }
+
+
+def _reliability(confidence: F32, right: NDArray[np.bool_]) -> list[dict[str, float]]:
+    """Spell how often the class is right where it was said to be so likely; bins without points are left out."""
+    return [
+        {"points": int(points), "confidence": float(said / points), "accuracy": float(true / points)}
+        for points, said, true in zip(*reliability(confidence, right), strict=True)
+        if points
+    ]
 
 
 def _confidences(tally: Tally) -> tuple[F32, NDArray[np.bool_]]:

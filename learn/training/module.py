@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,25 @@ _WARM = 0.1  # share of the steps in which the learning rate of a cycle rises
 _CYCLE_START = 0.04  # learning rate at the beginning of a cycle, as a share of the largest
 
 
+@dataclass(frozen=True, eq=False)
+class TrainingPlan:
+    """How a network is trained.
+
+    Attributes:
+        settings: What the user asked for.
+        recipe: Losses, optimizer and schedule.
+        weights: Of the classes [1], shape (C,), float32.
+        noisy: Number of the class of noisy points; None where there is none.
+        steps: Steps of all epochs.
+    """
+
+    settings: TrainSettings
+    recipe: Recipe
+    weights: Tensor
+    noisy: int | None
+    steps: int
+
+
 class Segmentation(lightning.LightningModule):
     """A network in training.
 
@@ -37,25 +57,15 @@ class Segmentation(lightning.LightningModule):
             out; -1 before the first.
     """
 
-    def __init__(
-        self,
-        network: nn.Module,
-        settings: TrainSettings,
-        recipe: Recipe,
-        weights: Tensor,
-        noisy: int | None,
-        steps: int,
-        folder: Path,
-        progress: Progress,
-    ) -> None:
+    def __init__(self, network: nn.Module, plan: TrainingPlan, folder: Path, progress: Progress) -> None:
         super().__init__()
-        self.network, self._settings, self._recipe, self._noisy = network, settings, recipe, noisy
-        self._steps, self._folder, self._listener = steps, folder, progress
-        self.register_buffer("class_weights", weights, persistent=False)
+        self.network, self._settings, self._recipe, self._noisy = network, plan.settings, plan.recipe, plan.noisy
+        self._steps, self._folder, self._listener = plan.steps, folder, progress
+        self.register_buffer("class_weights", plan.weights, persistent=False)
         self.history: list[dict[str, float | None]] = []
         self.best = -1
         self._losses: list[Tensor] = []
-        self._matrix = np.zeros((len(weights), len(weights)), np.int64)
+        self._matrix = np.zeros((len(plan.weights), len(plan.weights)), np.int64)
 
     def configure_optimizers(self) -> Any:
         """Make the recipe's optimizer and schedule."""

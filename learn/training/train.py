@@ -246,7 +246,7 @@ def _fit(
 ) -> Any:
     import lightning
 
-    from learn.training.module import LAST, Segmentation, keeper
+    from learn.training.module import LAST, Segmentation, TrainingPlan, keeper
 
     continued = (folder / LAST).is_file() and _former(folder) == task.request
     write_text(folder / _REQUEST, canonical_json(task.request))
@@ -254,7 +254,7 @@ def _fit(
     loader, fixed = _loaders(network, task, settings)
     weights = class_weights(expected_counts(task.counts, recipe.class_aware), recipe.weights)
     steps = settings.epochs * -(-len(task.rows) // (settings.batch * settings.devices))
-    module = Segmentation(network, settings, recipe, weights, task.noisy, steps, folder, progress)
+    module = Segmentation(network, TrainingPlan(settings, recipe, weights, task.noisy, steps), folder, progress)
     epochs = settings.epochs if stop_after is None else min(stop_after, settings.epochs)
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)  # it advises on devices and services
     with warnings.catch_warnings():

@@ -59,6 +59,19 @@ class Fit:
     twofold: bool = False
 
 
+@dataclass(frozen=True)
+class _Fixes:
+    """Camera centres, their measured positions, and the stated deviations, as in `fit_to_fixes`."""
+
+    source: F64
+    goal: F64
+    sigma: F64
+
+    def of(self, rows: Mask) -> "_Fixes":
+        """Take some of them."""
+        return _Fixes(self.source[rows], self.goal[rows], self.sigma[rows])
+
+
 def fit_to_fixes(
     source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.random.Generator, *, flown: bool = True
 ) -> Fit | None:
@@ -78,24 +91,25 @@ def fit_to_fixes(
     """
     if len(source) < _TRIPLE or not min(np.ptp(source, axis=0).max(), np.ptp(goal, axis=0).max()) > 0.0:
         return None
-    found = [_settle(source, goal, sigma, levels, start) for start in _starts(source, goal, sigma, levels, rng)]
+    found = [_settle(source, goal, sigma, levels, start) for start in _starts(source, goal, sigma, rng)]
     level = min(_level(_squares(similarity, source, goal, sigma)) for similarity in found)
     costs = [_cost(similarity, source, goal, sigma * level, levels) for similarity in found]
     best = found[int(np.argmin(costs))]
     rivals = [other.rotation for other, cost in zip(found, costs, strict=True) if cost < min(costs) + _SURE]
     unlike = bool((angles(np.array(rivals), best.rotation) > _UNLIKE).any())
     agreeing = _squares(best, source, goal, sigma * level) <= _FAR
-    fit = _adjust(best, source, goal, sigma, levels, agreeing, flown)
+    fixes = _Fixes(source, goal, sigma)
+    fit = _adjust(best, fixes, levels, agreeing, flown)
     for _ in range(_ROUNDS):
         again = _squares(fit.similarity, source, goal, sigma * fit.sigmas[[0, 0, 1]]) <= _FAR
         if (again == agreeing).all() or again.sum() < max(_TRIPLE, len(goal) / 2):
             break
         agreeing = again
-        fit = _adjust(fit.similarity, source, goal, sigma, levels, agreeing, flown)
+        fit = _adjust(fit.similarity, fixes, levels, agreeing, flown)
     return replace(fit, twofold=unlike)
 
 
-def _starts(source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.random.Generator) -> list[Similarity]:
+def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> list[Similarity]:
     """Propose similarities: of all fixes, of the triple that half of them agree with best, and upside down of each."""
     count = len(source)
     keys = rng.random((_TRIPLES, count))
@@ -158,9 +172,10 @@ def _step(similarity: Similarity, source: F64, goal: F64, weights: F64, levels: 
     )
 
 
-def _adjust(start: Similarity, source: F64, goal: F64, sigma: F64, levels: Levels, agreeing: Mask, flown: bool) -> Fit:
+def _adjust(start: Similarity, fixes: _Fixes, levels: Levels, agreeing: Mask, flown: bool) -> Fit:
     """Fit to the agreeing fixes, and estimate how well the fixes were measured along the ground and in height."""
-    source, goal, stated = source[agreeing], goal[agreeing], sigma[agreeing]
+    fixes = fixes.of(agreeing)
+    source, goal, stated = fixes.source, fixes.goal, fixes.sigma
     similarity, factors, likeness = start, np.ones(2), 0.0
     freedom = np.ones(2)
     for _ in range(_STEPS):
@@ -172,7 +187,7 @@ def _adjust(start: Similarity, source: F64, goal: F64, sigma: F64, levels: Level
                 break
         residual = (goal - similarity.move(source)) / stated
         likeness = _likeness(residual / factors[[0, 0, 1]]) if flown else 0.0
-        again, freedom = _components(similarity, source, residual, stated, factors, levels, likeness)
+        again, freedom = _components(similarity, fixes, factors, levels, likeness)
         change = np.abs(np.log(again / factors)).max()
         factors = again
         if change < 1e-4:
@@ -187,11 +202,12 @@ def _adjust(start: Similarity, source: F64, goal: F64, sigma: F64, levels: Level
 
 
 def _components(
-    similarity: Similarity, source: F64, residual: F64, stated: F64, factors: F64, levels: Levels, likeness: float
+    similarity: Similarity, fixes: _Fixes, factors: F64, levels: Levels, likeness: float
 ) -> tuple[F64, F64]:
     """Estimate the two factors of the stated errors anew; gives them and their degrees of freedom."""
-    weights = 1.0 / (stated * factors[[0, 0, 1]]) ** 2
-    jacobian = _jacobian(similarity, source - _middle(source, weights)) * np.sqrt(weights)[:, :, None]
+    residual = (fixes.goal - similarity.move(fixes.source)) / fixes.sigma
+    weights = 1.0 / (fixes.sigma * factors[[0, 0, 1]]) ** 2
+    jacobian = _jacobian(similarity, fixes.source - _middle(fixes.source, weights)) * np.sqrt(weights)[:, :, None]
     inverse = np.asarray(np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True), np.float64)
     kept = np.array([_left_over(jacobian[:, axes], inverse, likeness) for axes in ([0, 1], [2])])
     squares = np.array([(residual[:, :2] ** 2).sum(), (residual[:, 2] ** 2).sum()])
@@ -294,9 +310,6 @@ def _leaning(similarity: Similarity, levels: Levels) -> F64:
 
 def _turn(vector: F64) -> F64:
     angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        x, y, z = vector
-        return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
-    x, y, z = vector / angle
+    x, y, z = vector / max(angle, 1e-300)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross

@@ -67,7 +67,7 @@ def fit_similarity(source: F64, goal: F64) -> tuple[F64, F64, F64]:
     source_free, goal_free = source - source_mean[..., None, :], goal - goal_mean[..., None, :]
     left, values, right = np.linalg.svd(np.swapaxes(goal_free, -1, -2) @ source_free)
     sign = np.ones_like(values)
-    sign[..., 2] = np.where(np.linalg.det(left) * np.linalg.det(right) < 0, -1.0, 1.0)
+    sign[..., 2] = np.where(np.linalg.det(left) * np.linalg.det(right) < 0.0, -1.0, 1.0)
     rotation = (left * sign[..., None, :]) @ right
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = (values * sign).sum(axis=-1) / (source_free**2).sum(axis=(-1, -2))

@@ -1,6 +1,7 @@
 """The conductor of laser scanning: rays cast from a tripod or a vehicle against a stage, as a labelled cloud."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -68,7 +69,8 @@ def sample_lidar(
     inside = bridge if settings.scope == "bridge" else None
 
     progress.stage("scan", total)
-    measure = partial(_scan, target=target, surface=surface, box=box, only=inside, settings=settings, rng=rng)
+    scanned = _Scanned(target, surface, box, inside)
+    measure = partial(_scan, scanned=scanned, settings=settings, rng=rng)
     parts = _scan_all(shots, measure, settings, progress)
     points = sum(len(part["rows"]) for part in parts)
     if not points:
@@ -166,19 +168,24 @@ def _thinned(parts: list[Columns], size: float) -> list[Columns]:
     return [{name: columns.pop(name)[rows] for name in list(columns)}]
 
 
+@dataclass(frozen=True)
+class _Scanned:
+    """What is measured: what rays meet, the surface, the box that is wanted, and the triangles of it (None: all)."""
+
+    target: Target
+    surface: SceneSurface
+    box: F64
+    only: Bool | None
+
+
 def _scan(
-    chunk: Rays,
-    target: Target,
-    surface: SceneSurface,
-    box: F64,
-    only: Bool | None,
-    settings: TerrestrialSettings | MobileSettings,
-    rng: np.random.Generator,
+    chunk: Rays, scanned: _Scanned, settings: TerrestrialSettings | MobileSettings, rng: np.random.Generator
 ) -> Columns:
     """Measure along the rays that can meet what is wanted; columns of what was measured of it."""
+    box, only, surface = scanned.box, scanned.only, scanned.surface
     aimed = meets_box(chunk, box)
     chunk = Rays(chunk.origins[aimed], chunk.directions[aimed], chunk.errors[aimed], chunk.station[aimed])
-    found = target.echoes(chunk, settings, rng)
+    found = scanned.target.echoes(chunk, settings, rng)
     origins, directions = chunk.origins[found.shots], chunk.directions[found.shots]
     true_points = origins + found.distances[:, None] * directions
     wanted = ((true_points >= box[0]) & (true_points <= box[1])).all(axis=1)

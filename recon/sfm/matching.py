@@ -4,6 +4,7 @@ import math
 import shutil
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,8 @@ def match(
     pairs = _name_pairs(path, kind, settings)
     progress.stage("matching", len(pairs))
     left = [pair for pair in pairs if pycolmap.image_pair_to_pair_id(*pair) not in done]
-    for failure in _match_shares(left, len(pairs) - len(left), features, folder, settings, seed, progress)[:1]:
+    work = _Work(features, folder, settings, seed)
+    for failure in _match_shares(left, len(pairs) - len(left), work, progress)[:1]:
         raise failure
     progress.advance(len(pairs))
     return {"pairing": kind, "pairs": len(pairs), **_verified(capture, path)}
@@ -112,22 +114,25 @@ def _take_over(features: Path, path: Path) -> set[int]:
     return done
 
 
-def _match_shares(
-    left: list[tuple[int, int]],
-    finished: int,
-    features: Path,
-    folder: Path,
-    settings: SparseSettings,
-    seed: int,
-    progress: Progress,
-) -> list[BaseException]:
+@dataclass(frozen=True)
+class _Work:
+    """What the children need: folder of the features, folder of the matches, settings, seed of the verification."""
+
+    features: Path
+    folder: Path
+    settings: SparseSettings
+    seed: int
+
+
+def _match_shares(left: list[tuple[int, int]], finished: int, work: _Work, progress: Progress) -> list[BaseException]:
     """Deal the pairs that are left out to children, and bring home what each found, whatever happens to the others."""
+    folder, settings = work.folder, work.settings
     whole, seen, failures = folder / DATABASE, 0, list[BaseException]()
     rounds = max(1, math.ceil(len(left) / (_SHARE * settings.threads)))
     size = max(_LEAST_SHARE, math.ceil(len(left) / (rounds * settings.threads)))
     with ThreadPoolExecutor(settings.threads) as pool:
         waiting = {
-            pool.submit(_run_share, left[first : first + size], features, folder / f"share{first}", settings, seed)
+            pool.submit(_run_share, left[first : first + size], folder / f"share{first}", work)
             for first in range(0, len(left), size)
         }
         try:
@@ -151,15 +156,15 @@ def _match_shares(
     return failures
 
 
-def _run_share(pairs: list[tuple[int, int]], features: Path, share: Path, settings: SparseSettings, seed: int) -> Path:
+def _run_share(pairs: list[tuple[int, int]], share: Path, work: _Work) -> Path:
     """Match a share in a child, on one thread; its parent's parent watches the time."""
     share.mkdir()
     images = len({image for pair in pairs for image in pair})
     run_child(
         _CHILD,
-        {"stage": SHARE, "pairs": pairs, "before": str(features), "folder": str(share), "seed": seed},
+        {"stage": SHARE, "pairs": pairs, "before": str(work.features), "folder": str(share), "seed": work.seed},
         time_limit=math.inf,
-        memory_limit=settings.memory_limit + settings.memory_per_image * images,
+        memory_limit=work.settings.memory_limit + work.settings.memory_per_image * images,
         environment={"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
     )
     return share
@@ -178,7 +183,7 @@ def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tup
             for pair in generator(options, opened).all_pairs():
                 named.setdefault(frozenset(pair), pair)
         images = sorted(image.image_id for image in opened.read_all_images())
-        if kind == "spatial" and named and not _hang_together(named.values(), len(images)):
+        if kind == "spatial" and named and not _is_connected(named.values(), len(images)):
             for generator, options in _ways("sequential", settings):  # two stations far apart: the way between them
                 for pair in generator(options, opened).all_pairs():
                     named.setdefault(frozenset(pair), pair)
@@ -188,7 +193,7 @@ def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tup
     return list(named.values())
 
 
-def _hang_together(pairs: Iterable[tuple[int, int]], count: int) -> bool:
+def _is_connected(pairs: Iterable[tuple[int, int]], count: int) -> bool:
     """Tell whether pairs lead from each of some images to every other."""
     partners: dict[int, list[int]] = {}
     for one, other in pairs:

@@ -180,7 +180,7 @@ def _segments(geometry: Geometry, place: I64, part: I64, positions: F64, ring: I
     body = _joined(path, count)[one]
     total = np.bincount(body, length, count)
     kept &= total[body] >= _SLENDER * broad
-    return _listed(geometry, place, part, (ring, order, starts), path[kept], (middle, first, second), both[kept])
+    return _listed(place, part, (ring, order, starts), path[kept], (middle, first, second), both[kept])
 
 
 def _section(corners: F64) -> tuple[F64, F64, F64, bool]:
@@ -212,7 +212,6 @@ def _section(corners: F64) -> tuple[F64, F64, F64, bool]:
 
 
 def _listed(
-    geometry: Geometry,
     place: I64,
     part: I64,
     rings: tuple[I64, I64, I64],

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -102,6 +103,11 @@ class GpuScene:
     def blended(self) -> NDArray[np.bool_]:
         """Which draws let what is behind them shine through, shape (D,)."""
         return np.array(["BLEND" in variant.features for variant in self.variants])[self.variant_rows]
+
+    @cached_property
+    def waters(self) -> NDArray[np.bool_]:
+        """Which draws are water, shape (D,)."""
+        return np.array(["WATER" in variant.features for variant in self.variants])[self.variant_rows]
 
     @property
     def ghosts(self) -> NDArray[np.bool_]:

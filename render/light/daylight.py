@@ -22,7 +22,8 @@ _DEFAULT_SUN = Sun((0.45, -0.62, 0.64), (3.9, 3.7, 3.35))
 _ZENITH, _HORIZON, _GROUND = (0.16, 0.28, 0.55), (0.55, 0.66, 0.80), (0.13, 0.13, 0.11)
 _POLE_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # a dome's +y to the world's +z
 _ROWS = 512  # a larger panorama shows nothing more in a photograph
-_HORIZON_RING = (0.0, 0.14)  # sine of the heights that distant haze takes its colour from
+_HORIZON_RING = (0.0, 0.10)  # sine of the heights that distant haze takes its colour from
+_GLOW = 0.08  # how near to the sun haze glows [1]
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ class Daylight:
         panorama: Linear radiance by direction [1], first row at the dome's pole, shape (R, 2 R, 3), float32.
         dome_from_world: Turns world directions into the dome's, shape (3, 3), float64.
         open_sky: Irradiance coefficients of the unobstructed dome [1], shape (4, 3), float64: E(n) = c0 + c1..3 . n.
-        haze: Radiance at the horizon [1], shape (3,), float64.
+        haze: Radiance that far air has, by the cosine c of the angle to the sun [1]: haze[0] + haze[1] c + haze[2]
+            g(c), where g is `glow`, shape (3, 3), float64.
         sun_angle: Angular diameter of the sun [rad].
     """
 
@@ -62,6 +64,11 @@ class Daylight:
         column = np.floor((0.5 - np.arctan2(x, z) / (2 * np.pi)) * columns).astype(np.int64) % columns
         return self.panorama[row, column].astype(np.float64)
 
+    def on_level_ground(self) -> F64:
+        """Tell the irradiance of level open ground [1], shape (3,), float64."""
+        up = np.array([1.0, 0.0, 0.0, 1.0])
+        return np.maximum(up @ self.open_sky, 0.0) + self.sun_irradiance * max(float(self.sun_direction[2]), 0.0)
+
 
 def read_daylight(scene: FlatScene) -> tuple[Daylight, list[str]]:
     """Read the lights of a scene; without any, a clear afternoon.
@@ -87,12 +94,42 @@ def read_daylight(scene: FlatScene) -> tuple[Daylight, list[str]]:
     directions = sphere(4096)
     angle = float(np.radians(sun.angle)) if sun else 0.0
     bare = Daylight(
-        direction / np.linalg.norm(direction), irradiance, panorama, rotation.T, np.zeros((4, 3)), np.zeros(3), angle
+        direction / np.linalg.norm(direction),
+        irradiance,
+        panorama,
+        rotation.T,
+        np.zeros((4, 3)),
+        np.zeros((3, 3)),
+        angle,
     )
     radiance = bare.radiance(directions)
     ring = (directions[:, 2] > _HORIZON_RING[0]) & (directions[:, 2] < _HORIZON_RING[1])
     coefficients = irradiance_coefficients(directions, radiance[None])[0]
-    return replace(bare, open_sky=coefficients, haze=radiance[ring].mean(axis=0)), warnings
+    haze = _fit_haze(directions[ring], radiance[ring], bare.sun_direction)
+    return replace(bare, open_sky=coefficients, haze=haze), warnings
+
+
+def glow(cosine: F64) -> F64:
+    """Tell how much haze glows towards the sun, by the cosine of the angle to it: 1 there, little elsewhere.
+
+    Args:
+        cosine: Cosines [1], any shape.
+    """
+    return _GLOW / (1.0 + _GLOW - cosine)
+
+
+def _fit_haze(directions: F64, radiance: F64, sun: F64) -> F64:
+    """Fit what the air has as colour far away to the sky over the horizon, clouds and all; shape (3, 3)."""
+    cosine = directions @ sun
+    basis = np.column_stack([np.ones(len(cosine)), cosine, glow(cosine)])
+    mean = np.vstack([radiance.mean(axis=0), np.zeros((2, 3))])
+    if np.ptp(cosine) < 0.3:  # the sun stands overhead: all azimuths are alike
+        return mean
+    found = np.linalg.lstsq(basis, radiance, rcond=None)[0].astype(np.float64)
+    ends = np.linspace(-1, 1, 41)
+    lowest = (np.column_stack([np.ones(41), ends, glow(ends)]) @ found).min(axis=0)
+    share = np.clip(0.8 * mean[0] / np.maximum(mean[0] - lowest, 1e-9), 0, 1)  # no direction is left nearly black
+    return mean + share * (found - mean)
 
 
 def sphere(count: int) -> F64:
@@ -165,5 +202,5 @@ def _default_sky() -> F32:
     height = np.sin(np.pi / 2 - (np.arange(64) + 0.5) / 64 * np.pi)[:, None]
     mix = np.exp(-4.0 * np.abs(height))
     sky = np.array(_ZENITH) * (1 - mix) + np.array(_HORIZON) * mix
-    column = np.where(height > 0, sky, np.array(_GROUND))
+    column = np.where(height > 0.0, sky, np.array(_GROUND))
     return np.repeat(column[:, None], 128, axis=1).astype(np.float32)

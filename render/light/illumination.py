@@ -20,6 +20,8 @@ F64 = NDArray[np.float64]
 CLEAR_DAY = 6000.0  # distance at which haze takes 63 % of the contrast where nobody says [m]
 LEAST_CONTRAST = 0.02  # contrast that is left at the visibility [1]
 BRIGHTEST = 16.0  # radiance that the 16-bit code of a pixel ends at
+_AIR = 1.16e-5  # extinction of green by air alone [1/m]
+_BY_AIR, _BY_HAZE = np.array([0.656, 1.0, 1.98]), np.array([0.874, 1.0, 1.244])  # of 610, 550 and 465 nm [1]
 _SHADOW_UNIT, _VOLUME_UNIT, _PANORAMA_UNIT, FIRST_FREE_UNIT = 0, 1, 4, 5
 
 
@@ -123,6 +125,19 @@ class Lamps:
                 set_uniform(program, name, value)
 
 
+def _extinction(distance: float) -> F64:
+    """Tell what the air takes of red, green and blue [1/m], shape (3,).
+
+    Source: Rayleigh 1871 and Angstrom 1929, as in `authoring.light.sun`: air by the fourth power of the wave number,
+    haze by its power of 1.3.
+
+    Args:
+        distance: Distance at which haze takes 63 % of the contrast of green [m].
+    """
+    air = min(_AIR, 1.0 / distance)
+    return air * _BY_AIR + (1.0 / distance - air) * _BY_HAZE
+
+
 def _volume_textures(context: moderngl.Context, volume: LightVolume) -> list[moderngl.Texture3D]:
     """One texture a colour channel; its four channels are the coefficients."""
     coefficients = volume.coefficients.astype(np.float32)  # halves would take a processor longer to read
@@ -141,8 +156,8 @@ def _uniforms(light: Illumination, anchor: F64) -> dict[str, object]:
         "to_sun": tuple(daylight.sun_direction.tolist()),
         "sun_irradiance": tuple(daylight.sun_irradiance.tolist()),
         "open_sky": daylight.open_sky.astype(np.float32).tobytes(),
-        "haze": tuple(daylight.haze.tolist()),
-        "haze_density": 1.0 / (np.log(2.0) * light.haze_distance),  # the shader counts in powers of two
+        "haze": daylight.haze.astype(np.float32).tobytes(),
+        "haze_density": tuple((_extinction(light.haze_distance) / np.log(2.0)).tolist()),  # for powers of two
         "code_scale": 1.0 / BRIGHTEST,
         "panorama": _PANORAMA_UNIT,
         "dome_from_world": daylight.dome_from_world.T.astype(np.float32).tobytes(),

@@ -5,15 +5,16 @@ the surface, so that a wall never takes light from its far side. It depends on t
 so the same surface looks the same in every photograph.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.progress import Progress
 from render.light.daylight import Daylight, irradiance_coefficients, sphere
-from usd_schemas.flat_scene import FlatScene, without_ghosts, world_triangles
-from usd_schemas.raycast import RayScene
+from render.light.surface_fit import cast_places, fit_to_surfaces, spread_places
+from render.light.tracing import CHUNK, Hits, LightTracer, joined
+from usd_schemas.flat_scene import FlatScene
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -22,8 +23,8 @@ I64 = NDArray[np.int64]
 _MARGIN = np.array([5.0, 5.0, 1.5])  # [m] the volume reaches beyond the region of interest
 _SMALLEST_CELL = 0.35  # [m]
 _BURIED = 0.3  # a probe that sees more back faces than this stands inside something
-_CHUNK = 400_000  # rays cast at once
-_LIFT = 0.01  # [m] shadow rays start off the surface
+_PLACES = 1.2  # places on surfaces for each probe [1]
+_BOUNCES = 2  # of light between surfaces, after those that probes have
 
 
 @dataclass(frozen=True)
@@ -56,20 +57,10 @@ class LightVolume:
         return (z * shape[1] + y) * shape[0] + x, inside
 
 
-@dataclass(frozen=True)
-class _Hits:
-    """What the rays of all probes met: flat ray number, position, facing normal and albedo of each hit."""
-
-    ray: I64
-    position: F32
-    normal: F32
-    albedo: F32
-
-
 def cast_light_volume(
     scene: FlatScene, light: Daylight, albedo: F64, box: tuple[F64, F64], probes: int, rays: int, progress: Progress
 ) -> LightVolume:
-    """Cast the light volume of a scene.
+    """Cast the light volume of a scene: probes in the air first, then fitted to what surfaces receive.
 
     Args:
         scene: A scene.
@@ -83,74 +74,52 @@ def cast_light_volume(
     low, high = box[0] - _MARGIN, box[1] + _MARGIN
     cell = max(_SMALLEST_CELL, float(np.cbrt(np.prod(high - low) / probes)))
     counts = np.maximum(np.ceil((high - low) / cell).astype(int), 1) + 1
-    z, y, x = np.meshgrid(*(np.arange(count) for count in counts[::-1]), indexing="ij")
-    positions = low + cell * np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    directions = sphere(rays)
-    radiance, hits, buried = _gather(scene, light, albedo, positions, directions, progress)
-    grid = (counts[2], counts[1], counts[0])
+    tracer = LightTracer(scene, light, albedo)
+    volume = _cast_probes(
+        tracer, light, LightVolume(low, cell, np.zeros((*counts[::-1], 4, 3), np.float32)), rays, progress
+    )
+    places = spread_places(tracer, low, low + cell * (counts - 1), round(_PLACES * probes))
+    if not len(places.position):
+        return volume
+    fewer = max(8, rays // 2)  # many places with few rays each are worth more than few with many
+    places, radiance, hits = cast_places(tracer, places, fewer)
+    probed = volume.coefficients
+    for _ in range(_BOUNCES):  # each with what the one before has lit
+        total = radiance.copy()
+        total[hits.ray] += hits.albedo / np.float32(np.pi) * _ambient(volume, light, hits)
+        irradiance = np.float32(np.pi) * total.reshape(-1, fewer, 3).mean(axis=1)
+        volume = LightVolume(low, cell, fit_to_surfaces(probed, low, cell, places, irradiance))
+    return volume
 
-    def volume(total: F32) -> LightVolume:
-        coefficients = irradiance_coefficients(directions, total.reshape(-1, rays, 3)).reshape(*grid, 4, 3)
-        return LightVolume(low, cell, _filled(coefficients, buried.reshape(grid)))
 
-    # What the sky and sunlit surfaces give; then once more with what these light up.
-    radiance[hits.ray] += hits.albedo / np.float32(np.pi) * _ambient(volume(radiance), light, hits)
-    return volume(radiance)
-
-
-def _gather(
-    scene: FlatScene, light: Daylight, albedo: F64, positions: F64, directions: F64, progress: Progress
-) -> tuple[F32, _Hits, NDArray[np.bool_]]:
-    scene = without_ghosts(scene)
-    corners, _, draws = world_triangles(scene)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)).astype(np.float32)
-    mirrored = np.linalg.det(scene.draws.transform[:, :3, :3]) < 0
-    normals[mirrored[draws]] *= -1
-    colors = albedo[scene.draws.material].astype(np.float32)
-    tracer = RayScene(corners, np.zeros(len(corners), np.uint32))
-    count, rays = len(positions), len(directions)
-    radiance = np.empty((count * rays, 3), np.float32)
-    radiance.reshape(count, rays, 3)[:] = light.radiance(directions)
-    back = np.zeros(count)
-    parts: list[_Hits] = []
-    step = max(1, _CHUNK // rays)
+def _cast_probes(tracer: LightTracer, light: Daylight, grid: LightVolume, rays: int, progress: Progress) -> LightVolume:
+    """Cast what the sky and sunlit surfaces give to each probe; then once more with what these light up."""
+    counts = grid.coefficients.shape[:3]
+    z, y, x = np.meshgrid(*(np.arange(count) for count in counts), indexing="ij")
+    positions = grid.lower + grid.cell * np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    directions, count = sphere(rays), len(positions)
+    radiance, back = np.empty((count * rays, 3), np.float32), np.zeros(count)
+    parts: list[Hits] = []
+    step = max(1, CHUNK // rays)
     progress.stage("light", count)
     for start in range(0, count, step):
         eyes = positions[start : start + step]
-        aims = np.tile(directions, (len(eyes), 1))
-        distance, triangle, _ = tracer.cast(np.repeat(eyes, rays, axis=0), aims)
-        met = np.flatnonzero(triangle >= 0)
-        normal = normals[triangle[met]]
-        behind = np.einsum("ij,ij->i", normal, aims[met]) > 0
-        back[start : start + step] = np.bincount(met[behind] // rays, minlength=len(eyes)) / rays
-        normal = np.where(behind[:, None], -normal, normal)
-        point = eyes[met // rays] + distance[met, None] * aims[met]
-        color = colors[draws[triangle[met]]]
-        radiance[start * rays + met] = (
-            color * _sunlight(tracer, light, point, normal)[:, None] * (light.sun_irradiance / np.pi)
-        )
-        parts.append(_Hits(start * rays + met, point.astype(np.float32), normal, color))
+        light_there, hits = tracer.trace(np.repeat(eyes, rays, axis=0), np.tile(directions, (len(eyes), 1)))
+        back[start : start + step] = np.bincount(hits.ray[hits.behind] // rays, minlength=len(eyes)) / rays
+        radiance[start * rays : start * rays + len(light_there)] = light_there
+        parts.append(replace(hits, ray=hits.ray + start * rays))
         progress.advance(min(start + step, count))
-    fields = [np.concatenate([getattr(part, name) for part in parts]) for name in _Hits.__dataclass_fields__]
-    return radiance, _Hits(*fields), back > _BURIED
+    hits, buried = joined(parts), (back > _BURIED).reshape(counts)
+
+    def volume() -> LightVolume:
+        coefficients = irradiance_coefficients(directions, radiance.reshape(-1, rays, 3)).reshape(*counts, 4, 3)
+        return replace(grid, coefficients=_filled(coefficients, buried))
+
+    radiance[hits.ray] += hits.albedo / np.float32(np.pi) * _ambient(volume(), light, hits)
+    return volume()
 
 
-def _sunlight(tracer: RayScene, light: Daylight, points: F64, normals: F32) -> F32:
-    """Cosine of the sun's rays where they reach a surface, else 0; shape (N,)."""
-    cosine = normals @ light.sun_direction.astype(np.float32)
-    result = np.zeros(len(points), np.float32)
-    if not light.sun_irradiance.any():
-        return result
-    facing = np.flatnonzero(cosine > 0)
-    starts = points[facing] + _LIFT * normals[facing]
-    distance, _, _ = tracer.cast(starts, np.broadcast_to(light.sun_direction, (len(facing), 3)))
-    lit = ~np.isfinite(distance)
-    result[facing[lit]] = cosine[facing[lit]]
-    return result
-
-
-def _ambient(volume: LightVolume, light: Daylight, hits: _Hits) -> F32:
+def _ambient(volume: LightVolume, light: Daylight, hits: Hits) -> F32:
     """Irradiance at the hits: from the volume one cell off the surface, under the open sky outside it; shape (N, 3)."""
     probe, inside = volume.nearest(hits.position + volume.cell * hits.normal.astype(np.float64))
     table = volume.coefficients.reshape(-1, 4, 3)

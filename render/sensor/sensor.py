@@ -22,7 +22,10 @@ _WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
 _EXPOSED_GREY, _LATITUDE = 0.20, 1.7  # where the middle tone and the brightest 2 % of a survey come to lie
 _LIT = 0.1  # share of the brightest card from which on a card counts as lit [1]
 _METER_STEP = 8  # [px]
+_BALANCES = (0.4, 2.5)  # least and most gain of a channel over that of green [1]
 _MOST_FOLLOWED = 2.0  # [EV] under a deck a camera opens that far
+_BRIGHT_SHARE = 0.9  # of a frame's pixels, sky among them, that an exposure keeps from burning out
+_WHITE_KEPT, _WHITE_BURNT = 1.3, 1.9  # where the brightest of these come to lie: in a survey, in a frame that follows
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ class Sensor:
         shape: tuple[int, int],
         seed: int,
         follows: bool = True,
+        white: tuple[float, float] = (1.0, 1.0),
     ) -> None:
         """Draw the noise tile and the tone table.
 
@@ -65,8 +69,9 @@ class Sensor:
             shape: Height and width of a frame [px].
             seed: Seed of the survey's sensor.
             follows: Whether the exposure of a frame follows its surfaces at all.
+            white: Gains of the red and blue channels that balance the survey's daylight [1].
         """
-        self._settings, self._gain, self._seed = settings, gain, seed
+        self._settings, self._gain, self._seed, self._white = settings, gain, seed, white
         self._auto_exposure = settings.auto_exposure if follows else 0.0
         self._scale = brightest / 65535.0**2
         self._curve = _tone_table()
@@ -87,12 +92,14 @@ class Sensor:
         """
         settings = self._settings
         if not settings.noise:
-            return Exposure(self._gain, 1.0, 1.0, 0, 0)
+            return Exposure(self._gain, *self._white, 0, 0)
         metered = code[::_METER_STEP, ::_METER_STEP, 1]
         chosen = metered[surfaces[::_METER_STEP, ::_METER_STEP]] if surfaces is not None else metered
         green = float(np.median(chosen if chosen.size else metered)) ** 2 * self._scale * self._gain
         follow = self._auto_exposure * float(np.log2(_EXPOSED_GREY / max(green, 1e-3)))
-        follow = min(max(follow, -_MOST_FOLLOWED), _MOST_FOLLOWED)
+        bright = float(np.quantile(metered, _BRIGHT_SHARE)) ** 2 * self._scale * self._gain
+        most = float(np.log2(_WHITE_BURNT / max(bright, 1e-3))) if self._auto_exposure else np.inf
+        follow = max(min(follow, _MOST_FOLLOWED, most), -_MOST_FOLLOWED)
         rng = np.random.default_rng(np.random.SeedSequence([self._seed, 1, frame]))
         stops, red, blue = rng.standard_normal(3) * (
             settings.exposure_sigma,
@@ -101,7 +108,8 @@ class Sensor:
         )
         row, column = rng.integers(0, _TILE, 2)
         gain = self._gain * float(2.0 ** (stops + follow))
-        return Exposure(gain, 1.0 + float(red), 1.0 + float(blue), int(row), int(column))
+        red, blue = self._white[0] * (1.0 + float(red)), self._white[1] * (1.0 + float(blue))
+        return Exposure(gain, red, blue, int(row), int(column))
 
     def develop(self, code: U16, exposure: Exposure) -> U8:
         """Turn a rendered frame into a photograph.
@@ -163,12 +171,13 @@ class Sensor:
         return light
 
 
-def meter(luminance: F32, card: F32 | None = None) -> float:
+def meter(luminance: F32, card: F32 | None = None, sky: F32 | None = None) -> float:
     """Choose one exposure for a survey: its middle tone becomes a middle grey, unless highlights would burn out.
 
     Args:
         luminance: Linear luminance of surfaces in some frames [1], shape (N,), float32.
         card: That of grey cards in their place [1], shape (N,), float32: the middle of what is lit of them counts then.
+        sky: Linear luminance of the sky in the same frames [1], shape (M,), float32.
 
     Returns:
         Gain [1].
@@ -179,7 +188,27 @@ def meter(luminance: F32, card: F32 | None = None) -> float:
     if card is not None:
         lit = card[card > _LIT * np.quantile(card, 0.98)]
         median = max(float(np.median(lit)), 1e-4) if len(lit) else median
-    return min(_EXPOSED_GREY / median, _LATITUDE / bright)
+    gain = min(_EXPOSED_GREY / median, _LATITUDE / bright)
+    if sky is None or not len(sky):
+        return gain
+    whole = float(np.quantile(np.concatenate([luminance, sky]), _BRIGHT_SHARE))
+    return min(gain, _WHITE_KEPT / max(whole, 1e-4))
+
+
+def balance(light: NDArray[np.float64], share: float) -> tuple[float, float]:
+    """Balance the white of a survey as a camera does that knows the daylight: warm light stays a little warm.
+
+    Args:
+        light: Irradiance of level open ground by sun and sky [1], shape (3,), float64.
+        share: Share of its cast that is taken away [1].
+
+    Returns:
+        Gains of the red and the blue channel [1].
+    """
+    if not (light > 0).all():
+        return 1.0, 1.0
+    red, blue = np.clip((light[1] / light[[0, 2]]) ** share, *_BALANCES)
+    return float(red), float(blue)
 
 
 def _vignette(shape: tuple[int, int], loss: float) -> F32:

@@ -6,8 +6,8 @@ uniform vec3 eye;               // camera centre, counted from the scene's ancho
 uniform vec3 to_sun;
 uniform vec3 sun_irradiance;
 uniform vec3 open_sky[4];
-uniform vec3 haze;
-uniform float haze_density;     // [1/m]
+uniform vec3 haze[3];           // of far air by the cosine of the angle to the sun: constant, slope, glow
+uniform vec3 haze_density;      // [1/m] in powers of two
 uniform float code_scale;       // 1 / brightest radiance that the target can hold
 
 uniform sampler3D volume_red;
@@ -30,6 +30,9 @@ uniform mat3 dome_from_world;
 
 in vec3 relative;
 in vec3 normal;
+#ifdef ABOVE
+uniform float waterline;        // height over the camera below which nothing is mirrored [m]
+#endif
 
 #ifdef FADES
 in float shown;
@@ -60,6 +63,7 @@ layout(location = 3) out uint out_triangle;
 #endif
 
 const float PI = 3.14159265;
+const float GLOW = 0.08;        // as in daylight.py
 
 // #include sun_shadow.glsl
 
@@ -148,18 +152,30 @@ vec3 panel_light(vec3 reach, vec3 across, vec3 up) {
 }
 #endif
 
+#ifdef WATER
+// #include water.glsl
+#endif
+
 vec3 shade(vec3 albedo, vec3 face, float roughness) {
     vec3 scene = relative + eye;
     float away = length(relative);
     vec3 view = -relative / away;
+#ifdef WATER
+    vec3 n = rippled(scene, away);
+#else
     vec3 n = bumped(face);
+#endif
     float ndl = dot(n, to_sun);
     float lit = 0.0;
 #ifdef SUN
     float seen = sun_visibility();  // not in the branch: it needs the neighbouring pixels
     if (dot(face, to_sun) > 0.0 && ndl > 0.0) lit = ndl * seen;
 #endif
+#ifdef WATER
+    vec3 sky = sky_irradiance(scene, face);
+#else
     vec3 sky = sky_irradiance(scene, n);
+#endif
     float metallic = emissive.a;
 #ifdef HAS_METALLIC
     metallic = texture(metallic_array, vec3(metallic_place, metallic_map[0].w), SHARPER).r;
@@ -167,7 +183,13 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #ifdef GREY_CARD
     metallic = 0.0;
 #endif
+#ifdef WATER
+    // Light enters beside a shadow and is scattered below it: shadows on water are faint.
+    float entering = max(face.z * to_sun.z, 0.0);
+    vec3 light = body_color(albedo, scene) / PI * (sun_irradiance * mix(entering, lit, 0.5) + sky);
+#else
     vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
+#endif
 #ifdef SOFT
 #ifdef HAS_ROUGHNESS
     roughness = texture(roughness_array, vec3(roughness_place, roughness_map[0].w), SHARPER).r;
@@ -182,7 +204,9 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
     float grazing = fifth(1.0 - max(dot(middle, view), 0.0));
     light += sun_irradiance * lit * (f0 + (1.0 - f0) * grazing) * highlight(max(ndl, 0.0), ndv, max(dot(n, middle), 0.0), roughness);
     float rim = fifth(1.0 - ndv) * (1.0 - roughness) * (1.0 - roughness);
-#ifdef MIRROR
+#ifdef WATER
+    light += (WATER_STRAIGHT + (1.0 - WATER_STRAIGHT) * fifth(1.0 - ndv)) * mirrored_light(scene, view, n, away, sky);
+#elif defined(MIRROR)
     vec3 open = max(open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3], 1e-4);
     vec3 bounce = reflect(-view, n);
     if (n.z > 0.2) bounce.z = abs(bounce.z);  // rippled water never mirrors what is below it
@@ -234,7 +258,9 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
     light += emissive.rgb;
 #endif
 #endif
-    return mix(haze, light, exp2(-away * haze_density));
+    float sunward = -dot(view, to_sun);
+    vec3 far = haze[0] + haze[1] * sunward + haze[2] * (GLOW / (1.0 + GLOW - sunward));
+    return mix(far, light, exp2(-away * haze_density));
 }
 
 #ifdef RIBBON
@@ -249,9 +275,17 @@ float beside(float away) {
 #endif
 
 void main() {
+#ifdef ABOVE
+    if (relative.z < waterline) discard;
+#endif
     vec3 albedo = base.rgb;
     float roughness = base.a;
+#ifdef WATER
 #ifdef HAS_ALBEDO
+    albedo = textureLod(albedo_array, vec3(albedo_place, albedo_map[0].w), 9.0).rgb;  // its mean: no tile shows
+    albedo *= albedo;
+#endif
+#elif defined(HAS_ALBEDO)
     vec4 texel = look_up_albedo();
     albedo = texel.rgb;
 #ifdef ROUGHNESS_IN_ALBEDO
@@ -262,7 +296,9 @@ void main() {
 #endif
 #endif
     if (options.y > 0.5) albedo = vertex_color;
+#ifndef WATER
     albedo = min(albedo * detail_factor() * macro_factor(), vec3(0.95));
+#endif
 #ifdef GREY_CARD
     albedo = vec3(0.18);
     roughness = 1.0;

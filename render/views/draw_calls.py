@@ -32,12 +32,14 @@ class Sight:
         pose: Camera pose [m], shape (4, 4), float64.
         near: Near plane [m].
         clip: What takes positions relative to the camera to the image, as OpenGL wants it.
+        waterline: Height over the camera below which nothing is drawn where shaders ask for it [m].
     """
 
     camera: Pinhole
     pose: F64
     near: float
     clip: bytes
+    waterline: float = 0.0
 
     @property
     def eye(self) -> F64:
@@ -46,7 +48,11 @@ class Sight:
 
 
 class DrawCalls:
-    """Draws rows of one scene at a time."""
+    """Draws rows of one scene at a time.
+
+    Attributes:
+        more: Uniforms that surfaces take besides, by name.
+    """
 
     def __init__(self, gl: Gl, programs: Programs, gpu: GpuScene, lamps: Lamps, half_size: tuple[float, float]) -> None:
         """Make what holds draw commands.
@@ -62,6 +68,7 @@ class DrawCalls:
         self._commands = gl.context.buffer(reserve=max(1, gpu.commands.nbytes), dynamic=True)
         self._corners = gl.context.buffer(reserve=1 << 16, dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
+        self.more: dict[str, object] = {}
         self.move(gpu, lamps)
 
     def move(self, gpu: GpuScene, lamps: Lamps) -> None:
@@ -215,6 +222,9 @@ class DrawCalls:
                 set_uniform(program, "clip_from_relative", sight.clip)
                 set_uniform(program, "half_size", self._half_size)
                 set_uniform(program, "ribbons_away", AWAY_UNIT)
+                set_uniform(program, "waterline", sight.waterline)
+                for name, value in self.more.items():
+                    set_uniform(program, name, value)
                 self._lamps.aim(program, sight.eye - self._gpu.anchor)
             waiting = self._run(program, members, first, waiting, kind)
             first += len(members)

@@ -15,10 +15,12 @@ from render.light.illumination import Lamps
 from render.views.blending import Blending
 from render.views.draw_calls import DrawCalls, Sight
 from render.views.edges import smooth_edges
+from render.views.mirror import Image, Mirror, look_up_uniforms
 from render.views.targets import Targets, View
 from render.views.veil import Veil
 from usd_schemas.pinhole import Pinhole
 
+MIRROR_UNIT = 14  # behind those of light, materials, draws and ribbons
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
@@ -66,11 +68,14 @@ class Painter:
         self._veil = Veil(gl, behind) if quality != "fast" else None
         self._calls = DrawCalls(gl, programs, gpu, lamps, (behind.width / 2, behind.height / 2))
         self._blending: Blending | None = None
+        self._mirror = Mirror(gl, camera) if gpu.waters.any() and not cards else None
+        self._image: Image | None = None
         self._soft = (("SOFT",) if quality != "fast" else ()) + (("GREY_CARD",) if cards else ())
         self._aim_at(gpu, lamps)
 
     def _aim_at(self, gpu: GpuScene, lamps: Lamps) -> None:
-        self._gpu, self._features = gpu, (*lamps.features, *self._soft)
+        self._gpu, self._lamp_features = gpu, lamps.features
+        self._features = (*lamps.features, *self._soft)
         if gpu.blended.any() and self._blending is None:
             shaded = self._targets.shaded
             self._blending = Blending(self._gl, self._programs, self._targets.color, shaded.depth_attachment)
@@ -102,6 +107,7 @@ class Painter:
             bands: First row of each band and the row after its last; rows of no band stay empty.
             near: Near plane [m].
         """
+        self._draw_mirrored(poses[len(poses) // 2], near)
         self._clear(0, self._camera.height)
         for pose, (first, end) in zip(poses, bands, strict=True):
             self._draw_band(pose, first, end, near)
@@ -116,6 +122,7 @@ class Painter:
             near: Near plane [m].
         """
         first, end = window
+        self._draw_mirrored(pose, near)
         self._clear(first, end)
         self._draw_band(pose, first, end, near)
         return self._read(first, end)
@@ -125,12 +132,19 @@ class Painter:
             self._veil.clear()
         self._targets.clear(first, end)
 
+    def _draw_mirrored(self, pose: F64, near: float) -> None:
+        if self._mirror is not None:
+            self._image = self._mirror.draw(self._gpu, self._calls, pose, near, self._lamp_features)
+
     def _draw_band(self, pose: F64, first: int, end: int, near: float) -> None:
         gpu, camera, targets = self._gpu, self._camera, self._targets
         band = replace(camera, height=end - first, cy=camera.cy - first)
         rows = visible_boxes(gpu.lower, gpu.upper, band, pose)
         sight = Sight(camera, pose, near, clip_from_relative(camera, pose, near).T.tobytes())
         seen = self._sorted(rows, sight)
+        if self._mirror is not None:
+            self._mirror.texture.use(MIRROR_UNIT)
+            self._calls.more = look_up_uniforms(self._image, sight.eye, gpu.anchor, MIRROR_UNIT)
         gpu.place(sight.eye)
         gpu.bind()
         self._draw_photograph(seen, sight, (targets.samples * first, targets.samples * end))

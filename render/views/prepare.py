@@ -15,6 +15,7 @@ from render.gpu.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
 from render.gpu.materials import layer_mates, tabulate_materials, texture_keys
 from render.gpu.programs import Programs
 from render.gpu.textures import TextureKey, load_textures, sufficient_side
+from render.gpu.waters import with_waters
 from render.light.daylight import read_daylight
 from render.light.illumination import Illumination, Lamps, haze_distance
 from render.light.light_level import dimmed, halvings
@@ -188,6 +189,7 @@ def prepare(
         layer_mates(scene.materials),
     )
     table = tabulate_materials(scene.materials, slots, settings.quality)
+    table = with_waters(table, scene, *draw_boxes(scene))
     anchor = (box[0] + box[1]) / 2
     facets = find_facets(scene, anchor)
     near = facets.near(*flight) if flight is not None else facets

@@ -11,8 +11,7 @@ from groundwork.files import space_errors, write_json
 from render.capture import CAMERAS, FORMAT, FORMAT_VERSION, TRUTH, CamerasFile, Capture, Readout
 from render.images import image_files
 from render.images.depth_tiff import encode_depth_tiff
-from usd_schemas.distortion import NO_DISTORTION, Distortion
-from usd_schemas.flat_scene import FlatScene, without_ghosts
+from usd_schemas.flat_scene import CameraTrack, FlatScene, without_ghosts
 from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
@@ -98,10 +97,8 @@ def encode_frame_truth(name: str, frame: FrameTruth, *, wide_ids: bool) -> dict[
 def write_truth(
     folder: Path,
     camera: Pinhole,
-    names: tuple[str, ...],
-    poses: F64,
+    track: CameraTrack,
     scene: FlatScene,
-    distortion: Distortion = NO_DISTORTION,
     readout: Readout | None = None,
 ) -> None:
     """Write the exact camera, the poses, the tables and the surface.
@@ -109,19 +106,18 @@ def write_truth(
     Args:
         folder: The capture's folder.
         camera: Exact intrinsics.
-        names: Name of each image.
-        poses: camera_to_world of each image's middle row [m], shape (N, 4, 4), float64.
+        track: Name of each image, pose of its middle row, distortion of the lens.
         scene: Scene that was rendered.
-        distortion: Distortion of the lens.
         readout: When the rows were read out; None for a global shutter.
     """
     truth = folder / TRUTH
     rows: list[dict[str, Any]] = [
-        {"name": name, "camera_to_world": pose.tolist()} for name, pose in zip(names, poses, strict=True)
+        {"name": name, "camera_to_world": pose.tolist()}
+        for name, pose in zip(track.image_names, track.poses, strict=True)
     ]
     stored: dict[str, Any] = {"pinhole": vars(camera), "poses": rows}
-    if not distortion.is_identity:
-        stored["distortion"] = vars(distortion)
+    if not track.distortion.is_identity:
+        stored["distortion"] = vars(track.distortion)
     if readout is not None:
         stored["shutter"] = {"readout_time": readout.readout_time, "bands": readout.bands}
         for row, bands in zip(rows, readout.poses, strict=True):

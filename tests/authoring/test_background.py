@@ -204,7 +204,7 @@ def test_triangles_are_sound_and_few(world: World) -> None:
             assert np.linalg.norm(normal, axis=1).min() > 1e-7, piece.name
             np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
             total += weight * len(corner)
-    assert total <= 500_000
+    assert total <= 350_000
 
 
 def test_pieces_carry_known_names_and_ids(world: World) -> None:

@@ -13,7 +13,7 @@ from authoring.edits.harvest import EDITS, Harvest, harvest_edits
 from authoring.scenes.validate import validate_scene
 from falsework.commands.edit_verbs import report_lines
 from tests.authoring.box_scene import write_box_scene
-from tests.conftest import Count
+from tests.conftest import Count, RecordProof
 from usd_schemas import tokens
 from usd_schemas.reading.shapes import SHAPES
 from usd_schemas.reading.stage_reader import read_stage
@@ -335,15 +335,18 @@ EDITS_OF_EACH_KIND: dict[str, Edit] = {
 
 @pytest.mark.parametrize("kind", EDITS_OF_EACH_KIND)
 def test_every_kind_of_edit_is_told(
-    scene: Path, other: Usd.Stage, tmp_path: Path, kind: str, proof_count: Count
+    scene: Path, other: Usd.Stage, tmp_path: Path, kind: str, proof_count: Count, record_proof: RecordProof
 ) -> None:
     """What cannot come home is named, whatever its values; what is not edited is not named."""
     before = other.GetRootLayer().ExportToString()
-    for seed in range(proof_count(1, 10)):
+    count, told = proof_count(1, 10), 0
+    for seed in range(count):
         other.GetRootLayer().ImportFromString(before)
         name = EDITS_OF_EACH_KIND[kind](other, np.random.default_rng(seed), tmp_path)
         found, lines = bring_home(scene, other, sound=seed > 0)
         assert any(name in line for line in lines), lines
+        told += 1
         named = {word.strip(",:") for line in [*found.left_out, *found.missing] for word in line.split()}
         assert "Deck_001" not in named
         assert "Pier_001_Footing" not in named
+    record_proof(f"import-edits: {kind} is told by name", count, 0, {"told": told})

@@ -10,7 +10,7 @@ import pytest
 from authoring.axis.alignment import Alignment, Layout
 from authoring.layers.assets import bake_site
 from authoring.looks.bake import bake_surface, open_ground
-from authoring.looks.ground_photo import enlarged, ground_photo
+from authoring.looks.ground_photo import Enlarged, ground_photo
 from authoring.looks.noise import Bank, Floats
 from authoring.shapes.component import Component
 from authoring.site.photo import MARK, surface_of
@@ -86,7 +86,7 @@ def test_pictures_go_on_over_every_border() -> None:
     column = int((one.stations[0] + 0.1 - field.stations[0]) / np.ptp(field.stations) * len(patches))
     plain = patches[len(patches) - 1 - ((80.0 + lefts) / 160.0 * len(patches)).astype(int), column, 0]
     shown = [look_up("river", 0, one.stations[0] + 0.1, float(left))[0] for left in lefts]
-    assert np.corrcoef(shown, plain)[0, 1] > 0.8
+    assert np.corrcoef(shown, plain)[0, 1] > 0.85  # 0.875: each is looked up at its own nearest texel
     assert np.abs(np.array(shown) - plain).mean() < 0.12
 
 
@@ -109,9 +109,11 @@ def test_ground_is_worn_where_it_should_be() -> None:
 
 
 def test_enlarged_fields_are_linear() -> None:
-    """A ramp stays one."""
+    """A ramp stays one, and rows are the same in pieces as in one."""
     ramp = np.add.outer(np.arange(8), 2.0 * np.arange(8)).astype(np.float32)
-    large = enlarged(ramp, 32)
+    field = Enlarged(ramp, 32)
+    large = field.rows(slice(0, 32))
+    assert np.array_equal(np.concatenate([field.rows(slice(0, 7)), field.rows(slice(7, 32))]), large)
     np.testing.assert_allclose(np.diff(large[2:-2, 2:-2], axis=0), 0.25, atol=1e-5)
     np.testing.assert_allclose(np.diff(large[2:-2, 2:-2], axis=1), 0.5, atol=1e-5)
 

@@ -4,13 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy import sparse
 
 from authoring.families.registry import FAMILIES
 from authoring.settings import AuthoringSettings
 from authoring.streams import stream
 from authoring.surveys.camera_models import calibration, camera_models
-from authoring.surveys.coverage import Wanted, choose_views
 from authoring.surveys.framing import eye_of
 from authoring.surveys.free_places import free_places
 from authoring.surveys.inspection import fly_inspection
@@ -162,21 +160,6 @@ def test_estimated_pixels_are_those_of_the_image(slab: Drawn) -> None:
     assert np.median(np.abs(found[large] / counts[large] - 1.0)) < 0.1
     assert abs(float(found.sum() / counts.sum()) - 1.0) < 0.05
     assert found[counts == 0].max() < 500.0
-
-
-def test_greedy_choice_takes_what_adds_most() -> None:
-    """Elements count once a place, preferred neighbours go first, and nothing is taken below its worth."""
-    shows = sparse.csr_matrix(np.array([[1, 1, 1, 0], [1, 1, 1, 0], [0, 1, 1, 0], [0, 0, 0, 1]]))
-    poses = np.tile(np.eye(4), (4, 1, 1))
-    poses[:, 0, 3] = [0.0, 0.0, 50.0, 90.0]
-    place, needs, worth = np.array([0, 0, 1, 2]), np.full(4, 2), np.ones(4, np.int64)
-    wanted = Wanted(shows, needs, worth)
-    assert choose_views(wanted, poses, place, 1, 9).tolist() == [0, 2, 3]  # the second view of place 0 adds nothing
-    assert choose_views(wanted, poses, place, 2, 9).tolist() == [0, 2]
-    assert choose_views(wanted, poses, place, 1, 1).tolist() == [0]
-    poses[3, 0, 3] = 1.0  # next to the first: three times one is more than two
-    assert choose_views(wanted, poses, place, 1, 9).tolist() == [0, 3, 2]
-    np.testing.assert_array_equal(needs, 2)
 
 
 def test_an_eye_frames_local_points_as_world_points() -> None:

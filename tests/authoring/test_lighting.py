@@ -9,9 +9,10 @@ import OpenEXR
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdValidation
 
+from authoring.light.atmosphere import scattered_sky
 from authoring.light.daylight import LightSettings, author_lighting, bake_light, clear_view, encode_exr
 from authoring.light.panorama import part_sun, read_panorama, reduce_panorama, turned
-from authoring.light.sky import clear_sky, sky_directions, solid_angles
+from authoring.light.sky import sky_directions, solid_angles
 from authoring.light.sun import air_mass, direction, sun_illuminance, sun_position
 from groundwork.errors import InputError
 from usd_schemas import tokens
@@ -132,7 +133,7 @@ def test_clear_daylight_has_the_strength_that_is_measured() -> None:
     directions, up = sky_directions(64), np.maximum(sky_directions(64)[..., 2], 0)
     for turbidity in (2.0, 3.0):
         direct = float(sun_illuminance(60.0, turbidity) @ _LUMA)
-        sky = float(((clear_sky(directions, sun, turbidity) @ _LUMA) * up * _solid_angle(64)).sum())
+        sky = float(((scattered_sky(directions, sun, turbidity) @ _LUMA) * up * _solid_angle(64)).sum())
         assert 80.0 < direct < 115.0
         assert 6.0 < sky < 35.0
     low = sun_illuminance(3.0, 3.0)

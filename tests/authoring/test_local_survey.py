@@ -25,7 +25,6 @@ from authoring.surveys.score import score_flight
 from authoring.surveys.settings import GridSettings, LocalSettings
 from authoring.surveys.subject import Subject, make_subject
 from authoring.surveys.turning import angle_between, limit_pitch, look_along, pitch_of, turn_between
-from authoring.surveys.way import equal_steps, rounded_way
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.authoring.boxes import box, flat_site
@@ -190,7 +189,7 @@ def test_free_cells_by_brute_force() -> None:
     space = cut_free_space(box, subject, 0.5, 1.0, 1.0)
     cells = np.argwhere(np.ones(space.free.shape, bool))
     middles = space.middles(cells)
-    np.testing.assert_array_equal(space.cell_of(middles), cells)
+    np.testing.assert_allclose(middles, [-4.75, -3.75, 0.25] + 0.5 * cells, atol=1e-12)
     corners = middles[:, None] + 0.25 * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     near = exact_distance(corners.reshape(-1, 3), both).reshape(-1, 8).min(axis=1)
     free = space.free.ravel()
@@ -218,17 +217,6 @@ def test_turns_and_pitch_in_closed_form() -> None:
     up = look_along(np.array([[1.0, 0.0, 0.2], [0.0, 0.0, 1.0]]))
     np.testing.assert_allclose(np.linalg.det(up), 1.0)
     np.testing.assert_allclose(up[1, :, 0], up[0, :, 0], atol=1e-12)
-
-
-def test_equal_steps_and_rounding(subject: Subject) -> None:
-    """Steps of a broken line are L / ceil(L / 0.5); a rounded way passes through its corners."""
-    line = np.array([[0.0, 0.0, 40.0], [3.1, 0.0, 40.0], [3.1, 4.0, 40.0]])
-    places = equal_steps(line, 0.5)
-    assert len(places) == int(np.ceil(7.1 / 0.5)) + 1
-    np.testing.assert_allclose(np.linalg.norm(np.diff(places[:6], axis=0), axis=1), 7.1 / 15)
-    curve = rounded_way(line, subject, 1.0)
-    for corner in line:
-        assert np.linalg.norm(curve - corner, axis=1).min() < 1e-9
 
 
 def test_same_seed_same_flight_and_sections_do_not_disturb(subject: Subject) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import docs
 from authoring.variants.add import set_choices
 from falsework.gallery.camera import seen_from
-from falsework.report.figures import paint_labels
+from falsework.report.pictures import paint_labels
 from groundwork.files import write_bytes
 from groundwork.progress import SILENT
 from render.capture import load_image, read_capture, read_truth

@@ -1,9 +1,8 @@
-"""The cloud of the report: what the page is given, and what a browser makes of it."""
+"""Points and cameras in space: what the page is given, and what a browser makes of it."""
 
 import base64
 import json
-import shutil
-import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,34 +11,56 @@ import pytest
 
 from falsework.report.cloud_view import (
     SHOWN_POINTS,
+    Shown,
     cloud_view,
     instance_color,
-    script_json,
     uncertainty_levels,
     uncertainty_scale,
 )
-from falsework.report.report import write_report
-from recon.cloud import Cloud, read_cloud, write_cloud
+from falsework.report.flight import Flight, Sheet
+from falsework.report.page import script_json, write_page
+from falsework.report.pictures import data_uri
+from recon.cloud import SFM_SPARSE, Cloud
+from tests.falsework.browser import needs_browser, open_page
 from tests.learn.toy_bridge import toy_cloud
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-FOUND = "found in the page"
-WATCH = "<script>window.mistakes = []; window.onerror = (text) => { window.mistakes.push(String(text)); };</script>"
-ASK = f"<script>{Path(__file__).with_name('cloud_view.js').read_text(encoding='utf-8')}</script>"
+WORK = Path(__file__).with_name("cloud_view.js").read_text(encoding="utf-8")
+VIEWS = 3  # of each point of the small cloud
 
 
-def small_cloud() -> Cloud:
-    """Make a cloud with every uncertainty, some of them unknown, and a few components."""
-    count, rng = 600, np.random.default_rng(5)
+def small_cloud(count: int = 600) -> Cloud:
+    """Make a cloud with every uncertainty, some of them unknown, a few components, and three images of each point."""
+    rng = np.random.default_rng(5)
     uncertainty = np.geomspace(1e-4, 20.0, count).astype(np.float32)
     uncertainty[::50] = np.nan
-    return toy_cloud(
+    cloud = toy_cloud(
         2,
         count,
         uncertainty=uncertainty,
         color=rng.integers(0, 256, (count, 3)).astype(np.uint8),
         instance=rng.integers(0, 4, count).astype(np.uint32),
     )
+    seen = {
+        "start": np.arange(count + 1, dtype=np.int64) * VIEWS,
+        "image": np.tile(np.arange(VIEWS, dtype=np.uint32), count),
+        "uv": rng.integers(1, 400, (count * VIEWS, 2)) + 0.5,  # spelt with one decimal, none of them is in doubt
+        "label": np.zeros(count * VIEWS, np.uint8),
+        "instance": np.zeros(count * VIEWS, np.uint32),
+        "depth_error": np.zeros(count * VIEWS, np.float32),
+    }
+    cameras = tuple({"name": f"image {k}", "status": "ok"} for k in range(VIEWS))
+    return replace(cloud, observations=seen, cameras=cameras, source=SFM_SPARSE)
+
+
+def small_flight(cloud: Cloud) -> Flight:
+    """Look down on the cloud from three places, the last of which is lost, with a picture of one color from each."""
+    poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (VIEWS, 1, 1))
+    poses[:, :3, 3] = cloud.columns["coord"].mean(axis=0) + np.array([[-30, 0, 25], [0, 0, 25], [30, 0, 25]])
+    sheet = np.zeros((30, 120, 3), np.uint8)
+    sheet[:, :40], sheet[:, 40:80], sheet[:, 80:] = (250, 0, 0), (0, 250, 0), (0, 0, 250)
+    names = tuple(f"image {k}" for k in range(VIEWS))
+    picture = Sheet(data_uri(sheet, 120, smooth=False), 3, 1, (0, 1, 2))
+    return Flight(names, (0, 1, 2), poses, ("ok", "ok", "lost"), (0.5, 0.4), ("./a.jpg",) * VIEWS, picture)
 
 
 def unpacked(text: str, kind: str) -> np.ndarray:
@@ -68,27 +89,49 @@ def test_components_are_told_apart() -> None:
 def test_the_page_is_given_the_points() -> None:
     """Every third point of many, to a hundredth of the span over 655; class, colour and number as in the cloud."""
     rng, count = np.random.default_rng(1), 2 * SHOWN_POINTS + 1
-    columns = {
-        "coord": rng.uniform(-50, 50, (count, 3)),
-        "color": rng.integers(0, 255, (count, 3), np.uint8),
-        "segment": rng.integers(1, 4, count).astype(np.uint8),
-        "instance": rng.integers(0, 9, count).astype(np.uint32),
-        "uncertainty": rng.uniform(0, 1, count).astype(np.float32),
-    }
-    cloud = small_cloud()
-    view = cloud_view(columns, cloud.classes, np.eye(3))
+    cloud = toy_cloud(
+        1,
+        count,
+        coord=rng.uniform(-50, 50, (count, 3)),
+        segment=rng.integers(1, 4, count).astype(np.uint8),
+        instance=rng.integers(0, 9, count).astype(np.uint32),
+    )
+    columns = cloud.columns
+    view = cloud_view(cloud)
     data = json.loads(view["data"])
     assert (data["every"], data["count"]) == (3, len(columns["coord"][::3]))
     place = np.array(data["low"]) + np.array(data["step"]) * unpacked(data["place"], "<u2").reshape(-1, 3)
-    apart = place - columns["coord"][::3]  # the page begins at an origin of its own, in whole metres
-    assert np.abs(apart - np.round(apart[0])).max() <= 100 / 65535
+    apart = place + np.array(data["origin"]) - columns["coord"][::3]
+    assert np.abs(apart).max() <= 100 / 65535
     np.testing.assert_array_equal(unpacked(data["color"], "u1").reshape(-1, 3), columns["color"][::3])
     np.testing.assert_array_equal(unpacked(data["segment"], "u1"), columns["segment"][::3])
-    painted = np.array(data["instances"])[unpacked(data["instance"], "<u2")]
-    assert painted.tolist() == [list(instance_color(int(number))) for number in columns["instance"][::3]]
+    number = unpacked(data["instance"], "<u2")
+    assert np.array([row["id"] for row in data["instances"]])[number].tolist() == columns["instance"][::3].tolist()
+    assert np.array([row["color"] for row in data["instances"]])[number].tolist() == [
+        list(instance_color(int(one))) for one in columns["instance"][::3]
+    ]
     assert {row["id"]: row["points"] for row in view["classes"]} == dict(
         zip(*map(np.ndarray.tolist, np.unique(columns["segment"], return_counts=True)), strict=True)
     )
+
+
+@pytest.mark.parametrize(("shown", "views"), [(600, 2), (200, 9), (150, 0)])
+def test_the_page_is_given_the_images_of_each_point(shown: int, views: int) -> None:
+    """For every point that is shown: the first of its images, its pixels to a 65,535th, and how many there are."""
+    cloud = small_cloud()
+    seen = json.loads(cloud_view(cloud, None, Shown(shown, views))["data"])["seen"]
+    if not views:
+        assert seen is None
+        return
+    every, most = 600 // shown, min(views, VIEWS)
+    assert unpacked(seen["views"], "u1").tolist() == [most] * shown
+    assert unpacked(seen["of"], "<u2").tolist() == [VIEWS] * shown
+    rows = (np.arange(0, 600, every)[:, None] * VIEWS + np.arange(most)).ravel()
+    assert unpacked(seen["image"], "<u2").tolist() == cloud.observations["image"][rows].tolist()
+    found = unpacked(seen["uv"], "<u2").reshape(-1, 2) * seen["step"]
+    np.testing.assert_allclose(found, cloud.observations["uv"][rows], atol=seen["step"])
+    assert seen["step"] < 0.01
+    assert seen["names"] == ["image 0", "image 1", "image 2"]
 
 
 def test_names_cannot_end_the_script() -> None:
@@ -98,55 +141,45 @@ def test_names_cannot_end_the_script() -> None:
     assert json.loads(text) == {"name": "</script><script>alert(1)//&"}
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+@needs_browser
 def test_a_browser_paints_and_filters(tmp_path: Path) -> None:
-    """Each button gives each point its color, the slider and the switches leave the points that they should."""
+    """Each button gives each point its color, on the canvas too; slider and switches leave the points they should."""
     cloud = small_cloud()
-    (tmp_path / "cloud").mkdir()
-    write_cloud(tmp_path / "cloud", cloud)
-    write_report(tmp_path / "page.html", "Page", tmp_path / "scene.usda", {}, {"mesh": tmp_path / "cloud"})
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    page = page.replace("<head>", "<head>" + WATCH, 1).replace("</body>", ASK + "</body>")
-    (tmp_path / "page.html").write_text(page, encoding="utf-8")
-    told = browse(tmp_path / "page.html")
-    columns = read_cloud(tmp_path / "cloud").columns
+    page = tmp_path / "page.html"
+    write_page(page, "view.html.j2", title="Page", lead="", view=cloud_view(cloud, small_flight(cloud)))
+    answer = open_page(page, WORK)
+    told, columns = answer.told, cloud.columns
+    assert [line for line in answer.console if "GPU stall" not in line] == []
     levels = uncertainty_levels(columns["uncertainty"])
-    colors = {row.id: row.color for row in cloud.classes}
-    assert told["mistakes"] == []
-    assert told["photo"] == [css(color) for color in columns["color"].tolist()]
-    assert told["class"] == [css(colors[number]) for number in columns["segment"].tolist()]
-    assert told["instance"] == [css(instance_color(number)) for number in columns["instance"].tolist()]
+    colors = {row.id: list(row.color) for row in cloud.classes}
     known = levels < 255
-    painted = np.array(told["uncertainty"])
-    assert painted[known].tolist() == [css(color) for color in uncertainty_scale()[levels[known]].tolist()]
-    assert len(set(painted[known].tolist())) > 20
+    wanted: dict[str, Any] = {
+        "photo": columns["color"].tolist(),
+        "class": [colors[number] for number in columns["segment"].tolist()],
+        "instance": [list(instance_color(number)) for number in columns["instance"].tolist()],
+        "uncertainty": np.vstack([uncertainty_scale(), [[154, 160, 166]]])[levels].tolist(),
+    }
+    for paint, color in wanted.items():
+        assert told[paint] == color, paint
+        seen = told["drawn"][paint]  # [number of the point, color of the canvas where it is in front]
+        assert len(seen) > 100
+        assert [pixel for _, pixel in seen] == [color[number] for number, _ in seen], paint
+    assert len({tuple(color) for color, sure in zip(told["uncertainty"], known, strict=True) if sure}) > 20
+    assert len({tuple(pixel) for _, pixel in told["drawn"]["uncertainty"]}) > 20
+    assert len({tuple(pixel) for _, pixel in told["drawn"]["photo"]}) > 20
+    assert told["pickedAlone"]
     assert told["scale"]
-    along = columns["coord"][:, 0]
-    np.testing.assert_allclose(np.subtract(told["x"], told["x"][0]), along - along[0], atol=np.ptp(along) / 60000)
     assert told["slid"] == [len(levels), *(int((levels <= limit).sum()) for limit in (254, 200, 100, 0))]
     assert told["none"] == 0
     assert told["classes"] == [[row, int((columns["segment"] == row).sum())] for row in np.unique(columns["segment"])]
     assert told["all"] == len(levels)
-    assert told["drawn"] > 20
-
-
-def css(color: Any) -> str:
-    """Spell a color as the page does."""
-    return f"rgb({','.join(str(part) for part in color)})"
-
-
-def browse(page: Path) -> dict[str, Any]:
-    """Open a page without a window, and read what it says of itself."""
-    assert CHROMIUM is not None
-    words = [
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu-sandbox",
-        "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader",
-        f"--user-data-dir={page.parent / 'profile'}",
-        "--virtual-time-budget=60000",
-        "--dump-dom",
-    ]
-    answer = subprocess.run([CHROMIUM, *words, page.as_uri()], capture_output=True, text=True, check=True, timeout=300)
-    return json.loads(answer.stdout.split(FOUND)[1].replace("&amp;", "&").replace("&lt;", "<").replace("&gt;", ">"))
+    number = told["picked"]
+    names = {row.id: row.name for row in cloud.classes}
+    assert names[int(columns["segment"][number])] in told["words"]
+    assert "seen by 3 images" in told["words"]
+    for k in range(VIEWS):
+        x, y = cloud.observations["uv"][VIEWS * number + k]
+        assert f"image {k} at ({x:.1f}, {y:.1f})" in told["words"]
+    assert told["rays"] == 2 * VIEWS
+    assert told["pictures"] == [[250, 0, 0], [0, 250, 0], [0, 0, 250]]
+    assert told["image"] == "image 1"

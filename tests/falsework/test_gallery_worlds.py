@@ -9,7 +9,7 @@ from authoring.axis.alignment import Alignment, Layout
 from authoring.site.site import SiteSettings, draw_site
 from authoring.streams import stream
 from falsework.cli import main
-from falsework.gallery.measures import dead_share, horizon_dip, measure_picture
+from falsework.gallery.measures import Picture, dead_share, horizon_dip, measure_picture
 from falsework.gallery.world_views import VIEWS, world_views
 from falsework.gallery.worlds import photograph_world
 from tests.conftest import Count, RecordProof
@@ -49,13 +49,14 @@ def test_measures_of_a_drawn_picture() -> None:
     instance[36:], instance[50:, :40], instance[60:61, 60:61] = 40_000, 45_000, 45_007
     image = np.random.default_rng(1).integers(90, 111, (72, 96, 3)).astype(np.uint8)
     kinds = {40_000: "ground", 45_000: "tree", 45_007: "vehicle"}
-    found = measure_picture(image, depth, instance, kinds, pose, CAMERA, 0.0)
+    picture = Picture(image, depth, instance, pose, CAMERA)
+    found = measure_picture(picture, kinds, 0.0)
     assert found.sky_below == 0
     assert found.things == ("ground", "tree", "vehicle")
     assert found.dead == 0.0
     assert found.luminance == pytest.approx(100.0, abs=1.5)
     depth[70:, 3:8] = np.inf
-    assert measure_picture(image, depth, instance, kinds, pose, CAMERA, 0.0).sky_below == 10
+    assert measure_picture(picture, kinds, 0.0).sky_below == 10
     flat = np.full((72, 96), 77.0)
     flat[:24] = np.arange(96)
     assert dead_share(flat, np.zeros((72, 96), bool)) == pytest.approx(2 / 3)

@@ -1,11 +1,11 @@
 """The report says how far a model may be off, what control points leave over, and why pixels became no point."""
 
-from falsework.report.report import _pixels, _placing
+from falsework.report.scene_tables import pixel_rows, placing_rows
 
 
 def test_limits_and_residuals_stand_in_the_report() -> None:
     """Every limit that is known, every control point, every bar: one row each; with truth, none."""
-    rows = _placing(
+    rows = placing_rows(
         {
             "expected_error": {
                 "share": 0.95,
@@ -29,12 +29,12 @@ def test_limits_and_residuals_stand_in_the_report() -> None:
         ("control point B off by", "2.500 m, left out"),
         ("scale bar A to B off by", "-0.0012 m"),
     ]
-    assert _placing({"target": "truth"}) == []
+    assert placing_rows({"target": "truth"}) == []
 
 
 def test_pixels_of_each_class_stand_in_the_report() -> None:
     """A row a class: how many pixels show it, the share in points and of each reason; without depth maps, none."""
-    rows = _pixels(
+    rows = pixel_rows(
         {
             "pixels": {
                 "bearing": {"angle": 1, "in_points": 1000, "no_depth": 800, "seen_through": 9, "views": 190},
@@ -46,4 +46,4 @@ def test_pixels_of_each_class_stand_in_the_report() -> None:
         ["bearing", "2,000", "50.0%", "40.0%", "9.5%", "0.4%", "0.1%"],
         ["deck", "1", "100.0%", "0.0%", "0.0%", "0.0%", "0.0%"],
     ]
-    assert _pixels({"points": 3}) == []
+    assert pixel_rows({"points": 3}) == []

@@ -1,6 +1,7 @@
 """A run of tiny stages: what it makes, what it makes again, and what it does with inputs that are not whole."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -75,12 +76,18 @@ def test_result_without_manifest_is_made_again_once(run: Run, tmp_path: Path) ->
         assert contents(tmp_path / "out") == whole
 
 
-@pytest.mark.parametrize("torn", [b"[]", b"", b"{", b"null", b'{"kind": "failed"}', b"[" * 100_000, b"9" * 6000])
+@pytest.mark.parametrize(
+    "torn", [b"[]", b"", b"{", b"null", b'{"kind": "failed"}', b"[" * 100_000, b"9" * 6000, b"pipe"]
+)
 def test_torn_record_of_a_failure_is_tried_again(torn: bytes, run: Run, tmp_path: Path) -> None:
-    """Whatever stands there instead of a record: the scene is made."""
+    """Whatever stands there instead of a record, a pipe too: the scene is made."""
     run(2, faults={"cloud:1": "reject"})
     (record,) = (tmp_path / "out/failed").iterdir()
-    record.write_bytes(torn)
+    if torn == b"pipe":
+        record.unlink()
+        os.mkfifo(record)
+    else:
+        record.write_bytes(torn)
     assert Store(tmp_path / "out").verify() != []
     outcome = run(2)
     assert (outcome.rejected, outcome.failed, len(outcome.clouds)) == ({}, {}, 2)

@@ -1,12 +1,14 @@
 """`python -m tests.falsework.tiny_chain …` is `falsework …` with five stages that take a millisecond each.
 
 What goes wrong is said in `TINY_FAULTS`: JSON of `<stage>:<scene>` to `reject`, `input`, `child`, `abort`, `kill`,
-`internal`, `space` or `hang`; `TINY_WAIT` is how long each step of a capture takes [s].
+`internal`, `space`, `full` or `hang`, and to what happens in a child;
+`TINY_WAIT` is how long each step of a capture takes [s].
 """
 
 import hashlib
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -18,12 +20,14 @@ from falsework.execution import chain
 from falsework.scenario import Scenario, scene_seed
 from falsework.stages import STAGES, Run, Stage
 from groundwork.canonical import folder_digest
+from groundwork.child import run_child
 from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 SEED, FRAMES = 5, 4
+CHILD = "tests.groundwork.child_work"
 TEXTURE = bytes(range(256)) * 400
 
 
@@ -81,6 +85,7 @@ def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
     """Say the hash of each input."""
+    _go_wrong("report", int((inputs["stage"] / "scene.usda").read_text().splitlines()[1].split()[-1]))
     lines = [f"{name} {folder_digest(path)}\n" for name, path in sorted(inputs.items()) if path.is_dir()]
     (folder / "report.html").write_text(settings["title"] + "\n" + "".join(lines))
 
@@ -154,6 +159,14 @@ def _go_wrong(stage: str, seed: int, folder: Path | None = None) -> None:
             raise ValueError("a mistake of ours")
         case "space":
             raise OutOfSpaceError("no space left on the disk")
+        case "full":  # the disk has no room for anything but a few bytes
+            resource.setrlimit(resource.RLIMIT_FSIZE, (5, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+        case "hangs in a child":
+            run_child(CHILD, {"do": "sleep", "value": 600}, time_limit=0.2, memory_limit=4.0)
+        case "eats in a child":
+            run_child(CHILD, {"do": "eat", "value": 400_000_000}, time_limit=240.0, memory_limit=0.2)
+        case "aborts in a child":
+            run_child(CHILD, {"do": "abort"}, time_limit=240.0, memory_limit=4.0)
         case "hang":
             time.sleep(600)
         case "stubborn":
@@ -166,8 +179,8 @@ def _go_wrong(stage: str, seed: int, folder: Path | None = None) -> None:
                     continue
         case "kill":
             once = Path(os.environ["TINY_ONCE"])
-            if len(list(once.iterdir())) < int(os.environ.get("TINY_KILLS", "1")):
-                (once / str(os.getpid())).touch()
+            if len(list(once.glob(f"{stage}-*"))) < int(os.environ.get("TINY_KILLS", "1")):
+                (once / f"{stage}-{os.getpid()}").touch()
                 os.kill(os.getpid(), signal.SIGKILL)
 
 

@@ -215,7 +215,6 @@ OPENED_RAW: dict[str, set[str]] = {
     OURS: {
         "clean._traces",
         "costs.Costs._look",
-        "costs._stored_sizes",
         "artefact.read_manifest",
         "artefact.seal",
         "cache.cached_pyramid",
@@ -224,7 +223,6 @@ OPENED_RAW: dict[str, set[str]] = {
         "events.parse_event",
         "events.read_events",
         "export.write_parquet",
-        "failures.read_failure",
         "failures.write_failure",
         "flatten._is_ours",
         "locks.open_locked",
@@ -329,6 +327,8 @@ FORMATS: dict[str, set[str]] = {
 
 # Read through the safe opener though no stranger makes them, or only bytes that are handed on.
 READ_SAFELY_ANYHOW = {
+    "costs._stored_sizes",
+    "failures.read_failure",
     "asset.read_city",
     "asset._images",  # a world that `background import` wrote
     "canonical.file_digest",

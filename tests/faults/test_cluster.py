@@ -129,6 +129,20 @@ def test_a_standing_cluster_loses_a_worker(tmp_path: Path, proof_count: Count) -
     assert f"# world/town {folder_digest(tmp_path / 'in/worlds/town')}" in stage.read_text()
 
 
+TWICE = """
+from falsework.execution.cluster import _own_cluster
+for _ in range(2):
+    with _own_cluster(0) as client:
+        print(len(client.nthreads()))
+"""
+
+
+def test_one_process_may_have_a_cluster_twice() -> None:
+    """Dask's own settings outlive the first cluster of a process that had not loaded it before."""
+    done = subprocess.run([sys.executable, "-c", TWICE], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("0\n0\n", "")
+
+
 @pytest.mark.proof_only
 def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
     """Killed in the middle of a run: no traceback, the results so far stay, and the next run ends as ever."""

@@ -1,7 +1,5 @@
 """A run of tiny stages, killed, interrupted, and deprived of its workers: nothing is lost, the bytes are the same."""
 
-import os
-import random
 import signal
 import subprocess
 import time
@@ -66,20 +64,6 @@ def _assert_all_end(session: int) -> None:
     while _alive(session):
         assert time.monotonic() < deadline, _alive(session)
         time.sleep(0.05)
-
-
-def test_killed_again_and_again(scenario: Path, calm: dict[str, str], tmp_path: Path, proof_count: Count) -> None:
-    """At any moment, in any stage; the run that ends leaves the tree of one that was left in peace."""
-    draw = random.Random(4)
-    for _ in range(proof_count(3, 50)):
-        process = start("run", scenario, "-o", tmp_path / "out", TINY_WAIT="0.03")
-        marks = ("run/*.jsonl", "work/*", "store/capture/*", "store/cloud/*", "store/report/*", "work/*/*.partial")
-        _wait_for(tmp_path / "out", draw.choice(marks), process)
-        time.sleep(draw.random() * 0.1)
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-    _finish(start("run", scenario, "-o", tmp_path / "out"))
-    assert contents(tmp_path / "out") == calm
 
 
 def test_workers_die_again_and_again_on_one_task(

@@ -6,15 +6,18 @@ import random
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+import groundwork.files
 from groundwork.canonical import digest, file_digest, folder_digest
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.files import (
     MANIFEST,
     commit_folder,
+    put_in_place,
     read_json,
     space_errors,
     sweep,
@@ -150,8 +153,17 @@ def test_commit_folder(tmp_path: Path) -> None:
     partial = tmp_path / "work"
     (partial / "deep").mkdir(parents=True)
     (partial / "deep" / "file").write_text("x")
+    temporary_name(partial / "deep" / "file").write_text("half")
+    (partial / "link").symlink_to("deep")
+    (partial / "nowhere").symlink_to("gone")
     final = tmp_path / "store" / "key"
     commit_folder(partial, final)
+    assert sorted(path.relative_to(final).as_posix() for path in final.rglob("*")) == [
+        "deep",
+        "deep/file",
+        "link",
+        "nowhere",
+    ]
     assert (final / "deep" / "file").read_text() == "x"
     assert not partial.exists()
     (tmp_path / "again" / "file").mkdir(parents=True)
@@ -216,10 +228,37 @@ def test_a_folder_that_comes_between_is_replaced(tmp_path: Path, monkeypatch: py
         return rename(self, target)
 
     monkeypatch.setattr(Path, "rename", slow)
+    monkeypatch.setattr(groundwork.files, "exchange", lambda one, other: False)
     with whole_folder(place) as fresh:
         (fresh / "ours").write_text("x")
     assert came
     assert [path.name for path in place.iterdir()] == ["ours"]
+    assert [path.name for path in tmp_path.iterdir()] == ["look"]
+
+
+def test_a_former_folder_is_there_until_the_new_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whenever the process dies, a whole folder has the name: before and after every removal and rename."""
+    place, seen = tmp_path / "look", []
+    (place / "deep").mkdir(parents=True)
+    (place / "deep/old").write_text("old")
+    (tmp_path / "fresh").mkdir()
+    (tmp_path / "fresh/new").write_text("new")
+
+    def watched(name: str) -> Callable[..., object]:
+        original = getattr(os, name)
+
+        def call(*arguments: object, **more: object) -> object:
+            seen.append(sorted(path.name for path in place.rglob("*")))
+            result = original(*arguments, **more)
+            seen.append(sorted(path.name for path in place.rglob("*")))
+            return result
+
+        return call
+
+    for name in ("rename", "unlink", "rmdir", "fsync"):
+        monkeypatch.setattr(os, name, watched(name))
+    put_in_place(tmp_path / "fresh", place)
+    assert {tuple(names) for names in seen} == {("deep", "old"), ("new",)}
     assert [path.name for path in tmp_path.iterdir()] == ["look"]
 
 

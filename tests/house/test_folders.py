@@ -102,6 +102,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "report",
         "stages.py",
         "children",
+        "view",
         "store",
         "execution",
         "pipeline.py",

@@ -52,7 +52,7 @@ def test_a_difference_is_that_of_the_matrices() -> None:
         np.array([list(trial(arm, seed, 4, 90 - 10 * place + seed).bridges.values()) for seed in range(3)])
         for place, arm in enumerate("ab")
     ]
-    wanted = crossed_bootstrap(stacks[0], stacks[1], 200, 0, 0.95, corrected=True)
+    wanted = crossed_bootstrap(stacks[0], stacks[1], 200, 0, level=0.95, corrected=True)
     assert row["difference"] == pytest.approx(wanted.mean)
     assert row["interval"] == pytest.approx([wanted.low, wanted.high])
     assert (row["wins"], row["seeds"], row["bridges"]) == (3, 3, 4)

@@ -20,7 +20,7 @@ from learn.losses import cross_entropy, lovasz_softmax
 from learn.sample import Sample
 from learn.trained import FACTS, WEIGHTS, read_facts, read_weights
 from learn.training.loader import EpochOrder, Loaded, collate, count_labels, expected_counts
-from learn.training.module import Segmentation
+from learn.training.module import Segmentation, TrainingPlan
 from learn.training.settings import TrainSettings, recipe_of
 from learn.training.train import TrainingData, train_network
 from tests.learn.toy import ToyBridges
@@ -125,7 +125,8 @@ def test_the_loss_of_a_step_is_the_weighted_one() -> None:
     assert recipe.doubt == 0.1
     loaded = Loaded(source, network, ("x", "y", "z"), 0, doubt=recipe.doubt)
     item = collate([loaded[0, 0], loaded[0, 1]])
-    module = Segmentation(network, chosen, recipe, torch.tensor([1.0, 2.0, 3.0]), None, 10, Path(), Silent())
+    plan = TrainingPlan(chosen, recipe, torch.tensor([1.0, 2.0, 3.0]), None, 10)
+    module = Segmentation(network, plan, Path(), Silent())
     found = module.training_step(item, 0)
     logits, labels = network(item["features"], {}).flatten(0, 1), item["labels"].flatten()
     known = np.where(np.isnan(doubts), 0.0, doubts)

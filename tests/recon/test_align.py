@@ -17,7 +17,7 @@ from recon.placing.align import (
     check_share,
     stand_upright,
 )
-from recon.placing.similarity import Similarity, angles, camera_up, fit_similarity, turn_upright
+from recon.placing.similarity import Similarity, angles, camera_up, fit_similarity, level_rotation, turn_upright
 from recon.settings import AlignmentSettings
 from usd_schemas.pinhole import look_at
 
@@ -218,3 +218,42 @@ def test_cameras_that_look_down_know_up() -> None:
     down = np.stack([[[np.cos(a), np.sin(a), 0.0], [np.sin(a), -np.cos(a), 0.0], [0.0, 0.0, -1.0]] for a in yaw])
     assert np.allclose(np.linalg.det(down), 1.0)
     np.testing.assert_allclose(camera_up(down), [0.0, 0.0, 1.0], atol=0.05)
+
+
+def test_pictures_are_turned_by_quarters() -> None:
+    """Of a picture turned clockwise, the former bottom is left and the former left on top; four turns are none."""
+    quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    rotations = random_rotations(np.random.default_rng(5), 8)
+    turns = np.arange(8) % 4
+    found = turn_upright(rotations, turns)
+    for rotation, count, mine in zip(rotations, turns.tolist(), found, strict=True):
+        np.testing.assert_allclose(mine, rotation @ np.linalg.matrix_power(quarter, count), atol=1e-12)
+
+
+def test_a_gimbal_says_where_up_is() -> None:
+    """Half of the cameras know their own up: the median of it becomes +z; fewer do not count."""
+    rng = np.random.default_rng(6)
+    rotations, up = random_rotations(rng, 9), np.array([0.6, 0.0, 0.8])
+    told = np.einsum("nji,j->ni", rotations, up)
+    told[:4] = np.nan
+    told[8] = -told[8]
+    np.testing.assert_allclose(level_rotation(rotations, told) @ up, [0.0, 0.0, 1.0], atol=1e-12)
+    told[4] = np.nan
+    few, none = level_rotation(rotations, told), level_rotation(rotations)
+    np.testing.assert_array_equal(few, none)
+    np.testing.assert_allclose(none @ none.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(none @ camera_up(rotations), [0.0, 0.0, 1.0], atol=1e-12)
+    assert np.linalg.det(none) > 0.0
+
+
+def test_up_is_square_to_the_rows() -> None:
+    """Level cameras pitched up or down: what their rows are square to, on the side of their tops."""
+    for pitch in (-1.2, 0.0, 0.5):
+        headings = np.linspace(0.0, 5.0, 7)
+        poses = np.stack(
+            [
+                look_at(np.zeros(3), np.array([np.cos(pitch) * np.cos(h), np.cos(pitch) * np.sin(h), np.sin(pitch)]))
+                for h in headings
+            ]
+        )
+        np.testing.assert_allclose(camera_up(poses[:, :3, :3]), [0.0, 0.0, 1.0], atol=2e-3)

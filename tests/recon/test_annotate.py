@@ -199,6 +199,11 @@ def test_edge_distance_has_a_plain_twin() -> None:
     for one, other in ((labels, twin), (labels[:, ::-1], twin[:, ::-1]), (labels[::-1], twin[::-1])):
         found = edge_distance(np.ascontiguousarray(one), rows.ravel(), columns.ravel())
         np.testing.assert_allclose(found, other.ravel(), rtol=1e-6)
+    labels = np.zeros((30, 230), np.uint8)
+    labels[:4], labels[20:] = 1, 2  # the nearest edge of a row between lies above or below it
+    found = edge_distance(labels, np.arange(30), np.full(30, 100))
+    edges = np.array([3, 4, 19, 20])
+    np.testing.assert_allclose(found, np.abs(np.arange(30)[:, None] - edges).min(axis=1) + 0.5)
     labels = np.zeros((3, 230), np.uint8)
     labels[:, 0] = 1  # most columns have no edge at all
     found = edge_distance(labels, np.ones(230, np.int64), np.arange(230))

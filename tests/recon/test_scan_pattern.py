@@ -91,7 +91,7 @@ def test_stations_stand_where_a_surveyor_would(tmp_path: Path) -> None:
     seen = scanned(scene, tmp_path / "c", angular_step=1.0, scope="bridge").columns
     assert set(seen["instance"].tolist()) == {2, 3, 4, 5}
     soffit = (seen["instance"] == 2) & (seen["normal"][:, 2] < -0.9)
-    assert soffit.sum() > 150
+    assert soffit.sum() > 1500
     water = named(ground(20.0), water=(1, "background"))
     with pytest.raises(InputError, match="no firm place"):
         scanned(water, tmp_path / "lake")

@@ -16,6 +16,7 @@ from render.gpu.context import Gl
 from render.settings import RenderSettings
 from render.views.prepare import prepare
 from render.views.targets import View
+from tests.conftest import RecordProof
 from tests.render.scenes import CAMERA
 from tests.usd_schemas.stages import SQUARE, Z_UP, write_stage
 from tests.usd_schemas.test_foreign_materials import omni, standard
@@ -160,18 +161,24 @@ SHAPES: dict[str, tuple[str, list[tuple[Point, tuple[Color | None, float]]]]] = 
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_shapes(name: str, gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+def test_shapes(name: str, gl: Gl, ideal: RenderSettings, tmp_path: Path, record_proof: RecordProof) -> None:
     """Colour and depth of a pixel or two of each kind of geometry."""
     body, expected = SHAPES[name]
     picture = take(gl, ideal, tmp_path, body, DOME)
+    off = [0.0]
     for point, (color, height) in expected:
         light, seen, number = picture.seen(*point)
         if color is not None:
             np.testing.assert_allclose(light, color, atol=0.02)
+            off.append(float(np.abs(light - color).max()))
         assert seen == pytest.approx(height, abs=1e-5)
         assert number > 0
     if name == "point instancer":
         assert [picture.seen(x, 0, 0)[2] for x in (-2, 2)] == [7, 8]
+    depth = max(abs(picture.seen(*point)[1] - height) for point, (_, height) in expected)
+    record_proof(
+        f"any stage: {name}", len(expected), 0, {"greatest_color_error": max(off), "greatest_depth_error_m": depth}
+    )
 
 
 def surface(body: str) -> str:
@@ -269,14 +276,15 @@ def write_pictures(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_materials(name: str, gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+def test_materials(name: str, gl: Gl, ideal: RenderSettings, tmp_path: Path, record_proof: RecordProof) -> None:
     """Colour of a pixel or two of each kind of material; the unknown costs one warning and is drawn all the same."""
     write_pictures(tmp_path)
     body, expected, warned = MATERIALS[name]
     picture = take(gl, ideal, tmp_path, body, DOME)
     assert len([line for line in picture.scene.warnings if "parts have no material" not in line]) == warned
-    for point, color in expected:
-        np.testing.assert_allclose(picture.seen(*point)[0], color, atol=0.02)
+    off = [np.abs(picture.seen(*point)[0] - color).max() for point, color in expected]
+    assert max(off) <= 0.02
+    record_proof(f"any stage: material, {name}", len(expected), 0, {"greatest_color_error": float(max(off))})
 
 
 TURN = "float3 xformOp:rotateXYZ = {}"
@@ -291,11 +299,13 @@ LIGHTS: dict[str, tuple[str, float]] = {
 
 
 @pytest.mark.parametrize("name", LIGHTS)
-def test_lights(name: str, gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+def test_lights(name: str, gl: Gl, ideal: RenderSettings, tmp_path: Path, record_proof: RecordProof) -> None:
     """Radiance of a matt card under each kind of light, in closed form."""
     body, radiance = LIGHTS[name]
     picture = take(gl, ideal, tmp_path, CARD, body)
-    np.testing.assert_allclose(picture.seen(0, 0, 0)[0], np.array([0.6, 0.3, 0.1]) * radiance, rtol=0.01)
+    ratio = picture.seen(0, 0, 0)[0] / (np.array([0.6, 0.3, 0.1]) * radiance)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.01)
+    record_proof(f"any stage: light, {name}", 1, 0, {"greatest_relative_error": float(np.abs(ratio - 1).max())})
     assert not [line for line in picture.scene.warnings if "Light" in line]
 
 

@@ -1,6 +1,7 @@
 """The capture format: what is written is read back, and what is damaged is refused by name."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -53,7 +54,7 @@ def write_example(folder: Path, *, highest: int = 65535) -> tuple[Capture, FlatS
         tuple(images),
     )
     write_cameras(capture)
-    write_truth(folder, CAMERA, scene.cameras[0].image_names, scene.cameras[0].poses, scene)
+    write_truth(folder, CAMERA, scene.cameras[0], scene)
     return capture, scene
 
 
@@ -229,7 +230,7 @@ def test_a_bent_lens_and_a_rolling_shutter_come_back(tmp_path: Path) -> None:
     bands = ((0, 50), (50, 51), (51, CAMERA.height))
     moved = np.repeat(track.poses[:, None], 3, axis=1)
     moved[:, :, 0, 3] += [-0.2, 0.0, 0.2]
-    write_truth(tmp_path, CAMERA, track.image_names, track.poses, scene, bend, Readout(bands, moved, 0.02))
+    write_truth(tmp_path, CAMERA, replace(track, distortion=bend), scene, Readout(bands, moved, 0.02))
     truth = read_truth(read_capture(tmp_path))
     assert truth is not None
     assert truth.readout is not None

@@ -1,6 +1,7 @@
 """A capture as other programs read it: COLMAP's own reader, nerfstudio's convention, a film that plays."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -27,8 +28,7 @@ def truth(tmp_path: Path, request: pytest.FixtureRequest) -> Truth:
     folder = tmp_path / "capture"
     folder.mkdir()
     _, scene = write_example(folder)
-    track = scene.cameras[0]
-    write_truth(folder, CAMERA, track.image_names, track.poses, scene, request.param)
+    write_truth(folder, CAMERA, replace(scene.cameras[0], distortion=request.param), scene)
     found = read_truth(read_capture(folder))
     assert found is not None
     return found

@@ -15,6 +15,7 @@ from render.gpu.context import Gl
 from render.light.daylight import irradiance_coefficients, read_daylight, sphere
 from render.light.illumination import BRIGHTEST, CLEAR_DAY, haze_distance
 from render.light.light_volume import cast_light_volume
+from render.light.surface_fit import Places, look_up_matrix
 from render.settings import RenderSettings
 from render.views.prepare import prepare
 from tests.render.scenes import CAMERA, SceneBuilder, placed
@@ -117,6 +118,29 @@ def test_a_wall_hides_half_the_sky(gl: Gl) -> None:
     assert inside.all()
     c0, _, _, c3 = volume.coefficients.reshape(-1, 4, 3)[probe[0]]
     np.testing.assert_allclose(c0 + c3, np.pi / 2, rtol=0.1)
+
+
+def test_a_lit_side_does_not_shine_through_a_thin_slab(gl: Gl) -> None:
+    """Under a wide slab of 10 cm, on black ground and under a white dome, it is as dark as rays say; above, as bright.
+
+    As probes were cast, the soffit has twice the light that is allowed here.
+    """
+    builder = SceneBuilder(materials=[Material("black", base_color=(0.0, 0.0, 0.0))])
+    builder.add_box(placed((0.0, 0.0, 1.52), (24.0, 24.0, 0.1)), 1, label=1)
+    builder.add_box(placed((0.0, 0.0, -0.5), (300.0, 300.0, 1.0)), 2)
+    scene = replace(builder.build(DOWN[None]), dome=WHITE_DOME)
+    light, _ = read_daylight(scene)
+    box = (np.array([-12.0, -12.0, 1.4]), np.array([12.0, 12.0, 1.6]))
+    volume = cast_light_volume(scene, light, np.zeros((1, 3)), box, 3000, 64, SILENT)
+    assert volume.cell > 0.8  # the slab lies between two layers of probes
+    side = np.linspace(-8.0, 8.0, 17)
+    level = np.column_stack([*(axis.ravel() for axis in np.meshgrid(side, side)), np.zeros(17 * 17)])
+    for height, up, expected, slack in ((1.57, 1.0, np.pi, 0.12 * np.pi), (1.47, -1.0, 0.0, 0.06)):
+        places = Places(level + np.array([0.0, 0.0, height]), np.tile([0.0, 0.0, up], (len(level), 1)))
+        matrix, inside = look_up_matrix(volume.coefficients.shape[2::-1], volume.lower, volume.cell, places)
+        assert inside.all()
+        found = matrix @ volume.coefficients.reshape(-1, 3).astype(np.float64)
+        assert np.abs(found - expected).max() < slack, f"at {height} m"
 
 
 def test_coefficients_of_half_a_dome() -> None:
@@ -284,8 +308,8 @@ def test_a_missing_texture_is_told_and_drawn_grey(gl: Gl, ideal: RenderSettings,
 
 def test_cut_outs_open_colour_depth_and_shadow(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
     """Where the texture is transparent, the plate behind is seen, measured and lit."""
-    pixels = np.full((64, 64, 4), 255, np.uint8)
-    pixels[:, :32, 3] = 0
+    pixels = np.zeros((64, 64, 4), np.uint8)  # black: it throws nothing back on what is below it
+    pixels[:, 32:, 3] = 255
     cv2.imwrite(str(tmp_path / "leaf.png"), pixels)
     leaf = Material("leaf", base_texture=Texture(str(tmp_path / "leaf.png"), True), opacity_threshold=0.5)
     for quality in ("standard", "fine"):
@@ -318,7 +342,8 @@ def test_haze_follows_the_visibility_of_the_stage(gl: Gl, ideal: RenderSettings)
     for visibility, share in ((8.0, 0.02), (16.0, 0.02**0.5)):
         light, depth = radiance(gl, replace(scene, visibility=visibility), settings)
         assert depth[60, 80] == pytest.approx(8.0, rel=1e-3)
-        np.testing.assert_allclose(light[60, 80], 1.0 - share, rtol=3e-3)
+        np.testing.assert_allclose(light[60, 80, 1], 1.0 - share, rtol=3e-3)
+        assert light[60, 80, 0] < light[60, 80, 1] < light[60, 80, 2]  # air holds back blue more than red
     assert haze_distance(scene, settings) == CLEAR_DAY
     assert haze_distance(replace(scene, visibility=100.0), ideal) == ideal.haze_distance
 

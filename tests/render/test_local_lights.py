@@ -130,5 +130,11 @@ def test_the_strongest_are_kept_with_one_warning(gl: Gl, ideal: RenderSettings) 
     settings = ideal.model_copy(update={"quality": "fast"})
     shown = [radiance(gl, replace(scene, sphere_lights=some), settings)[0] for some in (lights, kept)]
     np.testing.assert_array_equal(shown[0], shown[1])
+    # Where the scene is as wide as the lamps are far, the nearer of two no longer wins by its square.
+    ten = tuple(ball((100.0 + x, 0.0, 0.0), 0.2, power) for x, power in [(0.0, 1.0)] + 8 * [(30.0, 1.5)])
+    for wide, dark in ((1.0, 130.0), (200.0, 100.0)):
+        ends = np.array([100.0 - wide, 0.0, 0.0]), np.array([100.0 + wide, 0.0, 0.0])
+        shining, _ = choose_local_lights(replace(scene, sphere_lights=ten), ends)
+        assert (shining.positions[:, 0] == dark).sum() == (7 if dark == 130.0 else 0)
     none, silent = choose_local_lights(scene, box)
     assert (none.features(), none.uniforms(np.zeros(3)), silent) == ((), {}, [])

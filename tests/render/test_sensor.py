@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from render.images.exif import Shot, geodetic, insert_exif
 from render.images.image_files import encode_jpeg
 from render.light.illumination import BRIGHTEST
-from render.sensor.sensor import Sensor, meter
+from render.sensor.sensor import Sensor, balance, meter
 from render.settings import SensorSettings
 
 SHAPE = (240, 320)
@@ -111,11 +111,28 @@ def test_metering_brings_the_middle_tone_to_grey_and_keeps_highlights() -> None:
     light[:400] = 3.0
     assert meter(light) * 3.0 < 2.0
     assert meter(np.zeros(0, np.float32)) == 1.0
+    sky = np.full(4000, 8.0, np.float32)
+    assert meter(light, None, sky) * 8.0 == pytest.approx(1.3)
+
+
+def test_white_is_balanced_by_the_share_that_is_told() -> None:
+    """Grey comes out grey with a share of 1, untouched with 0, half way in stops with a half."""
+    day = np.array([2.0, 1.5, 0.9])
+    for share in (0.0, 0.5, 1.0):
+        red, blue = balance(day, share)
+        assert np.log2([red, blue]) == pytest.approx(share * np.log2([1.5 / 2.0, 1.5 / 0.9]))
+    assert balance(np.zeros(3), 1.0) == (1.0, 1.0)
+    sensor = Sensor(SensorSettings(noise=False), 0.1, BRIGHTEST, SHAPE, 5, white=balance(day, 1.0))
+    frame = np.tile(np.rint(np.sqrt(day / BRIGHTEST) * 65535).astype(np.uint16), (*SHAPE, 1))
+    assert np.ptp(sensor.develop(frame, sensor.expose(0, frame))[0, 0].astype(int)) <= 1
 
 
 @pytest.mark.parametrize(("level", "share"), [(0.1, 1.0), (0.1, 0.5), (0.4, 0.5), (0.2, 1.0), (0.001, 1.0), (0.1, 0.0)])
 def test_a_frame_follows_its_own_light_as_far_as_it_is_told(level: float, share: float) -> None:
-    """The gain moves by the stated share of the stops between the frame's middle tone and grey, two at most."""
+    """The gain moves by the stated share of the stops between the frame's middle tone and grey, two at most.
+
+    A sky that fills most of the frame is held at 1.9 times white, however dark the ground.
+    """
     settings = STEADY.model_copy(update={"auto_exposure": share})
     sensor = Sensor(settings, 1.5, BRIGHTEST, SHAPE, 5)
     asked = share * np.log2(GREY / (1.5 * level))
@@ -123,7 +140,8 @@ def test_a_frame_follows_its_own_light_as_far_as_it_is_told(level: float, share:
     assert sensor.expose(0, coded(level)).gain == pytest.approx(expected, rel=1e-3)
     under_the_sky, surfaces = coded(level), np.zeros(SHAPE, bool)
     under_the_sky[:200], surfaces[200:] = coded(3.0)[:200], True
-    assert sensor.expose(0, under_the_sky, surfaces).gain == pytest.approx(expected, rel=1e-3)
+    held = max(min(expected, 1.9 / 3.0), 1.5 / 4) if share else expected
+    assert sensor.expose(0, under_the_sky, surfaces).gain == pytest.approx(held, rel=1e-3)
     assert sensor.expose(0, coded(level), np.zeros(SHAPE, bool)).gain == pytest.approx(expected, rel=1e-3)
 
 

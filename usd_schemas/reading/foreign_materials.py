@@ -18,7 +18,6 @@ Flat = tuple[Material, tuple[str, str]]
 Triple = tuple[float, float, float]
 
 _WHITE: Triple = (1.0, 1.0, 1.0)
-_BLACK: Triple = (0.0, 0.0, 0.0)
 _ZERO = (0.0, 0.0)
 _IMAGES = ("ND_image_", "ND_tiledimage_", "ND_gltf_image", "ND_gltf_colorimage", "ND_gltf_normalmap")
 _PASSED = ("ND_normalmap", "ND_convert_", "ND_extract_", "ND_separate")  # nodes that hand their one texture on

@@ -1,6 +1,6 @@
 """Meshes that a skeleton bends become meshes whose points move: baked in memory, the files stay as they are."""
 
-from pxr import Gf, Usd, UsdGeom, UsdSkel
+from pxr import Gf, Usd, UsdSkel
 
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.traversal import COMPOSED, MISTYPED
@@ -41,12 +41,3 @@ def _free_instances(stage: Usd.Stage, roots: list[Usd.Prim]) -> None:
             root = stage.GetPrimAtPath(root.GetPath())
         if root.IsInstance():
             root.SetInstanceable(False)
-
-
-def is_skinned(prim: Usd.Prim) -> bool:
-    """Tell whether a prim is bent by a skeleton or by blend shapes.
-
-    Args:
-        prim: A prim.
-    """
-    return prim.IsA(UsdGeom.Mesh) and prim.HasAPI(UsdSkel.BindingAPI)

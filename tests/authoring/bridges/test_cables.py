@@ -1,11 +1,13 @@
 """Cable-stayed and suspension bridges against closed forms and against what an engineer would measure on them."""
 
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
+from authoring.axis.alignment import Alignment
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.cable_stayed import CableStayedSettings, DrawnCableStayed
 from authoring.families.stayed_elevation import FLATTEST, GAUGE
@@ -14,6 +16,7 @@ from authoring.parts.anchors import clamps, hanger_sockets, sleeves
 from authoring.parts.cables import CHORD_SAG, Plane, chords, tube
 from authoring.parts.drawing import drawn_range
 from authoring.parts.stays import head_heights
+from authoring.parts.suspension_cables import _cable_points
 from authoring.shapes.component import F64, Component, triangles
 from authoring.solids.sweep import Surface
 from authoring.streams import stream
@@ -211,6 +214,24 @@ def test_hangers_reach_from_the_deck_to_the_parabola() -> None:
             assert winding(end, faces) == pytest.approx(1.0, abs=1e-6), (hanger.name, kind)
 
 
+def test_corners_of_a_cable_are_at_hangers_and_so_many_between() -> None:
+    """Both ends, each hanger farther than a decimetre from them, and equal runs that keep the chords to the limit."""
+    cables = hung(side_spans="straight").drawn.record.cables
+    first, last = cables.towers
+    low, high = first + 1.0, last - 1.0
+    hangers = np.linspace(low + 0.05, high - 0.05, 9)
+    held = np.concatenate([[first - 5.0], hangers, [last + 5.0]])
+    found = _cable_points(cables, low, high, held, 12.0, 3.0, Alignment(2.0))
+    corners = np.array([low, *hangers[1:-1], high])
+    expected = [low]
+    for a, b in pairwise(corners):
+        count = chords(12.0, (b - a) / (high - low))
+        expected += [a + (b - a) * (k + 1) / count for k in range(count)]
+    np.testing.assert_allclose(found[:, 0], expected, atol=1e-9)
+    np.testing.assert_allclose(found[:, 1], 3.0, atol=1e-12)
+    np.testing.assert_allclose(found[:, 2] - 2.0, cables.height(np.array(expected)), atol=1e-9)
+
+
 def test_drawn_cables_keep_to_the_parabola() -> None:
     """Corners of a main cable lie on it, one at each hanger; middles of chords leave it by the limit at most."""
     bridge = hung(side_spans="straight")
@@ -267,7 +288,7 @@ def test_stays_and_legs_leave_the_traffic_its_gauge(shape: str, service: str) ->
 
 
 def test_ratios_hold(proof_count: Count) -> None:
-    """Side spans, pylons, stays, sag and slenderness stay in their bands in every draw."""
+    """Side spans, pylons, stays, sag and slenderness stay in their bands; no cables where girders would do."""
     for seed in range(proof_count(40, 200)):
         record: DrawnCableStayed = record_of("cable_stayed", seed)
         choice, stays, pylon = record.choice, record.stays, record.pylon
@@ -280,11 +301,14 @@ def test_ratios_hold(proof_count: Count) -> None:
         assert min(np.diff(stays.offsets)) > 1.2
         assert min(np.diff(stays.heights)) > 0.1
         assert record.spans.supports[-1] <= (260.0 if choice.size == "compact" else 620.0)
+        assert choice.main >= {1: 55.0, 2: 70.0}[choice.pylons]
         other: DrawnSuspension = record_of("suspension", seed)
         cables, span = other.cables, other.choice.main
         assert 1 / 12 - 1e-3 <= cables.sag / span <= 1 / 8 + 1e-3
         assert 2.0 - 1e-9 <= cables.low <= 4.0 + 1e-9
         assert 0.2 - 0.002 <= other.choice.side / span <= 0.5 + 0.002
+        assert span >= 80.0
+        assert 0.09 <= other.tower.top / span <= 0.16
         assert cables.diameter >= span / 2000.0 - 1e-3
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
+from authoring.families.registry import FAMILIES
 from authoring.parts.pier_caps import CapShape, cap_surface
 from authoring.parts.shafts import Shafts, fork_outline, shaft_base, shaft_outline, shaft_surfaces, stout_shafts
 from authoring.parts.wedges import road_slope, seat_slope
@@ -18,7 +19,7 @@ from authoring.solids.sweep import Surface
 from authoring.streams import stream
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
-from tests.authoring.bridges.built import STRAIGHT, Bridge, make_bridge
+from tests.authoring.bridges.built import STRAIGHT, Bridge, build_on, make_bridge, settings_of
 from tests.conftest import Count
 
 LEVEL = Alignment(10.0)
@@ -129,6 +130,26 @@ def test_every_kind_stands_square_and_symmetric(kind: str) -> None:
     points = np.concatenate([member.mesh.points for member in pier]).round(6)
     mirrored = points * (1.0, -1.0, 1.0)
     assert {tuple(p) for p in (points + 0.0).tolist()} == {tuple(p) for p in (mirrored + 0.0).tolist()}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_footings_lie_in_the_ground(family: str) -> None:
+    """On land no footing or pile cap shows: soil covers each by 0.25 m; asked for, it shows by what was asked."""
+    bridge = make_bridge(family, 3, abutment={"footing": True})
+    feet = [m for m in bridge.members if m.kind.endswith("_footing") and "springing" not in m.parameters]
+    assert feet
+    for foot in feet:
+        top = foot.mesh.points[:, 2].max()
+        assert (bridge.ground(foot.mesh.points[:, :2]) - top).min() > 0.2, foot.name
+
+
+def test_a_footing_shows_by_what_is_asked_for() -> None:
+    """On level ground its top stands 0.3 m out of it."""
+    settings = settings_of("beam", pier={"footing_top": 0.3}, beam={"spans": [20.0, 20.0]})
+    layout, drawn = draw_layout(settings, stream(3, "bridge"))
+    bridge = build_on("beam", 3, layout, drawn, lambda xy: np.zeros(len(xy)))
+    (foot,) = (member for member in bridge.members if member.kind == "pier_footing")
+    assert foot.mesh.points[:, 2].max() == pytest.approx(0.3, abs=1e-9)
 
 
 def deck_heights(bridge: Bridge, points: F64, above: float) -> F64:

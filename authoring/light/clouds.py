@@ -1,0 +1,177 @@
+"""Clouds: heaps with flat bases and lit tops on one level, thin ice clouds far above them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.light.sun import LUMINANCE
+
+F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
+
+_SIDE, _TILE = 1024, 24_000.0  # texels and metres after which the field of clouds repeats
+_BASE = 1250.0  # [m] above the ground
+_HIGHEST = 1100.0  # [m] of a heap over its base
+_ICE, _ICE_TILE = 8500.0, 60_000.0  # height of the ice clouds, and metres after which they repeat [m]
+_EARTH = 6.36e6  # [m]
+_STEPS = 12  # through a heap
+_EXTINCTION = 0.012  # of a heap [1/m]
+_FAR = 4.0e4  # [m] over which heaps sink into the haze
+_STRETCH = 3.2  # length of a wisp of ice over its width [1]
+
+
+def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Generator) -> F64:
+    """Draw clouds before a sky; they sink into the haze towards the horizon.
+
+    Args:
+        sky: Clear sky, linear sRGB, shape (H, W, 3), float64.
+        directions: Unit vectors of its texels, world axes [1], shape (H, W, 3), float64.
+        sun: Unit vector towards the sun [1], shape (3,), float64.
+        cover: Share of the sky behind clouds [1].
+        rng: Random stream of the clouds.
+
+    Returns:
+        Linear sRGB, shape (H, W, 3), float64.
+    """
+    heaps, wisps, drift = _heaps(rng), _wisps(rng), rng.random(4)
+    rows = np.flatnonzero(directions[:, 0, 2] > 0)
+    result, above, behind = sky.copy(), directions[rows], sky[rows]
+    shine = _shine(sky, directions, sun)
+    angle = np.arccos(np.clip(above @ sun, -1, 1))
+    seen, glow = _ice(wisps, above, angle, drift[:2], cover)
+    behind = behind * (1 - seen[..., None]) + seen[..., None] * (0.55 * behind + 0.45 * shine * glow[..., None])
+    if cover > 0:
+        opacity, lit, away = _march(heaps, above, sun, cover, drift[2:])
+        ambient = 0.5 * np.median(sky[: len(sky) // 2].reshape(-1, 3), axis=0) + 0.5 * behind.mean(axis=(0, 1))
+        edge = 0.35 + 0.65 * np.exp(-2.0 * angle) + 3.0 * np.exp(-9.0 * angle)  # a heap before the sun glows at its rim
+        light = lit * (0.75 + 0.5 * (1 - opacity) * edge)
+        shade = 1 - 0.45 * np.clip((cover - 0.5) / 0.5, 0, 1)
+        colour = (0.55 + 0.25 * lit[..., None]) * ambient * shade * 1.5 + light[..., None] * shine
+        veil = np.exp(-away / _FAR)[..., None]
+        colour = colour * veil + behind * (1 - veil)
+        behind = behind * (1 - opacity[..., None]) + colour * opacity[..., None]
+    result[rows] = behind
+    return result
+
+
+def _shine(sky: F64, directions: F64, sun: F64) -> F64:
+    """Colour of a cloud in the sun, as bright as it is beside that sky, shape (3,)."""
+    height = max(float(sun[2]), 0.0)
+    level = float(np.median((sky @ LUMINANCE)[: len(sky) // 2]))
+    warm = np.exp(-np.array([0.06, 0.13, 0.30]) / (height + 0.06))
+    warm /= max(float(warm @ LUMINANCE), 1e-9)
+    fading = np.clip((float(sun[2]) + 0.06) / 0.12, 0, 1)
+    return (1.0 + 2.4 * fading) * level * (warm * fading + (1 - fading) * np.array([0.93, 0.99, 1.06]))
+
+
+def _march(heaps: tuple[F32, F32], directions: F64, sun: F64, cover: float, drift: F64) -> tuple[F64, F64, F64]:
+    """Follow lines of sight through the heaps, whose bases are level and whose tops rise where they are thick.
+
+    Returns:
+        Opacity [1], how much of the sun reaches what is seen (0 none, 1 all), and its distance [m], each (H, W).
+    """
+    broad, fine = heaps
+    ordered = np.sort(broad.ravel())
+    edge = float(ordered[min(int((1 - cover) * len(ordered)), len(ordered) - 1)])
+    spread = float(ordered[int(0.98 * len(ordered))] - edge) + 1e-9
+    up = np.maximum(directions[..., 2], 1e-3)
+    sideways = sun[:2] / max(float(np.hypot(sun[0], sun[1])), 1e-9) * min(1 / max(float(sun[2]), 0.15), 4.0)
+    opacity, light, away, left = (np.zeros(up.shape) for _ in range(4))
+    left += 1.0
+    closed = np.clip((cover - 0.75) / 0.25, 0, 1)
+    for step in range(_STEPS):
+        height = _HIGHEST * (step + 0.5) / _STEPS
+        reach = _distance(up, _BASE + height)
+        length = np.minimum(_HIGHEST / _STEPS / up, 900.0)
+        place = (directions[..., :2] * reach[..., None]) / _TILE + drift
+        blur = np.clip(reach / 6.0e4, 0, 1)
+        top = _tops(broad, fine, place, edge, spread, closed, blur)
+        inside = np.clip((top - height) / (100.0 + 0.014 * reach), 0, 1) * np.clip((height + 25.0) / 80.0, 0, 1)
+        if not inside.any():
+            continue
+        shadow = np.zeros(up.shape)
+        for lift in (90.0, 260.0, 560.0):
+            ahead = place + lift * sideways / _TILE
+            over = _tops(broad, fine, ahead, edge, spread, closed, blur)
+            shadow += np.clip((over - height - lift) / 160.0, 0, 1) * (0.5, 0.8, 1.1)[(90.0, 260.0, 560.0).index(lift)]
+        lit = np.exp(-1.1 * shadow) * (0.55 + 0.45 * height / np.maximum(top, 1.0).clip(height, None))
+        gone = left * (1 - np.exp(-_EXTINCTION * inside * length))
+        opacity, light, away, left = opacity + gone, light + gone * lit, away + gone * reach, left - gone
+    known = np.maximum(opacity, 1e-6)
+    return opacity * np.clip(directions[..., 2] / 0.02, 0, 1), light / known, away / known
+
+
+def _tops(broad: F32, fine: F32, place: F64, edge: float, spread: float, closed: float, blur: F64) -> F64:
+    """Height of the heaps over their base [m], shape (H, W); 0 and below where there are none."""
+    body = (_lookup(broad, place) - edge) / spread
+    swell = np.clip(body, 0, 1) ** 0.6
+    grain = _lookup(fine, 5.0 * place) * (1 - blur)
+    return _HIGHEST * (swell * (0.62 + 0.25 * closed) + (0.34 * grain - 0.13) * np.clip(6 * body + 0.4, 0, 1))
+
+
+def _ice(wisps: F32, directions: F64, angle: F64, drift: F64, cover: float) -> tuple[F64, F64]:
+    """Opacity of the ice clouds [1], and how they shine about the sun [1], each (H, W)."""
+    reach = _distance(np.maximum(directions[..., 2], 1e-3), _ICE)
+    place = directions[..., :2] * reach[..., None] / _ICE_TILE + drift
+    field = _lookup(wisps, place)
+    thin = np.clip((field - 0.50) / 0.5, 0, 1) * min(1.0, 0.4 + cover)
+    return 0.55 * thin * np.exp(-reach / 9.0e4), 0.8 + 1.5 * np.exp(-4.0 * angle)
+
+
+def _distance(up: F64, height: float) -> F64:
+    """How far a line of sight goes to a height over the round earth [m], by the sine of its elevation."""
+    return np.sqrt((_EARTH * up) ** 2 + 2 * _EARTH * height + height**2) - _EARTH * up
+
+
+def _heaps(rng: np.random.Generator) -> tuple[F32, F32]:
+    """Where heaps stand, and the buds on them, each 0 to 1, (side, side)."""
+    broad = _octaves(rng, (6, 11, 23, 47, 95), 0.62)
+    fine = np.zeros((_SIDE, _SIDE), np.float32)
+    for count, share in ((17, 0.5), (37, 0.3), (79, 0.2)):  # round upwards, with creases between
+        fine += np.float32(share) * (1 - np.abs(2 * _lattice(rng, count) - 1) ** 0.8)
+    return broad, fine
+
+
+def _wisps(rng: np.random.Generator) -> F32:
+    """Threads of ice, 0 to 1, (side, side): noise, drawn out along another one's slopes."""
+    field = _octaves(rng, (9, 21, 44, 90), 0.6)
+    bend = 0.06 * _octaves(rng, (3, 7), 0.5)
+    grid = (np.arange(_SIDE) + 0.5) / _SIDE
+    place = np.stack(np.broadcast_arrays(grid[None, :] / _STRETCH * 3.0, grid[:, None]), axis=-1)
+    moved = (place + np.stack([0.0 * bend, bend], axis=-1)).astype(np.float64)
+    drawn = _lookup(field, moved).astype(np.float32)
+    patches = np.clip(2.2 * _octaves(rng, (4, 9), 0.5) - 0.6, 0, 1)
+    return (drawn * patches).astype(np.float32)
+
+
+def _octaves(rng: np.random.Generator, counts: tuple[int, ...], fall: float) -> F32:
+    """Sum noise of finer and finer lattices, and stretch it to 0 to 1, (side, side)."""
+    total = np.zeros((_SIDE, _SIDE), np.float32)
+    for octave, count in enumerate(counts):
+        total += np.float32(fall**octave) * _lattice(rng, count)
+    low, high = float(total.min()), float(total.max())
+    return (total - np.float32(low)) / np.float32(high - low)
+
+
+def _lattice(rng: np.random.Generator, count: int) -> F32:
+    """Smooth noise that repeats, with `count` knots along a side, (side, side)."""
+    knots = (rng.integers(0, 1 << 16, (count, count)) / 65_536).astype(np.float32)
+    at = np.arange(_SIDE) * (count / _SIDE)
+    cell = at.astype(int)
+    part = (at - cell).astype(np.float32)
+    part = part * part * part * (part * (6 * part - 15) + 10)
+    after = (cell + 1) % count
+    rows = knots[cell] * (1 - part)[:, None] + knots[after] * part[:, None]
+    return (rows[:, cell] * (1 - part) + rows[:, after] * part).astype(np.float32)
+
+
+def _lookup(field: F32, place: F64) -> F64:
+    """Look a field that repeats after 1 up between its texels, (H, W)."""
+    at = place * _SIDE
+    cell = np.floor(at).astype(np.int64)
+    part = at - cell
+    column, row = cell[..., 0] % _SIDE, cell[..., 1] % _SIDE
+    right, down = (column + 1) % _SIDE, (row + 1) % _SIDE
+    u, v = part[..., 0], part[..., 1]
+    upper = field[row, column] * (1 - u) + field[row, right] * u
+    lower = field[down, column] * (1 - u) + field[down, right] * u
+    return upper * (1 - v) + lower * v

@@ -1,0 +1,130 @@
+"""The surfaces of a stage with one colour a triangle, few enough to be shown, in a child: it may come from anywhere."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from falsework.children.products import ADDRESS_LIMIT
+from groundwork.child import answer_parent
+from groundwork.progress import Progress
+
+SMALL = 64  # [px] to which a texture is reduced for its mean
+GREY = (0.5, 0.5, 0.5)
+NEAR = 10.0  # [m] from what matters most, within which distance does not count
+
+F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
+
+
+def reduced(corners: F64, level: NDArray[np.int64], most: int, reach: float = np.inf) -> NDArray[np.int64]:
+    """Choose triangles: the lowest levels first, and of one level those that look largest from the lowest one.
+
+    Args:
+        corners: Corner positions [m], shape (T, 3, 3), float64.
+        level: 0 for what matters most, shape (T,), int64.
+        most: Triangles at most.
+        reach: How far from the middle of what matters most other triangles may lie [m].
+
+    Returns:
+        Their rows in ascending order, shape (K,), int64.
+    """
+    if not len(corners) or (len(corners) <= most and np.isinf(reach)):
+        return np.arange(len(corners))
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    middle = np.median(corners[level == level.min()].reshape(-1, 3), axis=0)
+    away = ((corners.mean(axis=1) - middle) ** 2).sum(axis=1)
+    order = np.lexsort((np.arange(len(area)), -area / (away + NEAR**2), level))
+    order = order[(away[order] <= reach**2) | (level[order] == level.min())]
+    return np.sort(order[:most])
+
+
+def material_color(material: Any) -> tuple[float, float, float]:
+    """Give the mean sRGB colour of a material [1]; grey for a texture that cannot be read.
+
+    Args:
+        material: A `usd_schemas.flat_scene.Material`.
+    """
+    import cv2
+
+    if material.base_texture is None:
+        return _coded(material.base_color)
+    pixels = cv2.imread(material.base_texture.file, cv2.IMREAD_REDUCED_COLOR_8)
+    if pixels is None:
+        return GREY
+    small = cv2.resize(pixels, (SMALL, SMALL), interpolation=cv2.INTER_AREA).reshape(-1, 3).mean(axis=0)
+    color = (float(small[2]) / 255.0, float(small[1]) / 255.0, float(small[0]) / 255.0)
+    texture = material.base_texture
+    if texture.srgb and texture.gain == (1.0, 1.0, 1.0) and texture.bias == (0.0, 0.0, 0.0):
+        return color
+    linear = _linear(color) if texture.srgb else color
+    red, green, blue = (
+        value * gain + bias for value, gain, bias in zip(linear, texture.gain, texture.bias, strict=True)
+    )
+    return _coded((red, green, blue))
+
+
+def _coded(linear: tuple[float, float, float]) -> tuple[float, float, float]:
+    red, green, blue = (
+        12.92 * v if v <= 0.0031308 else 1.055 * v ** (1 / 2.4) - 0.055 for v in (min(max(c, 0.0), 1.0) for c in linear)
+    )
+    return red, green, blue
+
+
+def _linear(coded: tuple[float, float, float]) -> tuple[float, float, float]:
+    red, green, blue = (v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in coded)
+    return red, green, blue
+
+
+def _variants(path: Path) -> list[dict[str, Any]]:
+    """List the variant sets of a stage that offer a choice."""
+    from pxr import Usd
+
+    found, stage = [], Usd.Stage.Open(str(path))  # held: prims die with their stage
+    for prim in stage.Traverse():
+        for name in prim.GetVariantSets().GetNames():
+            one = prim.GetVariantSet(name)
+            names = sorted(one.GetVariantNames())
+            if len(names) > 1:
+                selected = one.GetVariantSelection()
+                found.append({"prim": str(prim.GetPath()), "set": name, "names": names, "selected": selected})
+    return found
+
+
+def _colors(scene: Any, rows: NDArray[np.uint32]) -> U8:
+    """Give each triangle the colour of its material, or the mean of its vertex colours, shape (T, 3)."""
+    geometry, draws = scene.geometry, scene.draws
+    of_material = np.array([material_color(material) for material in scene.materials])
+    colors = of_material[draws.material][rows]
+    for row in np.flatnonzero([scene.materials[number].use_display_color for number in draws.material]):
+        part = draws.part[row]
+        first, count = geometry.part_first[part], geometry.part_count[part]
+        mean = geometry.colors[geometry.triangles[first : first + count]].mean(axis=1)
+        coded = np.where(mean <= 0.0031308, 12.92 * mean, 1.055 * np.maximum(mean, 1e-9) ** (1 / 2.4) - 0.055)
+        colors[rows == row] = coded
+    return (255.0 * np.clip(colors, 0.0, 1.0)).round().astype(np.uint8)
+
+
+def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
+    from usd_schemas.flat_scene import world_triangles
+    from usd_schemas.guard.guard import check_stage, limit_memory
+    from usd_schemas.reading.choices import choices_from
+    from usd_schemas.reading.scene_cache import load_scene
+
+    limit_memory(ADDRESS_LIMIT)
+    stage = Path(request["stage"])
+    check_stage(stage, (), progress.note)
+    scene = load_scene(stage, choices=choices_from(request.get("choices")))
+    corners, ids, rows = world_triangles(scene)
+    bridge = [row.id for row in scene.instances if row.class_name not in ("background", "unlabelled", "")]
+    plants = [row.id for row in scene.instances if row.component == "vegetation"]
+    level = np.where(np.isin(ids, bridge), 0, np.where(np.isin(ids, plants), 2, 1))
+    chosen = reduced(corners, level, int(request["most"]), float(request["reach"] or np.inf))
+    colors = _colors(scene, rows)[chosen]
+    np.savez(request["file"], corners=corners[chosen].astype(np.float32), colors=colors)  # inside a temporary folder
+    return {"variants": _variants(stage), "triangles": len(corners)}
+
+
+if __name__ == "__main__":
+    answer_parent(_answer)

@@ -1,0 +1,122 @@
+"""The verb that writes pages: of a scene, a run, a data set, models with their scores, or a comparison."""
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from falsework.commands.console import ConsoleProgress
+from groundwork.errors import InputError, MissingError
+from groundwork.output_file import fresh_file
+from groundwork.output_reading import reading
+
+Sources = tyro.conf.Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FOLDER ...")]]
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+
+ALLOWED = "a scene of a run, the folder of a run, a data set, a model, scores (.json), or a comparison"
+SEVERAL = ("run", "model", "scores")
+
+
+def report(sources: Sources, output: Output) -> int:
+    """Write a self-contained page: of a scene, a run, a data set, a training or a comparison.
+
+    What the folder is, it says itself. Several runs stand side by side in one page, and so do several models with
+    their scores. Nothing is fetched when the page is opened.
+
+    Args:
+        sources: Folder of a scene (`OUT/scenes/0000`), of a run, a data set, a model or a comparison; JSON files of
+            falsework evaluate.
+        output: HTML file to write.
+    """
+    for source in sources:
+        if not source.exists():
+            raise MissingError("no such file or folder", where=source, hint="Check the path")
+    if not sources:
+        raise InputError("nothing to report on", allowed=ALLOWED)
+    kinds = [kind_of(source) for source in sources]
+    if len(sources) > 1 and not (set(kinds) <= {"run"} or set(kinds) <= {"model", "scores"}):
+        raise InputError(
+            "these do not go into one page",
+            value=", ".join(dict.fromkeys(kinds)),
+            allowed="one of anything, several runs, or models and their scores",
+        )
+    _write(kinds, sources, output)
+    sys.stdout.write(f"report  {output}\n")
+    return 0
+
+
+def kind_of(source: Path) -> str:
+    """Tell what a folder or file is.
+
+    Args:
+        source: A folder, or a file.
+
+    Returns:
+        scene, run, dataset, model, scores or comparison.
+
+    Raises:
+        InputError: None of them.
+    """
+    if source.is_file():
+        if source.suffix == ".json":
+            return "scores"
+        raise InputError("no page of such a file", where=source, allowed=ALLOWED)
+    marks = {"comparison": "comparison.json", "dataset": "dataset.json", "model": "model.json"}
+    for kind, mark in marks.items():
+        if (source / mark).is_file():
+            return kind
+    from falsework.execution.run_facts import is_run
+
+    if is_run(source):
+        return "run"
+    if (source / "capture").is_dir() or (source / "cloud").is_dir():
+        return "scene"
+    raise InputError("nothing here that a page could show", where=source, allowed=ALLOWED)
+
+
+def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
+    first, inputs = sources[0], list(sources)
+    if kinds[0] == "scene":
+        from falsework.commands.verbs import report_scene
+
+        report_scene(first, page)
+        return
+    with ConsoleProgress() as progress, reading(*inputs), fresh_file(page, inputs) as temporary:
+        if kinds[0] == "run":
+            from falsework.execution.run_facts import run_facts
+            from falsework.report.run_page import write_run_page
+
+            write_run_page(temporary, [run_facts(run, way_to(run, page)) for run in sources])
+        elif kinds[0] == "dataset":
+            from falsework.report.dataset_page import write_dataset_page
+
+            write_dataset_page(temporary, first, way_to(first, page), progress)
+        elif kinds[0] == "comparison":
+            from falsework.report.comparison_page import write_comparison_page
+
+            write_comparison_page(temporary, first)
+        else:
+            from falsework.report.training_page import write_training_page
+
+            named = list(zip(kinds, sources, strict=True))
+            models = {_name(source, sources): source for kind, source in named if kind == "model"}
+            scores = {_name(source, sources): source for kind, source in named if kind == "scores"}
+            write_training_page(temporary, models, scores)
+
+
+def way_to(folder: Path, page: Path) -> str:
+    """Spell the way from a page to a folder, as both are named; pages quote it.
+
+    Args:
+        folder: Any folder.
+        page: HTML file.
+    """
+    return Path(os.path.relpath(folder.absolute(), page.absolute().parent)).as_posix()
+
+
+def _name(source: Path, sources: tuple[Path, ...]) -> str:
+    """Name a source by its last part, or by all of its path where another one is called alike."""
+    alike = [other for other in sources if other.stem == source.stem and other.suffix == source.suffix]
+    return source.absolute().stem if len(alike) < 2 else str(source)

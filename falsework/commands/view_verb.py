@@ -1,0 +1,62 @@
+"""The verb that shows a scene in the browser."""
+
+import sys
+import threading
+from pathlib import Path
+
+import tyro
+
+from falsework.commands.console import ConsoleProgress
+from falsework.commands.report_verb import way_to
+from groundwork.errors import InputError
+from groundwork.output_file import fresh_file
+from groundwork.output_reading import reading
+
+PORTS = (1024, 65535)
+
+
+def view(
+    place: tyro.conf.Positional[Path],
+    *,
+    cloud: str = "",
+    save: Path | None = None,
+    port: int = 8080,
+) -> int:
+    """Look at a scene in the browser: stage, cameras, pictures and cloud together.
+
+    Click a point: its class, instance and uncertainty, and the images that saw it, with its pixel. Needs the extra
+    view, but for --save. Only this machine can open it.
+
+    Args:
+        place: Scene of a run (`OUT/scenes/0000`), scene folder or USD file, capture, or cloud.
+        cloud: Which of several clouds is shown first; left out: the first.
+        save: Write a page that needs no server instead, and end.
+        port: Port of the server; where it is taken, the next free one.
+    """
+    from falsework.view.subject import find_subject
+
+    subject = find_subject(place)
+    inputs = [place, *subject.captures.values(), *subject.clouds.values()]
+    if cloud and cloud not in subject.clouds:
+        raise InputError("no such cloud", field="--cloud", value=cloud, allowed=", ".join(subject.clouds) or "none")
+    if save is not None:
+        from falsework.view.saved import save_view
+
+        way = way_to(place, save) if (place / "capture").is_dir() else ""
+        with ConsoleProgress() as progress, reading(*inputs), fresh_file(save, inputs) as temporary:
+            save_view(temporary, subject, cloud, way, progress)
+        sys.stdout.write(f"page    {save}\n")
+        return 0
+    if not PORTS[0] <= port <= PORTS[1]:
+        raise InputError("no such port", field="--port", value=port, allowed=f"{PORTS[0]} to {PORTS[1]}")
+    from falsework.view.viewer import Viewer
+
+    with ConsoleProgress() as progress, reading(*inputs):
+        viewer = Viewer(subject, port, progress, cloud)
+    sys.stdout.write(f"view    {viewer.address}  (Ctrl-C ends it)\n")
+    sys.stdout.flush()
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:  # the way to end it, not an interruption
+        viewer.stop()
+    return 0

@@ -1,0 +1,128 @@
+"""What a run has come to, read from its folder alone: scenes, results, rejections, points of each class, times."""
+
+from pathlib import Path
+from typing import Any
+
+from falsework.execution.events import read_events
+from falsework.report.page import file_link
+from falsework.report.run_page import Event, FailureRow, RunFacts, SceneRow, write_run_page
+from falsework.scenario import scene_seed
+from falsework.store.failures import read_failure
+from groundwork.errors import InputError, MissingError
+from groundwork.files import read_json
+from groundwork.settings import read_toml
+
+STAGES = ("stage", "capture", "model", "cloud", "report")
+REPORT = "report.html"
+RUN = "run"
+
+
+def run_facts(root: Path, place: str, *, times: bool = True) -> RunFacts:
+    """Read what is known of a run.
+
+    Args:
+        root: Its output folder.
+        place: Way from the page to that folder.
+        times: Whether to read when what ran.
+
+    Raises:
+        MissingError: Not the folder of a run.
+    """
+    if not is_run(root):
+        raise MissingError("not a run: no scenario.toml with scenes", where=root, hint="Name a folder of falsework run")
+    scenario = read_toml(root / "scenario.toml")
+    scenes = sorted(path for path in root.glob("scenes/*") if path.is_dir())
+    events = [event for told in read_events(root) if (event := _event(told)) is not None] if times else []
+    return RunFacts(
+        name=root.absolute().name,
+        stages=STAGES,
+        wanted=int(scenario.get("scenes", 1)),
+        scenes=[_scene(path, place) for path in scenes],
+        failures=_failures(root, scenes, int(scenario.get("seed", 0)), int(scenario.get("scenes", 1))),
+        events=events,
+        settings=scenario,
+    )
+
+
+def is_run(root: Path) -> bool:
+    """Tell whether a folder is that of a run.
+
+    Args:
+        root: A folder.
+    """
+    return (root / "scenario.toml").is_file() and ((root / "store").is_dir() or (root / "scenes").is_dir())
+
+
+def write_run_report(root: Path) -> None:
+    """Write `run/report.html`, the only page that holds times.
+
+    Args:
+        root: Output folder of a run.
+    """
+    write_run_page(root / RUN / REPORT, [run_facts(root, "..")])
+
+
+def _scene(folder: Path, place: str) -> SceneRow:
+    results, clouds, cameras = {}, {}, {}
+    for stage in STAGES:
+        found = folder / stage
+        if stage == "stage":
+            results[stage] = int(found.exists())
+        elif stage == "report":
+            results[stage] = int((folder / REPORT).exists())
+        else:
+            results[stage] = sum(path.exists() for path in found.glob("*"))
+    for path in sorted(folder.glob("cloud/*")):
+        try:
+            told = read_json(path / "cloud.json")
+            counts = told["statistics"].get("points_per_class") or {}
+            clouds[path.name] = {str(name): int(count) for name, count in counts.items()}
+            good = sum(row["status"] == "ok" for row in told["cameras"])
+            cameras[path.name] = (good, len(told["cameras"]))
+        except (OSError, InputError, KeyError, TypeError, ValueError, AttributeError):
+            continue  # what is not as it should be, `falsework verify` finds
+    page = file_link(*place.split("/"), "scenes", folder.name, REPORT) if (folder / REPORT).exists() else ""
+    return SceneRow(folder.name, results, clouds, cameras, page)
+
+
+def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[FailureRow]:
+    """Read the records of what became no result; a record tells its inputs or its seed, and so its scene."""
+    seeds = {scene_seed(seed, index): f"{index:04d}" for index in range(count)}
+    owners = {key: scene.name for scene in scenes for key in _keys(scene)}
+    rows = []
+    for path in sorted(root.glob("failed/*.json")):
+        failure = read_failure(path)
+        if failure is None:
+            continue
+        try:
+            record = read_json(path)
+            given = record.get("inputs", {}).values()
+            scene = next((owners[key] for key in given if key in owners), "")
+            scene = scene or seeds.get(record.get("settings", {}).get("seed", -1), "")
+            stage = str(record.get("stage", ""))
+        except (OSError, InputError, AttributeError, TypeError):
+            scene, stage = "", ""
+        rows.append(FailureRow(scene, stage, failure.kind, failure.reason, failure.message, failure.last_lines))
+    return sorted(rows, key=lambda row: (row.scene or "~", row.stage))
+
+
+def _keys(scene: Path) -> list[str]:
+    """List the keys of the results that a scene links to."""
+    links = [scene / "stage", *scene.glob("capture/*"), *scene.glob("model/*"), *scene.glob("cloud/*")]
+    return [link.readlink().name for link in links if link.is_symlink()]
+
+
+def _event(told: dict[str, Any]) -> Event | None:
+    """Take over an event of a result that was made; others, and what is odd, are left out."""
+    if not told.get("made"):
+        return None
+    try:
+        return Event(
+            str(told.get("scene", "")),
+            str(told["stage"]),
+            float(told["end"]),
+            max(float(told["seconds"]), 0.0),
+            int(told.get("bytes", 0)),
+        )
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None

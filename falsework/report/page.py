@@ -1,0 +1,186 @@
+"""The frame that every page stands in: one file, nothing fetched, light and dark, names that cannot become script."""
+
+import base64
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import jinja2
+from markupsafe import Markup
+
+from groundwork.files import write_text
+from groundwork.output_file import SIGNATURE
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+FONT = {"family": "system-ui, sans-serif", "size": 13, "color": "#2b2f33"}
+BLUE, RED, GREY = "#3d7cc0", "#d1453b", "#9aa0a6"  # seen well on light and on dark ground
+SERIES = (BLUE, "#d98324", "#3f9b58", "#a25bb5", RED, "#8a6d3b", "#2aa1a6", "#c2578e")
+DEEPEST = 12  # levels of settings that are shown; what is deeper comes from no file of ours
+
+
+def write_page(path: Path, template: str, *, title: str, lead: str, **values: Any) -> None:
+    """Write a page.
+
+    Only the scripts whose hashes the page itself states are run by a browser, and nothing is fetched: whatever a
+    name from a file would smuggle in stays text.
+
+    Args:
+        path: HTML file to write.
+        template: Name of the template.
+        title: Heading.
+        lead: Line below it.
+        values: What the template shows.
+    """
+    body = _environment().get_template(template).render(title=title, lead=lead, **values)
+    scripts = [_template("space.js")] if 'class="card space"' in body else []
+    if 'class="figure"' in body:
+        from plotly.offline import get_plotlyjs  # pages without figures need not wait for it
+
+        scripts += [get_plotlyjs(), _template("figures.js")]
+    scripts.append(_template("page.js"))
+    frame = _environment().get_template("frame.html.j2")
+    page = frame.render(
+        signature=SIGNATURE,
+        policy=_policy(scripts),
+        title=title,
+        style=Markup(_template("style.css")),
+        body=Markup(body),
+        scripts=[Markup(script) for script in scripts],
+    )
+    write_text(path, page)
+
+
+def figure_json(figure: "go.Figure") -> Markup:
+    """Spell a figure for `figures.js`.
+
+    Args:
+        figure: A figure; its texts are escaped by who made it, since Plotly reads tags in them.
+    """
+    told = json.loads(figure.to_json() or "{}")
+    told["layout"].pop("template", None)
+    return script_json(told)
+
+
+def script_json(value: object) -> Markup:
+    """Spell JSON that may stand in a script element: names from files cannot end it.
+
+    Args:
+        value: Plain lists, tables, numbers and strings.
+    """
+    text = json.dumps(value, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def file_link(*parts: str) -> str:
+    """Spell a relative link to a file.
+
+    Args:
+        parts: Folders and the name, whatever signs are in them; an empty first part is the page's own folder.
+    """
+    return "/".join(["." if not parts[0] else quote(parts[0]), *(quote(part) for part in parts[1:])])
+
+
+def plain_layout(figure: "go.Figure", height: int) -> "go.Figure":
+    """Give a figure the margins and the font of the page; colours follow light and dark in the browser.
+
+    Args:
+        figure: A figure.
+        height: Its height [px].
+    """
+    return figure.update_layout(
+        height=height,
+        margin={"l": 55, "r": 15, "t": 30, "b": 45},
+        font=FONT,
+        template="none",
+        paper_bgcolor="rgba(0,0,0,0)",
+        plot_bgcolor="rgba(0,0,0,0)",
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+    )
+
+
+def number(value: Any) -> str:
+    """Spell a number, or whatever else a record holds, for people.
+
+    Args:
+        value: A number, a word, or None for what is not known.
+    """
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
+def percent(value: float | None) -> str:
+    """Spell a share in per cent.
+
+    Args:
+        value: The share [1], or None for what is not known.
+    """
+    return "–" if value is None or math.isnan(value) else f"{value:.1%}"
+
+
+def settings_rows(value: Mapping[str, Any], depth: int = 0) -> list[dict[str, Any]]:
+    """Spell nested settings as rows.
+
+    Args:
+        value: JSON settings.
+        depth: Levels above.
+
+    Returns:
+        Rows of `depth`, `name` and `value`; a row that opens a level has an empty value.
+    """
+    rows: list[dict[str, Any]] = []
+    for name, inner in sorted(value.items()):
+        if isinstance(inner, Mapping) and inner and depth < DEEPEST:
+            rows.append({"depth": depth, "name": str(name), "value": ""})
+            rows += settings_rows(inner, depth + 1)
+        else:
+            rows.append({"depth": depth, "name": str(name), "value": _spelled(inner)})
+    return rows
+
+
+def _spelled(value: Any) -> str:
+    if value == {}:
+        return "–"
+    if isinstance(value, str | int | float | None):
+        return "–" if value is None or value == "" else (value if isinstance(value, str) else f"{value}")
+    if isinstance(value, Sequence) and all(isinstance(part, str | int | float) for part in value):
+        return ", ".join(map(str, value)) or "–"
+    return json.dumps(value, sort_keys=True)
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("falsework.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["percent"] = percent
+    environment.filters["number"] = number
+    environment.filters["figure"] = figure_json
+    return environment
+
+
+def _policy(scripts: Sequence[str]) -> str:
+    hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    allowed = " ".join(f"'sha256-{value}'" for value in hashes)
+    return f"default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src {allowed}"
+
+
+@cache
+def _template(name: str) -> str:
+    return files("falsework.report").joinpath("templates", name).read_text(encoding="utf-8")

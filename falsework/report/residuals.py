@@ -1,0 +1,231 @@
+"""What each image contributed and how well it fits, and how many images show each spot of the plan."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from falsework.report.page import BLUE, RED, number, plain_layout
+from groundwork.files import read_json
+
+if TYPE_CHECKING:
+    from recon.cloud import Cloud
+
+F64 = NDArray[np.float64]
+
+CELLS = 140  # of the overlap map along its longer side
+FINEST_CELL = 0.25  # [m]
+MANY = 6  # images of one spot from which more make no difference to the colour
+SCALE = ["#b8322a", "#dd7a35", "#e8c04a", "#a3bf5a", "#4f9d69", "#2b7a78"]
+
+
+@dataclass(frozen=True)
+class ImageRow:
+    """What is known of one image of a reconstruction.
+
+    Attributes:
+        name: Its name.
+        status: `ok`, or why it is not used.
+        points: Points of the cloud that it shows.
+        residual: Median distance between keypoint and reprojected point [px]; NaN where there is none.
+        depth_error: Median difference of true and reconstructed depth [m]; NaN without truth.
+        center_error: Distance from its true or measured place [m]; NaN where it has none.
+        rotation_error: Angle to its true attitude [deg]; NaN without truth.
+    """
+
+    name: str
+    status: str
+    points: int
+    residual: float
+    depth_error: float
+    center_error: float
+    rotation_error: float
+
+
+def image_rows(cloud: "Cloud", folder: Path) -> list[ImageRow]:
+    """Sum up each image of a reconstructed cloud.
+
+    Args:
+        cloud: A cloud.
+        folder: Its folder, with the cameras of the reconstruction.
+    """
+    residuals = reprojection_residuals(cloud, folder)
+    image = cloud.observations["image"]
+    order = np.argsort(image, kind="stable")
+    ends = np.searchsorted(image[order], np.arange(len(cloud.cameras) + 1))
+    rows = []
+    for number_, camera in enumerate(cloud.cameras):
+        mine = order[ends[number_] : ends[number_ + 1]]
+        rows.append(
+            ImageRow(
+                str(camera["name"]),
+                str(camera["status"]),
+                len(mine),
+                _median(residuals[mine]),
+                _median(cloud.observations["depth_error"][mine]),
+                _float(camera.get("center_error")),
+                _float(camera.get("rotation_error")),
+            )
+        )
+    return rows
+
+
+def reprojection_residuals(cloud: "Cloud", folder: Path) -> F64:
+    """Measure how far each keypoint lies from where its point appears in the reconstructed camera.
+
+    Args:
+        cloud: A cloud.
+        folder: Its folder.
+
+    Returns:
+        Distance of each observation [px], shape (M,), float64; NaN where the camera is not known.
+    """
+    image = cloud.observations["image"]
+    result = np.full(len(image), np.nan)
+    path = folder / "cameras_sfm.json"
+    if not path.is_file() or not len(image):
+        return result
+    stored = read_json(path)
+    poses = {row["name"]: np.array(row["camera_to_world"], np.float64) for row in stored["poses"]}
+    point = np.repeat(np.arange(len(cloud)), np.diff(cloud.observations["start"]))
+    for row, camera in enumerate(cloud.cameras):
+        mine = np.flatnonzero(image == row)
+        if camera["name"] not in poses or not len(mine):
+            continue
+        pose = poses[camera["name"]]
+        local = (cloud.columns["coord"][point[mine]] - pose[:3, 3]) @ pose[:3, :3]
+        seen = _projected(local[:, :2] / local[:, 2:], stored["camera"]["model"], stored["camera"]["params"])
+        result[mine] = np.linalg.norm(seen - cloud.observations["uv"][mine], axis=1)
+    return result
+
+
+def residual_figure(rows: list[ImageRow]) -> go.Figure:
+    """Draw the median residual of every image, in the order of the flight.
+
+    Args:
+        rows: Of `image_rows`.
+    """
+    good = [row.status == "ok" for row in rows]
+    figure = go.Figure(
+        go.Bar(
+            x=list(range(len(rows))),
+            y=[row.residual for row in rows],
+            marker_color=[BLUE if right else RED for right in good],
+            text=None,
+            hovertemplate="image %{x}: %{y:.2f} px<extra></extra>",
+        )
+    )
+    plain_layout(figure, 300)
+    return figure.update_layout(xaxis={"title": "image"}, yaxis={"title": "median residual [px]"}, bargap=0.15)
+
+
+def overlap_figure(cloud: "Cloud") -> go.Figure:
+    """Count in plan how many images show each spot where the cloud has points.
+
+    Args:
+        cloud: A reconstructed cloud.
+    """
+    counts, x, y = overlap_map(cloud)
+    steps = [[k / (MANY - 1), color] for k, color in enumerate(SCALE)]
+    figure = go.Figure(
+        go.Heatmap(
+            z=np.where(counts > 0, counts.astype(float), np.nan),
+            x=x,
+            y=y,
+            zmin=1,
+            zmax=MANY,
+            colorscale=steps,
+            colorbar={
+                "title": "images",
+                "tickvals": [1, 2, 3, 4, 5, MANY],
+                "ticktext": ["1", "2", "3", "4", "5", f"≥ {MANY}"],
+            },
+            hovertemplate="%{z:.0f} images at x %{x:.1f} m, y %{y:.1f} m<extra></extra>",
+        )
+    )
+    plain_layout(figure, 420)
+    return figure.update_layout(
+        xaxis={"title": "x [m]", "constrain": "domain"}, yaxis={"title": "y [m]", "scaleanchor": "x"}
+    )
+
+
+def overlap_map(cloud: "Cloud") -> tuple[NDArray[np.int64], F64, F64]:
+    """Count the different images of the points in each cell of the plan.
+
+    Args:
+        cloud: A reconstructed cloud; the twentieth of its points that lie farthest out is left out.
+
+    Returns:
+        Images of each cell, shape (rows, columns), int64; middles of the columns [m], shape (columns,), and of the
+        rows [m], shape (rows,), float64.
+    """
+    place = cloud.columns["coord"][:, :2]
+    low, high = np.percentile(place, [1, 99], axis=0)
+    cell = max(float((high - low).max()) / CELLS, FINEST_CELL)
+    shape = np.maximum(np.ceil((high - low) / cell).astype(int), 1)
+    at = np.floor((place - low) / cell).astype(int)
+    inside = ((at >= 0) & (at < shape)).all(axis=1)
+    point = np.repeat(np.arange(len(cloud)), np.diff(cloud.observations["start"]))
+    kept = inside[point]
+    flat = at[point[kept], 1] * shape[0] + at[point[kept], 0]
+    images = max(len(cloud.cameras), 1)
+    pairs = np.unique(flat.astype(np.int64) * images + cloud.observations["image"][kept])
+    counts = np.bincount(pairs // images, minlength=int(shape[0] * shape[1])).reshape(shape[1], shape[0])
+    x, y = (low[k] + cell * (np.arange(shape[k]) + 0.5) for k in (0, 1))
+    return counts, x.round(3), y.round(3)
+
+
+def image_table(rows: list[ImageRow], links: dict[str, str]) -> list[dict[str, Any]]:
+    """Spell the rows for a table.
+
+    Args:
+        rows: Of `image_rows`.
+        links: Link to the file of each name.
+    """
+    return [
+        {
+            "name": row.name,
+            "file": links.get(row.name, ""),
+            "status": row.status,
+            "cells": [
+                f"{row.points:,}",
+                number(round(row.residual, 3)),
+                _millimetres(row.depth_error),
+                _millimetres(row.center_error),
+                number(round(row.rotation_error, 4)),
+            ],
+        }
+        for row in rows
+    ]
+
+
+def _projected(plane: F64, model: str, params: list[float]) -> F64:
+    """Apply a lens of COLMAP to places at distance 1, shape (N, 2)."""
+    two = model in ("PINHOLE", "OPENCV")
+    focal = np.array(params[:2] if two else [params[0]] * 2)
+    centre = np.array(params[2:4] if two else params[1:3])
+    bend = [*params[4 if two else 3 :], 0.0, 0.0, 0.0, 0.0][:4]
+    square = (plane**2).sum(axis=1, keepdims=True)
+    bent = plane * (1.0 + bend[0] * square + (0.0 if model == "SIMPLE_RADIAL" else bend[1]) * square**2)
+    if model == "OPENCV":
+        x, y, p1, p2 = plane[:, :1], plane[:, 1:], bend[2], bend[3]
+        bent = bent + np.hstack(
+            [2 * p1 * x * y + p2 * (square + 2 * x * x), p1 * (square + 2 * y * y) + 2 * p2 * x * y]
+        )
+    return bent * focal + centre
+
+
+def _median(values: NDArray[Any]) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def _float(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _millimetres(value: float) -> str:
+    return "–" if np.isnan(value) else f"{1000 * value:.1f}"

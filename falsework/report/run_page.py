@@ -1,0 +1,257 @@
+"""The page of whole runs: scenes and stages, what was rejected and why, points of each class, and when what ran."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from falsework.report.page import SERIES, number, settings_rows, write_page
+
+MOST_ROWS = 400  # scenes in a table; of more, those that are not whole come first
+MOST_BARS = 80  # scenes in the picture of times
+
+
+@dataclass(frozen=True)
+class SceneRow:
+    """What a run has of one scene.
+
+    Attributes:
+        name: Its number.
+        results: Number of results of each stage that are there.
+        clouds: Name of each cloud to the points of each class.
+        cameras: Name of each cloud to how many cameras are registered, and of how many.
+        page: Link to its own page, or empty.
+    """
+
+    name: str
+    results: Mapping[str, int]
+    clouds: Mapping[str, Mapping[str, int]]
+    cameras: Mapping[str, tuple[int, int]]
+    page: str = ""
+
+
+@dataclass(frozen=True)
+class FailureRow:
+    """Why a result is not there.
+
+    Attributes:
+        scene: Number of its scene; empty where the record does not say.
+        stage: Its stage.
+        kind: `rejected` or `failed`.
+        reason: Short code.
+        message: One line.
+        last_lines: What its process said last.
+    """
+
+    scene: str
+    stage: str
+    kind: str
+    reason: str
+    message: str
+    last_lines: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Event:
+    """A result that was made.
+
+    Attributes:
+        scene: Number of its scene.
+        stage: Its stage.
+        end: When it was done [s].
+        seconds: How long it took [s].
+        size: What it added to the disk [bytes].
+    """
+
+    scene: str
+    stage: str
+    end: float
+    seconds: float
+    size: int = 0
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """What is known of one run.
+
+    Attributes:
+        name: What its folder is called.
+        stages: Stages, in the order of work.
+        wanted: Scenes that the scenario has.
+        scenes: Those of which something is there.
+        failures: What became no result.
+        events: What was made, where times are wanted.
+        settings: The scenario.
+    """
+
+    name: str
+    stages: tuple[str, ...]
+    wanted: int
+    scenes: Sequence[SceneRow]
+    failures: Sequence[FailureRow]
+    events: Sequence[Event] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+def write_run_page(path: Path, runs: Sequence[RunFacts]) -> None:
+    """Write the page of one run, or of several side by side.
+
+    Args:
+        path: HTML file to write.
+        runs: What is known of them.
+    """
+    write_page(
+        path,
+        "run.html.j2",
+        title=" · ".join(run.name for run in runs),
+        lead="run of scenes: results, rejections, points of each class, times",
+        runs=[_run(run) for run in runs],
+        side_by_side=_side_by_side(runs) if len(runs) > 1 else None,
+    )
+
+
+def _run(run: RunFacts) -> dict[str, Any]:
+    failed = {row.scene for row in run.failures if row.scene}
+    totals = _class_totals(run)
+    classes = sorted((name for name, count in totals.items() if count), key=lambda name: -totals[name])
+    shown = sorted(run.scenes, key=lambda scene: (scene.name not in failed, scene.name))[:MOST_ROWS]
+    bad = {(row.scene, row.stage): row for row in run.failures}
+    return {
+        "name": run.name,
+        "tiles": _tiles(run),
+        "stages": run.stages,
+        "scenes": [
+            {
+                "name": scene.name,
+                "page": scene.page,
+                "cells": [_cell(scene, stage, bad) for stage in run.stages],
+            }
+            for scene in sorted(shown, key=lambda scene: scene.name)
+        ],
+        "left_out": len(run.scenes) - len(shown),
+        "failures": run.failures,
+        "classes": classes,
+        "clouds": [
+            [
+                scene.name,
+                name,
+                _cameras(scene, name),
+                number(sum(cloud.values())),
+                *(number(cloud.get(one, 0)) for one in classes),
+            ]
+            for scene in sorted(shown, key=lambda scene: scene.name)
+            for name, cloud in scene.clouds.items()
+        ],
+        "totals": ["all", "", "", number(sum(totals.values())), *(number(totals[name]) for name in classes)],
+        "times": _times(run),
+        "bars": _bars(run),
+        "colors": dict(zip(run.stages, SERIES, strict=False)),
+        "settings": [("scenario", settings_rows(run.settings))] if run.settings else [],
+    }
+
+
+def _class_totals(run: RunFacts) -> dict[str, int]:
+    """Sum the points of each class over all clouds."""
+    totals: dict[str, int] = {}
+    for scene in run.scenes:
+        for cloud in scene.clouds.values():
+            for name, count in cloud.items():
+                totals[name] = totals.get(name, 0) + count
+    return totals
+
+
+def _tiles(run: RunFacts) -> list[dict[str, str]]:
+    counts = {kind: len({row.scene for row in run.failures if row.kind == kind}) for kind in ("rejected", "failed")}
+    points = sum(count for scene in run.scenes for cloud in scene.clouds.values() for count in cloud.values())
+    tiles = [
+        {"label": "scenes with results", "value": f"{len(run.scenes)} of {run.wanted}"},
+        {"label": "rejected", "value": number(counts["rejected"])},
+        {"label": "failed", "value": number(counts["failed"])},
+        {"label": "clouds", "value": number(sum(len(scene.clouds) for scene in run.scenes))},
+        {"label": "points", "value": number(points)},
+    ]
+    if run.events:
+        tiles.append({"label": "of work", "value": duration(sum(event.seconds for event in run.events))})
+    return tiles
+
+
+def _cell(scene: SceneRow, stage: str, bad: Mapping[tuple[str, str], FailureRow]) -> dict[str, str]:
+    if (scene.name, stage) in bad:
+        row = bad[scene.name, stage]
+        return {"text": f"{row.kind}: {row.reason}", "look": "bad"}
+    count = scene.results.get(stage, 0)
+    return {"text": "–", "look": "soft"} if not count else {"text": "✓" if count == 1 else f"✓ {count}", "look": "good"}
+
+
+def _cameras(scene: SceneRow, name: str) -> str:
+    good, every = scene.cameras.get(name, (0, 0))
+    return f"{good} of {every}" if every else "–"
+
+
+def _times(run: RunFacts) -> list[list[str]]:
+    """Sum up the times of each stage."""
+    rows = []
+    for stage in dict.fromkeys([*run.stages, *(event.stage for event in run.events)]):
+        mine = [event for event in run.events if event.stage == stage]
+        if mine:
+            seconds = [event.seconds for event in mine]
+            rows.append(
+                [
+                    stage,
+                    number(len(mine)),
+                    *(duration(value) for value in (sum(seconds), median(seconds), max(seconds))),
+                    f"{sum(event.size for event in mine) / 1e6:,.0f} MB",
+                ]
+            )
+    return rows
+
+
+def _bars(run: RunFacts) -> dict[str, Any] | None:
+    """Place every result on a line of time, a row for each scene."""
+    if not run.events:
+        return None
+    first = min(event.end - event.seconds for event in run.events)
+    whole = max(max(event.end for event in run.events) - first, 1e-9)
+    names = sorted({event.scene for event in run.events})
+    rows = [
+        {
+            "name": name,
+            "bars": [
+                {
+                    "stage": event.stage,
+                    "left": round(100.0 * (event.end - event.seconds - first) / whole, 3),
+                    "width": round(max(100.0 * event.seconds / whole, 0.15), 3),
+                    "words": f"{event.stage}: {duration(event.seconds)}",
+                }
+                for event in run.events
+                if event.scene == name
+            ],
+        }
+        for name in names[:MOST_BARS]
+    ]
+    return {"rows": rows, "whole": duration(whole), "left_out": len(names) - len(rows)}
+
+
+def _side_by_side(runs: Sequence[RunFacts]) -> list[list[str]]:
+    names = list(dict.fromkeys(tile["label"] for run in runs for tile in _tiles(run)))
+    tiles = [{tile["label"]: tile["value"] for tile in _tiles(run)} for run in runs]
+    rows = [[name, *(told.get(name, "–") for told in tiles)] for name in names]
+    sums = [_class_totals(run) for run in runs]
+    rows += [
+        [f"points of {name}", *(number(told.get(name, 0)) for told in sums)]
+        for name in dict.fromkeys(name for told in sums for name in told)
+        if any(told.get(name, 0) for told in sums)
+    ]
+    return [["", *(run.name for run in runs)], *rows]
+
+
+def duration(seconds: float) -> str:
+    """Spell a time for people.
+
+    Args:
+        seconds: The time [s].
+    """
+    if seconds < 90.0:
+        return f"{seconds:.1f} s" if seconds < 10.0 else f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.1f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

@@ -1,0 +1,143 @@
+"""What the page of a scene says in figures and tables: the result at a glance, what stayed, what went and why."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from falsework.report.page import number, percent
+from render.capture import Capture
+
+if TYPE_CHECKING:
+    from recon.cloud import Cloud
+
+NOISE_THRESHOLD = 0.1  # [m] Shi 2024 calls points above it noisy
+NEAR = 0.1  # [m]
+REASONS = ("views", "reprojection", "deviation", "duplicate")
+UNITS = {
+    "center_error": "m",
+    "rotation_error": "°",
+    "surface_distance": "m",
+    "uncertainty": "m",
+    "mean_reprojection_error": "px",
+}  # by the beginning of a statistic's name
+
+
+def headline_tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:
+    """Say what came out in a few large figures.
+
+    Args:
+        capture: Photographs.
+        cloud: Their cloud, or None.
+    """
+    tiles = [{"label": "images", "value": f"{len(capture.images)}"}]
+    if cloud is None:
+        return tiles
+    good = [camera for camera in cloud.cameras if camera["status"] == "ok"]
+    tiles[0] = {"label": "cameras registered", "value": f"{len(good)} of {len(cloud.cameras)}"}
+    tiles.append({"label": "points", "value": f"{len(cloud):,}"})
+    errors = np.array([camera["center_error"] for camera in good], dtype=np.float64)
+    if np.isfinite(errors).any():
+        tiles.append({"label": "median camera-centre error", "value": f"{np.nanmedian(errors) * 1000:.0f} mm"})
+    if np.isfinite(cloud.columns["surface_distance"]).any():
+        near = cloud.columns["surface_distance"] <= NEAR
+        right = (
+            float(np.mean(cloud.columns["segment"][near] == cloud.columns["surface_class"][near]))
+            if near.any()
+            else 0.0
+        )
+        quiet = float(np.mean(cloud.columns["uncertainty"] <= NOISE_THRESHOLD))
+        tiles.append(
+            {"label": f"of the points lie within {NEAR:g} m of the true surface", "value": f"{near.mean():.1%}"}
+        )
+        tiles.append({"label": f"have an uncertainty of at most {NOISE_THRESHOLD:g} m", "value": f"{quiet:.1%}"})
+        tiles.append({"label": "of the near points carry the surface's class", "value": f"{right:.1%}"})
+    return tiles
+
+
+def fact_rows(cloud: "Cloud") -> list[tuple[str, str]]:
+    """Spell every single figure of the statistics, and how sure the place of the model is.
+
+    Args:
+        cloud: A cloud.
+    """
+    plain = sorted((key, value) for key, value in cloud.statistics.items() if isinstance(value, int | float | str))
+    return [
+        *((key.replace("_", " "), number(value) + _unit(key)) for key, value in plain),
+        *placing_rows(cloud.alignment),
+    ]
+
+
+def placing_rows(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Say how far a model may be off where no truth placed it, and what every control point leaves over.
+
+    Args:
+        alignment: Facts of the alignment.
+    """
+    units = {"scale_percent": " %", "tilt_deg": "°", "heading_deg": "°", "place_m": " m"}
+    limits = alignment.get("expected_error", {})
+    rows = [
+        (f"error of {key.partition('_')[0]}, 95 % below", f"{limits[key]:.2g}{unit}")
+        for key, unit in units.items()
+        if limits.get(key) is not None
+    ]
+    for row in alignment.get("control_points", ()):
+        left_out = "" if row["agrees"] else ", left out"
+        rows.append((f"control point {row['name']} off by", f"{row['distance']:.3f} m{left_out}"))
+    rows += [
+        (f"scale bar {' to '.join(row['ends'])} off by", f"{row['error']:+.4f} m")
+        for row in alignment.get("scale_bars", ())
+    ]
+    return rows
+
+
+def kept_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
+    """Say of each class what stayed, what went and why, and in how many windows along the bridge it is few.
+
+    Args:
+        statistics: Of a cloud.
+    """
+    rows = []
+    for name, row in statistics.get("classes", {}).items():
+        dropped = [f"{row['dropped'][why]:,}" for why in REASONS]
+        few = f"{row['few_in']} of {row['windows']}" if row.get("windows") else ""
+        rows.append([name, f"{row['kept']:,}", *dropped, few])
+    return rows
+
+
+def pixel_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
+    """Say of each class how many pixels of the depth maps show it, which share is in points, and why others are not.
+
+    Args:
+        statistics: Of a cloud.
+    """
+    rows = []
+    for name, row in statistics.get("pixels", {}).items():
+        total = sum(row.values())
+        shares = [percent(row[fate] / total) for fate in ("in_points", "no_depth", "views", "seen_through", "angle")]
+        rows.append([name, f"{total:,}", *shares])
+    return rows
+
+
+def noise_rows(noise: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """Say how many points are noisy at which distance, and how far their uncertainty finds what is off.
+
+    Args:
+        noise: That row of the statistics of a cloud, or None.
+    """
+    if noise is None:
+        return []
+    rows = []
+    for band in noise["by_distance"]:
+        span = f"from {band['from']:g} m" if band["to"] is None else f"{band['from']:g} to {band['to']:g} m"
+        rows.append((f"noisy of the {band['points']:,} seen {span} away", percent(band["noisy_share"])))
+    for name, place in (("displacement", "where their pixels look"), ("surface_distance", "the true surface")):
+        found, limit = noise[f"against_{name}"], f"{noise['threshold']:g} m"
+        if name != "displacement":  # the noisy are displaced by definition
+            rows.append((f"of the noisy, off by more than {limit} from {place}", percent(found["precision"])))
+        rows.append((f"of those off by more than {limit} from {place}, noisy", percent(found["recall"])))
+    return rows
+
+
+def _unit(key: str) -> str:
+    return next((f" {unit}" for start, unit in UNITS.items() if key.startswith(start)), "")

@@ -1,0 +1,260 @@
+"""The page of training runs: their curves side by side, and what each model scores, class by class."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import plotly.graph_objects as go
+
+from falsework.report.page import GREY, SERIES, number, percent, plain_layout, settings_rows, write_page
+from groundwork.errors import InputError, MissingError
+from groundwork.files import read_json
+
+SCORES = ("accuracy", "precision", "iou", "f1")
+FACTS = "model.json"
+LOG = "log.csv"
+
+
+def write_training_page(path: Path, models: Mapping[str, Path], evaluations: Mapping[str, Path]) -> None:
+    """Write the page of models and of their scores.
+
+    Args:
+        path: HTML file to write.
+        models: Name of each model to its folder.
+        evaluations: Name of each table of scores to its JSON file.
+    """
+    trained = [_model(name, folder) for name, folder in models.items()]
+    scored = [_scores(name, read_evaluation(file)) for name, file in evaluations.items()]
+    write_page(
+        path,
+        "training.html.j2",
+        title=" · ".join([*models, *([] if models else evaluations)]),
+        lead=f"{len(trained)} model{'s'[: len(trained) != 1]}, {len(scored)} table{'s'[: len(scored) != 1]} of scores",
+        models=trained,
+        curves=_curves(trained) if any(row["log"] for row in trained) else [],
+        evaluations=scored,
+        side_by_side=_side_by_side(scored) if len(scored) > 1 else None,
+    )
+
+
+def read_evaluation(path: Path) -> dict[str, Any]:
+    """Read scores that `falsework evaluate` wrote.
+
+    Args:
+        path: JSON file.
+
+    Raises:
+        InputError: Something else, or of another version.
+    """
+    record = read_json(path)
+    told = (record.get("format"), record.get("format_version")) if isinstance(record, dict) else None
+    if not isinstance(record, dict) or told != ("falsework.evaluation", 2):
+        raise InputError(
+            "no scores of this version",
+            where=path,
+            field="format",
+            value=told,
+            allowed="falsework.evaluation, version 2",
+            hint="falsework evaluate MODEL DATASET -o scores.json writes them",
+        )
+    return record
+
+
+def _model(name: str, folder: Path) -> dict[str, Any]:
+    """Read what a model says of its training; its weights are not touched."""
+    path = folder / FACTS
+    if not path.is_file():
+        raise MissingError(f"not a model: no {FACTS}", where=folder, hint="Name a folder of falsework train")
+    stored = read_json(path)
+    if not isinstance(stored, dict) or stored.get("format") != "falsework.model":
+        raise InputError("not a model of ours", where=path, field="format", allowed="falsework.model")
+    training = stored.get("training") or {}
+    log = _log(folder / LOG)
+    best = training.get("validation") or {}
+    counts = training.get("training_points") or []
+    return {
+        "name": name,
+        "network": str(stored.get("network", "")),
+        "log": log,
+        "tiles": [
+            {"label": "network", "value": str(stored.get("network", "–"))},
+            {"label": "epochs", "value": number(len(log)) if log else "–"},
+            {"label": "picked epoch", "value": number(training.get("picked_epoch"))},
+            {"label": "mean IoU on validation", "value": percent(best.get("miou"))},
+            {"label": "bridges to train on", "value": number(len(training.get("training_bridges", ())))},
+            {"label": "for validation", "value": number(len(training.get("validation_bridges", ())))},
+        ],
+        "classes": [
+            [str(label), number(count)] for label, count in zip(stored.get("classes", ()), counts, strict=False)
+        ],
+        "settings": [
+            (f"training of {name}", settings_rows(_mapping(training.get("settings")))),
+            (f"network of {name}", settings_rows(_mapping(stored.get("settings")))),
+            (f"samples of {name}", settings_rows(_mapping(stored.get("data")))),
+        ],
+    }
+
+
+def _log(path: Path) -> list[dict[str, float | None]]:
+    """Read the history: one row an epoch."""
+    if not path.is_file():
+        return []
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return [{key: float(text) if text else None for key, text in row.items()} for row in csv.DictReader(file)]
+    except (OSError, ValueError, TypeError, csv.Error) as error:
+        raise InputError(f"not the log of a training: {error}", where=path) from None
+
+
+def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
+    """Draw loss and validation over the epochs, a colour for each model."""
+    drawn = []
+    for title, keys in (
+        ("Loss of training", ("loss",)),
+        ("Validation on whole bridges that were held out", ("miou", "accuracy", "mean_accuracy")),
+    ):
+        figure = go.Figure()
+        for model, color in zip(models, SERIES * (len(models) // len(SERIES) + 1), strict=False):
+            for key, dash in zip(keys, ("solid", "dot", "dash"), strict=False):
+                known = [(row.get("epoch"), row.get(key)) for row in model["log"] if row.get(key) is not None]
+                if known:
+                    words = {"miou": "mean IoU", "accuracy": "accuracy", "mean_accuracy": "mean accuracy"}.get(key, key)
+                    figure.add_scatter(
+                        x=[epoch for epoch, _ in known],
+                        y=[value for _, value in known],
+                        mode="lines+markers" if len(known) < 60 else "lines",
+                        marker={"size": 5},
+                        line={"color": color, "dash": dash},
+                        name=escape(f"{model['name']}: {words}" if len(models) > 1 else words),
+                    )
+        if figure.data:
+            plain_layout(figure, 340)
+            scale = (
+                {"title": "score", "range": [0, 1]} if keys[0] != "loss" else {"title": "loss", "rangemode": "tozero"}
+            )
+            drawn.append((title, figure.update_layout(xaxis={"title": "epoch"}, yaxis=scale)))
+    return drawn
+
+
+def _scores(name: str, record: Mapping[str, Any]) -> dict[str, Any]:
+    """Spell one table of scores."""
+    names = list(record["classes"])
+    seen = [
+        k for k, one in enumerate(names) if record["classes"][one]["points"] or any(r[k] for r in record["confusion"])
+    ]
+    panoptic = record["panoptic"]
+    return {
+        "name": name,
+        "tiles": [
+            {"label": "mean IoU", "value": percent(record["mean_iou"])},
+            {
+                "label": f"mean IoU up to {record['sure']['uncertainty']:g} m",
+                "value": percent(record["sure"]["mean_iou"]),
+            },
+            {"label": "overall accuracy", "value": percent(record["overall_accuracy"])},
+            {"label": "mean accuracy", "value": percent(record["mean_accuracy"])},
+            {"label": "calibration error", "value": percent(record["calibration_error"])},
+            {"label": "points, each scored once", "value": number(record["points"])},
+        ],
+        "classes": [
+            {
+                "name": one,
+                "points": number(record["classes"][one]["points"]),
+                "scores": [percent(record["classes"][one][key]) for key in SCORES],
+                "share": 100.0 * (record["classes"][one]["iou"] or 0.0),
+            }
+            for one in names
+        ],
+        "iou": {one: record["classes"][one]["iou"] for one in names} | {"mean": record["mean_iou"]},
+        "names": [names[k] for k in seen],
+        "matrix": [[record["confusion_shares"][line][k] for k in seen] for line in seen],
+        "calibration": _calibration(record),
+        "errors": _errors(record),
+        "by_uncertainty": [
+            [f"{limit:g} m", number(points), percent(value)]
+            for limit, points, value in zip(
+                *(record["by_uncertainty"][k] for k in ("thresholds", "points", "mean_iou")), strict=True
+            )
+        ],
+        "panoptic": [
+            (title, _instances(panoptic[key]))
+            for key, title in (
+                ("parts", "connected parts of the true classes"),
+                ("modelled", "components as they were modelled"),
+            )
+            if panoptic.get(key)
+        ],
+        "bridges": [
+            [one[:12], number(row["points"]), percent(row["mean_iou"]), percent(row["overall_accuracy"])]
+            for one, row in record["bridges"].items()
+        ],
+    }
+
+
+def _calibration(record: Mapping[str, Any]) -> go.Figure | None:
+    """Draw how often the class is right against how likely the model says it is."""
+    rows = [row for row in record.get("reliability", ()) if row["points"]]
+    if not rows:
+        return None
+    figure = go.Figure()
+    figure.add_scatter(x=[0, 1], y=[0, 1], mode="lines", line={"color": GREY, "dash": "dot"}, name="calibrated")
+    figure.add_scatter(
+        x=[row["confidence"] for row in rows],
+        y=[row["accuracy"] for row in rows],
+        mode="lines+markers",
+        marker={"color": SERIES[0], "size": [5 + 16 * (row["points"] / record["points"]) ** 0.5 for row in rows]},
+        line={"color": SERIES[0]},
+        name="this model",
+        hovertemplate="says %{x:.2f}, right %{y:.2f}<extra></extra>",
+    )
+    plain_layout(figure, 340)
+    return figure.update_layout(
+        xaxis={"title": "probability that the model gives", "range": [0, 1]},
+        yaxis={"title": "share that is right", "range": [0, 1]},
+    )
+
+
+def _errors(record: Mapping[str, Any]) -> go.Figure | None:
+    """Draw the share of errors among the surest points."""
+    if not record["coverage"]:
+        return None
+    figure = go.Figure(
+        go.Scatter(
+            x=record["coverage"], y=record["risk"], mode="lines+markers", line={"color": SERIES[0]}, marker={"size": 5}
+        )
+    )
+    plain_layout(figure, 340)
+    return figure.update_layout(
+        xaxis={"title": "share of the points that is kept, surest first"},
+        yaxis={"title": "share of them that is wrong", "rangemode": "tozero"},
+    )
+
+
+def _instances(row: Mapping[str, Any]) -> list[list[str]]:
+    words = ("true", "found", "matched", "quality", "segmentation", "recognition")
+    return [
+        [name, *(number(one[word]) for word in words)]
+        for name, one in row["classes"].items()
+        if one["true"] + one["found"]
+    ]
+
+
+def _side_by_side(scored: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    names = list(dict.fromkeys(name for one in scored for name in one["iou"] if name != "mean"))
+    rows = [[name, *(percent(one["iou"].get(name)) for one in scored)] for name in [*names, "mean"]]
+    figure = go.Figure()
+    for one, color in zip(scored, SERIES * (len(scored) // len(SERIES) + 1), strict=False):
+        values = [None if (value := one["iou"].get(name)) is None else 100.0 * value for name in names]
+        figure.add_bar(x=[escape(name) for name in names], y=values, name=escape(one["name"]), marker_color=color)
+    plain_layout(figure, 360)
+    return {
+        "heads": ["class", *(one["name"] for one in scored)],
+        "rows": rows,
+        "figure": figure.update_layout(yaxis={"title": "IoU [%]", "range": [0, 100]}),
+    }
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}

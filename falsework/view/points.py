@@ -1,0 +1,178 @@
+"""Points of a cloud as one looks at them: which are shown, which one a ray means, and what is known of it."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from falsework.report.cloud_view import instance_color, uncertainty_levels, uncertainty_scale
+
+if TYPE_CHECKING:
+    from recon.cloud import Cloud
+
+F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
+
+PAINTS = ("RGB", "class", "instance", "uncertainty")
+CONE = 0.008  # [rad] how far beside the ray a point may lie, as seen from the eye
+_GREY = (154, 160, 166)
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """An image that saw a point.
+
+    Attributes:
+        image: Name of the image.
+        row: Its row in the list of cameras of the cloud.
+        pixel: Where it saw it [px], the top-left pixel's centre is (0.5, 0.5).
+    """
+
+    image: str
+    row: int
+    pixel: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PointFacts:
+    """What is known of one point.
+
+    Attributes:
+        row: Its row in the cloud.
+        place: Its position [m].
+        class_name: Its class.
+        instance: Component id, 0 for none.
+        component: Kind of component, or empty.
+        uncertainty: Its uncertainty [m]; NaN where it is not known.
+        sightings: The images that saw it.
+    """
+
+    row: int
+    place: tuple[float, float, float]
+    class_name: str
+    instance: int
+    component: str
+    uncertainty: float
+    sightings: tuple[Sighting, ...]
+
+    def as_markdown(self) -> str:
+        """Spell it for the viewer; names from files are code, in which nothing is read as a tag or a link."""
+        sure = "not known" if np.isnan(self.uncertainty) else f"{1000.0 * self.uncertainty:.1f} mm"
+        lines = [
+            f"**class** {as_code(self.class_name)}",
+            f"**instance** {self.instance or 'none'} {as_code(self.component) if self.component else ''}",
+            f"**uncertainty** {sure}",
+            f"**place** {', '.join(f'{value:.3f}' for value in self.place)} m",
+            f"**seen by {len(self.sightings)} images** [px]",
+        ]
+        seen = [f"- {as_code(one.image)} at ({one.pixel[0]:.1f}, {one.pixel[1]:.1f})" for one in self.sightings]
+        return "  \n".join(lines) + "\n\n" + "\n".join(seen)
+
+
+def as_code(text: str) -> str:
+    """Spell text from a file so that Markdown shows every sign of it.
+
+    Args:
+        text: Any text.
+    """
+    plain = " ".join(text.replace("`", "'").split())
+    return f"`{plain or ' '}`"
+
+
+def shown_rows(cloud: "Cloud", limit: float, classes: Collection[int]) -> NDArray[np.int64]:
+    """Choose the points of some classes that are sure enough.
+
+    Args:
+        cloud: A cloud.
+        limit: Largest uncertainty [m]; +inf shows those of unknown uncertainty, too.
+        classes: Class ids.
+
+    Returns:
+        Rows of the cloud, shape (K,), int64.
+    """
+    mine = np.isin(cloud.columns["segment"], list(classes))
+    if np.isfinite(limit):
+        mine &= cloud.columns["uncertainty"] <= limit  # not known is not sure
+    return np.flatnonzero(mine)
+
+
+def point_colors(cloud: "Cloud", paint: str) -> U8:
+    """Paint all points of a cloud.
+
+    Args:
+        cloud: A cloud.
+        paint: One of `PAINTS`.
+
+    Returns:
+        sRGB colours, shape (N, 3), uint8.
+    """
+    columns = cloud.columns
+    if paint == "RGB":
+        return columns["color"]
+    if paint == "class":
+        palette = np.tile(np.array(_GREY, np.uint8), (256, 1))
+        for row in cloud.classes:
+            palette[row.id] = row.color
+        return palette[columns["segment"]]
+    if paint == "instance":
+        numbers, inverse = np.unique(columns["instance"], return_inverse=True)
+        return np.array([instance_color(int(number)) for number in numbers], np.uint8).reshape(-1, 3)[inverse.ravel()]
+    return np.vstack([uncertainty_scale(), np.array([_GREY], np.uint8)])[uncertainty_levels(columns["uncertainty"])]
+
+
+def picked_row(places: F64, origin: F64, direction: F64) -> int:
+    """Find the point that a ray means: the first that lies within a narrow cone about it.
+
+    Args:
+        places: Positions of the points that are shown [m], shape (K, 3), float64.
+        origin: Where the ray begins [m], shape (3,), float64.
+        direction: Unit vector along it [1], shape (3,), float64.
+
+    Returns:
+        Row in `places`, or -1.
+    """
+    apart = places - origin
+    along = apart @ direction
+    beside = np.linalg.norm(apart - along[:, None] * direction, axis=1)
+    inside = np.flatnonzero((along > 1e-6) & (beside <= CONE * along))
+    if not len(inside):
+        return -1
+    # Of those in front the one nearest to the ray: a point two cone widths behind another is behind it.
+    front = inside[along[inside] <= along[inside].min() * (1.0 + 4.0 * CONE)]
+    return int(front[np.argmin(beside[front] / along[front])])
+
+
+def point_facts(cloud: "Cloud", row: int) -> PointFacts:
+    """Say what is known of a point.
+
+    Args:
+        cloud: A cloud.
+        row: Row of the point.
+    """
+    columns, seen = cloud.columns, cloud.observations
+    names = {one.id: one.name for one in cloud.classes}
+    sightings = tuple(
+        Sighting(
+            _name(cloud, int(seen["image"][k])),
+            int(seen["image"][k]),
+            (float(seen["uv"][k][0]), float(seen["uv"][k][1])),
+        )
+        for k in range(int(seen["start"][row]), int(seen["start"][row + 1]))
+    )
+    x, y, z = (float(value) for value in columns["coord"][row])
+    return PointFacts(
+        row,
+        (x, y, z),
+        names.get(int(columns["segment"][row]), "unlabelled"),
+        int(columns["instance"][row]),
+        cloud.components[int(columns["component"][row])] if cloud.components else "",
+        float(columns["uncertainty"][row]),
+        sightings,
+    )
+
+
+def _name(cloud: "Cloud", row: int) -> str:
+    told: Any = cloud.cameras[row]
+    return str(told["name"])

@@ -1,0 +1,96 @@
+"""The viewer as one page without a server: stage, cameras, pictures and a cloud, and what is known of each point."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from falsework.report.cloud_view import Shown, Surfaces, cloud_view
+from falsework.report.flight import flight_of
+from falsework.report.outline import outline_cloud
+from falsework.report.page import file_link, write_page
+from falsework.view.subject import Subject
+from falsework.view.surfaces import read_surfaces
+from groundwork.errors import InputError
+from groundwork.progress import Progress
+from render.capture import read_capture, read_truth
+from usd_schemas.components import UNLABELLED
+
+if TYPE_CHECKING:
+    from recon.cloud import Cloud
+
+CORNERS = 6000  # that stand for a stage without flight and cloud
+POINTS, VIEWS = 50_000, 8  # of the page, which stays below 10 MB
+TRIANGLES = 150_000
+REACH = 200.0  # [m] round the bridge; a 65,535th of twice that is 6 mm
+
+
+def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progress: Progress) -> None:
+    """Write the page.
+
+    Args:
+        path: HTML file to write.
+        subject: What to show.
+        cloud_name: Which of its clouds; empty for the first.
+        place: Way from the page to the folder of the scene, or empty where it has no captures in it.
+        progress: Listener.
+
+    Raises:
+        InputError: No such cloud, or neither a cloud nor a flight over a bridge.
+    """
+    from recon.cloud import read_cloud
+
+    if cloud_name and cloud_name not in subject.clouds:
+        raise InputError(
+            "no such cloud", field="--cloud", value=cloud_name, allowed=", ".join(subject.clouds) or "none"
+        )
+    name = cloud_name or next(iter(subject.clouds), "")
+    folder = subject.clouds.get(name)
+    cloud = None if folder is None else read_cloud(folder)
+    capture_folder = subject.capture_of(name)
+    flight, drawn = None, cloud
+    if capture_folder is not None:
+        capture = read_capture(capture_folder)
+        truth = read_truth(capture)
+        link = file_link(*place.split("/"), "capture", capture_folder.name) if place else ""
+        flight = flight_of(capture, truth, cloud, folder, link)
+        drawn = cloud or (None if truth is None else outline_cloud(truth))
+    surfaces = None if subject.stage is None else read_surfaces(subject.stage, TRIANGLES, progress, reach=REACH)[0]
+    if drawn is None:
+        if surfaces is None:
+            raise InputError("neither a cloud nor a stage", where=path, hint="Name a scene of a run, or a cloud")
+        drawn = corner_cloud(surfaces)
+    words = f"{len(cloud):,} points of {cloud.source}" if cloud is not None else "no cloud: points on the surface"
+    write_page(
+        path,
+        "view.html.j2",
+        title=f"{subject.name}{f', {name}' if name and name != subject.name else ''}",
+        lead=words,
+        view=cloud_view(drawn, flight, Shown(POINTS, VIEWS), surfaces),
+    )
+
+
+def corner_cloud(surfaces: Surfaces) -> "Cloud":
+    """Make points of some corners of a surface, so that a stage alone has something to frame.
+
+    Args:
+        surfaces: The surface.
+
+    Returns:
+        Points without class and instance.
+    """
+    from recon.cloud import COLUMNS, MESH, Cloud, without_observations
+
+    every = max(-(-len(surfaces.corners) // CORNERS), 1)
+    coord, color = surfaces.corners[::every, 0], surfaces.colors[::every]
+    count = len(coord)
+    columns = {
+        name: np.zeros((count, kind.width) if kind.width > 1 else count, kind.dtype) for name, kind in COLUMNS.items()
+    }
+    columns |= {
+        "coord": coord,
+        "color": color,
+        "segment": np.full(count, UNLABELLED, np.uint8),
+        "uncertainty": np.full(count, np.nan, np.float32),
+    }
+    return Cloud(columns, without_observations(count), ("",), (), {}, (), {}, MESH)

@@ -1,0 +1,236 @@
+"""Fits a light volume to the light that surfaces really receive: what thin parts hide does not leak through them.
+
+Probes stand in the air, and between two of them may lie a slab or a flange of which one side is lit and the other is
+not. So the irradiance of places on the surfaces is ray cast too, and the probes are changed as little as it takes for
+the shader to find it there.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.light.daylight import sphere
+from render.light.tracing import CHUNK, Hits, LightTracer, joined
+from usd_schemas.components import BACKGROUND
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+_SEED = 28  # of places and of turns of their rays
+_TURNS = 61  # sets of rays, turned against each other
+_LIFT = 0.004  # [m] rays start off the surface
+_TOUCHING = 0.6  # [m] a surface that something covers this closely is not seen
+_COVERED = 0.6  # share of rays that end so: the place counts as covered, as a slab is by its surfacing
+_DARKEST = 0.03  # irradiance over the greatest below which errors count as they are, not as shares of it [1]
+_TRUST = 0.15  # weight of a probe as it was cast, against 1 of a place on a surface [1]
+_SMOOTH = 0.5  # weight of a difference between the changes of neighbouring probes, against `_TRUST` [1]
+_STEPS = 40  # of conjugate gradients; the residual falls below a thousandth
+_SHARE = 0.7  # of the places lie on what is labelled [1]
+
+
+@dataclass(frozen=True)
+class Places:
+    """Places on surfaces.
+
+    Attributes:
+        position: Where [m], shape (N, 3), float64.
+        normal: Unit normals [1], shape (N, 3), float64.
+    """
+
+    position: F64
+    normal: F64
+
+
+def spread_places(tracer: LightTracer, low: F64, high: F64, count: int) -> Places:
+    """Spread places over the surfaces in a box by their area, most of them over what is labelled.
+
+    Args:
+        tracer: The scene.
+        low: Lower corner of the box [m], shape (3,), float64.
+        high: Upper corner [m], shape (3,), float64.
+        count: How many at most.
+    """
+    corners = tracer.corners
+    inside = np.all((corners.max(axis=1) > low) & (corners.min(axis=1) < high), axis=1)
+    labelled = (tracer.scene.draws.label != BACKGROUND)[tracer.draws]
+    rng = np.random.default_rng(_SEED)
+    found = [
+        _spread(tracer, np.flatnonzero(inside & (labelled == wanted)), low, high, round(count * share), rng)
+        for wanted, share in ((True, _SHARE), (False, 1 - _SHARE))
+    ]
+    return Places(*(np.concatenate(part) for part in zip(*found, strict=True)))
+
+
+def _spread(
+    tracer: LightTracer, rows: I64, low: F64, high: F64, count: int, rng: np.random.Generator
+) -> tuple[F64, F64]:
+    """Spread places over some triangles, and keep those in the box."""
+    corners = tracer.corners[rows]
+    side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    lower, upper = np.maximum(corners.min(axis=1), low), np.minimum(corners.max(axis=1), high)
+    span = np.maximum(corners.max(axis=1) - corners.min(axis=1), 1e-3)
+    held = np.prod(np.clip((upper - lower) / span, 1e-3, 1.0), axis=1)  # about what share of it lies in the box
+    area = np.linalg.norm(np.cross(side, other), axis=1) * held
+    if not len(rows) or not area.any():
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    total = np.cumsum(area)
+    chosen = np.searchsorted(total, (np.arange(count) + rng.random(count)) / count * total[-1])
+    chosen = np.minimum(chosen, len(rows) - 1)
+    first, second = rng.random(count), rng.random(count)
+    folded = first + second > 1
+    first, second = np.where(folded, 1 - first, first), np.where(folded, 1 - second, second)
+    middle, half = (lower + upper) / 2, (upper - lower) / 2
+    points = corners[chosen, 0] + first[:, None] * side[chosen] + second[:, None] * other[chosen]
+    kept = np.all(np.abs(points - middle[chosen]) <= half[chosen] + 1e-9, axis=1)
+    return points[kept], tracer.normals[rows[chosen[kept]]].astype(np.float64)
+
+
+def cast_places(tracer: LightTracer, places: Places, rays: int) -> tuple[Places, F32, Hits]:
+    """Cast rays from places, more of them where light counts more: by the cosine.
+
+    Args:
+        tracer: The scene.
+        places: Places on its surfaces.
+        rays: Rays of each.
+
+    Returns:
+        Those that nothing covers; radiance along each ray [1], shape (N * rays, 3), float32; what the rays met.
+    """
+    rng = np.random.default_rng(_SEED + 1)
+    turns, _ = np.linalg.qr(rng.standard_normal((_TURNS, 3, 3)))
+    sets = np.einsum("tij,rj->tri", turns, sphere(rays))
+    step, kept, radiance, parts, done = max(1, CHUNK // rays), [], [], [], 0
+    for start in range(0, len(places.position), step):
+        rows = np.arange(start, min(start + step, len(places.position)))
+        aims = places.normal[rows, None] + 0.999 * sets[rows % _TURNS]
+        aims = (aims / np.linalg.norm(aims, axis=2, keepdims=True)).reshape(-1, 3)
+        starts = np.repeat(places.position[rows] + _LIFT * places.normal[rows], rays, axis=0)
+        light, hits = tracer.trace(starts, aims, _TOUCHING)
+        hidden = np.bincount(hits.ray[hits.near | hits.behind] // rays, minlength=len(rows)) / rays
+        open_rows = hidden <= _COVERED
+        number = np.cumsum(open_rows) - 1 + done
+        stays = open_rows[hits.ray // rays]
+        ray = number[hits.ray // rays] * rays + hits.ray % rays
+        parts.append(
+            Hits(
+                ray[stays],
+                hits.position[stays],
+                hits.normal[stays],
+                hits.albedo[stays],
+                hits.near[stays],
+                hits.behind[stays],
+            )
+        )
+        radiance.append(light.reshape(-1, rays, 3)[open_rows].reshape(-1, 3))
+        kept.append(rows[open_rows])
+        done += int(open_rows.sum())
+    chosen = np.concatenate(kept)
+    return Places(places.position[chosen], places.normal[chosen]), np.concatenate(radiance), joined(parts)
+
+
+def fit_to_surfaces(coefficients: F32, lower: F64, cell: float, places: Places, irradiance: F32) -> F32:
+    """Change probes as little as it takes for surfaces to find their own irradiance one cell off them.
+
+    Solves (A' W A + L) d = A' W (e - A c) for the change d, where A looks the volume up as the shader does and W and L
+    weigh errors as shares of the light.
+
+    Source: Hestenes and Stiefel, Methods of conjugate gradients for solving linear systems, 1952.
+
+    Args:
+        coefficients: c0 to c3 of every probe [1], shape (Z, Y, X, 4, 3), float32.
+        lower: Position of the first probe [m], shape (3,), float64.
+        cell: Distance of neighbouring probes [m].
+        places: Places on surfaces, N of them.
+        irradiance: What they receive [1], shape (N, 3), float32.
+
+    Returns:
+        Coefficients [1], of the same shape.
+    """
+    matrix, inside = look_up_matrix(coefficients.shape[2::-1], lower, cell, places)
+    wanted = irradiance[inside].astype(np.float64)
+    if not len(wanted):
+        return coefficients
+    table = coefficients.reshape(-1, 3).astype(np.float64)
+    level = _DARKEST * max(float(np.quantile(wanted.mean(axis=1), 0.99)), 1e-9)
+    weight = 1 / (wanted.mean(axis=1) + level) ** 2
+    held = _TRUST / (np.repeat(np.maximum(table[::4].mean(axis=1), 0), 4) + level) ** 2
+    weighted = matrix.multiply(weight[:, None]).tocsr()
+    scale = 1 / np.sqrt(np.asarray(matrix.multiply(matrix).T @ weight).ravel() + held)
+
+    def applied(change: F64) -> F64:
+        moved = scale[:, None] * change
+        kept = held[:, None] * moved + _uneven(moved, held, coefficients.shape)
+        return scale[:, None] * (weighted.T @ (matrix @ moved) + kept)
+
+    change = _solved(applied, scale[:, None] * (weighted.T @ (wanted - matrix @ table)))
+    return (table + scale[:, None] * change).reshape(coefficients.shape).astype(np.float32)
+
+
+def _uneven(change: F64, held: F64, shape: tuple[int, ...]) -> F64:
+    """Weigh by how much a change differs between neighbouring probes, shape (M, 3)."""
+    grid = change.reshape(shape)
+    weight = _SMOOTH * held.reshape(*shape[:4], 1)
+    result = np.zeros(shape)
+    for axis in range(3):
+        near, far = ((slice(None),) * axis + (slice(first, first + shape[axis] - 1),) for first in (0, 1))
+        pull = np.minimum(weight[near], weight[far]) * (grid[near] - grid[far])
+        result[near] += pull
+        result[far] -= pull
+    return result.reshape(change.shape)
+
+
+def look_up_matrix(
+    counts: tuple[int, ...], lower: F64, cell: float, places: Places
+) -> "tuple[csr_array, NDArray[np.bool_]]":
+    """Write the shader's look-up of a light volume as a matrix.
+
+    Args:
+        counts: Probes along x, y and z.
+        lower: Position of the first probe [m], shape (3,), float64.
+        cell: Distance of neighbouring probes [m].
+        places: Places on surfaces.
+
+    Returns:
+        Weight of every coefficient, shape (N, 4 * probes), for the places that lie in the volume; which do, bool.
+    """
+    from scipy.sparse import csr_array
+
+    shape = np.array(counts)
+    at = (places.position + cell * places.normal - lower) / cell
+    inside = np.all((at >= 0) & (at < shape - 1), axis=1)
+    at, normal = at[inside], places.normal[inside]
+    first = at.astype(np.int64)
+    part = at - first
+    basis = np.column_stack([np.ones(len(at)), normal])
+    columns, values = [], []
+    for corner in range(8):
+        step = np.array([corner & 1, corner >> 1 & 1, corner >> 2])
+        x, y, z = (first + step).T
+        share = np.prod(np.where(step, part, 1 - part), axis=1)
+        columns.append(4 * ((z * shape[1] + y) * shape[0] + x)[:, None] + np.arange(4))
+        values.append(share[:, None] * basis)
+    rows = np.arange(len(at) + 1) * 32
+    content = (np.hstack(values).ravel(), np.hstack(columns).ravel(), rows)
+    return csr_array(content, shape=(len(at), 4 * int(np.prod(shape)))), inside
+
+
+def _solved(applied: Callable[[F64], F64], wanted: F64) -> F64:
+    """Solve a symmetric system for three right sides at once by conjugate gradients, shape (M, 3)."""
+    result = np.zeros_like(wanted)
+    rest, way = wanted.copy(), wanted.copy()
+    square = np.sum(rest**2, axis=0)
+    for _ in range(_STEPS):
+        moved = applied(way)
+        step = square / np.maximum(np.sum(way * moved, axis=0), 1e-300)
+        result += step * way
+        rest -= step * moved
+        before, square = square, np.sum(rest**2, axis=0)
+        way = rest + square / np.maximum(before, 1e-300) * way
+    return result

@@ -1,0 +1,115 @@
+"""Rays that gather light for the light volume: what they meet, and what it sends back of sun and sky."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.light.daylight import Daylight
+from usd_schemas.flat_scene import FlatScene, without_ghosts, world_triangles
+from usd_schemas.raycast import RayScene
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+_LIFT = 0.01  # [m] rays start off the surface
+CHUNK = 400_000  # rays cast at once
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What rays met.
+
+    Attributes:
+        ray: Number of the ray, shape (N,), int64.
+        position: Where it hit [m], shape (N, 3), float32.
+        normal: Unit normal that faces the ray [1], shape (N, 3), float32.
+        albedo: Mean base colour there [1], shape (N, 3), float32.
+        near: Whether the hit is so near that the ray's start lies on or in something, shape (N,), bool.
+        behind: Whether the ray hit the back of a face, shape (N,), bool.
+    """
+
+    ray: I64
+    position: F32
+    normal: F32
+    albedo: F32
+    near: NDArray[np.bool_]
+    behind: NDArray[np.bool_]
+
+
+class LightTracer:
+    """The surfaces of a scene under its sun and sky.
+
+    Attributes:
+        corners: Corners of the triangles [m], shape (T, 3, 3), float64.
+        normals: Their unit normals, outwards [1], shape (T, 3), float32.
+        draws: Draw of each triangle, shape (T,), uint32.
+        scene: The scene without what light shines through.
+    """
+
+    def __init__(self, scene: FlatScene, light: Daylight, albedo: F64) -> None:
+        """Build the search structure.
+
+        Args:
+            scene: A scene.
+            light: Its sun and sky.
+            albedo: Mean base colour of each material [1], shape (M, 3), float64.
+        """
+        self.scene = scene = without_ghosts(scene)
+        self.corners, _, self.draws = world_triangles(scene)
+        first, second, third = self.corners[:, 0], self.corners[:, 1], self.corners[:, 2]
+        normals = np.cross(second - first, third - first)
+        self.normals = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)).astype(np.float32)
+        mirrored = np.linalg.det(scene.draws.transform[:, :3, :3]) < 0
+        self.normals[mirrored[self.draws]] *= -1
+        self._colors = albedo[scene.draws.material].astype(np.float32)
+        self._light = light
+        self._rays = RayScene(self.corners, np.zeros(len(self.corners), np.uint32))
+
+    def trace(self, origins: F64, directions: F64, touching: float = 0.0) -> tuple[F32, Hits]:
+        """Follow rays to what they meet first.
+
+        Args:
+            origins: Starts [m], shape (N, 3), float64.
+            directions: Unit directions [1], shape (N, 3), float64.
+            touching: Distance up to which a hit counts as near [m].
+
+        Returns:
+            Radiance that comes back along each ray from the sky, or from what the sun lights [1], shape (N, 3),
+            float32, and what was met.
+        """
+        light = self._light
+        distance, triangle, _ = self._rays.cast(origins, directions)
+        met = np.flatnonzero(triangle >= 0)
+        radiance = light.radiance(directions).astype(np.float32)
+        normal = self.normals[triangle[met]]
+        behind = np.einsum("ij,ij->i", normal, directions[met]) > 0
+        normal = np.where(behind[:, None], -normal, normal)
+        point = origins[met] + distance[met, None] * directions[met]
+        color = self._colors[self.draws[triangle[met]]]
+        radiance[met] = color * self._sunlight(point, normal)[:, None] * (light.sun_irradiance / np.pi)
+        return radiance, Hits(met, point.astype(np.float32), normal, color, distance[met] < touching, behind)
+
+    def _sunlight(self, points: F64, normals: F32) -> F32:
+        """Cosine of the sun's rays where they reach a surface, else 0; shape (N,)."""
+        light = self._light
+        cosine = normals @ light.sun_direction.astype(np.float32)
+        result = np.zeros(len(points), np.float32)
+        if not light.sun_irradiance.any():
+            return result
+        facing = np.flatnonzero(cosine > 0)
+        starts = points[facing] + _LIFT * normals[facing]
+        distance, _, _ = self._rays.cast(starts, np.broadcast_to(light.sun_direction, (len(facing), 3)))
+        lit = ~np.isfinite(distance)
+        result[facing[lit]] = cosine[facing[lit]]
+        return result
+
+
+def joined(parts: list[Hits]) -> Hits:
+    """Put the hits of several casts one after another.
+
+    Args:
+        parts: Hits whose rays are numbered through.
+    """
+    return Hits(*(np.concatenate([getattr(part, name) for part in parts]) for name in Hits.__dataclass_fields__))
