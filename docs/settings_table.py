@@ -89,7 +89,7 @@ def _type_name(annotation: object) -> str:
         return _type_name(inside[0])
     if origin in (typing.Union, types.UnionType):
         return " or ".join(name for part in inside if (name := _type_name(part)))
-    if origin is tuple and inside[1:] == (...,):
+    if origin is tuple and Ellipsis in inside:
         return f"list of {_type_name(inside[0])}"
     if origin is tuple:
         return f"[{', '.join(map(_type_name, inside))}]"

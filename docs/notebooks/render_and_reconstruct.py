@@ -27,6 +27,7 @@ flight = falsework.render(scene, "captures", settings=falsework.RenderSettings(q
 import numpy as np
 
 truth = falsework.read_truth(flight)
+assert truth is not None  # photographs of your own have none
 depth = truth.depth(0)
 near = depth[np.isfinite(depth)]
 print(depth.shape, "nearest", round(float(near.min()), 2), "m, median", round(float(np.median(near)), 2), "m")
@@ -54,6 +55,7 @@ for limit in (0.01, 0.03, 0.1, 0.3, 1.0):
 
 # %%
 import plotly.graph_objects as go
+from IPython.display import display
 
 some = np.random.default_rng(0).permutation(len(cloud))[:20_000]
 colors = {row.id: f"rgb{tuple(row.color)}" for row in cloud.classes}
@@ -65,4 +67,4 @@ figure = go.Figure(
     ),
     {"scene": {"aspectmode": "data"}},
 )
-figure
+display(figure)

@@ -22,7 +22,7 @@ def small_enough(clouds: Sequence[DemoCloud], most: int = MOST_POINTS) -> list[D
         most: Points of all that are taken.
     """
     room = most - sum(len(cloud.coord) for cloud in clouds if cloud.name in TEST)
-    taken = set(TEST)
+    taken: set[str] = set(TEST)
     for cloud in sorted((cloud for cloud in clouds if cloud.name not in TEST), key=lambda cloud: len(cloud.coord)):
         room -= len(cloud.coord)
         if room >= 0:
