@@ -13,8 +13,8 @@ from falsework.commands.examples import EXAMPLES
 
 _TOPICS = {
     "To begin with": ("doctor", "demo", "completion"),
-    "Whole runs": ("plan", "run", "verify", "clean", "report"),
-    "Stages": ("author", "scene", "background", "survey", "gallery"),
+    "Whole runs": ("plan", "run", "verify", "clean", "report", "view"),
+    "Stages": ("author", "preview", "scene", "background", "survey", "gallery"),
     "Photographs and clouds": ("render", "reconstruct", "sample", "export"),
     "Learning": ("dataset", "train", "evaluate", "compare", "predict"),
 }
@@ -22,7 +22,12 @@ _TOPICS = {
 
 def commands_page() -> str:
     """Spell every verb as Markdown: what it does, an example, its options."""
-    lines = ["# The command line", "", "Generated from the functions behind the verbs by `python -m docs.generate`.", ""]
+    lines = [
+        "# The command line",
+        "",
+        "Generated from the functions behind the verbs by `python -m docs.generate`.",
+        "",
+    ]
     lines += [
         "`falsework VERB --help` says the same. Results go to stdout, progress and errors to stderr.",
         "`falsework completion bash` writes what completes verbs and options on Tab.",

@@ -15,9 +15,11 @@ version = release = version_of("falsework")
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
 source_suffix = {".md": "markdown"}
 root_doc = "index"
-exclude_patterns = ["proof.json", "images", "benchmarks/recon"]
+exclude_patterns = ["proof.json", "images", "benchmarks/recon", "notebooks/*.ipynb"]
 templates_path: list[str] = []
 nitpicky = False
+# What docstrings put between single backticks is code.
+default_role = "code"
 
 # The pages are read on a code host, too: links and anchors are those of plain Markdown there.
 myst_heading_anchors = 4

@@ -1,4 +1,4 @@
-"""Write the pages that are generated from the code: keys of the scenario, commands, classes, architecture.
+"""Write the pages that are generated from the code: keys of the scenario, commands, classes, architecture, notebooks.
 
 Usage: python -m docs.generate [--check]
 """
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from docs.architecture import FIGURE, architecture_figure, architecture_page
 from docs.command_page import commands_page
+from docs.notebook_files import SCRIPTS, notebook, notebook_page
 from docs.scenario_pages import TOPICS, index_page, topic_page
 from docs.settings_table import table
 from groundwork.files import write_text
@@ -70,6 +71,8 @@ PAGES = {
     "samplers.md": samplers_page,
     "architecture.md": architecture_page,
     FIGURE: architecture_figure,
+    **{f"notebooks/{name}.ipynb": partial(notebook, name) for name in SCRIPTS},
+    **{f"notebooks/{name}.md": partial(notebook_page, name) for name in SCRIPTS},
 }
 
 

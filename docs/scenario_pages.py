@@ -95,7 +95,7 @@ def topic_of(section: str) -> list[str]:
     """List the topics that show a section; the tests demand exactly one."""
 
     def below(head: str) -> bool:
-        return section == head or bool(head) and section.startswith(f"{head}.")
+        return section == head or (head != "" and section.startswith(f"{head}."))
 
     return [name for name, topic in TOPICS.items() if any(map(below, topic.heads)) and not any(map(below, topic.apart))]
 
@@ -128,8 +128,8 @@ def index_page() -> str:
     """Spell the page that leads to the topics: every section with its page."""
     lines = ["# Keys of the scenario", ""]
     lines += [
-        "A scenario is one TOML file. Every section and every key is optional: what it leaves out is drawn from the seed,",
-        "or has the default below. A mistyped key is refused with the nearest one.",
+        "A scenario is one TOML file. Every section and every key is optional: what it leaves out is drawn from the",
+        "seed, or has the default below. A mistyped key is refused with the nearest one.",
         "",
         _GENERATED,
         "",
@@ -142,9 +142,7 @@ def index_page() -> str:
         label = f"`[{section}]`" if section else "top level"
         if label not in seen[name]:
             seen[name].append(label)
-    lines += [
-        f"| [{topic.title}](scenario/{name}.md) | {', '.join(seen[name])} |" for name, topic in TOPICS.items()
-    ]
+    lines += [f"| [{topic.title}](scenario/{name}.md) | {', '.join(seen[name])} |" for name, topic in TOPICS.items()]
     lines += ["", "A scenario to begin with is `scenarios/demo.toml`; every line of it is explained.", ""]
     return "\n".join([*lines, "```{toctree}", ":hidden:", "", *(f"scenario/{name}" for name in TOPICS), "```", ""])
 
@@ -152,4 +150,4 @@ def index_page() -> str:
 def _heading(section: str, kind: str) -> str:
     if not section:
         return "## Top level"
-    return f"## `[[{section}]]` with `kind = \"{kind}\"`" if kind else f"## `[{section}]`"
+    return f'## `[[{section}]]` with `kind = "{kind}"`' if kind else f"## `[{section}]`"

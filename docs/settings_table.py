@@ -22,10 +22,12 @@ def table(model: type[Settings]) -> list[str]:
     for key, field in model.model_fields.items():
         if _is_list_of_kinds(field.annotation):
             rows.append(f"| `{key}` | sections `[[survey.{key}]]` of the kinds above | – | {field.description} |")
-        elif not _models_in(field.annotation):
+        elif not _models_in(field.annotation) and not (key == "kind" and kind_of(model)):
             default = field.get_default(call_default_factory=True, validated_data={})
             nothing = "–" if "left out" in (field.description or "") else "drawn"
-            shown = "required" if default is PydanticUndefined else nothing if default is None else f"`{default!r}`"
+            shown = (
+                "required" if default is PydanticUndefined else nothing if default is None else f"`{_toml(default)}`"
+            )
             meaning = (field.description or "").replace("\n", " ").replace("|", "\\|")
             rows.append(f"| `{key}` | {_type_name(field.annotation)} | {shown} | {meaning} |")
     return ["| key | type | default | meaning |", "|---|---|---|---|", *rows] if rows else []
@@ -56,6 +58,15 @@ def kind_of(model: type[Settings]) -> str:
     return str(choices[0]) if only else ""
 
 
+def _toml(value: object) -> str:
+    """Spell a default as one would type it in a scenario."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {_toml(inner)}' for key, inner in value.items())}}}"
+    return str(value).lower() if isinstance(value, bool) else f'"{value}"' if isinstance(value, str) else str(value)
+
+
 def _is_list_of_kinds(annotation: object) -> bool:
     """Tell whether a field lists sections of several kinds that the page shows anyway, such as the legs of a mix."""
     return {model.__name__ for model in _models_in(annotation)} == {model.__name__ for model in _models_in(LegSettings)}
@@ -78,7 +89,7 @@ def _type_name(annotation: object) -> str:
         return _type_name(inside[0])
     if origin in (typing.Union, types.UnionType):
         return " or ".join(name for part in inside if (name := _type_name(part)))
-    if origin is tuple and inside[1:] == (...,):
+    if origin is tuple and Ellipsis in inside:
         return f"list of {_type_name(inside[0])}"
     if origin is tuple:
         return f"[{', '.join(map(_type_name, inside))}]"

@@ -98,6 +98,23 @@ def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["
     return 0
 
 
+def demo(output: Output) -> int:
+    """Write labelled clouds of random bridges that come with the package, one folder each, with a card.
+
+    They are small, sampled on the mesh and thinned; the card says what they are not.
+
+    Args:
+        output: Folder to write.
+    """
+    from learn.demo.clouds import demo_clouds
+    from learn.demo.ready_made import small_enough, write_ready_made
+
+    clouds, counts = small_enough(demo_clouds()), []
+    fresh_output(output, "clouds", lambda folder: counts.append(write_ready_made(clouds, folder)))
+    sys.stdout.write(f"clouds  {output}: {len(clouds)} bridges, {counts[-1]:,} points; read {output / 'README.md'}\n")
+    return 0
+
+
 def _build(
     kind: str,
     sources: tuple[Path, ...],
@@ -168,4 +185,4 @@ def clouds_in(source: Path) -> list[Path]:
     return found
 
 
-DATASET_VERBS = {"local": local, "global": whole, "export": export}
+DATASET_VERBS = {"local": local, "global": whole, "export": export, "demo": demo}

@@ -115,7 +115,8 @@ def _tell(row: dict[str, Any]) -> None:
     _say(f"survey      {row['survey']}: {row['images']} images, {row['length']:.0f} m, {row['duration']:.0f} s")
     _say(f"clearance   {row['clearance']:.2f} m at least")
     _say(f"overlap     {100.0 * row['overlap']:.0f} % with the next image: {_judged(row['overlap'], ENOUGH_OVERLAP)}")
-    _say(f"linked      {100.0 * row['linked']:.0f} % of the images, as predicted: {_judged(row['linked'], ENOUGH_LINKED)}")
+    linked = row["linked"]
+    _say(f"linked      {100.0 * linked:.0f} % of the images, as predicted: {_judged(linked, ENOUGH_LINKED)}")
     _say(f"sampling    {1e3 * median:.1f} mm a pixel, {1e3 * worst:.1f} mm at the 95th percentile")
     _say(f"base angle  {row['base_angle']:.0f} degrees")
     for line in coverage_lines(row["by_class"]):

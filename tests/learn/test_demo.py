@@ -22,6 +22,7 @@ from learn.datasets.tiles import thin
 from learn.demo import demo
 from learn.demo.clouds import FILE, STEP, VOXEL, DemoCloud, demo_clouds, pack_clouds, thin_cloud, write_demo_cloud
 from learn.demo.demo import TEST, demo_table, run_demo
+from learn.demo.ready_made import CUT, small_enough
 from recon.cloud import read_cloud
 from tests.conftest import RecordProof
 from tests.learn.toy_bridge import write_toy
@@ -122,6 +123,35 @@ def test_the_command(
         assert int(left.value.code or 0) == code
         assert said in "".join(capsys.readouterr())
     assert sorted(path.name for path in (tmp_path / "model").iterdir())[-2:] == ["model.json", "model.safetensors"]
+
+
+def test_the_clouds_are_written_for_whoever_wants_data(
+    toys: list[DemoCloud], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One folder a bridge with its points and labels, a card with the true counts, and `dataset local` reads them."""
+    monkeypatch.setattr("learn.demo.clouds.demo_clouds", lambda: toys)
+    out = tmp_path / "bridges"
+    with pytest.raises(SystemExit) as left:
+        main(["dataset", "demo", "-o", str(out)])
+    assert not left.value.code
+    total = sum(len(toy.coord) for toy in toys)
+    assert f"{len(toys)} bridges, {total:,} points" in capsys.readouterr().out
+    card = (out / "README.md").read_text()
+    for toy in toys:
+        cloud = read_cloud(out / toy.name)
+        assert np.array_equal(cloud.columns["coord"], toy.coord)
+        names = {row.id: row.name for row in cloud.classes}
+        counts = {names[i]: int(n) for i, n in enumerate(np.bincount(cloud.columns["segment"])) if n}
+        listed = ", ".join(f"{name} {n:,}" for name, n in sorted(counts.items(), key=lambda item: -item[1]))
+        assert f"| {toy.name} | {len(toy.coord):,} | {listed} |" in card
+    with pytest.raises(SystemExit) as left:
+        main(["dataset", "local", *(str(out / toy.name) for toy in toys), "-o", str(tmp_path / "set"), *CUT.split()])
+    assert not left.value.code
+    named = [replace(toy, name=name) for toy, name in zip(toys, ("beam26", "big", "c", "d", "slab34"), strict=True)]
+    most = total - len(toys[1].coord) // 2 - max(len(toy.coord) for toy in toys[2:4])
+    assert {"beam26", "slab34"} <= {cloud.name for cloud in small_enough(named, most)}
+    assert sum(len(cloud.coord) for cloud in small_enough(named, most)) <= most
+    assert small_enough(named, total) == named
 
 
 @pytest.mark.proof_only

@@ -1,0 +1,88 @@
+"""The clouds that come with the package as a small data set of its own: one folder a bridge, and a card."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from learn.demo.clouds import STEP, VOXEL, DemoCloud, write_demo_cloud
+from learn.demo.demo import TEST
+
+CARD = "README.md"
+MOST_POINTS = 600_000  # 92 bytes each: the whole stays below 60 MB
+CUT = "--set points=1024 --set fewest=128 --set tile.size=10 --set tile.stride=10 --set tile.voxel=0.5"
+
+
+def small_enough(clouds: Sequence[DemoCloud], most: int = MOST_POINTS) -> list[DemoCloud]:
+    """Take the bridges of the test, and the smallest others as long as there is room; their order stays.
+
+    Args:
+        clouds: All clouds.
+        most: Points of all that are taken.
+    """
+    room = most - sum(len(cloud.coord) for cloud in clouds if cloud.name in TEST)
+    taken: set[str] = set(TEST)
+    for cloud in sorted((cloud for cloud in clouds if cloud.name not in TEST), key=lambda cloud: len(cloud.coord)):
+        room -= len(cloud.coord)
+        if room >= 0:
+            taken.add(cloud.name)
+    return [cloud for cloud in clouds if cloud.name in taken]
+
+
+def write_ready_made(clouds: Sequence[DemoCloud], folder: Path) -> int:
+    """Write clouds that every command reads, and say what they are.
+
+    Args:
+        clouds: What to write.
+        folder: Empty folder.
+
+    Returns:
+        Number of points.
+    """
+    for cloud in clouds:
+        (folder / cloud.name).mkdir()
+        write_demo_cloud(cloud, folder / cloud.name)
+    text = "\n".join(card_lines(clouds))
+    (folder / CARD).write_text(text, encoding="utf-8")  # inside an atomic folder
+    return sum(len(cloud.coord) for cloud in clouds)
+
+
+def card_lines(clouds: Sequence[DemoCloud]) -> list[str]:
+    """Spell the card: what the clouds are and are not, how they are used, and each with its classes.
+
+    Args:
+        clouds: What the card is of.
+    """
+    total = sum(len(cloud.coord) for cloud in clouds)
+    return [
+        "# Labelled clouds of random bridges",
+        "",
+        f"{len(clouds)} bridges, {total:,} points, written by `falsework dataset demo`. Apache-2.0, as the software.",
+        "",
+        "- Every bridge is random, and another one. The name says its family and seed.",
+        f"- Points are sampled on the mesh, one a cube of {VOXEL} m, and rounded to {STEP} m.",
+        "- Each has its class (`segment`) and component. Colours, normals and instances are not kept: they are zero.",
+        "- Points were not seen by a camera or a laser: hidden faces are sampled, too, and nothing is noisy. A network",
+        "  that learns from them knows shapes, not sensors. For clouds as sensors see them, run a scenario.",
+        f"- Kept for the test wherever Falsework gives scores: {', '.join(TEST)}.",
+        "",
+        "```sh",
+        f"falsework dataset local bridges/*/ -o set {CUT}",
+        "falsework train set -o model --model forest",
+        "falsework export bridges/beam26 --to laz -o for_others",
+        "```",
+        "",
+        "| bridge | points | of each class |",
+        "|---|---|---|",
+        *(f"| {cloud.name} | {len(cloud.coord):,} | {_classes(cloud)} |" for cloud in clouds),
+        "",
+    ]
+
+
+def _classes(cloud: DemoCloud) -> str:
+    """Class names with their points, the largest first."""
+    counts: Counter[str] = Counter()
+    for (name, _), count in zip(cloud.kinds, np.bincount(cloud.kind, minlength=len(cloud.kinds)), strict=True):
+        counts[name] += int(count)
+    return ", ".join(f"{name} {count:,}" for name, count in counts.most_common())
