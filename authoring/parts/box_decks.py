@@ -124,10 +124,10 @@ def cable_deck_parts(
 
 def _slab_outline(deck: CableDeck, levels: Levels) -> F64:
     """Draw the section of the slab, with drip grooves where its edges are free; (left, above) [m], shape (P, 2)."""
-    edge = DeckEdge(
-        _GROOVE if deck.chamfered and deck.cantilever > _LEAST_FREE else 0.0, _CHAMFER if deck.chamfered else 0.0
-    )
-    return deck_outline(deck.width, -levels.surfacing, levels.soffit, edge)
+    if deck.chamfered and deck.cantilever > _LEAST_FREE:
+        return deck_outline(deck.width, -levels.surfacing, levels.soffit, DeckEdge(_GROOVE, _CHAMFER))
+    outline = rectangle((-0.5 * deck.width, levels.soffit), (0.5 * deck.width, -levels.surfacing))
+    return cut_corners(outline, np.array([_CHAMFER, _CHAMFER, 0.0, 0.0])) if deck.chamfered else outline
 
 
 def floor_stations(feet: tuple[float, ...], supports: tuple[float, ...]) -> tuple[float, ...]:
