@@ -96,7 +96,7 @@ def bake_look(
         for name, place in kept.items()
     }
     macro = _bake_macro(settings, years, folder, pieces, rng)
-    detail = copy_detail(folder / "textures", "detail", library)
+    detail = copy_detail(folder / "textures", "detail", library, "grain")
     recipes = {
         role: _recipe(surface, detail, macro, {n: linked[wanted[role, n]] for n in sorted(worn[role])})
         for role, surface in surfaces.items()
@@ -138,7 +138,9 @@ def bake_surface(
         if not file.exists():
             write_texture(folder, f"{prefix}patches", encode_raw(open_ground(texels, patches) / 2))
         macro = f"./textures/{file.name}"
-    return _recipe(name, copy_detail(folder / "textures", f"{prefix}detail", library), macro, {0: files})
+    picture = RECIPES[name].picture
+    detail = copy_detail(folder / "textures", f"{prefix}{picture}", library, picture)
+    return _recipe(name, detail, macro, {0: files})
 
 
 def open_ground(texels: int, patches: int) -> Floats:

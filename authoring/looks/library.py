@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from authoring.looks.detail import detail_texture
-from authoring.looks.encode import encode_normals, encode_raw, encode_srgb, halved, jpeg, png
+from authoring.looks.encode import U8, encode_normals, encode_raw, encode_srgb, halved, jpeg, png
+from authoring.looks.grain import grain_texture
 from authoring.looks.noise import Bank, Tile
 from authoring.looks.recipe import FULL
 from authoring.looks.recipes import RECIPES
@@ -27,11 +28,13 @@ from groundwork.user_cache import CACHE_VARIABLE
 
 SHEETS = 3  # independent sheets of each surface
 _FACTS = "sheet.json"
+_DETAILS: dict[str, Callable[[], U8]] = {"detail": detail_texture, "grain": grain_texture}
 _CLONE = 0x40049409  # FICLONE of linux/fs.h
 _SOURCES = (
     "coated",
     "detail",
     "encode",
+    "grain",
     "library",
     "mineral",
     "noise",
@@ -163,19 +166,21 @@ def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], di
     return files, {**asdict(name), "color": color, "mean_roughness": roughness}
 
 
-def copy_detail(textures: Path, stem: str, folder: Path | None = None) -> str:
+def copy_detail(textures: Path, stem: str, folder: Path | None = None, picture: str = "detail") -> str:
     """Put a copy of the fine detail beside a layer.
 
     Args:
         textures: The folder `textures` beside the layer.
         stem: Name of its file there, without the suffix.
         folder: The library; that of the user when not given.
+        picture: Which fine detail: `detail` or `grain`.
 
     Returns:
         The file, as the layer names it.
     """
     root = cache_folder() if folder is None else folder
-    place = _ensure(root, digest(["detail", _recipes_digest()]), lambda: ({"detail.png": png(detail_texture())}, {}))
+    key, draw = digest([picture, _recipes_digest()]), _DETAILS[picture]
+    place = _ensure(root, key, lambda: ({"detail.png": png(draw())}, {}))
     textures.mkdir(parents=True, exist_ok=True)
     _copy(place / "detail.png", textures / f"{stem}.png")
     return f"./{textures.name}/{stem}.png"
