@@ -11,7 +11,12 @@ from authoring.site.covers import Cover
 
 F64 = NDArray[np.float64]
 BALK = 1.0  # half the uncultivated strip between two fields [m]
-CROPS = (Cover("ploughed", "Ploughed", "ground", "soil"), Cover("crop", "Crop", "ground", "meadow"))
+CROPS = (
+    Cover("ploughed", "Ploughed", "ground", "furrows"),
+    Cover("crop", "Crop", "ground", "crop"),
+    Cover("ripe", "RipeCrop", "ground", "ripe_crop"),
+    Cover("hay", "Hay", "ground", "hay"),
+)
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,7 @@ def draw_parcels(terrain: Terrain, rng: np.random.Generator) -> tuple[Parcel, ..
             at = -620.0
             while at < 620.0:
                 length = rng.uniform(80.0, 190.0)
-                crop = ("ploughed", "crop", "crop", "", "")[rng.integers(0, 5)]
+                crop = ("ploughed", "crop", "crop", "ripe", "ripe", "hay", "")[rng.integers(0, 7)]
                 local = np.array([at + length / 2, depth + side * width / 2])
                 turned = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]) @ local
                 half = (length / 2 - BALK, width / 2 - BALK)

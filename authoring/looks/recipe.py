@@ -31,6 +31,7 @@ class Recipe:
         pixels: Texels along a side where the settings ask for `FULL` [px].
         contrast: Exponent of the drawn albedo about its mean [1]: below 1 its darks and lights come closer, so that
             sheet and fine detail together stay below an RMS contrast of 20 %.
+        cut_out: The sheet is a chart of things that are cut out: it does not repeat, and carries no fine detail.
     """
 
     draw: Callable[[Tile], Sheet]
@@ -40,3 +41,4 @@ class Recipe:
     relief: bool = False
     pixels: int = FULL // 2
     contrast: float = 1.0
+    cut_out: bool = False

@@ -40,6 +40,13 @@ COVERS = (
     Cover("embankment", "Embankment", "embankment", "grass"),
     Cover("bank", "Riverbank", "riverbank", "soil"),
     Cover("worn", "UnderDeck", "ground", "soil"),
+    Cover("ploughed", "Ploughed", "ground", "furrows"),
+    Cover("crop", "Crop", "ground", "crop"),
+    Cover("ripe", "RipeCrop", "ground", "ripe_crop"),
+    Cover("hay", "Hay", "ground", "hay"),
+    Cover("yard", "Yard", "ground", "asphalt"),
+    Cover("paved", "Paved", "ground", "pavement"),
+    Cover("gravelled", "Gravelled", "ground", "gravel"),
     Cover("patch", "TallGrass", "ground", "meadow"),
 )
 REMAINDER = Cover("", "Grass", "ground", "grass")
