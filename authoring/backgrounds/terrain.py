@@ -94,8 +94,9 @@ class Terrain:
         normals = surface_normals(nodes, faces)
         shape = self.land.shape(station, left, self.hills)
         shape.covers["patch"] = shape.covers["patch"] - 0.2 * self.beyond(station, left)  # too small for far cells
+        own = tuple(cover for cover in COVERS if cover.name in shape.covers)
         shape.covers.update({cover.name: values for cover, values in (*over, *extra)})
-        covers = (*(cover for cover, _ in over), *COVERS[:-1], *(cover for cover, _ in extra), COVERS[-1])
+        covers = (*(cover for cover, _ in over), *own[:-1], *(cover for cover, _ in extra), own[-1])
         outer = outer_triangles(_middle(self.field, self.inner), self.kept)
         return soup_of(nodes, normals, outer, shape, covers, self.land.layout.alignment)
 

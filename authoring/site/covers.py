@@ -44,9 +44,9 @@ COVERS = (
     Cover("crop", "Crop", "ground", "crop"),
     Cover("ripe", "RipeCrop", "ground", "ripe_crop"),
     Cover("hay", "Hay", "ground", "hay"),
-    Cover("yard", "Yard", "ground", "asphalt"),
-    Cover("paved", "Paved", "ground", "pavement"),
-    Cover("gravelled", "Gravelled", "ground", "gravel"),
+    Cover("lot_asphalt", "Yard", "ground", "asphalt"),
+    Cover("lot_paved", "PavedYard", "ground", "pavement"),
+    Cover("lot_gravel", "GravelYard", "ground", "gravel"),
     Cover("patch", "TallGrass", "ground", "meadow"),
 )
 REMAINDER = Cover("", "Grass", "ground", "grass")

@@ -15,13 +15,13 @@ LandUse = Literal["fields", "common", "town"]
 USES: dict[str, tuple[str, ...]] = {
     "fields": ("ploughed", "crop", "ripe", "ripe", "crop", "hay", ""),
     "common": ("hay", "hay", "hay", ""),
-    "town": ("yard", "paved", "gravelled", "gravelled", "", ""),
+    "town": ("lot_asphalt", "lot_paved", "lot_gravel", "lot_gravel", "", ""),
 }
 BORDER = 4.0  # from the site's border to a field [m]
 BALK = 1.1  # half the grass between two fields [m]
 VERGE = 6.0  # from the top of a fill, or from the deck's edge, to a field [m]
 CLEAR = 8.0  # from the deck's edge to a field beside the bridge [m]
-TOE = 4.0  # what a fill's cover falls below zero before a field begins [m]
+TOE = 2.5  # from the toe of a fill to a field [m]
 _FAR = -9.0
 
 

@@ -215,17 +215,21 @@ class Land:
         for approach in self.approaches:
             height = self._approach(approach, station, left, height, hills, covers)
         if self.plots is not None:
-            covers |= self._used(self.plots, station, left, covers)
+            covers |= self._used(self.plots, station, left, height, hills)
         return Shape(height, covers)
 
-    def _used(self, plots: Plots, station: F64, left: F64, covers: dict[str, F64]) -> dict[str, F64]:
+    def _used(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> dict[str, F64]:
         """Lay out the plots between the ways, beside the toes of the fills."""
         room = self.crossing.distance(station, left) - self.crossing.half_width - plots.aside
-        room = np.minimum(np.minimum(room, plots.room(station, left)), -covers["embankment"] - TOE)
+        room = np.minimum(room, plots.room(station, left))
         room = np.minimum(room, np.abs(left) - self.layout.width / 2 - CLEAR)
         for approach in self.approaches:
-            aside = np.abs(left - approach.centre(station)) / approach.stretch(station) - approach.half_width - VERGE
-            room = np.minimum(room, np.where(approach.along(station) > -10.0, aside, 9.0))
+            along, centre = approach.along(station), approach.centre(station)
+            across = np.abs(left - centre) / approach.stretch(station)
+            crown = approach.level(self.layout, hills, approach.back + approach.sign * np.maximum(along, 0.0))
+            aside = np.hypot(np.maximum(across - self.layout.width / 2, 0.0), np.maximum(-along, 0.0))
+            room = np.minimum(room, aside - FILL_SLOPE * np.abs(crown - height) - TOE)
+            room = np.minimum(room, np.where(along > -10.0, across - approach.half_width - VERGE, 9.0))
         return plots.fields(station > self.crossing.centre(left), left, room)
 
     def _under_deck(self, station: F64, left: F64) -> F64:
