@@ -138,8 +138,10 @@ def bake_surface(
         if not file.exists():
             write_texture(folder, f"{prefix}patches", encode_raw(open_ground(texels, patches) / 2))
         macro = f"./textures/{file.name}"
-    picture = RECIPES[name].picture
-    detail = copy_detail(folder / "textures", f"{prefix}{picture}", library, picture)
+    recipe = RECIPES[name]
+    detail = (
+        "" if recipe.cut_out else copy_detail(folder / "textures", f"{prefix}{recipe.picture}", library, recipe.picture)
+    )
     return _recipe(name, detail, macro, {0: files})
 
 
@@ -168,9 +170,10 @@ def _recipe(surface: str, detail: str, macro: str, sheets: dict[int, SheetFiles]
         normal_file=first.normal,
         sheet=recipe.metres,
         detail_file=detail,
-        periods=DETAIL_PERIODS,
-        amplitudes=recipe.detail,
+        periods=DETAIL_PERIODS if detail else (),
+        amplitudes=recipe.detail if detail else (),
         macro_file=macro,
+        cut_out=recipe.cut_out,
         others={number: files for number, files in sheets.items() if number},
     )
 

@@ -35,6 +35,7 @@ _SOURCES = (
     "detail",
     "encode",
     "grain",
+    "leaves",
     "library",
     "mineral",
     "noise",
@@ -155,15 +156,18 @@ def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], di
     rng = np.random.default_rng([int.from_bytes(name.surface.encode(), "little"), name.number])
     sheet = recipe.draw(Tile(name.pixels, recipe.metres, rng, bank))
     albedo = soften(sheet.albedo, recipe.contrast)
+    color, name_of = encode_srgb(albedo), "albedo.jpg"
+    if sheet.opacity is not None:
+        color, name_of = np.dstack([color, encode_raw(sheet.opacity)]), "albedo.png"
     files = {
-        "albedo.jpg": jpeg(encode_srgb(albedo)),
+        name_of: jpeg(color) if sheet.opacity is None else png(color),
         "roughness.png": png(encode_raw(halved(sheet.roughness))),
     }
     if recipe.relief and sheet.height is not None:
         files["normal.png"] = png(encode_normals(sheet.height, recipe.metres))
-    color = [round(float(np.mean(albedo[..., k], dtype=np.float64)), 4) for k in range(3)]
+    means = [round(float(np.mean(albedo[..., k], dtype=np.float64)), 4) for k in range(3)]
     roughness = round(float(np.mean(sheet.roughness, dtype=np.float64)), 3)
-    return files, {**asdict(name), "color": color, "mean_roughness": roughness}
+    return files, {**asdict(name), "color": means, "mean_roughness": roughness}
 
 
 def copy_detail(textures: Path, stem: str, folder: Path | None = None, picture: str = "detail") -> str:

@@ -37,6 +37,7 @@ class Recipe:
         contrast: Exponent of the drawn albedo about its mean [1]: below 1 its darks and lights come closer, so that
             sheet and fine detail together stay below an RMS contrast of 20 %.
         picture: Which fine detail: `detail`, with specks of many sizes, or `grain`, quiet but for the finest.
+        cut_out: The sheet is a chart of things that are cut out: it does not repeat, and carries no fine detail.
     """
 
     draw: Callable[[Tile], Sheet]
@@ -47,3 +48,4 @@ class Recipe:
     pixels: int = FULL // 2
     contrast: float = 1.0
     picture: Literal["detail", "grain"] = "detail"
+    cut_out: bool = False
