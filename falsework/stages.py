@@ -200,10 +200,10 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(10, author),
-    "capture": Stage(10, capture, resumes=True),
+    "stage": Stage(11, author),
+    "capture": Stage(11, capture, resumes=True),
     "model": Stage(1, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),
-    "report": Stage(8, report),
+    "report": Stage(9, report),
 }
