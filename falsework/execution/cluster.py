@@ -8,6 +8,7 @@ import signal
 import tempfile
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -210,7 +211,8 @@ def _own_cluster(workers: int) -> Iterator[Any]:
     with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
-        with _deaf_to_interrupts():
+        with _deaf_to_interrupts(), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "(?s).*Port .* is already in use")  # of a page that we do not show
             how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # neither a page nor Dask's own guard
             cluster = LocalCluster(
                 n_workers=workers,
