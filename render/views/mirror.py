@@ -15,8 +15,8 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_SMALLER = 4  # pixels of the photograph along a side of one of the image's
-_MOST = 60_000  # triangles
+_SMALLER = 5  # pixels of the photograph along a side of one of the image's
+_MOST = 40_000  # triangles
 _LEAST = 2.0  # [px] of the image: what is smaller leaves no image on ripples
 _LOWEST = 0.2  # [m] a camera nearer to the water sees no image of its own
 _NOWHERE = -1e9  # [m] a level that no water has
