@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.light.sky import sky_directions
 from authoring.light.sun import LUMINANCE
 
 F64 = NDArray[np.float64]
@@ -13,9 +14,10 @@ _BASE = 1250.0  # [m] above the ground
 _HIGHEST = 1100.0  # [m] of a heap over its base
 _ICE, _ICE_TILE = 8500.0, 60_000.0  # height of the ice clouds, and metres after which they repeat [m]
 _EARTH = 6.36e6  # [m]
-_STEPS = 12  # through a heap
-_EXTINCTION = 0.012  # of a heap [1/m]
+_STEPS = 16  # through a heap
+_EXTINCTION = 0.009  # of a heap [1/m]
 _FAR = 4.0e4  # [m] over which heaps sink into the haze
+_LOW = 0.24  # share of the rows over the horizon that are marched twice as finely [1]
 _STRETCH = 3.2  # length of a wisp of ice over its width [1]
 
 
@@ -41,6 +43,10 @@ def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Ge
     behind = behind * (1 - seen[..., None]) + seen[..., None] * (0.55 * behind + 0.45 * shine * glow[..., None])
     if cover > 0:
         opacity, lit, away = _march(heaps, above, sun, cover, drift[2:])
+        low = len(rows) - int(len(rows) * _LOW)  # far heaps are finer than texels
+        fine = sky_directions(2 * len(sky))[2 * (rows[0] + low) : 2 * (rows[-1] + 1)]
+        for part, finer in zip((opacity, lit, away), _means(*_march(heaps, fine, sun, cover, drift[2:])), strict=True):
+            part[low:] = finer
         ambient = 0.5 * np.median(sky[: len(sky) // 2].reshape(-1, 3), axis=0) + 0.5 * behind.mean(axis=(0, 1))
         edge = 0.35 + 0.65 * np.exp(-2.0 * angle) + 3.0 * np.exp(-9.0 * angle)  # a heap before the sun glows at its rim
         light = lit * (0.75 + 0.5 * (1 - opacity) * edge)
@@ -51,6 +57,17 @@ def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Ge
         behind = behind * (1 - opacity[..., None]) + colour * opacity[..., None]
     result[rows] = behind
     return result
+
+
+def _means(opacity: F64, lit: F64, away: F64) -> tuple[F64, F64, F64]:
+    """Average 2x2 texels, what is seen in them by its opacity; three of shape (H, W)."""
+
+    def mean(values: F64) -> F64:
+        return (values[::2, ::2] + values[1::2, ::2] + values[::2, 1::2] + values[1::2, 1::2]) / 4
+
+    covered = mean(opacity)
+    known = np.maximum(covered, 1e-9)
+    return covered, mean(opacity * lit) / known, mean(opacity * away) / known
 
 
 def _shine(sky: F64, directions: F64, sun: F64) -> F64:
@@ -81,11 +98,11 @@ def _march(heaps: tuple[F32, F32], directions: F64, sun: F64, cover: float, drif
     for step in range(_STEPS):
         height = _HIGHEST * (step + 0.5) / _STEPS
         reach = _distance(up, _BASE + height)
-        length = np.minimum(_HIGHEST / _STEPS / up, 900.0)
+        length = np.minimum(_HIGHEST / _STEPS / up, 260.0)
         place = (directions[..., :2] * reach[..., None]) / _TILE + drift
         blur = np.clip(reach / 6.0e4, 0, 1)
         top = _tops(broad, fine, place, edge, spread, closed, blur)
-        inside = np.clip((top - height) / (100.0 + 0.014 * reach), 0, 1) * np.clip((height + 25.0) / 80.0, 0, 1)
+        inside = np.clip((top - height) / (170.0 + 0.014 * reach), 0, 1) * np.clip((height + 25.0) / 80.0, 0, 1)
         if not inside.any():
             continue
         shadow = np.zeros(up.shape)

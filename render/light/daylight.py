@@ -113,7 +113,10 @@ def glow(cosine: F64) -> F64:
     """Tell how much haze glows towards the sun, by the cosine of the angle to it: 1 there, little elsewhere.
 
     Args:
-        cosine: Cosines [1], any shape.
+        cosine: Cosines [1], shape (...), float64.
+
+    Returns:
+        Shares [1], shape (...), float64.
     """
     return _GLOW / (1.0 + _GLOW - cosine)
 

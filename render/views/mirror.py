@@ -15,7 +15,7 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_SMALLER = 4  # pixels of the photograph along a side of one of the image's
+_SMALLER = 5  # pixels of the photograph along a side of one of the image's
 _MOST = 40_000  # triangles
 _LEAST = 2.0  # [px] of the image: what is smaller leaves no image on ripples
 _LOWEST = 0.2  # [m] a camera nearer to the water sees no image of its own
@@ -111,11 +111,14 @@ class Mirror:
         half = np.linalg.norm(upper[rows] - lower[rows], axis=1) / 2
         away = np.linalg.norm((lower[rows] + upper[rows]) / 2 - pose[:3, 3], axis=1)
         pixels = self._camera.fx * half / np.maximum(away - half, 1.0)
-        rows, pixels = rows[pixels > _LEAST], pixels[pixels > _LEAST]
+        pixels = np.minimum(pixels, self._camera.width)
         triangles = gpu.triangles(rows)
         order = np.argsort(triangles / pixels**2, kind="stable")
-        kept = np.zeros(len(rows), bool)
-        kept[order[np.cumsum(triangles[order]) <= _MOST]] = True
+        kept, left = np.zeros(len(rows), bool), _MOST
+        for row in order[pixels[order] > _LEAST]:
+            if triangles[row] <= left:
+                kept[row] = True
+                left -= int(triangles[row])
         return rows[kept]
 
 
