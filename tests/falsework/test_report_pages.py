@@ -14,6 +14,9 @@ import numpy as np
 import pytest
 
 from falsework.commands.report_verb import kind_of, way_to
+from falsework.execution import chain
+from falsework.execution.run_facts import run_facts
+from falsework.pipeline import run_scenario
 from falsework.report.comparison_page import write_comparison_page
 from falsework.report.dataset_page import write_dataset_page
 from falsework.report.page import file_link, settings_rows
@@ -21,6 +24,7 @@ from falsework.report.report import write_report
 from falsework.report.residuals import image_rows, overlap_map, reprojection_residuals
 from falsework.report.run_page import Event, FailureRow, RunFacts, SceneRow, write_run_page
 from falsework.report.training_page import write_training_page
+from falsework.stages import STAGES
 from falsework.view.saved import save_view
 from falsework.view.subject import Subject
 from groundwork.errors import FalseworkError
@@ -33,6 +37,7 @@ from recon.cloud import write_cloud
 from tests.falsework.browser import needs_browser, open_page
 from tests.falsework.test_cloud_view import VIEWS, small_cloud
 from tests.falsework.test_sample_verbs import run as call
+from tests.falsework.tiny_chain import tiny_scenario, tiny_stages
 from tests.learn.toy_bridge import write_toy
 from tests.recon.conftest import poses_on_arc, write_capture
 
@@ -315,3 +320,28 @@ def test_the_verb_knows_what_it_is_given(
     assert call(capsys, "report", folder / "model", folder / "set", "-o", page)[0] == 2
     assert call(capsys, "report", tmp_path / "nowhere", "-o", page)[0] == 2
     assert call(capsys, "report", folder / "model" / "log.csv", "-o", page)[0] == 2
+
+
+def test_a_run_tells_which_scene_was_rejected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rejected in its capture or in its cloud, each record finds its scene; the run ends with the page that says so."""
+    for stage in STAGES:
+        monkeypatch.setitem(STAGES, stage, tiny_stages()[stage])
+    monkeypatch.setattr(chain, "render_platform", lambda device="auto": {"gl_renderer": "none"})
+    monkeypatch.setattr(chain, "recon_platform", lambda: {"cpu": "none"})
+    monkeypatch.setenv("TINY_FAULTS", json.dumps({"capture:1": "reject", "cloud:2": "reject", "stage:3": "internal"}))
+    out = tmp_path / "out"
+    outcome = run_scenario(tiny_scenario(4), out, SILENT)
+    assert (sorted(outcome.rejected), sorted(outcome.failed)) == (["0001", "0002"], ["0003"])
+    facts = run_facts(out, "..")
+    assert [(row.scene, row.stage, row.kind, row.reason) for row in facts.failures] == [
+        ("0001", "capture", "rejected", "no_texture"),
+        ("0002", "cloud", "rejected", "no_texture"),
+        ("0003", "stage", "failed", "internal"),
+    ]
+    whole = next(scene for scene in facts.scenes if scene.name == "0000")
+    assert dict(whole.results) == dict.fromkeys(("stage", "capture", "model", "cloud", "report"), 1)
+    assert whole.page == "../scenes/0000/report.html"
+    assert {event.stage for event in facts.events if event.scene == "0000"} == set(whole.results)
+    text = " ".join(elements_of(out / "run/report.html").text)
+    assert "no_texture" in text
+    assert "nothing to match" in text
