@@ -80,7 +80,8 @@ def _models_in(annotation: object) -> list[type[Settings]]:
 
 def _type_name(annotation: object) -> str:
     """Spell a type as a reader of a TOML file would: choices one after the other, lists of something, tables."""
-    origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
+    origin = typing.get_origin(annotation)
+    inside: tuple[typing.Any, ...] = typing.get_args(annotation)
     if annotation is type(None):
         return ""
     if origin is typing.Literal:
