@@ -53,9 +53,11 @@ def sections(model: type[Settings], name: str = "") -> list[tuple[str, type[Sett
 def kind_of(model: type[Settings]) -> str:
     """Give the one value that the key `kind` of a model may have; empty where there is no such key."""
     field = model.model_fields.get("kind")
-    choices = typing.get_args(field.annotation) if field else ()
-    only = field is not None and typing.get_origin(field.annotation) is typing.Literal and len(choices) == 1
-    return str(choices[0]) if only else ""
+    choices: tuple[typing.Any, ...] = typing.get_args(field.annotation) if field else ()
+    if field is None or typing.get_origin(field.annotation) is not typing.Literal or len(choices) != 1:
+        return ""
+    (only,) = choices
+    return str(only)
 
 
 def _toml(value: object) -> str:
@@ -80,7 +82,8 @@ def _models_in(annotation: object) -> list[type[Settings]]:
 
 def _type_name(annotation: object) -> str:
     """Spell a type as a reader of a TOML file would: choices one after the other, lists of something, tables."""
-    origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
+    origin = typing.get_origin(annotation)
+    inside: tuple[typing.Any, ...] = typing.get_args(annotation)
     if annotation is type(None):
         return ""
     if origin is typing.Literal:
