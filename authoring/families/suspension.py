@@ -34,6 +34,8 @@ from authoring.parts.suspension_cables import SuspensionCables, cable_parts, sad
 
 _STRIP = 0.12  # [m] of deck outside the parapets
 _LEG_GAP = 0.35  # [m] between deck and tower leg
+_CONCRETE = 25.0  # [kN/m3] slab and what lies on it
+_STEEL, _TRAFFIC = 3.0, 3.5  # [kN/m2] girders, cables and parapets; vehicles as they stand in a queue
 _TIP = 0.30  # [m] of a bracket outside the cable's plane
 _ENTRY = -0.6  # [m] height where the cables enter the anchor blocks
 _BEHIND = 1.6  # [m] anchor blocks behind the abutments' backs
@@ -102,6 +104,8 @@ def draw_suspension(
     check_sag(settings, choice)
     tower = _tower(choice, deck.width, levels.seat, leg, GAUGE[top.service])
     cables = _cables(choice, tower, bracket_top(levels))
+    if draws.profile == "default":
+        cables = replace(cables, pull=_pull(cables, deck, top.surfacing))
     piers_at = _pier_stations(choice)
     spans = Spans(tuple(sorted((*choice.supports, *piers_at))), overhang, gap, continuous=True, one_row=True)
     piers = draw_piers(shared.pier, deck.width, deck.bearing_lines[-1], bearings, spans, draws)
@@ -164,6 +168,13 @@ def _struts(top: float, beam: float, gauge: float) -> tuple[float, ...]:
     return tuple(
         float(h) for h in np.linspace(highest, lowest, max(1, int((highest - lowest) // _STRUTS)) + 1)[:-1][::-1]
     )
+
+
+def _pull(cables: SuspensionCables, deck: CableDeck, surfacing: float) -> float:
+    """Estimate the horizontal force in one cable [kN]: that of a parabola under half the deck and its traffic."""
+    dead = deck.width * (_CONCRETE * deck.slab + _CONCRETE * surfacing + _STEEL)
+    span = cables.towers[1] - cables.towers[0]
+    return round(0.5 * (dead + _TRAFFIC * deck.width) * span**2 / (8.0 * cables.sag), 1)
 
 
 def _cables(choice: SuspensionChoice, tower: Pylon, foot: float) -> SuspensionCables:

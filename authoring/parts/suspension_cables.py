@@ -17,6 +17,8 @@ _LUG = 0.16  # [m] of a clamp below the ring
 _BLOCK_SIDE = 0.9  # [m] of an anchor block outside the cable's plane
 _CAST = 0.7  # [m] sleeve on an anchor block
 _FOUNDED = 2.0  # [m] anchor block below the lowest ground at it
+_CONCRETE, _GRIPPED, _SAFETY = 24.0, 0.8, 1.3  # [kN/m3], share of the weight that friction and earth hold [1], [1]
+_LONGEST, _WIDEST = 26.0, 9.0  # [m] of an anchor block, and beside the cable; deeper where that is too little
 _GRIP = 0.55  # share of half a saddle's length that a cable reaches into it
 
 
@@ -37,6 +39,7 @@ class SuspensionCables:
         foot: Height of the face that the hangers' sockets stand on [m].
         main_hangers: Stations of the main span's hangers, rising [m].
         side_hangers: Stations of the side spans' hangers, rising [m].
+        pull: Horizontal force in one cable, which its anchor block holds by its weight [kN]; 0 where it is not known.
     """
 
     plane: float
@@ -51,6 +54,7 @@ class SuspensionCables:
     foot: float
     main_hangers: tuple[float, ...]
     side_hangers: tuple[float, ...]
+    pull: float = 0.0
 
     @property
     def sag(self) -> float:
@@ -188,11 +192,15 @@ def _anchorage_parts(
     level = level_at(place, station)
     tower = cables.towers[end]
     depth = max(2.6 + 4.0 * cables.diameter, 0.5 * (cables.crown - cables.entry) * 0.6)
-    inner, outer = abs(left) - 0.5 * cables.diameter - 0.35, abs(left) + _BLOCK_SIDE + cables.diameter
+    grown, width_grown = _growth(cables)
+    inner, outer = abs(left) - 0.5 * cables.diameter - 0.35, abs(left) + _BLOCK_SIDE + cables.diameter + width_grown
+    depth = max(depth, grown)
     lefts = (inner, outer) if left > 0.0 else (-outer, -inner)
     back, top = station + away * depth, cables.entry + 0.5 + cables.diameter
     low = _lowest(ground, level, sorted((station, back)), lefts) - _FOUNDED
     low = min(low, cables.entry - 2.5)
+    if cables.pull:
+        low = min(low, top - held_volume(cables.pull) / (0.9 * depth * (outer - inner)))  # 0.9: its top falls
     block = anchor_block(station, back, lefts, (low, top), level)
     size: dict[str, object] = {"length": depth, "width": outer - inner, "height": top - low}
     name = f"{end}_{side}"
@@ -222,6 +230,21 @@ def _anchorage_parts(
         ),
         _cable_part(cables, f"MainCable_{2 * end}_{side}", points),
     ]
+
+
+def held_volume(pull: float) -> float:
+    """Find the concrete that holds a cable by friction on its base and by the earth before it [m3].
+
+    Args:
+        pull: Horizontal force in the cable [kN].
+    """
+    return _SAFETY * pull / (_GRIPPED * _CONCRETE)
+
+
+def _growth(cables: SuspensionCables) -> tuple[float, float]:
+    """Find how long an anchor block has to be, and how much wider than its casting wants [m]."""
+    side = held_volume(cables.pull) ** (1.0 / 3.0)
+    return min(1.1 * side, _LONGEST), min(0.55 * side, _WIDEST)
 
 
 def _lowest(ground: Ground, level: Alignment, stations: list[float], lefts: tuple[float, float]) -> float:

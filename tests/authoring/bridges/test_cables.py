@@ -352,3 +352,38 @@ def test_bad_input_names_the_key_and_what_is_allowed(family: str, own: dict[str,
     with pytest.raises(InputError) as error:
         record_of(family, 3, {**ROAD, family: own})
     assert f"{family}.{told}" in str(error.value)
+
+
+def test_anchor_blocks_hold_their_cables() -> None:
+    """Friction and earth on 0.8 of a block's weight hold the pull of a parabola under half the deck, 1.3 times."""
+    for seed in (2, 3):
+        bridge = hung(seed)
+        record: DrawnSuspension = bridge.drawn.record
+        cables, deck = record.cables, record.deck
+        load = 0.5 * deck.width * (25.0 * (deck.slab + record.top.surfacing) + 3.0 + 3.5)  # [kN/m] of one cable
+        pull = load * record.choice.main**2 / (8.0 * (cables.crown - cables.low))
+        assert cables.pull == pytest.approx(pull, rel=1e-3)
+        blocks = [n for n, member in enumerate(bridge.members) if member.kind == "anchor_block"]
+        assert len(blocks) == 4
+        for number in blocks:
+            assert 0.8 * 24.0 * bridge.volumes[number] > 1.3 * pull
+
+
+def test_boxes_have_hatches_and_free_edges_drip_grooves() -> None:
+    """Two hatches lie under the soffit of a box, 5 m from its ends; a slab's free edge has a groove of 20 mm."""
+    bridge = hung(2, deck="steel_box")
+    hatches = [n for n, member in enumerate(bridge.members) if member.kind == "access_hatch"]
+    ends = bridge.drawn.record.spans.pieces[0]
+    middles = [bridge.bridge_coordinates[n].mean(axis=0) for n in hatches]
+    assert [float(middle[0]) for middle in middles] == pytest.approx([ends[0] + 5.0, ends[1] - 5.0])
+    soffit = bridge.drawn.record.levels.girder_soffit
+    for number, middle in zip(hatches, middles, strict=True):
+        under = bridge.layout.alignment.height(middle[:1])[0] + soffit
+        assert bridge.boxes[number, 0, 2] < under < bridge.boxes[number, 1, 2] + 0.03
+    plated = hung(2, deck="plate_girder")
+    slab = next(n for n, member in enumerate(plated.members) if member.kind == "deck_slab")
+    section = plated.bridge_coordinates[slab]
+    half = 0.5 * plated.drawn.record.deck.width
+    grooved = section[np.abs(np.abs(section[:, 1]) - (half - 0.12)) < 1e-6]
+    deck = plated.layout.alignment.height(grooved[:, 0])
+    np.testing.assert_allclose(grooved[:, 2] - deck, plated.drawn.record.levels.soffit + 0.020, atol=1e-6)
