@@ -37,7 +37,7 @@ def on_concrete(spots: Spots, members: Members, wet: Floats, rusty: Floats, age:
     wall, under, above = ramp(np.abs(up), 0.75, 0.45), ramp(-up, 0.5, 0.8), ramp(up, 0.5, 0.8)
     rise, depth = spots.place[:, 2] - members.low[owner], members.high[owner] - spots.place[:, 2]
     old = min(age, 1.6)
-    tone = 1 + members.tone[owner] + old * (0.03 * clouds + 0.03 * patches + 0.045 * spots.stains)
+    tone = 1 + members.tone[owner] + old * (0.045 * clouds + 0.04 * patches + 0.045 * spots.stains)
     tone += 0.05 * old * wall * streaks  # what every rain leaves a little of
     factors = np.repeat((tone * _lifts(rise, owner, members, age))[None], 3, axis=0)
     share = 1.25 - 0.75 * old  # the older, the more of a wall has a run

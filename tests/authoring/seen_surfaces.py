@@ -30,6 +30,7 @@ _CORNERS = np.array(
 )
 _MEAN = 0.20  # linear mean that the picture is exposed to
 _FAR = 1e9
+_PEAK = 0.012  # OpenCV's threshold for the `peak_threshold` of 0.004 that [recon.sparse] has: times three layers
 _HALVED = 3.0  # [px], standard deviation of a Gaussian that halves waves of 16 px: hills and valleys of 8 px
 
 
@@ -112,12 +113,12 @@ def contrast(seen: Seen) -> float:
 
 def keypoints(seen: Seen) -> float:
     """SIFT keypoints a megapixel."""
-    return len(cv2.SIFT.create().detect(seen.grey, None)) / seen.grey.size * 1e6
+    return len(cv2.SIFT.create(contrastThreshold=_PEAK).detect(seen.grey, None)) / seen.grey.size * 1e6
 
 
 def right_matches(one: Seen, two: Seen) -> float:
     """Share of the matches between two pictures that hit the same place within 1.5 px; 0 without matches."""
-    sift = cv2.SIFT.create()
+    sift = cv2.SIFT.create(contrastThreshold=_PEAK)
     (points, words), (other_points, other_words) = (sift.detectAndCompute(seen.grey, None) for seen in (one, two))
     if words is None or other_words is None or len(other_words) < 2:
         return 0.0

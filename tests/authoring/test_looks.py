@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,8 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
 from authoring.looks.bake import LookSettings, bake_look, bake_surface
 from authoring.looks.charts import draw_charts, spread
 from authoring.looks.detail import detail_texture
+from authoring.looks.encode import U8
+from authoring.looks.grain import grain_texture
 from authoring.looks.library import _ensure
 from authoring.looks.material import MaterialRecipe, author_material, author_sheets
 from authoring.looks.recipes import RECIPES
@@ -98,11 +101,12 @@ def test_sheet_has_no_seam(small: tuple[Path, dict[str, MaterialRecipe]], name: 
             assert steps[-1] <= 1.1 * steps[:-1].max()
 
 
-def test_detail_is_a_zero_mean_factor_that_tiles() -> None:
+@pytest.mark.parametrize(("draw", "low", "high"), [(detail_texture, 0.25, 0.45), (grain_texture, 0.18, 0.25)])
+def test_detail_is_a_zero_mean_factor_that_tiles(draw: Callable[[], U8], low: float, high: float) -> None:
     """Mean 0.5 within 1/512 in every quarter-period average of the whole, enough contrast, no seam."""
-    grey = detail_texture()
+    grey = draw()
     assert abs(grey.mean() / 255 - 0.5) < 1 / 512
-    assert 0.25 < (2 * grey / 255.0 - 1).std() < 0.45
+    assert low < (grey / 127.5 - 1).std() < high
     steps = np.abs(np.roll(grey.astype(int), -1, 0) - grey).mean(axis=1)
     assert steps[-1] <= 1.1 * steps[:-1].max()
 
@@ -111,11 +115,12 @@ def test_detail_keeps_the_mean_albedo(small: tuple[Path, dict[str, MaterialRecip
     """Mean colour with the detail is that without it within 2 %, and the sheet's file has the mean that it states."""
     folder, recipes = small
     places = _rng().uniform(0, 2000, (100_000, 2))
-    grey = detail_texture() / 255.0
+    pictures = {"detail": detail_texture() / 255.0, "grain": grain_texture() / 255.0}
     worst = 0.0
     for name, recipe in recipes.items():
         albedo = _linear(_load(folder, recipe.albedo_file))
         assert albedo.mean(axis=(0, 1)) == pytest.approx(recipe.color, rel=0.02, abs=0.003), name
+        grey = pictures[RECIPES[name].picture]
         color, factor = _at(albedo, recipe.sheet, places), np.ones(len(places))
         for period, amplitude in zip(recipe.periods, recipe.amplitudes, strict=True):
             factor *= 1 + amplitude * (2 * _at(grey, period, places) - 1)

@@ -52,8 +52,8 @@ def test_old_surfaces_feed_sift(tmp_path: Path, proof_count: Count, record_proof
                         continue
                     other = photograph(prepared, row, distance, slant, 0.1 * distance)
                     rows.append((contrast(one), keypoints(one), right_matches(one, other), name, distance, slant))
-    assert min(rows)[0] >= 0.08, min(rows)
-    assert max(rows)[0] <= 0.20, max(rows)
+    assert min(rows)[0] >= 0.04, min(rows)
+    assert max(rows)[0] <= 0.16, max(rows)
     fewest = min(rows, key=lambda found: found[1])
     assert fewest[1] >= 400, fewest
     worst = min(rows, key=lambda found: found[2])
@@ -118,15 +118,24 @@ def peak(shown: F32) -> float:
     return float(found[np.hypot(lag[:, None], lag[None, :]) > 1.0].max())
 
 
+def broad_contrast(shown: F32) -> float:
+    """RMS contrast of what is 0.5 to 15 m large [1]."""
+    fine, broad = (cv2.GaussianBlur(shown, (0, 0), metres / 4 / _PIXEL) for metres in (0.5, 15.0))
+    return float(np.asarray(fine - broad, np.float64).std() / shown.mean())
+
+
 @pytest.mark.parametrize("role", ["Role_DeckConcrete", "Role_PierConcrete", "Role_DeckAsphalt", "Role_GirderSteel"])
 def test_nothing_repeats_over_thirty_metres(
     tmp_path: Path, role: str, proof_count: Count, record_proof: RecordProof
 ) -> None:
-    """Seen from afar, sheet, detail and weather together have no autocorrelation over 0.25 beyond 1 m."""
+    """Sheet, grain and weather together: no autocorrelation over 0.25 beyond 1 m, and the contrast of real concrete.
+
+    What is 0.5 to 15 m large on a wall of concrete has an RMS contrast of 6 to 12 %, and more where it is older.
+    """
     if role != "Role_DeckConcrete" and proof_count(0, 1) == 0:
         pytest.skip("runs with --proof only")
     wall = _wall(role)
-    peaks = {}
+    peaks, broad = {}, {}
     for look, years in (("weathered", 1.0), ("aged", 1.6)):
         surface = fill_roles(look, np.random.default_rng(0))[0][role]
         shown = orthophoto(tmp_path, bake_surface(surface, tmp_path))
@@ -134,9 +143,14 @@ def test_nothing_repeats_over_thirty_metres(
         macro = encode_raw(weather((wall,), 1024, years, np.random.default_rng(2)) / 2)
         factor = cv2.resize(2 * macro.mean(axis=-1).astype(np.float32) / 255, (len(shown), len(shown)))
         peaks[look] = peak(shown * factor)
+        if "Concrete" in role:
+            broad[look] = broad_contrast(shown * factor)
+            assert 0.06 <= broad[look] <= 0.12, (surface, broad[look])
         assert peaks[look] <= 0.25, (surface, peaks[look])
         assert peaks[look] < alone
-    record_proof(f"looks/nothing repeats over 30 m: {role}", 2, 2, {k: round(v, 3) for k, v in peaks.items()})
+    assert not broad or broad["weathered"] < broad["aged"]
+    figures = {**peaks, **{f"broad_contrast_{look}": value for look, value in broad.items()}}
+    record_proof(f"looks/nothing repeats over 30 m: {role}", 2, 2, {k: round(v, 3) for k, v in figures.items()})
 
 
 def test_a_scene_copies_its_sheets(tmp_path: Path, record_proof: RecordProof) -> None:
