@@ -11,6 +11,7 @@ from authoring.looks.bake import bake_surface
 from authoring.looks.leaves import leaves
 from authoring.looks.material import author_material
 from authoring.looks.noise import Tile
+from authoring.shapes.component import Scatter
 from authoring.site.fields import USES, VERGE
 from authoring.site.land import no_hills
 from authoring.site.plants import bush
@@ -88,7 +89,10 @@ def test_a_bush_stands_within_its_size() -> None:
 
 @pytest.mark.parametrize("land", sorted(USES))
 def test_plots_lie_clear_of_ways_and_change_no_height(land: str) -> None:
-    """At most one use at a place, none on roads, water, fills or beside the deck; another use moves no node."""
+    """At most one use at a place, none on roads, water, fills or beside the deck; another use moves no node.
+
+    Nothing is strewn on what is tilled or paved.
+    """
     site = draw_site(SiteSettings.model_validate({"land": land, "crossing": "road"}), LAYOUT, stream(7, "site"))
     other = draw_site(SiteSettings(land="common", crossing="road"), LAYOUT, stream(7, "site"))
     np.testing.assert_array_equal(site.field.heights, other.field.heights)
@@ -104,3 +108,7 @@ def test_plots_lie_clear_of_ways_and_change_no_height(land: str) -> None:
     for approach in site.land.approaches:
         beside = np.abs(left - approach.centre(station)) - approach.half_width
         assert (beside[taken & (approach.along(station) > 0)] > VERGE - 1e-9).all()
+    for run in (piece for piece in site.pieces if isinstance(piece, Scatter)):
+        beside = site.land.shape(*LAYOUT.alignment.locate(run.positions), no_hills).covers
+        for name in set(USES[land]) & set(beside) - {"hay"}:
+            assert (beside[name] < 0).all(), (run.name, name)
