@@ -11,6 +11,7 @@ from authoring.site.covers import to_world
 from authoring.site.grid import HeightField
 from authoring.site.growth import pebble
 from authoring.site.hedges import hedge_places
+from authoring.site.land import no_hills
 from authoring.site.plants import bush
 from authoring.site.relief import draw_relief
 from authoring.site.shape import SHOULDER, WING_WALL, Land
@@ -21,6 +22,8 @@ F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
 Prototypes = tuple[tuple[tuple[str, Mesh], ...], ...]
 DETAILED = 22.0  # distance from the bridge's edge up to which plants are modelled in detail [m]
+_TILLED = ("ploughed", "crop", "ripe", "lot_asphalt", "lot_paved", "lot_gravel")  # covers on which nothing grows wild
+_BESIDE = 0.25  # from their borders to what does [m]
 SMALL = 0.2  # size of stones that need no detail [m]
 NEAR = 28.0  # distance from the axis or the crossing at which density has fallen to about a third [m]
 
@@ -146,9 +149,17 @@ def _places(
     if by_crossing > 0:
         shore = land.crossing.distance(station, left) < land.crossing.half_width + 5.0
         free &= shore | (rng.uniform(0.0, 1.0, 6 * count) > by_crossing)
-    rows = np.flatnonzero(free)[:count]
+    rows = np.flatnonzero(free)[: 2 * count]
+    rows = rows[_untilled(land, station[rows], left[rows])][:count]
     height = ground(station[rows], left[rows])
     return np.column_stack([station[rows], left[rows], height])
+
+
+def _untilled(land: Land, station: F64, left: F64) -> B:
+    """Tell which places lie on no crop, ploughed land or yard, shape (N,), bool."""
+    covers = land.shape(station, left, no_hills).covers
+    taken = [covers[name] > -_BESIDE for name in _TILLED if name in covers]
+    return ~np.any(taken, axis=0) if taken else np.ones(len(station), bool)
 
 
 def _shore_places(land: Land, ground: HeightField, count: int, rng: np.random.Generator) -> F64:
