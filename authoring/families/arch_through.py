@@ -136,11 +136,9 @@ def draw_through_arch(
         bearing_lines=lines,
         abutments=abutments,
     )
-    levels = drawn.levels
-    supports = (0.0, total)
-    layout = draw_layout_of(
-        shared, top, supports, levels.girder_soffit, levels.seat, draws, straight=True, walls=abutments.wing_length
-    )
+    levels, walls = drawn.levels, abutments.wing_length
+    low, seat = levels.girder_soffit, levels.seat
+    layout = draw_layout_of(shared, top, (0.0, total), low, seat, draws, straight=True, walls=walls)
     if not tied:
         layout = footed(raised(layout, drawn.rib, choice.springing), drawn.rib)
     return layout, drawn
