@@ -26,16 +26,16 @@ help:
 	@echo "make bench        regenerate the tables measured in minutes"
 	@echo "make test-faults  at full counts, the tests that kill, corrupt and fill disks; writes docs/benchmarks/faults.md"
 
-setup: .venv/.stamp-core .venv/.stamp-dev .venv/.stamp-learn
+setup: .venv/.stamp-core .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view .venv/.stamp-browser
 
 demo: .venv/.stamp-core
 	.venv/bin/falsework demo -o $(OUT)
 
-test: lint
+test: lint .venv/.stamp-browser
 	$(PYTEST) -m "not dcc" $(PARALLEL)
 
-# The tests of learn/ need its extra, and so does pyright, which reads what torch says of its types.
-lint: .venv/.stamp-dev .venv/.stamp-learn
+# The tests of learn/ and of the viewer need their extras, and so does pyright, which reads what torch and viser say of their types.
+lint: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/pyright
@@ -76,6 +76,11 @@ docs: .venv/.stamp-dev .venv/.stamp-docs
 # Every extra of pyproject.toml: dev, docs, learn, view, …
 .venv/.stamp-%: .venv/.stamp-core
 	$(PIP) --editable ".[$*]"
+	@touch $@
+
+# A browser for the tests of pages; where none can be had, they are skipped and say so.
+.venv/.stamp-browser: .venv/.stamp-venv
+	@.venv/bin/python bootstrap/system_libraries.py browser
 	@touch $@
 
 .venv-dcc/.stamp: constraints-dcc.txt

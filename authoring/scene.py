@@ -1,10 +1,9 @@
 """The conductor: from settings and a seed to a folder of layers that composes into one stage."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from itertools import islice
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from pxr import Sdf
@@ -42,7 +41,23 @@ from groundwork.progress import Progress
 from usd_schemas import tokens
 from usd_schemas.taxonomies import BASE, taxonomy
 
-NO_FILES: Mapping[str, Path] = MappingProxyType({})
+
+@dataclass(frozen=True)
+class GivenFiles:
+    """Files and folders of the user's, by the names under which the settings ask for them.
+
+    Attributes:
+        worlds: Imported worlds of `[background]` and `[variants]`.
+        skies: Photographed skies of `[light]` and `[[variants.light]]`.
+        surfaces: Folders of surfaces of `[look]`.
+    """
+
+    worlds: Mapping[str, Path] = field(default_factory=dict[str, Path])
+    skies: Mapping[str, Path] = field(default_factory=dict[str, Path])
+    surfaces: Mapping[str, Path] = field(default_factory=dict[str, Path])
+
+
+NO_FILES = GivenFiles()
 
 
 def author_scene(
@@ -50,9 +65,7 @@ def author_scene(
     seed: int,
     folder: Path,
     progress: Progress,
-    worlds: Mapping[str, Path] = NO_FILES,
-    skies: Mapping[str, Path] = NO_FILES,
-    surfaces: Mapping[str, Path] = NO_FILES,
+    given: GivenFiles = NO_FILES,
 ) -> None:
     """Author a whole scene.
 
@@ -61,14 +74,16 @@ def author_scene(
         seed: Seed of the scene; each layer draws from a stream of its own.
         folder: Existing empty folder; afterwards it holds `scene.usda` and can be moved as a whole.
         progress: Listener.
-        worlds: Imported worlds by the name under which `[background]` and `[variants]` ask for them.
-        skies: Photographed skies by the name under which `[light]` and `[[variants.light]]` ask for them.
-        surfaces: Users' folders of surfaces by the name under which `[look]` asks for them.
+        given: The user's own files.
     """
+    worlds = given.worlds
     for name in (settings.background.name, *settings.variants.background):
         if name not in BACKGROUNDS and name not in worlds:
             raise InputError(
-                "unknown background", field="background.name", value=name, allowed=", ".join((*BACKGROUNDS, *worlds))
+                "unknown background",
+                field="background.name",
+                value=name,
+                allowed=", ".join((*BACKGROUNDS, *worlds)),
             )
     progress.stage("author", 7)
     layout, drawn = draw_layout(settings.bridge, stream(seed, "bridge"))
@@ -81,7 +96,7 @@ def author_scene(
         site_root = author_provenance(site_layer(recipes), "/Site", made_from(settings, seed, "site"))
         export(site_root, folder / "site/site.usda")
         progress.advance(2)
-        _write_bridge(settings, layout, drawn, bridge, folder / "bridge", seed, surfaces)
+        _write_bridge(SceneRecipe(settings, seed), layout, drawn, bridge, folder / "bridge", given.surfaces)
         progress.advance(3)
         subject = make_subject(bridge, site.pieces)
         paths = [plan_survey(survey, subject, seed) for survey in settings.survey]
@@ -91,7 +106,7 @@ def author_scene(
         backgrounds = {name: write_background(settings, seed, name, site, folder, worlds.get(name)) for name in names}
         progress.advance(5)
         lights = settings.variants.lights(settings.light)
-        files = {name: write_light(light, seed, name, folder, skies) for name, light in lights.items()}
+        files = {name: write_light(light, seed, name, folder, given.skies) for name, light in lights.items()}
         export(lighting_layer(files), folder / "lighting.usda")
         progress.advance(6)
         export(render_layer(paths), folder / "render.usda")
@@ -108,20 +123,20 @@ def author_scene(
 
 
 def _write_bridge(
-    settings: AuthoringSettings,
+    recipe: SceneRecipe,
     layout: Layout,
     drawn: DrawnBridge,
     bridge: Pieces,
     folder: Path,
-    seed: int,
     surfaces: Mapping[str, Path],
 ) -> None:
+    settings, seed = recipe.settings, recipe.seed
     write_asset(BRIDGE, bridge, folder)
     export(payload_layer(), folder / "payload.usda")
     asked = dict.fromkeys((settings.look.name, *settings.variants.look))
     others = (name for name in LOOKS if name not in asked)
     names = [*asked, *islice(others, max(2 - len(asked), 0))]  # two in any case, so that a swap needs no authoring
-    files = {name: write_look(settings, seed, name, bridge, folder, surfaces) for name in names}
+    files = {name: write_look(settings, seed, name, bridge, folder, given=surfaces) for name in names}
     spans = tuple(np.diff(layout.supports).tolist())
     facts = {**asdict(drawn), "alignment": asdict(layout.alignment)}
     layer = bridge_layer(drawn.family, spans, layout.width, facts, files)

@@ -286,7 +286,10 @@ def _copied(tree: Path) -> Path:
 
 def _places(tree: ast.Module) -> Iterator[tuple[ast.AST, "Change"]]:
     """Give each place that can be changed, and what changes it; the order is that of the tree."""
+    axes = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg == "axis"}
     for node in ast.walk(tree):
+        if id(node) in axes:
+            continue  # an axis is exchanged for another: -1 and +1 are often the same
         if isinstance(node, ast.Compare) and type(node.ops[0]) in _COMPARED:
             table = _COMPARED if _is_counted(node) else {**_COMPARED, **_TURNED}
             yield node, Change(node, "ops", [table[type(node.ops[0])](), *node.ops[1:]])

@@ -60,7 +60,7 @@ class Size:
 
 
 WHOLE = Size(20, 30.0, 8, 8.0, 10_000)
-SMALL = Size(4, 2.0, 4, 1.0, 500)
+SMALL = Size(3, 1.0, 2, 1.0, 200)
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def _overhead(size: Size, waited: dict[int, Timed], each: float) -> list[str]:
         f"what is more than the waiting is the engine's. To hold: {MOST_OVERHEAD:.0%} of the whole beyond {START:g} s "
         "for the start.",
         "",
-        "| workers | waiting [s] | whole [s] | more [s] | beyond the start | first to last result [s] | processor [s] |",
+        "| workers | waiting [s] | whole [s] | more [s] | beyond the start | first to last [s] | processor [s] |",
         "|---|---|---|---|---|---|---|",
     ]
     for workers, one in waited.items():

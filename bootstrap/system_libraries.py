@@ -3,7 +3,9 @@
 A library counts as present when it can be loaded, whoever installed it: no package database is asked. What is missing
 comes through apt where this user may (root, or sudo without a password). Where not, OpenGL comes from the OSMesa wheel.
 
-Usage: .venv/bin/python bootstrap/system_libraries.py core|dcc
+Pages are tested in a Chromium; where none can be had, those tests are skipped, and that is said here, too.
+
+Usage: .venv/bin/python bootstrap/system_libraries.py core|dcc|browser
 """
 
 import ctypes
@@ -40,6 +42,8 @@ CONTEXT = (
     "import glcontext; "
     "glcontext.get_backend_by_name('egl')(glversion=450, mode='standalone', libgl='libGL.so.1', libegl='libEGL.so.1')"
 )
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+BROWSER_PACKAGE = "chromium"
 APT = ["apt-get", "-qq", "-y", "-o", "DPkg::Lock::Timeout=300", "--no-install-recommends"]
 
 
@@ -47,11 +51,14 @@ def main(kind: str) -> int:
     """Bring the libraries of one kind of set-up.
 
     Args:
-        kind: "core", or "dcc" for the Blender tests.
+        kind: "core", "dcc" for the Blender tests, or "browser" for those of pages, without which one can do.
 
     Returns:
         0 when everything loads, else 2 after one line on stderr.
     """
+    if kind == "browser":
+        bring_browser()
+        return 0
     wanted = CORE if kind == "core" else CORE | DCC
     missing = find_missing(wanted)
     if missing and (rights := apt_rights()) is not None:
@@ -65,6 +72,31 @@ def main(kind: str) -> int:
             f"apt-get install {' '.join(sorted(set(missing.values())))}\n"
         )
     return 2 if missing else 0
+
+
+def bring_browser() -> None:
+    """Install a Chromium where none starts; say in a line where that cannot be done."""
+    if not has_browser() and (rights := apt_rights()) is not None:
+        install([BROWSER_PACKAGE], rights)
+    if not has_browser():
+        sys.stderr.write(
+            f"falsework set-up: no Chromium, so the tests of pages in a browser are skipped: "
+            f"apt-get install {BROWSER_PACKAGE}\n"
+        )
+
+
+def has_browser() -> bool:
+    """Tell whether a Chromium starts; a stub that would install one does not count."""
+    for name in BROWSERS:
+        path = shutil.which(name)
+        if path is not None:
+            try:
+                done = subprocess.run([path, "--version"], check=False, capture_output=True, text=True, timeout=60)
+            except (OSError, subprocess.TimeoutExpired):
+                continue
+            if done.returncode == 0 and "Chrom" in done.stdout:
+                return True
+    return False
 
 
 def find_missing(wanted: dict[str, str]) -> dict[str, str]:

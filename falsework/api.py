@@ -86,7 +86,7 @@ def render(
     from render.settings import RenderSettings
 
     told = _settings(settings or RenderSettings(), RenderSettings).model_dump(mode="json")
-    names = render_file(Path(stage), Path(out), survey, told, seed, progress, _roots(allow_roots))
+    names = render_file(Path(stage), Path(out), survey, told, seed, progress, allow_roots=_roots(allow_roots))
     return {name: read_capture(Path(out) / name) for name in names}
 
 

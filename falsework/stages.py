@@ -49,7 +49,7 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
         folder: Empty folder to fill.
         progress: Listener.
     """
-    from authoring.scene import author_scene
+    from authoring.scene import GivenFiles, author_scene
     from authoring.settings import AuthoringSettings
 
     given = {
@@ -57,7 +57,8 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
         for kind in ("world/", "sky/", "surface/")
     }
     authoring = parse_settings(AuthoringSettings, settings["authoring"], "scenario")
-    author_scene(authoring, settings["seed"], folder, progress, given["world/"], given["sky/"], given["surface/"])
+    files = GivenFiles(given["world/"], given["sky/"], given["surface/"])
+    author_scene(authoring, settings["seed"], folder, progress, files)
 
 
 def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
@@ -199,10 +200,10 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(10, author),
-    "capture": Stage(10, capture, resumes=True),
+    "stage": Stage(11, author),
+    "capture": Stage(11, capture, resumes=True),
     "model": Stage(1, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),
-    "report": Stage(8, report),
+    "report": Stage(9, report),
 }

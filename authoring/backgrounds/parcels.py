@@ -11,7 +11,12 @@ from authoring.site.covers import Cover
 
 F64 = NDArray[np.float64]
 BALK = 1.0  # half the uncultivated strip between two fields [m]
-CROPS = (Cover("ploughed", "Ploughed", "ground", "soil"), Cover("crop", "Crop", "ground", "meadow"))
+CROPS = (
+    Cover("ploughed", "Ploughed", "ground", "furrows"),
+    Cover("crop", "Crop", "ground", "crop"),
+    Cover("ripe", "RipeCrop", "ground", "ripe_crop"),
+    Cover("hay", "Hay", "ground", "hay"),
+)
 
 
 @dataclass(frozen=True)
@@ -55,12 +60,15 @@ class Parcel:
         return np.asarray(self.centre) + local @ np.array([[cosine, sine], [-sine, cosine]])
 
 
-def draw_parcels(terrain: Terrain, rng: np.random.Generator) -> tuple[Parcel, ...]:
-    """Divide the land within about half a kilometre into fields, in two blocks with headings of their own.
+def draw_parcels(
+    terrain: Terrain, rng: np.random.Generator, reach: tuple[float, float] = (620.0, 560.0)
+) -> tuple[Parcel, ...]:
+    """Divide the land round a site into fields, in two blocks with headings of their own.
 
     Args:
         terrain: The terrain.
         rng: Random stream.
+        reach: How far the blocks go along the axis and to its sides [m].
 
     Returns:
         Fields that do not overlap; roads, river and site cut into them.
@@ -70,12 +78,12 @@ def draw_parcels(terrain: Terrain, rng: np.random.Generator) -> tuple[Parcel, ..
     for side in (-1.0, 1.0):
         heading = rng.uniform(-0.22, 0.22)
         depth = side * 92.0
-        while abs(depth) < 560.0:
+        while abs(depth) < reach[1]:
             width = rng.uniform(70.0, 130.0)
-            at = -620.0
-            while at < 620.0:
+            at = -reach[0]
+            while at < reach[0]:
                 length = rng.uniform(80.0, 190.0)
-                crop = ("ploughed", "crop", "crop", "", "")[rng.integers(0, 5)]
+                crop = ("ploughed", "crop", "crop", "ripe", "ripe", "hay", "")[rng.integers(0, 7)]
                 local = np.array([at + length / 2, depth + side * width / 2])
                 turned = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]) @ local
                 half = (length / 2 - BALK, width / 2 - BALK)

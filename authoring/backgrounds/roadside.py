@@ -8,7 +8,8 @@ from authoring.backgrounds.solids import Frame, box
 from authoring.backgrounds.terrain import Terrain
 from authoring.shapes.component import Mesh, Scatter
 from authoring.site.covers import to_world
-from authoring.site.growth import leaf_bush, stem
+from authoring.site.growth import stem
+from authoring.site.plants import bush
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
@@ -78,7 +79,7 @@ def plant_hedges(
         return ()
     height = terrain.height(places[:, 0], places[:, 1]) - 0.05
     positions = to_world(terrain.land.layout.alignment, np.column_stack([places, height]))
-    bushes = tuple((("foliage", leaf_bush(rng, 22)),) for _ in range(3))
+    bushes = tuple(bush(rng, 30) for _ in range(3))
     which = rng.integers(0, len(bushes), len(places)).astype(np.int32)
     scales = rng.uniform(1.5, 2.4, len(places))[:, None] * rng.uniform(0.85, 1.15, (len(places), 3))
     yaw = rng.uniform(0.0, 2 * np.pi, len(places))

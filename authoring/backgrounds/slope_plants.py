@@ -14,7 +14,7 @@ from authoring.backgrounds.waters import Basin
 from authoring.backgrounds.woods import CYPRESS, LIME, SPRUCE, clear_ground, shrub_run, spaced, tree_runs
 from authoring.shapes.component import Scatter
 from authoring.site.covers import Cover
-from authoring.site.growth import leaf_bush
+from authoring.site.plants import bush
 from authoring.site.relief import Relief, draw_relief, smoothstep
 
 F64 = NDArray[np.float64]
@@ -118,7 +118,7 @@ def green_runs(
     hedges = hedges[clear_ground(terrain, hedges[:, :2], plots, 0.9)]
     hedges = hedges[lane_room(lanes, hedges[:, 0], hedges[:, 1]) > 0.6]
     hedges = hedges[(terrain.beyond(hedges[:, 0], hedges[:, 1]) < 260.0)][:900]
-    bushes = tuple((("foliage", leaf_bush(rng, leaves)),) for leaves in (18, 18, 18, 5, 5, 5))
+    bushes = tuple(bush(rng, leaves) for leaves in (34, 34, 34, 12, 12, 12))
     return runs + shrub_run(terrain, prefix, hedges, bushes, rng, first_id + len(runs))
 
 

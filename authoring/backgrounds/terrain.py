@@ -94,8 +94,9 @@ class Terrain:
         normals = surface_normals(nodes, faces)
         shape = self.land.shape(station, left, self.hills)
         shape.covers["patch"] = shape.covers["patch"] - 0.2 * self.beyond(station, left)  # too small for far cells
+        own = tuple(cover for cover in COVERS if cover.name in shape.covers)
         shape.covers.update({cover.name: values for cover, values in (*over, *extra)})
-        covers = (*(cover for cover, _ in over), *COVERS[:-1], *(cover for cover, _ in extra), COVERS[-1])
+        covers = (*(cover for cover, _ in over), *own[:-1], *(cover for cover, _ in extra), own[-1])
         outer = outer_triangles(_middle(self.field, self.inner), self.kept)
         return soup_of(nodes, normals, outer, shape, covers, self.land.layout.alignment)
 
@@ -149,16 +150,16 @@ def grow_terrain(site: Site, hills: Hills, reach: float, widest: float = WIDEST_
     Returns:
         The terrain.
     """
-    own = site.field
+    own, around = site.field, replace(site.land, plots=None)
     stations, lefts = (_outward(line, reach, widest) for line in (own.stations, own.lefts))
     inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
-    station, left = _bent_nodes(site.land, inner, stations, lefts)
-    heights = np.round(site.land.shape(station, left, hills).height, 4)
+    station, left = _bent_nodes(around, inner, stations, lefts)
+    heights = np.round(around.shape(station, left, hills).height, 4)
     column, row = np.searchsorted(stations, inner[0]), np.searchsorted(lefts, inner[2])
     heights[column : column + len(own.stations), row : row + len(own.lefts)] = own.heights
     field = HeightField(stations, lefts, heights)
-    kept = _coarser(site.land, hills, field, inner)
-    return Terrain(site.land, hills, field, inner, kept, site.keep_out).with_heights(heights)
+    kept = _coarser(around, hills, field, inner)
+    return Terrain(around, hills, field, inner, kept, site.keep_out).with_heights(heights)
 
 
 def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generator) -> Hills:

@@ -5,75 +5,88 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.parcels import Parcel, clear_of, open_land
 from authoring.backgrounds.terrain import Terrain
-from authoring.shapes.component import Mesh, Scatter
+from authoring.shapes.component import Scatter
 from authoring.site.covers import to_world
-from authoring.site.growth import faceted, leaf_mass, stem
+from authoring.site.growth import stem
+from authoring.site.plants import Plant, branches, cone, foliage, limbs
 from authoring.site.relief import draw_relief
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
-Tree = tuple[tuple[str, Mesh], ...]
 NEAR = 165.0  # distance from the site's middle up to which trees are modelled in detail [m]
 DISTANT = 150.0  # distance from the site from which trees are the simplest [m]
-SPECIES = 4
+SPECIES = 5
 SUNK = 0.25  # trunks go on below the ground [m]
+_SIZES = {"oak": (11.5, 11.0), "lime": (14.0, 8.8), "poplar": (19.0, 4.2), "spruce": (16.0, 6.4), "birch": (14.5, 5.4)}
 
 
-def broadleaf(rng: np.random.Generator, height: float, width: float, clumps: int) -> Tree:
+def broadleaf(rng: np.random.Generator, form: str, height: float, width: float, count: int) -> Plant:
     """Model a broadleaved tree.
 
     Args:
         rng: Random stream.
+        form: Its habit: `oak` spreads, `lime` is a high dome, `poplar` a column, `birch` airy and hanging.
         height: Height [m].
         width: Width of the crown [m].
-        clumps: Clumps of leaves; the more, the more detail in the trunk as well.
+        count: Cards with leaves; the more, the more detail in trunk and boughs as well.
 
     Returns:
-        Bark and foliage.
+        Bark, the hearts of the crown, and leaves.
     """
-    low = 0.2 * height
-    middle = np.array([0.0, 0.0, (low + height) / 2])
-    half = np.array([width, width, height - low]) / 2
-    clump = 1.15 * np.cbrt(np.prod(half)) / np.sqrt(clumps)
-    crown = leaf_mass(rng, middle, 0.9 * half, clumps, 0, 1.45 * clump)
-    return ("bark", stem(0.6 * height, 0.020 * height + 0.08, 7 if clumps > 12 else 5, rng)), ("foliage", crown)
+    lobes = _habit(rng, form, height, width)
+    lobes = lobes if count > 30 else lobes[: max(len(lobes) // 2, 2)] * [1.0, 1.0, 1.0, 1.22, 1.22, 1.12]
+    airy = form == "birch"
+    kind = {"oak": "oak", "lime": "lime", "poplar": "willow"}.get(form, "lime")
+    crown = foliage(rng, lobes, count, kind, 1.7 if airy else 2.5, hearts=not airy)
+    radius = (0.012 if airy else 0.017) * height + 0.07
+    wood = stem((0.9 if airy else 0.62) * height, radius, 7 if count > 90 else 4, rng)
+    if count > 90:
+        wood = merged([wood, limbs(rng, lobes, 0.26 * height, 0.5 * radius)])
+    return ("bark", wood), *crown
 
 
-def conifer(rng: np.random.Generator, height: float, width: float, tiers: int, spokes: int) -> Tree:
-    """Model a spruce: whorls of drooping branches, each a closed star that narrows to the stem.
+def _habit(rng: np.random.Generator, form: str, height: float, width: float) -> F64:
+    """Draw the lobes of a crown, the greatest first: middle and half axes [m], shape (K, 6), float64."""
+    rows = []
+    if form in ("poplar", "birch"):
+        for share in (0.36, 0.62, 0.22, 0.80, 0.50, 0.93):
+            wide = 0.5 * width * (1.0 - 0.85 * abs(share - 0.42) ** 1.3) * rng.uniform(0.8, 1.1)
+            wide *= 0.62 if share > 0.9 else 1.0
+            off = (0.22 if form == "birch" else 0.07) * width * rng.normal(size=2)
+            rows.append([*off, share * height, wide, wide, (0.16 if share < 0.9 else 0.09) * height])
+        return np.array(rows)
+    low, spread = (0.24, 0.50) if form == "oak" else (0.17, 0.36)
+    rows.append([0.0, 0.0, 0.64 * height, 0.32 * width, 0.32 * width, 0.30 * height])
+    many = 6 if form == "oak" else 5
+    for number, turn in enumerate(2 * np.pi * (np.arange(many) + rng.uniform(-0.3, 0.3, many)) / many):
+        reach = spread * width * rng.uniform(0.48, 0.70)
+        wide, high = width * rng.uniform(0.20, 0.28), height * rng.uniform(0.14, 0.20)
+        at = height * (low + 0.17 + rng.uniform(0.0, 0.24) + (0.08 if form == "lime" else 0.0) * (number % 2))
+        rows.append([reach * np.cos(turn), reach * np.sin(turn), at, wide, wide, high])
+    rows.append([0.1 * width, -0.06 * width, height - 0.17 * height, 0.21 * width, 0.21 * width, 0.17 * height])
+    return np.array(rows)
+
+
+def conifer(rng: np.random.Generator, height: float, width: float, tiers: int, spokes: int) -> Plant:
+    """Model a spruce: whorls of drooping branches round a dark heart.
 
     Args:
         rng: Random stream.
         height: Height [m].
         width: Width of the lowest whorl [m].
         tiers: Whorls.
-        spokes: Branches in a whorl.
+        spokes: Branches in the lowest whorl.
 
     Returns:
-        Bark and foliage.
+        Bark, the heart, and branches.
     """
-    pieces = []
-    for tier in range(tiers):
-        share = tier / tiers
-        foot = height * (0.10 + 0.86 * share)
-        top = min(height, foot + height * (0.34 - 0.12 * share))
-        reach = width / 2 * (1.0 - share) ** 0.85 * rng.uniform(0.9, 1.08)
-        angle = 2 * np.pi * (np.arange(2 * spokes) / (2 * spokes)) + rng.uniform(0.0, 6.0)
-        long = np.where(
-            np.arange(2 * spokes) % 2 == 0, rng.uniform(0.85, 1.15, 2 * spokes), rng.uniform(0.45, 0.62, 2 * spokes)
-        )
-        rim = np.column_stack([reach * long * np.cos(angle), reach * long * np.sin(angle), foot - 0.22 * reach * long])
-        points = np.vstack([rim, [0.0, 0.0, top], [0.0, 0.0, foot + 0.12 * reach]])
-        ahead = np.arange(2 * spokes)
-        behind = (ahead + 1) % (2 * spokes)
-        tip, hub = np.full(2 * spokes, 2 * spokes), np.full(2 * spokes, 2 * spokes + 1)
-        faces = np.concatenate([np.column_stack([ahead, behind, tip]), np.column_stack([behind, ahead, hub])])
-        pieces.append(faceted(points, faces, 0.35))
-    return ("bark", stem(0.5 * height, 0.012 * height + 0.06, 5, rng)), ("foliage", merged(pieces))
+    heart = cone(0.97 * height, 0.13 * height, 0.26 * width, 6 if tiers > 6 else 4)
+    wood = stem(0.5 * height, 0.012 * height + 0.06, 5, rng)
+    return ("bark", wood), ("foliage", heart), ("leaves", branches(rng, height, 0.5 * width, tiers, spokes))
 
 
-def species(rng: np.random.Generator) -> tuple[tuple[Tree, ...], tuple[Tree, ...]]:
-    """Model every species, in detail, and plain as well as for the distance: oak, lime, poplar, spruce in this order.
+def species(rng: np.random.Generator) -> tuple[tuple[Plant, ...], tuple[Plant, ...]]:
+    """Model every species, in detail, and plain as well as for the distance: oak, lime, poplar, spruce, birch.
 
     Args:
         rng: Random stream.
@@ -81,11 +94,14 @@ def species(rng: np.random.Generator) -> tuple[tuple[Tree, ...], tuple[Tree, ...
     Returns:
         Detailed trees, species by species; plain ones likewise, then those for the distance.
     """
-    shapes = ((11.0, 10.5), (13.0, 8.5), (17.0, 4.8))
-    detailed = [broadleaf(rng, *shape, 38) for shape in shapes]
-    plain = [*(broadleaf(rng, *shape, 13) for shape in shapes), conifer(rng, 15.0, 6.2, 5, 5)]
-    distant = [*(broadleaf(rng, *shape, 5) for shape in shapes), conifer(rng, 15.0, 6.2, 3, 4)]
-    return (*detailed, conifer(rng, 15.0, 6.2, 8, 8)), (*plain, *distant)
+    grades = []
+    for count, tiers, spokes in ((150, 13, 8), (54, 8, 6), (18, 5, 5)):
+        trees = [broadleaf(rng, form, *_SIZES[form], count) for form in ("oak", "lime", "poplar")]
+        trees.append(conifer(rng, *_SIZES["spruce"], tiers, spokes))
+        trees.append(broadleaf(rng, "birch", *_SIZES["birch"], count))
+        grades.append(tuple(trees))
+    detailed, plain, distant = grades
+    return detailed, (*plain, *distant)
 
 
 def graded(which: NDArray[np.int32], away: F64) -> NDArray[np.int32]:
@@ -146,13 +162,13 @@ def _places(terrain: Terrain, parcels: tuple[Parcel, ...], count: int, rng: np.r
         if rng.uniform() < 0.42:
             line = parcel.outline(9.0)
             line = line[rng.uniform(0.0, 1.0, len(line)) < rng.uniform(0.10, 0.55)]
-            kind = rng.choice((0, 0, 1), len(line))
+            kind = rng.choice((0, 0, 1, 4), len(line))
             rows.append(np.column_stack([line + rng.uniform(-1.0, 1.0, line.shape), kind]))
     left = rng.choice((-1.0, 1.0), count) * rng.uniform(84.0, 420.0, count)
     bank = rng.choice((-1.0, 1.0), count) * (land.crossing.half_width + rng.uniform(14.0, 20.0, count))
     keep = rng.uniform(0.0, 1.0, count) < 0.35
     river = np.column_stack(
-        [land.crossing.centre(left) + bank * land.crossing.stretch(left), left, rng.choice((1, 2), count)]
+        [land.crossing.centre(left) + bank * land.crossing.stretch(left), left, rng.choice((1, 2, 2, 4), count)]
     )
     rows.append(river[keep])
     woods = draw_relief(((150.0, 1.0), (60.0, 0.35)), rng)
@@ -160,7 +176,7 @@ def _places(terrain: Terrain, parcels: tuple[Parcel, ...], count: int, rng: np.r
     spread[:, 0] += (terrain.inner[0] + terrain.inner[1]) / 2
     dense = woods(spread[:, 0], spread[:, 1]) > 0.52
     spread = spread[dense | (rng.uniform(0.0, 1.0, len(spread)) < 0.006)]
-    kind = np.where(woods(spread[:, 1], spread[:, 0]) > 0.0, 3, rng.choice((0, 1), len(spread)))
+    kind = np.where(woods(spread[:, 1], spread[:, 0]) > 0.0, 3, rng.choice((0, 1, 4), len(spread)))
     rows.append(np.column_stack([spread, kind])[: 2 * count])
     places = np.concatenate(rows)
     far = np.hypot(places[:, 0] - terrain.inner[0], places[:, 1])

@@ -7,10 +7,11 @@ from scipy.spatial import KDTree
 from authoring.backgrounds.parcels import open_land
 from authoring.backgrounds.plots import Plots
 from authoring.backgrounds.terrain import Terrain
-from authoring.backgrounds.vegetation import SUNK, Tree, broadleaf, conifer
+from authoring.backgrounds.vegetation import SUNK, broadleaf, conifer
 from authoring.shapes.component import Scatter
 from authoring.site.covers import to_world
-from authoring.site.growth import faceted, leaf_mass, stem
+from authoring.site.growth import faceted, stem
+from authoring.site.plants import Plant, foliage
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
@@ -20,30 +21,29 @@ OAK, LIME, SPRUCE, CYPRESS, PALM = range(5)  # species
 CLOSE, MIDDLE = 75.0, 210.0  # distances from the site up to which trees are detailed, and plain [m]
 FULL = 45.0  # distance from the site up to which shrubs are detailed [m]
 MOST = 110, 640  # trees in detail, and in detail or plain
-_SHAPES = ((11.0, 10.0), (13.5, 8.5), (16.0, 6.2))  # height and width of oak, lime and spruce [m]
+_SHAPES = {"oak": (11.0, 10.0), "lime": (13.5, 8.5), "spruce": (16.0, 6.2)}  # height and width [m]
 
 
-def cypress(rng: np.random.Generator, height: float, width: float, clumps: int) -> Tree:
+def cypress(rng: np.random.Generator, height: float, width: float, count: int) -> Plant:
     """Model a columnar cypress.
 
     Args:
         rng: Random stream.
         height: Height [m].
         width: Width [m].
-        clumps: Clumps of leaves.
+        count: Cards.
 
     Returns:
-        Bark and foliage.
+        Bark, the hearts of the crown, and its branches.
     """
-    pieces = []
-    for share, wide in ((0.2, 0.8), (0.42, 1.0), (0.64, 0.78), (0.84, 0.42)):
-        middle, radius = np.array([0.0, 0.0, share * height]), 0.5 * width * wide
-        half = np.array([radius, radius, 0.17 * height])
-        pieces.append(leaf_mass(rng, middle, half, clumps, 0, 0.22 * width * wide, 0.6))
-    return ("bark", stem(0.3 * height, 0.16, 5, rng)), ("foliage", merged(pieces))
+    lobes = [
+        [0.0, 0.0, share * height, 0.5 * width * wide, 0.5 * width * wide, 0.17 * height]
+        for share, wide in ((0.42, 1.0), (0.64, 0.78), (0.2, 0.8), (0.85, 0.42))
+    ]
+    return ("bark", stem(0.3 * height, 0.16, 5, rng)), *foliage(rng, np.array(lobes), count, "pine", 2.6)
 
 
-def palm(rng: np.random.Generator, height: float, fronds: int) -> Tree:
+def palm(rng: np.random.Generator, height: float, fronds: int) -> Plant:
     """Model a palm: a slim stem and a head of drooping fronds, each a folded blade.
 
     Args:
@@ -112,7 +112,7 @@ def tree_runs(terrain: Terrain, prefix: str, places: F64, rng: np.random.Generat
 
 
 def shrub_run(
-    terrain: Terrain, prefix: str, places: F64, shapes: tuple[Tree, ...], rng: np.random.Generator, first_id: int
+    terrain: Terrain, prefix: str, places: F64, shapes: tuple[Plant, ...], rng: np.random.Generator, first_id: int
 ) -> list[Scatter]:
     """Plant shrubs.
 
@@ -174,13 +174,13 @@ def spaced(places: F64, gap: float) -> B:
     return kept
 
 
-def _species(rng: np.random.Generator) -> tuple[tuple[Tree, ...], ...]:
+def _species(rng: np.random.Generator) -> tuple[tuple[Plant, ...], ...]:
     """Model every species in three grades of detail."""
     grades = []
-    for clumps, tiers, spokes, fronds in ((36, 8, 8, 13), (11, 4, 5, 9), (3, 2, 4, 6)):
-        trees = [broadleaf(rng, *shape, clumps) for shape in _SHAPES[:2]]
-        trees.append(conifer(rng, *_SHAPES[2], tiers, spokes))
-        trees.append(cypress(rng, 12.0, 2.2, max(clumps // 4, 1)))
+    for count, tiers, spokes, fronds in ((140, 12, 8, 13), (48, 7, 6, 9), (14, 4, 5, 6)):
+        trees = [broadleaf(rng, form, *_SHAPES[form], count) for form in ("oak", "lime")]
+        trees.append(conifer(rng, *_SHAPES["spruce"], tiers, spokes))
+        trees.append(cypress(rng, 12.0, 2.2, max(2 * count // 3, 8)))
         trees.append(palm(rng, 5.5, fronds))
-        grades.append(tuple(tree[1:] if clumps < 4 and row < 3 else tree for row, tree in enumerate(trees)))
+        grades.append(tuple(tree[1:] if count < 20 and row < 3 else tree for row, tree in enumerate(trees)))
     return tuple(grades)

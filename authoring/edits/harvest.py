@@ -116,7 +116,8 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
     for path, prim in _bodies(before, matches):
         if write_reshaped(layer, place(path), read_surface(before.GetPrimAtPath(path)), read_surface(prim)):
             found.reshaped.append(path.name)
-    copies = _recolour(layer, place, before, after, matches, Textures(scene.parent), found)
+    copies, names = _recolour(layer, place, before, after, matches, Textures(scene.parent))
+    found.recoloured.extend(names)
     copies |= _add(layer, before, matches, labels, former, found)
     taken = {prim.GetName() for prim in before.Traverse()} | found.added.keys()
     found.cameras, cameras_left = harvest_cameras(layer, before, after, taken)
@@ -225,21 +226,22 @@ def _recolour(
     after: Usd.Stage,
     matches: Matches,
     textures: Textures,
-    found: Harvest,
-) -> dict[str, str]:
+) -> tuple[dict[str, str], list[str]]:
+    """Take over colours and materials; gives the copied textures, and the names of what changed."""
     copies: dict[str, str] = {}
+    names: list[str] = []
     ours, theirs = materials_by_name(before), materials_by_name(after)
     for name in sorted(ours.keys() & theirs.keys()):
         changed = changed_inputs(ours[name], theirs[name], textures)
         if changed:
             copies |= write_inputs(layer, place, ours[name], changed)
-            found.recoloured.append(name)
+            names.append(name)
     for path, prim in _bodies(before, matches):
         worn = next(iter(worn_by(prim).values()), None)
         if worn is not None and name_of(worn) != bound_name(before.GetPrimAtPath(path)):
             copies |= _wear(layer, _worn(place, path), worn, ours)
-            found.recoloured.append(path.name)
-    return copies
+            names.append(path.name)
+    return copies, names
 
 
 def _wear(

@@ -18,9 +18,10 @@ from authoring.families.stayed_choices import (
     stretched,
     with_median,
 )
-from authoring.families.stayed_elevation import FLATTEST, Frame, NoRoomForStays, fit, frame_of, leg_size
+from authoring.families.stayed_elevation import FLATTEST, GAUGE, Frame, NoRoomForStays, fit, leg_size
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
+from authoring.parts.box_access import box_access_parts
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws, draw
@@ -253,7 +254,17 @@ def _elevation(
     height = _height(choice, values)
     for _ in range(6):
         foot = _foot(choice, top, levels)
-        frame = frame_of(top, levels.seat, foot, height, values["leg"], _DROP, values["zone"])
+        frame = Frame(
+            top.width,
+            top.kerb_face,
+            GAUGE[top.service],
+            foot,
+            levels.seat,
+            height,
+            values["leg"],
+            _DROP,
+            values["zone"],
+        )
         found = fit(choice, frame, _PORTAL_STRIP if choice.shape == "portal" else values["strip"])
         if found is None:
             return None
@@ -302,7 +313,8 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
     if bridge.top.roadway is not None and bridge.choice.planes == 1:
         masts = [(s, bridge.pylon.face(0.0)) for _, s, _ in bridge.pylons if bridge.pylon.shape == "mast"]
-        parts += median_parts(bridge.top.roadway, low, high, tuple(masts), place)
+        noses = (bridge.top.parapets.terminals, bridge.top.parapets.terminals)
+        parts += median_parts(bridge.top.roadway, low, high, tuple(masts), place, noses=noses)
     parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
     parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     for support, station, _ in bridge.pylons:
@@ -312,6 +324,7 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     top = bridge.top
     beside = bridge.pylon.face(0.0) + 1.0  # a leg that leans over the footway
     parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place, clear=beside)
+    parts += box_access_parts(deck, low, high, levels, place)
     return parts
 
 

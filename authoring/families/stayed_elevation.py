@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.families.stayed_choices import Choice
-from authoring.parts.deck_top import DeckTop
 from authoring.parts.pylons import Pylon, anchor_faces
 from authoring.parts.stays import STEEPEST, Run, Stays, collar_of, head_heights
 from groundwork.errors import InputError
@@ -49,21 +48,6 @@ class Frame:
     leg: float
     drop: float
     zone: float
-
-
-def frame_of(top: DeckTop, seat: float, foot: float, height: float, leg: float, drop: float, zone: float) -> Frame:
-    """Gather what the elevation has to fit.
-
-    Args:
-        top: What lies on the deck.
-        seat: Top of the lower cross beam [m].
-        foot: Height of the face that stays stand on [m].
-        height: Pylon over the deck [m].
-        leg: Scale of the legs [1].
-        drop: From the lower cross beam's top to the ground datum, about [m].
-        zone: Lowest head of a semi-fan over the height [1].
-    """
-    return Frame(top.width, top.kerb_face, GAUGE[top.service], foot, seat, height, leg, drop, zone)
 
 
 def leg_size(frame: Frame) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from authoring.families.suspension_choices import (
 )
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
+from authoring.parts.box_access import box_access_parts
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws, draw
@@ -229,4 +230,5 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top
     parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
+    parts += box_access_parts(deck, low, high, levels, place)
     return parts

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from authoring.backgrounds.far_ways import far_ways
+from authoring.backgrounds.parcels import crop_fields, draw_parcels, open_land
+from authoring.backgrounds.slope_plants import WOOD
 from authoring.backgrounds.terrain import Terrain, distance_beyond, grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import plant_trees
 from authoring.imported.asset import city_components, textured_components
@@ -18,7 +20,7 @@ from authoring.imported.textured_place import Clearance, place_textured
 from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.site.covers import Cover, chunked, covered, drape, to_world
 from authoring.site.land import FIRST_STEP
-from authoring.site.relief import smoothstep
+from authoring.site.relief import draw_relief, smoothstep
 from authoring.site.shape import Hills
 from authoring.site.site import Site
 
@@ -31,6 +33,9 @@ CLEAR = 2.5  # [m] that buildings keep from roads, water and the site
 JOIN = 45.0  # [m] from the site over which the world's relief comes in
 SUNK = 0.6  # [m] that the terrain lies below the lowest of the photographed ground around
 TREES = 260
+_OUTSKIRTS = 22.0  # [m] from the paving to fields and woods
+_WOODS = 180.0  # [m] from the site to woods
+_FIELDS = (1000.0, 900.0)  # [m] along the axis and to its sides, how far fields go
 _STEP = 2.0  # [m] between the places at which a building is looked at
 _FOOT = 0.5  # [m] that walls go into the ground
 _PAVING = Cover("paved", "Paving", "ground", "asphalt")
@@ -58,7 +63,8 @@ def build_city_world(model: CityModel, site: Site, rng: np.random.Generator) -> 
     kept = _placed_buildings(model, terrain, place, ground)
     axis = site.land.layout.alignment
     # A photograph shows its own pavements; where it is cut away there is grass, as on the site.
-    paved = () if clearance is not None else ((_PAVING, _paving(terrain, place, built_map(model))),)
+    outskirts = rng.spawn(1)[0]  # a stream of its own: what covers the land moves no tree
+    paved = () if clearance is not None else _land_covers(terrain, place, built_map(model), outskirts)
     pieces = [
         (name, cover.kind, cover.role, "Ground", drape(chunk, axis, terrain.atlas(chunk)))
         for cover, soup in covered(terrain.soup(paved))
@@ -170,6 +176,28 @@ def _set_down(building: Building, terrain: Terrain, place: CityPlace, ground: Ci
         return np.round(placed, 3)
 
     return Building(building.name, moved(building.walls), moved(building.roofs))
+
+
+def _land_covers(
+    terrain: Terrain, place: CityPlace, built: BuiltMap, rng: np.random.Generator
+) -> tuple[tuple[Cover, F64], ...]:
+    """Pave the ground round buildings; farther off, and beyond the world's edge, lay out fields and woods.
+
+    Returns:
+        Each cover with its signed field at the terrain's nodes [m], shape (S, L), float64.
+    """
+    paving = _paving(terrain, place, built)
+    open_ = -paving - _OUTSKIRTS
+    station, left = terrain.nodes()
+    stands = draw_relief(((300.0, 1.0), (110.0, 0.45)), rng)(station, left) - 0.45
+    far = np.minimum(open_, terrain.beyond(station, left) - _WOODS)
+    wood = np.minimum(40.0 * stands, np.minimum(far, open_land(terrain, station, left)))
+    fields = crop_fields(terrain, draw_parcels(terrain, rng, _FIELDS))
+    return (
+        (_PAVING, paving),
+        (WOOD, np.clip(wood, -9.0, 9.0)),
+        *((cover, np.minimum(values, open_)) for cover, values in fields),
+    )
 
 
 def _paving(terrain: Terrain, place: CityPlace, built: BuiltMap) -> F64:

@@ -19,6 +19,7 @@ from usd_schemas.apis import COMPONENT_API, ComponentFacts, apply_component, com
 _TYPES = Sdf.ValueTypeNames
 _BINDING_API = "MaterialBindingAPI"
 _MOVED = Vt.TokenArray(["xformOp:translate"])
+_TWO_FACED = "leaves"  # materials of cards, which have a face for each side
 _LAND = ("Ground", "Ways")  # their pieces meet at shared vertices: of one origin, no renderer rounds them apart
 
 
@@ -164,7 +165,7 @@ def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
         for (leaf, role, mesh, purpose), own in zip(parts, arrays, strict=True):
             part = prim_spec(stage.GetRootLayer(), f"{body.GetPath()}/{leaf}", "Mesh")
             apply_schemas(part, (_BINDING_API,))
-            _author_mesh(part, mesh, own, True)
+            _author_mesh(part, mesh, own, not role.startswith(_TWO_FACED))
             _bind(part, asset.material(role))
             if purpose:
                 attribute(part, "purpose", _TYPES.Token, purpose, uniform=True)

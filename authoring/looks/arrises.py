@@ -4,15 +4,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.looks.noise import Floats
+from authoring.looks.runoff import direction
 from authoring.shapes.component import Component, Mesh
+
+ROADS = ("Role_DeckAsphalt", "Role_RoadMarking")
 
 _SHARP = 0.85  # cosine of the angle between two faces, some 30 degrees
 _WELD = 1e-3  # [m]; faces that meet may have vertices of their own
+_ALONG = 0.7  # cosine between a road and its longer edges; its ends are skewed by less than 45 degrees
 _SUBTEXEL = 4  # bits behind the point in the coordinates of lines
 
 
 def arris_distance(components: list[Component], pixels: int) -> Floats:
-    """Measure the distance to the nearest arris; seams of charts on a round member are none.
+    """Measure the distance to the nearest arris; seams of charts on a round member are none, nor is the end of a road.
 
     Args:
         components: Components with `st1`.
@@ -27,6 +31,10 @@ def arris_distance(components: list[Component], pixels: int) -> Floats:
     for component in components:
         mesh = component.mesh
         one, two = _sharp_sides(mesh)
+        if component.role in ROADS:
+            run = (mesh.points[mesh.corners[two]] - mesh.points[mesh.corners[one]])[:, :2]
+            kept = np.abs(run @ np.array(direction(mesh.points))) > _ALONG * np.sqrt((run * run).sum(axis=1))
+            one, two = one[kept], two[kept]
         ends = np.stack([mesh.st1[one], mesh.st1[two]], axis=1).astype(np.float64)
         place = np.stack([ends[..., 0] * pixels, (1 - ends[..., 1]) * pixels], axis=-1) - 0.5
         lines = np.round(place * (1 << _SUBTEXEL)).astype(np.int32)

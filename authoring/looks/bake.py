@@ -96,7 +96,7 @@ def bake_look(
         for name, place in kept.items()
     }
     macro = _bake_macro(settings, years, folder, pieces, rng)
-    detail = copy_detail(folder / "textures", "detail", library)
+    detail = copy_detail(folder / "textures", "detail", library, "grain")
     recipes = {
         role: _recipe(surface, detail, macro, {n: linked[wanted[role, n]] for n in sorted(worn[role])})
         for role, surface in surfaces.items()
@@ -138,7 +138,11 @@ def bake_surface(
         if not file.exists():
             write_texture(folder, f"{prefix}patches", encode_raw(open_ground(texels, patches) / 2))
         macro = f"./textures/{file.name}"
-    return _recipe(name, copy_detail(folder / "textures", f"{prefix}detail", library), macro, {0: files})
+    recipe = RECIPES[name]
+    detail = (
+        "" if recipe.cut_out else copy_detail(folder / "textures", f"{prefix}{recipe.picture}", library, recipe.picture)
+    )
+    return _recipe(name, detail, macro, {0: files})
 
 
 def open_ground(texels: int, patches: int) -> Floats:
@@ -166,9 +170,10 @@ def _recipe(surface: str, detail: str, macro: str, sheets: dict[int, SheetFiles]
         normal_file=first.normal,
         sheet=recipe.metres,
         detail_file=detail,
-        periods=DETAIL_PERIODS,
-        amplitudes=recipe.detail,
+        periods=DETAIL_PERIODS if detail else (),
+        amplitudes=recipe.detail if detail else (),
         macro_file=macro,
+        cut_out=recipe.cut_out,
         others={number: files for number, files in sheets.items() if number},
     )
 

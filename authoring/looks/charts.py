@@ -73,10 +73,12 @@ def spread(image: Floats, covered: NDArray[np.bool_]) -> Floats:
         return image
     gaps = (~covered).astype(np.uint8)
     found = cv2.distanceTransformWithLabels(gaps, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL)
-    label = np.asarray(found[1], np.int64)
+    label = np.asarray(found[1], np.int32)
     nearest = np.zeros(int(label.max()) + 1, np.int64)
     nearest[label[covered]] = np.flatnonzero(covered)
-    return image.reshape(-1, 3)[nearest[label]]
+    filled, texels = image.reshape(-1, 3).copy(), np.flatnonzero(gaps)
+    filled[texels] = filled[nearest[label.ravel()[texels]]]
+    return filled.reshape(image.shape)
 
 
 def _gather(components: list[Component]) -> tuple[np.ndarray, np.ndarray, np.ndarray, I32]:

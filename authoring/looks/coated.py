@@ -17,17 +17,15 @@ def painted_steel(tile: Tile, color: Color, age: float) -> Sheet:
         age: 0 for newly painted, 1 for overdue [1].
     """
     clouds, dust = fractal(tile, 1.8, 0.05), fractal(tile, 0.05, slope=0.2)
-    albedo = paint(color, 1 + (0.02 + 0.08 * age) * clouds + (0.015 + 0.065 * age) * dust)
+    albedo = paint(color, 1 + (0.01 + 0.015 * age) * clouds + (0.015 + 0.055 * age) * dust)
     chalk = ramp(fractal(tile, 0.8, 0.03, stretch=(1.0, 3.3)), 0.3, 2.4)
     pale = (0.6 * color[0] + 0.14, 0.6 * color[1] + 0.14, 0.6 * color[2] + 0.135)
-    albedo = cover(albedo, 0.45 * np.float32(age) * chalk, pale)
+    albedo = cover(albedo, 0.22 * np.float32(age) * chalk, pale)
     # Blisters break where rust creeps below the paint; what the rain washes out of them runs down.
-    bloom = fractal(tile, 0.5, 0.012)
-    years = min(age, 1.0)
-    rust = ramp(bloom, 2.75 - 0.9 * years, 3.0 - 0.9 * years) if age > 0 else np.zeros_like(bloom)
-    halo = ramp(bloom, 2.1 - 0.9 * years, 2.9 - 0.9 * years) if age > 0 else np.zeros_like(bloom)
-    runs = ramp(fractal(tile, 0.35, 0.012, stretch=(1.0, 8.0)), 2.6 - age, 3.4 - age)
-    albedo = cover(albedo, 0.45 * np.float32(years) * runs, (0.20, 0.115, 0.062))
+    bloom = fractal(tile, 0.16, 0.012, slope=0.8) + np.float32(0.6) * fractal(tile, 1.6, 0.1)
+    start = 3.7 - 0.9 * age  # few blisters after decades, many on paint that is overdue
+    rust = ramp(bloom, start, start + 0.25) if age > 0 else np.zeros_like(bloom)
+    halo = ramp(bloom, start - 0.5, start + 0.1) if age > 0 else np.zeros_like(bloom)
     albedo = cover(albedo, 0.40 * halo, (0.17, 0.095, 0.055))
     albedo = cover(albedo, rust, rusted(tile))
     return Sheet(
@@ -56,7 +54,7 @@ def weathering_steel(tile: Tile, age: float) -> Sheet:
     """
     clouds, grain = fractal(tile, 1.2, 0.05), fractal(tile, 0.04, slope=0.25)
     streaks = fractal(tile, 0.5, 0.015, stretch=(1.0, 6.0))
-    tone = 0.52 - 0.16 * (age - 0.5) + 0.12 * clouds + 0.09 * grain + 0.07 * streaks
+    tone = 0.52 - 0.16 * (age - 0.5) + 0.04 * clouds + 0.09 * grain + 0.05 * streaks
     albedo = palette(tone, ((0.034, 0.019, 0.015), (0.090, 0.043, 0.026), (0.175, 0.078, 0.036), (0.270, 0.125, 0.050)))
     flakes = ramp(fractal(tile, 0.14, 0.02), 2.6 - 0.9 * age, 3.0 - 0.9 * age)
     albedo = cover(albedo, 0.6 * flakes, (0.030, 0.020, 0.017))
@@ -88,10 +86,10 @@ def galvanised(tile: Tile, age: float, color: Color = (0.36, 0.365, 0.37)) -> Sh
     """
     spangle = per_cell(tile, cells(tile, 0.022)) - 0.5
     clouds, dust = fractal(tile, 0.8, 0.03), fractal(tile, 0.04, slope=0.2)
-    tone = 1 + (0.16 - 0.06 * age) * spangle + (0.03 + 0.07 * age) * clouds + (0.02 + 0.05 * age) * dust
+    tone = 1 + (0.16 - 0.06 * age) * spangle + (0.02 + 0.015 * age) * clouds + (0.02 + 0.05 * age) * dust
     albedo = paint(color, tone)
-    albedo = cover(albedo, 0.5 * np.float32(age) * ramp(fractal(tile, 0.5, 0.02), 1.0, 2.2), (0.50, 0.50, 0.49))
-    albedo = cover(albedo, 0.4 * np.float32(age) * ramp(fractal(tile, 0.6, 0.02), 1.2, 2.4), (0.12, 0.10, 0.08))
+    albedo = cover(albedo, 0.3 * np.float32(age) * ramp(fractal(tile, 0.07, 0.01), 1.0, 2.2), (0.50, 0.50, 0.49))
+    albedo = cover(albedo, 0.25 * np.float32(age) * ramp(fractal(tile, 0.08, 0.01), 1.2, 2.4), (0.12, 0.10, 0.08))
     return Sheet(albedo, (0.48 + 0.15 * age + 0.08 * spangle).astype(np.float32))
 
 

@@ -72,7 +72,7 @@ def png(image: U8) -> bytes:
     """Compress an image as PNG with fixed parameters.
 
     Args:
-        image: Grey or RGB values, shape (H, W) or (H, W, 3), uint8.
+        image: Grey, RGB or RGBA values, shape (H, W), (H, W, 3) or (H, W, 4), uint8.
     """
     import cv2
 
@@ -95,4 +95,4 @@ def jpeg(image: U8) -> bytes:
 
 
 def _ordered(image: U8) -> U8:
-    return image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
+    return image if image.ndim == 2 else np.ascontiguousarray(image[..., [2, 1, 0, 3][: image.shape[2]]])

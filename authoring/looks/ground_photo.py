@@ -19,7 +19,8 @@ B = NDArray[np.bool_]
 
 LEAST, MOST = 0.2, 1.99  # factors; two is what a texel can hold [1]
 COARSE = 4  # texels of the picture to one of what is computed exactly
-_BARE = ("verge", "shoulder", "shore", "bank", "worn")  # covers of gravel and soil; the others are green
+# covers of gravel and soil; the others are green
+_BARE = ("verge", "shoulder", "shore", "bank", "worn", "ploughed", "ripe", "lot_asphalt", "lot_paved", "lot_gravel")
 _FADE = 5.0  # [m] at the outer borders, on which the picture fades into the ground beyond
 _SEAM = 4.0  # [m] beside the next square, on which both show the same mottle
 _FAR = 50.0  # distance that stands for none [m]

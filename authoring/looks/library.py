@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from authoring.looks.detail import detail_texture
-from authoring.looks.encode import encode_normals, encode_raw, encode_srgb, halved, jpeg, png
+from authoring.looks.encode import U8, encode_normals, encode_raw, encode_srgb, halved, jpeg, png
+from authoring.looks.grain import grain_texture
 from authoring.looks.noise import Bank, Tile
 from authoring.looks.recipe import FULL
 from authoring.looks.recipes import RECIPES
@@ -27,11 +28,14 @@ from groundwork.user_cache import CACHE_VARIABLE
 
 SHEETS = 3  # independent sheets of each surface
 _FACTS = "sheet.json"
+_DETAILS: dict[str, Callable[[], U8]] = {"detail": detail_texture, "grain": grain_texture}
 _CLONE = 0x40049409  # FICLONE of linux/fs.h
 _SOURCES = (
     "coated",
     "detail",
     "encode",
+    "grain",
+    "leaves",
     "library",
     "mineral",
     "noise",
@@ -152,30 +156,35 @@ def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], di
     rng = np.random.default_rng([int.from_bytes(name.surface.encode(), "little"), name.number])
     sheet = recipe.draw(Tile(name.pixels, recipe.metres, rng, bank))
     albedo = soften(sheet.albedo, recipe.contrast)
+    color, name_of = encode_srgb(albedo), "albedo.jpg"
+    if sheet.opacity is not None:
+        color, name_of = np.dstack([color, encode_raw(sheet.opacity)]), "albedo.png"
     files = {
-        "albedo.jpg": jpeg(encode_srgb(albedo)),
+        name_of: jpeg(color) if sheet.opacity is None else png(color),
         "roughness.png": png(encode_raw(halved(sheet.roughness))),
     }
     if recipe.relief and sheet.height is not None:
         files["normal.png"] = png(encode_normals(sheet.height, recipe.metres))
-    color = [round(float(np.mean(albedo[..., k], dtype=np.float64)), 4) for k in range(3)]
+    means = [round(float(np.mean(albedo[..., k], dtype=np.float64)), 4) for k in range(3)]
     roughness = round(float(np.mean(sheet.roughness, dtype=np.float64)), 3)
-    return files, {**asdict(name), "color": color, "mean_roughness": roughness}
+    return files, {**asdict(name), "color": means, "mean_roughness": roughness}
 
 
-def copy_detail(textures: Path, stem: str, folder: Path | None = None) -> str:
+def copy_detail(textures: Path, stem: str, folder: Path | None = None, picture: str = "detail") -> str:
     """Put a copy of the fine detail beside a layer.
 
     Args:
         textures: The folder `textures` beside the layer.
         stem: Name of its file there, without the suffix.
         folder: The library; that of the user when not given.
+        picture: Which fine detail: `detail` or `grain`.
 
     Returns:
         The file, as the layer names it.
     """
     root = cache_folder() if folder is None else folder
-    place = _ensure(root, digest(["detail", _recipes_digest()]), lambda: ({"detail.png": png(detail_texture())}, {}))
+    key, draw = digest([picture, _recipes_digest()]), _DETAILS[picture]
+    place = _ensure(root, key, lambda: ({"detail.png": png(draw())}, {}))
     textures.mkdir(parents=True, exist_ok=True)
     _copy(place / "detail.png", textures / f"{stem}.png")
     return f"./{textures.name}/{stem}.png"

@@ -11,6 +11,7 @@ from usd_schemas.registration import register_schemas
 register_schemas()
 
 _TYPES = Sdf.ValueTypeNames
+_SOLID = 0.5  # opacity from which on what is cut out is there [1]
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class MaterialRecipe:
         periods: Size of one tile of the detail for each octave [m].
         amplitudes: Contrast of each octave [1].
         macro_file: RGB texture on `st1`, mean 0.5; empty for none.
+        cut_out: The opacity of `albedo_file` cuts out what is seen.
         others: Further sheets of the same surface by their number.
     """
 
@@ -45,6 +47,7 @@ class MaterialRecipe:
     periods: tuple[float, ...] = ()
     amplitudes: tuple[float, ...] = ()
     macro_file: str = ""
+    cut_out: bool = False
     others: dict[int, SheetFiles] = field(default_factory=dict)
 
 
@@ -65,6 +68,10 @@ def author_material(stage: Usd.Stage, path: str, recipe: MaterialRecipe) -> UsdS
         texture = _texture(material, "BaseColor", recipe.albedo_file, "sRGB", placed)
         texture.CreateInput("fallback", _TYPES.Float4).Set(Gf.Vec4f(*recipe.color, 1.0))
         color.ConnectToSource(texture.CreateOutput("rgb", _TYPES.Float3))
+        if recipe.cut_out:
+            opacity = surface.CreateInput("opacity", _TYPES.Float)
+            opacity.ConnectToSource(texture.CreateOutput("a", _TYPES.Float))
+            surface.CreateInput("opacityThreshold", _TYPES.Float).Set(_SOLID)
     else:
         color.Set(Gf.Vec3f(*recipe.color))
     roughness = surface.CreateInput("roughness", _TYPES.Float)

@@ -5,7 +5,7 @@ import numpy as np
 from authoring.looks.noise import Floats, Tile, cells, draw, fractal, joints, per_cell, ramp, spots
 from authoring.looks.sheet import Color, Sheet, cover, paint
 
-_CEMENT: Color = (0.365, 0.350, 0.320)
+_CEMENT: Color = (0.350, 0.338, 0.312)
 _SOOT: Color = (0.10, 0.095, 0.085)
 _LIME: Color = (0.62, 0.61, 0.58)
 
@@ -23,7 +23,7 @@ def concrete_skin(tile: Tile, age: float) -> tuple[Floats, Floats]:
     clouds = fractal(tile, 1.2, 0.12)
     grain = fractal(tile, 0.16, 0.012, slope=0.55)
     sand = fractal(tile, 0.03, slope=0.0)
-    tone = 1 + (0.045 + 0.055 * age) * clouds + (0.045 + 0.055 * age) * grain + (0.03 + 0.03 * age) * sand
+    tone = 1 + (0.015 + 0.015 * age) * clouds + (0.025 + 0.015 * age) * grain + (0.03 + 0.02 * age) * sand
     pores = np.maximum(spots(tile, 0.08, 0.0085, 0.25), 0.8 * spots(tile, 0.025, 0.0045, 0.12))
     return (tone * (1 - 0.45 * pores)).astype(np.float32), pores
 
@@ -46,24 +46,28 @@ def board_concrete(tile: Tile, age: float, color: Color = _CEMENT) -> Sheet:
     return Sheet(albedo, 0.86 + 0.03 * wood, relief.astype(np.float32))
 
 
-def panel_concrete(tile: Tile, age: float, color: Color = _CEMENT) -> Sheet:
-    """Concrete cast against plywood panels: joints, tie holes, a tone of its own for each panel.
+def panel_concrete(tile: Tile, age: float, color: Color = _CEMENT, ties: bool = True) -> Sheet:
+    """Concrete cast against plywood panels: joints with their grout, tie holes, a tone of its own for each panel.
 
     Args:
         tile: Where it repeats.
         age: 0 for newly struck, 1 for decades of weather [1].
         color: Linear colour of the cement skin [1].
+        ties: Whether the two sides of the form were tied through the concrete.
     """
     tone, pores = concrete_skin(tile, age)
-    seam = np.maximum(joints(tile, 1.25, 0.010, "u"), joints(tile, 2.5, 0.010, "v"))
-    seam = seam * ramp(fractal(tile, 1.0, 0.1), -2.0, -0.2)
+    broken = ramp(fractal(tile, 1.0, 0.1), -2.0, -0.2)
+    seam = np.maximum(joints(tile, 1.25, 0.010, "u"), joints(tile, 2.5, 0.010, "v")) * broken
+    grout = np.maximum(joints(tile, 1.25, 0.07, "u"), joints(tile, 2.5, 0.07, "v")) * (1.2 - broken)
     rows, columns = max(1, round(tile.metres / 1.25)), max(1, round(tile.metres / 2.5))
     panel = draw(tile.rng, (rows, columns))
     row = np.arange(tile.pixels) * rows // tile.pixels
     column = np.arange(tile.pixels) * columns // tile.pixels
-    tone = tone * (1 + 0.14 * (panel[row][:, column] - 0.5)) * (1 - 0.42 * seam)
+    tone = tone * (1 + 0.06 * (panel[row][:, column] - 0.5)) * (1 + 0.08 * grout) * (1 - 0.42 * seam)
     holes, rims = _tie_holes(tile, rows, columns)
-    tone = tone * (1 + 0.10 * rims) * (1 - 0.75 * holes)
+    if ties:
+        tone = tone * (1 + 0.10 * rims) * (1 - 0.75 * holes)
+    holes = holes * np.float32(ties)
     albedo = stained(tile, hairlines(tile, paint(color, tone), age), age)
     return Sheet(albedo, 0.80 + 0.04 * fractal(tile, 0.6, 0.05), (-0.003 * seam - 0.015 * holes - 0.004 * pores))
 
@@ -93,7 +97,11 @@ def deck_concrete(tile: Tile, age: float, color: Color = (0.315, 0.300, 0.275)) 
     tone, pores = concrete_skin(tile, age)
     grooves = fractal(tile, 0.05, 0.008, slope=0.3, stretch=(1.0, 12.5))
     stones = cells(tile, 0.022)
-    bare = ramp(stones.near, 0.42, 0.30) * ramp(fractal(tile, 0.9, 0.05), 0.2, 1.2) * np.float32(age)
+    bare = (
+        ramp(stones.near, 0.42, 0.30)
+        * ramp(fractal(tile, 0.6, 0.02, slope=0.5, stretch=(3.0, 1.0)), 0.0, 1.6)
+        * np.float32(age)
+    )
     albedo = paint(color, tone * (1 + 0.05 * grooves))
     albedo = cover(albedo, 0.8 * bare, paint((0.27, 0.25, 0.22), 0.5 + per_cell(tile, stones)))
     albedo = stained(tile, cracked(tile, albedo, 0.5 * age), age)
@@ -113,13 +121,13 @@ def asphalt(
     """
     stones = cells(tile, 0.017)
     own = per_cell(tile, stones)
-    bare = ramp(stones.near, 0.50, 0.30) * ramp(fractal(tile, 0.9, 0.04), -1.8, 0.8) * (0.35 + 0.65 * age)
-    tone = 1 + 0.10 * fractal(tile, 1.2, 0.15) + (0.08 + 0.03 * age) * fractal(tile, 0.20, 0.012, slope=0.5)
+    bare = ramp(stones.near, 0.50, 0.30) * ramp(fractal(tile, 0.16, 0.02), -2.6, 1.2) * (0.35 + 0.65 * age)
+    tone = 1 + 0.025 * fractal(tile, 1.2, 0.15) + (0.07 + 0.03 * age) * fractal(tile, 0.08, 0.012, slope=0.4)
     albedo = paint(bitumen, tone)
     albedo = cover(albedo, bare * 0.62, paint(stone, 0.55 + 0.75 * own * own))
-    worn = ramp(fractal(tile, 0.30, 0.04), 0.9, 2.2)
-    albedo = cover(albedo, (0.15 + 0.30 * age) * worn, paint((0.175, 0.170, 0.158), tone))
-    oil = np.maximum(ramp(fractal(tile, 0.4, 0.05), 1.3, 2.2), spots(tile, 0.5, 0.05, 0.25))
+    worn = ramp(fractal(tile, 0.10, 0.02, stretch=(5.0, 1.0)), 0.6, 2.2)  # along u, the way that wheels run
+    albedo = cover(albedo, (0.06 + 0.10 * age) * worn, paint((0.175, 0.170, 0.158), tone))
+    oil = spots(tile, 0.9, 0.022, 0.10)
     albedo = cover(albedo, (0.25 + 0.20 * min(age, 1)) * oil, (0.026, 0.025, 0.024))
     albedo = cracked(tile, albedo, age)
     relief = 0.004 * ramp(stones.near, 0.5, 0.1) * own
@@ -241,7 +249,9 @@ def roof_tile(tile: Tile, color: Color = (0.275, 0.120, 0.072)) -> Sheet:
 
 
 def stained(tile: Tile, albedo: Floats, age: float) -> Floats:
-    """Lay soot in patches and drawn-out drips over a mineral surface, and a little lime.
+    """Lay a film of soot over a mineral surface, and specks of algae and lichen in colonies.
+
+    What water and gravity do is not known here: `authoring.looks.marks` draws it on the whole bridge.
 
     Args:
         tile: Where it repeats.
@@ -254,12 +264,11 @@ def stained(tile: Tile, albedo: Floats, age: float) -> Floats:
     if age <= 0:
         return albedo
     years = np.float32(min(age, 1.25))
-    damp = ramp(fractal(tile, 1.2, 0.03), 0.6, 2.6)
-    drips = ramp(fractal(tile, 0.5, 0.015, stretch=(1.0, 6.0)), 1.0, 2.6)
-    blots = np.maximum(ramp(fractal(tile, 0.45, 0.10), 1.3, 2.1), 0.8 * ramp(fractal(tile, 0.14, 0.04), 1.7, 2.4))
-    stained = cover(albedo, years * np.minimum(0.35 * damp + 0.25 * drips + 0.5 * blots, 0.75), _SOOT)
-    lime = np.maximum(ramp(fractal(tile, 0.5, 0.02), 1.8, 2.6), 0.8 * ramp(fractal(tile, 0.18, 0.05), 1.9, 2.6))
-    return cover(stained, 0.5 * years * lime, _LIME)
+    film = ramp(fractal(tile, 0.12, 0.012, slope=0.6), -1.0, 2.6)
+    colony = ramp(fractal(tile, 0.9, 0.05), float(0.7 - 0.5 * years), 2.2)
+    specks = ramp(fractal(tile, 0.045, 0.010, slope=0.4), 1.2, 2.0)
+    stained = cover(albedo, years * np.minimum(0.17 * film + 0.45 * colony * specks, 0.6), _SOOT)
+    return cover(stained, 0.35 * years * colony * ramp(fractal(tile, 0.05, 0.012, slope=0.4), 1.8, 2.4), _LIME)
 
 
 def cracked(tile: Tile, albedo: Floats, amount: float) -> Floats:

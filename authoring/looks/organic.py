@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from authoring.looks.noise import Floats, Tile, cells, fractal, per_cell, ramp, spots
+from authoring.looks.noise import Floats, Tile, cells, fractal, per_cell, ramp, snap, spots
 from authoring.looks.sheet import Color, Sheet, cover, paint, palette
 
 
@@ -36,6 +36,20 @@ def meadow(tile: Tile) -> Sheet:
     return Sheet(albedo, turf.roughness, turf.height)
 
 
+def hay(tile: Tile) -> Sheet:
+    """Tall grass gone to seed, lodged here and there, before it is cut.
+
+    Args:
+        tile: Where it repeats.
+    """
+    stalks, blades = fractal(tile, 0.16, 0.008, slope=0.6, stretch=(1.0, 1.8)), _filaments(tile, 0.13)
+    swathes = fractal(tile, 2.2, 0.12)
+    tone = 0.47 + 0.13 * stalks + 0.14 * blades + 0.10 * swathes
+    albedo = palette(tone, _HAY)
+    albedo = cover(albedo, 0.7 * spots(tile, 0.15, 0.02, 0.08), (0.34, 0.30, 0.20))
+    return Sheet(albedo, 0.93 + 0.01 * stalks, 0.05 * swathes + 0.02 * blades)
+
+
 def soil(tile: Tile) -> Sheet:
     """Bare earth with clods and pebbles.
 
@@ -49,6 +63,34 @@ def soil(tile: Tile) -> Sheet:
     litter = ramp(_filaments(tile, 0.12) + 0.6 * damp, 1.9, 2.6)
     albedo = cover(albedo, 0.45 * litter, (0.235, 0.190, 0.110))
     return Sheet(albedo, 0.95 + 0.01 * grain, 0.012 * clods + 0.012 * pebble)
+
+
+def furrows(tile: Tile) -> Sheet:
+    """Ploughed land: crumbling ridges along u, 56 cm apart.
+
+    Args:
+        tile: Where it repeats.
+    """
+    earth = soil(tile)
+    ridge = _rows(tile, 8) + 0.45 * fractal(tile, 0.5, 0.04) + 0.25 * fractal(tile, 0.12)
+    tone = 1 + 0.20 * np.clip(ridge, -1.6, 1.6)
+    return Sheet(earth.albedo * (0.86 * tone)[..., None], earth.roughness, 0.045 * np.clip(ridge, -1.5, 1.5))
+
+
+def crop(tile: Tile, ripe: bool) -> Sheet:
+    """A field of cereals in rows along u, green or ripe; earth shows between them, and where it lodged.
+
+    Args:
+        tile: Where it repeats.
+        ripe: Whether it is ready for harvest.
+    """
+    stalks, blades = fractal(tile, 0.09, 0.008, slope=0.5, stretch=(2.4, 1.0)), _filaments(tile, 0.07)
+    stand = 0.9 * _rows(tile, 28) + 0.55 * stalks + 0.35 * fractal(tile, 1.2, 0.06)
+    colors = _RIPE if ripe else _GREEN
+    tone = 0.46 + 0.10 * stalks + 0.12 * blades + 0.05 * fractal(tile, 1.8, 0.2)
+    earth = paint((0.105, 0.080, 0.055), 1 + 0.15 * stalks)
+    thick = ramp(stand, -1.5, -0.1) if ripe else ramp(stand, -1.0, 0.5)
+    return Sheet(cover(earth, thick, palette(tone, colors)), 0.93 + 0.01 * stalks, 0.05 * thick)
 
 
 def water(tile: Tile) -> Sheet:
@@ -155,12 +197,21 @@ _BLADES: tuple[Color, ...] = (
     (0.090, 0.120, 0.050),
     (0.158, 0.180, 0.085),
 )
+_HAY: tuple[Color, ...] = ((0.045, 0.055, 0.025), (0.115, 0.122, 0.052), (0.205, 0.185, 0.092), (0.300, 0.255, 0.150))
+_GREEN: tuple[Color, ...] = ((0.022, 0.038, 0.016), (0.055, 0.090, 0.033), (0.100, 0.142, 0.050))
+_RIPE: tuple[Color, ...] = ((0.105, 0.078, 0.036), (0.255, 0.200, 0.092), (0.400, 0.330, 0.175))
 _LEAVES: tuple[Color, ...] = (
     (0.014, 0.026, 0.008),
     (0.038, 0.070, 0.017),
     (0.075, 0.120, 0.030),
     (0.135, 0.180, 0.055),
 )
+
+
+def _rows(tile: Tile, count: int) -> Floats:
+    """Even rows along u, so many on a tile: -1 to 1, shape (pixels, pixels), float32."""
+    place = (np.arange(tile.pixels) + 0.5) / tile.pixels
+    return snap(np.sin(2 * np.pi * count * place))[:, None] * np.ones((1, tile.pixels), np.float32)
 
 
 def _filaments(tile: Tile, length: float) -> Floats:

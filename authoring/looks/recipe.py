@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from authoring.looks.noise import Tile
 from authoring.looks.sheet import Sheet
@@ -17,6 +18,10 @@ ROUGH = (0.42, 0.30, 0.44)  # strong enough that a patch differs from itself one
 SMOOTH = (0.12, 0.12, 0.14)
 FAINT = (0.06, 0.06, 0.08)
 
+# Grain of a bridge's surfaces, of `grain_texture`: newly made, after decades, and of coated metal.
+NEW_GRAIN = (0.06, 0.08, 0.10)
+GRAIN = (0.42, 0.36, 0.32)
+
 
 @dataclass(frozen=True)
 class Recipe:
@@ -31,6 +36,8 @@ class Recipe:
         pixels: Texels along a side where the settings ask for `FULL` [px].
         contrast: Exponent of the drawn albedo about its mean [1]: below 1 its darks and lights come closer, so that
             sheet and fine detail together stay below an RMS contrast of 20 %.
+        picture: Which fine detail: `detail`, with specks of many sizes, or `grain`, quiet but for the finest.
+        cut_out: The sheet is a chart of things that are cut out: it does not repeat, and carries no fine detail.
     """
 
     draw: Callable[[Tile], Sheet]
@@ -40,3 +47,5 @@ class Recipe:
     relief: bool = False
     pixels: int = FULL // 2
     contrast: float = 1.0
+    picture: Literal["detail", "grain"] = "detail"
+    cut_out: bool = False

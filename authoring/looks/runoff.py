@@ -57,9 +57,13 @@ class Stains:
         rows, columns = self.height.shape
         across = np.clip(((place[:, 0] - self.corner[0]) / _CELL).astype(np.int32), 0, columns - 1)
         up = np.clip(((place[:, 1] - self.corner[1]) / _CELL).astype(np.int32), 0, rows - 1)
-        depth = self.height[up, across] - place[:, 2]
-        faded = ramp(depth, self.reach[up, across], 0.1)
-        return faded * ramp(depth, -0.30, 0.0) * self.strength[up, across]
+        cell = up * columns + across
+        amount = np.take(self.strength.ravel(), cell)
+        stained = np.flatnonzero(amount)
+        here = cell[stained]
+        depth = self.height.ravel()[here] - place[stained, 2]
+        amount[stained] *= ramp(depth, self.reach.ravel()[here], 0.1) * ramp(depth, -0.30, 0.0)
+        return amount
 
 
 def map_stains(pieces: Iterable[Component | Scatter]) -> tuple[Stains, Stains]:

@@ -3,7 +3,8 @@
 from functools import partial
 
 from authoring.looks import coated, mineral, organic, urban
-from authoring.looks.recipe import FAINT, ROUGH, SMOOTH, Recipe
+from authoring.looks.leaves import leaves
+from authoring.looks.recipe import FAINT, FULL, ROUGH, SMOOTH, Recipe
 
 SCENERY: dict[str, Recipe] = {
     "concrete": Recipe(partial(mineral.panel_concrete, age=0.5), 5.0, ROUGH),
@@ -24,11 +25,16 @@ SCENERY: dict[str, Recipe] = {
     "grass": Recipe(partial(organic.grass, dry=0.2), 4.5, ROUGH, patchy=True),
     "meadow": Recipe(organic.meadow, 4.5, ROUGH, patchy=True),
     "soil": Recipe(organic.soil, 4.5, ROUGH, patchy=True),
+    "hay": Recipe(organic.hay, 4.5, ROUGH, patchy=True),
+    "furrows": Recipe(organic.furrows, 4.5, ROUGH, patchy=True, relief=True),
+    "crop": Recipe(partial(organic.crop, ripe=False), 4.5, ROUGH, patchy=True),
+    "ripe_crop": Recipe(partial(organic.crop, ripe=True), 4.5, ROUGH, patchy=True),
     "water": Recipe(organic.water, 6.0, FAINT),
     "open_water": Recipe(organic.open_water, 90.0, FAINT),
     "woodland": Recipe(organic.woodland, 60.0, ROUGH),
     "bark": Recipe(organic.bark, 2.0, ROUGH, relief=True),
     "foliage": Recipe(organic.foliage, 3.0, ROUGH),
+    "leaves": Recipe(leaves, 4.0, FAINT, pixels=FULL, cut_out=True),
     "white_paint": Recipe(partial(coated.painted_steel, color=(0.60, 0.61, 0.60), age=0.1), 3.0, FAINT),
     "painted_metal": Recipe(partial(coated.painted_steel, color=(0.235, 0.240, 0.235), age=0.45), 3.0, SMOOTH),
     "window": Recipe(coated.glass, 3.0, FAINT),
@@ -61,6 +67,10 @@ SURFACES = (
     "grass",
     "meadow",
     "soil",
+    "hay",
+    "furrows",
+    "crop",
+    "ripe_crop",
     "gravel",
     "rock",
     "asphalt",
@@ -73,5 +83,6 @@ SURFACES = (
     "window",
     "bark",
     "foliage",
+    "leaves",
     "painted_metal",
 )

@@ -19,11 +19,13 @@ class Sheet:
         albedo: Linear base colour [1], shape (H, W, 3), float32.
         roughness: Roughness [1], shape (H, W), float32.
         height: Relief [m], shape (H, W), float32, or None where it is too flat to matter.
+        opacity: Opacity [1], shape (H, W), float32, of what is cut out; None for what is whole.
     """
 
     albedo: Floats
     roughness: Floats
     height: Floats | None = None
+    opacity: Floats | None = None
 
 
 def paint(color: Color, tone: Floats) -> Floats:

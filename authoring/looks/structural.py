@@ -8,12 +8,13 @@ from functools import partial
 
 from authoring.looks import coated, mineral, organic, walls
 from authoring.looks.noise import Tile
-from authoring.looks.recipe import FAINT, FULL, ROUGH, SIDE, SMOOTH, Recipe
+from authoring.looks.recipe import FAINT, FULL, GRAIN, NEW_GRAIN, SIDE, Recipe
 from authoring.looks.sheet import Color, Sheet
 
 CLEAN, AGED = "_clean", "_aged"
 
-_METAL = (0.44, 0.36, 0.46)  # detail of coated metal after decades: its sheets are the plainest
+_METAL = (0.34, 0.32, 0.32)  # grain of coated metal after decades: its sheets are the plainest
+_STONY = (0.46, 0.30, 0.22)  # grain of asphalt, whose stones its sheet shows already
 _WORN = 0.8  # contrast of sheets that age, dirt or loose stones have made uneven as they are drawn
 _ROAD = 10.24  # [m]; a camera that crosses a road by 3 to 4 m from image to image must not meet the same asphalt
 
@@ -23,7 +24,7 @@ def _ages(
     draw: Callable[..., Sheet],
     new: dict[str, Color] | None = None,
     old: dict[str, Color] | None = None,
-    details: tuple[tuple[float, float, float], ...] = (SMOOTH, ROUGH, ROUGH),
+    details: tuple[tuple[float, float, float], ...] = (NEW_GRAIN, GRAIN, GRAIN),
     years: tuple[float, float, float] = (0.1, 0.8, 1.2),
     metres: float = SIDE,
     relief: bool = False,
@@ -32,7 +33,13 @@ def _ages(
     rows = zip((CLEAN, "", AGED), years, (new, None, old), details, contrasts, strict=True)
     return {
         f"{name}{suffix}": Recipe(
-            partial(draw, age=age, **(own or {})), metres, detail, relief=relief, pixels=FULL, contrast=contrast
+            partial(draw, age=age, **(own or {})),
+            metres,
+            detail,
+            relief=relief,
+            pixels=FULL,
+            contrast=contrast,
+            picture="grain",
         )
         for suffix, age, own, detail, contrast in rows
     }
@@ -40,7 +47,13 @@ def _ages(
 
 def _stones(color: Color, bed: Color) -> Recipe:
     return Recipe(
-        partial(mineral.stones, pitch=0.07, color=color, bed=bed), SIDE, ROUGH, relief=True, pixels=FULL, contrast=_WORN
+        partial(mineral.stones, pitch=0.07, color=color, bed=bed),
+        SIDE,
+        GRAIN,
+        relief=True,
+        pixels=FULL,
+        contrast=_WORN,
+        picture="grain",
     )
 
 
@@ -82,25 +95,31 @@ def _paints() -> dict[str, Recipe]:
 STRUCTURAL: dict[str, Recipe] = {
     **_ages("board_concrete", mineral.board_concrete, {"color": _NEW_CEMENT}, {"color": _OLD_CEMENT}, relief=True),
     **_ages("panel_concrete", mineral.panel_concrete, {"color": _NEW_CEMENT}, {"color": _OLD_CEMENT}),
+    **_ages(
+        "soffit_concrete",
+        partial(mineral.panel_concrete, ties=False),
+        {"color": (0.530, 0.535, 0.525)},
+        {"color": (0.30, 0.285, 0.255)},
+    ),
     **_ages("smooth_concrete", mineral.smooth_concrete, {"color": (0.555, 0.56, 0.55)}, {"color": (0.33, 0.32, 0.29)}),
     **_ages("deck_concrete", mineral.deck_concrete, {"color": (0.480, 0.485, 0.478)}, {"color": (0.29, 0.275, 0.245)}),
     **_ages("washed_concrete", walls.washed_concrete, relief=True),
-    **_ages("coated_concrete", walls.coated_concrete, details=(FAINT, ROUGH, ROUGH)),
+    **_ages("coated_concrete", walls.coated_concrete, details=(FAINT, GRAIN, GRAIN)),
     **_ages(
         "asphalt",
         mineral.asphalt,
         _BITUMEN,
         _OLD_BITUMEN,
-        (ROUGH, ROUGH, ROUGH),
+        (_STONY, _STONY, _STONY),
         (0.1, 0.7, 1.2),
         _ROAD,
         contrasts=(1.0, _WORN, 0.75),
     ),
-    **_ages("road_marking", _marking, {"color": (0.67, 0.67, 0.65)}, None, (FAINT, ROUGH, ROUGH), (0.1, 0.6, 1.0)),
+    **_ages("road_marking", _marking, {"color": (0.67, 0.67, 0.65)}, None, (FAINT, GRAIN, GRAIN), (0.1, 0.6, 1.0)),
     **_ages(
         "yellow_marking",
         partial(_marking, color=(0.56, 0.37, 0.125)),
-        details=(FAINT, ROUGH, ROUGH),
+        details=(FAINT, GRAIN, GRAIN),
         years=(0.1, 0.6, 1.0),
     ),
     **_ages("masonry", mineral.masonry, {"color": (0.50, 0.47, 0.40), "other": (0.46, 0.45, 0.42)}, None, relief=True),
@@ -119,10 +138,10 @@ STRUCTURAL: dict[str, Recipe] = {
         (FAINT, _METAL, _METAL),
         (0.0, 0.7, 1.25),
     ),
-    **_ages("weathering_steel", coated.weathering_steel, details=(SMOOTH, ROUGH, ROUGH)),
+    **_ages("weathering_steel", coated.weathering_steel, details=(NEW_GRAIN, GRAIN, GRAIN)),
     **_ages("galvanised_steel", coated.galvanised, {"color": (0.555, 0.565, 0.575)}, None, (FAINT, _METAL, _METAL)),
     **_ages("rail_steel", coated.rail_steel, None, None, (FAINT, _METAL, _METAL), (0.2, 0.8, 1.2)),
-    **_ages("rubber", coated.rubber, None, None, (FAINT, ROUGH, ROUGH)),
+    **_ages("rubber", coated.rubber, None, None, (FAINT, GRAIN, GRAIN)),
     **_ages("timber", organic.timber, {"color": (0.215, 0.165, 0.110)}, {"color": (0.165, 0.150, 0.130)}),
     **_ages("tarred_timber", partial(organic.timber, color=(0.070, 0.056, 0.044))),
     "ballast": _stones((0.160, 0.150, 0.140), (0.100, 0.092, 0.084)),

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from authoring.axis.alignment import Alignment
+from authoring.parts.decks import DeckEdge, deck_outline
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels
 from authoring.shapes.component import F64
@@ -21,6 +22,7 @@ _LONGEST = 36.0  # [m] of a piece of deck between two construction joints
 _JOINT = 0.004  # [m] open between two pieces
 _SHORTER = 0.012  # [m] than the slab at the deck's ends, so that end faces do not lie in one plane
 _CHAMFER = 0.025  # [m] of concrete edges
+_GROOVE, _LEAST_FREE = 0.12, 0.30  # [m] drip groove from the slab's edge, and free slab that has one
 _FLANGE, _WEB = 0.04, 0.02  # [m] of plate girders and steel floor beams
 _EDGE_HEIGHT = 0.40  # [m] upright edge of a steel box
 _FLOOR_PITCH = 4.6  # [m] largest distance between floor beams
@@ -55,6 +57,15 @@ class CableDeck:
         """Where bearings stand, distance to the left of the axis [m]."""
         line = self.edge if self.kind in ("edge_beam", "plate_girder") else round(self.edge - 0.6, 3)
         return -line, line
+
+    @property
+    def cantilever(self) -> float:
+        """Free slab outside the members that carry it [m]."""
+        outer = {
+            "steel_box": 0.5 * self.width,
+            "concrete_box": min(self.edge + 0.35 * self.depth, 0.5 * self.width - 0.5) + 0.35,
+        }.get(self.kind, self.edge + 0.5 * self.beam_width)
+        return 0.5 * self.width - outer
 
     @property
     def concrete(self) -> bool:
@@ -96,9 +107,7 @@ def cable_deck_parts(
         place: Axis of the bridge.
     """
     parts = []
-    outline = rectangle((-0.5 * deck.width, levels.soffit), (0.5 * deck.width, -levels.surfacing))
-    if deck.chamfered:
-        outline = cut_corners(outline, np.array([_CHAMFER, _CHAMFER, 0.0, 0.0]))
+    outline = _slab_outline(deck, levels)
     pieces = deck_pieces(low, high, floor)
     for number, (begin, end) in enumerate(pieces):
         size: dict[str, object] = {"length": end - begin, "width": deck.width, "thickness": deck.slab}
@@ -111,6 +120,14 @@ def cable_deck_parts(
     if deck.kind in ("edge_beam", "plate_girder"):
         parts += [_floor_beam(deck, number, station, levels, place) for number, station in enumerate(floor)]
     return parts
+
+
+def _slab_outline(deck: CableDeck, levels: Levels) -> F64:
+    """Draw the section of the slab, with drip grooves where its edges are free; (left, above) [m], shape (P, 2)."""
+    if deck.chamfered and deck.cantilever > _LEAST_FREE:
+        return deck_outline(deck.width, -levels.surfacing, levels.soffit, DeckEdge(_GROOVE, _CHAMFER))
+    outline = rectangle((-0.5 * deck.width, levels.soffit), (0.5 * deck.width, -levels.surfacing))
+    return cut_corners(outline, np.array([_CHAMFER, _CHAMFER, 0.0, 0.0])) if deck.chamfered else outline
 
 
 def floor_stations(feet: tuple[float, ...], supports: tuple[float, ...]) -> tuple[float, ...]:

@@ -9,14 +9,17 @@ from authoring.parts.abutments import Abutments, approach_range
 from authoring.parts.drawing import Draws, chosen, draw_option
 from authoring.parts.fittings import Fittings, FittingSettings, draw_fittings
 from authoring.parts.medians import median_parts
-from authoring.parts.parapets import LEDGE, Parapets, ParapetSettings, draw_parapets, parapet_parts
+from authoring.parts.parapets import EMBEDDED, LEDGE, Parapets, ParapetSettings, draw_parapets, parapet_parts
 from authoring.parts.part import Part
 from authoring.parts.roadway import Roadway, RoadwaySettings, draw_roadway, kerb_parts, lane_lines, surfacing_parts
 from authoring.parts.spans import Spans
+from authoring.parts.terminals import LENGTH as TERMINAL
+from authoring.parts.terminals import terminal_parts
 from authoring.parts.tracks import Tracks, TrackSettings, draw_tracks, side_parts, track_parts
 from groundwork.settings import Settings
 
 _KERB_SHORTER, _PARAPET_SHORTER = 0.008, 0.004  # [m] than the slab, so that no two end faces lie in one plane
+APPROACH = "Approach_"  # begins the names of runs on the wing walls
 _EDGE = 0.008  # [m] walkway behind the deck's edge
 _ROAD_UNDERLAY = 0.07  # [m] from the finished surface down to the ground under an approach road
 _RAIL_UNDERLAY = 0.01  # [m] ground on an approach above the underside of the ballast
@@ -161,7 +164,7 @@ def deck_runs(spans: Spans, abutments: Abutments) -> Runs:
     """
     runs: Runs = [(f"{number:03d}", piece) for number, piece in enumerate(spans.pieces)]
     ends = enumerate((0, spans.count))
-    return runs + [(f"Approach_{number}", approach_range(abutments, spans, support)) for number, support in ends]
+    return runs + [(f"{APPROACH}{number}", approach_range(abutments, spans, support)) for number, support in ends]
 
 
 def deck_top_parts(top: DeckTop, spans: Spans, runs: Runs, place: Alignment) -> list[Part]:
@@ -177,11 +180,24 @@ def deck_top_parts(top: DeckTop, spans: Spans, runs: Runs, place: Alignment) -> 
     parts += [] if top.tracks is None else track_parts(top.tracks, spans, place)
     if top.roadway is not None and top.roadway.divided:
         for number, (low, high) in enumerate(spans.pieces):
-            parts += median_parts(top.roadway, low, high, (), place, f"{number:03d}_")
+            noses = number == 0, number == len(spans.pieces) - 1
+            parts += median_parts(top.roadway, low, high, (), place, f"{number:03d}_", noses)
     for name, (low, high) in runs:
         kerb = (name, low + _KERB_SHORTER, high - _KERB_SHORTER, place)
         parts += [] if top.roadway is None else kerb_parts(top.roadway, *kerb)
         parts += [] if top.tracks is None else side_parts(top.tracks, 0.5 * top.width - _EDGE, *kerb)
         begin, end = low + _PARAPET_SHORTER, high - _PARAPET_SHORTER
+        if top.parapets.terminals and name.startswith(APPROACH):
+            parts += _ended_parapets(top, name, begin, end, place, first=high < spans.supports[-1])
+            continue
         parts += parapet_parts(top.parapets, top.half_width, top.parapet_foot, name, begin, end, place, top.walk_level)
     return parts
+
+
+def _ended_parapets(top: DeckTop, name: str, begin: float, end: float, place: Alignment, *, first: bool) -> list[Part]:
+    """Build the parapets of an approach, which end in blocks away from the bridge."""
+    block = (begin, begin + TERMINAL) if first else (end - TERMINAL, end)
+    run = (block[1] - EMBEDDED, end) if first else (begin, block[0] + EMBEDDED)
+    foot = top.half_width, top.parapet_foot, name
+    parts = parapet_parts(top.parapets, *foot, *run, place, top.walk_level)
+    return parts + terminal_parts(top.parapets, *foot, *block, place, top.walk_level)

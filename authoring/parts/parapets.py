@@ -66,6 +66,7 @@ class Parapets:
         chamfer: Leg of chamfers [m].
         concrete: Top of the concrete above the way beside it [m].
         railings: What stands on the concrete, where `shape` is `railing` or `wall_rail`.
+        terminals: Whether they end in blocks on the approaches.
     """
 
     shape: str
@@ -78,6 +79,7 @@ class Parapets:
     chamfer: float
     concrete: float
     railings: Railings
+    terminals: bool = False
 
 
 def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Parapets:
@@ -109,6 +111,7 @@ def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Para
         chamfer=value["chamfer"],
         concrete=concrete,
         railings=railings,
+        terminals=draws.profile == "default",
     )
 
 

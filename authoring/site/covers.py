@@ -40,6 +40,13 @@ COVERS = (
     Cover("embankment", "Embankment", "embankment", "grass"),
     Cover("bank", "Riverbank", "riverbank", "soil"),
     Cover("worn", "UnderDeck", "ground", "soil"),
+    Cover("ploughed", "Ploughed", "ground", "furrows"),
+    Cover("crop", "Crop", "ground", "crop"),
+    Cover("ripe", "RipeCrop", "ground", "ripe_crop"),
+    Cover("hay", "Hay", "ground", "hay"),
+    Cover("lot_asphalt", "Yard", "ground", "asphalt"),
+    Cover("lot_paved", "PavedYard", "ground", "pavement"),
+    Cover("lot_gravel", "GravelYard", "ground", "gravel"),
     Cover("patch", "TallGrass", "ground", "meadow"),
 )
 REMAINDER = Cover("", "Grass", "ground", "grass")

@@ -1,6 +1,4 @@
-"""Small natural shapes of unit size, around their own origin: pebbles, tufts of grass, leafy bushes and crowns."""
-
-from dataclasses import replace
+"""Small natural shapes around their own origin: pebbles, trunks, the dark hearts of crowns."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +9,6 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 OCTAHEDRON = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
 OCTANTS = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
-TETRAHEDRON = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [2, 1, 3]])
 ICOSAHEDRON = (
     *(0, 11, 5, 0, 5, 1, 0, 1, 7, 0, 7, 10, 0, 10, 11, 1, 5, 9, 5, 11, 4, 11, 10, 2, 10, 7, 6, 7, 1, 8),
     *(3, 9, 4, 3, 4, 2, 3, 2, 6, 3, 6, 8, 3, 8, 9, 4, 9, 5, 2, 4, 11, 6, 2, 10, 8, 6, 7, 9, 8, 1),
@@ -32,103 +29,6 @@ def pebble(rng: np.random.Generator, level: int = 1) -> Mesh:
     points = _bulge(points, 0.22, rng) * np.array([0.5, rng.uniform(0.34, 0.48), rng.uniform(0.22, 0.36)])
     points[:, 2] += 0.08
     return faceted(points, faces)
-
-
-def blade_tuft(rng: np.random.Generator, blades: int = 9) -> Mesh:
-    """Make a tuft of grass about 1 m high; each blade is a slim three-sided spike, so that no face needs a back.
-
-    Args:
-        rng: Random stream.
-        blades: How many.
-
-    Returns:
-        Spikes whose open feet stand in the ground.
-    """
-    around = rng.uniform(0.0, 2 * np.pi, blades)
-    root = rng.uniform(0.0, 0.14, blades)[:, None] * np.stack([np.cos(around), np.sin(around)], 1)
-    lean = rng.uniform(0.1, 0.55, blades)[:, None] * np.stack([np.cos(around), np.sin(around)], 1)
-    height, width = rng.uniform(0.55, 1.0, blades), rng.uniform(0.02, 0.045, blades)
-    points = []
-    for blade in range(blades):
-        turned = around[blade] + np.array([0.0, 2.1, 4.2])
-        foot = root[blade] + width[blade] * np.stack([np.cos(turned), np.sin(turned)], 1)
-        points.append(
-            np.vstack([np.column_stack([foot, np.full(3, -0.05)]), [*(root[blade] + lean[blade]), height[blade]]])
-        )
-    sides = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
-    return faceted(np.concatenate(points), np.concatenate([sides + 4 * blade for blade in range(blades)]))
-
-
-def leaf_bush(rng: np.random.Generator, leaves: int = 42) -> Mesh:
-    """Make a bush about 1 m high and wide: a rounded core, and sprays of leaves that break its outline.
-
-    Args:
-        rng: Random stream.
-        leaves: Sprays, each a slim closed leaf of four faces.
-
-    Returns:
-        A closed core and closed sprays, shaded as one round mass.
-    """
-    middle, size = np.array([0.0, 0.0, 0.42]), np.array([0.46, 0.46, 0.48])
-    points, faces = icosphere(0)
-    pieces = [(middle + 0.72 * size * _bulge(points, 0.15, rng), faces)]
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * (np.arange(leaves) + rng.uniform(0.0, 0.4, leaves))
-    height = 1.0 - 1.8 * (np.arange(leaves) + rng.uniform(0.2, 0.8, leaves)) / leaves
-    ring = np.sqrt(np.maximum(1.0 - height * height, 0.0))
-    outward = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], 1)
-    for spot in outward:
-        along = spot + rng.uniform(-0.9, 0.9, 3) + np.array([0.0, 0.0, 0.3])
-        along /= np.linalg.norm(along)
-        across = np.cross(along, spot + rng.uniform(-0.4, 0.4, 3))
-        across /= max(float(np.linalg.norm(across)), 1e-6)
-        length, width = rng.uniform(0.16, 0.27), rng.uniform(0.07, 0.12)
-        root = middle + size * spot * rng.uniform(0.58, 0.80)
-        tip, waist = root + length * along, root + 0.45 * length * along + 0.04 * spot
-        corners = np.stack([root, waist + width * across, tip, waist - width * across])
-        inside_out = np.linalg.det(corners[1:] - corners[0]) > 0
-        pieces.append((corners, TETRAHEDRON[:, ::-1] if inside_out else TETRAHEDRON))
-    return _massed(pieces, middle, size)
-
-
-def leaf_mass(
-    rng: np.random.Generator, middle: F64, size: F64, clumps: int, core: int, clump: float, ragged: float = 0.3
-) -> Mesh:
-    """Make a mass of foliage: a core, and clumps of leaves that break its outline; shaded as one round mass.
-
-    Args:
-        rng: Random stream.
-        middle: Its middle [m], shape (3,), float64.
-        size: Its half axes [m], shape (3,), float64.
-        clumps: How many clumps.
-        core: How finely the core is divided, as in `icosphere`.
-        clump: Radius of a clump [m].
-        ragged: How unevenly the clumps are strewn [1].
-
-    Returns:
-        Closed masses that run into each other.
-    """
-    points, faces = icosphere(core)
-    pieces = [(middle + 0.78 * size * _bulge(points, 0.12, rng), faces)]
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * (np.arange(clumps) + rng.uniform(0.0, 1.0, clumps) * ragged)
-    height = 1.0 - 1.75 * (np.arange(clumps) + rng.uniform(0.2, 0.8, clumps)) / clumps
-    round_ = np.sqrt(np.maximum(1.0 - height * height, 0.0))
-    spots = np.stack([round_ * np.cos(turn), round_ * np.sin(turn), height], 1) * rng.uniform(0.68, 0.95, (clumps, 1))
-    for spot in spots:
-        body = OCTAHEDRON + rng.uniform(-0.3, 0.3, (6, 3))
-        pieces.append((middle + size * spot + clump * rng.uniform(0.75, 1.35) * body * [1.0, 1.0, 0.8], OCTANTS))
-    return _massed(pieces, middle, size)
-
-
-def _massed(pieces: list[tuple[F64, I64]], middle: F64, size: F64) -> Mesh:
-    """Join points and faces of foliage; its normals lean outwards, so that light falls on it as on one round mass."""
-    starts = np.cumsum([0, *(len(points) for points, _ in pieces[:-1])])
-    faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts, strict=True)])
-    points = np.concatenate([points for points, _ in pieces])
-    mesh = faceted(points, faces, 0.5)
-    outward = ((points - middle) / size)[faces.reshape(-1)]
-    normals = mesh.normals + 0.9 * outward / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 0.05)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
-    return replace(mesh, normals=normals.astype(np.float32))
 
 
 def stem(height: float, radius: float, sides: int, rng: np.random.Generator) -> Mesh:

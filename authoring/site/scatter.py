@@ -9,8 +9,12 @@ from pydantic import Field
 from authoring.shapes.component import Mesh, Scatter
 from authoring.site.covers import to_world
 from authoring.site.grid import HeightField
-from authoring.site.growth import blade_tuft, leaf_bush, pebble
+from authoring.site.growth import pebble
+from authoring.site.hedges import hedge_places
+from authoring.site.plants import bush
+from authoring.site.relief import draw_relief
 from authoring.site.shape import SHOULDER, WING_WALL, Land
+from authoring.site.sprays import tuft
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
@@ -25,17 +29,24 @@ class ScatterSettings(Settings):
     """How much is strewn over the site."""
 
     stones: int = Field(default=420, ge=0, le=20_000, description="stones tried [1]")
-    shrubs: int = Field(default=190, ge=0, le=5_000, description="shrubs tried [1]")
-    reeds: int = Field(default=260, ge=0, le=20_000, description="clumps of reed tried at a river [1]")
-    tufts: int = Field(default=1250, ge=0, le=50_000, description="tufts of grass tried [1]")
+    shrubs: int = Field(default=230, ge=0, le=5_000, description="shrubs tried [1]")
+    hedges: int = Field(default=420, ge=0, le=10_000, description="most bushes of hedges between fields [1]")
+    reeds: int = Field(default=420, ge=0, le=20_000, description="clumps of reed tried at a river [1]")
+    tufts: int = Field(default=5200, ge=0, le=50_000, description="tufts of grass tried [1]")
 
 
 @dataclass(frozen=True)
 class _Gaps:
-    """Distances that repeats keep: from the bridge's outline, and from roads and the water's edge [m]."""
+    """Distances that repeats keep: from the bridge's outline, and from roads and the water's edge [m].
+
+    `near` is the distance from the axis or the crossing at which density has fallen to about a third [m]; `clumps` the
+    share that stands in thickets [1].
+    """
 
     bridge: float
     edge: float
+    near: float = NEAR
+    clumps: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,21 +77,27 @@ def scatter_plants(
         One run of each that has any.
     """
     stones = tuple((("rock", pebble(rng)),) for _ in range(4))
-    shrubs = tuple((("foliage", leaf_bush(rng)),) for _ in range(3))
-    tufts = tuple((("meadow", blade_tuft(rng)),) for _ in range(3))
+    shrubs = tuple(bush(rng, 60, kind) for kind in ("scrub", "willow", "lime"))
+    tufts = tuple((("leaves", tuft(rng, kind, 3, 1.5)),) for kind in ("grass", "grass", "grass", "herbs"))
+    reeds = tuple((("leaves", tuft(rng, "reed", 3, 0.8)),) for _ in range(3))
     more = rng.spawn(1)[0]
     plain_stones = tuple((("rock", pebble(more, 0)),) for _ in stones)
-    plain_shrubs = tuple((("foliage", leaf_bush(more, 16)),) for _ in shrubs)
-    plain_tufts = tuple((("meadow", blade_tuft(more, 4)),) for _ in tufts)
+    hedges = tuple(bush(more, 40, kind) for kind in ("scrub", "oak", "scrub"))
+    plain_hedges = tuple(bush(more, 20, kind) for kind in ("scrub", "oak", "scrub"))
+    plain_shrubs = tuple(bush(more, 22, kind) for kind in ("scrub", "willow", "lime"))
+    plain_tufts = tuple((("leaves", tuft(more, kind, 2, 1.7)),) for kind in ("grass", "grass", "grass", "herbs"))
+    plain_reeds = tuple((("leaves", tuft(more, "reed", 2, 0.85)),) for _ in reeds)
     stony = _places(land, ground, settings.stones, _Gaps(0.3, 0.4), rng, 0.75)
-    shrubby = _places(land, ground, settings.shrubs, _Gaps(3.0, 1.4), rng)
-    grassy = _places(land, ground, settings.tufts, _Gaps(0.5, 0.3), rng)
+    shrubby = _places(land, ground, settings.shrubs, _Gaps(3.0, 1.4, clumps=0.9), rng)
+    grassy = _places(land, ground, settings.tufts, _Gaps(0.12, 0.15, 13.0), rng)
+    hedged = hedge_places(land, ground, settings.hedges, more)
     shore = _shore_places(land, ground, settings.reeds, rng)
     runs = (
         _Run("Site_Stones", "rock", stones, plain_stones, (0.08, 0.55), stony),
-        _Run("Site_Shrubs", "shrub", shrubs, plain_shrubs, (0.7, 1.9), shrubby),
-        _Run("Site_Tufts", "vegetation", tufts, plain_tufts, (0.25, 0.7), grassy),
-        _Run("Site_Reeds", "vegetation", tufts, plain_tufts, (0.8, 1.7), shore),
+        _Run("Site_Shrubs", "shrub", shrubs, plain_shrubs, (0.6, 2.0), shrubby),
+        _Run("Site_Tufts", "vegetation", tufts, plain_tufts, (0.2, 0.52), grassy),
+        _Run("Site_Hedges", "shrub", hedges, plain_hedges, (1.2, 1.75), hedged),
+        _Run("Site_Reeds", "vegetation", reeds, plain_reeds, (0.8, 1.9), shore),
     )
     scatters: list[Scatter] = []
     for run in runs:
@@ -121,8 +138,11 @@ def _places(
     left = rng.uniform(ground.lefts[0] + border, ground.lefts[-1] - border, 6 * count)
     beside = np.abs(left) - land.layout.width / 2
     nearest = np.maximum(np.minimum(beside, 1.5 * land.crossing.distance(station, left)), 0.0)
-    wanted = rng.uniform(0.0, 1.0, 6 * count) < np.exp(-nearest / NEAR)
+    wanted = rng.uniform(0.0, 1.0, 6 * count) < np.exp(-nearest / gaps.near)
     free = wanted & clear(land, station, left, gaps.bridge, gaps.edge)
+    if gaps.clumps > 0:
+        thick = draw_relief(((17.0, 1.0), (6.0, 0.5)), rng)(station, left)
+        free &= (thick > 0.38) | (rng.uniform(0.0, 1.0, 6 * count) > gaps.clumps)
     if by_crossing > 0:
         shore = land.crossing.distance(station, left) < land.crossing.half_width + 5.0
         free &= shore | (rng.uniform(0.0, 1.0, 6 * count) > by_crossing)

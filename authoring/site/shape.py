@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
+from authoring.site.fields import CLEAR, TOE, VERGE, Plots
 from authoring.site.relief import Relief, smooth_minimum, smoothstep
 from authoring.site.valley import Valley
 
@@ -180,6 +181,7 @@ class Land:
         ragged: Noise that makes natural borders irregular [m].
         patches: Positive where taller grass grows [m].
         valley: Rise of the land towards the abutments of a high bridge, or None.
+        plots: How the site's land is used; None beyond it.
     """
 
     layout: Layout
@@ -189,6 +191,7 @@ class Land:
     ragged: Relief
     patches: Relief
     valley: Valley | None = None
+    plots: Plots | None = None
 
     def shape(self, station: F64, left: F64, hills: Hills) -> Shape:
         """Shape the ground.
@@ -211,7 +214,23 @@ class Land:
         covers["worn"] = self._under_deck(station, left) + 0.5 * noise
         for approach in self.approaches:
             height = self._approach(approach, station, left, height, hills, covers)
+        if self.plots is not None:
+            covers |= self._used(self.plots, station, left, height, hills)
         return Shape(height, covers)
+
+    def _used(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> dict[str, F64]:
+        """Lay out the plots between the ways, beside the toes of the fills."""
+        room = self.crossing.distance(station, left) - self.crossing.half_width - plots.aside
+        room = np.minimum(room, plots.room(station, left))
+        room = np.minimum(room, np.abs(left) - self.layout.width / 2 - CLEAR)
+        for approach in self.approaches:
+            along, centre = approach.along(station), approach.centre(station)
+            across = np.abs(left - centre) / approach.stretch(station)
+            crown = approach.level(self.layout, hills, approach.back + approach.sign * np.maximum(along, 0.0))
+            aside = np.hypot(np.maximum(across - self.layout.width / 2, 0.0), np.maximum(-along, 0.0))
+            room = np.minimum(room, aside - FILL_SLOPE * np.abs(crown - height) - TOE)
+            room = np.minimum(room, np.where(along > -10.0, across - approach.half_width - VERGE, 9.0))
+        return plots.fields(station > self.crossing.centre(left), left, room)
 
     def _under_deck(self, station: F64, left: F64) -> F64:
         first, last = self.layout.supports[0], self.layout.supports[-1]

@@ -1,6 +1,6 @@
 """The site: the strip of ground that bridge and surveys depend on, with its crossing, fills, roads and plants."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from authoring.shapes.component import FIRST_SITE_ID, Component, Mesh, Scatter
 from authoring.site.covers import Soup, chunked, covered, drape, strip_atlas
 from authoring.site.crossing import CrossingKind
 from authoring.site.extent import Box, keep_out, strip_corners, strip_edge
+from authoring.site.fields import LandUse, draw_plots
 from authoring.site.grid import HeightField
 from authoring.site.guardrails import guardrail_pieces
 from authoring.site.land import draw_land, strip_ground, strip_lines
@@ -35,6 +36,11 @@ class SiteSettings(Settings):
         description="what the bridge leads over; drawn among what suits its longest span and height: river 35, "
         "road 25, rail 20 (seats 6 m high), valley 30 (seats 8 m high), harbour 40 (spans of 60 m and more). Under "
         "decks over 9 m the land rises towards the abutments",
+    )
+    land: LandUse | None = Field(
+        default=None,
+        description="what the land beside the bridge is used for: fields with hedges, a common of long and short "
+        "grass, or the yards of a town; drawn: fields 70, common 30, always a town beside a harbour",
     )
     half_width: float = Field(default=80.0, ge=40.0, le=200.0, description="reach to either side of the axis [m]")
     run_out: float = Field(default=60.0, ge=30.0, le=200.0, description="reach beyond the abutments [m]")
@@ -99,6 +105,9 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
         The site.
     """
     land = draw_land(settings.crossing, settings.relief, layout, settings.run_out, rng)
+    reach = (settings.run_out, settings.half_width)
+    used = rng.spawn(1)[0]  # a stream of its own: the use of the land moves nothing else
+    land = replace(land, plots=draw_plots(settings.land, land.crossing.kind, layout, reach, used))
     length = layout.supports[-1] - layout.supports[0]
     fine = (settings.fine_reach, settings.fine_spacing * max(length / LONG, 1.0), settings.coarse_spacing)
     stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)

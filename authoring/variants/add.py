@@ -232,7 +232,7 @@ def _wear(scene: Path, surfaces: Path) -> str:
     look = drawn.recipe.settings.look.model_copy(update={"folders": (surfaces.name,)})
     settings = drawn.recipe.settings.model_copy(update={"look": look})
     given, bridge = {surfaces.name: surfaces}, scene.parent / "bridge"
-    file = write_look(settings, drawn.recipe.seed, name, drawn.bridge, bridge, given, look.name)
+    file = write_look(settings, drawn.recipe.seed, name, drawn.bridge, bridge, given=given, base=look.name)
     add_look(bridge / "bridge.usda", name, file)
     return name
 

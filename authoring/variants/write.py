@@ -44,6 +44,7 @@ def write_look(
     name: str,
     bridge: Pieces,
     folder: Path,
+    *,
     given: Mapping[str, Path] = NO_FOLDERS,
     base: str = "",
 ) -> str:

@@ -122,7 +122,9 @@ def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     level = np.where(np.isin(ids, bridge), 0, np.where(np.isin(ids, plants), 2, 1))
     chosen = reduced(corners, level, int(request["most"]), float(request["reach"] or np.inf))
     colors = _colors(scene, rows)[chosen]
-    np.savez(request["file"], corners=corners[chosen].astype(np.float32), colors=colors)  # inside a temporary folder
+    np.savez(
+        request["file"], corners=corners[chosen].astype(np.float32), colors=colors
+    )  # not atomic: a temporary folder of the parent
     return {"variants": _variants(stage), "triangles": len(corners)}
 
 

@@ -42,9 +42,8 @@ def local(
         seed: Seed of splits and draws.
         set: A further setting, such as `points=2048` or `tile.size=8.0`; may be given more than once.
     """
-    return _build(
-        "local", sources, output, {"mode": mode, "table": table, "split": split, "seed": seed}, class_map, bridge, set
-    )
+    values = {"mode": mode, "table": table, "split": split, "seed": seed}
+    return _build("local", sources, output, values, class_map=class_map, bridges=bridge, given=set)
 
 
 def whole(
@@ -75,7 +74,7 @@ def whole(
         set: A further setting, such as `points=32768` or `noisy=0.03`; may be given more than once.
     """
     values = {"mode": mode, "table": table, "split": split, "seed": seed, "stratified": stratified}
-    return _build("global", sources, output, values, class_map, bridge, set)
+    return _build("global", sources, output, values, class_map=class_map, bridges=bridge, given=set)
 
 
 def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["s3dis", "hdf5", "parquet"]) -> int:
@@ -121,6 +120,7 @@ def _build(
     sources: tuple[Path, ...],
     output: Path,
     values: dict[str, Any],
+    *,
     class_map: str,
     bridges: tuple[str, ...],
     given: tuple[str, ...],

@@ -63,7 +63,7 @@ def render(
     settings = {"quality": quality, "sensor": sensor, "workers": workers, "subdivision": subdivision}
     choices = _choices(settings, camera, frame, purpose, variant, (width, height))
     with ConsoleProgress() as progress:
-        names = render_file(stage, output, survey, settings, seed, progress, allow_root, choices)
+        names = render_file(stage, output, survey, settings, seed, progress, allow_roots=allow_root, choices=choices)
     for name in names:
         sys.stdout.write(f"capture {output / name}\n")
     return 0

@@ -102,6 +102,7 @@ def render_file(
     settings: dict[str, Any],
     seed: int,
     progress: Progress,
+    *,
     allow_roots: tuple[Path, ...] = (),
     choices: dict[str, Any] | None = None,
 ) -> list[str]:

@@ -1,5 +1,6 @@
 """The output folder of a run belongs to several processes at once: each claims it, and none stumbles over another."""
 
+import re
 from pathlib import Path
 
 from falsework.scenario import Scenario, given_files
@@ -7,7 +8,9 @@ from groundwork import output_folder
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_text
 from groundwork.locks import hold_lock
-from groundwork.marks import MARK
+from groundwork.marks import MARK, TEMPORARY
+
+_LEFT = re.compile(re.escape(TEMPORARY) + "[0-9a-f]{16}")  # as groundwork.files names what it writes
 
 
 def claim_run(out: Path, scenario: Scenario) -> None:
@@ -23,14 +26,16 @@ def claim_run(out: Path, scenario: Scenario) -> None:
     inputs = run_inputs(scenario)
     try:
         output_folder.claim_run(out, inputs)
-    except InputError:
+    except (InputError, FileNotFoundError):  # or it took our unfinished mark for one of a killed process
         if not (out / MARK).is_file():
             raise
         output_folder.claim_run(out, inputs)  # another process has made its mark while we looked
     with space_errors(out):
         (out / "run").mkdir(exist_ok=True)
         text = scenario.as_toml(out)
-        with hold_lock(out / "run" / "scenario.lock"):
+        with hold_lock(out / "run" / "scenario.lock") as held:
+            if held:
+                _sweep_names(out)
             if not _says(out / "scenario.toml", text):
                 write_text(out / "scenario.toml", text)
 
@@ -42,6 +47,13 @@ def run_inputs(scenario: Scenario) -> list[Path]:
         scenario: What to make.
     """
     return [*given_files(scenario).values(), *([Path(scenario.stage.path)] if scenario.stage else [])]
+
+
+def _sweep_names(out: Path) -> None:
+    """Remove what processes left that were killed while they wrote the mark or the scenario."""
+    for path in sorted(out.glob(f"{TEMPORARY}*")):
+        if _LEFT.fullmatch(path.name) and path.is_file() and not path.is_symlink():
+            path.unlink(missing_ok=True)
 
 
 def _says(path: Path, text: str) -> bool:

@@ -9,12 +9,14 @@ from typing import Any
 from groundwork.canonical import digest
 from groundwork.errors import ChildError, FalseworkError, InputError, RejectedSceneError
 from groundwork.files import read_json, write_json
+from groundwork.marks import TEMPORARY
 
 FORMAT_VERSION = 2  # 1 knew rejections only, and had no digest of itself
 ATTEMPTS = 3  # how often a task is tried whose process was killed from outside, short of memory for instance
 LAST_LINES, LINE_LENGTH = 20, 300
 STOPPED = ("SIGINT", "SIGTERM", "SIGHUP")  # somebody stopped it: nothing is wrong with the task
 KILLED = "SIGKILL"
+RECORD = f"{TEMPORARY}record"  # in a work folder, on its way out
 
 
 class QuarantinedError(FalseworkError):
@@ -88,19 +90,21 @@ def failure_of(error: Exception, attempts: int, root: Path) -> Failure | None:
     return Failure("failed", "internal", said[:LINE_LENGTH], last_lines=lines, attempts=attempts)
 
 
-def write_failure(path: Path, task: dict[str, Any], failure: Failure) -> None:
+def write_failure(path: Path, task: dict[str, Any], failure: Failure, work: Path) -> None:
     """Keep a record.
 
     Args:
         path: File to write.
         task: Stage, version, settings and inputs.
         failure: What happened.
+        work: Work folder of the task, in our hands; what a killed process leaves there is swept.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_dir():
         raise InputError("is in the way of a record", where=path, hint="Move it elsewhere")
     record = json.loads(json.dumps({"format_version": FORMAT_VERSION, **task, **asdict(failure)}))
-    write_json(path, {**record, "digest": digest(record)})
+    write_json(work / RECORD, {**record, "digest": digest(record)})
+    (work / RECORD).replace(path)
 
 
 def read_failure(path: Path) -> Failure | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from falsework.store.artefact import Hashes, file_faults, read_manifest, seal, task_key
-from falsework.store.failures import Failure, failure_of, read_failure, write_failure
+from falsework.store.failures import RECORD, Failure, failure_of, read_failure, write_failure
 from falsework.store.textures import STAGE, share_textures
 from falsework.store.verification import verify
 from falsework.store.workroom import LINKS, remove, set_aside, sweep, work_folder
@@ -243,7 +243,10 @@ class Store:
         text = (folder / MANIFEST).read_text(encoding="utf-8")
         with space_errors(record), work_folder(self.root, task.key) as work:
             record.parent.mkdir(parents=True, exist_ok=True)
-            write_text(record, text)
+            work.mkdir(exist_ok=True)
+            write_text(work / RECORD, text)
+            (work / RECORD).replace(record)
+            remove(work)
             (self.root / link).unlink(missing_ok=True)
             set_aside(folder, work)
 
@@ -310,7 +313,7 @@ class Store:
         failure = failure_of(error, attempts, self.root)
         if failure is None:
             return
-        write_failure(self._failure_file(task), task.record, failure)
+        write_failure(self._failure_file(task), task.record, failure, work)
         if failure.final:
             remove(work)
 

@@ -2,7 +2,9 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -71,7 +73,8 @@ class Viewer:
             cloud: Which of its clouds is shown first; empty for the first.
         """
         self.subject, self.progress = subject, progress
-        self.server = viser.ViserServer(host=LOOPBACK, port=port, label=f"Falsework: {subject.name}", verbose=False)
+        with redirect_stdout(StringIO()):  # its banner
+            self.server = viser.ViserServer(LOOPBACK, port, label=f"Falsework: {subject.name}", verbose=False)
         self.server.scene.set_up_direction("+z")
         self.server.gui.configure_theme(dark_mode=True, control_width="large", show_logo=False, show_share_button=False)
         self._lock = threading.RLock()
@@ -104,7 +107,8 @@ class Viewer:
 
     def stop(self) -> None:
         """Close the server."""
-        self.server.stop()
+        with redirect_stdout(StringIO()):
+            self.server.stop()
 
     def show_cloud(self, name: str) -> None:
         """Show another cloud, with the cameras of its images.
@@ -263,7 +267,8 @@ class Viewer:
         alpha = np.full((count, 1), 255, np.uint8)
         colors = np.hstack([surfaces.colors, alpha])
         mesh.visual = ColorVisuals(mesh, vertex_colors=np.repeat(colors, 3, axis=0))
-        self._stage_handle = self.server.scene.add_mesh_trimesh("/stage", mesh, visible=bool(self.surfaces.value))
+        shown = bool(self.surfaces.value)
+        self._stage_handle = self.server.scene.add_mesh_trimesh("/stage", mesh, visible=shown, cast_shadow=False)
         self.state.content = f"{count:,} triangles, in the mean colours of their materials"
 
     def _show_cameras(self, flight: Flight, capture: Capture) -> None:

@@ -45,7 +45,7 @@ def pooled(layers: nn.Sequential, values: Tensor) -> Tensor:
 class _PooledNorm(torch.autograd.Function):
     """Batch normalisation over all rows, and the maximum over the second axis."""
 
-    @staticmethod
+    @staticmethod  # many: torch calls it with one argument after the other
     def forward(
         ctx: Any,
         rows: Tensor,

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 
 import falsework
+import falsework.api
 from tests.learn.toy_bridge import toy_cloud
 
 STAGE = """#usda 1.0
@@ -65,3 +67,25 @@ def test_one_folder_as_root_is_that_folder_alone(tmp_path: Path) -> None:
     for roots in (str(tmp_path / "other"), [str(tmp_path / "other")]):
         scan = falsework.sample(stage, tmp_path / "out", falsework.MeshSettings(density=5.0), allow_roots=roots)
         assert len(scan)
+
+
+def own_classes(hint: object) -> set[type]:
+    """Take the project's own classes out of an annotation."""
+    inner = {found for part in get_args(hint) for found in own_classes(part)}
+    rooms = ("groundwork", "usd_schemas", "authoring", "render", "recon", "learn", "falsework")
+    is_own = isinstance(hint, type) and hint.__module__.partition(".")[0] in rooms
+    return inner | ({hint} if isinstance(hint, type) and is_own else set())
+
+
+def test_every_type_that_an_argument_needs_is_public() -> None:
+    """Classes of arguments and results, and of the sections of settings; a scenario is given as a table of its own."""
+    public = {name: getattr(falsework, name) for name in falsework.__all__}
+    needed: set[type] = set()
+    for name in ("author", "render", "reconstruct", "sample", "run", "save_cloud"):
+        for hint in get_type_hints(public[name], {**vars(falsework.api), **public}).values():
+            needed |= own_classes(hint)
+    for kind in needed - {falsework.Scenario}:
+        if issubclass(kind, BaseModel):
+            needed = needed.union(*(own_classes(field.annotation) for field in kind.model_fields.values()))
+    assert {kind.__name__ for kind in needed} <= set(public)
+    assert {"SensorSettings", "DenseSettings", "Capture", "TerrestrialSettings"} <= {kind.__name__ for kind in needed}

@@ -5,6 +5,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from falsework.commands.report_verb import kind_of, way_to
 from falsework.report.comparison_page import write_comparison_page
 from falsework.report.dataset_page import write_dataset_page
 from falsework.report.page import file_link, settings_rows
+from falsework.report.report import write_report
 from falsework.report.residuals import image_rows, overlap_map, reprojection_residuals
 from falsework.report.run_page import Event, FailureRow, RunFacts, SceneRow, write_run_page
 from falsework.report.training_page import write_training_page
@@ -32,6 +34,7 @@ from tests.falsework.browser import needs_browser, open_page
 from tests.falsework.test_cloud_view import VIEWS, small_cloud
 from tests.falsework.test_sample_verbs import run as call
 from tests.learn.toy_bridge import write_toy
+from tests.recon.conftest import poses_on_arc, write_capture
 
 SCRIPT = "\"></td></script><script>alert(1)</script><img src=x onerror=alert(2)>`' {{ 7*7 }}"
 MOST = 10e6  # [bytes]
@@ -171,7 +174,7 @@ def pages_of(folder: Path, word: str) -> Iterator[Path]:
     cloud = small_cloud(200)
     named = [{**row, "name": word} for row in cloud.cameras]
     (folder / name).mkdir()
-    write_cloud(folder / name, cloud.__class__(**{**vars(cloud), "cameras": tuple(named)}))
+    write_cloud(folder / name, replace(cloud, cameras=tuple(named)))
     save_view(folder / "view.html", Subject(word, None, {}, {word: folder / name}), word, "", SILENT)
     yield from (folder / f"{kind}.html" for kind in ("run", "comparison", "training", "dataset", "view"))
 
@@ -210,7 +213,14 @@ def test_a_page_fetches_nothing_and_is_small(both: list[tuple[Path, Path]], numb
 @needs_browser
 def test_a_browser_has_nothing_to_say_of_the_pages(both: list[tuple[Path, Path]], tmp_path: Path) -> None:
     """With names like scripts nothing runs but what should: figures are drawn and the console stays empty."""
-    for _, page in both[:3]:
+    capture = write_capture(tmp_path / "capture", poses_on_arc(3))
+    cloud = small_cloud(300)
+    cameras = tuple({"name": f"{k:06d}", "status": "ok", "center_error": 0.1} for k in range(VIEWS))
+    (tmp_path / "cloud").mkdir()
+    write_cloud(tmp_path / "cloud", replace(cloud, cameras=cameras))
+    scene = tmp_path / "scene.html"
+    write_report(scene, "Scene", tmp_path, {"local": (capture, {"": tmp_path / "cloud"})})
+    for page in (scene, *(page for _, page in both[:3])):
         answer = open_page(page)
         assert [line for line in answer.console if "GPU stall" not in line] == []
         figures = len(re.findall(r'class="figure"', page.read_text(encoding="utf-8")))
@@ -244,7 +254,7 @@ def test_residuals_are_those_of_the_camera(tmp_path: Path) -> None:
         **cloud.observations,
         "uv": (uv + moved[..., None] * np.stack([np.cos(turn), np.sin(turn)], -1)).reshape(-1, 2),
     }
-    cloud = cloud.__class__(**{**vars(cloud), "observations": seen})
+    cloud = replace(cloud, observations=seen)
     told = {"model": "SIMPLE_RADIAL", "params": [focal, *centre, bend], "size": [400, 300]}
     rows = [{"name": f"image {k}", "camera_to_world": pose.tolist()} for k, pose in enumerate(poses[:2])]
     (tmp_path / "cameras_sfm.json").write_text(json.dumps({"camera": told, "poses": rows}))
@@ -260,7 +270,7 @@ def test_overlap_counts_different_images() -> None:
     """Against a loop over all points: as many images as have any point in a cell, however many points."""
     cloud, rng = small_cloud(500), np.random.default_rng(4)
     seen = {**cloud.observations, "image": rng.integers(0, VIEWS, 500 * VIEWS).astype(np.uint32)}
-    cloud = cloud.__class__(**{**vars(cloud), "observations": seen})
+    cloud = replace(cloud, observations=seen)
     counts, x, y = overlap_map(cloud)
     cell = x[1] - x[0]
     sets: dict[tuple[int, int], set[int]] = {}

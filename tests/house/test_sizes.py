@@ -6,10 +6,50 @@ import ast
 
 import pytest
 
-from tests.house.house import ROOMS, Rule, assert_clean, functions, parameters, python_files
+from tests.house.house import ROOMS, ROOT, Rule, assert_clean, functions, parameters, python_files
 
 MODULE_LINES = 400
 FUNCTION_LINES = 60
+MOST_ARGUMENTS = 6  # that are told apart by their place; options are given by keyword
+WAITING = frozenset(  # none may come to them
+    (
+        "authoring/backgrounds/buildings.py",
+        "authoring/backgrounds/hillside.py",
+        "authoring/backgrounds/kerbs.py",
+        "authoring/backgrounds/lanes.py",
+        "authoring/backgrounds/plots.py",
+        "authoring/backgrounds/shore_town.py",
+        "authoring/backgrounds/slope_plants.py",
+        "authoring/families/alignments.py",
+        "authoring/families/arch_through.py",
+        "authoring/looks/bake.py",
+        "authoring/looks/ground_photo.py",
+        "authoring/looks/structural.py",
+        "authoring/looks/weathering.py",
+        "authoring/parts/abutments.py",
+        "authoring/parts/arch_floors.py",
+        "authoring/parts/arches.py",
+        "authoring/parts/hangers.py",
+        "authoring/parts/masonry.py",
+        "authoring/parts/parapets.py",
+        "authoring/parts/piers.py",
+        "authoring/parts/pylons.py",
+        "authoring/parts/railings.py",
+        "authoring/parts/slabs.py",
+        "authoring/parts/spandrels.py",
+        "authoring/parts/stays.py",
+        "authoring/parts/stiffeners.py",
+        "authoring/parts/suspension_cables.py",
+        "authoring/site/growth.py",
+        "authoring/site/roads.py",
+        "authoring/solids/extrusion.py",
+        "render/gpu/textures.py",
+        "render/light/light_volume.py",
+        "render/views/lens.py",
+        "render/views/passes.py",
+        "render/views/prepare.py",
+    )
+)
 LONG_FUNCTION_LINES = 80  # with "# long: <why>" above it or beside it
 
 
@@ -43,6 +83,40 @@ def unannotated(source: str) -> list[str]:
         if bare:
             found.append(f"{function.lineno}: {function.name} leaves {', '.join(bare)} without annotation")
     return found
+
+
+def crowded_functions(source: str) -> list[str]:
+    """Find functions of more arguments than anybody keeps apart by their place, without "# many: <why>" beside them."""
+    found = []
+    lines = source.splitlines()
+    for function in functions(ast.parse(source)):
+        own = [argument.arg for argument in (*function.args.posonlyargs, *function.args.args)]
+        count = len(own) - (own[:1] in (["self"], ["cls"]))
+        if count > MOST_ARGUMENTS and not lines[function.lineno - 2].partition("# many:")[2].strip():
+            found.append(f"{function.lineno}: {function.name} has {count} arguments, at most {MOST_ARGUMENTS}")
+    return found
+
+
+def test_long_lists_of_arguments_are_records() -> None:
+    """Nobody passes seven things by their place, but for the modules that still wait for a record."""
+    files = [path for path in python_files(*ROOMS) if path.relative_to(ROOT).as_posix() not in WAITING]
+    assert_clean(crowded_functions, files)
+
+
+@pytest.mark.parametrize(
+    ("signature", "count"),
+    [
+        ("(a, b, c, d, e, f)", 0),
+        ("(self, a, b, c, d, e, f)", 0),
+        ("(a, b, c, d, e, f, *, g=1, h=2)", 0),
+        ("(a, b, c, d, e, f, g)", 1),
+        ("(a, b, c, d, e, f, /, g=1)", 1),
+    ],
+)
+def test_a_long_list_of_arguments_is_found(signature: str, count: int) -> None:
+    """Six are allowed, options by keyword do not count, a reason above the function excuses."""
+    assert len(crowded_functions(f"\ndef f{signature}: ...")) == count
+    assert crowded_functions(f"# many: torch calls it\ndef f{signature}: ...") == []
 
 
 @pytest.mark.parametrize("rule", [long_modules, long_functions, unannotated])

@@ -84,7 +84,7 @@ def test_covariances_and_what_is_left_over_have_dense_twins(likeness: float) -> 
     gravity = turning.T @ pull @ turning
     normal = sum(row.T @ row for row in jacobian) + gravity
     np.testing.assert_allclose(_information(jacobian, one, levels), normal, rtol=1e-9, atol=1e-9)
-    inverse = np.linalg.inv(normal)
+    inverse = np.asarray(np.linalg.inv(normal), np.float64)
     parts = [sum(jacobian[:, axis].T @ dense @ jacobian[:, axis] for axis in axes) for axes in ([0, 1], [2])]
     found = _covariances(one, points, weights, levels, likeness)
     for mine, part in zip(found, (*parts, gravity), strict=True):

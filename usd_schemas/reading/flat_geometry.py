@@ -80,7 +80,8 @@ def flatten(runs: list[list[Placement]], stage_to_world: F64, table: Taxonomy, l
             splits[key] = _split(placement, warn)
     register = Register(table, warn)
     register.reserve(_authored_ids(placements, splits))
-    work = _Work(stage_to_world, splits, _Materials(placements, splits, warn), register, GeometryPile(), level, warn)
+    materials, pile = _Materials(placements, splits, warn), GeometryPile()
+    work = _Work(stage_to_world, splits, materials, register, _Parts(pile, level, warn), warn)
     ends, number = [], 0
     for run in runs:
         for placement in run:
@@ -100,12 +101,10 @@ class _Work:
         splits: dict[object, _Split],
         materials: "_Materials",
         register: Register,
-        pile: GeometryPile,
-        level: int,
+        parts: "_Parts",
         warn: Warn,
     ) -> None:
-        self.pile, self.materials = pile, materials
-        self._parts = _Parts(pile, level, warn)
+        self.pile, self.materials, self._parts = parts.pile, materials, parts
         self._stage_to_world, self._splits, self._register, self._warn = stage_to_world, splits, register, warn
 
     def draw(self, placement: Placement, number: int) -> None:
@@ -303,7 +302,7 @@ class _Parts:
     """Meshes already read, and the parts that their groups became."""
 
     def __init__(self, pile: GeometryPile, level: int, warn: Warn) -> None:
-        self._pile = pile
+        self.pile = pile
         self._level = level
         self._warn = warn
         self._meshes: dict[object, tuple[FlatMesh, int] | None] = {}
@@ -327,7 +326,7 @@ class _Parts:
             return None
         for note in mesh.notes:
             self._warn(f"{prim.GetPath()}: {note}")
-        return (mesh, self._pile.add_mesh(mesh)) if len(mesh.triangles) else None
+        return (mesh, self.pile.add_mesh(mesh)) if len(mesh.triangles) else None
 
     def row(
         self, key: object, group: int, face: I64 | None, tile: int | None, tiles: tuple[int | None, ...]
@@ -345,5 +344,5 @@ class _Parts:
             triangles = mesh.triangles[chosen] + first
             if not len(triangles):
                 return None
-            self._rows[key, group, tile] = self._pile.add_part(triangles, mesh.double_sided)
+            self._rows[key, group, tile] = self.pile.add_part(triangles, mesh.double_sided)
         return self._rows[key, group, tile]

@@ -204,7 +204,9 @@ def test_a_continuous_deck_has_joints_at_its_ends_only() -> None:
         parts = build(top, spans)
         assert len(of_kind(parts, "expansion_joint")) == joints
         assert len(of_kind(parts, "surfacing")) == joints + 1
-        assert len(of_kind(parts, "parapet")) == 2 * (joints + 1)
+        ends = [part for part in parts if part.name.startswith("Terminal_")]
+        assert len(ends) == 4
+        assert len(of_kind(parts, "parapet")) == 2 * (joints + 1) + len(ends)
     assert replace(SPANS, one_row=True).rows == [(0, 0, 0.0), (0, 1, 13.0), (1, 1, 28.0)]
     assert replace(SPANS, one_row=True).pier_setback == 0.0
     assert len(SPANS.rows) == 4
@@ -224,13 +226,38 @@ def test_only_roads_of_four_lanes_and_more_are_divided(proof_count: Count) -> No
     )
     assert top.kerb_face == 2 * 3.5 + 1.0 + 0.5
     parts = build(top)
-    strips = [part for part in parts if part.name.startswith("Median")]
+    strips = [part for part in parts if part.name.startswith("Median") and "Nose" not in part.name]
     assert [reach(part, 1) for part in strips] == [pytest.approx((-0.8, 0.8))] * 2
+    noses = [reach(part, 0) for part in parts if "Nose" in part.name]  # half a disc before either end of the bridge
+    assert noses[0] == pytest.approx((reach(strips[0], 0)[0] - 0.796, reach(strips[0], 0)[0] + 0.01))
+    assert noses[1] == pytest.approx((reach(strips[-1], 0)[1] - 0.01, reach(strips[-1], 0)[1] + 0.796))
     markings = [part for part in of_kind(parts, "road_marking") if part.name.startswith("Marking_001")]
     solid = sorted(sum(reach(part, 1)) / 2.0 for part in markings if not part.parameters["dashed"])
     assert solid == pytest.approx([-8.0, -1.0, 1.0, 8.0])
     with pytest.raises(InputError, match=r"bridge\.roadway\.divided.*lanes = 4"):
         top_of(0, service="road", roadway={"lanes": 3, "divided": True})
+
+
+@pytest.mark.parametrize("shape", ["wall", "barrier", "railing", "wall_rail"])
+def test_parapets_end_in_blocks_on_the_approaches(shape: str) -> None:
+    """A metre of concrete, higher than the parapet, closes each end; what comes from the bridge ends in it."""
+    top = top_of(5, service="road", parapet={"shape": shape})
+    parts = build(top)
+    for number, outer in ((0, -8.0 + 0.004), (1, 28.0 + 8.0 - 0.004)):
+        for side in ("L", "R"):
+            block = next(part for part in parts if part.name == f"Terminal_Approach_{number}_{side}")
+            ends = reach(block, 0)
+            assert outer in (pytest.approx(ends[0]), pytest.approx(ends[1]))
+            assert ends[1] - ends[0] == pytest.approx(1.0)
+            assert reach(block, 2)[1] == pytest.approx(top.walk_level + top.parapets.height + 0.05)
+            runs = [part for part in parts if part.name.endswith(f"Approach_{number}_{side}") and part is not block]
+            runs = [part for part in runs if part.kind in ("parapet", "parapet_coping", "railing")]
+            assert runs
+            for part in runs:
+                end = reach(part, 0)[number]
+                assert ends[0] < end < ends[1]
+                assert end == pytest.approx(ends[1] - 0.01 if number == 0 else ends[0] + 0.01)
+    assert not any(part.name.startswith("Terminal") for part in build(top_of(5, "paper", service="road")))
 
 
 @pytest.mark.parametrize("service", ["road", "rail_single"])

@@ -1,0 +1,189 @@
+"""What weathering knows of each member of a bridge, of each texel on it, and the noise that its marks are broken by."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from authoring.looks.arrises import ROADS
+from authoring.looks.charts import Charts
+from authoring.looks.noise import I32, Floats, Tile, draw, fractal, standard
+from authoring.looks.runoff import direction
+from authoring.shapes.component import Component
+
+_FIELD_METRES = 32.0
+_FIELD_PIXELS = 1024
+_STANDING = ("column", "wall_pier", "abutment_wall", "wing_wall", "pier_footing", "abutment_footing", "pylon", "tower")
+
+
+@dataclass(frozen=True)
+class Members:
+    """Facts of each component, one row a component.
+
+    Attributes:
+        low: Lowest height [m], shape (M,), float32.
+        high: Highest height [m], shape (M,), float32.
+        tone: How much lighter than its role it is [1], shape (M,), float32.
+        shift: Where it begins in the fields [texels], shape (M, 2), int32.
+        lifts: Drawn from -0.5 to 0.5 for each lift, bay or patch of it [1], shape (M, 64), float32.
+        steel: 1 for steel, shape (M,), float32.
+        cast: 1 for concrete below the bearings, which is cast in lifts, shape (M,), float32.
+        foot: 1 for concrete that stands in the ground, shape (M,), float32.
+        road: 1 for surfacing and its markings, shape (M,), float32.
+        deck: 1 for slabs and parapets, shape (M,), float32.
+        girder: 1 for what has flanges, shape (M,), float32.
+        lane: A quarter of the width [m], shape (M,), float32.
+        along: The longer direction in plan [1], shape (M, 2), float32.
+        start: Where it begins in that direction [m], shape (M,), float32.
+    """
+
+    low: Floats
+    high: Floats
+    tone: Floats
+    shift: I32
+    lifts: Floats
+    steel: Floats
+    cast: Floats
+    foot: Floats
+    road: Floats
+    deck: Floats
+    girder: Floats
+    lane: Floats
+    along: Floats
+    start: Floats
+
+
+@dataclass(frozen=True)
+class Spots:
+    """Some texels, one row each, all on members that are steel, all on roads, or all on others.
+
+    Attributes:
+        owner: Row of the member, shape (N,), int32.
+        normal: Unit normal, world axes [1], shape (N, 3), float32.
+        place: World position [m], shape (N, 3), float32.
+        edge: Distance to the nearest arris [m], shape (N,), float32.
+        clouds: Slow changes of tone over 1 to 12 m [1], shape (N,), float32.
+        patches: Changes over 0.1 to 2.5 m [1], shape (N,), float32.
+        streaks: Noise that is drawn out along the way of the water [1], shape (N,), float32.
+        stains: Few and ragged marks of 0.2 to 1 m, dark below 0 and pale above [1], shape (N,), float32.
+    """
+
+    owner: I32
+    normal: Floats
+    place: Floats
+    edge: Floats
+    clouds: Floats
+    patches: Floats
+    streaks: Floats
+    stains: Floats
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Noise on a plane of 32 m that repeats: slow clouds, patches, streaks that run down, few ragged stains."""
+
+    clouds: Floats
+    patches: Floats
+    streaks: Floats
+    stains: Floats
+
+
+def read_members(components: list[Component], age: float, rng: np.random.Generator) -> Members:
+    """Gather what weathering looks at.
+
+    Args:
+        components: Components with `st1`.
+        age: 0 for new, 1 for decades of weather, more for many [1].
+        rng: Random stream.
+    """
+    count = len(components)
+    low = np.array([component.mesh.points.min(axis=0) for component in components]).reshape(count, 3)
+    high = np.array([component.mesh.points.max(axis=0) for component in components]).reshape(count, 3)
+    wide = [_width(component) for component in components]
+    along = np.array([direction(component.mesh.points) for component in components]).reshape(count, 2)
+    starts = [(c.mesh.points[:, :2] @ axis).min() for c, axis in zip(components, along, strict=True)]
+    role = [component.role for component in components]
+    concrete = np.array(["Concrete" in name for name in role], bool)
+    below = np.array([component.group == "Substructure" for component in components], bool)
+    tone = (draw(rng, (count,)) - 0.5) * np.float32(0.04 + 0.12 * min(age, 1.0))  # 8 % to either side at most
+
+    def share(values: list[bool] | np.ndarray) -> Floats:
+        return np.asarray(values).astype(np.float32)
+
+    return Members(
+        low=low[:, 2].astype(np.float32),
+        high=high[:, 2].astype(np.float32),
+        tone=tone,
+        shift=(draw(rng, (count, 2)) * _FIELD_PIXELS).astype(np.int32),
+        lifts=(draw(rng, (count, 64)) - 0.5).astype(np.float32),
+        steel=share(["Steel" in name for name in role]),
+        cast=share(concrete & below),
+        foot=share(concrete & np.array([component.kind in _STANDING for component in components], bool)),
+        road=share([name in ROADS for name in role]),
+        deck=share([name in ("Role_DeckConcrete", "Role_ParapetConcrete") for name in role]),
+        girder=share([name == "Role_GirderSteel" for name in role]),
+        lane=(np.array(wide) / 4).astype(np.float32),
+        along=along.astype(np.float32),
+        start=np.array(starts).astype(np.float32),
+    )
+
+
+def draw_fields(rng: np.random.Generator) -> Fields:
+    """Draw the noise that marks are broken by.
+
+    Args:
+        rng: Random stream.
+    """
+    tile = Tile(_FIELD_PIXELS, _FIELD_METRES, rng)
+    ragged = fractal(tile, 1.0, 0.18, slope=0.6, stretch=(1.0, 1.8))
+    return Fields(
+        clouds=fractal(tile, 12.0, 0.9, slope=1.2),
+        patches=fractal(tile, 2.5, 0.07, slope=1.1),
+        streaks=fractal(tile, 1.4, 0.07, slope=0.5, stretch=(1.0, 16.0)),
+        stains=standard(np.clip(standard(ragged * ragged * ragged), -3.5, 3.5)),
+    )
+
+
+def read_spots(
+    charts: Charts, members: Members, fields: Fields, texels: tuple[I32, np.ndarray, np.ndarray], edges: Floats
+) -> Spots:
+    """Tell what is known of some texels.
+
+    Args:
+        charts: The atlas.
+        members: Facts of the members.
+        fields: Noise.
+        texels: Triangle, column and row of each, shape (N,) each.
+        edges: Distance of each to the nearest arris [texels], shape (N,), float32.
+    """
+    triangle, column, row = texels
+    across = charts.across[triangle]
+    place = across * (column + 0.5).astype(np.float32)[:, None]
+    place += charts.down[triangle] * (row + 0.5).astype(np.float32)[:, None]
+    place += charts.place[triangle]
+    metres = np.sqrt((charts.across * charts.across).sum(axis=1))[triangle]  # of a texel
+    owner, normal = charts.owner[triangle], charts.normal[triangle]
+    return Spots(owner, normal, place, edges * metres, *_look_up(fields, members, owner, normal, place))
+
+
+def _look_up(fields: Fields, members: Members, owner: I32, normal: Floats, place: Floats) -> tuple[Floats, ...]:
+    """Values of each field: on a wall along it and up, else across the member and along it."""
+    side = np.maximum(np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2), np.float32(0.05))
+    upright = np.abs(normal[:, 2]) < np.float32(0.6)
+    axis = members.along[owner]
+    aside = (normal[:, 0] * place[:, 1] - normal[:, 1] * place[:, 0]) / side
+    texels = np.float32(_FIELD_PIXELS / _FIELD_METRES)
+    u = np.where(upright, aside, axis[:, 0] * place[:, 1] - axis[:, 1] * place[:, 0]) * texels
+    v = np.where(upright, place[:, 2], axis[:, 0] * place[:, 0] + axis[:, 1] * place[:, 1]) * texels
+    cell_u = (np.floor(u).astype(np.int32) + members.shift[owner, 0]) & (_FIELD_PIXELS - 1)
+    cell = ((np.floor(v).astype(np.int32) + members.shift[owner, 1]) & (_FIELD_PIXELS - 1)) * _FIELD_PIXELS + cell_u
+    drawn = (fields.clouds, fields.patches, fields.streaks, fields.stains)
+    return tuple(np.take(field.ravel(), cell) for field in drawn)
+
+
+def _width(component: Component) -> float:
+    """Extent in plan across the longer direction, of a bend no more than a chord sees [m]."""
+    points = component.mesh.points
+    x, y = direction(points)
+    aside, along = points[:, :2] @ np.array([-y, x]), points[:, :2] @ np.array([x, y])
+    start = along < along.min() + 0.05 * np.ptp(along)
+    return float(np.ptp(aside[start])) if start.sum() > 1 else float(np.ptp(aside))

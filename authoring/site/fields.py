@@ -1,0 +1,108 @@
+"""What the land beside a bridge is used for, plot by plot: fields with rows, hay, pasture, yards of a town."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.axis.alignment import Layout
+
+F64 = NDArray[np.float64]
+
+LandUse = Literal["fields", "common", "town"]
+# Covers to draw from, an empty one being grass.
+USES: dict[str, tuple[str, ...]] = {
+    "fields": ("ploughed", "crop", "ripe", "ripe", "crop", "hay", ""),
+    "common": ("hay", "hay", "hay", ""),
+    "town": ("lot_asphalt", "lot_paved", "lot_gravel", "lot_gravel", "", ""),
+}
+BORDER = 4.0  # from the site's border to a field [m]
+BALK = 1.1  # half the grass between two fields [m]
+VERGE = 6.0  # from the top of a fill, or from the deck's edge, to a field [m]
+CLEAR = 8.0  # from the deck's edge to a field beside the bridge [m]
+TOE = 2.5  # from the toe of a fill to a field [m]
+_FAR = -9.0
+
+
+@dataclass(frozen=True)
+class Plots:
+    """Eight plots: before and behind the crossing, right and left of the bridge, near to it and farther away.
+
+    Attributes:
+        land: How the land is used.
+        covers: Name of the cover of each plot, `` for grass.
+        splits: Distance from the axis of the border between a near plot and a far one, right and left [m].
+        bounds: Lowest and highest station, largest distance from the axis [m].
+        aside: From the edge of the crossing to a plot [m].
+    """
+
+    land: str
+    covers: tuple[str, ...]
+    splits: tuple[float, float]
+    bounds: tuple[float, float, float]
+    aside: float
+
+    def room(self, station: F64, left: F64) -> F64:
+        """Measure how far places lie inside a plot's outer borders but for ways and fills [m], same shape, float64."""
+        low, high, wide = self.bounds
+        inside = np.minimum(np.minimum(station - low, high - station), wide - np.abs(left)) - BORDER
+        split = np.where(left > 0.0, self.splits[1], self.splits[0])
+        return np.minimum(inside, np.abs(np.abs(left) - split) - BALK)
+
+    def number(self, behind: NDArray[np.bool_], left: F64) -> NDArray[np.int64]:
+        """Number the plots.
+
+        Args:
+            behind: Whether places lie behind the crossing, shape (N,), bool.
+            left: Distance to the left of the axis [m], shape (N,), float64.
+
+        Returns:
+            Rows of `covers`, shape (N,), int64.
+        """
+        split = np.where(left > 0.0, self.splits[1], self.splits[0])
+        return 4 * behind + 2 * (left > 0.0) + (np.abs(left) > split)
+
+    def fields(self, behind: NDArray[np.bool_], left: F64, room: F64) -> dict[str, F64]:
+        """Evaluate the cover of each use.
+
+        Args:
+            behind: Whether places lie behind the crossing, any shape, bool.
+            left: Distance to the left of the axis [m], the same shape, float64.
+            room: How far they lie inside a plot [m], the same shape, float64.
+
+        Returns:
+            Signed fields [m], the same shape, float64.
+        """
+        number = self.number(behind, left)
+        found = {}
+        for name in sorted({name for name in self.covers if name}):
+            mine = np.isin(number, [row for row, other in enumerate(self.covers) if other == name])
+            found[name] = np.where(mine, np.clip(room, _FAR, 6.0), np.minimum(np.clip(-room, _FAR, 0.0), -0.3))
+        return found
+
+
+def draw_plots(
+    land: LandUse | None, kind: str, layout: Layout, reach: tuple[float, float], rng: np.random.Generator
+) -> Plots:
+    """Draw the plots of a site.
+
+    Args:
+        land: How the land is used; None: drawn, a town beside a harbour.
+        kind: Kind of the crossing.
+        layout: The bridge.
+        reach: Reach of the site beyond the abutments, and to either side of the axis [m].
+        rng: Random stream.
+
+    Returns:
+        The plots.
+    """
+    drawn: LandUse = "town" if kind == "harbour" else "fields" if rng.random() < 0.7 else "common"
+    use = land or drawn
+    names = tuple(str(name) for name in rng.choice(USES[use], 8))
+    half = layout.width / 2
+    near = half + 0.42 * (reach[1] - half)
+    splits = (near + float(rng.uniform(-6.0, 6.0)), near + float(rng.uniform(-6.0, 6.0)))
+    ends = (layout.supports[0] - reach[0], layout.supports[-1] + reach[0])
+    aside = 9.0 if kind in ("river", "harbour", "valley") else 7.0
+    return Plots(use, names, splits, (*ends, reach[1]), aside)

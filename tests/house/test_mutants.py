@@ -1,0 +1,54 @@
+"""Which faults `benchmarks.mutants` puts into a line, by the rules that its docstring states."""
+
+from __future__ import annotations
+
+import ast
+
+import pytest
+
+from benchmarks.mutants import SUBJECTS, _places, draw
+from tests.house.house import ROOT
+
+
+def faults_of(source: str) -> list[str]:
+    """Give a line with each fault that can be put into it."""
+    count = len(list(_places(ast.parse(source))))
+    found = []
+    for number in range(count):
+        tree = ast.parse(source)
+        _, change = list(_places(tree))[number]
+        change()
+        found.append(ast.unparse(tree))
+    return sorted(found)
+
+
+@pytest.mark.parametrize(
+    ("source", "faults"),
+    [
+        ("a < 1", ["a <= 1"]),
+        ("len(a) >= b", ["len(a) > b"]),
+        ("a < 1.0", ["a >= 1.0"]),
+        ("a <= b", ["a > b"]),
+        ("a == b", ["a != b"]),
+        ("a + b", ["a - b"]),
+        ("a and b", ["a or b"]),
+        ("not a", ["not not a"]),
+        ("-a", ["+a"]),
+        ("x: Path | None = a", []),
+        ("f(a, axis=-1)", ["None", "f(a, axis=0)"]),
+        ("if a:\n    pass", ["if not a:\n    pass"]),
+        ("a = f(b)", []),
+    ],
+)
+def test_each_fault_changes_one_place(source: str, faults: list[str]) -> None:
+    """Edges between whole numbers move by one, comparisons of measured values turn round, calls alone go."""
+    assert faults_of(source) == faults
+
+
+def test_a_seed_draws_the_same_faults() -> None:
+    """Whatever else is drawn: each subject has a stream of its own; its files and tests are there."""
+    first, again, other = draw("bearings", 5, 0), draw("bearings", 5, 0), draw("bearings", 5, 1)
+    assert first == again
+    assert first != other
+    for modules, tests in SUBJECTS.values():
+        assert all((ROOT / name).is_file() for name in (*modules, *tests))
