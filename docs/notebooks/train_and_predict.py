@@ -61,7 +61,7 @@ print(Path("scores.md").read_text())
 
 # %%
 run(f"falsework export bridges/{kept} --to laz -o scan")
-run("falsework predict scan/cloud.laz -o labelled.laz --model model")
+run("falsework predict scan/cloud.laz -o labelled.laz --model model --link 0.5")
 
 # %%
 import laspy

@@ -36,7 +36,7 @@ def test_authoring_and_swapping(
 ) -> None:
     """Two looks, one truth, two photographs, said by the notebook itself."""
     monkeypatch.chdir(tmp_path)
-    small = {'"images": 12, "width": 640, "height": 480': '"images": 3, "spacing": 60.0, "width": 160, "height": 120'}
+    small = {'"images": 12, "width": 640, "height": 480': '"images": 8, "spacing": 40.0, "width": 160, "height": 120'}
     names: dict[str, Any] = {"small": SMALL}
     run_cells("author_and_swap", names, {**small, '"variants": {': '**small, "variants": {'})
     assert sorted(names["flights"]) == ["clean", "weathered"]
