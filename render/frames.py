@@ -229,7 +229,7 @@ def _draw_missing(
     shape, told = (assignment.camera.height, assignment.camera.width), assignment.settings.sensor
     follows = told.exposure is None and not assignment.meters_light
     white = balance(body.prepared.light.daylight.on_level_ground(), told.white_balance)
-    sensor = Sensor(told, gain, BRIGHTEST, shape, assignment.seed, follows, white)
+    sensor = Sensor(told, gain, BRIGHTEST, shape, assignment.seed, follows=follows, white=white)
     _photograph(assignment, body, sensor, journal, rows, progress)
 
 

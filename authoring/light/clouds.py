@@ -101,14 +101,14 @@ def _march(heaps: tuple[F32, F32], directions: F64, sun: F64, cover: float, drif
         length = np.minimum(_HIGHEST / _STEPS / up, 260.0)
         place = (directions[..., :2] * reach[..., None]) / _TILE + drift
         blur = np.clip(reach / 6.0e4, 0, 1)
-        top = _tops(broad, fine, place, edge, spread, closed, blur)
+        top = _tops(broad, fine, place, edge, spread, closed=closed, blur=blur)
         inside = np.clip((top - height) / (170.0 + 0.014 * reach), 0, 1) * np.clip((height + 25.0) / 80.0, 0, 1)
         if not inside.any():
             continue
         shadow = np.zeros(up.shape)
         for lift in (90.0, 260.0, 560.0):
             ahead = place + lift * sideways / _TILE
-            over = _tops(broad, fine, ahead, edge, spread, closed, blur)
+            over = _tops(broad, fine, ahead, edge, spread, closed=closed, blur=blur)
             shadow += np.clip((over - height - lift) / 160.0, 0, 1) * (0.5, 0.8, 1.1)[(90.0, 260.0, 560.0).index(lift)]
         lit = np.exp(-1.1 * shadow) * (0.55 + 0.45 * height / np.maximum(top, 1.0).clip(height, None))
         gone = left * (1 - np.exp(-_EXTINCTION * inside * length))
@@ -117,7 +117,7 @@ def _march(heaps: tuple[F32, F32], directions: F64, sun: F64, cover: float, drif
     return opacity * np.clip(directions[..., 2] / 0.02, 0, 1), light / known, away / known
 
 
-def _tops(broad: F32, fine: F32, place: F64, edge: float, spread: float, closed: float, blur: F64) -> F64:
+def _tops(broad: F32, fine: F32, place: F64, edge: float, spread: float, *, closed: float, blur: F64) -> F64:
     """Height of the heaps over their base [m], shape (H, W); 0 and below where there are none."""
     body = (_lookup(broad, place) - edge) / spread
     swell = np.clip(body, 0, 1) ** 0.6

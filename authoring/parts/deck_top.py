@@ -181,7 +181,7 @@ def deck_top_parts(top: DeckTop, spans: Spans, runs: Runs, place: Alignment) -> 
     if top.roadway is not None and top.roadway.divided:
         for number, (low, high) in enumerate(spans.pieces):
             noses = number == 0, number == len(spans.pieces) - 1
-            parts += median_parts(top.roadway, low, high, (), place, f"{number:03d}_", noses)
+            parts += median_parts(top.roadway, low, high, (), place, name=f"{number:03d}_", noses=noses)
     for name, (low, high) in runs:
         kerb = (name, low + _KERB_SHORTER, high - _KERB_SHORTER, place)
         parts += [] if top.roadway is None else kerb_parts(top.roadway, *kerb)
@@ -200,4 +200,4 @@ def _ended_parapets(top: DeckTop, name: str, begin: float, end: float, place: Al
     run = (block[1] - EMBEDDED, end) if first else (begin, block[0] + EMBEDDED)
     foot = top.half_width, top.parapet_foot, name
     parts = parapet_parts(top.parapets, *foot, *run, place, top.walk_level)
-    return parts + terminal_parts(top.parapets, *foot, *block, place, top.walk_level)
+    return parts + terminal_parts(top.parapets, *foot[:2], (name, *block), place, way=top.walk_level)

@@ -24,6 +24,7 @@ def median_parts(
     high: float,
     masts: tuple[tuple[float, float], ...],
     place: Alignment,
+    *,
     name: str = "",
     noses: tuple[bool, bool] = (False, False),
 ) -> list[Part]:

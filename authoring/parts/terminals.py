@@ -14,7 +14,13 @@ _PROUD = 0.007  # [m] of its faces before those of the parapet
 
 
 def terminal_parts(
-    parapets: Parapets, foot: float, slab_top: float, name: str, begin: float, end: float, place: Alignment, way: float
+    parapets: Parapets,
+    foot: float,
+    slab_top: float,
+    block: tuple[str, float, float],
+    place: Alignment,
+    *,
+    way: float,
 ) -> list[Part]:
     """Build the blocks in which the parapets of both sides end.
 
@@ -22,12 +28,11 @@ def terminal_parts(
         parapets: Their section.
         foot: From the axis to the inner foot of the parapets [m].
         slab_top: Height of what they stand on [m].
-        name: Ending of the names, e.g. `Approach_0`.
-        begin: Lower station of the blocks [m].
-        end: Higher station [m].
+        block: Ending of the names, e.g. `Approach_0`, and lower and higher station of the blocks [m].
         place: Axis of the bridge.
         way: Height of the road or walkway beside them [m].
     """
+    name, begin, end = block
     bottom, top = slab_top - EMBEDDED, way + parapets.height + _HIGHER
     outline = rectangle((foot - _PROUD, bottom), (foot + parapets.thickness + _PROUD, top))
     outline = cut_corners(outline, np.array([0.0, 0.0, 0.03, 0.03]))

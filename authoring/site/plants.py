@@ -53,7 +53,7 @@ def foliage(rng: np.random.Generator, lobes: F64, count: int, kind: str, cover: 
     leaves = []
     for lobe, many in zip(lobes, share.tolist(), strict=True):
         side = min(size, 1.5 * float(lobe[3:].max()))
-        leaves.append(crown(rng, lobe[:3], lobe[3:], (middle, whole), many, kind, side))
+        leaves.append(crown(rng, lobe[:3], lobe[3:], (middle, whole), many, kind=kind, size=side))
     bodies = [
         faceted(lobe[:3] + _HEART * lobe[3:] * (OCTAHEDRON + rng.uniform(-0.12, 0.12, (6, 3))), OCTANTS, 0.9)
         for lobe in lobes

@@ -70,7 +70,7 @@ def spray(rng: np.random.Generator, kind: str, count: int) -> I64:
 
 
 def crown(
-    rng: np.random.Generator, middle: F64, half: F64, mass: tuple[F64, F64], count: int, kind: str, size: float
+    rng: np.random.Generator, middle: F64, half: F64, mass: tuple[F64, F64], count: int, *, kind: str, size: float
 ) -> Mesh:
     """Cover a lobe of a crown with sprays, most of them near its surface; shaded as one round mass.
 

@@ -64,7 +64,7 @@ def write_report(
     shown = Shown(min(SHOWN_POINTS, PAGE_POINTS // max(clouds, 1)))
     frames = max(PAGE_FRAMES // max(2 * len(surveys), 1), 1)
     parts = [
-        _survey(name, mode, capture, folder, shown, frames if first else 0, place)
+        _survey(name, mode, capture, folder, shown, frames=frames if first else 0, place=place)
         for name, (capture, several) in sorted(surveys.items())
         for first, mode, folder in _clouds(several)
     ]
@@ -90,7 +90,7 @@ def _clouds(several: dict[str, Path]) -> list[tuple[bool, str, Path | None]]:
 
 
 def _survey(
-    name: str, mode: str, capture_folder: Path, folder: Path | None, shown: Shown, frames: int, place: str
+    name: str, mode: str, capture_folder: Path, folder: Path | None, shown: Shown, *, frames: int, place: str
 ) -> dict[str, Any]:
     from recon.cloud import read_cloud
 
@@ -108,6 +108,8 @@ def _survey(
         "name": title,
         "key": slug(title),
         "tiles": headline_tiles(capture, cloud),
+        "overlap": None,
+        "residuals": None,
         "view": None if drawn is None or not (first or cloud) else cloud_view(drawn, flight, shown),
         "flight": _plan(capture, truth, cloud, outline) if first else None,
         "sheet": _sheet(capture, home) if first else [],

@@ -57,6 +57,7 @@ class Sensor:
         brightest: float,
         shape: tuple[int, int],
         seed: int,
+        *,
         follows: bool = True,
         white: tuple[float, float] = (1.0, 1.0),
     ) -> None:

@@ -68,7 +68,7 @@ def test_report_needs_no_network(chain: Chain) -> None:
     tags = re.findall(r"<(?:img|link|script|iframe)\b[^>]*>", page)
     assert any("data:image/jpeg" in tag for tag in tags)
     assert not [tag for tag in tags if re.search(r"""(?:src|href)=["'](?!data:)""", tag)]
-    assert "Plotly.newPlot" in page
+    assert "Plotly.react(" in page
     assert "<h2>Noisy points: uncertainty above 0.1 m</h2>" in page
 
 

@@ -146,6 +146,7 @@ def safe_readings(source: str, module: str) -> set[str]:
 
 OPENED_RAW: dict[str, set[str]] = {
     LOOKED_AT: {
+        "training_page._log",
         "array_file.read_arrays",
         "bake_lookup.sample",
         "cloud._load",
@@ -184,6 +185,8 @@ OPENED_RAW: dict[str, set[str]] = {
         "extraction.extract",
     },
     GUARDED: {
+        "surface_work._variants",
+        "surface_work.material_color",
         "guard.check_stage",
         "layer_contents._walk",
         "layer_walk.open_layer",
@@ -213,6 +216,9 @@ OPENED_RAW: dict[str, set[str]] = {
         "staging.check_asset",
     },
     OURS: {
+        "preview._answer",
+        "preview.photograph_stage",
+        "surfaces.read_surfaces",
         "clean._traces",
         "costs.Costs._look",
         "artefact.read_manifest",
@@ -283,7 +289,8 @@ OPENED_RAW: dict[str, set[str]] = {
         "programs._source",
         "doctor._available_memory",
         "platform.processor",
-        "report._template",
+        "page._template",
+        "page.figure_json",
         "survey_figures.write_page",
         "child._resident",
     },
@@ -319,7 +326,7 @@ FORMATS: dict[str, set[str]] = {
     "cityjson": {"cityjson._documents"},
     "sky": {"panorama._read_radiance"},
     "surfaces": {"user_maps.Picture.read"},
-    "manifest": {"manifest._read", "own_files.own_files", "report._lead"},
+    "manifest": {"manifest._read", "own_files.own_files"},
     "artefact": {"files.read_json"},
     "stage": {"stage_reader._open"},
     "package": {"package_walk.check_package"},
@@ -327,6 +334,18 @@ FORMATS: dict[str, set[str]] = {
 
 # Read through the safe opener though no stranger makes them, or only bytes that are handed on.
 READ_SAFELY_ANYHOW = {
+    # pages: JSON of our outputs, through read_json
+    "comparison_page.read_comparison",
+    "flight._reconstructed",
+    "flight.small_picture",
+    "report._recipe",
+    "report._settings",
+    "residuals.reprojection_residuals",
+    "run_facts._failures",
+    "run_facts._scene",
+    "run_facts.run_facts",
+    "training_page._model",
+    "training_page.read_evaluation",
     "costs._stored_sizes",
     "failures.read_failure",
     "asset.read_city",
