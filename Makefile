@@ -46,10 +46,10 @@ proof: lint
 proof-all: lint
 	$(PYTEST) $(PARALLEL) --proof -o faulthandler_timeout=3600
 
-test-dcc: .venv/.stamp-dev .venv/.stamp-learn .venv-dcc/.stamp
+test-dcc: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view .venv-dcc/.stamp
 	FALSEWORK_BPY_PYTHON=$(CURDIR)/.venv-dcc/bin/python $(PYTEST) -m dcc
 
-test-faults: .venv/.stamp-dev .venv/.stamp-learn
+test-faults: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view
 	$(PYTEST) -m faults $(PARALLEL) --proof -o faulthandler_timeout=3600
 	.venv/bin/python -m benchmarks.faults
 
