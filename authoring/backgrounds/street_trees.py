@@ -10,11 +10,14 @@ from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vegetation import graded, species
 from authoring.shapes.component import Scatter
 from authoring.site.covers import to_world
+from authoring.site.plants import Plant
 
 F64 = NDArray[np.float64]
 
 DETAILED = 60.0  # distance to the site up to which trees are modelled in detail [m]
 _SUNK = 0.25  # trunks go on below the ground [m]
+_WIDEST = 1.07  # most that a tree is wider than its size says [1]
+_LEAST = 0.4  # trees that would have to be smaller than this to keep off the site are left out [1]
 
 
 def street_trees(
@@ -56,6 +59,11 @@ def street_trees(
     kinds = np.where(small, 1, rng.choice((0, 0, 0, 1, 1, 2), len(order)))
     size = np.where(small, rng.uniform(0.48, 0.66, len(order)), rng.uniform(0.6, 1.05, len(order)))
     detailed, plain = species(rng)
+    size = np.minimum(
+        size, _room(terrain, spots.places) / (_WIDEST * np.array([_reach(tree) for tree in detailed])[kinds])
+    )
+    grown = size > _LEAST
+    spots, size, kinds, away = spots.only(grown), size[grown], kinds[grown], away[grown]
     runs = []
     near = away < DETAILED
     for name, models, chosen in (("NearTrees", detailed, near), ("FarTrees", plain, ~near)):
@@ -70,13 +78,26 @@ def street_trees(
         if len(places):
             yaw, sizes = (
                 rng.uniform(0.0, 2 * np.pi, len(places)),
-                scale[:, None] * rng.uniform(0.93, 1.07, (len(places), 3)),
+                scale[:, None] * rng.uniform(0.93, _WIDEST, (len(places), 3)),
             )
             sunk = places - [0.0, 0.0, _SUNK]
             runs.append(
                 Scatter(f"City_{name}", "tree", "Plants", models, which.astype(np.int32), sunk, yaw, sizes, (0,))
             )
     return runs
+
+
+def _room(terrain: Terrain, places: F64) -> F64:
+    """Measure the distance from places to the site and its keep-out volumes [m], shape (N,), float64."""
+    axis = terrain.land.layout.alignment
+    station, left = axis.locate(places)
+    # Stations are measured aslant: what is round in plan reaches over more of them.
+    return np.minimum(np.cos(axis.skew) * terrain.beyond(station, left), terrain.clear(station, left))
+
+
+def _reach(tree: Plant) -> float:
+    """Measure how far a tree reaches from its trunk's axis [m]."""
+    return max(float(np.hypot(mesh.points[:, 0], mesh.points[:, 1]).max()) for _, mesh in tree)
 
 
 def _beside_site(terrain: Terrain, rng: np.random.Generator) -> Spots:
