@@ -42,12 +42,7 @@ def street_trees(
         for spots in beside_approaches(plan, terrain, KERB_GAP + 1.0, 11.0)
     ]
     rows.append(_beside_site(terrain, rng))
-    for lawn in lawns:
-        area = (lawn.high[0] - lawn.low[0]) * (lawn.high[1] - lawn.low[1])
-        spread = rng.uniform(0.12, 0.88, (int(area / 190.0) + 1, 2)) * np.subtract(lawn.high, lawn.low) + lawn.low
-        spread = plan.to_world(spread)
-        good = plan.land.room(spread) > 1.5
-        rows.append(Spots(np.column_stack([spread, plan.land.ground(spread) + KERB])[good], np.zeros(int(good.sum()))))
+    rows += [_on_lawn(plan, lawn, rng) for lawn in lawns]
     small = np.concatenate(
         [np.ones(len(spots.yaw)) if number < 3 else np.zeros(len(spots.yaw)) for number, spots in enumerate(rows)]
     )
@@ -59,9 +54,8 @@ def street_trees(
     kinds = np.where(small, 1, rng.choice((0, 0, 0, 1, 1, 2), len(order)))
     size = np.where(small, rng.uniform(0.48, 0.66, len(order)), rng.uniform(0.6, 1.05, len(order)))
     detailed, plain = species(rng)
-    size = np.minimum(
-        size, _room(terrain, spots.places) / (_WIDEST * np.array([_reach(tree) for tree in detailed])[kinds])
-    )
+    widest = _WIDEST * np.array([_reach(tree) for tree in detailed])
+    size = np.minimum(size, _room(terrain, spots.places) / widest[kinds])
     grown = size > _LEAST
     spots, size, kinds, away = spots.only(grown), size[grown], kinds[grown], away[grown]
     runs = []
@@ -98,6 +92,15 @@ def _room(terrain: Terrain, places: F64) -> F64:
 def _reach(tree: Plant) -> float:
     """Measure how far a tree reaches from its trunk's axis [m]."""
     return max(float(np.hypot(mesh.points[:, 0], mesh.points[:, 1]).max()) for _, mesh in tree)
+
+
+def _on_lawn(plan: TownPlan, lawn: Block, rng: np.random.Generator) -> Spots:
+    """Strew trees over a lawn, one for each 190 square metres."""
+    area = (lawn.high[0] - lawn.low[0]) * (lawn.high[1] - lawn.low[1])
+    spread = rng.uniform(0.12, 0.88, (int(area / 190.0) + 1, 2)) * np.subtract(lawn.high, lawn.low) + lawn.low
+    spread = plan.to_world(spread)
+    good = plan.land.room(spread) > 1.5
+    return Spots(np.column_stack([spread, plan.land.ground(spread) + KERB])[good], np.zeros(int(good.sum())))
 
 
 def _beside_site(terrain: Terrain, rng: np.random.Generator) -> Spots:
