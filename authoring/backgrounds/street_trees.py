@@ -10,11 +10,14 @@ from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vegetation import graded, species
 from authoring.shapes.component import Scatter
 from authoring.site.covers import to_world
+from authoring.site.plants import Plant
 
 F64 = NDArray[np.float64]
 
 DETAILED = 60.0  # distance to the site up to which trees are modelled in detail [m]
 _SUNK = 0.25  # trunks go on below the ground [m]
+_WIDEST = 1.07  # most that a tree is wider than its size says [1]
+_LEAST = 0.4  # trees that would have to be smaller than this to keep off the site are left out [1]
 
 
 def street_trees(
@@ -39,12 +42,7 @@ def street_trees(
         for spots in beside_approaches(plan, terrain, KERB_GAP + 1.0, 11.0)
     ]
     rows.append(_beside_site(terrain, rng))
-    for lawn in lawns:
-        area = (lawn.high[0] - lawn.low[0]) * (lawn.high[1] - lawn.low[1])
-        spread = rng.uniform(0.12, 0.88, (int(area / 190.0) + 1, 2)) * np.subtract(lawn.high, lawn.low) + lawn.low
-        spread = plan.to_world(spread)
-        good = plan.land.room(spread) > 1.5
-        rows.append(Spots(np.column_stack([spread, plan.land.ground(spread) + KERB])[good], np.zeros(int(good.sum()))))
+    rows += [_on_lawn(plan, lawn, rng) for lawn in lawns]
     small = np.concatenate(
         [np.ones(len(spots.yaw)) if number < 3 else np.zeros(len(spots.yaw)) for number, spots in enumerate(rows)]
     )
@@ -56,6 +54,10 @@ def street_trees(
     kinds = np.where(small, 1, rng.choice((0, 0, 0, 1, 1, 2), len(order)))
     size = np.where(small, rng.uniform(0.48, 0.66, len(order)), rng.uniform(0.6, 1.05, len(order)))
     detailed, plain = species(rng)
+    widest = _WIDEST * np.array([_reach(tree) for tree in detailed])
+    size = np.minimum(size, _room(terrain, spots.places) / widest[kinds])
+    grown = size > _LEAST
+    spots, size, kinds, away = spots.only(grown), size[grown], kinds[grown], away[grown]
     runs = []
     near = away < DETAILED
     for name, models, chosen in (("NearTrees", detailed, near), ("FarTrees", plain, ~near)):
@@ -70,13 +72,35 @@ def street_trees(
         if len(places):
             yaw, sizes = (
                 rng.uniform(0.0, 2 * np.pi, len(places)),
-                scale[:, None] * rng.uniform(0.93, 1.07, (len(places), 3)),
+                scale[:, None] * rng.uniform(0.93, _WIDEST, (len(places), 3)),
             )
             sunk = places - [0.0, 0.0, _SUNK]
             runs.append(
                 Scatter(f"City_{name}", "tree", "Plants", models, which.astype(np.int32), sunk, yaw, sizes, (0,))
             )
     return runs
+
+
+def _room(terrain: Terrain, places: F64) -> F64:
+    """Measure the distance from places to the site and its keep-out volumes [m], shape (N,), float64."""
+    axis = terrain.land.layout.alignment
+    station, left = axis.locate(places)
+    # Stations are measured aslant: what is round in plan reaches over more of them.
+    return np.minimum(np.cos(axis.skew) * terrain.beyond(station, left), terrain.clear(station, left))
+
+
+def _reach(tree: Plant) -> float:
+    """Measure how far a tree reaches from its trunk's axis [m]."""
+    return max(float(np.hypot(mesh.points[:, 0], mesh.points[:, 1]).max()) for _, mesh in tree)
+
+
+def _on_lawn(plan: TownPlan, lawn: Block, rng: np.random.Generator) -> Spots:
+    """Strew trees over a lawn, one for each 190 square metres."""
+    area = (lawn.high[0] - lawn.low[0]) * (lawn.high[1] - lawn.low[1])
+    spread = rng.uniform(0.12, 0.88, (int(area / 190.0) + 1, 2)) * np.subtract(lawn.high, lawn.low) + lawn.low
+    spread = plan.to_world(spread)
+    good = plan.land.room(spread) > 1.5
+    return Spots(np.column_stack([spread, plan.land.ground(spread) + KERB])[good], np.zeros(int(good.sum())))
 
 
 def _beside_site(terrain: Terrain, rng: np.random.Generator) -> Spots:

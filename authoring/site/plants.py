@@ -97,7 +97,7 @@ def branches(rng: np.random.Generator, height: float, reach: float, tiers: int, 
     tip = np.array([[0.0, 0.0, 0.965 * height]] * 2)
     across = 0.06 * reach * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     up = np.tile([[0.0, 0.0, 0.05 * height]], (2, 1))
-    upward = np.tile([[[0.0, 0.3, 0.95]]], (2, 4, 1))
+    upward = np.tile(np.array([0.0, 0.3, 0.95]) / np.hypot(0.3, 0.95), (2, 4, 1))
     return merged([*pieces, cards(tip, across, up, spray(rng, "spruce", 2), upward)])
 
 

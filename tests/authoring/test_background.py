@@ -187,7 +187,7 @@ def assert_closed(mesh: Mesh) -> None:
 
 
 def test_triangles_are_sound_and_few(world: World) -> None:
-    """No degenerate triangle, unit normals, a tree within 400 triangles, site and background within 500,000."""
+    """No degenerate triangle, unit normals, a plain model within 400 triangles, site and background within 450,000."""
     site, pieces = world
     total = 0
     for piece in (*site.pieces, *pieces):
@@ -197,14 +197,17 @@ def test_triangles_are_sound_and_few(world: World) -> None:
             counts = np.bincount(piece.prototype, minlength=len(piece.prototypes))
             meshes = [mesh for prototype in piece.prototypes for _, mesh in prototype]
             weights = [int(count) for count, prototype in zip(counts, piece.prototypes, strict=True) for _ in prototype]
-            assert all(sum(len(triangles(mesh)) for _, mesh in prototype) <= 400 for prototype in piece.prototypes)
+            # A card of leaves has two sides of two triangles: 150 of them are 600 of a detailed tree's. There are few.
+            most = 750 if piece.name.endswith("NearTrees") else 400
+            assert all(sum(len(triangles(mesh)) for _, mesh in prototype) <= most for prototype in piece.prototypes)
+            assert most == 400 or len(piece.positions) < 100
         for mesh, weight in zip(meshes, weights, strict=True):
             corner = mesh.points[triangles(mesh)]
             normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
             assert np.linalg.norm(normal, axis=1).min() > 1e-7, piece.name
             np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
             total += weight * len(corner)
-    assert total <= 350_000
+    assert total <= 450_000  # hedges on and round the site are 52,000 of them, tufts with two sides 51,000
 
 
 def test_pieces_carry_known_names_and_ids(world: World) -> None:

@@ -135,11 +135,11 @@ def test_seeds_take_different_routes(subject: Subject) -> None:
 def test_limited_gimbal_never_looks_higher(subject: Subject) -> None:
     """At every frame, those on great arcs as well; a free gimbal under the same deck does look up."""
     free, limited = [], []
-    for seed in range(2):
+    for seed in (2, 3):  # both fly under the deck for a while; those of 0 and 1 stay beside and above it
         free.append(pitch_of(fly(subject, seed, pitch="free")[:, :3, :3]).max())
         limited.append(pitch_of(fly(subject, seed, pitch="limited", pitch_limit=10.0)[:, :3, :3]).max())
     assert max(limited) <= np.radians(10.0) + 1e-9
-    assert max(free) > np.radians(60.0)
+    assert min(free) > np.radians(60.0)
 
 
 def test_cameras_look_at_the_nearest_component(subject: Subject) -> None:
