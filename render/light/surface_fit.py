@@ -158,7 +158,9 @@ def fit_to_surfaces(coefficients: F32, lower: F64, cell: float, places: Places, 
     if not len(wanted):
         return coefficients
     table = coefficients.reshape(-1, 3).astype(np.float64)
-    level = _DARKEST * max(float(np.quantile(wanted.mean(axis=1), 0.99)), 1e-9)
+    # Of surfaces and air: where few places are lit, those alone would make every error of the dark ones count hugely.
+    greatest = max(float(np.quantile(light.mean(axis=1), 0.99)) for light in (wanted, table[::4]))
+    level = _DARKEST * max(greatest, 1e-9)
     weight = 1 / (wanted.mean(axis=1) + level) ** 2
     held = _TRUST / (np.repeat(np.maximum(table[::4].mean(axis=1), 0), 4) + level) ** 2
     weighted = matrix.multiply(weight[:, None]).tocsr()

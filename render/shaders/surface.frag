@@ -284,6 +284,9 @@ void main() {
 #ifdef HAS_ALBEDO
     albedo = textureLod(albedo_array, vec3(albedo_place, albedo_map[0].w), 9.0).rgb;  // its mean: no tile shows
     albedo *= albedo;
+#ifdef ROUGHNESS_IN_ALBEDO
+    roughness = look_up_albedo().a;  // where it lies is no reason for water to shine otherwise
+#endif
 #endif
 #elif defined(HAS_ALBEDO)
     vec4 texel = look_up_albedo();
