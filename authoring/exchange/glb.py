@@ -42,7 +42,7 @@ def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
     if any(material.detail.file or material.detail.macro_file for material in scene.materials):
         warn("GLB knows no detail or macro textures: --bake burns them in")
     result = trimesh.Scene(base_frame="world")
-    pictures: dict[Texture, _Picture] = {}
+    pictures: dict[tuple[Texture, bool], _Picture] = {}
     meshes: dict[tuple[int, int], str] = {}
     rows = {row.id: row for row in scene.instances}
     classes = {row.id: row.name for row in scene.classes}
@@ -77,7 +77,9 @@ def _sign(tree: dict[str, Any]) -> None:
     tree |= {"asset": asset, **rest}
 
 
-def _mesh(scene: FlatScene, part: int, material: Material, pictures: "dict[Texture, _Picture]") -> "Trimesh":
+def _mesh(
+    scene: FlatScene, part: int, material: Material, pictures: "dict[tuple[Texture, bool], _Picture]"
+) -> "Trimesh":
     import trimesh
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
@@ -98,9 +100,12 @@ def _mesh(scene: FlatScene, part: int, material: Material, pictures: "dict[Textu
     if texture is None:
         settings["baseColorFactor"] = [*(round(value * 255) for value in material.base_color), 255]
     else:
-        if texture not in pictures:
-            pictures[texture] = _Picture(texture)
-        settings["baseColorTexture"] = pictures[texture]
+        cut_out = material.opacity_threshold > 0.0 and not texture.alpha
+        if (texture, cut_out) not in pictures:
+            pictures[texture, cut_out] = _Picture(texture, keeps_alpha=cut_out)
+        settings["baseColorTexture"] = pictures[texture, cut_out]
+        if cut_out:  # leaves are cards that are cut out of a picture
+            settings |= {"alphaMode": "MASK", "alphaCutoff": float(material.opacity_threshold)}
         if not texture.is_plain:  # GLB multiplies, and adds nothing
             settings["baseColorFactor"] = [*(round(min(value, 1.0) * 255) for value in texture.gain), 255]
         uv = _placed((geometry.st1 if texture.uv_set else geometry.st)[vertices], texture)
@@ -123,20 +128,21 @@ def _placed(uv: NDArray[np.float32], texture: Texture) -> NDArray[np.float64]:
 
 
 class _Picture:
-    """A JPEG file in memory, as much of an image as trimesh's GLB writer asks for."""
+    """A JPEG or PNG file in memory, as much of an image as trimesh's GLB writer asks for."""
 
-    format = "JPEG"
-
-    def __init__(self, texture: Texture) -> None:
+    def __init__(self, texture: Texture, *, keeps_alpha: bool) -> None:
         import cv2
 
+        self.format = "PNG" if keeps_alpha else "JPEG"
+
         check_regular(Path(texture.file))
-        image = cv2.imread(texture.file, cv2.IMREAD_COLOR)
+        image = cv2.imread(texture.file, cv2.IMREAD_UNCHANGED if keeps_alpha else cv2.IMREAD_COLOR)
         if image is None:
             raise InputError("not readable as an image", where=texture.file)
         if texture.uv_set == 0 and max(image.shape) > MOST_TEXELS:
             image = cv2.resize(image, (MOST_TEXELS, MOST_TEXELS), interpolation=cv2.INTER_AREA)
-        self._data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
+        ending, quality = (".png", []) if keeps_alpha else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 90])
+        self._data = cv2.imencode(ending, image, quality)[1].tobytes()
 
     def tobytes(self) -> bytes:
         """Give the bytes that the material is told apart by."""
@@ -147,6 +153,6 @@ class _Picture:
 
         Args:
             file: Where to.
-            format: Always JPEG.
+            format: JPEG, or PNG where it is a cut-out.
         """
         file.write(self._data)

@@ -6,12 +6,14 @@ import struct
 import zipfile
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
 from authoring.exchange.export import export_scene
 from authoring.exchange.flatten import flatten_scene
+from authoring.exchange.glb import write_glb
 from authoring.exchange.package import ALIGNMENT, package_scene
 from authoring.scenes.checkout import checkout_scene
 from authoring.scenes.diff import diff_scenes
@@ -187,6 +189,61 @@ def test_glb_names_prims_and_labels(stored_scene: Path, tmp_path: Path) -> None:
     corners = world_triangles(read_stage(stored_scene))[0].reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
     np.testing.assert_allclose(loaded.bounds, [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]], atol=1e-3)
+
+
+LEAF = """#usda 1.0
+(metersPerUnit = 1
+ upAxis = "Z")
+def Mesh "Card" (prepend apiSchemas = ["MaterialBindingAPI"]) {
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "vertex")
+    uniform token subdivisionScheme = "none"
+    rel material:binding = </Leaf>
+}
+def Material "Leaf" {
+    token outputs:surface.connect = </Leaf/S.outputs:surface>
+    def Shader "S" {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </Leaf/T.outputs:rgb>
+        float inputs:opacity.connect = </Leaf/T.outputs:a>
+        float inputs:opacityThreshold = 0.5
+        token outputs:surface
+    }
+    def Shader "T" {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @./leaf.png@
+        float2 inputs:st.connect = </Leaf/R.outputs:result>
+        float3 outputs:rgb
+        float outputs:a
+    }
+    def Shader "R" {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }
+}
+"""
+
+
+def test_glb_cuts_out_what_the_stage_cuts_out(tmp_path: Path) -> None:
+    """A leaf on a card keeps its alpha, to the bit, and the threshold; other pictures stay JPEG without one."""
+    pixels = np.full((8, 8, 4), (20, 160, 40, 255), np.uint8)
+    pixels[:, :3, 3] = 0
+    cv2.imwrite(str(tmp_path / "leaf.png"), pixels)
+    (tmp_path / "leaf.usda").write_text(LEAF)
+    write_glb(tmp_path / "leaf.usda", tmp_path / "leaf.glb", print)
+    data = _bytes(tmp_path / "leaf.glb")
+    length = struct.unpack_from("<I", data, 12)[0]
+    document = json.loads(data[20 : 20 + length])
+    (material,), (image,) = document["materials"], document["images"]
+    assert (material["alphaMode"], material["alphaCutoff"]) == ("MASK", 0.5)
+    assert image["mimeType"] == "image/png"
+    view = document["bufferViews"][image["bufferView"]]
+    start = 20 + length + 8 + view.get("byteOffset", 0)
+    picture = np.frombuffer(data[start : start + view["byteLength"]], np.uint8)
+    np.testing.assert_array_equal(cv2.imdecode(picture, cv2.IMREAD_UNCHANGED), pixels)
 
 
 def test_glb_is_byte_reproducible(stored_scene: Path, own_scene: Path, tmp_path: Path) -> None:
