@@ -307,12 +307,14 @@ def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof)
         counts.append(len(path.poses))
     worst = {name: min(shares) for name, shares in sorted(seen.items())}
     assert set(worst) >= {"abutment", "bearing", "column", "deck", "girder", "parapet", "pier_cap"}
-    # A flight round a wide bridge sees few of its inner bearings and diaphragms, and one wing wall may lie behind its
-    # embankment: docs/surveys.md says so, and what to fly instead. Scuppers and conduits (background) are small.
-    least = {"bearing": 0.15, "girder": 0.35, "abutment": 0.6, "background": 0.4}
+    # A flight round a wide bridge sees few of its inner bearings and diaphragms, and wing walls may lie behind their
+    # embankments: docs/surveys.md says so, and what to fly instead. Scuppers and conduits (background) are small.
+    # Parapets end in four blocks 1 m long on the approaches, and half of the abutments' parts are wing walls: cameras
+    # look at the axis drawn inwards from there, so up to all of these are out of the pictures. Plants hide none.
+    least = {"bearing": 0.15, "girder": 0.35, "abutment": 0.5, "background": 0.4, "parapet": 0.75}
     assert all(share >= least.get(name, 0.85) for name, share in worst.items()), worst
     typical = {name: float(np.mean(shares)) for name, shares in sorted(seen.items())}
-    usual = {"bearing": 0.5, "girder": 0.7, "abutment": 0.8, "background": 0.4}
+    usual = {"bearing": 0.5, "girder": 0.7, "abutment": 0.8, "background": 0.4, "parapet": 0.9}
     assert all(share >= usual.get(name, 0.95) for name, share in typical.items()), typical
     assert min(overlaps) > 0.7
     record_proof(
