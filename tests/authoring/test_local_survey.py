@@ -135,7 +135,7 @@ def test_seeds_take_different_routes(subject: Subject) -> None:
 def test_limited_gimbal_never_looks_higher(subject: Subject) -> None:
     """At every frame, those on great arcs as well; a free gimbal under the same deck does look up."""
     free, limited = [], []
-    for seed in (2, 3):  # both fly under the deck for a while; those of 0 and 1 stay beside and above it
+    for seed in (2, 3):  # both look up by more than 60 degrees where they may; those of 0 and 1 do not
         free.append(pitch_of(fly(subject, seed, pitch="free")[:, :3, :3]).max())
         limited.append(pitch_of(fly(subject, seed, pitch="limited", pitch_limit=10.0)[:, :3, :3]).max())
     assert max(limited) <= np.radians(10.0) + 1e-9
