@@ -69,7 +69,7 @@ def test_report_needs_no_network(chain: Chain) -> None:
     assert any("data:image/jpeg" in tag for tag in tags)
     assert not [tag for tag in tags if re.search(r"""(?:src|href)=["'](?!data:)""", tag)]
     assert "Plotly.react(" in page
-    assert "<h2>Noisy points: uncertainty above 0.1 m</h2>" in page
+    assert "<h3>Noisy points: uncertainty above 0.1 m</h3>" in page
 
 
 def test_no_output_holds_an_absolute_path(chain: Chain) -> None:
