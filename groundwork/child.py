@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from groundwork.canonical import canonical_json
-from groundwork.errors import ChildError, FalseworkError, InputError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import ChildError, FalseworkError, InputError, OutOfSpaceError, RejectedSceneError, passing_code
 from groundwork.progress import SILENT, Progress
 
 _POLL = 0.1  # [s] how often limits are looked at
@@ -88,7 +88,7 @@ def answer_parent(work: Callable[[dict[str, Any], Progress], Any]) -> None:
         _say("rejected", [error.reason, str(error)])
         sys.exit(error.exit_code)
     except FalseworkError as error:
-        _say("error", [error.exit_code, str(error)])
+        _say("error", [error.exit_code, str(error), passing_code(error)])
         sys.exit(error.exit_code)
     _say("result", result)
 
@@ -170,9 +170,9 @@ def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[st
     if final["kind"] == "rejected":
         raise RejectedSceneError(*final["value"])
     if final["kind"] == "error":
-        exit_code, text = final["value"]
+        exit_code, text, passing = final["value"]
         kinds = {InputError.exit_code: InputError, OutOfSpaceError.exit_code: OutOfSpaceError}
-        raise kinds.get(exit_code, ChildError)(text)
+        raise kinds.get(exit_code, ChildError)(text) from (OSError(passing, os.strerror(passing)) if passing else None)
     last = spoken[-1] if spoken else "it printed nothing"
     name = signal.Signals(-code).name if code < 0 else ""
     how = f"died of {name}" if name else f"failed with exit code {code}"

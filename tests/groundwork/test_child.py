@@ -1,6 +1,7 @@
 """Children answer, report progress, and are stopped, whatever they do; and they die with their parent."""
 
 import contextlib
+import errno
 import os
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import pytest
 
 from groundwork.canonical import canonical_json
 from groundwork.child import run_child
-from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError, passing_code
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "tests.groundwork.child_work"
@@ -102,6 +103,10 @@ def test_errors_keep_their_kind_and_text() -> None:
         run("fail")
     with pytest.raises(OutOfSpaceError, match="disk: full"):
         run("space")
+    for code, passing in ((errno.EIO, errno.EIO), (errno.EACCES, 0)):
+        with pytest.raises(InputError, match=r"scene\.usda: cannot be opened") as told:
+            run("device", code)
+        assert passing_code(told.value) == passing
 
 
 def test_a_module_that_is_not_there() -> None:
