@@ -307,6 +307,7 @@ def test_a_normal_that_a_dcc_lost_is_no_edit(scene: Path, other: Usd.Stage) -> N
     lost[0] = (0.6, 0.0, -0.8)
     own.Set(Vt.Vec3fArray.FromNumpy(lost))
     assert bring_home(scene, other)[0].reshaped == ["Pier_001_Cap"]
-    after = np.array(UsdGeom.Mesh(Usd.Stage.Open(str(scene)).GetPrimAtPath(path)).GetNormalsAttr().Get())
+    home = Usd.Stage.Open(str(scene))
+    after = np.array(UsdGeom.Mesh(home.GetPrimAtPath(path)).GetNormalsAttr().Get())
     np.testing.assert_allclose(after[0], (0.6, 0.0, -0.8), atol=1e-6)
     np.testing.assert_array_equal(after[1:], before[1:])
