@@ -21,7 +21,6 @@ F64 = NDArray[np.float64]
 
 ADDITIONS = tokens.ADDITIONS
 LOOKS = f"{ADDITIONS}/AdditionsLooks"
-FIRST_EDIT_ID = 60_000  # [1] beyond what bridges, sites and backgrounds use, and still within 16 bits
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from authoring.layers.change import change_layer, check_editable
 from authoring.layers.root import edits_layer
 from authoring.layers.selection import AXES
 from authoring.scenes.manifest import refresh_manifest
+from authoring.shapes.component import FIRST_EDIT_ID
 from groundwork.errors import InputError, MissingError
 from groundwork.files import write_bytes
 from groundwork.foreign_file import read_regular
@@ -247,12 +248,13 @@ def _recolour(
 def _wear(
     layer: Sdf.Layer, path: Sdf.Path, worn: UsdShade.Material, ours: dict[str, UsdShade.Material]
 ) -> dict[str, str]:
-    """Bind a prim to a material of the scene, or to a copy of one that the scene lacks."""
-    known = ours.get(name_of(worn))
-    if known is not None:
+    """Bind a prim to a material of the scene, or to a copy of one that the scene lacks or that goes with a world."""
+    known, world = ours.get(name_of(worn)), Sdf.Path(tokens.BACKGROUND)
+    stays = known is not None and (path.HasPrefix(world) or not known.GetPath().HasPrefix(world))
+    if known is not None and stays:
         write_binding(layer, path, known.GetPath())
         return {}
-    copy, copies = additions.write_material(layer, worn)
+    copy, copies = additions.write_material(layer, worn if known is None else known)
     write_binding(layer, path, copy)
     return copies
 
@@ -268,7 +270,7 @@ def _add(
     copies: dict[str, str] = {}
     ours = materials_by_name(before)
     used = {number for prim in before.Traverse() for number in _numbers(prim)} | set(former.values())
-    number = additions.FIRST_EDIT_ID
+    number = FIRST_EDIT_ID
     for name, prim in matches.added.items():
         if name not in former:
             while number in used:

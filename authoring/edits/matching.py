@@ -33,7 +33,8 @@ def match_stages(scene: Usd.Stage, edited: Usd.Stage) -> Matches:
 
     Copies inherit the id of what they were copied from: the prim that kept the name is the original, others are new.
     A mesh that lost its id, as Blender's modifiers and triangulation make it, is matched by its object's name.
-    What stands inside instancers and instances is skipped, since a DCC writes it out as copies.
+    What stands inside instancers and instances is skipped, since a DCC writes it out as copies; only a copy of a whole
+    native instance is new.
 
     Args:
         scene: The scene without earlier edits.
@@ -48,7 +49,7 @@ def match_stages(scene: Usd.Stage, edited: Usd.Stage) -> Matches:
     for identity, found in candidates.items():
         home = ours[identity]
         pairs[home] = min(found, key=lambda prim: (object_name(prim) != home.name, str(prim.GetPath())))
-    lost = [path for path in ours.values() if path not in pairs and scene.GetPrimAtPath(path).IsA(UsdGeom.Gprim)]
+    lost = [path for path in ours.values() if path not in pairs and _is_thing(scene.GetPrimAtPath(path))]
     pairs |= _by_name(lost, edited)
     missing = [path for path in lost if path not in pairs]
     return Matches(pairs, tuple(sorted(missing)), dict(_added(scene, edited, pairs)))
@@ -129,6 +130,10 @@ def _scene_prims(scene: Usd.Stage) -> Iterator[Usd.Prim]:
             prims.PruneChildren()
 
 
+def _is_thing(prim: Usd.Prim) -> bool:
+    return prim.IsA(UsdGeom.Gprim) or prim.IsInstance()
+
+
 def _expanded(prim: Usd.Prim) -> bool:
     return prim.IsA(UsdGeom.PointInstancer) or prim.IsInstance()
 
@@ -143,20 +148,42 @@ def _by_name(lost: list[Sdf.Path], edited: Usd.Stage) -> dict[Sdf.Path, Usd.Prim
 
 def _added(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> Iterator[tuple[str, Usd.Prim]]:
     kept = {prim.GetPath() for prim in pairs.values()}
-    copied = [prim.GetPath() for prim in _scene_prims(scene) if _expanded(prim)]
+    copied = {prim.GetPath() for prim in _scene_prims(scene) if _expanded(prim)}
+    instances = {stable_id(prim) for prim in _scene_prims(scene) if prim.IsInstance()} - {""}
     # Names of prototypes, and of what a background from elsewhere brought without ids.
     known = {prim.GetName() for prim in Usd.PrimRange.Stage(scene, Usd.TraverseInstanceProxies()) if _anonymous(prim)}
     taken = {prim.GetName() for prim in scene.Traverse()}
     for prim in sorted(_bodies(edited), key=lambda one: (object_name(one), str(one.GetPath()))):
         if prim.GetPath() in kept:
             continue
-        if any(home_path(prim).HasPrefix(path) for path in copied):
+        holder = _holder(prim)
+        if holder and stable_id(holder) in instances:
+            if holder.GetPath() in kept or UsdGeom.Imageable(prim).ComputePurpose() == UsdGeom.Tokens.proxy:
+                continue
+            wanted = f"{object_name(holder)}_{object_name(prim).rpartition('_Prototype_')[2]}"
+        elif _is_brought(prim, copied, known):
             continue
-        if not stable_id(prim) and (prim.GetAttribute(DATA_NAME).Get() or prim.GetName()) in known:
-            continue
-        name = free_name(object_name(prim), taken)
+        else:
+            wanted = object_name(prim)
+        name = free_name(wanted, taken)
         taken.add(name)
         yield name, prim
+
+
+def _is_brought(prim: Usd.Prim, copied: set[Sdf.Path], known: set[str]) -> bool:
+    """Tell whether the scene has a body without an id: inside what repeats, or in a world from elsewhere."""
+    if any(path in copied for path in home_path(prim).GetPrefixes()):
+        return True
+    return not stable_id(prim) and (prim.GetAttribute(DATA_NAME).Get() or prim.GetName()) in known
+
+
+def _holder(prim: Usd.Prim) -> Usd.Prim | None:
+    """Find the prim above a body, or the body itself, that has a stable id."""
+    while prim and not prim.IsPseudoRoot():
+        if stable_id(prim):
+            return prim
+        prim = prim.GetParent()
+    return None
 
 
 def _bodies(stage: Usd.Stage) -> Iterator[Usd.Prim]:

@@ -66,7 +66,8 @@ def write_transform(layer: Sdf.Layer, path: Sdf.Path, prim: Usd.Prim, transform:
     """
     spec = Sdf.CreatePrimInLayer(layer, path)
     order = [str(name) for name in prim.GetAttribute("xformOpOrder").Get() or ()]
-    if order == ["xformOp:translate"] and np.array_equal(transform[:3, :3], np.eye(3)):
+    before = np.array(UsdGeom.Xformable(prim).GetLocalTransformation()).T
+    if order[:1] == ["xformOp:translate"] and np.array_equal(transform[:3, :3], before[:3, :3]):
         shift = Sdf.AttributeSpec(spec, "xformOp:translate", Sdf.ValueTypeNames.Double3)
         shift.default = tuple(transform[:3, 3].tolist())
         return

@@ -93,7 +93,8 @@ def write_reshaped(layer: Sdf.Layer, path: Sdf.Path, before: Surface, after: Sur
     """
     remade = not (np.array_equal(before.counts, after.counts) and np.array_equal(before.indices, after.indices))
     shifted = remade or _apart(before.points, after.points) > SHIFTED
-    bent = len(after.normals) > 0 and (remade or _apart(before.normals, after.normals) > BENT)
+    normals = after.normals if remade else _whole(before.normals, after.normals)
+    bent = len(normals) > 0 and (remade or _apart(before.normals, normals) > BENT)
     slid = [
         name for name, uv in after.uvs.items() if remade or _apart(before.uvs.get(name, np.zeros((0, 2))), uv) > SLID
     ]
@@ -105,7 +106,7 @@ def write_reshaped(layer: Sdf.Layer, path: Sdf.Path, before: Surface, after: Sur
     if remade:
         write_topology(spec, after)
     if bent:
-        write_normals(spec, after.normals)
+        write_normals(spec, normals)
     for name in slid:
         write_uv(spec, name, after.uvs[name])
     return True
@@ -159,6 +160,13 @@ def write_uv(spec: Sdf.PrimSpec, name: str, values: F32) -> None:
     attribute.SetInfo("interpolation", UsdGeom.Tokens.faceVarying)
     corners = Sdf.AttributeSpec(spec, f"primvars:{name}:indices", Sdf.ValueTypeNames.IntArray)
     corners.default = Vt.IntArray.FromNumpy(np.ascontiguousarray(indices.reshape(-1), np.int32))
+
+
+def _whole(before: F32, after: F32) -> F32:
+    """Take the former normals where there are none: on slivers Blender loses them, and writes nearly zero."""
+    if before.shape != after.shape:
+        return after
+    return np.where(np.linalg.norm(after, axis=1, keepdims=True) > 0.5, after, before)
 
 
 def flat_normals(surface: Surface) -> F32:

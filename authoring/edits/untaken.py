@@ -8,7 +8,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade
 
 from authoring.edits.bodies import worn_by
 from authoring.edits.matching import Matches, is_blender, object_name, stable_id
-from authoring.edits.materials import materials_by_name, taken_inputs
+from authoring.edits.materials import bound_name, materials_by_name, taken_inputs
 from authoring.edits.shapes import is_body
 from usd_schemas import tokens
 
@@ -119,6 +119,8 @@ def _of_pair(ours: Usd.Prim, theirs: Usd.Prim) -> Iterator[tuple[str, str]]:
         old, new = ours.GetAttribute(label).Get(), theirs.GetAttribute(label).Get()
         if new is not None and old is not None and new != old:
             yield name, f"keeps {label.rpartition(':')[2]} {old}, though the file says {new}"
+    if ours.IsInstance() and _shapes(ours) != _shapes(theirs):
+        yield name, "is an instance, and keeps the shape and the material that it shares with others"
     if is_body(ours) and not is_body(theirs):
         yield name, f"is a {theirs.GetTypeName()} in the file, and keeps its shape"
     if is_body(ours) and is_body(theirs):
@@ -126,6 +128,19 @@ def _of_pair(ours: Usd.Prim, theirs: Usd.Prim) -> Iterator[tuple[str, str]]:
             yield name, "wears more than one material in the file: the first is taken for all of it"
         if _moves(theirs):
             yield name, "moves in the file: it is taken as it is at the first frame"
+
+
+def _shapes(prim: Usd.Prim) -> list[tuple[object, ...]]:
+    """Sum up what is drawn below an instance: numbers of points and corners, extent [stage units], material."""
+    found = []
+    for part in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()):
+        if not is_body(part) or UsdGeom.Imageable(part).ComputePurpose() == UsdGeom.Tokens.proxy:
+            continue
+        points = np.asarray(part.GetAttribute("points").Get(_TIME) or np.zeros((0, 3)), np.float64)
+        corners = len(part.GetAttribute("faceVertexIndices").Get(_TIME) or ())
+        size = np.ptp(points, axis=0).round(3).tolist() if len(points) else []
+        found.append((len(points), corners, tuple(size), bound_name(part)))
+    return sorted(found, key=str)
 
 
 def _of_addition(prim: Usd.Prim) -> Iterator[tuple[str, str]]:

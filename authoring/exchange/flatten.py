@@ -4,6 +4,7 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdUtils
 
+from authoring.foreign.prototypes import name_prototypes
 from authoring.foreign.textures import copy_texture
 from authoring.layers.layer import export
 from groundwork.errors import InputError
@@ -76,4 +77,5 @@ def flat_layer(stage: Usd.Stage) -> Sdf.Layer:
     """
     layer = stage.Flatten(addSourceFileComment=False)
     layer.documentation = stage.GetRootLayer().documentation
+    name_prototypes(layer)
     return layer

@@ -7,6 +7,7 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdShade, UsdUtils
 
+from authoring.foreign.prototypes import name_prototypes
 from groundwork.errors import InputError, MissingError
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.reading.mtlx import Adopted
@@ -57,9 +58,11 @@ def flatten_foreign(stage: Usd.Stage) -> Sdf.Layer:
     """
     quiet = UsdUtils.CoalescingDiagnosticDelegate()  # what an application noted that USD does not know is no news
     try:
-        return stage.Flatten(addSourceFileComment=False)
+        layer = stage.Flatten(addSourceFileComment=False)
     finally:
         del quiet
+    name_prototypes(layer)
+    return layer
 
 
 def adopt(source: Sdf.Layer, target: Sdf.Layer, place: Sdf.Path) -> None:

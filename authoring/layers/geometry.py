@@ -1,25 +1,20 @@
-"""Geometry layer: one Mesh a component, one PointInstancer a scatter, each bound once to a material by name."""
+"""Geometry layer: one Mesh a component, instances of what repeats, each mesh bound once to a material by name."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Kind, Sdf, Usd, Vt
 
 from authoring.layers.layer import new_layer
-from authoring.layers.mesh_arrays import IndexedUV, MeshArrays, mesh_arrays, snapped
+from authoring.layers.mesh_arrays import MeshArrays, mesh_arrays
+from authoring.layers.mesh_specs import BINDING_API, author_mesh, bind, set_id
+from authoring.layers.repeats import are_instances, author_instancer, author_instances
 from authoring.layers.specs import apply_schemas, attribute, author, prim_spec
-from authoring.layers.stand_in import is_heavy, stand_in
 from authoring.looks.roles import sheet_material, sheet_numbers
-from authoring.shapes.component import Component, Mesh, Scatter
-from usd_schemas import tokens
-from usd_schemas.apis import COMPONENT_API, ComponentFacts, apply_component, component_opinions
+from authoring.shapes.component import Component, Scatter
+from usd_schemas.apis import COMPONENT_API, ComponentFacts, component_opinions
 
 _TYPES = Sdf.ValueTypeNames
-_BINDING_API = "MaterialBindingAPI"
 _MOVED = Vt.TokenArray(["xformOp:translate"])
-_TWO_FACED = "leaves"  # materials of cards, which have a face for each side
 _LAND = ("Ground", "Ways")  # their pieces meet at shared vertices: of one origin, no renderer rounds them apart
 
 
@@ -94,11 +89,14 @@ def geometry_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sdf
         arrays = mesh_arrays(meshes, [component.group not in _LAND for component in components])
         for component, own in zip(components, arrays, strict=True):
             _author_component(layer, asset, component, own, sheets.get(component.instance_id, 0))
-    if len(components) < len(pieces):
-        stage = Usd.Stage.Open(layer, Usd.Stage.LoadAll)
         for piece in pieces:
-            if isinstance(piece, Scatter):
-                _author_scatter(stage, asset, piece)
+            if isinstance(piece, Scatter) and are_instances(piece):
+                author_instances(layer, asset.prim(piece), piece, asset.material)
+    crowds = [piece for piece in pieces if isinstance(piece, Scatter) and not are_instances(piece)]
+    if crowds:
+        stage = Usd.Stage.Open(layer, Usd.Stage.LoadAll)
+        for crowd in crowds:
+            author_instancer(stage, asset.prim(crowd), crowd, asset.material)
     return layer
 
 
@@ -120,12 +118,12 @@ def _author_groups(
 ) -> None:
     groups = [prim_spec(layer, asset.group(name), "Xform") for name in sorted({piece.group for piece in pieces})]
     for piece in pieces:
-        prim_spec(layer, asset.prim(piece), "Mesh" if isinstance(piece, Component) else "PointInstancer")
-    _set_id(prim_spec(layer, f"/{asset.root}", "Xform"), asset.root)
+        prim_spec(layer, asset.prim(piece), _type_of(piece))
+    set_id(prim_spec(layer, f"/{asset.root}", "Xform"), asset.root)
     scope = prim_spec(layer, asset.geometry, "Scope")
     prim_spec(layer, asset.looks, "Scope")
     for group in groups:
-        _set_id(group, group.name)
+        set_id(group, group.name)
     if asset is BRIDGE:  # a model hierarchy must have no gaps: a bridge is an assembly, site and background a component
         scope.kind = Kind.Tokens.group
         for group in groups:
@@ -141,96 +139,18 @@ def _author_groups(
 
 def _author_component(layer: Sdf.Layer, asset: Asset, component: Component, arrays: MeshArrays, sheet: int) -> None:
     prim = layer.GetPrimAtPath(asset.prim(component))
-    apply_schemas(prim, (_BINDING_API, COMPONENT_API))
-    _author_mesh(prim, component.mesh, arrays, component.double_sided)
+    apply_schemas(prim, (BINDING_API, COMPONENT_API))
+    author_mesh(prim, component.mesh, arrays, component.double_sided)
     attribute(prim, "xformOp:translate", _TYPES.Double3, Gf.Vec3d(*arrays.origin.tolist()))
     attribute(prim, "xformOpOrder", _TYPES.TokenArray, _MOVED, uniform=True)
-    _bind(prim, asset.material(sheet_material(component.role, sheet)))
-    _set_id(prim, component.name)
+    bind(prim, asset.material(sheet_material(component.role, sheet)))
+    set_id(prim, component.name)
     author(
         prim, component_opinions(ComponentFacts(component.kind, component.instance_id, parameters=component.parameters))
     )
 
 
-def _author_scatter(stage: Usd.Stage, asset: Asset, scatter: Scatter) -> None:
-    path = asset.prim(scatter)
-    instancer = UsdGeom.PointInstancer.Define(stage, path)
-    targets = []
-    for number, prototype in enumerate(scatter.prototypes):
-        name = f"{scatter.name}_Prototype_{number:02d}"
-        body = UsdGeom.Xform.Define(stage, f"{path}/{scatter.name}_Prototypes/{name}")
-        targets.append(body.GetPath())
-        parts = list(_parts(name, prototype))
-        arrays = mesh_arrays([mesh for _, _, mesh, _ in parts], [False] * len(parts))
-        for (leaf, role, mesh, purpose), own in zip(parts, arrays, strict=True):
-            part = prim_spec(stage.GetRootLayer(), f"{body.GetPath()}/{leaf}", "Mesh")
-            apply_schemas(part, (_BINDING_API,))
-            _author_mesh(part, mesh, own, not role.startswith(_TWO_FACED))
-            _bind(part, asset.material(role))
-            if purpose:
-                attribute(part, "purpose", _TYPES.Token, purpose, uniform=True)
-    UsdGeom.Scope.Define(stage, f"{path}/{scatter.name}_Prototypes")
-    instancer.CreatePrototypesRel().SetTargets(targets)
-    count = len(scatter.positions)
-    half = scatter.yaw / 2
-    turns = snapped(np.column_stack([np.zeros((count, 2)), np.sin(half), np.cos(half)]))
-    instancer.CreateProtoIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(scatter.prototype, np.int32)))
-    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(snapped(scatter.positions)))
-    instancer.CreateOrientationsAttr(Vt.QuathArray([Gf.Quath(*_half(turn)) for turn in turns.tolist()]))
-    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(snapped(scatter.scales)))
-    instancer.CreateIdsAttr(Vt.Int64Array(range(count)))
-    extent = instancer.ComputeExtentAtTime(Usd.TimeCode.Default(), Usd.TimeCode.Default())
-    instancer.CreateExtentAttr(extent)
-    _set_id(stage.GetRootLayer().GetPrimAtPath(path), scatter.name)
-    ids = scatter.instance_ids
-    single = ids[0] if len(ids) == 1 else 0
-    facts = ComponentFacts(scatter.kind, single, () if single else ids)
-    apply_component(instancer.GetPrim(), facts)
-
-
-def _parts(name: str, prototype: tuple[tuple[str, Mesh], ...]) -> Iterator[tuple[str, str, Mesh, str]]:
-    """List the meshes of a prototype: name, material, mesh, purpose; heavy ones have a stand-in for viewports."""
-    for row, (role, mesh) in enumerate(prototype):
-        leaf = f"{name}_Part_{row:02d}"
-        yield leaf, role, mesh, UsdGeom.Tokens.render if is_heavy(mesh) else ""
-        if is_heavy(mesh):
-            yield f"{leaf}_Proxy", role, stand_in(mesh), UsdGeom.Tokens.proxy
-
-
-def _author_mesh(prim: Sdf.PrimSpec, mesh: Mesh, arrays: MeshArrays, double_sided: bool) -> None:
-    attribute(prim, "points", _TYPES.Point3fArray, Vt.Vec3fArray.FromNumpy(arrays.points))
-    attribute(prim, "faceVertexCounts", _TYPES.IntArray, _int_array(mesh.face_counts))
-    attribute(prim, "faceVertexIndices", _TYPES.IntArray, _int_array(mesh.corners))
-    attribute(prim, "extent", _TYPES.Float3Array, Vt.Vec3fArray.FromNumpy(arrays.extent))
-    attribute(prim, "subdivisionScheme", _TYPES.Token, UsdGeom.Tokens.none, uniform=True)
-    attribute(prim, "doubleSided", _TYPES.Bool, double_sided, uniform=True)
-    normals = attribute(prim, "normals", _TYPES.Normal3fArray, Vt.Vec3fArray.FromNumpy(arrays.normals))
-    normals.SetInfo(UsdGeom.Tokens.interpolation, UsdGeom.Tokens.faceVarying)
-    _author_uv(prim, "primvars:st", arrays.st)
-    if arrays.st1 is not None:
-        _author_uv(prim, "primvars:st1", arrays.st1)
-
-
-def _author_uv(prim: Sdf.PrimSpec, name: str, pairs: IndexedUV) -> None:
-    uv = Sdf.AttributeSpec(prim, name, _TYPES.TexCoord2fArray)
-    uv.SetInfo(UsdGeom.Tokens.interpolation, UsdGeom.Tokens.faceVarying)
-    uv.default = Vt.Vec2fArray.FromNumpy(pairs.values)
-    attribute(prim, f"{name}:indices", _TYPES.IntArray, Vt.IntArray.FromNumpy(pairs.indices))
-
-
-def _bind(prim: Sdf.PrimSpec, material: str) -> None:
-    binding = Sdf.RelationshipSpec(prim, UsdShade.Tokens.materialBinding, False, Sdf.VariabilityUniform)
-    binding.targetPathList.explicitItems = [material]
-
-
-def _set_id(prim: Sdf.PrimSpec, name: str) -> None:
-    attribute(prim, tokens.USER_FALSEWORK_ID, _TYPES.String, name, custom=True)
-
-
-def _int_array(values: NDArray[np.integer]) -> Vt.IntArray:
-    return Vt.IntArray.FromNumpy(np.ascontiguousarray(values, np.int32))
-
-
-def _half(turn: list[float]) -> tuple[float, float, float, float]:
-    x, y, z, w = turn
-    return w, x, y, z
+def _type_of(piece: Component | Scatter) -> str:
+    if isinstance(piece, Component):
+        return "Mesh"
+    return "Xform" if are_instances(piece) else "PointInstancer"

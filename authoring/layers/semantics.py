@@ -1,9 +1,12 @@
 """Semantics layer: what every leaf prim is called, and nothing else, so that another table is another file."""
 
+from collections.abc import Iterator
+
 from pxr import Sdf
 
 from authoring.layers.geometry import Asset
 from authoring.layers.layer import new_layer
+from authoring.layers.repeats import are_instances, instance_name
 from authoring.layers.specs import apply_schemas, author, prim_spec
 from authoring.shapes.component import Component, Scatter
 from usd_schemas.apis import LABEL_APIS, label_opinions
@@ -22,8 +25,20 @@ def semantics_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sd
     layer = new_layer(asset.root)
     with Sdf.ChangeBlock():
         for piece in pieces:
-            ids = (piece.instance_id,) if isinstance(piece, Component) else piece.instance_ids
-            prim = prim_spec(layer, asset.prim(piece))
-            apply_schemas(prim, LABEL_APIS)
-            author(prim, label_opinions(piece.kind, ids[0] if len(ids) == 1 else 0))
+            for path, number in _labelled(asset, piece):
+                prim = prim_spec(layer, path)
+                apply_schemas(prim, LABEL_APIS)
+                author(prim, label_opinions(piece.kind, number))
     return layer
+
+
+def _labelled(asset: Asset, piece: Component | Scatter) -> Iterator[tuple[str, int]]:
+    """List the prims that carry the label of a piece, each with its id; 0 for a PointInstancer of many."""
+    path = asset.prim(piece)
+    if isinstance(piece, Component):
+        yield path, piece.instance_id
+    elif are_instances(piece):
+        for row, number in enumerate(piece.instance_ids):
+            yield f"{path}/{instance_name(piece, row)}", number
+    else:
+        yield path, piece.instance_ids[0] if len(piece.instance_ids) == 1 else 0

@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom, UsdUtils
 
 from authoring.layers.selection import AXES
 from authoring.scenes.manifest import changed_files
-from authoring.scenes.validate import surfaces
+from authoring.scenes.validate import surfaces, things
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError
 from usd_schemas.apis import direct_label, read_component, read_survey
@@ -24,11 +24,11 @@ class Inventory:
     """A scene at a glance.
 
     Attributes:
-        tree: Prim path, type, kind and number of surfaces below, for the upper prims.
+        tree: Prim path, type, kind and number of surfaces below, for the upper prims; an instance counts as one.
         choices: Axis (or prim and variant set) to the names on offer.
         selected: Axis to the name selected.
-        components: Component kind to number of surfaces; `(none)` where none is known.
-        classes: Class in the table in force to number of surfaces.
+        components: Component kind to number of surfaces and instances; `(none)` where none is known.
+        classes: Class in the table in force to the same.
         triangles: Triangles of every visible mesh, instances counted each time.
         surveys: Survey id to number of images and their size [px].
         layers: Layer or texture, relative to the scene, to SHA-256, sorted.
@@ -64,7 +64,7 @@ def take_inventory(path: Path, depth: int = 4) -> Inventory:
         stage = Usd.Stage.Open(str(path.resolve()))
     except Exception as error:
         raise InputError("not readable as a USD stage", where=path, hint="Check the file") from error
-    shown = list(surfaces(stage))
+    shown = list(things(stage))
     table = read_taxonomy(stage, lambda line: None)
     components: Counter[str] = Counter()
     classes: Counter[str] = Counter()
@@ -80,7 +80,7 @@ def take_inventory(path: Path, depth: int = 4) -> Inventory:
         selected=chosen,
         components=dict(sorted(components.items())),
         classes=dict(sorted(classes.items())),
-        triangles=sum(_triangles(prim) for prim in shown),
+        triangles=sum(_triangles(prim) for prim in surfaces(stage)),
         surveys=_surveys(stage),
         layers=files,
         scene_hash=digest(files),
@@ -155,6 +155,8 @@ def _tree(stage: Usd.Stage, shown: list[Usd.Prim], depth: int) -> list[dict[str,
 
 def _triangles(prim: Usd.Prim) -> int:
     if prim.IsA(UsdGeom.Mesh):
+        if not _is_drawn(prim):
+            return 0
         counts = UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get()
         return 0 if counts is None else int(np.sum(np.asarray(counts) - 2))
     if not prim.IsA(UsdGeom.PointInstancer):
@@ -162,16 +164,13 @@ def _triangles(prim: Usd.Prim) -> int:
     instancer = UsdGeom.PointInstancer(prim)
     targets = instancer.GetPrototypesRel().GetTargets()
     stage = prim.GetStage()
-    each = [
-        sum(_triangles(part) for part in Usd.PrimRange(stage.GetPrimAtPath(target)) if _is_drawn(part))
-        for target in targets
-    ]
+    each = [sum(_triangles(part) for part in Usd.PrimRange(stage.GetPrimAtPath(target))) for target in targets]
     rows = np.bincount(np.asarray(instancer.GetProtoIndicesAttr().Get() or [], np.int64), minlength=len(each))
     return int(np.dot(rows[: len(each)], each))
 
 
 def _is_drawn(part: Usd.Prim) -> bool:
-    return part.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(part).ComputePurpose() != UsdGeom.Tokens.proxy
+    return UsdGeom.Imageable(part).ComputePurpose() != UsdGeom.Tokens.proxy
 
 
 def _surveys(stage: Usd.Stage) -> dict[str, dict[str, int]]:

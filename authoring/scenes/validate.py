@@ -104,7 +104,7 @@ def id_findings(stage: Usd.Stage) -> Iterator[str]:
         stage: Stage to look at.
     """
     ids: Counter[int] = Counter()
-    for prim in surfaces(stage):
+    for prim in things(stage):
         facts = read_component(prim)
         own = facts.instance_ids or ((facts.instance_id,) if facts.instance_id else ())
         if not own and not str(prim.GetPath()).startswith(tokens.BACKGROUND):
@@ -206,6 +206,21 @@ def surfaces(stage: Usd.Stage) -> Iterator[Usd.Prim]:
             continue
         if UsdGeom.Imageable(prim).ComputeVisibility() != UsdGeom.Tokens.invisible:
             yield prim
+
+
+def things(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """Walk what one picks on a stage: its surfaces and, in place of all surfaces of a native instance, the instance.
+
+    Args:
+        stage: Stage to walk.
+    """
+    last = None
+    for prim in surfaces(stage):
+        while prim.IsInstanceProxy():
+            prim = prim.GetParent()
+        if prim != last:  # the surfaces of an instance follow one another
+            yield prim
+        last = prim
 
 
 def vars_of(lens: UsdLens) -> tuple[float, float, float, float, float]:

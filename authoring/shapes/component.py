@@ -13,6 +13,7 @@ I64 = NDArray[np.int64]
 FIRST_BRIDGE_ID = 1
 FIRST_SITE_ID = 40_000
 FIRST_BACKGROUND_ID = 45_000
+FIRST_EDIT_ID = 60_000  # of what artists add: beyond what bridges, sites and backgrounds use
 LAST_ID = 65_535  # so that an instance image fits 16 bits
 
 
@@ -64,7 +65,7 @@ class Component:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Many small repeats of a few meshes: a PointInstancer.
+    """Many small repeats of a few meshes: native instances or a PointInstancer.
 
     Attributes:
         name: Leaf prim name, unique in the stage.

@@ -14,10 +14,11 @@ from authoring.layers.layer import export
 from authoring.layers.lighting import light_layer
 from authoring.layers.looks import look_layer
 from authoring.layers.provenance import author_provenance
+from authoring.layers.repeats import with_own_ids
 from authoring.light.daylight import LightSettings, bake_light
 from authoring.looks.bake import NO_FOLDERS, bake_look
 from authoring.settings import AuthoringSettings
-from authoring.shapes.component import Component
+from authoring.shapes.component import FIRST_EDIT_ID, Component
 from authoring.site.site import Site
 from authoring.streams import stream
 from groundwork.canonical import digest
@@ -98,6 +99,7 @@ def write_background(
         pieces, made = build_city_world(model, site, rng), {**made, **model.attribution}
         used = set(roles_of(pieces))
         skins = tuple(skin for skin in model.skins if skin.role in used)
+    pieces = with_own_ids(pieces, FIRST_EDIT_ID - 1)
     write_asset(BACKGROUND, pieces, place)
     roles = {skin.role for skin in skins}
     own = tuple(piece for piece in pieces if not (isinstance(piece, Component) and piece.role in roles))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from pxr import UsdGeom, UsdLux
 
+from authoring.layers.assets import Pieces
 from authoring.layers.background import background_layer
 from authoring.layers.bridge import bridge_layer, payload_layer
 from authoring.layers.geometry import BACKGROUND, BRIDGE, SITE, geometry_layer, roles_of
@@ -24,19 +25,21 @@ from tests.authoring.boxes import box, box_bridge, flat_site
 from usd_schemas import tokens
 from usd_schemas.taxonomies import BASE, taxonomy
 
-FAR = (Component("Background_House", "building", "brick", "Buildings", box((0, 100, -1), (10, 110, 8)), 45_000),)
+FAR: Pieces = (
+    Component("Background_House", "building", "brick", "Buildings", box((0, 100, -1), (10, 110, 8)), 45_000),
+)
 SHADES = {"weathered": 0.3, "clean": 0.6}
 
 
-def write_box_scene(folder: Path) -> Path:
-    """Write the scene into an empty folder and return its `scene.usda`."""
+def write_box_scene(folder: Path, far: Pieces = FAR) -> Path:
+    """Write the scene, with something in the background, into an empty folder and return its `scene.usda`."""
     bridge, site = box_bridge(), flat_site()
-    assets = ((BRIDGE, bridge, "bridge"), (SITE, site, "site"), (BACKGROUND, FAR, "background/house"))
+    assets = ((BRIDGE, bridge, "bridge"), (SITE, site, "site"), (BACKGROUND, far, "background/house"))
     for asset, pieces, place in assets:
         export(geometry_layer(asset, pieces), folder / place / "geometry.usdc")
         export(semantics_layer(asset, pieces), folder / place / "semantics.usda")
     export(site_layer(_flat(roles_of(site), 0.4)), folder / "site/site.usda")
-    export(background_layer("house", _flat(roles_of(FAR), 0.5)), folder / "background/house/house.usda")
+    export(background_layer("house", _flat(roles_of(far), 0.5)), folder / "background/house/house.usda")
     for look, shade in SHADES.items():
         export(look_layer(_flat(roles_of(bridge), shade)), folder / f"bridge/looks/{look}/look.usda")
     export(payload_layer(), folder / "bridge/payload.usda")

@@ -293,3 +293,21 @@ def _ids(scene: Path) -> dict[str, int]:
     root = stage.GetPrimAtPath("/World/Additions")
     named = ((prim, prim.GetAttribute("falsework:component:instanceId").Get()) for prim in root.GetChildren())
     return {prim.GetName(): number for prim, number in named if number}
+
+
+def test_a_normal_that_a_dcc_lost_is_no_edit(scene: Path, other: Usd.Stage) -> None:
+    """On slivers Blender writes normals of nearly no length: they are the former ones, beside one that was bent."""
+    path = f"{SUBSTRUCTURE}/Pier_001_Cap"
+    own = UsdGeom.Mesh(other.GetPrimAtPath(path)).GetNormalsAttr()
+    before = np.array(own.Get())
+    lost = before.copy()
+    lost[3] = (-4.8e-5, 4.8e-6, 0)
+    own.Set(Vt.Vec3fArray.FromNumpy(lost))
+    assert bring_home(scene, other)[0] == Harvest()
+    lost[0] = (0.6, 0.0, -0.8)
+    own.Set(Vt.Vec3fArray.FromNumpy(lost))
+    assert bring_home(scene, other)[0].reshaped == ["Pier_001_Cap"]
+    home = Usd.Stage.Open(str(scene))
+    after = np.array(UsdGeom.Mesh(home.GetPrimAtPath(path)).GetNormalsAttr().Get())
+    np.testing.assert_allclose(after[0], (0.6, 0.0, -0.8), atol=1e-6)
+    np.testing.assert_array_equal(after[1:], before[1:])

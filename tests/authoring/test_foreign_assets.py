@@ -12,6 +12,7 @@ from authoring.variants import foreign_background
 from authoring.variants.add import set_choices
 from groundwork.errors import InputError
 from tests.authoring.small_scene import file_bytes
+from tests.conftest import RecordProof
 from usd_schemas import tokens
 from usd_schemas.reading.stage_reader import read_stage
 
@@ -106,7 +107,7 @@ def write_model(folder: Path, kind: str = "group") -> Path:
     return folder / "town.usda"
 
 
-def test_a_world_brings_what_its_shaders_read(own_scene: Path, tmp_path: Path) -> None:
+def test_a_world_brings_what_its_shaders_read(own_scene: Path, tmp_path: Path, record_proof: RecordProof) -> None:
     """One texture is copied; kinds, extents, types and bindings are mended; the scene is sound and says who made it."""
     lines: list[str] = []
     set_choices(own_scene, {"background": str(write_model(tmp_path / "mine"))}, lines.append)
@@ -136,6 +137,7 @@ def test_a_world_brings_what_its_shaders_read(own_scene: Path, tmp_path: Path) -
     flat = read_stage(own_scene)
     worn = {flat.materials[row].base_texture for row in flat.draws.material}
     assert sum(texture is not None and texture.file.endswith("plaster.png") for texture in worn) == 1
+    record_proof("scene set: a world brings what its shaders read", len(files), 0, {"files": len(files), "findings": 0})
 
 
 def test_the_attribution_of_a_world_stays(own_scene: Path, tmp_path: Path) -> None:

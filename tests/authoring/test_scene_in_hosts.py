@@ -13,6 +13,7 @@ from authoring.layers.stand_in import is_heavy, stand_in
 from authoring.scenes.validate import validate_scene
 from authoring.shapes.component import Mesh
 from tests.authoring.small_scene import write_small_scene
+from tests.conftest import RecordProof
 from usd_schemas import tokens
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.reading.stage_reader import read_stage
@@ -25,7 +26,7 @@ def green_scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_small_scene(tmp_path_factory.mktemp("green"), background=world)
 
 
-def test_assets_say_what_they_are(green_scene: Path) -> None:
+def test_assets_say_what_they_are(green_scene: Path, record_proof: RecordProof) -> None:
     """Bridge, site and background have a kind, a name, a version, and the file that they are, which is there."""
     stage = Usd.Stage.Open(str(green_scene))
     for path, kind, name, file in (
@@ -40,9 +41,10 @@ def test_assets_say_what_they_are(green_scene: Path) -> None:
         assert info["version"]
         assert Path(Usd.ModelAPI(prim).GetAssetIdentifier().resolvedPath) == (green_scene.parent / file).resolve()
     assert validate_scene(green_scene) == []
+    record_proof("stage/hosts: assets with kind, name, version and file", 3, 7, {"findings": 0})
 
 
-def test_labels_can_be_read_by_people(green_scene: Path, tmp_path: Path) -> None:
+def test_labels_can_be_read_by_people(green_scene: Path, tmp_path: Path, record_proof: RecordProof) -> None:
     """Each asset's labels are a text layer; as a binary one, as before version 9, they say the same."""
     layers = sorted(path.relative_to(green_scene.parent).as_posix() for path in green_scene.parent.rglob("semantics.*"))
     assert layers == ["background/countryside/semantics.usda", "bridge/semantics.usda", "site/semantics.usda"]
@@ -54,9 +56,12 @@ def test_labels_can_be_read_by_people(green_scene: Path, tmp_path: Path) -> None
     payload.write_text(former, encoding="utf-8")
     assert _facts(read_stage(tmp_path / "old/scene.usda")) == _facts(read_stage(green_scene))
     assert validate_scene(tmp_path / "old/scene.usda") == []
+    record_proof(
+        "stage/hosts: label layers that are text", len(layers), 7, {"draws_alike": len(_facts(read_stage(green_scene)))}
+    )
 
 
-def test_parameters_are_typed_attributes(stored_scene: Path) -> None:
+def test_parameters_are_typed_attributes(stored_scene: Path, record_proof: RecordProof) -> None:
     """Each number, word and truth of the JSON is an attribute of its own; lists of numbers too; none says otherwise."""
     stage = Usd.Stage.Open(str(stored_scene))
     prim = stage.GetPrimAtPath(tokens.BRIDGE)
@@ -74,9 +79,10 @@ def test_parameters_are_typed_attributes(stored_scene: Path) -> None:
         assert str(prim.GetAttribute(name).GetTypeName()) == kinds[type(found)], name
     assert len(attributes) == _count(told) > 80
     assert attributes["falsework:parameters:record:top:parapets:height"] == pytest.approx(0.8, abs=0.5)
+    record_proof("stage/hosts: typed parameters of a bridge", len(attributes), 7, {"of_the_json": _count(told)})
 
 
-def test_a_viewport_frames_the_bridge(green_scene: Path) -> None:
+def test_a_viewport_frames_the_bridge(green_scene: Path, record_proof: RecordProof) -> None:
     """By the hint of the world, as viewports take it; without the hint the land reaches to the horizon."""
     stage = Usd.Stage.Open(str(green_scene))
     sizes = []
@@ -89,15 +95,21 @@ def test_a_viewport_frames_the_bridge(green_scene: Path) -> None:
     )
     exact = bridge.ComputeAlignedRange()
     np.testing.assert_allclose(sizes[0], [exact.GetMin(), exact.GetMax()], atol=1e-3)
-    assert np.ptp(sizes[1], axis=0)[:2].min() > 10 * np.ptp(sizes[0], axis=0)[:2].max()
+    framed, land = (np.ptp(size, axis=0)[:2] for size in sizes)
+    assert land.min() > 10 * framed.max()
+    record_proof(
+        "stage/hosts: what a viewport frames", 1, 7, {"framed_m": float(framed.max()), "land_m": float(land.min())}
+    )
 
 
-def test_viewports_draw_stand_ins(green_scene: Path, tmp_path: Path) -> None:
+def test_viewports_draw_stand_ins(green_scene: Path, tmp_path: Path, record_proof: RecordProof) -> None:
     """Heavy plants have eight faces of the same extent for viewports; ours draws the plants as if there were none."""
     stage = Usd.Stage.Open(str(green_scene))
-    light, full = 0, 0
-    for prim in stage.Traverse():
-        if prim.GetName().endswith("_Proxy"):
+    light, full, shared = 0, 0, 0
+    stand_ins = [prim for prim in stage.TraverseAll() if prim.GetName().endswith("_Proxy")]
+    for prim in stand_ins:
+        if prim.IsA(UsdGeom.Mesh):
+            shared += prim.IsAbstract()
             plant = stage.GetPrimAtPath(str(prim.GetPath()).removesuffix("_Proxy"))
             extents = [np.array(UsdGeom.Mesh(one).GetExtentAttr().Get()) for one in (prim, plant)]
             np.testing.assert_array_equal(extents[0], extents[1])
@@ -106,13 +118,16 @@ def test_viewports_draw_stand_ins(green_scene: Path, tmp_path: Path) -> None:
             faces = [len(UsdGeom.Mesh(one).GetFaceVertexCountsAttr().Get()) for one in (prim, plant)]
             light, full = light + faces[0], full + faces[1]
     assert 0 < 8 * light < full
+    assert 0 < shared < len(stand_ins)  # of native instances, and of instancers
     shutil.copytree(green_scene.parent, tmp_path / "bare")
     edits = Sdf.Layer.FindOrOpen(str(tmp_path / "bare/edits/user.usda"))
-    for prim in stage.Traverse():
-        if prim.GetName().endswith("_Proxy"):
-            Sdf.CreatePrimInLayer(edits, prim.GetPath()).SetInfo("active", False)
+    for prim in stand_ins:
+        Sdf.CreatePrimInLayer(edits, prim.GetPath()).SetInfo("active", False)
     edits.Save()
     assert _facts(read_stage(tmp_path / "bare/scene.usda")) == _facts(read_stage(green_scene))
+    record_proof(
+        "stage/hosts: faces of plants and of their stand-ins", len(stand_ins), 7, {"plants": full, "stand_ins": light}
+    )
 
 
 def test_a_stand_in_is_closed_and_faces_outwards() -> None:

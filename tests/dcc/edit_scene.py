@@ -156,9 +156,10 @@ def say(name: str, key: str, value: str) -> None:
 
 
 def duplicate(name: str, by: list[float]) -> None:
-    """Copy an object with its mesh, as Shift-D does [m]."""
+    """Copy an object with its mesh, as Shift-D does [m]; a copied instance shows the same collection."""
     thing = bpy.data.objects[name].copy()
-    thing.data = thing.data.copy()
+    if thing.data is not None:
+        thing.data = thing.data.copy()
     thing.location = [at + step for at, step in zip(thing.location, by, strict=True)]
     bpy.context.scene.collection.objects.link(thing)
 

@@ -230,6 +230,40 @@ def test_every_other_kind_of_edit(original: Path, tmp_path: Path) -> None:
     assert not Usd.Stage.Open(str(scene)).GetPrimAtPath("/World/Bridge/BridgeGeom/Furniture/Coping_000_L").IsActive()
 
 
+@pytest.mark.parametrize("options", [Y_UP_CENTIMETRES, {"use_instancing": True}], ids=["made_real", "as_instances"])
+def test_native_instances_are_edited_one_by_one(
+    options: dict[str, object], tmp_path: Path, record_proof: RecordProof
+) -> None:
+    """Poles are empties in Blender: one is moved, one deleted, one copied; the others, and all trees, stay."""
+    world = {"name": "countryside", "countryside": {"reach": 400, "buildings": 1, "trees": 12, "hedge_bushes": 5}}
+    original = small_scene(tmp_path / "original", {**SMALL, "background": world}, 7)
+    scene, pole = copy_scene(original, tmp_path / "scene"), "Countryside_Poles_"
+    edits: list[Edit] = [
+        ("move", f"{pole}003", [2.0, 0.0, 0.5]),
+        ("delete", f"{pole}005"),
+        ("duplicate", f"{pole}007", [0.0, 3.0, 0.0]),
+    ]
+    out, _ = trip(original, tmp_path / "out", edits, **options)
+    found = harvest(scene, out, remove=True)
+    assert found == Harvest(moved=[f"{pole}003"], removed=[f"{pole}005"], added=found.added)
+    assert len(found.added) == 2  # wood and metal; the stand-in does not come
+    assert {name[: len(pole) + 7]: kind for name, kind in found.added.items()} == {f"{pole}007_001": "pole"}
+    assert validate_scene(scene) == []
+    before, after = (Usd.Stage.Open(str(one)) for one in (original, scene))
+    poles = before.GetPrimAtPath("/World/Background/BackgroundGeom/BackgroundPlants/Countryside_Poles").GetChildren()
+    far = 0.0
+    for prim in poles:
+        if prim.GetName() == f"{pole}005":
+            continue
+        home = after.GetPrimAtPath(prim.GetPath())
+        places = [np.array(UsdGeom.XformCache().GetLocalToWorldTransform(one)) for one in (prim, home)]
+        expected = [2.0, 0.0, 0.5] if prim.GetName() == f"{pole}003" else [0.0, 0.0, 0.0]
+        far = max(far, float(np.abs(places[1] - places[0] - np.vstack([np.zeros((3, 4)), [*expected, 0.0]])).max()))
+    assert far < 1e-4
+    way = "as instances" if "use_instancing" in options else "made real"
+    record_proof(f"blender: native instances edited one by one, {way}", len(poles), 7, {"apart_m": far})
+
+
 def test_run_goes_on_from_the_edited_stage(tmp_path: Path, record_proof: RecordProof) -> None:
     """`falsework run` with `[stage] path` gives a labelled cloud of the bridge as it was edited."""
     scene = small_scene(tmp_path / "scene", CHAIN, scene_seed(3, 0))

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from falsework.cli import main
+from tests.conftest import RecordProof
 from tests.usd_schemas.stages import SQUARE, write_stage
 
 DARK = f"""def Camera "Empty" {{}}
@@ -52,7 +53,7 @@ def run(words: list[str]) -> int:
     ],
 )
 def test_wrong_words_are_said_before_the_stage_is_read(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], record_proof: RecordProof
 ) -> None:
     """Beside a file that is no stage, what is named is the word."""
     stage = tmp_path / "broken.usda"
@@ -61,9 +62,10 @@ def test_wrong_words_are_said_before_the_stage_is_read(
     error = capsys.readouterr().err
     assert said in error
     assert "broken" not in error
+    record_proof(f"render verb: a wrong {words[0]} is said first", 1, 0, {"lines": len(error.splitlines())})
 
 
-def test_words_do_what_they_say(tmp_path: Path) -> None:
+def test_words_do_what_they_say(tmp_path: Path, record_proof: RecordProof) -> None:
     """A metre stage with an empty camera is drawn; size, camera and frames are those asked for; coal stays black."""
     stage = write_stage(tmp_path, DARK)
     fast = ["--quality", "fast", "--no-noise", "--width", "48"]
@@ -81,3 +83,4 @@ def test_words_do_what_they_say(tmp_path: Path) -> None:
         means.append(float(photograph(image).mean()))
     assert means[0] < 40.0 < 80.0 < means[1]
     assert means[2] != pytest.approx(means[0], abs=2.0)
+    record_proof("render verb: exposure of coal", 3, 0, {"mean_grey_light": means[0], "mean_grey_surfaces": means[1]})

@@ -13,6 +13,7 @@ from render.images.image_files import encode_jpeg
 from render.light.illumination import BRIGHTEST
 from render.sensor.sensor import Sensor, balance, meter
 from render.settings import SensorSettings
+from tests.conftest import RecordProof
 
 SHAPE = (240, 320)
 GREY = 0.2
@@ -214,7 +215,7 @@ def test_no_number_keeps_a_photograph_from_its_exif(
     assert tags[0x010F] == "Falsework"
 
 
-def test_a_lens_of_metres_is_noted_as_far_as_exif_goes() -> None:
+def test_a_lens_of_metres_is_noted_as_far_as_exif_goes(record_proof: RecordProof) -> None:
     """A focal length of 5 m (50 tenths of a unit of 1 m) stands in the file to a tenth of a micrometre."""
     jpeg = encode_jpeg(np.zeros((8, 8, 3), np.uint8), 90)
     tagged = insert_exif(jpeg, Shot(5.0, 2.0955, 0.001, 0.0, None, (0.0, 0.0, 0.0)), 8, 8)
@@ -222,3 +223,5 @@ def test_a_lens_of_metres_is_noted_as_far_as_exif_goes() -> None:
     photo = read_tags(tiff, int(str(read_tags(tiff, 8)[0x8769])))
     assert photo[0x920A] == [pytest.approx(5000.0, rel=1e-7)]
     assert photo[0xA405] == round(5.0 / 2.0955 * 36)
+    (noted,) = np.array(photo[0x920A])
+    record_proof("exif: a lens of 5 m", 1, 0, {"focal_length_mm": float(noted)})

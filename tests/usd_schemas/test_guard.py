@@ -252,7 +252,9 @@ def test_files_that_are_no_stage(tmp_path: Path) -> None:
         ('def "A"\n{\n    point3f[] points = [(0, 0, 0)\n}\n', 10, "expected ListValueClose at '}'"),
     ],
 )
-def test_what_cannot_be_parsed_is_named_with_line_and_cause(tmp_path: Path, text: str, line: int, cause: str) -> None:
+def test_what_cannot_be_parsed_is_named_with_line_and_cause(
+    tmp_path: Path, text: str, line: int, cause: str, record_proof: RecordProof
+) -> None:
     """A text file that breaks off says in which line, and what was expected there, wherever it is read."""
     path = write(tmp_path / "broken.usda", text)
     said = [refusal(path)]
@@ -262,9 +264,10 @@ def test_what_cannot_be_parsed_is_named_with_line_and_cause(tmp_path: Path, text
         assert f"line {line}, column " in words
         assert cause in words
         assert "pxrInternal" not in words
+    record_proof(f"parse errors: line and cause, line {line}", 2, 0, {"named": sum(cause in words for words in said)})
 
 
-def test_a_refused_path_says_which_words_would_allow_it(tmp_path: Path) -> None:
+def test_a_refused_path_says_which_words_would_allow_it(tmp_path: Path, record_proof: RecordProof) -> None:
     """The words that the refusal of `../` prints are those with which the stage is read."""
     write(tmp_path / "lib o" / "a.usda", MESH)
     path = write(tmp_path / "shot" / "scene.usda", 'def "A" (\n    references = @../lib o/a.usda@</A>\n)\n{\n}\n')
@@ -272,3 +275,4 @@ def test_a_refused_path_says_which_words_would_allow_it(tmp_path: Path) -> None:
     assert words[0] == "--allow-root"
     assert Path(words[1]) == tmp_path
     assert warnings(path, Path(words[1])) == []
+    record_proof("refused ../: the words that would allow it", 1, 0, {"findings_with_them": 0})

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from groundwork.errors import InputError
+from tests.conftest import RecordProof
 from tests.usd_schemas.stages import SQUARE, write_stage
 from usd_schemas.flat_scene import Material, Texture
 from usd_schemas.guard.guard import check_stage
@@ -86,7 +87,7 @@ def material_of(folder: Path, name: str) -> tuple[Material, tuple[str, ...]]:
     return scene.materials[scene.draws.material[0]], scene.warnings
 
 
-def test_a_network_comes_through(tmp_path: Path) -> None:
+def test_a_network_comes_through(tmp_path: Path, record_proof: RecordProof) -> None:
     """Images, tiling, placement, tint, normal map, address modes and constants are those of the document."""
     write_document(tmp_path, GRAPH)
     material, said = material_of(tmp_path, "Tiles")
@@ -99,16 +100,20 @@ def test_a_network_comes_through(tmp_path: Path) -> None:
     # place2d: about the pivot divide by the scale, turn clockwise, subtract the offset.
     place, turn = material.base_texture, np.deg2rad(-30.0)
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    worst = 0.0
     for point in ([0.0, 0.0], [1.0, 0.0], [0.3, 0.9]):
         wanted = rotation @ ((np.array(point) - 0.5) / [2, 4]) - [0.25, -0.125] + 0.5
         angle = np.deg2rad(place.rotation)
         own = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        np.testing.assert_allclose(own @ (np.array(point) * place.scale) + place.translation, wanted, atol=1e-12)
+        apart = np.abs(own @ (np.array(point) * place.scale) + place.translation - wanted).max()
+        assert apart < 1e-12
+        worst = max(worst, float(apart))
     rough, normal = Texture(str(tmp_path / "b.png"), False), Texture(str(tmp_path / "c.png"), False)
     assert material.roughness_texture is not None
     assert (material.roughness_texture.file, material.roughness_texture.scale) == (rough.file, (3.0, 5.0))
     assert material.roughness_texture.translation == (-0.5, -0.25)
     assert material.normal_texture == normal
+    record_proof("materialx: placement of a picture in a .mtlx", 3, 0, {"worst_texture_coordinate": worst})
 
 
 def test_prims_lie_where_other_programs_put_them(tmp_path: Path) -> None:

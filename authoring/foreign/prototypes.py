@@ -1,0 +1,32 @@
+"""Gives what the native instances of a flattened stage share the same names each time."""
+
+from pxr import Sdf
+
+_FLATTENED, _SHARED = "Flattened_Prototype_", "Prototype_"  # how USD names them, and how we do
+
+
+def name_prototypes(layer: Sdf.Layer) -> None:
+    """Number what native instances share in the order of the namespace: USD numbers it as its threads come to it.
+
+    Args:
+        layer: A flattened stage.
+    """
+    roots = {prim.path: prim for prim in layer.rootPrims if prim.name.startswith(_FLATTENED)}
+    order: dict[Sdf.Path, Sdf.Path] = {}
+    holders: list[tuple[Sdf.PrimSpec, Sdf.Reference]] = []
+    waiting = [prim for prim in layer.rootPrims if prim.path not in roots]
+    while waiting:
+        prim = waiting.pop(0)
+        shared = [one for one in prim.referenceList.GetAppliedItems() if one.primPath in roots]
+        for one in shared:
+            holders.append((prim, one))
+            if one.primPath not in order:
+                order[one.primPath] = Sdf.Path(f"/{_SHARED}{len(order) + 1:04d}")
+                waiting.append(roots[one.primPath])
+        waiting[:0] = list(prim.nameChildren)
+    for prim, one in holders:
+        prim.referenceList.ReplaceItemEdits(one, Sdf.Reference(primPath=order[one.primPath]))
+    for old, new in order.items():
+        Sdf.CopySpec(layer, old, layer, new)
+    for path in roots:
+        del layer.rootPrims[path.name]
