@@ -87,6 +87,15 @@ def gps_page(flights: int, first: int = _UNSEEN) -> str:
     rows.append(
         ("all", flights, [row for kind in KINDS for row in kept[kind]], [row for kind in KINDS for row in wide[kind]])
     )
+    return _written(flights, first, ways, rows)
+
+
+def _written(
+    flights: int,
+    first: int,
+    ways: dict[str, list[float]],
+    rows: list[tuple[str, int, list[list[bool]], list[list[float]]]],
+) -> str:
     lines = [
         "# GPS: the scale, and the limits that are stated",
         "",

@@ -61,7 +61,8 @@ def run_child(
             preexec_fn=_die_with_parent(os.getpid()),
         )
         replies: list[dict[str, Any]] = []
-        reader = threading.Thread(target=_listen, args=(process, replies, progress), daemon=True)
+        raised: list[BaseException] = []
+        reader = threading.Thread(target=_listen, args=(process, replies, progress, raised), daemon=True)
         reader.start()
         try:
             _send(process, request)
@@ -71,6 +72,8 @@ def run_child(
                 process.kill()
             process.wait()
             reader.join()
+        if raised:
+            raise raised[0]
         errors.seek(0)
         return _conclude(module, process.returncode, verdict, replies, errors.read().decode(errors="replace"))
 
@@ -118,7 +121,18 @@ def _send(process: subprocess.Popen[bytes], request: dict[str, Any]) -> None:
         pass  # it died before listening; its exit code tells why
 
 
-def _listen(process: subprocess.Popen[bytes], replies: list[dict[str, Any]], progress: Progress) -> None:
+def _listen(
+    process: subprocess.Popen[bytes], replies: list[dict[str, Any]], progress: Progress, raised: list[BaseException]
+) -> None:
+    """Hear a child out; what its listener raises ends the child, and is for the thread that waits for it."""
+    try:
+        _hear(process, replies, progress)
+    except BaseException as error:
+        raised.append(error)
+        process.kill()
+
+
+def _hear(process: subprocess.Popen[bytes], replies: list[dict[str, Any]], progress: Progress) -> None:
     assert process.stdout is not None
     for raw in process.stdout:
         _, found, text = raw.decode(errors="replace").partition(_PREFIX)

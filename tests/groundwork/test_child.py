@@ -57,6 +57,19 @@ def test_answer_and_progress_come_through_noise() -> None:
     assert listener.heard == [("stage", "echo", 2), ("advance", 1), ("note", "half way – über"), ("advance", 2)]
 
 
+def test_what_a_listener_raises_ends_the_child() -> None:
+    """A progress bar whose terminal is gone: its own error comes out at once, not one of the child, which is ended."""
+
+    class Broken(Listener):
+        def stage(self, name: str, total: int) -> None:
+            raise BrokenPipeError("the terminal is gone")
+
+    for value in ("short", list(range(200_000))):  # with an answer that no pipe holds
+        request = {"do": "echo", "value": value}
+        with pytest.raises(BrokenPipeError, match="the terminal is gone"):
+            run_child(MODULE, request, time_limit=60, memory_limit=4, progress=Broken(), environment=ENVIRONMENT)
+
+
 def test_environment_is_added() -> None:
     """Given variables reach the child, and the parent's own stay."""
     assert run("environment", "PYTHONPATH") == str(ROOT)
