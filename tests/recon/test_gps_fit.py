@@ -61,7 +61,7 @@ def test_derivatives_are_those_of_the_moved_points() -> None:
 
 
 def test_a_step_finds_growth_and_shift_at_once() -> None:
-    """Without a turn the problem is linear: one step ends there, and tells the growth plus the shift over the radius."""
+    """Without a turn the problem is linear: one step ends there, and tells growth plus shift over radius."""
     rng = np.random.default_rng(3)
     source = rng.normal(0, 9, (20, 3)) + np.array([400.0, -300.0, 80.0])  # far from the frame's origin
     middle, start = source.mean(axis=0), similarity_of(rng)
