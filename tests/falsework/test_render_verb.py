@@ -65,11 +65,12 @@ def test_wrong_words_are_said_before_the_stage_is_read(
     record_proof(f"render verb: a wrong {words[0]} is said first", 1, 0, {"lines": len(error.splitlines())})
 
 
-def test_words_do_what_they_say(tmp_path: Path, record_proof: RecordProof) -> None:
+def test_words_do_what_they_say(tmp_path: Path, capsys: pytest.CaptureFixture[str], record_proof: RecordProof) -> None:
     """A metre stage with an empty camera is drawn; size, camera and frames are those asked for; coal stays black."""
     stage = write_stage(tmp_path, DARK)
     fast = ["--quality", "fast", "--no-noise", "--width", "48"]
     assert run(["render", str(stage), "-o", str(tmp_path / "all"), *fast, "--height", "36"]) == 0
+    assert capsys.readouterr().err.count("the stage has no light") == 1  # of two cameras
     for name, count in (("Empty", 1), ("Above", 2)):
         images = sorted((tmp_path / "all" / name / "images").iterdir())
         assert [photograph(image).shape for image in images] == [(36, 48, 3)] * count
