@@ -63,7 +63,9 @@ def test_training_and_predicting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     small_demo(tmp_path, monkeypatch)
     names: dict[str, Any] = {"command": command}
     inside = "subprocess.run(shlex.split(line), check=True)"
-    run_cells("train_and_predict", names, {inside: "command(line)", "--set fewest=128": "--set fewest=64"})
+    few = "--model forest --set network.trees=4 --set network.depth=6 --set network.points=4000"
+    changes = {inside: "command(line)", "--set fewest=128": "--set fewest=64", "--model forest": few}
+    run_cells("train_and_predict", names, changes)
     assert len(names["predicted"]) == len(names["clouds"]["beam26"])
 
 
