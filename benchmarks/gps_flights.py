@@ -91,14 +91,25 @@ def true_errors(flight: Flight, fit: Fit) -> PlaceErrors:
         flight: The flight.
         fit: Its fit.
     """
-    turned = fit.similarity.rotation @ flight.known.rotation.T
-    back = (fit.middle - fit.similarity.translation) @ fit.similarity.rotation / fit.similarity.scale
+    return frame_errors(fit.similarity, flight.known, fit.middle)
+
+
+def frame_errors(found: Similarity, known: Similarity, middle: F64) -> PlaceErrors:
+    """Measure how far two placements of one model are apart.
+
+    Args:
+        found: What was found.
+        known: What is known.
+        middle: Middle of the cameras where the first puts it [m], shape (3,), float64.
+    """
+    turned = found.rotation @ known.rotation.T
+    back = (middle - found.translation) @ found.rotation / found.scale
     heading = np.degrees(np.arctan2(turned[1, 0] - turned[0, 1], turned[0, 0] + turned[1, 1]))
     return PlaceErrors(
-        100.0 * abs(fit.similarity.scale / flight.known.scale - 1.0),
+        100.0 * abs(found.scale / known.scale - 1.0),
         float(np.degrees(np.arccos(np.clip(turned[2, 2], -1.0, 1.0)))),
         float(abs(heading)),
-        float(np.linalg.norm(flight.known.move(back[None])[0] - fit.middle)),
+        float(np.linalg.norm(known.move(back[None])[0] - middle)),
     )
 
 

@@ -13,7 +13,7 @@ from docs.notebook_files import SCRIPTS, notebook, notebook_page
 from docs.scenario_pages import TOPICS, index_page, topic_page
 from docs.settings_table import table
 from groundwork.files import write_text
-from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
+from recon.sampling.sampler_settings import AirborneSettings, MeshSettings, MobileSettings, TerrestrialSettings
 from usd_schemas.components import ClassRow, component_classes
 from usd_schemas.taxonomies import TAXONOMIES, Taxonomy, taxonomy
 
@@ -41,6 +41,7 @@ def samplers_page() -> str:
         ("mesh", MeshSettings),
         ("lidar --kind terrestrial", TerrestrialSettings),
         ("lidar --kind mobile", MobileSettings),
+        ("lidar --kind airborne", AirborneSettings),
     ):
         lines += [f"## `falsework sample {verb}`", "", *table(model), ""]
     return "\n".join(lines)

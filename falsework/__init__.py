@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from groundwork.errors import FalseworkError, InputError, RejectedSceneError
     from groundwork.progress import Progress
     from recon.cloud import Cloud, read_cloud
-    from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
+    from recon.sampling.sampler_settings import AirborneSettings, MeshSettings, MobileSettings, TerrestrialSettings
     from recon.settings import AlignmentSettings, DenseSettings, ReconSettings, SparseSettings
     from render.capture import Capture, Truth, read_capture, read_truth
     from render.settings import RenderSettings, SensorSettings
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from usd_schemas.reading.stage_reader import read_stage
 
 __all__ = [
+    "AirborneSettings",
     "AlignmentSettings",
     "Capture",
     "ClassRow",
@@ -80,7 +81,7 @@ _HOMES = {
     "groundwork.errors": ("FalseworkError", "InputError", "RejectedSceneError"),
     "groundwork.progress": ("Progress",),
     "recon.cloud": ("Cloud", "read_cloud"),
-    "recon.sampling.sampler_settings": ("MeshSettings", "MobileSettings", "TerrestrialSettings"),
+    "recon.sampling.sampler_settings": ("AirborneSettings", "MeshSettings", "MobileSettings", "TerrestrialSettings"),
     "recon.settings": ("AlignmentSettings", "DenseSettings", "ReconSettings", "SparseSettings"),
     "render.capture": ("Capture", "Truth", "read_capture", "read_truth"),
     "render.settings": ("RenderSettings", "SensorSettings"),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from falsework.pipeline import Outcome
     from falsework.scenario import Scenario
     from recon.cloud import Cloud
-    from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
+    from recon.sampling.sampler_settings import AnyScanner, MeshSettings
     from recon.settings import ReconSettings
     from render.capture import Capture
     from render.settings import RenderSettings
@@ -142,7 +142,7 @@ def reconstruct(
 def sample(
     stage: Path | str,
     out: Path | str,
-    settings: MeshSettings | TerrestrialSettings | MobileSettings,
+    settings: MeshSettings | AnyScanner,
     *,
     allow_roots: Path | str | Iterable[Path | str] = (),
     progress: Progress = SILENT,
@@ -152,7 +152,7 @@ def sample(
     Args:
         stage: USD file.
         out: Folder to write.
-        settings: The sampler: `MeshSettings`, `TerrestrialSettings` (a tripod) or `MobileSettings`.
+        settings: The sampler: `MeshSettings`, `TerrestrialSettings` (a tripod), `MobileSettings` or `AirborneSettings`.
         allow_roots: A folder, or several, beside that of the stage from which it may take files.
         progress: Listener.
 
@@ -167,9 +167,9 @@ def sample(
     """
     from falsework.commands.verbs import sample_file
     from recon.cloud import read_cloud
-    from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
+    from recon.sampling.sampler_settings import SCANNERS, MeshSettings
 
-    _settings(settings, MeshSettings, TerrestrialSettings, MobileSettings)
+    _settings(settings, MeshSettings, *SCANNERS.values())
     kind = "mesh" if isinstance(settings, MeshSettings) else settings.kind
     sample_file(Path(stage), Path(out), kind, settings, progress, _roots(allow_roots))
     return read_cloud(Path(out))

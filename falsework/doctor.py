@@ -28,7 +28,7 @@ CORE = {
     "laspy": "laspy",
     "lazrs": "lazrs",
     "OpenEXR": "OpenEXR",
-    "isal": "isal",
+    "deflate": "deflate",
     "pydantic": "pydantic",
     "tyro": "tyro",
     "rich": "rich",

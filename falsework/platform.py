@@ -9,7 +9,7 @@ from groundwork.child import run_child
 PROBE_TIME_LIMIT = 120.0  # [s]
 PROBE_MEMORY_LIMIT = 4.0  # [GB]
 
-RENDER_PACKAGES = ("isal", "moderngl", "numpy", "opencv-python-headless", "usd-core")
+RENDER_PACKAGES = ("deflate", "moderngl", "numpy", "opencv-python-headless", "usd-core")
 RECON_PACKAGES = ("numpy", "opencv-python-headless", "pycolmap")
 SAMPLE_PACKAGES = ("numpy", "opencv-python-headless", "usd-core")
 

@@ -131,9 +131,9 @@ def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     """Sample the surface of a stage as a cloud; in a child, because the stage may come from anywhere.
 
     Args:
-        settings: `{kind, sample, platform}`: mesh, terrestrial or mobile, and the settings of that sampler; `variant`
-            where one of the scene's variants is sampled, and `allow_roots`: folders beside that of the stage from
-            which it may take files.
+        settings: `{kind, sample, platform}`: mesh, terrestrial, mobile or airborne, and the settings of that sampler;
+            `variant` where one of the scene's variants is sampled, and `allow_roots`: folders beside that of the stage
+            from which it may take files.
         inputs: `stage`: the root layer, or the folder that holds `scene.usda`.
         folder: Empty folder to fill.
         progress: Listener.
@@ -201,7 +201,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 STAGES: dict[str, Stage] = {
     "stage": Stage(11, author),
-    "capture": Stage(11, capture, resumes=True),
+    "capture": Stage(12, capture, resumes=True),
     "model": Stage(1, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),

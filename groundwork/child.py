@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from groundwork.canonical import canonical_json
-from groundwork.errors import ChildError, FalseworkError, InputError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import ChildError, FalseworkError, InputError, OutOfSpaceError, RejectedSceneError, passing_code
 from groundwork.progress import SILENT, Progress
 
 _POLL = 0.1  # [s] how often limits are looked at
@@ -61,7 +61,8 @@ def run_child(
             preexec_fn=_die_with_parent(os.getpid()),
         )
         replies: list[dict[str, Any]] = []
-        reader = threading.Thread(target=_listen, args=(process, replies, progress), daemon=True)
+        raised: list[BaseException] = []
+        reader = threading.Thread(target=_listen, args=(process, replies, progress, raised), daemon=True)
         reader.start()
         try:
             _send(process, request)
@@ -71,6 +72,8 @@ def run_child(
                 process.kill()
             process.wait()
             reader.join()
+        if raised:
+            raise raised[0]
         errors.seek(0)
         return _conclude(module, process.returncode, verdict, replies, errors.read().decode(errors="replace"))
 
@@ -88,7 +91,7 @@ def answer_parent(work: Callable[[dict[str, Any], Progress], Any]) -> None:
         _say("rejected", [error.reason, str(error)])
         sys.exit(error.exit_code)
     except FalseworkError as error:
-        _say("error", [error.exit_code, str(error)])
+        _say("error", [error.exit_code, str(error), passing_code(error)])
         sys.exit(error.exit_code)
     _say("result", result)
 
@@ -118,7 +121,18 @@ def _send(process: subprocess.Popen[bytes], request: dict[str, Any]) -> None:
         pass  # it died before listening; its exit code tells why
 
 
-def _listen(process: subprocess.Popen[bytes], replies: list[dict[str, Any]], progress: Progress) -> None:
+def _listen(
+    process: subprocess.Popen[bytes], replies: list[dict[str, Any]], progress: Progress, raised: list[BaseException]
+) -> None:
+    """Hear a child out; what its listener raises ends the child, and is for the thread that waits for it."""
+    try:
+        _hear(process, replies, progress)
+    except BaseException as error:
+        raised.append(error)
+        process.kill()
+
+
+def _hear(process: subprocess.Popen[bytes], replies: list[dict[str, Any]], progress: Progress) -> None:
     assert process.stdout is not None
     for raw in process.stdout:
         _, found, text = raw.decode(errors="replace").partition(_PREFIX)
@@ -170,9 +184,9 @@ def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[st
     if final["kind"] == "rejected":
         raise RejectedSceneError(*final["value"])
     if final["kind"] == "error":
-        exit_code, text = final["value"]
+        exit_code, text, passing = final["value"]
         kinds = {InputError.exit_code: InputError, OutOfSpaceError.exit_code: OutOfSpaceError}
-        raise kinds.get(exit_code, ChildError)(text)
+        raise kinds.get(exit_code, ChildError)(text) from (OSError(passing, os.strerror(passing)) if passing else None)
     last = spoken[-1] if spoken else "it printed nothing"
     name = signal.Signals(-code).name if code < 0 else ""
     how = f"died of {name}" if name else f"failed with exit code {code}"

@@ -1,7 +1,15 @@
 """The errors that Falsework raises on purpose, each with the exit code that the command line gives it."""
 
+import errno
 from typing import ClassVar
 
+_PASSING = frozenset(
+    (
+        *(errno.EIO, errno.ENXIO, errno.ENODEV, errno.EREMOTEIO, errno.ESTALE, errno.ENOLCK, errno.EROFS),
+        *(errno.ETIMEDOUT, errno.ECONNRESET, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTDOWN, errno.EHOSTUNREACH),
+        *(errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, errno.ENOSPC, errno.EDQUOT),
+    )
+)
 _LONGEST, _LONGEST_LINE = 400, 3000  # characters of a value in an error, and of an error
 
 
@@ -116,6 +124,25 @@ class RejectedSceneError(FalseworkError):
 
     def __reduce__(self) -> tuple[type["RejectedSceneError"], tuple[str, str]]:
         return type(self), (self.reason, str(self))  # so that a worker's error reaches the process that asked
+
+
+def passing_code(error: BaseException) -> int:
+    """Find what a device, a network or a full table of the system said behind an error: another try may end otherwise.
+
+    Args:
+        error: What was raised, from or while handling another error.
+
+    Returns:
+        The system's error number; 0 where the same input must end in the same way.
+    """
+    seen: set[int] = set()
+    behind: BaseException | None = error
+    while behind is not None and id(behind) not in seen:
+        seen.add(id(behind))
+        if isinstance(behind, OSError) and behind.errno in _PASSING:
+            return behind.errno
+        behind = behind.__cause__ or behind.__context__
+    return 0
 
 
 def _shown(value: object) -> str:

@@ -22,9 +22,10 @@ FORMAT_VERSION = 3
 _READABLE = (1, 2, FORMAT_VERSION)
 OBSERVATIONS = "observations"
 SFM_SPARSE, SFM_DENSE = "sfm-sparse", "sfm-dense"
-MESH, LIDAR_TERRESTRIAL, LIDAR_MOBILE = "mesh", "lidar-terrestrial", "lidar-mobile"
+MESH = "mesh"
+LIDAR_TERRESTRIAL, LIDAR_MOBILE, LIDAR_AIRBORNE = "lidar-terrestrial", "lidar-mobile", "lidar-airborne"
 RECONSTRUCTED = (SFM_SPARSE, SFM_DENSE)  # each of their points has at least one observation
-SOURCES = (*RECONSTRUCTED, MESH, LIDAR_TERRESTRIAL, LIDAR_MOBILE)
+SOURCES = (*RECONSTRUCTED, MESH, LIDAR_TERRESTRIAL, LIDAR_MOBILE, LIDAR_AIRBORNE)
 
 Column = NDArray[Any]
 

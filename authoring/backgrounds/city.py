@@ -8,6 +8,7 @@ from pydantic import Field
 
 from authoring.backgrounds.facades import MIDDLE, tower_faces
 from authoring.backgrounds.far_ways import far_ways
+from authoring.backgrounds.forests import Forests, draw_forests
 from authoring.backgrounds.pavements import KERB, plate, street_paint
 from authoring.backgrounds.quads import quad_mesh
 from authoring.backgrounds.river_quays import quays
@@ -77,6 +78,7 @@ class Town:
         uses: Use of each block.
         towers: Buildings.
         vacant: Lots without one.
+        forests: Where forests stand on the hills beyond.
     """
 
     terrain: Terrain
@@ -84,6 +86,7 @@ class Town:
     uses: tuple[str, ...]
     towers: tuple[Tower, ...]
     vacant: tuple[Block, ...]
+    forests: Forests
 
 
 def draw_town(settings: CitySettings, site: Site, rng: np.random.Generator) -> Town:
@@ -100,12 +103,15 @@ def draw_town(settings: CitySettings, site: Site, rng: np.random.Generator) -> T
     own = site.field
     inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
     land = replace(site.land, relief=CalmRelief(site.land.relief.octaves, inner))
-    terrain = grow_terrain(replace(site, land=land), _hills(land, inner, settings, rng), settings.reach)
+    forests = draw_forests(land, inner, settings.town + 180.0, rng)
+    hills = forests.over(_hills(land, inner, settings, rng))
+    terrain = grow_terrain(replace(site, land=land), hills, settings.reach)
     plan = draw_plan(terrain, settings.town, settings.turned, rng)
     drawn = rng.uniform(size=len(plan.blocks))
     limits = (settings.parks, settings.parks + settings.parking)
     uses = tuple("park" if share < limits[0] else "parking" if share < limits[1] else "built" for share in drawn)
-    return Town(terrain, plan, uses, *draw_towers(plan, uses, settings.density, settings.tower_height, rng))
+    towers, vacant = draw_towers(plan, uses, settings.density, settings.tower_height, rng)
+    return Town(terrain, plan, uses, towers, vacant, forests)
 
 
 def build_city(settings: CitySettings, site: Site, rng: np.random.Generator) -> tuple[Component | Scatter, ...]:
@@ -124,7 +130,7 @@ def build_city(settings: CitySettings, site: Site, rng: np.random.Generator) -> 
     axis = site.land.layout.alignment
     pieces: list[Piece] = [
         (name, cover.kind, cover.role, "Ground", drape(chunk, axis, terrain.atlas(chunk)))
-        for cover, soup in covered(terrain.soup(((_ASPHALT, _paved(town)),)))
+        for cover, soup in covered(terrain.soup(((_ASPHALT, _paved(town)), town.forests.cover(terrain))))
         for name, chunk in chunked(cover.prim, soup)
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from authoring.backgrounds.far_ways import far_ways
+from authoring.backgrounds.forests import draw_forests
 from authoring.backgrounds.hamlet import RADIUS, draw_hamlet, hamlet_components
 from authoring.backgrounds.parcels import crop_fields, draw_parcels, uncropped
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
@@ -17,6 +18,8 @@ from authoring.site.site import Site
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
+FIELDS = (1500.0, 1400.0)  # how far fields go along the axis and to its sides [m]
+FORESTS = 330.0  # distance of the nearest forest from the site [m]
 
 
 class CountrysideSettings(Settings):
@@ -45,13 +48,15 @@ def build_countryside(
     """
     axis, own = site.land.layout.alignment, site.field
     inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
-    terrain = grow_terrain(site, rolling_hills(site.land, inner, settings.hills, rng), settings.reach)
+    forests = draw_forests(site.land, inner, FORESTS, rng)
+    hills = forests.over(rolling_hills(site.land, inner, settings.hills, rng))
+    terrain = grow_terrain(site, hills, settings.reach)
     houses = draw_hamlet(terrain, settings.buildings, rng)
     taken = np.array([(house.station, house.left, RADIUS - 3.0) for house in houses]).reshape(-1, 3)
-    parcels = uncropped(draw_parcels(terrain, rng), taken)
+    parcels = uncropped(draw_parcels(terrain, rng, FIELDS), taken)
     pieces = [
         (name, cover.kind, cover.role, "Ground", drape(chunk, axis, terrain.atlas(chunk)))
-        for cover, soup in covered(terrain.soup(crop_fields(terrain, parcels)))
+        for cover, soup in covered(terrain.soup((forests.cover(terrain), *crop_fields(terrain, parcels))))
         for name, chunk in chunked(cover.prim, soup)
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
@@ -60,10 +65,9 @@ def build_countryside(
         for number, (prim, kind, role, group, mesh) in enumerate(pieces)
     ]
     components += hamlet_components(terrain, houses, rng, FIRST_BACKGROUND_ID + len(components))
-    plants: list[Scatter] = []
-    for plant, count in ((plant_trees, settings.trees), (plant_hedges, settings.hedge_bushes)):
-        number = FIRST_BACKGROUND_ID + len(components) + len(plants)
-        plants += plant(terrain, parcels, taken, count, rng, number)
+    number = FIRST_BACKGROUND_ID + len(components)
+    plants = list(plant_trees(terrain, parcels, taken, settings.trees, rng, number, outside=forests.field))
+    plants += plant_hedges(terrain, parcels, taken, settings.hedge_bushes, rng, number + len(plants))
     things = [*plants, *plant_poles(terrain, FIRST_BACKGROUND_ID + len(components) + len(plants), rng)]
     things += plant_fences(terrain, rng, FIRST_BACKGROUND_ID + len(components) + len(things))
     things += drive_cars(terrain, settings.vehicles, rng, FIRST_BACKGROUND_ID + len(components) + len(things))

@@ -11,8 +11,9 @@ from authoring.backgrounds.dwellings import Design, Style, draw_designs, dwellin
 from authoring.backgrounds.harbour import container_stacks, crane, draw_sheds
 from authoring.backgrounds.hillside_land import BUILT, FOOT, QUAY, draw_sea, hillside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
+from authoring.backgrounds.lowland import valley_fields
 from authoring.backgrounds.plots import Plots, downhill, joined, settle
-from authoring.backgrounds.roadside import plant_poles
+from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.shore_town import anchored, beside_roads, land_room, street_cars
 from authoring.backgrounds.slope_plants import Woods, draw_stands, green_runs, mountain_covers
@@ -27,7 +28,8 @@ from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
 PREFIX = "Hillside"
-WIDEST = 110.0  # largest spacing of the terrain's grid lines [m]
+WIDEST = 66.0  # largest spacing of the terrain's grid lines [m]
+HEDGES = 140  # most bushes between fields [1]
 CLOSE = 50.0  # distance from the site within which buildings stand in detail [m]
 STREETS = (112.0, 168.0)  # distances of the streets on the lower land from the axis [m]
 PITCH = 33.0  # from a lane to the next one above [m]
@@ -102,9 +104,11 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     )
     plots = _town(terrain, sea, (*lanes, *streets), terraces, settings, halves(designs), rng)
     woods = Woods(draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0)
+    parcels, crops = valley_fields(terrain, sea, plots, (*lanes, *terraces, *streets), rng)
     covers = (
         *mountain_covers(terrain, sea, plots, woods, rng),
         *_town_covers(terrain, sea, draw_relief(((34.0, 1.0), (13.0, 0.6)), rng)),
+        *crops,
     )
     pieces = shore_pieces(terrain, sea, covers) + quay_pieces(terrain, sea, reaches) + lane_pieces(terrain, lanes)
     pieces += lane_pieces(terrain, terraces, ("Terrace", "ground", "grass"), "concrete")
@@ -116,7 +120,10 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     ]
     first_id = FIRST_BACKGROUND_ID + len(components)
     steps = ((*lanes, *streets), terraces)
-    return (*components, *_repeats(terrain, sea, reaches, steps, designs, plots, woods, settings, rng, first_id))
+    runs = _repeats(terrain, sea, reaches, steps, designs, plots, woods, settings, rng, first_id)
+    first_id += sum(len(run.instance_ids) for run in runs)
+    hedges = plant_hedges(terrain, parcels, plots.taken(), HEDGES, rng, first_id)
+    return (*components, *runs, *(replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges))
 
 
 def _repeats(

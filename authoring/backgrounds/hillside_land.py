@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.backgrounds.erosion import draw_gullies, eroded
 from authoring.backgrounds.lakeside_land import draw_crests
 from authoring.backgrounds.terrain import Cell, distance_beyond
 from authoring.backgrounds.waters import Basin, water_level, with_shore
@@ -58,16 +59,23 @@ def hillside_hills(land: Land, inner: Cell, sea: Basin, shape: tuple[float, floa
         Height of the land at large at any place [m].
     """
     broad, crest = draw_relief(((520.0, 1.0), (240.0, 0.4)), rng), draw_crests(rng)
-    gullies = draw_relief(((420.0, 60.0), (190.0, 24.0)), rng)
+    gullies = draw_gullies(rng)
     grade, height = shape
     middle = (inner[0] + inner[1]) / 2
 
-    def dry(station: F64, left: F64) -> F64:
-        away = distance_beyond(inner, station, left)
+    def mountains(station: F64, left: F64) -> F64:
         up = np.maximum(-sea.side * left - FOOT, 0.0)
         gentle = grade * np.minimum(up, 900.0) * (0.95 + 0.28 * broad(station, left))
-        rise = gentle + height * smoothstep(BUILT - FOOT, 2100.0, up) * (0.42 + 0.85 * crest(station, left))
-        rise = rise + gullies(station, left) * smoothstep(BUILT - FOOT, 900.0, up)
+        return gentle + height * smoothstep(BUILT - FOOT, 2100.0, up) * (0.42 + 0.85 * crest(station, left))
+
+    def high(station: F64, left: F64) -> F64:
+        return smoothstep(BUILT - FOOT, 760.0, np.maximum(-sea.side * left - FOOT, 0.0))
+
+    worn = eroded(mountains, gullies, high)
+
+    def dry(station: F64, left: F64) -> F64:
+        away = distance_beyond(inner, station, left)
+        rise = worn(station, left)
         aside = land.crossing.distance(station, left) - land.crossing.half_width
         valley = smoothstep(0.0, 1.0, (aside - 22.0) / (148.0 + 0.1 * away))
         return smoothstep(FIRST_STEP + 4.0, 70.0, away) * valley * rise

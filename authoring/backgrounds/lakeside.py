@@ -10,8 +10,9 @@ from authoring.backgrounds.boats import fleet
 from authoring.backgrounds.dwellings import Style, draw_designs, dwelling_runs, halves
 from authoring.backgrounds.lakeside_land import QUAY, draw_lake, lakeside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
+from authoring.backgrounds.lowland import valley_fields
 from authoring.backgrounds.plots import Plots, downhill, joined, settle
-from authoring.backgrounds.roadside import plant_poles
+from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import SETBACK, quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.shore_town import anchored, beside_roads, land_room, street_cars
 from authoring.backgrounds.slope_plants import Woods, draw_stands, green_runs, mountain_covers
@@ -26,7 +27,8 @@ F64 = NDArray[np.float64]
 PREFIX = "Lakeside"
 LANES = (142.0, 205.0, 275.0, 360.0, 460.0, 580.0)  # distances of the lanes on the slope from the axis [m]
 STREET = 112.0  # distance of a street behind the town from the axis [m]
-WIDEST = 110.0  # largest spacing of the terrain's grid lines [m]
+WIDEST = 66.0  # largest spacing of the terrain's grid lines [m]
+HEDGES = 140  # most bushes between fields [1]
 CLOSE = 50.0  # distance from the site within which buildings stand in detail [m]
 _PLASTERS = ("plaster", "plaster_white", "plaster_rose", "plaster_white")
 VILLA = Style((10.0, 16.5), (8.5, 12.0), (2, 3), ("hip", "hip", "gable"), _PLASTERS, 0.45, 0.8)
@@ -69,7 +71,8 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     streets = draw_lanes(terrain, lake.side, (STREET,), 430.0, 3.2, rng, street_gap(terrain))
     plots = _settlement(terrain, lake, (*lanes, *streets), settings, halves(designs), rng)
     woods = Woods(draw_stands(rng), (220.0, 1000.0), (OAK, LIME, OAK, CYPRESS, PALM), 480.0, 0.4, 4.0)
-    covers = mountain_covers(terrain, lake, plots, woods, rng)
+    parcels, crops = valley_fields(terrain, lake, plots, (*lanes, *streets), rng)
+    covers = (*mountain_covers(terrain, lake, plots, woods, rng), *crops)
     pieces = shore_pieces(terrain, lake, covers) + quay_pieces(terrain, lake, reaches)
     pieces += lane_pieces(terrain, lanes) + lane_pieces(terrain, streets, ("Street", "road", "asphalt"), None)
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways_to_water(terrain, lake)]
@@ -88,6 +91,8 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     runs += street_cars(terrain, lake, reaches, (*lanes, *streets), PREFIX, rng, ahead())
     promenade = quay_places(terrain, lake, reaches, 7.0, 9.0)
     runs += green_runs(terrain, lake, plots, (*lanes, *streets), woods, promenade, PREFIX, settings.trees, rng, ahead())
+    hedges = plant_hedges(terrain, parcels, plots.taken(), HEDGES, rng, ahead())
+    runs += [replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges]
     runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng)]
     return (*components, *runs)
 

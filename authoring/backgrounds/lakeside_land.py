@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.backgrounds.erosion import draw_gullies, eroded
 from authoring.backgrounds.terrain import Cell, distance_beyond
 from authoring.backgrounds.waters import Basin, water_level, with_shore
 from authoring.site.land import FIRST_STEP
@@ -62,12 +63,11 @@ def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.
     """
     broad, ridge = draw_relief(((900.0, 1.0), (380.0, 0.4)), rng), draw_crests(rng)
     rough = draw_relief(((170.0, 7.0), (62.0, 2.0)), rng)
-    gullies = draw_relief(((420.0, 60.0), (190.0, 24.0)), rng)
+    gullies = draw_gullies(rng)
     grade = float(rng.uniform(0.17, 0.24))
     middle = (inner[0] + inner[1]) / 2
 
-    def dry(station: F64, left: F64) -> F64:
-        away = distance_beyond(inner, station, left)
+    def mountains(station: F64, left: F64) -> F64:
         out = lake.side * left
         up = np.maximum(-out - FOOT, 0.0)
         far = np.minimum(np.maximum(-lake.inside(station, left), 0.0), np.maximum(out - lake.near(station), 0.0))
@@ -76,8 +76,16 @@ def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.
         gentle = grade * 700.0 * (1.0 - np.exp(-up / 700.0)) * (0.8 + 0.35 * broad(station, left))
         tall = height * smoothstep(420.0, 2300.0, up) * (0.45 + 0.8 * crest)
         steep = 1.25 * height * (1.0 - np.exp(-far / 520.0)) * (0.38 + 0.8 * crest)
-        rise = gentle + tall + steep
-        rise = rise + gullies(station, left) * smoothstep(90.0, 330.0, rise)
+        return gentle + tall + steep
+
+    def high(station: F64, left: F64) -> F64:
+        return smoothstep(70.0, 300.0, mountains(station, left))
+
+    worn = eroded(mountains, gullies, high)
+
+    def dry(station: F64, left: F64) -> F64:
+        away = distance_beyond(inner, station, left)
+        rise = worn(station, left)
         rise = rise + rough(station, left) * smoothstep(4.0, 60.0, rise)
         aside = land.crossing.distance(station, left) - land.crossing.half_width
         valley = smoothstep(0.0, 1.0, (aside - 22.0) / (218.0 + 0.1 * away))

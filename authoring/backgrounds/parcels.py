@@ -10,6 +10,7 @@ from authoring.backgrounds.terrain import Terrain
 from authoring.site.covers import Cover
 
 F64 = NDArray[np.float64]
+NEAR = 500.0  # distance from which fields are larger, and need no finer mesh [m]
 BALK = 1.0  # half the uncultivated strip between two fields [m]
 CROPS = (
     Cover("ploughed", "Ploughed", "ground", "furrows"),
@@ -79,10 +80,11 @@ def draw_parcels(
         heading = rng.uniform(-0.22, 0.22)
         depth = side * 92.0
         while abs(depth) < reach[1]:
-            width = rng.uniform(70.0, 130.0)
+            farther = 1.0 + max(abs(depth) - NEAR, 0.0) / NEAR
+            width = farther * rng.uniform(70.0, 130.0)
             at = -reach[0]
             while at < reach[0]:
-                length = rng.uniform(80.0, 190.0)
+                length = rng.uniform(80.0, 190.0) * max(farther, abs(at) / NEAR)
                 crop = ("ploughed", "crop", "crop", "ripe", "ripe", "hay", "")[rng.integers(0, 7)]
                 local = np.array([at + length / 2, depth + side * width / 2])
                 turned = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]) @ local

@@ -19,9 +19,9 @@ from authoring.site.relief import Relief, draw_relief, smoothstep
 
 F64 = NDArray[np.float64]
 WOOD = Cover("woodland", "Woodland", "vegetation", "woodland")
-CRAG = Cover("crag", "Crag", "rock", "rock")
+CRAG = Cover("crag", "Crag", "rock", "cliff")
 CLEARING = 17.0  # from a building's middle to the wood [m]
-CRAGGY = 1.6  # slope from which rock shows [1]
+CRAGGY = 1.25  # slope from which rock shows [1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def mountain_covers(
     across = np.gradient(heights, terrain.field.lefts, axis=1)
     slope = np.hypot(along, across)
     away = terrain.beyond(station, left)
-    ragged = draw_relief(((160.0, 0.3), (70.0, 0.25)), rng)(station, left)
+    ragged = draw_relief(((210.0, 0.28), (90.0, 0.30)), rng)(station, left)
     crag = np.minimum(25.0 * (slope + ragged - CRAGGY), 0.02 * (away - 500.0))
     wood = 25.0 * _wooded(terrain, lake, woods, station, left)
     if len(plots.places):

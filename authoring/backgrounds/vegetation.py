@@ -10,6 +10,7 @@ from authoring.site.covers import to_world
 from authoring.site.growth import stem
 from authoring.site.plants import Plant, branches, cone, foliage, limbs
 from authoring.site.relief import draw_relief
+from authoring.site.shape import Hills
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
@@ -118,7 +119,14 @@ def graded(which: NDArray[np.int32], away: F64) -> NDArray[np.int32]:
 
 
 def plant_trees(
-    terrain: Terrain, parcels: tuple[Parcel, ...], taken: F64, count: int, rng: np.random.Generator, first_id: int
+    terrain: Terrain,
+    parcels: tuple[Parcel, ...],
+    taken: F64,
+    count: int,
+    rng: np.random.Generator,
+    first_id: int,
+    *,
+    outside: Hills | None = None,
 ) -> tuple[Scatter, ...]:
     """Plant hedgerow trees, woods, riverside trees and solitary ones.
 
@@ -129,6 +137,7 @@ def plant_trees(
         count: Trees wanted.
         rng: Random stream.
         first_id: Instance id of the first run.
+        outside: How far a place lies within a forest, whose canopy the land carries [m]: no tree stands on it.
 
     Returns:
         Runs of detailed and of plain trees.
@@ -136,6 +145,8 @@ def plant_trees(
     places = _places(terrain, parcels, count, rng)
     clear = open_land(terrain, places[:, 0], places[:, 1]) > 0.5
     clear &= clear_of(terrain.land.layout.alignment, places[:, :2], taken, 3.5)
+    if outside is not None:
+        clear &= outside(places[:, 0], places[:, 1]) < 0.0
     places = places[clear & (terrain.beyond(places[:, 0], places[:, 1]) < 950.0)]
     places = places[_spaced(places[:, :2], 4.0)][:count]
     height = terrain.height(places[:, 0], places[:, 1]) - SUNK

@@ -1,5 +1,6 @@
 """Draw the axis of a bridge: straight, arc, clothoids, S or wave in plan; grade, crest or sag; crossfall and skew."""
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -52,29 +53,38 @@ class AlignmentSettings(Settings):
     )
 
 
+@dataclass(frozen=True)
+class Carried:
+    """What bridge an axis carries.
+
+    Attributes:
+        supports: Stations of the bearing lines, abutments first and last [m].
+        half_width: Half the deck's width [m].
+        service: `road` or `rail`.
+        straight: Arches and cables want a straight axis with square supports and no crest.
+    """
+
+    supports: tuple[float, ...]
+    half_width: float
+    service: str
+    straight: bool
+
+
 def draw_alignment(
-    settings: AlignmentSettings,
-    supports: tuple[float, ...],
-    half_width: float,
-    service: str,
-    mean_grade: tuple[float, bool],
-    straight: bool,
-    draws: Draws,
+    settings: AlignmentSettings, carried: Carried, mean_grade: tuple[float, bool], draws: Draws
 ) -> Alignment:
     """Draw an axis; its height is that of a finished surface that begins at 0.
 
     Args:
         settings: What the user fixed.
-        supports: Stations of the bearing lines, abutments first and last [m].
-        half_width: Half the deck's width [m].
-        service: `road` or `rail`.
+        carried: The bridge on it.
         mean_grade: Rise of the road per metre, mean over the bridge [1], and whether it was drawn.
-        straight: Arches and cables want a straight axis with square supports and no crest.
         draws: Random stream and profile of the bridge.
 
     Raises:
         InputError: Something that the user fixed does not fit the bridge.
     """
+    supports, half_width, service = carried.supports, carried.half_width, carried.service
     length, paper, (grade, free) = supports[-1], draws.profile == "paper", mean_grade
     kind, profile, turn = (draw_option(settings, key, draws) for key in ("kind", "profile", "turn"))
     radius_share, skewed, skew_sign = draws.random(), draws.random() < _SKEWED, 1.0 if draws.random() < 0.5 else -1.0
@@ -82,7 +92,7 @@ def draw_alignment(
         key: draw(settings, key, draws)
         for key in ("spiral", "amplitude", "wave", "crest_radius", "superelevation", "cant", "skew")
     }
-    if straight:
+    if carried.straight:
         _refuse(settings)
         kind, profile, skew = "straight", "grade", 0.0
     else:

@@ -14,10 +14,11 @@ from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws
 from authoring.parts.fittings import fitting_parts
+from authoring.parts.footings import Founding
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground
 from authoring.parts.spandrel_decks import SpandrelDeck, deck_beam_parts, draw_spandrel_deck, spandrel_deck_parts
-from authoring.parts.spandrels import Bents, bent_footing, foot_on, pier_bent_parts, spandrel_parts
+from authoring.parts.spandrels import Bents, CapPlace, bent_footing, foot_on, pier_bent_parts, spandrel_parts
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.shapes.component import F64
 
@@ -87,7 +88,7 @@ def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> 
     arch = ArchAxis(choice.shape, choice.span, choice.rise)
     under = slab.levels(top, bearings).girder_soffit - bents.cap_depth - stub - 0.5 * choice.depth
     rib = Rib(arch, 0.0, under - choice.rise, 0.0, choice.depth, choice.springing_depth)
-    rib, supports, pitch = _set_out(rib, choice, bents, abutments)
+    rib, supports, pitch = _rib_and_supports(rib, choice, bents, abutments)
     overhang = max(0.32, round(0.5 * bearings.plinth_length + 0.02, 3))
     spans = Spans(supports, overhang, 0.04)
     first, last = (supports[0], supports[-1]) if len(supports) == 2 else (supports[1], supports[2])
@@ -196,7 +197,9 @@ def _draw_bents(choice: ArchChoice, section: RibSection, slab: SpandrelDeck, wid
     )
 
 
-def _set_out(rib: Rib, choice: ArchChoice, bents: Bents, abutments: Abutments) -> tuple[Rib, tuple[float, ...], float]:
+def _rib_and_supports(
+    rib: Rib, choice: ArchChoice, bents: Bents, abutments: Abutments
+) -> tuple[Rib, tuple[float, ...], float]:
     """Find the stations of springings, supports and bents."""
     behind = -float(skewback_face(rib, 0)[0][0])  # from the springing back to the upper corner of its face
     if choice.approach_bays == 0:
@@ -244,21 +247,21 @@ def _pier_parts(arch: DrawnDeckArch, place: Alignment, middle: Alignment, ground
         back = 2.0 * _ROOM + arch.bents.length
         if count == 2:
             back = 1.0 + 0.01
-        block = skewback_part(arch.rib, end, f"Springing_{end}", (-reach, reach), back, FOUNDING, middle, ground)
-        parts.append(block)
+        founding = Founding(middle, ground, FOUNDING)
+        parts.append(skewback_part(arch.rib, end, f"Springing_{end}", (-reach, reach), back, founding))
         if count == 2:
             continue
         support = 1 + end
         station = arch.spans.supports[support]
         level = level_at(place, station)
         foot = float(skewback_face(arch.rib, end)[0][1]) + middle.level - level.level
-        name, width = f"Pier_{support:03d}", max(paired, arch.bents.cap_width)
-        parts += pier_bent_parts(arch.bents, name, station, arch.levels.seat, width, foot, place, support)
+        cap = CapPlace(station, arch.levels.seat, max(paired, arch.bents.cap_width))
+        parts += pier_bent_parts(arch.bents, f"Pier_{support:03d}", cap, foot, place, support)
     for number, station in enumerate(arch.pier_stations):
-        level = level_at(place, station)
+        founding = Founding(level_at(place, station), ground, FOUNDING)
         name, top = f"Bank_Pier_{number:03d}", arch.levels.girder_soffit + _INTO_DECK
         ceiling = top - arch.bents.cap_depth - 0.3
-        footing, foot = bent_footing(arch.bents, f"{name}_Footing", station, ceiling, FOUNDING, level, ground)
-        parts += pier_bent_parts(arch.bents, name, station, top, arch.bents.cap_width, foot, place)
+        footing, foot = bent_footing(arch.bents, f"{name}_Footing", station, ceiling, founding)
+        parts += pier_bent_parts(arch.bents, name, CapPlace(station, top, arch.bents.cap_width), foot, place)
         parts.append(footing)
     return parts

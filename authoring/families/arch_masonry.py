@@ -13,6 +13,7 @@ from authoring.parts.arch_axis import Rib
 from authoring.parts.bearings import draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws, draw, draw_whole
+from authoring.parts.footings import Founding
 from authoring.parts.masonry import ROLE, Viaduct, masonry_support_parts, ring_of, viaduct_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground
@@ -99,7 +100,7 @@ def build_masonry(layout: Layout, arch: DrawnMasonry, ground: Ground) -> list[Pa
     v = replace(arch.viaduct, slope=slope)
     parts = viaduct_parts(v, arch.top.surfacing, middle)
     parts += [_as_masonry(part) for part in deck_top_parts(arch.top, spans, deck_runs(spans, arch.abutments), place)]
-    parts += masonry_support_parts(v, FOUNDING, middle, ground)
+    parts += masonry_support_parts(v, Founding(middle, ground, FOUNDING))
     levels = Levels(arch.top.surfacing, 0.0, 0.0, 0.0, -arch.top.surfacing - v.ring.base)
     walls = abutment_parts(arch.abutments, arch.top.width, spans, levels, place, ground)
     parts += [replace(part, role=ROLE) for part in walls if part.kind == "wing_wall"]

@@ -18,7 +18,8 @@ from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_de
 from authoring.parts.decks import deck_parts
 from authoring.parts.drawing import Draws
 from authoring.parts.fittings import fitting_parts
-from authoring.parts.hangers import Hangers, bracket_surface, hanger_parts, needed_height
+from authoring.parts.footings import Founding
+from authoring.parts.hangers import Hangers, RibAbove, bracket_surface, hanger_parts, needed_height
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spandrels import Bents, column_surface, foot_on
@@ -166,8 +167,8 @@ def build_through_arch(layout: Layout, arch: DrawnThroughArch, ground: Ground) -
     line, ends = arch.section.lines[1], (spans.supports[0], spans.supports[-1])
     if arch.kind == "tied":
         parts += tie_parts(arch.floor, line, *ends, place)
-        front = arch.abutments.front
-        parts += tie_seat_parts(arch.floor, line, ends, front, levels.seat, FOUNDING, place, ground)
+        founding = Founding(place, ground, FOUNDING)
+        parts += tie_seat_parts(arch.floor, line, ends, arch.abutments.front, levels.seat, founding)
     else:
         parts += _skewback_parts(arch, rib, middle, ground)
     parts += abutment_parts(arch.abutments, arch.top.width, spans, levels, place, ground)
@@ -259,6 +260,7 @@ def _panel_parts(arch: DrawnThroughArch, rib: Rib, number: int, place: Alignment
     station, levels = arch.pitch * number, arch.levels
     level = level_at(place, station)
     lift = middle.level - level.level
+    above = RibAbove(rib, station, level, lift)
     line = arch.section.lines[1]
     name = f"Floor_Beam_{number:03d}"
     tied, end = arch.kind == "tied", number in (0, arch.panels)
@@ -276,34 +278,28 @@ def _panel_parts(arch: DrawnThroughArch, rib: Rib, number: int, place: Alignment
         reach = face + EMBEDDED
     elif inside and not end:
         reach = line + max(0.30, 0.5 * arch.columns.width + _BESIDE_COLUMN)
-        parts += [] if hung else _post_parts(arch, rib, number, station, (low, high), level, middle)
+        parts += [] if hung else _post_parts(arch, number, above, (low, high), middle)
     parts.append(floor_beam_part(arch.floor, name, station, reach, levels, place))
     if hung:
         for side, middle_line in (("L", line), ("R", -line)):
             where = f"{number:03d}_{side}"
-            parts += hanger_parts(arch.hangers, where, station, middle_line, foot, rib, level, lift)
+            parts += hanger_parts(arch.hangers, where, above, middle_line, foot)
     return parts
 
 
 def _post_parts(
-    arch: DrawnThroughArch,
-    rib: Rib,
-    number: int,
-    station: float,
-    edges: tuple[float, float],
-    level: Alignment,
-    middle: Alignment,
+    arch: DrawnThroughArch, number: int, above: RibAbove, edges: tuple[float, float], middle: Alignment
 ) -> list[Part]:
     """Build posts between rib and floor beam where there is no room for a hanger."""
-    parts = []
+    parts, station, level = [], above.station, above.level
     soffit, columns = arch.levels.soffit, arch.columns
     for side, line in (("L", arch.section.lines[1]), ("R", arch.section.lines[0])):
         if edges[0] > soffit:
             size = (columns.length, columns.width)
-            surface = bracket_surface(rib, station, line, size, soffit - 0.005, level, middle.level - level.level)
+            surface = bracket_surface(above, line, size, soffit - 0.005)
         else:
             high = soffit - arch.floor.beam_depth + EMBEDDED
-            foot = foot_on(rib.extrados, station, columns.length, level, middle)
+            foot = foot_on(above.rib.extrados, station, columns.length, level, middle)
             surface = column_surface(columns, station, line, foot, (high, 0.0), level)
         height = float(np.ptp(surface.points[:, 2]))
         facts: dict[str, object] = {"length": columns.length, "width": columns.width, "height": height}
@@ -328,12 +324,11 @@ def _brace_parts(arch: DrawnThroughArch, rib: Rib, place: Alignment, middle: Ali
 
 def _skewback_parts(arch: DrawnThroughArch, rib: Rib, middle: Alignment, ground: Ground) -> list[Part]:
     half, line = 0.5 * arch.section.width, arch.section.lines[1]
-    back = max(2.0, 0.05 * rib.axis.span)
+    back, founding = max(2.0, 0.05 * rib.axis.span), Founding(middle, ground, FOUNDING)
     parts = []
     for end in (0, 1):
         for side, sign in (("L", 1.0), ("R", -1.0)):
             left = sorted((sign * (line - half - _CLEAR + 0.02), sign * (line + half + 0.40)))
             name = f"Springing_{end}_{side}"
-            block = skewback_part(rib, end, name, (left[0], left[1]), back, FOUNDING, middle, ground)
-            parts.append(block)
+            parts.append(skewback_part(rib, end, name, (left[0], left[1]), back, founding))
     return parts

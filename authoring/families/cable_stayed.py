@@ -29,7 +29,7 @@ from authoring.parts.fittings import fitting_parts
 from authoring.parts.medians import median_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
-from authoring.parts.pylons import Pylon, pylon_parts
+from authoring.parts.pylons import Pylon, PylonSite, pylon_parts
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.stays import Stays, stay_parts
 from groundwork.errors import InputError
@@ -318,7 +318,8 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
     parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     for support, station, _ in bridge.pylons:
-        parts += pylon_parts(bridge.pylon, support, station, -levels.surfacing, place, ground, bridge.piers.footing_top)
+        site = PylonSite(support, station, -levels.surfacing, bridge.piers.footing_top)
+        parts += pylon_parts(bridge.pylon, site, place, ground)
     parts += pier_parts(bridge.piers, spans, levels, place, ground, tuple(station for _, station, _ in bridge.pylons))
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top

@@ -32,7 +32,7 @@ from authoring.parts.plate_girders import PlateGirders, girder_parts, splices
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.splices import splice_parts
 from authoring.parts.steel_choice import PlateGirderSettings, draw_plate_girders
-from authoring.parts.stiffeners import stiffener_parts
+from authoring.parts.stiffeners import Stiffening, stiffener_parts
 
 _SPANS = SpanRule("girder", "steel girders", 10.0, 90.0, (22.0, 60.0), 18.0, one_row=True)
 _COUNTS = {"1": 14.0, "2": 20.0, "3": 26.0, "4": 16.0, "5": 10.0, "6": 6.0, "7": 4.0, "8": 4.0}
@@ -163,7 +163,8 @@ def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Pa
     parts += girder_parts(steel, spans, cuts, levels, place)
     parts += splice_parts(steel, spans, cuts, levels, place)
     if frames.stiffeners:
-        parts += stiffener_parts(steel, spans, stations, cuts, frames.stiffener_pitch, frames.stiffener, levels, place)
+        stiffening = Stiffening(stations, cuts, frames.stiffener_pitch, frames.stiffener)
+        parts += stiffener_parts(steel, spans, stiffening, levels, place)
     parts += cross_frame_parts(frames, steel, spans, stations, levels, place)
     parts += deck_top_parts(girder.top, spans, deck_runs(spans, girder.abutments), place)
     for where, on_piers in ((levels, False), (piers, True)):

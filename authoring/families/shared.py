@@ -7,7 +7,7 @@ from pydantic import Field
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.axis.clearance import refuse_hill
-from authoring.families.alignments import AlignmentSettings, draw_alignment
+from authoring.families.alignments import AlignmentSettings, Carried, draw_alignment
 from authoring.parts.abutments import AbutmentSettings
 from authoring.parts.bearings import BearingSettings
 from authoring.parts.deck_top import DeckTop, DeckTopSettings, road_section
@@ -68,9 +68,8 @@ def draw_layout_of(
     """
     clearance, grade = draw(shared, "clearance", draws), draw(shared, "grade", draws)
     clearance = max(clearance, least_clearance)
-    axis = draw_alignment(
-        shared.alignment, supports, 0.5 * top.width, top.service, (grade, shared.grade is None), straight, draws
-    )
+    carried = Carried(supports, 0.5 * top.width, top.service, straight)
+    axis = draw_alignment(shared.alignment, carried, (grade, shared.grade is None), draws)
     if shared.alignment.skew is None and not top.takes_skew:
         axis = replace(axis, skew=0.0)
     level = round(clearance - lowest_soffit - _lowest(axis, supports, 0.5 * top.width), 3)

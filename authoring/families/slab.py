@@ -24,6 +24,7 @@ from authoring.parts.slabs import (
     LEAST_DEPTH,
     SLENDERNESS,
     Slab,
+    SlabNeeds,
     SlabSectionSettings,
     draw_section,
     draw_slab_section,
@@ -108,7 +109,7 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
     spans = _draw_spans(settings, section, top.service, bearings, draws)
     longest = float(np.max(np.diff(spans.supports)))
     ratio = usual_slenderness(top.service, continuous=spans.continuous)
-    slab = draw_slab_section(settings, section, top.width, longest, ratio, bearings, draws)
+    slab = draw_slab_section(settings, section, SlabNeeds(top.width, longest, ratio), bearings, draws)
     if settings.depth and draws.profile != "paper":
         most = min(ratio * SLENDERNESS[1], longest / LEAST_DEPTH)
         check_depth("bridge.slab.depth", slab.depth, longest, (ratio * SLENDERNESS[0], most))

@@ -6,7 +6,7 @@ import numpy as np
 
 from authoring.families.stayed_choices import Choice
 from authoring.parts.pylons import Pylon, anchor_faces
-from authoring.parts.stays import STEEPEST, Run, Stays, collar_of, head_heights
+from authoring.parts.stays import STEEPEST, HeadZone, Run, Stays, collar_of, head_heights
 from groundwork.errors import InputError
 
 GAUGE = {"road": 4.7, "rail": 6.0}  # [m] clear height over the finished surface
@@ -168,11 +168,11 @@ def _heads(choice: Choice, frame: Frame, least: float) -> tuple[tuple[float, ...
         far = 0.5 * choice.main if choice.pylons == 2 else choice.main
         slope = (top - frame.foot) / (far - face[0])
         near = (max(least, frame.foot + 3.0) - frame.foot) / slope + face[0] + 0.1 if least else 0.0
-    collar = collar_of(choice.diameter)
     offsets = _offsets(choice, frame, lowest, near)
-    lowest = head_heights(choice.arrangement, _runs(choice, offsets, face), frame.foot, top, zone, collar, face)[0]
+    heads = HeadZone(frame.foot, top, zone, collar_of(choice.diameter), face[1])
+    lowest = head_heights(choice.arrangement, _runs(choice, offsets, face), heads)[0]
     offsets = _offsets(choice, frame, lowest, near)
-    return offsets, head_heights(choice.arrangement, _runs(choice, offsets, face), frame.foot, top, zone, collar, face)
+    return offsets, head_heights(choice.arrangement, _runs(choice, offsets, face), heads)
 
 
 def _runs(choice: Choice, offsets: tuple[float, ...], face: tuple[float, float]) -> tuple[Run, ...]:

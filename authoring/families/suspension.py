@@ -28,7 +28,7 @@ from authoring.parts.drawing import Draws, draw
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
-from authoring.parts.pylons import Pylon, pylon_parts
+from authoring.parts.pylons import Pylon, PylonSite, pylon_parts
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans
 from authoring.parts.suspension_cables import SuspensionCables, cable_parts, saddle_depth
 
@@ -236,7 +236,8 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
     towers = [(spans.supports.index(station), station) for station in cables.towers]
     for support, station in towers:
-        parts += pylon_parts(bridge.tower, support, station, -levels.surfacing, place, ground, bridge.piers.footing_top)
+        site = PylonSite(support, station, -levels.surfacing, bridge.piers.footing_top)
+        parts += pylon_parts(bridge.tower, site, place, ground)
     parts += pier_parts(bridge.piers, spans, levels, place, ground, cables.towers)
     parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
     top = bridge.top

@@ -202,6 +202,25 @@ def rock(tile: Tile) -> Sheet:
     return Sheet(albedo, 0.93 + 0.02 * grain, 0.02 * ridges - 0.03 * fissure + 0.05 * shades)
 
 
+def cliff(tile: Tile) -> Sheet:
+    """Steep rock seen from far off: beds, clefts with shrubs, ledges with grass, dark streaks of water, scree.
+
+    Args:
+        tile: Where it repeats.
+    """
+    beds, blocks = fractal(tile, 22.0, 1.2, stretch=(2.5, 1.0)), cells(tile, 9.0, stretch=1.6, jitter=1.0)
+    grain, broad = fractal(tile, 2.0, slope=0.4), fractal(tile, 60.0, 6.0)
+    cleft = ramp(np.abs(fractal(tile, 30.0, 0.8, slope=1.1)), 0.22, 0.05)
+    tone = 1 + 0.16 * beds + 0.30 * (per_cell(tile, blocks) - 0.5) + 0.10 * grain + 0.10 * broad
+    albedo = paint((0.150, 0.143, 0.128), tone * (1 - 0.45 * cleft))
+    albedo = cover(albedo, 0.5 * ramp(beds + broad, 0.9, 2.4), (0.185, 0.160, 0.125))
+    albedo = cover(
+        albedo, 0.85 * ramp(broad + 0.7 * beds + 0.3 * grain, -0.2, 0.9), paint((0.070, 0.086, 0.036), 1 + 0.2 * grain)
+    )
+    albedo = cover(albedo, 0.9 * cleft * ramp(grain, -0.6, 0.6), (0.034, 0.050, 0.020))
+    return Sheet(albedo, 0.93 + 0.01 * grain, 0.4 * beds)
+
+
 def stones(tile: Tile, pitch: float, color: Color, bed: Color) -> Sheet:
     """Loose stones: gravel, ballast, river cobbles.
 

@@ -125,18 +125,25 @@ def open_water(tile: Tile) -> Sheet:
 
 
 def woodland(tile: Tile) -> Sheet:
-    """A closed wood seen from far above: crown beside crown, dark gaps between.
+    """A mixed wood seen from far off: crowns small and large, stands of conifers, gaps, thinned places.
 
     Args:
         tile: Where it repeats.
     """
-    crowns = cells(tile, 4.4, jitter=0.95)
-    own, hue = per_cell(tile, crowns), per_cell(tile, crowns)
-    stand, leaves = fractal(tile, 14.0, 4.0), fractal(tile, 2.4, slope=0.4)
-    dome = ramp(crowns.near, 0.62, 0.12)
-    tone = 0.30 + 0.30 * dome * (0.6 + 0.6 * own) + 0.03 * stand + 0.07 * leaves
+    large, small = cells(tile, 8.2, jitter=0.95), cells(tile, 4.6, jitter=0.95)
+    stand, leaves = fractal(tile, 120.0, 9.0), fractal(tile, 3.0, slope=0.4)
+    dark = ramp(stand + 0.25 * fractal(tile, 26.0, 3.0), 0.25, 0.75)
+    own = (1 - dark) * per_cell(tile, large) + dark * per_cell(tile, small)
+    hue = per_cell(tile, large)
+    near = (1 - dark) * large.near + dark * small.near
+    dome = ramp(near, 0.66, 0.10)
+    tone = (0.22 + 0.40 * dome * (0.45 + 0.8 * own)) * (1 + 0.08 * stand) + 0.05 * leaves
     albedo = palette(tone, _LEAVES)
-    albedo = cover(albedo, 0.35 * dome * ramp(hue, 0.72, 1.0), paint((0.082, 0.092, 0.030), 1 + 0.15 * leaves))
+    albedo = cover(albedo, 0.5 * dome * ramp(hue, 0.66, 1.0), paint((0.088, 0.092, 0.034), 1 + 0.15 * leaves))
+    needles = paint((0.026, 0.044, 0.020), (0.35 + 0.95 * dome * (0.5 + own)) * (1 + 0.10 * leaves))
+    albedo = cover(albedo, dark, needles)
+    thin = ramp(fractal(tile, 70.0, 6.0) - 0.5 * dome, 1.15, 1.9)
+    albedo = cover(albedo, 0.8 * thin, paint((0.085, 0.100, 0.042), 1 + 0.20 * leaves))
     return Sheet(albedo, 0.93 + 0.01 * leaves, 1.2 * dome)
 
 

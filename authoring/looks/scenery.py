@@ -15,6 +15,7 @@ SCENERY: dict[str, Recipe] = {
     "roof_tile": Recipe(mineral.roof_tile, 4.0, ROUGH, relief=True),
     "roof_grey": Recipe(partial(mineral.roof_tile, color=(0.110, 0.118, 0.130)), 4.0, ROUGH, relief=True),
     "rock": Recipe(mineral.rock, 5.0, ROUGH, relief=True),
+    "cliff": Recipe(mineral.cliff, 150.0, ROUGH),
     "gravel": Recipe(
         partial(mineral.stones, pitch=0.05, color=(0.23, 0.215, 0.19), bed=(0.12, 0.105, 0.085)),
         4.0,
@@ -31,7 +32,7 @@ SCENERY: dict[str, Recipe] = {
     "ripe_crop": Recipe(partial(organic.crop, ripe=True), 4.5, ROUGH, patchy=True),
     "water": Recipe(organic.water, 6.0, FAINT),
     "open_water": Recipe(organic.open_water, 90.0, FAINT),
-    "woodland": Recipe(organic.woodland, 60.0, ROUGH),
+    "woodland": Recipe(organic.woodland, 320.0, ROUGH),
     "bark": Recipe(organic.bark, 2.0, ROUGH, relief=True),
     "foliage": Recipe(organic.foliage, 3.0, ROUGH),
     "leaves": Recipe(leaves, 4.0, FAINT, pixels=FULL, cut_out=True),

@@ -122,7 +122,7 @@ def abutment_parts(
         parts += [
             *_wall_parts(abutments, width, stand, levels, level, ground),
             _backwall_part(width, stand, spans, levels, level, place),
-            *_wing_parts(abutments, width, support, station, back, levels, place, ground),
+            *_wing_parts(abutments, width, stand, levels, place, ground),
         ]
     return parts
 
@@ -216,15 +216,9 @@ def _backwall_part(
 
 
 def _wing_parts(
-    abutments: Abutments,
-    width: float,
-    support: int,
-    station: float,
-    back: float,
-    levels: Levels,
-    place: Alignment,
-    ground: Ground,
+    abutments: Abutments, width: float, stand: _Stand, levels: Levels, place: Alignment, ground: Ground
 ) -> list[Part]:
+    support, station, back = stand.support, stand.station, stand.back
     ends = sorted((station + back * ABUTMENT_BACK, station + back * (ABUTMENT_BACK + abutments.wing_length)))
     parts = []
     for side, sign in (("L", 1.0), ("R", -1.0)):

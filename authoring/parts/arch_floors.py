@@ -1,13 +1,12 @@
 """The floor of a bridge under an arch: floor beams, tie girders, and the blocks that carry the ties."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.arches import ground_under
+from authoring.parts.footings import Founding
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
-from authoring.parts.piers import Ground
 from authoring.parts.spandrel_decks import i_outline
 from authoring.parts.spans import ABUTMENT_BACK, Levels, level_at
 from authoring.shapes.sections import cut_corners, rectangle
@@ -101,9 +100,7 @@ def tie_seat_parts(
     supports: tuple[float, float],
     front: float,
     seat: float,
-    founding: float,
-    place: Alignment,
-    ground: Ground,
+    founding: Founding,
 ) -> list[Part]:
     """Build the four blocks beside the abutments that the ties' bearings stand on.
 
@@ -113,20 +110,18 @@ def tie_seat_parts(
         supports: Stations of the bearing lines [m].
         front: From a bearing line to the front face [m].
         seat: Height of the seats [m].
-        founding: Bottom below the lowest ground at a block [m].
-        place: Axis of the bridge.
-        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+        founding: How deep they stand, from the axis of the bridge.
     """
     parts = []
     half = 0.5 * floor.tie_width
     for support, (station, away) in enumerate(zip(supports, (-1.0, 1.0), strict=True)):
-        level = level_at(place, station)
+        level = level_at(founding.place, station)
         wall, back = station + away * (floor.tie_end + _TIE_GAP), station + away * ABUTMENT_BACK
         face = station - away * (front + 0.1)
         for side, sign in (("L", 1.0), ("R", -1.0)):
             left = sorted((sign * (line - half + 0.02), sign * (line + half + 0.30)))
-            lowest = ground_under(ground, level, (min(face, back), max(face, back)), (left[0], left[1]))[0]
-            bottom = min(lowest, seat - 1.5) - founding
+            ends = (min(face, back), max(face, back))
+            bottom = replace(founding, place=level).bottom(ends, (left[0], left[1]), seat - 1.5)
             outline = np.array(
                 [
                     (back, bottom),

@@ -6,8 +6,8 @@ import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.arch_axis import Rib
+from authoring.parts.footings import Founding
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
-from authoring.parts.piers import Ground
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, mirrored, rectangle
 from authoring.shapes.topology import corner_normals
@@ -19,7 +19,6 @@ _FLAT = 1e-8  # [m] that a face may leave its plane
 _LOCAL = Alignment(0.0)
 _FACE_MARGIN = 0.25  # [m] block beyond the rib on the face that the rib springs from
 _FLANGE_OVERHANG = 0.05  # [m] of a steel box's flanges over its webs
-_BESIDE = 0.3  # [m] round a block where the ground is asked for
 
 
 @dataclass(frozen=True)
@@ -171,29 +170,6 @@ def facetted(surface: Surface) -> Surface:
     return replace(surface, st=st, chart=np.arange(len(surface.face_counts), dtype=np.int32))
 
 
-def ground_under(
-    ground: Ground, place: Alignment, stations: tuple[float, float], left: tuple[float, float]
-) -> tuple[float, float]:
-    """Find the lowest and the highest ground under a rectangle and close beside it.
-
-    Args:
-        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
-        place: Level frame.
-        stations: From and to [m].
-        left: From and to, to the left of the axis [m].
-
-    Returns:
-        Heights above the frame's finished surface [m].
-    """
-    s, across = np.meshgrid(
-        np.linspace(stations[0] - _BESIDE, stations[1] + _BESIDE, 13),
-        np.linspace(left[0] - _BESIDE, left[1] + _BESIDE, 13),
-    )
-    points = place.point(s.ravel(), across.ravel(), np.zeros(s.size))
-    heights = ground(points[:, :2]) - points[:, 2]
-    return float(heights.min()), float(heights.max())
-
-
 def skewback_face(rib: Rib, end: int) -> tuple[F64, F64]:
     """Find the corners of the face that a rib springs from.
 
@@ -210,16 +186,7 @@ def skewback_face(rib: Rib, end: int) -> tuple[F64, F64]:
     return nodes[k] + reach * ways[k], nodes[k] - reach * ways[k]
 
 
-def skewback_part(
-    rib: Rib,
-    end: int,
-    name: str,
-    left: tuple[float, float],
-    back: float,
-    founding: float,
-    place: Alignment,
-    ground: Ground,
-) -> Part:
+def skewback_part(rib: Rib, end: int, name: str, left: tuple[float, float], back: float, founding: Founding) -> Part:
     """Build a block with an inclined face that a rib thrusts against; it reaches down into the ground.
 
     Args:
@@ -228,17 +195,15 @@ def skewback_part(
         name: Name of the part.
         left: From and to, to the left of the axis [m].
         back: Length of its top behind the face [m].
-        founding: Its bottom below the lowest ground at it [m].
-        place: Level frame at mid-span.
-        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+        founding: How deep it stands, in the level frame at mid-span.
     """
     upper, lower = skewback_face(rib, end)
     away = -1.0 if end == 0 else 1.0
     behind = upper[0] + away * back
     stations = (min(behind, lower[0]), max(behind, lower[0]))
-    bottom = min(ground_under(ground, place, stations, left)[0], lower[1] - 0.5) - founding
+    bottom = founding.bottom(stations, left, lower[1] - 0.5)
     outline = np.array([(behind, bottom), (lower[0], bottom), lower, upper, (behind, upper[1])])
-    surface = Prism(outline if end == 0 else outline[::-1], left[0], left[1], "left", place, 0.025)
+    surface = Prism(outline if end == 0 else outline[::-1], left[0], left[1], "left", founding.place, 0.025)
     size: dict[str, object] = {
         "length": left[1] - left[0],
         "width": stations[1] - stations[0],

@@ -9,7 +9,7 @@ from authoring.parts.abutments import Abutments, approach_range
 from authoring.parts.drawing import Draws, chosen, draw_option
 from authoring.parts.fittings import Fittings, FittingSettings, draw_fittings
 from authoring.parts.medians import median_parts
-from authoring.parts.parapets import EMBEDDED, LEDGE, Parapets, ParapetSettings, draw_parapets, parapet_parts
+from authoring.parts.parapets import EMBEDDED, LEDGE, DeckEdge, Parapets, ParapetSettings, draw_parapets, parapet_parts
 from authoring.parts.part import Part
 from authoring.parts.roadway import Roadway, RoadwaySettings, draw_roadway, kerb_parts, lane_lines, surfacing_parts
 from authoring.parts.spans import Spans
@@ -182,6 +182,7 @@ def deck_top_parts(top: DeckTop, spans: Spans, runs: Runs, place: Alignment) -> 
         for number, (low, high) in enumerate(spans.pieces):
             noses = number == 0, number == len(spans.pieces) - 1
             parts += median_parts(top.roadway, low, high, (), place, name=f"{number:03d}_", noses=noses)
+    edge = DeckEdge(top.half_width, top.parapet_foot, top.walk_level)
     for name, (low, high) in runs:
         kerb = (name, low + _KERB_SHORTER, high - _KERB_SHORTER, place)
         parts += [] if top.roadway is None else kerb_parts(top.roadway, *kerb)
@@ -190,7 +191,7 @@ def deck_top_parts(top: DeckTop, spans: Spans, runs: Runs, place: Alignment) -> 
         if top.parapets.terminals and name.startswith(APPROACH):
             parts += _ended_parapets(top, name, begin, end, place, first=high < spans.supports[-1])
             continue
-        parts += parapet_parts(top.parapets, top.half_width, top.parapet_foot, name, begin, end, place, top.walk_level)
+        parts += parapet_parts(top.parapets, edge, name, begin, end, place)
     return parts
 
 
@@ -199,5 +200,5 @@ def _ended_parapets(top: DeckTop, name: str, begin: float, end: float, place: Al
     block = (begin, begin + TERMINAL) if first else (end - TERMINAL, end)
     run = (block[1] - EMBEDDED, end) if first else (begin, block[0] + EMBEDDED)
     foot = top.half_width, top.parapet_foot, name
-    parts = parapet_parts(top.parapets, *foot, *run, place, top.walk_level)
+    parts = parapet_parts(top.parapets, DeckEdge(*foot[:2], top.walk_level), name, *run, place)
     return parts + terminal_parts(top.parapets, *foot[:2], (name, *block), place, way=top.walk_level)

@@ -1,6 +1,7 @@
 """Spread footings: blocks in the ground, whose bottoms lie below it everywhere; their tops show where asked for."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +14,50 @@ from authoring.solids.sweep import Surface
 Ground = Callable[[F64], F64]
 
 _LEAST_SHAFT = 0.5  # [m] that stays between a footing and what its shafts carry
+_BESIDE = 0.3  # [m] round a block where the ground is asked for
+
+
+@dataclass(frozen=True)
+class Founding:
+    """How deep a block of an arch bridge stands in the ground.
+
+    Attributes:
+        place: Level frame, or axis of the bridge, that heights count in.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+        depth: Bottom of a block below the lowest ground at it [m].
+    """
+
+    place: Alignment
+    ground: Ground
+    depth: float
+
+    def ground_range(self, stations: tuple[float, float], left: tuple[float, float]) -> tuple[float, float]:
+        """Find the lowest and the highest ground under a rectangle and close beside it.
+
+        Args:
+            stations: From and to [m].
+            left: From and to, to the left of the axis [m].
+
+        Returns:
+            Heights above the frame's finished surface [m].
+        """
+        s, across = np.meshgrid(
+            np.linspace(stations[0] - _BESIDE, stations[1] + _BESIDE, 13),
+            np.linspace(left[0] - _BESIDE, left[1] + _BESIDE, 13),
+        )
+        points = self.place.point(s.ravel(), across.ravel(), np.zeros(s.size))
+        heights = self.ground(points[:, :2]) - points[:, 2]
+        return float(heights.min()), float(heights.max())
+
+    def bottom(self, stations: tuple[float, float], left: tuple[float, float], ceiling: float) -> float:
+        """Find the bottom of a block [m].
+
+        Args:
+            stations: From and to [m].
+            left: From and to, to the left of the axis [m].
+            ceiling: The highest that the ground counts, so that a block keeps a height of its own [m].
+        """
+        return min(self.ground_range(stations, left)[0], ceiling) - self.depth
 
 
 def footing_top(lowest: float, highest: float, rise: float) -> float:

@@ -41,28 +41,51 @@ def needed_height() -> float:
     return SOCKET_HEIGHT + SHORTEST + ANCHOR_HEIGHT + 0.10
 
 
-def hanger_parts(
-    hangers: Hangers, name: str, station: float, line: float, foot: float, rib: Rib, level: Alignment, lift: float
-) -> list[Part]:
+@dataclass(frozen=True)
+class RibAbove:
+    """A rib above one station, in the level frame there.
+
+    Attributes:
+        rib: Axis and depths.
+        station: Where [m].
+        level: Level frame at the station.
+        lift: To be added to the rib's heights to count in that frame [m].
+    """
+
+    rib: Rib
+    station: float
+    level: Alignment
+    lift: float
+
+    def soffit(self, stations: F64) -> F64:
+        """Find heights of the rib's soffit in the level frame.
+
+        Args:
+            stations: Where [m], shape (N,), float64.
+
+        Returns:
+            Heights [m], shape (N,), float64.
+        """
+        return self.rib.intrados(stations) + self.lift
+
+
+def hanger_parts(hangers: Hangers, name: str, above: RibAbove, line: float, foot: float) -> list[Part]:
     """Build a hanger with its socket and its anchorage.
 
     Args:
         hangers: Dimensions.
         name: Ending of the names, e.g. `004_L`.
-        station: Where it hangs [m].
+        above: What it hangs from, and where.
         line: Distance to the left of the axis [m].
         foot: Height of what the socket stands on [m].
-        rib: What it hangs from.
-        level: Level frame at the station.
-        lift: To be added to the rib's heights to count in that frame [m].
     """
-    h = hangers
-    centre = np.array([station, line])
-    soffit = float(rib.intrados(np.array([station]))[0]) + lift
+    h, station, level = hangers, above.station, above.level
+    center = np.array([station, line])
+    soffit = float(above.soffit(np.array([station]))[0])
     low, high = foot + SOCKET_HEIGHT - GRIP, soffit - ANCHOR_HEIGHT + GRIP
-    socket = Prism(circle(h.socket, _SIDES) + centre, foot - EMBEDDED, foot + SOCKET_HEIGHT, "above", level, 0.015)
-    rod = Prism(circle(h.diameter, _SIDES) + centre, low, high, "above", level)
-    anchor = bracket_surface(rib, station, line, (h.anchor_length, h.anchor_width), soffit - ANCHOR_HEIGHT, level, lift)
+    socket = Prism(circle(h.socket, _SIDES) + center, foot - EMBEDDED, foot + SOCKET_HEIGHT, "above", level, 0.015)
+    rod = Prism(circle(h.diameter, _SIDES) + center, low, high, "above", level)
+    anchor = bracket_surface(above, line, (h.anchor_length, h.anchor_width), soffit - ANCHOR_HEIGHT)
     length = soffit - foot - SOCKET_HEIGHT - ANCHOR_HEIGHT
     facts: dict[str, object] = {"diameter": h.diameter, "length": length, "station": station}
     seat: dict[str, object] = {"diameter": h.socket, "height": SOCKET_HEIGHT}
@@ -75,21 +98,16 @@ def hanger_parts(
     ]
 
 
-def bracket_surface(
-    rib: Rib, station: float, line: float, size: tuple[float, float], bottom: float, level: Alignment, lift: float
-) -> Surface:
+def bracket_surface(above: RibAbove, line: float, size: tuple[float, float], bottom: float) -> Surface:
     """Build a block under a rib: its top follows the rib's soffit.
 
     Args:
-        rib: What it touches.
-        station: Its middle [m].
+        above: What it touches; its middle lies at that station.
         line: Distance of its middle to the left of the axis [m].
         size: Along and across the bridge [m].
         bottom: Height of its underside [m].
-        level: Level frame at the station.
-        lift: To be added to the rib's heights to count in that frame [m].
     """
-    ends = np.array([station - 0.5 * size[0], station + 0.5 * size[0]])
-    top: F64 = rib.intrados(ends) + lift + EMBEDDED
+    ends = np.array([above.station - 0.5 * size[0], above.station + 0.5 * size[0]])
+    top = above.soffit(ends) + EMBEDDED
     outline = np.array([(ends[0], bottom), (ends[1], bottom), (ends[1], top[1]), (ends[0], top[0])])
-    return prism(outline, line - 0.5 * size[1], line + 0.5 * size[1], "left", level)
+    return prism(outline, line - 0.5 * size[1], line + 0.5 * size[1], "left", above.level)

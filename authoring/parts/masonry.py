@@ -6,9 +6,9 @@ import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.arch_axis import ArchAxis, Rib
-from authoring.parts.arches import RibSection, facetted, ground_under, rib_surface
+from authoring.parts.arches import RibSection, facetted, rib_surface
+from authoring.parts.footings import Founding
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
-from authoring.parts.piers import Ground
 from authoring.shapes.component import F64
 from authoring.shapes.sections import rectangle
 from authoring.shapes.topology import corner_normals
@@ -122,14 +122,12 @@ def viaduct_parts(viaduct: Viaduct, surfacing: float, place: Alignment) -> list[
     return parts
 
 
-def masonry_support_parts(viaduct: Viaduct, founding: float, place: Alignment, ground: Ground) -> list[Part]:
+def masonry_support_parts(viaduct: Viaduct, founding: Founding) -> list[Part]:
     """Build the abutments' blocks, and the piers with their springers.
 
     Args:
         viaduct: Dimensions.
-        founding: Bottoms below the lowest ground at them [m].
-        place: Level frame in the middle of the bridge.
-        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+        founding: How deep they stand, in the level frame in the middle of the bridge.
     """
     v, half = viaduct, 0.5 * viaduct.width
     parts = []
@@ -138,9 +136,9 @@ def masonry_support_parts(viaduct: Viaduct, founding: float, place: Alignment, g
         lower, upper = v.rib(number).edge(-1.0)[k], v.rib(number).edge(1.0)[k]
         stations = (min(back, float(lower[0])), max(back, float(lower[0])))
         reach = half + _OFFSET
-        bottom = min(ground_under(ground, place, stations, (-reach, reach))[0], lower[1] - 0.5) - founding
+        bottom = founding.bottom(stations, (-reach, reach), lower[1] - 0.5)
         outline = np.array([(back, bottom), (lower[0], bottom), lower, upper, (back, upper[1])])
-        surface = Prism(outline if k == 0 else outline[::-1], -reach, reach, "left", place)
+        surface = Prism(outline if k == 0 else outline[::-1], -reach, reach, "left", founding.place)
         size: dict[str, object] = {
             "length": 2.0 * reach,
             "thickness": stations[1] - stations[0],
@@ -151,7 +149,7 @@ def masonry_support_parts(viaduct: Viaduct, founding: float, place: Alignment, g
         name = f"Abutment_{(0 if k == 0 else last + 1):03d}_Wall"
         parts.append(Part(name, "abutment_wall", ROLE, SUBSTRUCTURE, surface, size))
     for number in range(last):
-        parts += _pier_parts(v, number, founding, place, ground)
+        parts += _pier_parts(v, number, founding)
     return parts
 
 
@@ -195,8 +193,31 @@ def _course_part(viaduct: Viaduct, side: str, stations: F64, top: F64, fill: flo
     return Part(f"String_Course_{side}", "spandrel_wall", ROLE, SUPERSTRUCTURE, surface, size)
 
 
-def _pier_parts(viaduct: Viaduct, number: int, founding: float, place: Alignment, ground: Ground) -> list[Part]:
-    v, half = viaduct, 0.5 * viaduct.width
+@dataclass(frozen=True)
+class _Cutwater:
+    """Plan of a pier with a pointed nose on either side: halves count from the axis.
+
+    Attributes:
+        middle: Station of the pier's middle [m].
+        thick: Half its thickness along the bridge [m].
+        half: Half its width where the noses begin [m].
+        nose: Half its width at their tips [m].
+    """
+
+    middle: float
+    thick: float
+    half: float
+    nose: float
+
+    def plan(self) -> F64:
+        """Draw the outline, counter-clockwise: (station, left) [m], shape (6, 2), float64."""
+        thick, half, nose = self.thick, self.half, self.nose
+        corners = [(thick, -half), (thick, half), (0.0, nose), (-thick, half), (-thick, -half), (0.0, -nose)]
+        return np.array(corners) + np.array([self.middle, 0.0])
+
+
+def _pier_parts(viaduct: Viaduct, number: int, founding: Founding) -> list[Part]:
+    v, half, place = viaduct, 0.5 * viaduct.width, founding.place
     before, after = v.rib(number), v.rib(number + 1)
     left_low, left_up = before.edge(-1.0)[-1], before.edge(1.0)[-1]
     right_low, right_up = after.edge(-1.0)[0], after.edge(1.0)[0]
@@ -206,19 +227,9 @@ def _pier_parts(viaduct: Viaduct, number: int, founding: float, place: Alignment
     springer = prism(outline, -reach, reach, "left", place)
     thick, middle = 0.5 * v.pier + _OFFSET, 0.5 * float(left_low[0] + right_low[0])
     nose = half + _OFFSET + v.cutwater * thick
-    plan = np.array(
-        [
-            (thick, -half - _OFFSET),
-            (thick, half + _OFFSET),
-            (0.0, nose),
-            (-thick, half + _OFFSET),
-            (-thick, -half - _OFFSET),
-            (0.0, -nose),
-        ]
-    ) + np.array([middle, 0.0])
-    lowest = ground_under(ground, place, (middle - thick, middle + thick), (-nose, nose))[0]
-    bottom = min(lowest, under - 0.5) - founding
-    shaft = prism(plan, bottom, under + 0.010, "above", place)
+    cutwater = _Cutwater(middle, thick, half + _OFFSET, nose)
+    bottom = founding.bottom((middle - thick, middle + thick), (-nose, nose), under - 0.5)
+    shaft = prism(cutwater.plan(), bottom, under + 0.010, "above", place)
     support = number + 1
     facts: dict[str, object] = {"support": support, "filled_spandrel": True}
     cap: dict[str, object] = {"length": 2.0 * reach, "width": v.pier, "depth": float(left_up[1]) - under, **facts}
@@ -226,14 +237,13 @@ def _pier_parts(viaduct: Viaduct, number: int, founding: float, place: Alignment
     return [
         Part(f"Pier_{support:03d}_Springer", "pier_cap", ROLE, SUBSTRUCTURE, springer, cap),
         Part(f"Pier_{support:03d}_Shaft", "wall_pier", ROLE, SUBSTRUCTURE, shaft, size),
-        *_hood_parts(support, middle, thick, half + _OFFSET, nose, under + 0.005, place),
+        *_hood_parts(support, cutwater, under + 0.005, place),
     ]
 
 
-def _hood_parts(
-    support: int, middle: float, thick: float, half: float, nose: float, low: float, place: Alignment
-) -> list[Part]:
-    """Build the half pyramids on top of the cutwaters."""
+def _hood_parts(support: int, cutwater: _Cutwater, low: float, place: Alignment) -> list[Part]:
+    """Build the half pyramids on top of the cutwaters, from a height [m]."""
+    middle, thick, half, nose = cutwater.middle, cutwater.thick, cutwater.half, cutwater.nose
     parts = []
     for side, sign in (("L", 1.0), ("R", -1.0)):
         plan = np.array([(middle - thick, sign * half), (middle + thick, sign * half), (middle, sign * nose)])

@@ -9,7 +9,7 @@ from pydantic import Field
 from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.part import FURNITURE, Part
-from authoring.parts.railings import Railings, RailingSettings, draw_railings, railing_parts
+from authoring.parts.railings import RailingRun, Railings, RailingSettings, draw_railings, railing_parts
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, rectangle
 from authoring.solids.extrusion import Prism
@@ -115,27 +115,33 @@ def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Para
     )
 
 
+@dataclass(frozen=True)
+class DeckEdge:
+    """What the parapets of both sides stand on.
+
+    Attributes:
+        foot: From the axis to the inner foot of the parapet [m].
+        slab_top: Height of the slab's top [m].
+        way: Height of the road or walkway beside the parapets, from which their heights count [m].
+    """
+
+    foot: float
+    slab_top: float
+    way: float = 0.0
+
+
 def parapet_parts(
-    parapets: Parapets,
-    foot: float,
-    slab_top: float,
-    name: str,
-    low: float,
-    high: float,
-    place: Alignment,
-    way: float = 0.0,
+    parapets: Parapets, edge: DeckEdge, name: str, low: float, high: float, place: Alignment
 ) -> list[Part]:
     """Build the parapets of both sides over one run.
 
     Args:
         parapets: Section.
-        foot: From the axis to the inner foot of the parapet [m].
-        slab_top: Height of the slab's top [m].
+        edge: What they stand on.
         name: Ending of the names, e.g. `000`.
         low: Station where they begin [m].
         high: Station where they end [m].
         place: Axis of the bridge.
-        way: Height of the road or walkway beside the parapets, from which their heights count [m].
     """
     p = parapets
     fields = int(np.ceil((high - low) / p.joint_pitch))
@@ -143,31 +149,29 @@ def parapet_parts(
     plain = p.chamfer == 0.0 and p.coping_height == 0.0
     parts = []
     for side, sign in (("L", 1.0), ("R", -1.0)):
-        for label, kind, outline in concrete_outlines(p, foot, slab_top, way):
+        for label, kind, outline in concrete_outlines(p, edge):
             sided = outline if sign > 0.0 else (outline * (-1.0, 1.0))[::-1]
             surface = Prism(sided, low, high, "station", place, p.chamfer, () if plain else joints)
             size: dict[str, object] = {"length": high - low, "height": p.height, "thickness": p.thickness}
             parts.append(Part(f"{label}_{name}_{side}", kind, "Role_ParapetConcrete", FURNITURE, surface, size))
         if p.shape in ("railing", "wall_rail"):
-            left = sign * (foot + 0.5 * p.thickness)
-            bottom, top = way + p.concrete, way + p.height
-            parts += railing_parts(p.railings, left, bottom, top, f"{name}_{side}", low, high, place)
+            left = sign * (edge.foot + 0.5 * p.thickness)
+            run = RailingRun(left, edge.way + p.concrete, edge.way + p.height, low, high)
+            parts += railing_parts(p.railings, run, f"{name}_{side}", place)
     return parts
 
 
-def concrete_outlines(parapets: Parapets, foot: float, slab_top: float, way: float) -> list[tuple[str, str, F64]]:
+def concrete_outlines(parapets: Parapets, edge: DeckEdge) -> list[tuple[str, str, F64]]:
     """Draw the concrete of the parapet on the left: wall and coping, barrier, plinth or low wall.
 
     Args:
         parapets: Section.
-        foot: From the axis to the inner foot [m].
-        slab_top: Height of the slab's top [m].
-        way: Height of the road or walkway beside it [m].
+        edge: What it stands on.
 
     Returns:
         Name, component kind and outline (left, above) [m], shape (P, 2), float64, of each.
     """
-    p = parapets
+    p, foot, slab_top, way = parapets, edge.foot, edge.slab_top, edge.way
     bottom, outer = slab_top - EMBEDDED, foot + p.thickness
     if p.shape == "barrier":
         toe = max(p.thickness - _SAFETY_SHAPE[-1][0] - 0.15, 0.0)  # a wide foot makes the top wider, not the slopes

@@ -297,10 +297,11 @@ def pier_parts(
             ground,
             (piers.footing_top, piers.footing_depth),
         )
+        half = _footing_half(piers, cap_bottom - high, place.skew)
         parts += [
             _cap_part(piers, support, station, levels, level_at(place, station)),
             *_shaft_parts(piers, support, station, high - EMBEDDED, cap_bottom + EMBEDDED, place),
-            _footing_part(piers, support, station, low, high, cap_bottom, place),
+            _footing_part(piers, support, station, (low, high), half, place),
         ]
     return parts
 
@@ -371,9 +372,9 @@ def _footing_half(piers: Piers, height: float, skew: float) -> F64:
 
 
 def _footing_part(
-    piers: Piers, support: int, station: float, low: float, high: float, cap_bottom: float, place: Alignment
+    piers: Piers, support: int, station: float, heights: tuple[float, float], half: F64, place: Alignment
 ) -> Part:
-    half = _footing_half(piers, cap_bottom - high, place.skew)
+    low, high = heights
     surface = footing_surface(half, station, low, high, place.frame_at(station, turn=-place.skew), piers.chamfer)
     size: dict[str, object] = {
         "length": 2.0 * half[1],

@@ -113,26 +113,39 @@ class Pylon:
         return self.merge_line + 0.5 * self.width + _FLUSH - share * _HEAD_TAPER * self.width
 
 
-def pylon_parts(
-    pylon: Pylon, support: int, station: float, deck: float, place: Alignment, ground: Ground, rise: float
-) -> list[Part]:
+@dataclass(frozen=True)
+class PylonSite:
+    """Where a pylon stands.
+
+    Attributes:
+        support: Number of the support.
+        station: Its axis [m].
+        deck: Height of the structural deck that a mast stands on [m].
+        rise: Of the piers' footings over the ground; below zero the pile cap, too, lies in the ground on land [m].
+    """
+
+    support: int
+    station: float
+    deck: float
+    rise: float
+
+
+def pylon_parts(pylon: Pylon, site: PylonSite, place: Alignment, ground: Ground) -> list[Part]:
     """Build one pylon.
 
     Args:
         pylon: Its elevation.
-        support: Number of the support.
-        station: Its axis [m].
-        deck: Height of the structural deck that a mast stands on [m].
+        site: Where it stands.
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
-        rise: Of the piers' footings over the ground; below zero the pile cap, too, lies in the ground on land [m].
     """
+    support, station = site.support, site.station
     level = level_at(place, station)
-    low, foot = _cap_heights(pylon, station, level, ground, rise if rise < 0.0 else _CAP_SHOWN)
+    low, foot = _cap_heights(pylon, station, level, ground, site.rise if site.rise < 0.0 else _CAP_SHOWN)
     name = f"{pylon.prefix}_{support:03d}"
     parts = []
     for label, kind, surface in (
-        *_shafts(pylon, station, foot - EMBEDDED, deck, level),
+        *_shafts(pylon, station, foot - EMBEDDED, site.deck, level),
         *_beams(pylon, station, level),
     ):
         size: dict[str, object] = {"shape": pylon.shape, "support": support, "width": pylon.width, "top": pylon.top}
@@ -150,39 +163,37 @@ def pylon_parts(
 def _shafts(pylon: Pylon, station: float, foot: float, deck: float, level: Alignment) -> list[tuple[str, str, Surface]]:
     if pylon.shape == "mast":
         seat = pylon.seat - pylon.beam_depth
-        pier = _shaft(pylon, station, [foot, seat + EMBEDDED], [0.0, 0.0], [0.5 * pylon.knee_line] * 2, level)
-        heights = [deck - EMBEDDED, pylon.top]
-        mast = _shaft(pylon, station, heights, [0.0, 0.0], [0.5 * pylon.width, 0.36 * pylon.width], level)
+        half = 0.5 * pylon.knee_line
+        pier = _shaft(pylon, station, [(foot, 0.0, half), (seat + EMBEDDED, 0.0, half)], level)
+        rows = [(deck - EMBEDDED, 0.0, 0.5 * pylon.width), (pylon.top, 0.0, 0.36 * pylon.width)]
+        mast = _shaft(pylon, station, rows, level)
         return [("Pier", "leg", pier), ("Mast", "leg", mast)]
     end = pylon.merge + EMBEDDED if pylon.headed else pylon.top
     heights = [foot, *(h for h in pylon.bends if foot + 0.05 < h < end - 0.05), end]
-    halves = [0.5 * pylon.width] * len(heights)
     shafts = []
     for side, sign in (("L", 1.0), ("R", -1.0)):
-        lines = [sign * pylon.line(h) for h in heights]
-        shafts.append((f"Leg_{side}", "leg", _shaft(pylon, station, heights, lines, halves, level)))
+        rows = [(height, sign * pylon.line(height), 0.5 * pylon.width) for height in heights]
+        shafts.append((f"Leg_{side}", "leg", _shaft(pylon, station, rows, level)))
     if pylon.headed:
-        heights = [pylon.merge, pylon.top]
-        halves = [pylon.head_half(h) for h in heights]
-        shafts.append(("Head", "leg", _shaft(pylon, station, heights, [0.0, 0.0], halves, level, _FLUSH)))
+        rows = [(height, 0.0, pylon.head_half(height)) for height in (pylon.merge, pylon.top)]
+        shafts.append(("Head", "leg", _shaft(pylon, station, rows, level, _FLUSH)))
     return shafts
 
 
 def _shaft(
     pylon: Pylon,
     station: float,
-    heights: list[float],
-    lines: list[float],
-    halves: list[float],
+    rows: list[tuple[float, float, float]],
     level: Alignment,
     grown: float = 0.0,
 ) -> Surface:
+    """Build a shaft: each row is a height, the shaft's middle to the left of the axis, and half its width [m]."""
     sections = []
-    for height, line, half in zip(heights, lines, halves, strict=True):
+    for height, line, half in rows:
         along = pylon.face(height) + grown
         outline = rectangle((station - along, line - half), (station + along, line + half))
         sections.append(cut_corners(outline, 2.0 * pylon.chamfer) if pylon.chamfer else outline)
-    return sweep(np.stack(sections), np.array(heights), "above", level)
+    return sweep(np.stack(sections), np.array([height for height, _, _ in rows]), "above", level)
 
 
 def _beams(pylon: Pylon, station: float, level: Alignment) -> list[tuple[str, str, Surface]]:

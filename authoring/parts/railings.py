@@ -88,23 +88,37 @@ def post_stations(railings: Railings, low: float, high: float) -> F64:
     return np.linspace(low + _END, high - _END, fields + 1)
 
 
-def railing_parts(
-    railings: Railings, left: float, bottom: float, top: float, name: str, low: float, high: float, place: Alignment
-) -> list[Part]:
+@dataclass(frozen=True)
+class RailingRun:
+    """Where one railing stands.
+
+    Attributes:
+        left: Middle of the posts [m]; the rails below the top hang on the side towards the axis.
+        bottom: Top of the concrete that they stand on [m].
+        top: Top of the top rail [m].
+        low: Station where it begins [m].
+        high: Station where it ends [m].
+    """
+
+    left: float
+    bottom: float
+    top: float
+    low: float
+    high: float
+
+
+def railing_parts(railings: Railings, run: RailingRun, name: str, place: Alignment) -> list[Part]:
     """Build the railing of one side over one run: its posts are one component, its rails and bars another.
 
     Whoever labels a scan marks a stretch of railing, never a single bar.
 
     Args:
         railings: Dimensions.
-        left: Middle of the posts [m]; the rails below the top hang on the side towards the axis.
-        bottom: Top of the concrete that they stand on [m].
-        top: Top of the top rail [m].
+        run: Where it stands.
         name: Ending of the names, e.g. `000_L`.
-        low: Station where they begin [m].
-        high: Station where they end [m].
         place: Axis of the bridge.
     """
+    left, bottom, top, low, high = run.left, run.bottom, run.top, run.low, run.high
     stations, rail = post_stations(railings, low, high), railings.rail_diameter
     height = top - rail + _HELD - bottom
     frames = frames_along(place, stations, left, bottom, upright=True)
@@ -118,7 +132,7 @@ def railing_parts(
             "railing",
             "Role_RailingSteel",
             FURNITURE,
-            joined(_rail_solids(railings, left, bottom, top, low, high, place)),
+            joined(_rail_solids(railings, run, place)),
             {**size, "infill": railings.infill},
         ),
     ]
@@ -138,10 +152,9 @@ def _bar_solid(height: float) -> Surface:
     return prism(outline, 0.04 - _HELD, height, "above", LOCAL)
 
 
-def _rail_solids(
-    railings: Railings, left: float, bottom: float, top: float, low: float, high: float, place: Alignment
-) -> list[Surface]:
+def _rail_solids(railings: Railings, run: RailingRun, place: Alignment) -> list[Surface]:
     """Build the rails, and what fills the railing between them, on the side of the posts towards the axis."""
+    left, bottom, top, low, high = run.left, run.bottom, run.top, run.low, run.high
     rail = railings.rail_diameter
     section = circle(rail / np.cos(np.pi / 12), 12) if railings.round_rails else _square(rail)
     rails = [Prism(np.add(section, (left, top - 0.5 * rail)), low, high, "station", place)]

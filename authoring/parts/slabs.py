@@ -100,30 +100,38 @@ def draw_section(settings: SlabSectionSettings, draws: Draws) -> str:
     return draw_option(settings, "section", draws)
 
 
+@dataclass(frozen=True)
+class SlabNeeds:
+    """What a bridge asks of its slab.
+
+    Attributes:
+        width: Overall deck width [m].
+        longest: Longest span [m].
+        ratio: Usual span over depth [1].
+    """
+
+    width: float
+    longest: float
+    ratio: float
+
+
 def draw_slab_section(
-    settings: SlabSectionSettings,
-    section: str,
-    width: float,
-    longest: float,
-    ratio: float,
-    bearings: Bearings,
-    draws: Draws,
+    settings: SlabSectionSettings, section: str, needs: SlabNeeds, bearings: Bearings, draws: Draws
 ) -> Slab:
     """Draw the section of a slab.
 
     Args:
         settings: What the user fixed.
         section: Result of `draw_section`.
-        width: Overall deck width [m].
-        longest: Longest span [m].
-        ratio: Usual span over depth [1].
+        needs: Deck width, longest span, and the usual depth for it.
         bearings: What it stands on.
         draws: Random stream and profile of the bridge.
     """
+    width = needs.width
     paper = draws.profile == "paper"
     share, cantilever = draw(settings, "slenderness", draws), draw(settings, "cantilever", draws)
     count_share = draws.random()
-    depth = _PAPER_DEPTH if paper else max(round(longest / (ratio * share), 2), LEAST_DEPTH)
+    depth = _PAPER_DEPTH if paper else max(round(needs.longest / (needs.ratio * share), 2), LEAST_DEPTH)
     depth = settings.depth or depth
     inset = {"solid": 0.0, "hexagon": 0.5 * cantilever, "voided": 0.8 * cantilever}.get(section, cantilever) * width
     soffit = round(width - 2.0 * inset, 3)

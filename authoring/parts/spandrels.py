@@ -6,10 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.arches import ground_under
-from authoring.parts.footings import footing_top
+from authoring.parts.footings import Founding, footing_top
 from authoring.parts.part import SUBSTRUCTURE, Part
-from authoring.parts.piers import Ground
 from authoring.parts.spans import level_at
 from authoring.shapes.component import F64
 from authoring.shapes.sections import circle, cut_corners, rectangle
@@ -59,18 +57,32 @@ class Bents:
         return self.length + 2.0 * _CAP_MARGIN
 
 
-def cap_part(bents: Bents, name: str, kind: str, station: float, top: float, width: float, level: Alignment) -> Part:
+@dataclass(frozen=True)
+class CapPlace:
+    """Where a cross-head lies.
+
+    Attributes:
+        station: Its middle [m].
+        top: Height of its top [m].
+        width: Along the bridge [m].
+    """
+
+    station: float
+    top: float
+    width: float
+
+
+def cap_part(bents: Bents, name: str, kind: str, cap: CapPlace, level: Alignment) -> Part:
     """Build a cross-head: flat on top, its underside rising beyond the outer columns.
 
     Args:
         bents: Dimensions.
         name: Name of the part.
         kind: `cross_head` or `pier_cap`.
-        station: Its middle [m].
-        top: Height of its top [m].
-        width: Along the bridge [m].
+        cap: Where it lies.
         level: Level frame of the bent.
     """
+    station, top, width = cap.station, cap.top, cap.width
     half = 0.5 * bents.cap_length
     flat = min(max(bents.lines) + 0.5 * bents.width + 0.1, half - 0.02)
     right = [(flat, top - bents.cap_depth), (half, top - bents.cap_end_depth), (half, top)]
@@ -159,7 +171,7 @@ def spandrel_parts(
         place: Axis of the bridge; the cross-head follows its grade, the columns are upright.
     """
     level = level_at(place, station)
-    parts = [cap_part(bents, f"{name}_Cap", "cross_head", station, top, bents.cap_width, place)]
+    parts = [cap_part(bents, f"{name}_Cap", "cross_head", CapPlace(station, top, bents.cap_width), place)]
     high = (top - bents.cap_depth + EMBEDDED, grade_near(place, station))
     for number, line in enumerate(bents.lines):
         surface = column_surface(bents, station, line, foot, high, level)
@@ -169,32 +181,24 @@ def spandrel_parts(
 
 
 def pier_bent_parts(
-    bents: Bents,
-    name: str,
-    station: float,
-    top: float,
-    width: float,
-    foot: float,
-    place: Alignment,
-    support: int | None = None,
+    bents: Bents, name: str, cap: CapPlace, foot: float, place: Alignment, support: int | None = None
 ) -> list[Part]:
     """Build a pier: columns that stand on something level, and their cap.
 
     Args:
         bents: Dimensions.
         name: Beginning of the names, e.g. `Pier_001`.
-        station: Its middle [m].
-        top: Height of the cap's top [m].
-        width: Of the cap along the bridge [m].
+        cap: Where its cap lies.
         foot: Height of what the columns stand on [m].
         place: Axis of the bridge.
         support: Number of the support where decks end on the pier: its cap is level; others follow the grade.
     """
+    station = cap.station
     level = level_at(place, station)
     own: dict[str, object] = {} if support is None else {"support": support}
-    cap = cap_part(bents, f"{name}_Cap", "pier_cap", station, top, width, place if support is None else level)
-    parts = [replace(cap, parameters=cap.parameters | own)]
-    high = (top - bents.cap_depth + EMBEDDED, grade_near(place, station) if support is None else 0.0)
+    head = cap_part(bents, f"{name}_Cap", "pier_cap", cap, place if support is None else level)
+    parts = [replace(head, parameters=head.parameters | own)]
+    high = (cap.top - bents.cap_depth + EMBEDDED, grade_near(place, station) if support is None else 0.0)
     for number, line in enumerate(bents.lines):
         surface = column_surface(bents, station, line, (foot - EMBEDDED, 0.0), high, level)
         facts = _column_facts(bents, high[0] - foot) | own
@@ -202,9 +206,7 @@ def pier_bent_parts(
     return parts
 
 
-def bent_footing(
-    bents: Bents, name: str, station: float, ceiling: float, founding: float, level: Alignment, ground: Ground
-) -> tuple[Part, float]:
+def bent_footing(bents: Bents, name: str, station: float, ceiling: float, founding: Founding) -> tuple[Part, float]:
     """Build the footing of a pier in the ground.
 
     Args:
@@ -212,20 +214,18 @@ def bent_footing(
         name: Name of the part.
         station: Its middle [m].
         ceiling: Highest that its top may be [m].
-        founding: Its bottom below the lowest ground at it [m].
-        level: Level frame of the bent.
-        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+        founding: How deep it stands, in the level frame of the bent.
 
     Returns:
         The footing and the height of its top [m].
     """
     half = np.array([0.5 * bents.length, max(bents.lines) + 0.5 * bents.width]) + _FOOTING_MARGIN
-    low, high = ground_under(ground, level, (station - half[0], station + half[0]), (-half[1], half[1]))
+    low, high = founding.ground_range((station - half[0], station + half[0]), (-half[1], half[1]))
     # One that shows is cut into the upper side of a slope.
     top = min(footing_top(low, 0.5 * (low + high), bents.footing_top), ceiling)
-    bottom = min(low, top) - founding
+    bottom = min(low, top) - founding.depth
     outline = cut_corners(rectangle((station - half[0], -half[1]), (station + half[0], half[1])), 0.025)
-    surface = Prism(outline, bottom, top, "above", level, 0.025)
+    surface = Prism(outline, bottom, top, "above", founding.place, 0.025)
     size: dict[str, object] = {"length": 2.0 * half[1], "width": 2.0 * half[0], "height": top - bottom}
     return Part(name, "pier_footing", "Role_PierConcrete", SUBSTRUCTURE, surface, size), top
 

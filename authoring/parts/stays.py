@@ -72,39 +72,46 @@ def collar_of(diameter: float) -> float:
     return round(0.85 * diameter + 0.03, 3)
 
 
-def head_heights(
-    arrangement: str,
-    runs: Sequence[Run],
-    foot: float,
-    top: float,
-    zone: float,
-    collar: float,
-    face: tuple[float, float],
-) -> tuple[float, ...]:
+@dataclass(frozen=True)
+class HeadZone:
+    """Where a pylon has room for the heads of its stays.
+
+    Attributes:
+        foot: Height of the stays' feet [m].
+        top: Height of the highest head [m].
+        lowest: Lowest head of a semi-fan [m].
+        collar: Radius of the collars [m].
+        growth: Of half the pylon's length along the bridge per metre below the highest head [1].
+    """
+
+    foot: float
+    top: float
+    lowest: float
+    collar: float
+    growth: float
+
+
+def head_heights(arrangement: str, runs: Sequence[Run], zone: HeadZone) -> tuple[float, ...]:
     """Place the heads of the stays on a pylon.
 
     Args:
         arrangement: `fan`: as close as their collars allow; `semi_fan`: spread over a zone; `harp`: all stays parallel.
         runs: How far every stay runs along the bridge from the pylon's face in the main span, rising [m], and at least.
-        foot: Height of the feet [m].
-        top: Height of the highest head [m].
-        zone: Lowest head of a semi-fan [m].
-        collar: Radius of the collars [m].
-        face: Half the pylon's length along the bridge at the highest head [m], and its growth per metre below [1].
+        zone: Where they have room.
 
     Returns:
         Heights, rising [m].
     """
+    foot, top, growth = zone.foot, zone.top, zone.growth
     if arrangement == "harp":
-        _, growth = face
         slope = (top - foot) / runs[-1][0]
         # head = foot + slope * (offset - half length there), and the half length grows downward
         return tuple((foot + slope * (run - growth * top)) / (1.0 - slope * growth) for run, _ in runs)
-    even = (top - zone) / (len(runs) - 1) if arrangement == "semi_fan" else 0.0
+    even = (top - zone.lowest) / (len(runs) - 1) if arrangement == "semi_fan" else 0.0
     heads, least = [top], [run for _, run in runs[::-1]]
     for upper, lower in pairwise(least):
         # The lower one is told by the upper one's height, from which it slants a little more than it does.
-        spread = [collar * float(np.hypot(1.0, (heads[-1] - foot) / run)) for run in (upper, lower)]
+        spread = [zone.collar * float(np.hypot(1.0, (heads[-1] - foot) / run)) for run in (upper, lower)]
         heads.append(heads[-1] - max(even, sum(spread) + _BETWEEN))
     return tuple(heads[::-1])
 

@@ -28,6 +28,23 @@ class _Plates:
     facts: dict[str, object]
 
 
+@dataclass(frozen=True)
+class Stiffening:
+    """Which stiffeners the girders have.
+
+    Attributes:
+        frames: Stations of the cross-frames, rising [m].
+        cuts: Stations of the splices [m].
+        pitch: Largest distance between stiffeners over the depth [1].
+        thickness: Of the plates [m].
+    """
+
+    frames: tuple[float, ...]
+    cuts: tuple[float, ...]
+    pitch: float
+    thickness: float
+
+
 def stiffener_width(girders: PlateGirders) -> float:
     """Find how far stiffeners stand out from the web [m].
 
@@ -38,24 +55,14 @@ def stiffener_width(girders: PlateGirders) -> float:
 
 
 def stiffener_parts(
-    girders: PlateGirders,
-    spans: Spans,
-    frames: tuple[float, ...],
-    cuts: tuple[float, ...],
-    pitch: float,
-    thickness: float,
-    levels: Levels,
-    place: Alignment,
+    girders: PlateGirders, spans: Spans, stiffening: Stiffening, levels: Levels, place: Alignment
 ) -> list[Part]:
     """Build the stiffeners of every line: one part for each span and line, and one for each bearing.
 
     Args:
         girders: Dimensions.
         spans: Stations.
-        frames: Stations of the cross-frames, rising [m].
-        cuts: Stations of the splices [m].
-        pitch: Largest distance between stiffeners over the depth [1].
-        thickness: Of the plates [m].
+        stiffening: Where they stand, and how thick they are.
         levels: Levels of the deck.
         place: Axis of the bridge.
     """
@@ -63,8 +70,8 @@ def stiffener_parts(
         return []
     top = girders.steel_top(levels)
     made = [
-        *_along_spans(girders, spans, frames, cuts, pitch, thickness, top),
-        *_on_bearings(girders, spans, thickness, top),
+        *_along_spans(girders, spans, stiffening, top),
+        *_on_bearings(girders, spans, stiffening.thickness, top),
     ]
     surfaces = to_world([plate.surface for plate in made], place)
     return [
@@ -74,27 +81,19 @@ def stiffener_parts(
             "Role_GirderSteel",
             SUPERSTRUCTURE,
             surface,
-            {"thickness": thickness, **plate.facts},
+            {"thickness": stiffening.thickness, **plate.facts},
         )
         for plate, surface in zip(made, surfaces, strict=True)
     ]
 
 
-def _along_spans(
-    girders: PlateGirders,
-    spans: Spans,
-    frames: tuple[float, ...],
-    cuts: tuple[float, ...],
-    pitch: float,
-    thickness: float,
-    top: float,
-) -> list[_Plates]:
+def _along_spans(girders: PlateGirders, spans: Spans, stiffening: Stiffening, top: float) -> list[_Plates]:
     """Build the stiffeners at cross-frames and between them: one part for each span and line."""
     found: list[_Plates] = []
     for span in range(spans.count):
         low, high = spans.bearing_lines(span)
-        joints = [station for station in frames if low + 0.01 < station < high - 0.01]
-        between = _between(girders, spans, [low, *joints, high], cuts, pitch)
+        joints = [station for station in stiffening.frames if low + 0.01 < station < high - 0.01]
+        between = _between(girders, spans, [low, *joints, high], stiffening)
         made: dict[tuple[tuple[float, float], ...], Surface] = {}  # lines with the same neighbours have the same plates
         for line, left in enumerate(girders.lines):
             sides = _inner_sides(girders, line)
@@ -108,7 +107,7 @@ def _along_spans(
             if wanted:
                 if wanted not in made:
                     depth = girders.depths(spans, np.array([station for station, _ in wanted]))
-                    made[wanted] = _across(girders, depth, wanted, thickness)
+                    made[wanted] = _across(girders, depth, wanted, stiffening.thickness)
                 surface = shifted(made[wanted], np.array([0.0, left, top]))
                 facts: dict[str, object] = {"count": len(wanted), "span": span, "line": line}
                 found.append(_Plates(f"Stiffeners_{span:03d}_{line:02d}", surface, facts))
@@ -138,15 +137,13 @@ def _inner_sides(girders: PlateGirders, line: int) -> list[float]:
     return [side for side, there in ((1.0, line + 1 < len(girders.lines)), (-1.0, line > 0)) if there]
 
 
-def _between(
-    girders: PlateGirders, spans: Spans, joints: list[float], cuts: tuple[float, ...], pitch: float
-) -> list[float]:
+def _between(girders: PlateGirders, spans: Spans, joints: list[float], stiffening: Stiffening) -> list[float]:
     found = []
     for low, high in pairwise(joints):
         depth = float(girders.depths(spans, np.array([0.5 * (low + high)]))[0])
-        count = int(np.ceil((high - low) / (pitch * depth) - 1e-9))
+        count = int(np.ceil((high - low) / (stiffening.pitch * depth) - 1e-9))
         found += np.linspace(low, high, count + 1)[1:-1].tolist()
-    return [station for station in found if all(abs(station - cut) > HALF_LENGTH + 0.06 for cut in cuts)]
+    return [station for station in found if all(abs(station - cut) > HALF_LENGTH + 0.06 for cut in stiffening.cuts)]
 
 
 def _across(girders: PlateGirders, depth: F64, wanted: tuple[tuple[float, float], ...], thickness: float) -> Surface:

@@ -114,21 +114,30 @@ def cable_parts(cables: SuspensionCables, place: Alignment, ground: Ground) -> l
         grip = 0.5 * cables.saddle_size[0] * _GRIP
         first, last = cables.towers
         hung = np.array(cables.main_hangers)
-        main = _cable_points(cables, first + grip, last - grip, hung, cables.sag, left, place)
+        main = _cable_points(cables, _Run(first + grip, last - grip, hung, cables.sag), left, place)
         parts.append(_cable_part(cables, f"MainCable_1_{side}", main))
         parts += _saddle_parts(cables, side, left, place)
         parts += _hanger_parts(cables, side, left, place)
     return parts
 
 
-def _cable_points(
-    cables: SuspensionCables, low: float, high: float, hung: F64, sag: float, left: float, place: Alignment
-) -> F64:
+@dataclass(frozen=True)
+class _Run:
+    """One span of a cable: stations of its ends and of hangers [m], shape (N,), and its sag under the chord [m]."""
+
+    low: float
+    high: float
+    hung: F64
+    sag: float
+
+
+def _cable_points(cables: SuspensionCables, run: _Run, left: float, place: Alignment) -> F64:
     """Find points along a cable: at its ends, at its hangers, and so many between that the chords keep to the curve."""
+    low, high, hung = run.low, run.high, run.hung
     fixed = np.concatenate([[low], hung[(hung > low + 0.1) & (hung < high - 0.1)], [high]])
     stations = [fixed[:1]]
     for a, b in pairwise(fixed):
-        stations.append(np.linspace(a, b, chords(sag, float((b - a) / (high - low))) + 1)[1:])
+        stations.append(np.linspace(a, b, chords(run.sag, float((b - a) / (high - low))) + 1)[1:])
     station = np.concatenate(stations)
     return place.point(station, np.full(len(station), left), cables.height(station))
 
@@ -207,7 +216,7 @@ def _anchorage_parts(
     reach = tower + away * 0.5 * cables.saddle_size[0] * _GRIP
     hung = np.array([s for s in cables.side_hangers if (s - tower) * away > 0.0])
     low_s, high_s = sorted((station, reach))
-    points = _cable_points(cables, low_s, high_s, hung, cables.side_sag, left, place)
+    points = _cable_points(cables, _Run(low_s, high_s, hung, cables.side_sag), left, place)
     points = points if end == 0 else points[::-1]
     along = points[1] - points[0]
     along /= np.linalg.norm(along)

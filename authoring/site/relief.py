@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
-LATTICE = 64
+LATTICE = 64  # a power of two
 
 
 @dataclass(frozen=True)
@@ -95,12 +95,29 @@ def smooth_minimum(one: F64, other: F64, width: float) -> F64:
 
 def _lattice_noise(nodes: F64, x: F64, y: F64) -> F64:
     """Interpolate lattice values with a curve whose first two derivatives vanish at the nodes."""
+    x, y = np.broadcast_arrays(x, y)
     column, row = np.floor(x), np.floor(y)
     across, along = x - column, y - row
-    fade = across * across * across * (across * (across * 6.0 - 15.0) + 10.0)
-    fade_along = along * along * along * (along * (along * 6.0 - 15.0) + 10.0)
-    left, low = column.astype(np.int64) % LATTICE, row.astype(np.int64) % LATTICE
-    right, high = (left + 1) % LATTICE, (low + 1) % LATTICE
-    below = nodes[left, low] + fade * (nodes[right, low] - nodes[left, low])
-    above = nodes[left, high] + fade * (nodes[right, high] - nodes[left, high])
-    return below + fade_along * (above - below)
+    fade, fade_along = _fade(across), _fade(along)
+    left, low = column.astype(np.int64), row.astype(np.int64)
+    values, right = nodes.ravel(), ((left + 1) & (LATTICE - 1)) * LATTICE
+    left &= LATTICE - 1
+    left *= LATTICE
+    high = (low + 1) & (LATTICE - 1)
+    low &= LATTICE - 1
+    below = values.take(left + low)
+    below += fade * (values.take(right + low) - below)
+    above = values.take(left + high)
+    above += fade * (values.take(right + high) - above)
+    above -= below
+    above *= fade_along
+    return below + above
+
+
+def _fade(share: F64) -> F64:
+    """Rise from 0 to 1 with two derivatives that vanish at both ends, same shape, float64."""
+    curve = share * 6.0
+    curve -= 15.0
+    curve *= share
+    curve += 10.0
+    return share * share * share * curve

@@ -1,6 +1,7 @@
 """The ways through a site: water or road under the bridge, and the approach roads on their fills."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,7 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lif
         return crossing_railway(land, line, crown, suffix)
     fall = np.full(len(lefts), 0.02 * crossing.half_width)
     names = (f"Road{suffix}", f"RoadMarking{suffix}")
-    return _road(land, line, crown, fall, np.zeros(len(lefts)), crossing.half_width, *names, lift)
+    return _road(land, line, _Profile(crown, fall, np.zeros(len(lefts)), crossing.half_width), names, lift)
 
 
 def approach_pieces(
@@ -96,7 +97,7 @@ def approach_pieces(
     fall = crossfall(approach.along(stations), np.full(len(stations), approach.half_width))
     names = (f"ApproachRoad_{number}{suffix}", f"ApproachMarking_{number}{suffix}")
     tilt = land.layout.alignment.crossfall(stations) * approach.sign
-    return _road(land, line, crown, fall, tilt, approach.half_width, *names, lift)
+    return _road(land, line, _Profile(crown, fall, tilt, approach.half_width), names, lift)
 
 
 def spread(first: float, last: float, step: float) -> F64:
@@ -104,10 +105,27 @@ def spread(first: float, last: float, step: float) -> F64:
     return np.linspace(first, last, int(np.ceil(abs(last - first) / step)) + 1)
 
 
-def _road(
-    land: Land, line: Line, crown: F64, fall: F64, tilt: F64, half: float, road: str, marking: str, lift: Lift | None
-) -> list[Piece]:
-    """Pave and mark a road; `tilt` is its rise to its own left over the fall from the crown [1], shape (N,)."""
+@dataclass(frozen=True)
+class _Profile:
+    """Cross-sections of a road, one for each of N points of its line.
+
+    Attributes:
+        crown: Height of the crown [m], shape (N,), float64.
+        fall: Of either edge below the crown [m], shape (N,), float64.
+        tilt: Rise to its own left over the fall from the crown [1], shape (N,), float64.
+        half: Half its width [m].
+    """
+
+    crown: F64
+    fall: F64
+    tilt: F64
+    half: float
+
+
+def _road(land: Land, line: Line, profile: _Profile, names: tuple[str, str], lift: Lift | None) -> list[Piece]:
+    """Pave and mark a road; its two names are those of the surface and of the markings."""
+    crown, fall, tilt, half = profile.crown, profile.fall, profile.tilt, profile.half
+    road, marking = names
     axis = land.layout.alignment
     if lift is not None:
         for share in (-1.0, -0.5, 0.0, 0.5, 1.0):

@@ -57,6 +57,7 @@ def prism(
     axis: Axis,
     place: Alignment,
     chamfer: float = 0.0,
+    *,
     grooves: tuple[float, ...] = (),
 ) -> Surface:
     """Build one prism at once, for what goes on working with its surface.

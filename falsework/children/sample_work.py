@@ -14,8 +14,8 @@ def sample(request: dict[str, Any], progress: Progress) -> int:
     """Sample a stage into a folder.
 
     Args:
-        request: `{kind, settings, stage, allow_roots, folder}`: mesh, terrestrial or mobile, JSON of its settings,
-            the USD file, folders beside that of the stage from which it may take files, and an empty folder.
+        request: `{kind, settings, stage, allow_roots, folder}`: mesh, terrestrial, mobile or airborne, JSON of its
+            settings, the USD file, folders beside that of the stage from which it may take files, and an empty folder.
         progress: Listener.
 
     Returns:
@@ -23,7 +23,7 @@ def sample(request: dict[str, Any], progress: Progress) -> int:
     """
     from recon.sampling.sample_lidar import sample_lidar
     from recon.sampling.sample_mesh import sample_mesh
-    from recon.sampling.sampler_settings import MeshSettings, MobileSettings, TerrestrialSettings
+    from recon.sampling.sampler_settings import SCANNERS, MeshSettings
     from usd_schemas.guard.guard import check_stage, limit_memory
     from usd_schemas.reading.scene_cache import load_scene
 
@@ -37,7 +37,7 @@ def sample(request: dict[str, Any], progress: Progress) -> int:
     try:
         if request["kind"] == "mesh":
             return len(sample_mesh(scene, folder, parse_settings(MeshSettings, settings, "--set"), progress))
-        model = TerrestrialSettings if request["kind"] == "terrestrial" else MobileSettings
+        model = SCANNERS[request["kind"]]
         return len(sample_lidar(scene, folder, parse_settings(model, settings, "--set"), progress))
     except InputError as error:
         error.found_in(stage)

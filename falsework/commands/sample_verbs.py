@@ -54,31 +54,31 @@ def lidar(
     stage: File,
     output: Output,
     *,
-    kind: Literal["terrestrial", "mobile"] = "terrestrial",
+    kind: Literal["terrestrial", "mobile", "airborne"] = "terrestrial",
     scope: Literal["bridge", "near"] = "near",
-    reach: float = 10.0,
+    reach: float | None = None,
     seed: int = 0,
     set: Given = (),
     allow_root: tuple[Path, ...] = (),
 ) -> int:
-    """Scan a stage with a laser: from a tripod at stations, or moving along the deck or along a survey's path.
+    """Scan a stage with a laser: from a tripod, along the deck or a survey's path, or from an aircraft.
 
     Args:
         stage: USD file.
         output: Folder to write: a cloud.
         kind: Kind of scanner.
         scope: Keep the points on the bridge alone, or on everything near it.
-        reach: How far `near` goes beyond the bridge's box [m].
+        reach: How far `near` goes beyond the bridge's box; left out: 10, of an aircraft 100 [m].
         seed: Seed of every random draw.
         set: A further setting, such as `angular_step=0.1`, `positions=[[5, -12, 1.8]]` or `path=global`; may be given
             more than once.
         allow_root: Folders beside that of the stage from which it may take files.
     """
-    from recon.sampling.sampler_settings import MobileSettings, TerrestrialSettings
+    from recon.sampling.sampler_settings import SCANNERS
 
-    settings: dict[str, Any] = {"scope": scope, "reach": reach, "seed": seed} | given_settings(set)
-    model = TerrestrialSettings if kind == "terrestrial" else MobileSettings
-    return _sample(kind, model, settings | {"kind": kind}, stage, output, allow_root)
+    settings: dict[str, Any] = {"scope": scope, "seed": seed} | ({} if reach is None else {"reach": reach})
+    settings |= given_settings(set)
+    return _sample(kind, SCANNERS[kind], settings | {"kind": kind}, stage, output, allow_root)
 
 
 def _sample(

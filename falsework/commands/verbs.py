@@ -64,7 +64,7 @@ def sample_file(
     Args:
         stage: USD file.
         out: Folder to write; a former one of ours is replaced.
-        kind: mesh, terrestrial or mobile.
+        kind: mesh, terrestrial, mobile or airborne.
         settings: Settings of that sampler.
         progress: Listener.
         allow_roots: Folders beside that of the stage from which it may take files.

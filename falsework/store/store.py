@@ -13,7 +13,7 @@ from falsework.store.failures import RECORD, Failure, failure_of, read_failure, 
 from falsework.store.textures import STAGE, share_textures
 from falsework.store.verification import verify
 from falsework.store.workroom import LINKS, remove, set_aside, sweep, work_folder
-from groundwork.errors import FalseworkError, InputError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import FalseworkError, InputError, OutOfSpaceError, RejectedSceneError, passing_code
 from groundwork.files import MANIFEST, commit_folder, space_errors, write_text
 from groundwork.locks import hold_lock
 
@@ -320,4 +320,6 @@ class Store:
 
 def _is_of_the_task(error: Exception) -> bool:
     """Whether another try must end in the same way; the system's errors (a network that is down …) may not."""
-    return isinstance(error, FalseworkError) or not isinstance(error, OSError | MemoryError)
+    return not passing_code(error) and (
+        isinstance(error, FalseworkError) or not isinstance(error, OSError | MemoryError)
+    )

@@ -1,4 +1,4 @@
-"""The conductor of laser scanning: rays cast from a tripod or a vehicle against a stage, as a labelled cloud."""
+"""The conductor of laser scanning: rays from a tripod, vehicle or aircraft against a stage, as a labelled cloud."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from groundwork.progress import Progress
-from recon.cloud import LIDAR_MOBILE, LIDAR_TERRESTRIAL, Cloud, write_cloud
+from recon.cloud import LIDAR_AIRBORNE, LIDAR_MOBILE, LIDAR_TERRESTRIAL, Cloud, write_cloud
 from recon.formats.laz import write_laz
 from recon.formats.ply import write_ply
+from recon.sampling.airborne import airborne_rays, pulses_on, strips_over
 from recon.sampling.echoes import Target
 from recon.sampling.sampled_cloud import Samples, annotate_samples
-from recon.sampling.sampler_settings import MobileSettings, TerrestrialSettings
+from recon.sampling.sampler_settings import AirborneSettings, AnyScanner, TerrestrialSettings
 from recon.sampling.scan_pattern import Rays, mobile_rays, tripod_rays
 from recon.sampling.scan_places import deck_way, place_stations
 from recon.sampling.scene_surface import SceneSurface, bounds_of, bridge_triangles, lay_out
@@ -29,14 +30,13 @@ F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Columns = dict[str, NDArray[Any]]
 
+SOURCE = {"terrestrial": LIDAR_TERRESTRIAL, "mobile": LIDAR_MOBILE, "airborne": LIDAR_AIRBORNE}
 MOST_RAYS = 2_000_000_000
 MOST_POINTS = 20_000_000
 _LOOSE = 4_000_000  # points that may lie in cubes beside each other before they are thinned
 
 
-def sample_lidar(
-    scene: FlatScene, folder: Path, settings: TerrestrialSettings | MobileSettings, progress: Progress
-) -> Cloud:
+def sample_lidar(scene: FlatScene, folder: Path, settings: AnyScanner, progress: Progress) -> Cloud:
     """Scan a stage and write what comes back as a cloud.
 
     Args:
@@ -58,10 +58,9 @@ def sample_lidar(
     if total > MOST_RAYS:
         raise InputError(
             f"the scan has {total} rays",
-            field="angular_step",
-            value=settings.angular_step,
+            **_dense(settings),
             allowed=f"at most {MOST_RAYS} rays",
-            hint="Take wider steps or fewer stations",
+            hint="Take wider steps, fewer stations or strips",
         )
     water = np.isin(surface.instances, [row.id for row in scene.instances if row.component == "water"])
     target = Target(surface, look, rays, water)
@@ -81,8 +80,7 @@ def sample_lidar(
     mixed = sum(int(part.pop("mixed").sum()) for part in parts)
     facts |= {"rays": total, "mixed_share": mixed / points, "settings": settings.model_dump(mode="json")}
     samples = _joined(parts, settings.kind == "terrestrial")
-    source = LIDAR_TERRESTRIAL if settings.kind == "terrestrial" else LIDAR_MOBILE
-    cloud = annotate_samples(samples, scene, surface, rays, source, facts)
+    cloud = annotate_samples(samples, scene, surface, rays, SOURCE[settings.kind], facts)
     write_cloud(folder, cloud)
     write_laz(folder / "cloud.laz", cloud)
     write_ply(folder / "cloud.ply", cloud)
@@ -94,7 +92,7 @@ def _pattern(
     surface: SceneSurface,
     bridge: Bool,
     rays: RayScene,
-    settings: TerrestrialSettings | MobileSettings,
+    settings: AnyScanner,
     rng: np.random.Generator,
 ) -> tuple[Iterator[Rays], int, dict[str, Any]]:
     """Place the scanner: its shots, how many they are, and facts for the statistics."""
@@ -107,6 +105,11 @@ def _pattern(
             raise InputError("the highest ray lies below the lowest", field="highest", value=settings.highest)
         total = len(stations) * max(1, round(360.0 / settings.angular_step)) * heights
         return tripod_rays(stations, settings, rng), total, {"stations": np.round(stations, 4).tolist()}
+    if isinstance(settings, AirborneSettings):
+        box = bounds_of(surface, bridge, settings.reach if settings.scope == "near" else 0.0)
+        strips = strips_over(box, float(bounds_of(surface, bridge, 0.0)[1, 2]), settings, rng)
+        facts = {"strips": np.round(strips, 4).tolist()}
+        return airborne_rays(strips, settings, rng), pulses_on(strips, settings), facts
     if settings.path == "deck":
         way = deck_way(scene, surface, settings.height, settings.run_up)
     else:
@@ -116,6 +119,12 @@ def _pattern(
     total = (int(turns * max(1, round(360.0 / settings.angular_step))) + 1) * settings.beams
     facts = {"path": np.round(way, 4).tolist(), "path_length": length, "duration": length / settings.speed}
     return mobile_rays(way, settings, rng), total, facts
+
+
+def _dense(settings: AnyScanner) -> dict[str, Any]:
+    """Name the setting that decides how dense a scan is."""
+    field = "pulses_per_line" if isinstance(settings, AirborneSettings) else "angular_step"
+    return {"field": field, "value": getattr(settings, field)}
 
 
 def _survey_way(scene: FlatScene, survey: str) -> F64:
@@ -135,7 +144,7 @@ def _survey_way(scene: FlatScene, survey: str) -> F64:
 def _scan_all(
     shots: Iterator[Rays],
     measure: Callable[[Rays], Columns],
-    settings: TerrestrialSettings | MobileSettings,
+    settings: AnyScanner,
     progress: Progress,
 ) -> list[Columns]:
     """Measure chunk after chunk; where one point of each cube stays, others go before they are too many."""
@@ -154,9 +163,8 @@ def _scan_all(
         if sum(len(part["rows"]) for part in parts) > MOST_POINTS:
             raise InputError(
                 f"the scan gives more than {MOST_POINTS} points",
-                field="angular_step",
-                value=settings.angular_step,
-                hint="Take wider steps, fewer stations, or thin it: voxel",
+                **_dense(settings),
+                hint="Take wider steps, fewer stations or strips, or thin it: voxel",
             )
     return _thinned(parts, settings.voxel) if settings.voxel and parts else parts
 
@@ -178,9 +186,7 @@ class _Scanned:
     only: Bool | None
 
 
-def _scan(
-    chunk: Rays, scanned: _Scanned, settings: TerrestrialSettings | MobileSettings, rng: np.random.Generator
-) -> Columns:
+def _scan(chunk: Rays, scanned: _Scanned, settings: AnyScanner, rng: np.random.Generator) -> Columns:
     """Measure along the rays that can meet what is wanted; columns of what was measured of it."""
     box, only, surface = scanned.box, scanned.only, scanned.surface
     aimed = meets_box(chunk, box)

@@ -1,5 +1,6 @@
 """What a user may choose about the clouds that are sampled from a stage without any image."""
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -122,6 +123,45 @@ class MobileSettings(ScannerSettings):
     """Full angle of the beam's cone; 0 for no mixed pixels [rad]."""
 
 
+class AirborneSettings(ScannerSettings):
+    """A scanner in an aircraft that looks down, in parallel strips over the whole place: as countries are surveyed."""
+
+    kind: Literal["airborne"] = "airborne"
+    """Scanner in an aircraft."""
+    altitude: float = Field(default=400.0, gt=0.0, le=1900.0)
+    """Height of the aircraft above the highest point of the bridge [m]."""
+    speed: float = Field(default=60.0, gt=0.0, le=300.0)
+    """Speed over the ground [m/s]."""
+    heading: float | None = Field(default=None, ge=-360.0, le=360.0)
+    """Direction of the first strip, from x towards y; left out: drawn [deg]."""
+    field_of_view: float = Field(default=40.0, gt=0.0, le=120.0)
+    """Full angle of the swath across the way [deg]."""
+    overlap: float = Field(default=0.3, ge=0.0, le=0.9)
+    """Share of a swath that the next one covers at the height of the bridge's highest point; more lower down [1]."""
+    line_rate: float = Field(default=200.0, gt=0.0, le=2000.0)
+    """Lines in a second [1/s]: they lie `speed` / `line_rate` apart."""
+    pulses_per_line: int = Field(default=800, ge=2, le=100_000)
+    """Pulses of a line, at equal angles over the swath: straight below they lie
+    `altitude` · `field_of_view` / `pulses_per_line` apart."""
+    path_noise: float = Field(default=0.03, ge=0.0, le=5.0)
+    """Standard deviation of the error of the measured path, along each axis and for each strip [m]."""
+    path_noise_length: float = Field(default=200.0, gt=0.0, le=10_000.0)
+    """Way along the path over which that error changes [m]."""
+    reach: float = Field(default=100.0, gt=0.0, le=500.0)
+    """Distance by which the bridge's bounding box is widened on every side (scope near) [m]."""
+    min_range: float = Field(default=5.0, ge=0.0, le=50.0)
+    """Nearer surfaces give no point [m]."""
+    max_range: float = Field(default=2000.0, gt=0.0, le=5000.0)
+    """Farther surfaces give no point, whatever they reflect [m]."""
+    range_at_10_percent: float = Field(default=1500.0, gt=0.0, le=5000.0)
+    """Distance at which a surface that reflects 10 % and is hit squarely is just measured; the echo falls with the
+    reflectance, the cosine of the incidence, and the square of the distance [m]."""
+    range_noise: float = Field(default=0.02, ge=0.0, le=1.0)
+    """Standard deviation of the range [m]."""
+    beam_divergence: float = Field(default=0.0005, ge=0.0, le=0.02)
+    """Full angle of the beam's cone; 0 for no mixed pixels [rad]."""
+
+
 class MeshSample(MeshSettings):
     """A `[[sample]]` of a scenario: points spread over the surface."""
 
@@ -145,4 +185,17 @@ class MobileSample(MobileSettings):
     """Name of the cloud, unlike those of the scenario's other samples and surveys."""
 
 
-AnySample = Annotated[MeshSample | TerrestrialSample | MobileSample, Field(discriminator="kind")]
+class AirborneSample(AirborneSettings):
+    """A `[[sample]]` of a scenario: a scanner in an aircraft."""
+
+    id: str = Field(default="airborne", pattern=_ID)
+    """Name of the cloud, unlike those of the scenario's other samples and surveys."""
+
+
+AnyScanner = TerrestrialSettings | MobileSettings | AirborneSettings
+SCANNERS: Mapping[str, type[AnyScanner]] = {
+    "terrestrial": TerrestrialSettings,
+    "mobile": MobileSettings,
+    "airborne": AirborneSettings,
+}
+AnySample = Annotated[MeshSample | TerrestrialSample | MobileSample | AirborneSample, Field(discriminator="kind")]

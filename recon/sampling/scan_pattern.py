@@ -83,7 +83,7 @@ def mobile_rays(path: F64, settings: MobileSettings, rng: np.random.Generator) -
         directions = (
             np.cos(elevations)[:, None] * turned[:, None] + np.sin(elevations)[:, None] * frames[:, None, 2]
         ).reshape(-1, 3)
-        errors = _wander(way / settings.path_noise_length, knots)
+        errors = wander(way / settings.path_noise_length, knots)
         yield Rays(
             np.repeat(origins, settings.beams, axis=0),
             directions,
@@ -104,8 +104,16 @@ def _frames(way: F64, along: F64, path: F64, tilt: float) -> F64:
     return np.stack([ahead, np.cross(axis, ahead), axis], axis=1)
 
 
-def _wander(at: F64, knots: F64) -> F64:
-    """Blend independent errors smoothly, so that their variance is the same everywhere."""
+def wander(at: F64, knots: F64) -> F64:
+    """Blend independent errors smoothly, so that their variance is the same everywhere.
+
+    Args:
+        at: Place on the way, in distances of the knots [1], shape (N,), float64.
+        knots: An error at each whole place [m], shape (K, 3), float64, K greater than the last place and one more.
+
+    Returns:
+        Errors [m], shape (N, 3), float64.
+    """
     knot = np.minimum(at.astype(np.int64), len(knots) - 2)
     phase = (at - knot)[:, None] * np.pi / 2.0
     return np.cos(phase) * knots[knot] + np.sin(phase) * knots[knot + 1]

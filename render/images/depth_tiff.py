@@ -1,4 +1,4 @@
-"""Depth images as TIFF without loss, in an eighth of the time that OpenCV takes, at the same size.
+"""Depth images as TIFF without loss, in a third of the time that OpenCV takes, a twentieth smaller.
 
 Source: TIFF 6.0, Adobe 1992; predictor 3 of TIFF Technical Note 3, Adobe 2005 (bytes of a row sorted by significance,
 then differences); Deflate, RFC 1950.
@@ -6,8 +6,8 @@ then differences); Deflate, RFC 1950.
 
 import struct
 
+import deflate
 import numpy as np
-from isal import isal_zlib
 from numpy.typing import NDArray
 
 _LEVEL = 1
@@ -29,8 +29,9 @@ def encode_depth_tiff(depth: NDArray[np.float32]) -> bytes:
     steps = np.empty((height, 4 * width), np.uint8)
     for first in range(0, height, _BAND):
         _take_steps(depth[first : first + _BAND], steps[first : first + _BAND])
-    # ISA-L: a seventh of zlib's time at the same size; a third of libdeflate's, which is a twentieth smaller.
-    data = isal_zlib.compress(steps, _LEVEL)
+    # libdeflate: 0.4 of zlib's time, a twentieth smaller, and the same bytes on every processor. ISA-L takes a third of
+    # its time, but now and then a process of it packs the same pixels into other bytes.
+    data = bytes(deflate.zlib_compress(steps, _LEVEL))
     table_at = 8 + len(data) + len(data) % 2  # an even place
     entries = (
         (256, _LONG, width),

@@ -21,6 +21,11 @@ def test_greedy_choice_takes_what_adds_most() -> None:
     poses[3, 0, 3] = 1.0  # next to the first: three times one is more than two
     assert choose_views(wanted, poses, place, 1, 9).tolist() == [0, 3, 2]
     np.testing.assert_array_equal(needs, 2)
+    again = sparse.csr_matrix(np.array([[1, 1, 0, 0], [1, 0, 1, 1], [1, 0, 0, 0]]))  # both of place 0 show the first
+    apart = np.tile(np.eye(4), (3, 1, 1))
+    apart[2, 0, 3] = 50.0
+    twice = Wanted(again, np.array([2, 1, 1, 1]), worth)
+    assert choose_views(twice, apart, np.array([0, 0, 1]), 1, 9).tolist() == [1, 0, 2]  # it is still wanted once
     nobody = Wanted(sparse.csr_matrix((0, 4)), needs, worth)
     assert choose_views(nobody, np.zeros((0, 4, 4)), np.zeros(0, np.int64), 1, 9).shape == (0,)
 

@@ -209,9 +209,13 @@ def test_error_quarantines_one_scene(fault: str, run: Run, tmp_path: Path) -> No
 
 
 def test_killed_from_outside_is_tried_three_times(run: Run) -> None:
-    """A child that somebody stopped leaves no record; one that was killed is tried in two more runs."""
+    """Whom somebody stopped or a disk failed leaves no record; a child that was killed is tried in two more runs."""
     for _ in range(4):
         assert "--retry-failed" not in run(2, faults={"cloud:1": "outside"}).failed["0001"]
+    for _ in range(2):
+        said = run(2, faults={"cloud:1": "device in a child"}).failed["0001"]
+        assert "cannot be opened: Input/output error" in said
+        assert "--retry-failed" not in said
     for _ in range(3):
         assert "--retry-failed" not in run(2, faults={"cloud:1": "short"}).failed["0001"]
     assert "--retry-failed" in run(2).failed["0001"]

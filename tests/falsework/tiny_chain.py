@@ -5,6 +5,7 @@ What goes wrong is said in `TINY_FAULTS`: JSON of `<stage>:<scene>` to `reject`,
 `TINY_WAIT` is how long each step of a capture takes [s].
 """
 
+import errno
 import hashlib
 import json
 import os
@@ -147,6 +148,8 @@ def _go_wrong(stage: str, seed: int, folder: Path | None = None) -> None:
             raise RejectedSceneError("no_texture", "nothing to match")
         case "input":
             raise InputError("may not be", field="bridge.spans", value=3)
+        case "device in a child":
+            run_child(CHILD, {"do": "device", "value": errno.EIO}, time_limit=240.0, memory_limit=4.0)
         case "child":
             raise ChildError("recon.child: failed with exit code 1: no", last_lines=("so it went", "no"))
         case "abort":

@@ -40,6 +40,11 @@ def work(request: dict[str, Any], progress: Progress) -> Any:
             raise ZeroDivisionError("the deck is infinitely thin")
         case "input":
             raise InputError("wrong", where="scene.usda", field="spans", value=-1, hint="Be positive")
+        case "device":
+            try:
+                raise OSError(int(str(value)), os.strerror(int(str(value))))
+            except OSError as error:
+                raise InputError(f"cannot be opened: {error.strerror}", where="scene.usda") from None
         case "space":
             raise OutOfSpaceError("disk: full")
         case "reject":

@@ -1,6 +1,7 @@
 """Children answer, report progress, and are stopped, whatever they do; and they die with their parent."""
 
 import contextlib
+import errno
 import os
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import pytest
 
 from groundwork.canonical import canonical_json
 from groundwork.child import run_child
-from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError, passing_code
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "tests.groundwork.child_work"
@@ -54,6 +55,19 @@ def test_answer_and_progress_come_through_noise() -> None:
     found = run_child(MODULE, request, time_limit=60, memory_limit=4, progress=listener, environment=ENVIRONMENT)
     assert found == value
     assert listener.heard == [("stage", "echo", 2), ("advance", 1), ("note", "half way – über"), ("advance", 2)]
+
+
+def test_what_a_listener_raises_ends_the_child() -> None:
+    """A progress bar whose terminal is gone: its own error comes out at once, not one of the child, which is ended."""
+
+    class Broken(Listener):
+        def stage(self, name: str, total: int) -> None:
+            raise BrokenPipeError("the terminal is gone")
+
+    for value in ("short", list(range(200_000))):  # with an answer that no pipe holds
+        request = {"do": "echo", "value": value}
+        with pytest.raises(BrokenPipeError, match="the terminal is gone"):
+            run_child(MODULE, request, time_limit=60, memory_limit=4, progress=Broken(), environment=ENVIRONMENT)
 
 
 def test_environment_is_added() -> None:
@@ -102,6 +116,10 @@ def test_errors_keep_their_kind_and_text() -> None:
         run("fail")
     with pytest.raises(OutOfSpaceError, match="disk: full"):
         run("space")
+    for code, passing in ((errno.EIO, errno.EIO), (errno.EACCES, 0)):
+        with pytest.raises(InputError, match=r"scene\.usda: cannot be opened") as told:
+            run("device", code)
+        assert passing_code(told.value) == passing
 
 
 def test_a_module_that_is_not_there() -> None:

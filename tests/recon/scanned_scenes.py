@@ -8,7 +8,7 @@ import numpy as np
 from groundwork.progress import SILENT
 from recon.cloud import Cloud
 from recon.sampling.sample_lidar import sample_lidar
-from recon.sampling.sampler_settings import MobileSettings, TerrestrialSettings
+from recon.sampling.sampler_settings import SCANNERS
 from tests.render.scenes import SceneBuilder, placed
 from usd_schemas.flat_scene import FlatScene, InstanceRow
 from usd_schemas.pinhole import look_at
@@ -21,7 +21,7 @@ SQUARE = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0]
 def scanned(scene: FlatScene, folder: Path, **settings: object) -> Cloud:
     """Scan a scene into a new folder."""
     folder.mkdir()
-    model = MobileSettings if settings.get("kind") == "mobile" else TerrestrialSettings
+    model = SCANNERS[str(settings.get("kind", "terrestrial"))]
     return sample_lidar(scene, folder, model.model_validate(settings), SILENT)
 
 

@@ -5,8 +5,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from recon.placing import gps_fit
 from recon.placing.gps_fit import (
     Fit,
+    _adjust,
     _alike,
     _covariances,
     _information,
@@ -15,6 +17,7 @@ from recon.placing.gps_fit import (
     _left_over,
     _level,
     _likeness,
+    _step,
     _turn,
     fit_to_fixes,
 )
@@ -55,6 +58,41 @@ def test_derivatives_are_those_of_the_moved_points() -> None:
         np.testing.assert_allclose(_jacobian(one, points)[..., number], (ahead[0] - back[0]) / (2 * step), atol=1e-7)
         leaning = _leaning(one, levels)[:, number - 1] if 1 <= number < 4 else np.zeros(len(levels.heights))
         np.testing.assert_allclose(leaning, (ahead[1] - back[1]) / (2 * step), atol=1e-8)
+
+
+def test_a_step_finds_growth_and_shift_at_once() -> None:
+    """Without a turn the problem is linear: one step ends there, and tells growth plus shift over radius."""
+    rng = np.random.default_rng(3)
+    source = rng.normal(0, 9, (20, 3)) + np.array([400.0, -300.0, 80.0])  # far from the frame's origin
+    middle, start = source.mean(axis=0), similarity_of(rng)
+    goal = start.move(middle + 1.02 * (source - middle)) + np.array([0.3, -0.5, 0.2])
+    found, moved = _step(start, source, goal, np.full((20, 3), 0.7), NO_LEVELS)
+    assert found.scale == pytest.approx(start.scale * np.exp(0.02), rel=1e-9)
+    radius = np.linalg.norm(source - middle, axis=1).max()
+    assert moved == pytest.approx(0.02 + 0.5 / (radius * start.scale), rel=1e-7)
+    at_middle = np.array([found.move(middle[None])[0], start.move(middle[None])[0] + [0.3, -0.5, 0.2]])
+    np.testing.assert_allclose(at_middle[0], at_middle[1], atol=1e-9)
+
+
+def test_a_fit_ends_when_it_has_settled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps of Gauss and Newton settle within a few; where no fix changes sides, the fit is made once."""
+    rng, calls = np.random.default_rng(4), {"steps": 0, "fits": 0}
+
+    def step(*given: object) -> object:
+        calls["steps"] += 1
+        return _step(*given)  # type: ignore[arg-type]
+
+    def adjust(*given: object) -> object:
+        calls["fits"] += 1
+        return _adjust(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(gps_fit, "_step", step)
+    monkeypatch.setattr(gps_fit, "_adjust", adjust)
+    goal = rng.normal(0, 30, (40, 3))
+    fit = fitted(goal, goal + rng.uniform(-1.0, 1.0, (40, 3)))  # none of them strays
+    assert fit.agreeing.all()
+    assert calls["fits"] == 1
+    assert calls["steps"] < 100  # eight starts of some six, and a few for each round of deviations
 
 
 def test_turns_are_rotations_about_their_vector() -> None:

@@ -4,6 +4,7 @@ import contextlib
 import struct
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.photographs import figures_of, photographs_page
+from benchmarks.photographs import control_errors, figures_of, photographs_page
 from falsework.commands.verbs import reconstruct_folder
 from groundwork.errors import InputError, MissingError, RejectedSceneError
 from groundwork.progress import SILENT, Silent
@@ -302,9 +303,28 @@ def test_bare_photographs_become_a_cloud(
     assert abs(flat[2]) < 0.2  # what stands in the world stands in the cloud
     page = photographs_page([("the wall", figures_of(folder))])
     assert f"| the wall | sparse | 5 of 5 | {len(cloud):,} | " in page
-    assert page.endswith(" | nothing |  |\n")
+    assert page.endswith(" | nothing |  |  |\n")
+    three = np.mean(cloud.columns["n_views"] >= 3)
+    assert f" | {three:.0%} | " in page
+    turn, tilt = np.deg2rad(10.0), np.deg2rad(3.0)
+    about_z = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(tilt), -np.sin(tilt)], [0.0, np.sin(tilt), np.cos(tilt)]])
+    told = {
+        "translation": [5.0, -4.0, 90.0],
+        "origin": dict(zip(("latitude", "longitude", "height"), ORIGIN, strict=True)),
+    }
+    on_points = replace(cloud, alignment={**cloud.alignment, **told, "scale": 2.0, "rotation": np.eye(3).tolist()})
+    middle = cloud.columns["coord"].astype(np.float64).mean(axis=0)
+    turned = {"scale": 2.5, "rotation": (about_z @ about_x).tolist(), "translation": [0.0, 0.0, 0.0]}
+    on_gps = replace(cloud, alignment={**cloud.alignment, **told, **turned})
+    off = control_errors(on_gps, on_points)
+    assert (off.scale, off.tilt, off.heading) == pytest.approx((25.0, 3.0, 10.0))
+    there = 2.0 * middle @ (about_z @ about_x) / 2.5 + (5.0, -4.0, 90.0)
+    assert off.place == pytest.approx(np.hypot(*(there - middle)[:2]))
     dense = {**figures_of(folder), "mode": "dense", "mean_reprojection_error": None}
-    assert f"| the wall | dense | 5 of 5 | {len(cloud):,} |  | " in photographs_page([("the wall", dense)])
+    assert f"| the wall | dense | 5 of 5 | {len(cloud):,} |  | {three:.0%} | " in photographs_page(
+        [("the wall", dense)]
+    )
 
 
 @pytest.mark.proof_only
@@ -330,6 +350,6 @@ def test_photographs_with_gps_become_a_cloud_in_metres(
     assert cloud.alignment["origin"]["latitude"] == pytest.approx(ORIGIN[0], abs=1e-3)
     assert {row["status"] for row in cloud.cameras} == {"ok"}
     assert cloud.statistics["center_error_median"] < 0.6
-    assert photographs_page([("x", figures_of(folder))]).endswith(f"{cloud.statistics['center_error_median']:.2f} |\n")
+    assert f" | {cloud.statistics['center_error_median']:.2f} | " in photographs_page([("x", figures_of(folder))])
     place = cloud.columns["coord"] / LARGER + poses[0, :3, 3]  # the origin is the first photograph's place
     assert np.mean((np.abs(place[:, 1] - 5.0) < 0.15) | (np.abs(place[:, 2]) < 0.15)) > 0.7

@@ -193,6 +193,35 @@ def test_a_picture_as_dome_is_decoded_from_srgb(tmp_path: Path) -> None:
         np.testing.assert_allclose(day.radiance(sphere(64)), linear, rtol=1e-4)
 
 
+def test_every_texel_of_a_dome_is_seen_in_its_own_direction(tmp_path: Path) -> None:
+    """Latitude and longitude: +y is the first row, +z the middle column, +x a quarter before it; large ones shrink."""
+    rows, columns = 6, 12
+    theta = (np.arange(rows) + 0.5) / rows * np.pi
+    phi = np.pi - (np.arange(columns) + 0.5) / columns * 2.0 * np.pi
+    polar, around = np.meshgrid(theta, phi, indexing="ij")
+    own = np.stack([np.sin(polar) * np.sin(around), np.cos(polar), np.sin(polar) * np.cos(around)], axis=-1)
+    texels = np.random.default_rng(0).integers(20, 255, (rows, columns, 3)).astype(np.uint8)
+    linear = ((texels[..., ::-1] / 255 + 0.055) / 1.055) ** 2.4
+    file = tmp_path / "sky.png"
+    for times in (1, 100):  # 600 rows are more than the 512 that are kept
+        cv2.imwrite(str(file), np.kron(texels, np.ones((times, times, 1), np.uint8)))
+        scene = replace(plate(Material("card")).build(DOWN[None]), dome=Dome((1.0, 1.0, 1.0), str(file)))
+        day, warnings = read_daylight(scene)
+        assert warnings == []
+        assert day.panorama.shape == ((6, 12, 3) if times == 1 else (512, 1024, 3))
+        seen = day.radiance(own.reshape(-1, 3) @ day.dome_from_world)
+        np.testing.assert_allclose(seen, linear.reshape(-1, 3), rtol=1e-4)
+
+
+def test_a_dome_without_its_file_is_told_and_drawn_plain(tmp_path: Path) -> None:
+    """One warning that names the file; the sky has the dome's own radiance everywhere."""
+    dome = Dome((0.5, 1.0, 2.0), str(tmp_path / "gone.exr"))
+    day, warnings = read_daylight(replace(plate(Material("card")).build(DOWN[None]), dome=dome))
+    assert len(warnings) == 1
+    assert "gone.exr" in warnings[0]
+    np.testing.assert_allclose(day.radiance(sphere(64)), np.tile(dome.radiance, (64, 1)))
+
+
 def write_quadrants(path: Path) -> None:
     """Write red over green on the left, blue over white on the right."""
     pixels = np.zeros((64, 64, 3), np.uint8)

@@ -40,6 +40,34 @@ def test_undistort_inverts_distort(k1: float, k2: float, p1: float, p2: float) -
     np.testing.assert_allclose(lens.undistort(lens.distort(xy)), xy, atol=1e-9)
 
 
+def test_newton_squares_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Six steps are enough all over an image of a lens that is strongly decentred: slopes are asked once more."""
+    lens, count, slopes = Distortion(-0.11, 0.04, 0.02, -0.03), [0], Distortion.slopes
+
+    def counted(self: Distortion, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        count[0] += 1
+        return slopes(self, xy)
+
+    monkeypatch.setattr(Distortion, "slopes", counted)
+    np.testing.assert_allclose(lens.undistort(lens.distort(grid(0.7, 0.5))), grid(0.7, 0.5), atol=1e-12)
+    assert count[0] <= 6 + 1
+
+
+def test_no_point_beyond_a_fold_is_handed_out() -> None:
+    """A lens that folds at 1.04, asked near its fold, where Newton's method comes from the far side: refused."""
+    lens = Distortion(0.6, -0.5)
+    fold = np.sqrt((1.8 + np.sqrt(1.8**2 + 10.0)) / 5.0)  # 1 + 3 k1 r² + 5 k2 r⁴ = 0
+    outermost = fold * (1.0 + 0.6 * fold**2 - 0.5 * fold**4)
+    for share in np.linspace(0.2, 0.9999, 40):
+        for aside in (np.array([1.0, 0.0]), np.array([1.0, 1.0]) / np.sqrt(2.0), np.array([0.28, -0.96])):
+            try:
+                found = lens.undistort(share * outermost * aside[None])
+            except InputError:
+                assert share * outermost > 1.0  # nearer than that it starts before the fold, and stays there
+            else:
+                assert np.linalg.norm(found) < fold
+
+
 def test_slopes_are_the_derivatives() -> None:
     """Central differences find the same slopes, all over the image; else Newton is slow and folds hide."""
     step, xy = 1e-5, grid(0.7, 0.5)

@@ -92,8 +92,20 @@ def translate(document: Document) -> Sdf.Layer:
 
     Args:
         document: The document.
+
+    Raises:
+        InputError: A name in it is none that USD can write.
     """
     layer = Sdf.Layer.CreateAnonymous(document.path.name + ".usda")
+    try:
+        _write(layer, document)
+    except Tf.ErrorException as error:
+        said = str(error).rpartition(" : ")[2].strip(" '\n")
+        raise InputError(f"not to be written as USD: {said}", where=document.path, hint="Export it again") from None
+    return layer
+
+
+def _write(layer: Sdf.Layer, document: Document) -> None:
     layer.defaultPrim = "MaterialX"
     root = _define(layer, "/MaterialX", "Scope")
     graphs = document.content.getNodeGraphs()
@@ -104,7 +116,6 @@ def translate(document: Document) -> Sdf.Layer:
     _define(layer, f"{root}/Materials", "Scope")
     for material in document.content.getMaterialNodes():
         _write_material(layer, document, f"{root}/Materials/{_name(material)}", material)
-    return layer
 
 
 def _input_type() -> type:

@@ -15,8 +15,8 @@ from authoring.families.suspension import DrawnSuspension
 from authoring.parts.anchors import clamps, hanger_sockets, sleeves
 from authoring.parts.cables import CHORD_SAG, Plane, chords, tube
 from authoring.parts.drawing import drawn_range
-from authoring.parts.stays import head_heights
-from authoring.parts.suspension_cables import _cable_points
+from authoring.parts.stays import HeadZone, head_heights
+from authoring.parts.suspension_cables import _cable_points, _Run
 from authoring.shapes.component import F64, Component, triangles
 from authoring.solids.sweep import Surface
 from authoring.streams import stream
@@ -158,19 +158,19 @@ def test_a_harps_stays_are_parallel(shape: str, pylons: int) -> None:
 def test_fans_meet_and_semi_fans_spread(shrink: float) -> None:
     """A fan's heads are as close as the steeper side's collars allow, a semi-fan's even, a harp's in proportion."""
     offsets = np.linspace(8.0, 40.0, 9)
-    runs, where = [(float(x) - 0.5, shrink * (float(x) - 0.5)) for x in offsets], (0.1, (0.5, 0.01))
-    fan = np.array(head_heights("fan", runs, 0.0, 20.0, 12.0, *where))
-    reach = 0.1 * np.hypot(1.0, fan / (shrink * (offsets - 0.5)))
+    runs, where = [(float(x) - 0.5, shrink * (float(x) - 0.5)) for x in offsets], HeadZone(-2.0, 20.0, 12.0, 0.1, 0.01)
+    fan = np.array(head_heights("fan", runs, where))
+    reach = 0.1 * np.hypot(1.0, (fan + 2.0) / (shrink * (offsets - 0.5)))
     apart = np.diff(fan) - (reach[1:] + reach[:-1])  # between two collars on the steeper side
     assert apart.min() > 0.06 - 1e-12
     assert apart.max() < 0.06 + 0.03
     assert fan[-1] == 20.0
     assert fan[0] > 15.0
-    semi = np.array(head_heights("semi_fan", runs, 0.0, 20.0, 12.0, *where))
+    semi = np.array(head_heights("semi_fan", runs, where))
     np.testing.assert_allclose(semi, np.linspace(12.0, 20.0, 9), atol=1e-9)
-    harp = np.array(head_heights("harp", runs, 0.0, 20.0, 12.0, *where))
+    harp = np.array(head_heights("harp", runs, where))
     faces = 0.5 + 0.01 * (20.0 - harp)
-    np.testing.assert_allclose(harp / (offsets - faces), 20.0 / 39.5, rtol=1e-12)
+    np.testing.assert_allclose((harp + 2.0) / (offsets - faces), 22.0 / 39.5, rtol=1e-12)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -221,7 +221,7 @@ def test_corners_of_a_cable_are_at_hangers_and_so_many_between() -> None:
     low, high = first + 1.0, last - 1.0
     hangers = np.linspace(low + 0.05, high - 0.05, 9)
     held = np.concatenate([[first - 5.0], hangers, [last + 5.0]])
-    found = _cable_points(cables, low, high, held, 12.0, 3.0, Alignment(2.0))
+    found = _cable_points(cables, _Run(low, high, held, 12.0), 3.0, Alignment(2.0))
     corners = np.array([low, *hangers[1:-1], high])
     expected = [low]
     for a, b in pairwise(corners):

@@ -1,0 +1,43 @@
+"""Fields on the even land of valleys: what lies between a site, the houses and the woods on the slopes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.backgrounds.lanes import Lane, lane_room
+from authoring.backgrounds.parcels import Parcel, crop_fields, draw_parcels, uncropped
+from authoring.backgrounds.plots import Plots
+from authoring.backgrounds.terrain import Terrain
+from authoring.backgrounds.waters import Basin
+from authoring.site.covers import Cover
+
+F64 = NDArray[np.float64]
+
+REACH = (1500.0, 700.0)  # how far fields go along the axis and to its sides [m]
+STEEPEST = 0.24  # slope that is ploughed [1]
+SHORE = 26.0  # distance of fields from the shore [m]
+
+
+def valley_fields(
+    terrain: Terrain, basin: Basin, plots: Plots, lanes: tuple[Lane, ...], rng: np.random.Generator
+) -> tuple[tuple[Parcel, ...], tuple[tuple[Cover, F64], ...]]:
+    """Lay out fields where the land is even and dry, and nothing is built.
+
+    Args:
+        terrain: The terrain.
+        basin: The open water.
+        plots: The buildings.
+        lanes: Lanes and streets.
+        rng: Random stream.
+
+    Returns:
+        The fields; each cover with its signed field at the terrain's nodes [m], shape (S, L).
+    """
+    parcels = uncropped(draw_parcels(terrain, rng, REACH), plots.taken())
+    station, left = terrain.nodes()
+    field = terrain.field
+    slope = np.hypot(
+        np.gradient(field.heights, field.stations, axis=0), np.gradient(field.heights, field.lefts, axis=1)
+    )
+    free = np.minimum(60.0 * (STEEPEST - slope), -basin.inside(station, left) - SHORE)
+    free = np.minimum(free, lane_room(lanes, station.ravel(), left.ravel()).reshape(station.shape) - 1.0)
+    return parcels, tuple((cover, np.minimum(values, free)) for cover, values in crop_fields(terrain, parcels))
