@@ -96,6 +96,7 @@ def figures_of_defaults(folder: Path) -> dict[str, Any]:
     return {
         "mode": "pycolmap's defaults",
         "target": "none",
+        "method": "none",
         "images": len(capture.images),
         "registered": len(model.names),
         "points": len(model.points),
