@@ -33,6 +33,8 @@ def test_second_request_makes_nothing(tmp_path: Path) -> None:
     assert not store.produce(TASK, lambda folder: pytest.fail("made twice"))
     assert store.verify() == []
     assert not list((tmp_path / "work").iterdir())
+    (manifest,) = tmp_path.rglob("artefact.json")
+    assert {path.stat().st_mode & 0o777 for path in manifest.parent.rglob("*.*")} == {0o444}
 
 
 @given(st.dictionaries(st.text(), JSON, min_size=1))

@@ -93,6 +93,9 @@ def test_a_fit_ends_when_it_has_settled(monkeypatch: pytest.MonkeyPatch) -> None
     assert fit.agreeing.all()
     assert calls["fits"] == 1
     assert calls["steps"] < 100  # eight starts of some six, and a few for each round of deviations
+    calls["steps"] = 0
+    fitted(goal, goal)  # the fixes are exact: nothing is left to improve after the starts
+    assert calls["steps"] < 100
 
 
 def test_turns_are_rotations_about_their_vector() -> None:
