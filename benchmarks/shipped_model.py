@@ -1,10 +1,11 @@
 """Train the model that comes with the package, score it, and write its card.
 
-Usage: python -m benchmarks.shipped_model CLOUDS… [--work FOLDER] [--validation NAME…] [--test NAME…] [--seed N]
+Usage: python -m benchmarks.shipped_model CLOUDS… [--work FOLDER] [--validation NAME…] [--test NAME…] [--init MODEL]
 
 CLOUDS are folders of clouds, or folders that hold some at any depth; every sampler's count alike. Bridges are named by
 their hash, or, where the clouds are too old for one, by that of the geometry in the `manifest.json` beside them; the
-first digits are enough. What was begun in `--work` is gone on with. The model goes to `learn/shipped`.
+first digits are enough. What was begun in `--work` is gone on with. The model goes to `learn/shipped`, unless
+`--candidate` keeps it in `--work`, for `benchmarks.selection`; `--set 'model="forest"'` trains a forest.
 """
 
 import argparse
@@ -20,6 +21,7 @@ import torch
 
 from benchmarks.shipped_card import card_text
 from falsework.commands.console import ConsoleProgress
+from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import read_json, write_text
 from groundwork.output_folder import fresh_output
@@ -27,11 +29,13 @@ from learn.datasets.build import Source, build_dataset
 from learn.datasets.settings import DatasetSettings, dataset_settings
 from learn.datasets.stored import StoredSplit
 from learn.datasets.varied import SomeSamples, Variation, VariedSplit
-from learn.trained import FACTS, read_facts, read_weights, write_model
+from learn.trained import FACTS, FOREST, WEIGHTS, read_facts, read_weights, write_model
+from learn.training.forest import train_forest
 from learn.training.settings import TrainSettings
 from learn.training.train import TrainingData, train_network
 
 CHANNELS = ("z",)
+ALONE = 0.12  # share of the samples that show nothing but a bridge, as scans that were cut out do
 SAMPLES, HELD_SAMPLES = 800, 128  # of an epoch, and of its validation
 USUAL = {"model": "pointnext-s", "epochs": 10, "precision": "bf16-mixed", "accelerator": "cpu"}
 STRIDE = 10.0  # [m] of the tiles in a prediction: every point is in four
@@ -105,8 +109,15 @@ def _built(sources: Sequence[Source], folder: Path, settings: DatasetSettings, p
     build_dataset(sources, folder, settings, progress)
 
 
-def train_on(dataset: Path, validation: Sequence[str], folder: Path, settings: Mapping[str, Any], samples: int) -> None:
-    """Train PointNeXt-S on varied tiles; the epoch is picked on bridges of their own.
+def train_on(
+    dataset: Path,
+    validation: Sequence[str],
+    folder: Path,
+    settings: Mapping[str, Any],
+    samples: int,
+    init: Path | None = None,
+) -> None:
+    """Train a network on varied tiles, its epoch picked on bridges of their own; or a forest, which picks nothing.
 
     Args:
         dataset: Data set of `dataset_of`.
@@ -114,10 +125,11 @@ def train_on(dataset: Path, validation: Sequence[str], folder: Path, settings: M
         folder: Model to write; what was begun there is gone on with, a whole one is left alone.
         settings: Settings of the training that differ from the usual ones.
         samples: Samples of an epoch.
+        init: A model to begin with.
     """
     if (folder / FACTS).is_file():
         return
-    source = VariedSplit(StoredSplit(dataset, "train", CHANNELS), Variation(samples=samples))
+    source = VariedSplit(StoredSplit(dataset, "train", CHANNELS), Variation(samples=samples, alone=ALONE))
     whole = StoredSplit(dataset, "test", CHANNELS)
     rows = [row for row in range(len(whole)) if whole.bridge(row).startswith(tuple(validation))]
     held = SomeSamples(whole, rows[:: max(1, len(rows) // HELD_SAMPLES)])
@@ -128,14 +140,22 @@ def train_on(dataset: Path, validation: Sequence[str], folder: Path, settings: M
         "table": whole.facts.settings.table,
         "variation": source.settings.model_dump(mode="json"),
     }
+
+    def fill(inner: Path) -> None:
+        if chosen.model == FOREST:
+            train_forest(source, chosen, inner, progress, data)
+        else:
+            train_network(TrainingData(source, held, data), chosen, inner, progress, init=init)
+
+    begun = [] if init is None else [file_digest(init / WEIGHTS)]
     with ConsoleProgress() as progress:
         fresh_output(
             folder,
             "model",
-            lambda inner: train_network(TrainingData(source, held, data), chosen, inner, progress),
+            fill,
             inputs=[dataset],
-            asked=[data, chosen.model_dump(mode="json")],
-            resume=True,
+            asked=[data, chosen.model_dump(mode="json"), *begun],
+            resume=chosen.model != FOREST,
         )
 
 
@@ -161,15 +181,19 @@ def main() -> None:
     parser.add_argument("--test", nargs="+", default=[])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--samples", type=int, default=SAMPLES, help="samples of an epoch")
+    parser.add_argument("--init", type=Path, help="a model to begin with")
+    parser.add_argument("--candidate", default="", help="name of the model in --work; then nothing is shipped")
     parser.add_argument("--note", default="", help="a line for the card")
     parser.add_argument("--set", nargs="*", default=[], help="settings of the training, key=value")
     given = parser.parse_args()
     torch.set_num_threads(1)
     clouds = clouds_below(given.clouds)
-    dataset, model = given.work / "dataset", given.work / "model"
+    dataset, model = given.work / "dataset", given.work / (given.candidate or "model")
     dataset_of(clouds, [*given.validation, *given.test], given.seed, dataset)
     settings = {key: json.loads(value) for key, _, value in (word.partition("=") for word in given.set)}
-    train_on(dataset, given.validation, model, {"seed": given.seed, **settings}, given.samples)
+    train_on(dataset, given.validation, model, {"seed": given.seed, **settings}, given.samples, given.init)
+    if given.candidate:
+        return
     ship(model, SHIPPED)
     named = [(bridge_of(path), path) for path in clouds]
     held = tuple(given.test)

@@ -12,6 +12,7 @@ from groundwork.settings import Settings
 from learn.datasets.augment import draw_change
 from learn.datasets.class_tables import BACKGROUND_CLASS
 from learn.datasets.draws import random_draw
+from learn.datasets.ground import estimate_ground
 from learn.datasets.layout import PieceRow, read_piece
 from learn.datasets.patch import Patch, make_sample
 from learn.datasets.stored import StoredSplit
@@ -32,6 +33,7 @@ class Variation(Settings):
     least: float = Field(default=0.1, gt=0.0, le=1.0, description="Smallest share of the points that is left [1]")
     halved: float = Field(default=0.15, ge=0.0, le=1.0, description="Share of the samples cut by a vertical plane [1]")
     bare: float = Field(default=0.05, ge=0.0, le=1.0, description="Share of the samples without their bridge [1]")
+    alone: float = Field(default=0.0, ge=0.0, le=1.0, description="Share of the samples with nothing but a bridge [1]")
     tilt: float = Field(default=4.0, ge=0.0, le=45.0, description="Largest tilt [deg]")
     jitter: float = Field(default=0.05, ge=0.0, le=1.0, description="Largest deviation of the points' noise [m]")
     lift: float = Field(default=0.5, ge=0.0, le=10.0, description="Largest error of the height of the ground [m]")
@@ -189,11 +191,17 @@ def vary(patch: Patch, surroundings: I64, settings: Variation, rng: np.random.Ge
     if rng.random() < settings.bare:
         rest = kept[np.isin(patch.labels[kept], surroundings)]
         kept = rest if len(rest) >= _FEWEST else kept
+    drop = 0.0
+    if settings.alone and rng.random() < settings.alone:
+        own = kept[~np.isin(patch.labels[kept], surroundings)]
+        if len(own) >= _FEWEST:  # a scan that was cut out: the ground that is then found is the lowest of the bridge
+            kept, seen = own, patch.coord[own].astype(np.float64)
+            drop = float(estimate_ground(seen).below(seen[:, :2].mean(axis=0, keepdims=True), np.inf)[0])
     if rng.random() < settings.thinned:
         share = np.exp(rng.uniform(np.log(settings.least), 0.0))
         kept = np.sort(rng.permutation(kept)[: max(1, round(share * len(kept)))])
     noise = rng.normal(size=(len(kept), 3)) * rng.uniform(0.0, settings.jitter)
-    noise[:, 2] += rng.uniform(-settings.lift, settings.lift)
+    noise[:, 2] += rng.uniform(-settings.lift, settings.lift) - drop
     coord = (patch.coord[kept] + noise).astype(np.float32)
     return Patch(coord, {}, patch.labels[kept], patch.uncertainty[kept], patch.origin, patch.seed)
 

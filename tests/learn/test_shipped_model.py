@@ -9,12 +9,15 @@ import pytest
 
 from benchmarks.robustness import page
 from benchmarks.scan_scores import label_scan, read_labelled_scan
+from benchmarks.selection import judge, overlapping
+from benchmarks.selection import page as selection_page
 from benchmarks.shipped_card import card_text
 from benchmarks.shipped_model import STRIDE, bridge_of, clouds_below, dataset_of, ship, train_on
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import write_json
 from learn.datasets.layout import read_facts
+from learn.metrics import scores
 from learn.predict.trained_model import read_trained_model
 from learn.trained import WEIGHTS, read_weights
 from tests.learn.toy_bridge import write_toy
@@ -86,3 +89,23 @@ def test_a_cloud_that_says_no_bridge_is_refused(tmp_path: Path) -> None:
         bridge_of(cloud)
     write_json(tmp_path / "0000" / "manifest.json", {"files": {"bridge/geometry.usdc": "abc"}})
     assert bridge_of(cloud) == "abc"
+
+
+def test_candidates_are_judged_as_the_shipped_model_would_be(made: Path) -> None:
+    """A candidate's confusion is that of the model that would be shipped, and the page says its mean IoU."""
+    cloud = made / "clouds" / "test" / "mesh"
+    row = judge(overlapping(made / "model"), 1.25, [cloud])
+    found = label_scan(read_labelled_scan(cloud), read_trained_model(made / "shipped")).matrix("kim2023")
+    np.testing.assert_array_equal(row.matrices["mesh"]["kim2023"], found)
+    text = selection_page({"toy": row}, 1)
+    assert f"| {scores(found).mean_iou:.3f} |" in text
+    assert "| toy " in text
+
+
+def test_a_forest_is_a_candidate(made: Path) -> None:
+    """Trained on the same varied samples, it knows the same kinds and is read like a network."""
+    settings = {"model": "forest", "network": {"trees": 2, "depth": 4, "points": 500, "scales": [10]}}
+    train_on(made / "dataset", ["pick"], made / "forest", settings, 4)
+    forest, network = read_trained_model(made / "forest"), read_trained_model(made / "model")
+    assert forest.trained.facts.network == "forest"
+    assert forest.classes == network.classes

@@ -9,10 +9,11 @@ import pytest
 
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.class_tables import class_table
+from learn.datasets.ground import estimate_ground
 from learn.datasets.layout import read_piece
 from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
-from learn.datasets.varied import SomeSamples, Variation, VariedSplit, draw_piece, draw_tilt
+from learn.datasets.varied import SomeSamples, Variation, VariedSplit, draw_piece, draw_tilt, vary
 from learn.predict.class_sum import sum_classes
 from tests.learn.toy_bridge import write_toy
 from usd_schemas.components import component_classes
@@ -96,6 +97,26 @@ def test_a_still_sample_is_a_piece_and_each_change_does_what_it_says(stored: Pat
     assert sum(areas[1::2]) < 0.9 * sum(areas[::2])
     lifted = varied(stored, lift=2.0).sample(1, 4)
     assert len(known.keys() & {point.tobytes() for point in lifted.coord}) < 10
+
+
+def test_a_bridge_that_was_cut_out_stands_on_its_own_ground(stored: Path) -> None:
+    """Nothing but the bridge is left, and the ground that is estimated from that alone is at height zero."""
+    facts, settings = StoredSplit(stored, "train").facts, Variation(**{**STILL, "alone": 1.0})  # type: ignore[arg-type]
+    cut = 0
+    for row in facts.pieces:
+        piece = read_piece(stored, row, ())
+        patch = vary(piece, np.array([0]), settings, np.random.default_rng(0))
+        own = piece.labels != 0
+        if own.sum() < 256:
+            assert len(patch) == len(piece)
+            continue
+        np.testing.assert_array_equal(patch.labels, piece.labels[own])
+        np.testing.assert_allclose(np.diff(patch.coord, axis=0), np.diff(piece.coord[own], axis=0), atol=1e-5)
+        coord = patch.coord.astype(np.float64)
+        level = estimate_ground(coord).below(coord[:, :2].mean(axis=0, keepdims=True), np.inf)
+        assert abs(float(level[0])) < 1e-5
+        cut += 1
+    assert cut > 3
 
 
 def test_rare_classes_are_seen_where_pieces_are_chosen_by_class() -> None:

@@ -1,0 +1,127 @@
+"""Which model comes with the package: candidates on whole scans of the bridges that nothing was trained on.
+
+Usage: python -m benchmarks.selection NAME=MODEL... --clouds CLOUD... [--page FILE]
+
+MODEL is a folder of a training, CLOUD the folder of a cloud. `python -m benchmarks.shipped_model … --candidate NAME`
+makes candidates of one data set. Writes `docs/benchmarks/selection.md`.
+"""
+
+import argparse
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from benchmarks.scan_scores import TABLES, label_scan, read_labelled_scan
+from benchmarks.shipped_model import STRIDE
+from groundwork.files import write_text
+from learn.metrics import scores
+from learn.predict.trained_model import TrainedModel, read_trained_model
+from learn.scoring.table import table
+from learn.trained import WEIGHTS
+from recon.cloud import read_cloud
+
+I64 = NDArray[np.int64]
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "selection.md"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a candidate did.
+
+    Attributes:
+        network: What it is.
+        size: Of its weights [MB].
+        matrices: For each kind of sensor and each table the confusion, summed over the scans, shape (C, C), int64.
+        seconds: Processor time for two million points [s].
+    """
+
+    network: str
+    size: float
+    matrices: Mapping[str, Mapping[str, I64]]
+    seconds: float
+
+
+def overlapping(folder: Path) -> TrainedModel:
+    """Read a candidate as it would be shipped: with tiles that overlap.
+
+    Args:
+        folder: What a training has written.
+    """
+    read = read_trained_model(folder)
+    tile = read.tile.model_copy(update={"stride": STRIDE})
+    return TrainedModel(read.trained, read.settings.model_copy(update={"tile": tile}))
+
+
+def judge(model: TrainedModel, size: float, clouds: Sequence[Path]) -> Row:
+    """Label every cloud with a candidate.
+
+    Args:
+        model: The candidate.
+        size: Of its weights [MB].
+        clouds: Folders of clouds.
+    """
+    matrices: dict[str, dict[str, I64]] = {}
+    points, seconds = 0, 0.0
+    for path in clouds:
+        scan = read_labelled_scan(path)
+        before = time.process_time()
+        found = label_scan(scan, model)
+        points, seconds = points + len(scan.coord), seconds + time.process_time() - before
+        own = matrices.setdefault(read_cloud(path).source, {})
+        for name in TABLES:
+            own[name] = own.get(name, np.int64(0)) + found.matrix(name)
+    return Row(model.trained.facts.network, size, matrices, seconds * 2e6 / points)
+
+
+def page(rows: Mapping[str, Row], clouds: int) -> str:
+    """Write the page.
+
+    Args:
+        rows: Candidates by name.
+        clouds: How many scans they were judged on.
+    """
+    kinds = sorted({kind for row in rows.values() for kind in row.matrices})
+    lines = [
+        "# Which model comes with the package",
+        "",
+        f"Written by `python -m benchmarks.selection`. Mean IoU of the thinned points of {clouds} whole scans of",
+        "bridges that training held back, labelled as `falsework predict` does; classes that do not occur have no part",
+        "in it. *All* sums the scans first. The time is that of a processor's core for two million points, without",
+        "reading and writing.",
+    ]
+    for name in TABLES:
+        cells = []
+        for title, row in rows.items():
+            total = np.sum([found[name] for found in row.matrices.values()], axis=0)
+            parts = [scores(row.matrices[kind][name]).mean_iou if kind in row.matrices else np.nan for kind in kinds]
+            values = [*parts, scores(total).mean_iou]
+            said = ["-" if np.isnan(value) else f"{value:.3f}" for value in values]
+            cells.append([title, row.network, f"{row.size:.1f}", *said, f"{row.seconds:.0f}"])
+        lines += ["", f"Table `{name}`:", ""]
+        lines += table(["candidate", "network", "MB", *kinds, "all", "CPU-s for 2 M points"], cells)
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Judge and write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("models", nargs="+", metavar="NAME=MODEL")
+    parser.add_argument("--clouds", nargs="+", type=Path, required=True)
+    parser.add_argument("--page", type=Path, default=PAGE)
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    rows = {}
+    for word in given.models:
+        name, _, folder = word.partition("=")
+        rows[name] = judge(overlapping(Path(folder)), (Path(folder) / WEIGHTS).stat().st_size / 1e6, given.clouds)
+    write_text(given.page, page(rows, len(given.clouds)))
+
+
+if __name__ == "__main__":
+    main()
