@@ -7,7 +7,7 @@ from authoring.looks.noise import Tile, fractal, standard
 
 _PIXELS = 2048
 _SEED = 20_533  # one grain for all bridges, so that its file is the same wherever it lies
-_SPREAD = 0.11  # standard deviation of the grey values [1]
+_SPREAD = 0.15  # standard deviation of the grey values [1]
 _WAVES = ((0.0055, 0.0022, 1.0), (0.014, 0.005, 0.8))  # longest and shortest of a tile of side 1, and how much of them
 
 

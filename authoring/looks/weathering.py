@@ -14,7 +14,7 @@ from authoring.shapes.component import Component, Scatter
 
 Marking = Callable[[Spots, Members, Floats, Floats, float], Floats]
 
-_FLECKS = 14.0, 2.5  # longest and shortest wave [texels]
+_FLECKS = 40.0, 2.2  # longest and shortest wave [texels]
 _ROWS = 128  # rows of the atlas worked on at once, so that they stay in the cache
 
 
@@ -63,11 +63,15 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
 
 
 def _flecks(pixels: int, age: float, rng: np.random.Generator) -> Floats:
-    """Draw flecks of a few texels, few of them strong: each place of a bridge differs from all others, near and far."""
-    waves = fractal(Tile(pixels, 1.0, rng), _FLECKS[0] / pixels, _FLECKS[1] / pixels, slope=0.5)
+    """Draw a soft mottle that is nowhere the same, so that each place of a bridge differs from all others.
+
+    Strong peaks of a few texels would give more keypoints, but they are decimetres wide and look like dots: what is
+    small is the grain's.
+    """
+    waves = fractal(Tile(pixels, 1.0, rng), _FLECKS[0] / pixels, _FLECKS[1] / pixels, slope=0.8)
     peaks = standard(np.clip(standard(waves * waves * waves), -4.0, 4.0))
-    contrast = 0.02 + 0.10 * min(age, 1.0)
-    return 1 + contrast * (0.6 * np.clip(waves, -2.6, 2.6) + 0.8 * peaks)
+    contrast = 0.02 + 0.07 * min(age, 1.0)
+    return 1 + contrast * (0.8 * np.clip(waves, -2.6, 2.6) + 0.2 * peaks)
 
 
 def _sorted(block: I32, owner: I32, members: Members) -> Iterable[tuple[np.ndarray, np.ndarray, Marking]]:
