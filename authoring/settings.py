@@ -44,12 +44,6 @@ class AuthoringSettings(Settings):
     )
 
     @model_validator(mode="after")
-    def _a_city_has_no_fields(self) -> Self:
-        if self.background.name == "city" and self.site.land is None:
-            object.__setattr__(self, "site", self.site.model_copy(update={"land": "town"}))
-        return self
-
-    @model_validator(mode="after")
     def _look_is_known(self) -> Self:
         if self.look.name not in LOOKS:
             raise ValueError(f"unknown look {self.look.name!r}; allowed: {', '.join(LOOKS)}")

@@ -40,7 +40,8 @@ class SiteSettings(Settings):
     land: LandUse | None = Field(
         default=None,
         description="what the land beside the bridge is used for: fields with hedges, a common of long and short "
-        "grass, or the yards of a town; drawn: fields 70, common 30, always a town beside a harbour",
+        "grass, or the yards of a town; drawn: fields 70, common 30, always a town beside a harbour; "
+        "say `town` where the background is a city",
     )
     half_width: float = Field(default=80.0, ge=40.0, le=200.0, description="reach to either side of the axis [m]")
     run_out: float = Field(default=60.0, ge=30.0, le=200.0, description="reach beyond the abutments [m]")
