@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from falsework.pipeline import Outcome
     from falsework.scenario import Scenario
     from recon.cloud import Cloud
-    from recon.sampling.sampler_settings import AnyScanner, MeshSettings
+    from recon.sampling.sampler_settings import AirborneSettings, MeshSettings, MobileSettings, TerrestrialSettings
     from recon.settings import ReconSettings
     from render.capture import Capture
     from render.settings import RenderSettings
@@ -142,7 +142,7 @@ def reconstruct(
 def sample(
     stage: Path | str,
     out: Path | str,
-    settings: MeshSettings | AnyScanner,
+    settings: MeshSettings | TerrestrialSettings | MobileSettings | AirborneSettings,
     *,
     allow_roots: Path | str | Iterable[Path | str] = (),
     progress: Progress = SILENT,

@@ -116,7 +116,7 @@ def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn
         baked = _copy_material(stage, path, file, [round(float(value), 4) for value in mean])
         for prim in group.meshes[path]:
             UsdShade.MaterialBindingAPI.Apply(prim).Bind(baked)
-    worn = {target for prim in stage.Traverse() for target in _bound(prim)}
+    worn = _worn(stage)
     for path in order:
         if path not in worn:
             stage.RemovePrim(path)
@@ -125,12 +125,13 @@ def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn
 
 def _still_procedural(stage: Usd.Stage) -> list[Sdf.Path]:
     """Find the materials in use that only our renderer shows whole."""
-    worn = {target for prim in stage.Traverse() for target in _bound(prim)}
-    return sorted(path for path in worn if stage.GetPrimAtPath(path).HasAPI(DETAIL))
+    return sorted(path for path in _worn(stage) if stage.GetPrimAtPath(path).HasAPI(DETAIL))
 
 
-def _bound(prim: Usd.Prim) -> list[Sdf.Path]:
-    return UsdShade.MaterialBindingAPI(prim).GetDirectBindingRel().GetTargets()
+def _worn(stage: Usd.Stage) -> set[Sdf.Path]:
+    """Find the materials that anything is bound to, what stands for native instances included: no prim of the scene."""
+    binding = (UsdShade.MaterialBindingAPI(prim).GetDirectBindingRel() for prim in stage.TraverseAll())
+    return {target for relation in binding for target in relation.GetTargets()}
 
 
 def _corners(mesh: UsdGeom.Mesh, name: str) -> F32:

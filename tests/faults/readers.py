@@ -294,7 +294,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "survey_figures.write_page",
         "child._resident",
     },
-    WORDS: {"child.answer_parent", "child._listen", "given_settings.given_settings", "cli.main"},
+    WORDS: {"child.answer_parent", "child._hear", "given_settings.given_settings", "cli.main"},
 }
 
 # Format of a foreign file to the functions that read it; `mutated_reading.py` mutates a sample of each.
