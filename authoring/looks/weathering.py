@@ -14,7 +14,7 @@ from authoring.shapes.component import Component, Scatter
 
 Marking = Callable[[Spots, Members, Floats, Floats, float], Floats]
 
-_FLECKS = 40.0, 2.2  # longest and shortest wave [texels]
+_FLECKS = 20.0, 2.4  # longest and shortest wave [texels]
 _ROWS = 128  # rows of the atlas worked on at once, so that they stay in the cache
 
 
@@ -68,10 +68,10 @@ def _flecks(pixels: int, age: float, rng: np.random.Generator) -> Floats:
     Strong peaks of a few texels would give more keypoints, but they are decimetres wide and look like dots: what is
     small is the grain's.
     """
-    waves = fractal(Tile(pixels, 1.0, rng), _FLECKS[0] / pixels, _FLECKS[1] / pixels, slope=0.8)
+    waves = fractal(Tile(pixels, 1.0, rng), _FLECKS[0] / pixels, _FLECKS[1] / pixels, slope=0.5)
     peaks = standard(np.clip(standard(waves * waves * waves), -4.0, 4.0))
-    contrast = 0.02 + 0.07 * min(age, 1.0)
-    return 1 + contrast * (0.8 * np.clip(waves, -2.6, 2.6) + 0.2 * peaks)
+    contrast = 0.02 + 0.09 * min(age, 1.0)
+    return 1 + contrast * (0.7 * np.clip(waves, -2.6, 2.6) + 0.5 * peaks)
 
 
 def _sorted(block: I32, owner: I32, members: Members) -> Iterable[tuple[np.ndarray, np.ndarray, Marking]]:
