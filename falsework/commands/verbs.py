@@ -56,6 +56,25 @@ def author_file(scenario: Scenario, out: Path, scene: int, progress: Progress, i
     return out / "scene.usda"
 
 
+def stage_file(stage: Path) -> Path:
+    """Find the file of a stage: a scene's folder, or that of a scene in a run, stands for its root layer.
+
+    Args:
+        stage: USD file, scene folder, or a folder of a run such as `OUT/scenes/0000`.
+
+    Raises:
+        MissingError: No such file, or a folder without a scene.
+    """
+    with reading(stage):
+        if stage.is_dir():
+            from authoring.scenes.checkout import find_root_layer
+
+            return find_root_layer(stage)
+        if not stage.is_file():
+            raise MissingError("no such file", where=stage, hint="Name a .usda, .usdc, .usd or .usdz file")
+    return stage
+
+
 def sample_file(
     stage: Path, out: Path, kind: str, settings: Settings, progress: Progress, allow_roots: tuple[Path, ...] = ()
 ) -> None:
@@ -72,6 +91,7 @@ def sample_file(
     Raises:
         InputError: No such file, nothing to sample, or an output folder that is not ours.
     """
+    stage = stage_file(stage)
     request = {
         "kind": kind,
         "settings": settings.model_dump(mode="json"),
@@ -90,8 +110,6 @@ def sample_file(
         )
 
     with reading(stage):
-        if not stage.is_file():
-            raise MissingError("no such file", where=stage, hint="Name a .usda, .usdc, .usd or .usdz file")
         fresh_output(out, "cloud", write, inputs=[stage])
 
 
@@ -124,7 +142,7 @@ def render_file(
     Raises:
         InputError: No such file or product, nothing to render, or an output folder that is not ours.
     """
-    chosen: list[str] = []
+    stage, chosen = stage_file(stage), list[str]()
 
     def write(folder: Path) -> None:
         names = surveys_of(stage, allow_roots, progress, choices)
@@ -140,8 +158,6 @@ def render_file(
             STAGES["capture"].run(request, {"stage": stage}, folder / name, progress)
 
     with reading(stage):
-        if not stage.is_file():
-            raise MissingError("no such file", where=stage, hint="Name a .usda, .usdc, .usd or .usdz file")
         fresh_output(out, "captures", write, inputs=[stage], asked=_place(stage), resume=True)
     return chosen
 

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from falsework.cli import main
+from falsework.commands.verbs import stage_file
 from tests.conftest import RecordProof
 from tests.usd_schemas.stages import SQUARE, write_stage
 
@@ -85,3 +86,16 @@ def test_words_do_what_they_say(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert means[0] < 40.0 < 80.0 < means[1]
     assert means[2] != pytest.approx(means[0], abs=2.0)
     record_proof("render verb: exposure of coal", 3, 0, {"mean_grey_light": means[0], "mean_grey_surfaces": means[1]})
+
+
+@pytest.mark.parametrize("verb", [["render"], ["sample", "mesh"]])
+def test_a_folder_stands_for_its_scene(verb: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scene's folder is its root layer, that of a run's scene, too; any other says what it lacks."""
+    folder = tmp_path / "stage"
+    folder.mkdir()
+    assert run([*verb, str(folder), "-o", str(tmp_path / "out")]) == 2
+    assert "stage: holds no scene.usda. Name a scene folder" in capsys.readouterr().err
+    write_stage(folder, DARK).rename(folder / "scene.usda")
+    for named in (folder, tmp_path):
+        assert stage_file(named) == folder / "scene.usda"
+    assert not (tmp_path / "out").exists()
