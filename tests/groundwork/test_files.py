@@ -16,6 +16,7 @@ from groundwork.canonical import digest, file_digest, folder_digest
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.files import (
     MANIFEST,
+    TEMPORARY,
     commit_folder,
     put_in_place,
     read_json,
@@ -93,6 +94,21 @@ except OutOfSpaceError as error:
 
 
 @pytest.mark.faults
+def test_bytes_are_on_the_disk_before_they_have_their_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole file is synced under its temporary name; what need not last is not waited for."""
+    synced: list[tuple[bool, int]] = []
+
+    def sync(handle: int) -> None:
+        name = Path(f"/proc/self/fd/{handle}").readlink().name
+        synced.append((name.startswith(TEMPORARY), os.fstat(handle).st_size))
+
+    monkeypatch.setattr(os, "fsync", sync)
+    write_bytes(tmp_path / "lasting", b"12345")
+    assert synced == [(True, 5)]
+    write_bytes(tmp_path / "passing", b"12345", durable=False)
+    assert len(synced) == 1
+
+
 def test_no_space_left_keeps_the_old_file(tmp_path: Path) -> None:
     """A write that hits a limit of the system is out of space, exit code 4, and the old file stays."""
     path = tmp_path / "file"
