@@ -139,8 +139,8 @@ def photographs_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
         [
             "# Real photographs",
             "",
-            "Written by `python -m benchmarks.photographs`. Each folder as its authors published it, without settings",
-            'but for `mode = "dense"` and the quality that is named.',
+            "Written by `python -m benchmarks.photographs`. Each folder, or part, as its authors made it;",
+            'no settings but `mode = "dense"`, the quality and the control points that are named.',
             "*Of the model's*: share of the model's points that the sparse cloud keeps (`recon.max_deviation`).",
             "*From GPS or control points*: median distance of the cameras from their EXIF's positions, or what is left",
             "at control points (rms).",

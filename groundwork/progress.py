@@ -1,4 +1,4 @@
-"""How long-running work reports where it is: a protocol that is passed in, and two plain implementations."""
+"""How long-running work reports where it is: a protocol that is passed in, and plain implementations."""
 
 from typing import Protocol
 
@@ -43,6 +43,45 @@ class Silent:
 
     def note(self, message: str) -> None:
         """Ignore a line."""
+
+
+class SaidOnce:
+    """A listener that passes everything on to another one, but each note only once."""
+
+    def __init__(self, progress: Progress) -> None:
+        """Pass on from now.
+
+        Args:
+            progress: The other listener.
+        """
+        self._progress, self._said = progress, set[str]()
+
+    def stage(self, name: str, total: int) -> None:
+        """Pass on the beginning of a stage.
+
+        Args:
+            name: What is being done.
+            total: How many units it has; 0 when unknown.
+        """
+        self._progress.stage(name, total)
+
+    def advance(self, done: int) -> None:
+        """Pass on a step.
+
+        Args:
+            done: Units finished so far.
+        """
+        self._progress.advance(done)
+
+    def note(self, message: str) -> None:
+        """Pass on a line that was not said yet.
+
+        Args:
+            message: One line of text.
+        """
+        if message not in self._said:
+            self._said.add(message)
+            self._progress.note(message)
 
 
 SILENT: Progress = Silent()

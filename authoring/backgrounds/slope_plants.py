@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from authoring.backgrounds.forests import WOOD
 from authoring.backgrounds.lanes import Lane, lane_room
 from authoring.backgrounds.parcels import open_land
 from authoring.backgrounds.plots import Plots
@@ -18,7 +19,6 @@ from authoring.site.plants import bush
 from authoring.site.relief import Relief, draw_relief, smoothstep
 
 F64 = NDArray[np.float64]
-WOOD = Cover("woodland", "Woodland", "vegetation", "woodland")
 CRAG = Cover("crag", "Crag", "rock", "cliff")
 CLEARING = 17.0  # from a building's middle to the wood [m]
 CRAGGY = 1.25  # slope from which rock shows [1]

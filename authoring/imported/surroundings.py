@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from authoring.backgrounds.far_ways import far_ways
+from authoring.backgrounds.forests import WOOD
 from authoring.backgrounds.parcels import crop_fields, draw_parcels, open_land
-from authoring.backgrounds.slope_plants import WOOD
 from authoring.backgrounds.terrain import Terrain, distance_beyond, grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import plant_trees
 from authoring.imported.asset import city_components, textured_components

@@ -65,8 +65,7 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
 def _flecks(pixels: int, age: float, rng: np.random.Generator) -> Floats:
     """Draw a soft mottle that is nowhere the same, so that each place of a bridge differs from all others.
 
-    Strong peaks of a few texels would give more keypoints, but they are decimetres wide and look like dots: what is
-    small is the grain's.
+    Its peaks are weak: a texel may be decimetres wide, and strong peaks look like dots. What is small is the grain's.
     """
     waves = fractal(Tile(pixels, 1.0, rng), _FLECKS[0] / pixels, _FLECKS[1] / pixels, slope=0.5)
     peaks = standard(np.clip(standard(waves * waves * waves), -4.0, 4.0))

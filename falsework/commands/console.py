@@ -38,7 +38,6 @@ class ConsoleProgress:
         self._task: TaskID | None = None
         self._name, self._total, self._done = "", 0, 0
         self._begin = self._spoke = time.monotonic()
-        self._noted: set[str] = set()
 
     def __enter__(self) -> "ConsoleProgress":
         """Start the live line."""
@@ -87,14 +86,11 @@ class ConsoleProgress:
             self._say(f"{self._name}: {done}/{self._total}, about {left:.0f} s left")
 
     def note(self, message: str) -> None:
-        """Print one line above the live one, once: each camera of a stage says again what is wrong with the stage.
+        """Print one line above the live one.
 
         Args:
             message: One line of text.
         """
-        if message in self._noted:
-            return
-        self._noted.add(message)
         if self._plain:
             self._say(message)
         else:

@@ -13,7 +13,7 @@ from groundwork.errors import InputError, MissingError
 from groundwork.output_file import fresh_file
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
-from groundwork.progress import Progress
+from groundwork.progress import Progress, SaidOnce
 from groundwork.settings import Settings, read_toml
 from recon.settings import ReconSettings
 
@@ -143,6 +143,7 @@ def render_file(
         InputError: No such file or product, nothing to render, or an output folder that is not ours.
     """
     stage, chosen = stage_file(stage), list[str]()
+    progress = SaidOnce(progress)  # each camera would say again what is wrong with the stage
 
     def write(folder: Path) -> None:
         names = surveys_of(stage, allow_roots, progress, choices)
