@@ -38,7 +38,9 @@ def broadleaf(rng: np.random.Generator, form: str, height: float, width: float, 
     lobes = lobes if count > 30 else lobes[: max(len(lobes) // 2, 2)] * [1.0, 1.0, 1.0, 1.22, 1.22, 1.12]
     airy = form == "birch"
     kind = {"oak": "oak", "lime": "lime", "poplar": "willow"}.get(form, "lime")
-    crown = foliage(rng, lobes, count, kind, 1.7 if airy else 2.5, hearts=not airy)
+    crown = foliage(
+        rng, lobes, count, kind, 1.7 if airy else 2.5, hearts=0 if airy else 2 if count < 20 else len(lobes)
+    )
     radius = (0.012 if airy else 0.017) * height + 0.07
     wood = stem((0.9 if airy else 0.62) * height, radius, 7 if count > 90 else 4, rng)
     if count > 90:

@@ -1,4 +1,4 @@
-"""Woods, rows and gardens on slopes: more species, three grades of detail, and places that keep clear of buildings."""
+"""Woods, rows and gardens on slopes: more species, four grades of detail, and places that keep clear of buildings."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +11,20 @@ from authoring.backgrounds.vegetation import SUNK, broadleaf, conifer
 from authoring.shapes.component import Scatter
 from authoring.site.covers import to_world
 from authoring.site.growth import faceted, stem
-from authoring.site.plants import Plant, foliage
+from authoring.site.plants import Plant, branches, cone, foliage
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
 
 OAK, LIME, SPRUCE, CYPRESS, PALM = range(5)  # species
-CLOSE, MIDDLE = 75.0, 210.0  # distances from the site up to which trees are detailed, and plain [m]
+CLOSE, MIDDLE, FAR = 75.0, 210.0, 270.0  # distances from the site up to which trees have each grade of detail [m]
 FULL = 45.0  # distance from the site up to which shrubs are detailed [m]
-MOST = 110, 640  # trees in detail, and in detail or plain
+MOST = 110, 640, 2000  # trees of the first grade, of the first two, of the first three
+_REMOTE = (  # kind of spray, height, width of the crown and height of its lower end [m], by species
+    *(("oak", 11.0, 10.0, 2.2), ("lime", 13.5, 8.5, 2.0), ("spruce", 16.0, 6.2, 1.2)),
+    *(("pine", 12.0, 2.2, 0.4), ("willow", 7.0, 4.4, 3.8)),
+)
 _SHAPES = {"oak": (11.0, 10.0), "lime": (13.5, 8.5), "spruce": (16.0, 6.2)}  # height and width [m]
 
 
@@ -81,7 +85,7 @@ def palm(rng: np.random.Generator, height: float, fronds: int) -> Plant:
 
 
 def tree_runs(terrain: Terrain, prefix: str, places: F64, rng: np.random.Generator, first_id: int) -> list[Scatter]:
-    """Plant trees in three grades of detail.
+    """Plant trees in four grades of detail.
 
     Args:
         terrain: The terrain.
@@ -99,9 +103,11 @@ def tree_runs(terrain: Terrain, prefix: str, places: F64, rng: np.random.Generat
     scale = places[:, 3:] * rng.uniform(0.92, 1.08, (len(places), 3))
     yaw = rng.uniform(0.0, 2 * np.pi, len(places))
     rank = np.argsort(np.argsort(away, kind="stable"), kind="stable")  # of detailed trees there are only so many
-    grade = np.where((away < CLOSE) & (rank < MOST[0]), 0, np.where((away < MIDDLE) & (rank < MOST[1]), 1, 2))
+    reach = (CLOSE, MIDDLE, FAR)
+    fits = [(away < most) & (rank < count) for most, count in zip(reach, MOST, strict=True)]
+    grade = np.select(fits, [0, 1, 2], 3)
     runs: list[Scatter] = []
-    for number, (name, prototypes) in enumerate(zip(("Near", "Middle", "Far"), _species(rng), strict=True)):
+    for number, (name, prototypes) in enumerate(zip(("Near", "Middle", "Far", "Remote"), _species(rng), strict=True)):
         chosen = grade == number
         if chosen.any():
             which = places[chosen, 2].astype(np.int32)
@@ -175,7 +181,7 @@ def spaced(places: F64, gap: float) -> B:
 
 
 def _species(rng: np.random.Generator) -> tuple[tuple[Plant, ...], ...]:
-    """Model every species in three grades of detail."""
+    """Model every species in four grades of detail."""
     grades = []
     for count, tiers, spokes, fronds in ((140, 12, 8, 13), (48, 7, 6, 9), (14, 4, 5, 6)):
         trees = [broadleaf(rng, form, *_SHAPES[form], count) for form in ("oak", "lime")]
@@ -183,4 +189,25 @@ def _species(rng: np.random.Generator) -> tuple[tuple[Plant, ...], ...]:
         trees.append(cypress(rng, 12.0, 2.2, max(2 * count // 3, 8)))
         trees.append(palm(rng, 5.5, fronds))
         grades.append(tuple(tree[1:] if count < 20 and row < 3 else tree for row, tree in enumerate(trees)))
-    return tuple(grades)
+    return (*grades, tuple(_remote(rng, *crown) for crown in _REMOTE))
+
+
+def _remote(rng: np.random.Generator, kind: str, height: float, width: float, low: float) -> Plant:
+    """Model a tree of some 20 triangles, for places from where its whole crown is some 20 pixels wide.
+
+    Args:
+        rng: Random stream.
+        kind: A row of `SPRAYS`.
+        height: Height [m].
+        width: Width of the crown [m].
+        low: Height of its lower end [m].
+
+    Returns:
+        The heart of the crown, and leaves.
+    """
+    if kind == "spruce":
+        heart = cone(height, low, 0.4 * width, 5)
+        return ("foliage", heart), ("leaves", branches(rng, height, 0.55 * width, 1, 3))
+    middle, half = 0.5 * (height + low), 0.5 * (height - low)
+    lobe = np.array([[0.0, 0.0, middle, 0.46 * width, 0.46 * width, half]])
+    return foliage(rng, lobe, 4, kind, 1.9)

@@ -31,7 +31,9 @@ def bush(rng: np.random.Generator, count: int, kind: str = "scrub") -> Plant:
     return foliage(rng, np.array(lobes), count, kind, 2.6)
 
 
-def foliage(rng: np.random.Generator, lobes: F64, count: int, kind: str, cover: float, hearts: bool = True) -> Plant:
+def foliage(
+    rng: np.random.Generator, lobes: F64, count: int, kind: str, cover: float, hearts: int | None = None
+) -> Plant:
     """Cover the lobes of a crown with sprays.
 
     Args:
@@ -40,7 +42,7 @@ def foliage(rng: np.random.Generator, lobes: F64, count: int, kind: str, cover: 
         count: Cards of the whole crown.
         kind: A row of `SPRAYS`.
         cover: Area of all cards over that of the lobes [1].
-        hearts: Whether an opaque heart stands in each lobe.
+        hearts: In how many lobes, from the first on, an opaque heart stands; None for all of them.
 
     Returns:
         The hearts and the leaves.
@@ -56,9 +58,9 @@ def foliage(rng: np.random.Generator, lobes: F64, count: int, kind: str, cover: 
         leaves.append(crown(rng, lobe[:3], lobe[3:], (middle, whole), many, kind=kind, size=side))
     bodies = [
         faceted(lobe[:3] + _HEART * lobe[3:] * (OCTAHEDRON + rng.uniform(-0.12, 0.12, (6, 3))), OCTANTS, 0.9)
-        for lobe in lobes
+        for lobe in lobes[:hearts]
     ]
-    return (("foliage", merged(bodies)), ("leaves", merged(leaves))) if hearts else (("leaves", merged(leaves)),)
+    return (("foliage", merged(bodies)), ("leaves", merged(leaves))) if bodies else (("leaves", merged(leaves)),)
 
 
 def branches(rng: np.random.Generator, height: float, reach: float, tiers: int, spokes: int) -> Mesh:

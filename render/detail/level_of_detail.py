@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from render.detail.mesh_decimation import Soup, coarser_levels, deviation
+from render.detail.mesh_decimation import coarser_levels, deviation
+from render.detail.soup import Soup
 from render.detail.texel_need import Sight, least_distances
 from render.gpu.camera import visible_boxes
 from render.gpu.gpu_scene import draw_boxes

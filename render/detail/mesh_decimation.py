@@ -11,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from render.detail.leaf_cards import cards_of, fewer_cards
+from render.detail.soup import Soup
+
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
@@ -21,27 +24,8 @@ _HOLD = 1e-3  # how much a new place is drawn to the middle of its edge, which f
 _CLOSEST = 8  # triangles that a distance is taken to
 
 
-@dataclass(frozen=True)
-class Soup:
-    """Triangles with what their corners carry.
-
-    Attributes:
-        corners: Positions [stage units], shape (T, 3, 3), float64.
-        normals: Unit normals [1], shape (T, 3, 3), float64.
-        carried: Texture coordinates and colours, shape (T, 3, K), float64; corners keep them wherever they go.
-    """
-
-    corners: F64
-    normals: F64
-    carried: F64
-
-    def __len__(self) -> int:
-        """Count the triangles."""
-        return len(self.corners)
-
-
 def coarser_levels(soup: Soup) -> Iterator[Soup]:
-    """Make ever coarser copies, each with about 0.7 of the triangles of the one before, down to two.
+    """Make ever coarser copies, each with about 0.7 of the triangles of the one before, down to two or to a few cards.
 
     Args:
         soup: Triangles; corners at one place count as connected.
@@ -49,6 +33,10 @@ def coarser_levels(soup: Soup) -> Iterator[Soup]:
     Yields:
         The next level; nothing is computed ahead.
     """
+    card = cards_of(soup)
+    if len(card):
+        yield from fewer_cards(soup, card)
+        return
     places, rows = np.unique(soup.corners.reshape(-1, 3), axis=0, return_inverse=True)
     mesh = _Mesh(places, rows.reshape(-1, 3).astype(np.int64), np.arange(len(soup)))
     quadrics = _quadrics(mesh)

@@ -110,6 +110,7 @@ def _cast_probes(tracer: LightTracer, light: Daylight, grid: LightVolume, rays: 
         parts.append(replace(hits, ray=hits.ray + start * rays))
         progress.advance(min(start + step, count))
     hits, buried = joined(parts), (back > _BURIED).reshape(counts)
+    parts.clear()  # a hundred megabytes that nothing reads again
 
     def volume() -> LightVolume:
         coefficients = irradiance_coefficients(directions, radiance.reshape(-1, rays, 3)).reshape(*counts, 4, 3)
@@ -121,13 +122,15 @@ def _cast_probes(tracer: LightTracer, light: Daylight, grid: LightVolume, rays: 
 
 def _ambient(volume: LightVolume, light: Daylight, hits: Hits) -> F32:
     """Irradiance at the hits: from the volume one cell off the surface, under the open sky outside it; shape (N, 3)."""
-    probe, inside = volume.nearest(hits.position + volume.cell * hits.normal.astype(np.float64))
-    table = volume.coefficients.reshape(-1, 4, 3)
-    result = np.empty((len(probe), 3), np.float32)
-    open_sky = light.open_sky.astype(np.float32)
-    for channel in range(3):
-        rows = np.where(inside[:, None], table[probe, :, channel], open_sky[:, channel])
-        result[:, channel] = rows[:, 0] + np.einsum("nk,nk->n", rows[:, 1:], hits.normal)
+    table, open_sky = volume.coefficients.reshape(-1, 4, 3), light.open_sky.astype(np.float32)
+    result = np.empty((len(hits.ray), 3), np.float32)
+    for start in range(0, len(result), CHUNK):
+        rows = slice(start, start + CHUNK)
+        normal = hits.normal[rows]
+        probe, inside = volume.nearest(hits.position[rows] + volume.cell * normal.astype(np.float64))
+        for channel in range(3):
+            held = np.where(inside[:, None], table[probe, :, channel], open_sky[:, channel])
+            result[rows, channel] = held[:, 0] + np.einsum("nk,nk->n", held[:, 1:], normal)
     return np.maximum(result, 0)
 
 

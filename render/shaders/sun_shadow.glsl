@@ -1,5 +1,10 @@
 // How much of the sun a place on a surface sees. Included by the surface shader.
 
+// Leaves are small and many, and water mirrors but blurred images: a sharp shadow is enough there, and costs half.
+#if defined(SOFT) && !defined(CUT_OUT) && !defined(ABOVE)
+#define PENUMBRA
+#endif
+
 #ifdef SUN
 uniform sampler2D shadow_map;   // three square maps side by side: sharp, near, far
 uniform vec3 sun_axes[3];       // right and up of the sun's view [1], and the way of its rays over the maps' depth [1/m]
@@ -14,7 +19,7 @@ const float SLACK = 0.003;      // [m] and of a texel: a surface does not shade 
 const float SLACK_TEXELS = 0.15;
 const float NARROWEST = 1.5, WIDEST = 3.0;  // [texels] of a filter: narrower, texels would show; wider, it costs more
 
-#ifdef SOFT
+#ifdef PENUMBRA
 // How much of two neighbouring texels a filter covers along one axis; all in texels.
 vec2 covered(float middle, float width, float texel) {
     vec2 centers = vec2(texel, texel + 1.0);
@@ -62,7 +67,7 @@ float sun_visibility() {
     // Where the plane is steeper than the look-up follows, it falls behind by this much over half a filter.
     float depth = ray.z - (SLACK + SLACK_TEXELS * texel) / sun_depth - slope.z * (0.5 * WIDEST + 0.5) * texel;
     const vec4 RIGHT = vec4(0.0, 1.0, 1.0, 0.0), UP = vec4(1.0, 1.0, 0.0, 0.0);  // the texels of a gather
-#ifdef SOFT
+#ifdef PENUMBRA
     vec4 gaps[4];  // how far the surface lies behind what the texels of four gathers show [1]
     float blocked = 0.0, behind = 0.0, first = depth - dot(step, part + 1.0);
     for (int number = 0; number < 4; number++) {

@@ -1,0 +1,27 @@
+"""Loose triangles, each with its own corners."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Soup:
+    """Triangles with what their corners carry.
+
+    Attributes:
+        corners: Positions [stage units], shape (T, 3, 3), float64.
+        normals: Unit normals [1], shape (T, 3, 3), float64.
+        carried: Texture coordinates and colours, shape (T, 3, K), float64; corners keep them wherever they go.
+    """
+
+    corners: F64
+    normals: F64
+    carried: F64
+
+    def __len__(self) -> int:
+        """Count the triangles."""
+        return len(self.corners)
