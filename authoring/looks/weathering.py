@@ -65,7 +65,7 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
 def _flecks(pixels: int, age: float, rng: np.random.Generator) -> Floats:
     """Draw a soft mottle that is nowhere the same, so that each place of a bridge differs from all others.
 
-    It has no peaks: a texel may be decimetres wide, and peaks of its noise look like dots. What is small is the grain's.
+    It has no peaks: a texel may be decimetres wide, and peaks look like dots. What is small is the grain's.
     """
     waves = fractal(Tile(pixels, 1.0, rng), _FLECKS[0] / pixels, _FLECKS[1] / pixels, slope=0.5)
     contrast = 0.015 + 0.045 * min(age, 1.0)
