@@ -76,11 +76,9 @@ def fewer_cards(soup: Soup, card: I64) -> Iterator[Soup]:
 
 def _middles(soup: Soup, piece: I64) -> F64:
     """Mean of the corners of each piece [stage units], shape (K, 3)."""
-    count = 3.0 * np.bincount(piece)
-    return (
-        np.stack([np.bincount(piece, soup.corners[..., axis].sum(axis=1)) for axis in range(3)], axis=1)
-        / count[:, None]
-    )
+    total = np.zeros((int(piece.max()) + 1, 3))
+    np.add.at(total, piece, soup.corners.sum(axis=1))
+    return total / (3.0 * np.bincount(piece))[:, None]
 
 
 def _sizes(soup: Soup, piece: I64) -> F64:
@@ -94,7 +92,9 @@ def _sizes(soup: Soup, piece: I64) -> F64:
 def _areas(soup: Soup, piece: I64) -> F64:
     """Area of each piece [square stage units], shape (K,)."""
     first, second = soup.corners[:, 1] - soup.corners[:, 0], soup.corners[:, 2] - soup.corners[:, 0]
-    return np.bincount(piece, np.linalg.norm(np.cross(first, second), axis=1) / 2)
+    area = np.zeros(int(piece.max()) + 1)
+    np.add.at(area, piece, np.linalg.norm(np.cross(first, second), axis=1) / 2)
+    return area
 
 
 def _apart(points: F64) -> I64:

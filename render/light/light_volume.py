@@ -83,12 +83,13 @@ def cast_light_volume(
         return volume
     fewer = max(8, rays // 2)  # many places with few rays each are worth more than few with many
     places, radiance, hits = cast_places(tracer, places, fewer)
-    probed = volume.coefficients
+    probed, fitted = volume.coefficients, None
     for _ in range(_BOUNCES):  # each with what the one before has lit
         total = radiance.copy()
         total[hits.ray] += hits.albedo / np.float32(np.pi) * _ambient(volume, light, hits)
         irradiance = np.float32(np.pi) * total.reshape(-1, fewer, 3).mean(axis=1)
-        volume = LightVolume(low, cell, fit_to_surfaces(probed, low, cell, places, irradiance))
+        fitted = fit_to_surfaces(probed, low, cell, places, irradiance, fitted)
+        volume = LightVolume(low, cell, fitted)
     return volume
 
 

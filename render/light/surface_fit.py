@@ -75,8 +75,9 @@ def _spread(
     corners = tracer.corners[rows]
     side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     lower, upper = np.maximum(corners.min(axis=1), low), np.minimum(corners.max(axis=1), high)
-    span = np.maximum(corners.max(axis=1) - corners.min(axis=1), 1e-3)
-    held = np.prod(np.clip((upper - lower) / span, 1e-3, 1.0), axis=1)  # about what share of it lies in the box
+    span = corners.max(axis=1) - corners.min(axis=1)
+    share = np.clip((upper - lower) / np.maximum(span, 1e-9), 1e-3, 1.0)
+    held = np.prod(np.where(span > 1e-6, share, 1.0), axis=1)  # about what share of it lies in the box
     area = np.linalg.norm(np.cross(side, other), axis=1) * held
     if not len(rows) or not area.any():
         return np.zeros((0, 3)), np.zeros((0, 3))
@@ -135,7 +136,9 @@ def cast_places(tracer: LightTracer, places: Places, rays: int) -> tuple[Places,
     return Places(places.position[chosen], places.normal[chosen]), np.concatenate(radiance), joined(parts)
 
 
-def fit_to_surfaces(coefficients: F32, lower: F64, cell: float, places: Places, irradiance: F32) -> F32:
+def fit_to_surfaces(
+    coefficients: F32, lower: F64, cell: float, places: Places, irradiance: F32, before: F32 | None = None
+) -> F32:
     """Change probes as little as it takes for surfaces to find their own irradiance one cell off them.
 
     Solves (A' W A + L) d = A' W (e - A c) for the change d, where A looks the volume up as the shader does and W and L
@@ -149,6 +152,9 @@ def fit_to_surfaces(coefficients: F32, lower: F64, cell: float, places: Places, 
         cell: Distance of neighbouring probes [m].
         places: Places on surfaces, N of them.
         irradiance: What they receive [1], shape (N, 3), float32.
+        before: Coefficients of an earlier fit, whose light errors are shares of, shape (Z, Y, X, 4, 3), float32. A
+            place casts few rays: as shares of what these few found, what they missed would count more than what they
+            met, and the fit would be a fifth too dark below decks. None: there is no better guess yet.
 
     Returns:
         Coefficients [1], of the same shape.
@@ -161,7 +167,8 @@ def fit_to_surfaces(coefficients: F32, lower: F64, cell: float, places: Places, 
     # Of surfaces and air: where few places are lit, those alone would make every error of the dark ones count hugely.
     greatest = max(float(np.quantile(light.mean(axis=1), 0.99)) for light in (wanted, table[::4]))
     level = _DARKEST * max(greatest, 1e-9)
-    weight = 1 / (wanted.mean(axis=1) + level) ** 2
+    guess = wanted if before is None else np.maximum(matrix @ before.reshape(-1, 3).astype(np.float64), 0)
+    weight = 1 / (guess.mean(axis=1) + level) ** 2
     held = _TRUST / (np.repeat(np.maximum(table[::4].mean(axis=1), 0), 4) + level) ** 2
     weighted = matrix.multiply(weight[:, None]).tocsr()
     scale = 1 / np.sqrt(np.asarray(matrix.multiply(matrix).T @ weight).ravel() + held)

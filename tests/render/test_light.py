@@ -15,7 +15,8 @@ from render.gpu.context import Gl
 from render.light.daylight import irradiance_coefficients, read_daylight, sphere
 from render.light.illumination import BRIGHTEST, CLEAR_DAY, haze_distance
 from render.light.light_volume import cast_light_volume
-from render.light.surface_fit import Places, look_up_matrix
+from render.light.surface_fit import Places, fit_to_surfaces, look_up_matrix, spread_places
+from render.light.tracing import LightTracer
 from render.settings import RenderSettings
 from render.views.prepare import prepare
 from tests.render.scenes import CAMERA, SceneBuilder, placed
@@ -141,6 +142,42 @@ def test_a_lit_side_does_not_shine_through_a_thin_slab(gl: Gl) -> None:
         assert inside.all()
         found = matrix @ volume.coefficients.reshape(-1, 3).astype(np.float64)
         assert np.abs(found - expected).max() < slack, f"at {height} m"
+
+
+def test_places_are_spread_by_area_whichever_way_surfaces_face() -> None:
+    """Of two equal boxes one lies along the axes and one is turned: each face has its share of the places."""
+    turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+    builder = SceneBuilder(materials=[Material("plain")])
+    for number, way in enumerate((np.eye(3), turn * np.linalg.det(turn))):
+        pose = placed((20.0 * number, 0.0, 0.0))
+        pose[:3, :3] = way @ np.diag([4.0, 2.0, 1.0])
+        builder.add_box(pose, number + 1, label=1)
+    scene = replace(builder.build(DOWN[None]), dome=WHITE_DOME)
+    tracer = LightTracer(scene, read_daylight(scene)[0], np.zeros((1, 3)))
+    places = spread_places(tracer, np.full(3, -9.0), np.full(3, 29.0), 30_000)
+    for number, way in enumerate((np.eye(3), turn)):
+        mine = (places.position[:, 0] > 10.0) == bool(number)
+        share = np.bincount(np.abs(places.normal[mine] @ way).argmax(axis=1), minlength=3) / len(mine)
+        np.testing.assert_allclose(share, np.array([1.0, 2.0, 4.0]) / 14.0, atol=0.01)
+
+
+def test_few_rays_make_no_surface_darker() -> None:
+    """Of places whose few rays met either much light or little, the second fit finds the mean, and the first less."""
+    rng = np.random.default_rng(5)
+    position = rng.uniform(2.0, 6.0, (4000, 3))
+    normal = np.tile([0.0, 0.0, -1.0], (len(position), 1))
+    irradiance = np.where(rng.random((len(position), 1)) < 0.25, 1.0, 0.1).astype(np.float32) * np.ones(
+        (1, 3), np.float32
+    )
+    places, mean = Places(position, normal), float(irradiance.mean())
+    probed = np.zeros((9, 9, 9, 4, 3), np.float32)
+    probed[..., 0, :] = mean
+    matrix, _ = look_up_matrix((9, 9, 9), np.zeros(3), 1.0, places)
+    first = fit_to_surfaces(probed, np.zeros(3), 1.0, places, irradiance)
+    second = fit_to_surfaces(probed, np.zeros(3), 1.0, places, irradiance, first)
+    found = [float((matrix @ fit.reshape(-1, 3).astype(np.float64)).mean()) for fit in (first, second)]
+    assert found[0] < 0.8 * mean
+    assert found[1] == pytest.approx(mean, rel=0.05)
 
 
 def test_coefficients_of_half_a_dome() -> None:
