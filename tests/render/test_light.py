@@ -12,11 +12,8 @@ from authoring.light.daylight import LightSettings, bake_light
 from authoring.light.sun import LUMINANCE
 from groundwork.progress import SILENT
 from render.gpu.context import Gl
-from render.light.daylight import irradiance_coefficients, read_daylight, sphere
+from render.light.daylight import read_daylight, sphere
 from render.light.illumination import BRIGHTEST, CLEAR_DAY, haze_distance
-from render.light.light_volume import cast_light_volume
-from render.light.surface_fit import Places, fit_to_surfaces, look_up_matrix, spread_places
-from render.light.tracing import LightTracer
 from render.settings import RenderSettings
 from render.views.prepare import prepare
 from tests.render.scenes import CAMERA, SceneBuilder, placed
@@ -106,90 +103,6 @@ def test_shadows_fall_where_the_ray_caster_says(
     assert np.mean(error[sure] < tolerance) > 0.999
 
 
-def test_a_wall_hides_half_the_sky(gl: Gl) -> None:
-    """At the foot of a long black wall the light volume holds half the irradiance of the open dome."""
-    builder = SceneBuilder(materials=[Material("black", base_color=(0.0, 0.0, 0.0))])
-    builder.add_box(placed((0.0, 0.5, 200.0), (800.0, 1.0, 400.0)), 1, label=1)
-    builder.add_box(placed((0.0, 0.0, -0.5), (300.0, 300.0, 1.0)), 2, label=1)
-    scene = replace(builder.build(DOWN[None]), dome=WHITE_DOME)
-    light, _ = read_daylight(scene)
-    box = (np.array([-2.0, -2.0, 0.0]), np.array([2.0, 2.0, 2.0]))
-    volume = cast_light_volume(scene, light, np.zeros((1, 3)), box, 3000, 256, SILENT)
-    probe, inside = volume.nearest(np.array([[0.0, -0.6, 0.6]]))
-    assert inside.all()
-    c0, _, _, c3 = volume.coefficients.reshape(-1, 4, 3)[probe[0]]
-    np.testing.assert_allclose(c0 + c3, np.pi / 2, rtol=0.1)
-
-
-def test_a_lit_side_does_not_shine_through_a_thin_slab(gl: Gl) -> None:
-    """Under a wide slab of 10 cm, on black ground and under a white dome, it is as dark as rays say; above, as bright.
-
-    As probes were cast, the soffit has twice the light that is allowed here.
-    """
-    builder = SceneBuilder(materials=[Material("black", base_color=(0.0, 0.0, 0.0))])
-    builder.add_box(placed((0.0, 0.0, 1.52), (24.0, 24.0, 0.1)), 1, label=1)
-    builder.add_box(placed((0.0, 0.0, -0.5), (300.0, 300.0, 1.0)), 2)
-    scene = replace(builder.build(DOWN[None]), dome=WHITE_DOME)
-    light, _ = read_daylight(scene)
-    box = (np.array([-12.0, -12.0, 1.4]), np.array([12.0, 12.0, 1.6]))
-    volume = cast_light_volume(scene, light, np.zeros((1, 3)), box, 3000, 64, SILENT)
-    assert volume.cell > 0.8  # the slab lies between two layers of probes
-    side = np.linspace(-8.0, 8.0, 17)
-    level = np.column_stack([*(axis.ravel() for axis in np.meshgrid(side, side)), np.zeros(17 * 17)])
-    for height, up, expected, slack in ((1.57, 1.0, np.pi, 0.12 * np.pi), (1.47, -1.0, 0.0, 0.06)):
-        places = Places(level + np.array([0.0, 0.0, height]), np.tile([0.0, 0.0, up], (len(level), 1)))
-        matrix, inside = look_up_matrix(volume.coefficients.shape[2::-1], volume.lower, volume.cell, places)
-        assert inside.all()
-        found = matrix @ volume.coefficients.reshape(-1, 3).astype(np.float64)
-        assert np.abs(found - expected).max() < slack, f"at {height} m"
-
-
-def test_places_are_spread_by_area_whichever_way_surfaces_face() -> None:
-    """Of two equal boxes one lies along the axes and one is turned: each face has its share of the places."""
-    turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
-    builder = SceneBuilder(materials=[Material("plain")])
-    for number, way in enumerate((np.eye(3), turn * np.linalg.det(turn))):
-        pose = placed((20.0 * number, 0.0, 0.0))
-        pose[:3, :3] = way @ np.diag([4.0, 2.0, 1.0])
-        builder.add_box(pose, number + 1, label=1)
-    scene = replace(builder.build(DOWN[None]), dome=WHITE_DOME)
-    tracer = LightTracer(scene, read_daylight(scene)[0], np.zeros((1, 3)))
-    places = spread_places(tracer, np.full(3, -9.0), np.full(3, 29.0), 30_000)
-    for number, way in enumerate((np.eye(3), turn)):
-        mine = (places.position[:, 0] > 10.0) == bool(number)
-        share = np.bincount(np.abs(places.normal[mine] @ way).argmax(axis=1), minlength=3) / len(mine)
-        np.testing.assert_allclose(share, np.array([1.0, 2.0, 4.0]) / 14.0, atol=0.01)
-
-
-def test_few_rays_make_no_surface_darker() -> None:
-    """Of places whose few rays met either much light or little, the second fit finds the mean, and the first less."""
-    rng = np.random.default_rng(5)
-    position = rng.uniform(2.0, 6.0, (4000, 3))
-    normal = np.tile([0.0, 0.0, -1.0], (len(position), 1))
-    irradiance = np.where(rng.random((len(position), 1)) < 0.25, 1.0, 0.1).astype(np.float32) * np.ones(
-        (1, 3), np.float32
-    )
-    places, mean = Places(position, normal), float(irradiance.mean())
-    probed = np.zeros((9, 9, 9, 4, 3), np.float32)
-    probed[..., 0, :] = mean
-    matrix, _ = look_up_matrix((9, 9, 9), np.zeros(3), 1.0, places)
-    first = fit_to_surfaces(probed, np.zeros(3), 1.0, places, irradiance)
-    second = fit_to_surfaces(probed, np.zeros(3), 1.0, places, irradiance, first)
-    found = [float((matrix @ fit.reshape(-1, 3).astype(np.float64)).mean()) for fit in (first, second)]
-    assert found[0] < 0.8 * mean
-    assert found[1] == pytest.approx(mean, rel=0.05)
-
-
-def test_coefficients_of_half_a_dome() -> None:
-    """A uniform half dome gives pi * (1 + cos) / 2 exactly, in every direction."""
-    directions = sphere(20000)
-    radiance_up = np.repeat((directions[:, 2] > 0).astype(float)[:, None], 3, axis=1)
-    rows = irradiance_coefficients(directions, radiance_up[None])[0]
-    np.testing.assert_allclose(rows[0], np.pi / 2, rtol=1e-3)
-    np.testing.assert_allclose(rows[3], np.pi / 2, rtol=1e-3)
-    np.testing.assert_allclose(rows[1:3], 0, atol=1e-3)
-
-
 def test_a_stage_without_light_gets_a_day(gl: Gl, ideal: RenderSettings) -> None:
     """Neither black nor silent."""
     scene = plate(Material("card")).build(DOWN[None])
@@ -209,14 +122,6 @@ def test_the_default_day_is_bright_at_its_horizon() -> None:
     np.testing.assert_allclose(seen[3], horizon, rtol=0.1)
     assert (np.diff(seen[:4], axis=0) > 0.0).all()
     np.testing.assert_allclose(seen[4:], np.tile(ground, (3, 1)), rtol=1e-6)
-
-
-def test_directions_spread_evenly_over_the_sphere() -> None:
-    """Unit vectors whose first two moments are those of the sphere."""
-    directions = sphere(4096)
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
-    np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=1e-3)
-    np.testing.assert_allclose(directions.T @ directions / len(directions), np.eye(3) / 3.0, atol=1e-3)
 
 
 def test_a_picture_as_dome_is_decoded_from_srgb(tmp_path: Path) -> None:
