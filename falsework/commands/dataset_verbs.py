@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_folder
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import InputError
 from groundwork.output_folder import fresh_output
@@ -87,6 +88,7 @@ def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["
         output: Folder to write.
         to: Format.
     """
+    need_folder(dataset, "a folder that falsework dataset has written")
     from learn.datasets.export import export_dataset
 
     def write(folder: Path) -> None:

@@ -10,7 +10,7 @@ import tyro
 from falsework.children.products import ADDRESS_LIMIT, read_safely
 from falsework.commands.console import ConsoleProgress
 from groundwork.child import answer_parent
-from groundwork.errors import MissingError
+from groundwork.errors import InputError, MissingError
 from groundwork.progress import Progress
 
 JSON_VERSION = 2
@@ -90,6 +90,8 @@ def harvest(
         InputError: Missing, not readable, not of this scene, or the scene is a stored one.
     """
     for path in (edited, scene):
+        if path.is_dir():
+            raise InputError("is a folder, and a USD file is wanted here", where=path, hint="Name the file in it")
         if not path.is_file():
             raise MissingError("no such file", where=path)
     request = {

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_folder
 from groundwork.errors import InputError, MissingError
 from groundwork.output_place import output_place
 from groundwork.settings import parse_settings
@@ -53,7 +54,7 @@ def predict(
     from learn.predict.predict import predict_scan
     from learn.predict.settings import PredictSettings
 
-    _check_paths(scan, output)
+    _check_paths(scan, output, model)
     values: dict[str, Any] = {
         "unit": unit,
         "scale": scale,
@@ -77,7 +78,9 @@ def predict(
     return 0
 
 
-def _check_paths(scan: Path, output: Path) -> None:
+def _check_paths(scan: Path, output: Path, model: str) -> None:
+    if model and Path(model).exists():
+        need_folder(Path(model), "a folder that falsework train has written", "--model")
     if not scan.exists():
         raise MissingError("no such file", where=scan, hint="Name a scan, or the folder of a cloud")
     if not output.suffix:

@@ -8,9 +8,11 @@ from typing import Annotated
 import tyro
 
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_folder
 from groundwork.errors import MissingError
 
 JSON_VERSION = 1
+OF_A_RUN = "the output folder of a run"
 
 AsJson = Annotated[bool, tyro.conf.arg(name="json")]
 
@@ -25,8 +27,9 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json:
     """
     from falsework.store.store import Store
 
+    need_folder(output, OF_A_RUN)
     if not (output / "store").is_dir():
-        raise MissingError("no store in this folder", where=output, hint="Name the output folder of a run")
+        raise MissingError("no store in this folder", where=output, hint=f"Name {OF_A_RUN}")
     if repair:
         from falsework.commands.repair import repair as make_whole
 
@@ -66,6 +69,7 @@ def clean(
     from groundwork.marks import MARK, read_listing
     from groundwork.output_place import RUN
 
+    need_folder(output, OF_A_RUN)
     if not (output / MARK).is_file() or read_listing(output / MARK).kind != RUN:
         raise MissingError("not the output folder of a run", where=output, hint="Name the folder given to run -o")
     with ConsoleProgress() as progress:

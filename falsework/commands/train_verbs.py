@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_folder
 from falsework.commands.given_settings import given_settings
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from learn.training.settings import TrainSettings
 
 JSON_VERSION = 1
+OF_DATASET, OF_MODEL = "a folder that falsework dataset has written", "a folder that falsework train has written"
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -70,8 +72,7 @@ def train(
     if demo:
         given = {"dataset": dataset, "--model": model, "--channels": channels, "--init": init, "--set": set}
         return _demo(output, seed, epochs, [name for name, value in given.items() if value])
-    if dataset is None:
-        raise InputError("no data set", hint="Name a folder that falsework dataset has written, or give --demo")
+    dataset = _given(dataset)
     settings = _settings(
         {
             "model": model,
@@ -90,6 +91,13 @@ def train(
     _fit(dataset, output, settings, names, init)
     sys.stdout.write(f"model   {output}\n")
     return 0
+
+
+def _given(dataset: Path | None) -> Path:
+    if dataset is None:
+        raise InputError("no data set", hint=f"Name {OF_DATASET}, or give --demo")
+    need_folder(dataset, OF_DATASET)
+    return dataset
 
 
 def _fit(dataset: Path, output: Path, settings: "TrainSettings", channels: tuple[str, ...], init: Path | None) -> None:
@@ -142,6 +150,8 @@ def evaluate(
         output: JSON file for the scores; the tables go into a .md file beside it.
         as_json: Print one JSON object instead of a table.
     """
+    need_folder(model, OF_MODEL)
+    need_folder(dataset, OF_DATASET)
     from learn.evaluate import evaluate_model
     from learn.scoring.table import score_lines, short_lines
     from learn.trained import read_model
@@ -271,7 +281,10 @@ def _begun(init: Path | None) -> dict[str, Any]:
     """Take network and channels from the model to begin with."""
     from learn.trained import read_facts
 
-    return {} if init is None else vars(read_facts(init))
+    if init is None:
+        return {}
+    need_folder(init, OF_MODEL, "--init")
+    return vars(read_facts(init))
 
 
 def _channels_of(dataset: Path, settings: "TrainSettings") -> tuple[str, ...]:
