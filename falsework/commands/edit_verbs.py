@@ -1,13 +1,12 @@
 """The verb that brings a DCC's edits home: `falsework scene import-edits`."""
 
-import json
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import tyro
 
 from falsework.children.products import ADDRESS_LIMIT, read_safely
+from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from groundwork.child import answer_parent
 from groundwork.errors import InputError, MissingError
@@ -27,7 +26,7 @@ def import_edits(
     label: tuple[str, ...] = (),
     remove: bool = False,
     allow_root: tuple[Path, ...] = (),
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Compare what Blender or another DCC exported with the scene it came from; write the changes as edits/user.usda.
 
@@ -45,12 +44,7 @@ def import_edits(
     """
     with ConsoleProgress() as progress:
         found = harvest(edited, root_layer_of(scene), label, remove, allow_root, progress)
-    if as_json:
-        sys.stdout.write(json.dumps({"version": JSON_VERSION, **found}) + "\n")
-        return 0
-    for line in report_lines(found):
-        sys.stdout.write(line + "\n")
-    return 0
+    return tell({"version": JSON_VERSION, **found}, report_lines(found), as_json)
 
 
 def root_layer_of(scene: Path) -> Path:

@@ -1,6 +1,5 @@
 """The verbs of `falsework survey`: flights, judged before they are rendered."""
 
-import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,13 +8,13 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from falsework.children.products import read_safely
+from falsework.commands.answers import AsJson, answer, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import InputError
 from groundwork.output_file import check_output_file, fresh_file
 
 WORKER = "falsework.children.survey_work"
-JSON_VERSION = 1
 NAMED = 12  # ids in a line
 ENOUGH_OVERLAP = 0.7  # of an image with the next: photogrammetrists ask for 70 to 80 % along a strip
 ENOUGH_LINKED = 0.9  # of the images; the limit of the warning, too
@@ -33,7 +32,7 @@ def score(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     allow_root: tuple[Path, ...] = (),
     propose: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with legs)")] = True,
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Judge flights by casting rays: clearance, overlap, coverage, what a reconstruction will link, what nobody sees.
 
@@ -64,8 +63,7 @@ def score(
             write_page(temporary, found)
     if as_json:
         plain = [{key: value for key, value in row.items() if key not in _FIGURE} for row in found]
-        sys.stdout.write(json.dumps({"version": JSON_VERSION, "surveys": plain}, sort_keys=True) + "\n")
-        return 0
+        return answer({"surveys": plain})
     for row in found:
         _tell(row)
     _tell_unseen(found[-1], scene)
@@ -82,6 +80,7 @@ def plan(
     seed: int | None = None,
     members: Annotated[tuple[str, ...], tyro.conf.arg(name="for")] = (),
     set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    as_json: AsJson = False,
 ) -> int:
     """Fly one more survey over a scene of ours and add it as a layer; a former one of that name is replaced.
 
@@ -92,6 +91,7 @@ def plan(
         seed: Another flight than the scene's own seed gives.
         members: What an inspection is for: instance ids, classes, or `unseen` for all that no flight shows enough.
         set: A setting of the survey, such as `length=30` or `pitch=free`; may be given more than once.
+        as_json: Print one JSON object instead of lines.
     """
     settings: dict[str, Any] = {"kind": kind, **given_settings(set), **({"id": name} if name else {})}
     if members and kind != "inspection":
@@ -106,8 +106,9 @@ def plan(
     }
     with ConsoleProgress() as progress:
         found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
-    _say(f"survey      {found[0]['survey']}: {found[0]['images']} images, {found[0]['length']:.0f} m")
-    return 0
+    row = found[0]
+    line = f"survey      {row['survey']}: {row['images']} images, {row['length']:.0f} m"
+    return tell({key: row[key] for key in ("survey", "images", "length")}, [line], as_json)
 
 
 def _tell(row: dict[str, Any]) -> None:

@@ -334,7 +334,8 @@ FORMATS: dict[str, set[str]] = {
 
 # Read through the safe opener though no stranger makes them, or only bytes that are handed on.
 READ_SAFELY_ANYHOW = {
-    # pages: JSON of our outputs, through read_json
+    # pages and answers: JSON of our outputs, through read_json
+    "answers.cloud_facts",
     "comparison_page.read_comparison",
     "flight._reconstructed",
     "flight.small_picture",
