@@ -291,7 +291,6 @@ OPENED_RAW: dict[str, set[str]] = {
         "platform.processor",
         "page._template",
         "page.figure_json",
-        "survey_figures.write_page",
         "child._resident",
     },
     WORDS: {"child.answer_parent", "child._hear", "given_settings.given_settings", "cli.main"},
