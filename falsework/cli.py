@@ -1,7 +1,6 @@
 """The command line: one verb per room, one line for every error, and exit codes that scripts can rely on."""
 
 import difflib
-import json
 import os
 import signal
 import sys
@@ -14,6 +13,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from falsework.commands.answers import AsJson, answer
+from falsework.commands.cloud_verbs import export, reconstruct
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import files_first
 from falsework.commands.render_verb import render
@@ -22,7 +23,6 @@ from groundwork.errors import FalseworkError, InputError, MissingError, Rejected
 INTERRUPTED = 130
 TERMINATED = 143
 PIPE_CLOSED = 141
-JSON_VERSION = 1
 ABOUT = (
     "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo. "
     "The version: falsework --version"
@@ -32,7 +32,7 @@ Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 File = tyro.conf.Positional[Path]
 
 
-def doctor(*, as_json: Annotated[bool, tyro.conf.arg(name="json")] = False) -> int:
+def doctor(*, as_json: AsJson = False) -> int:
     """Check what works here (Python, packages, EGL, GPU, memory, disk) and say how to mend what does not.
 
     Args:
@@ -42,7 +42,7 @@ def doctor(*, as_json: Annotated[bool, tyro.conf.arg(name="json")] = False) -> i
 
     checks = examine()
     if as_json:
-        _answer({"checks": [{"name": c.name, "verdict": c.verdict, "found": c.found, "hint": c.hint} for c in checks]})
+        answer({"checks": [{"name": c.name, "verdict": c.verdict, "found": c.found, "hint": c.hint} for c in checks]})
     else:
         for check in checks:
             _say(f"{check.verdict:<4} {check.name:<18} {check.found}" + (f"  -> {check.hint}" if check.hint else ""))
@@ -64,72 +64,6 @@ def author(scenario: File, output: Output, *, scene: int = 0) -> int:
     with ConsoleProgress() as progress, values_of(scenario):
         author_file(loaded, output, scene, progress, [scenario])
     _say(f"scene   {output / 'scene.usda'}")
-    return 0
-
-
-def reconstruct(
-    capture: File,
-    output: Output,
-    *,
-    settings: Path | None = None,
-    gcp: Path | None = None,
-    mode: Literal["sparse", "dense", "both"] | None = None,
-    quality: Literal["low", "medium", "high", "ultra"] | None = None,
-    model: Path | None = None,
-) -> int:
-    """Reconstruct a capture, or a folder of photographs, into a cloud, annotated where the capture carries its truth.
-
-    Killed at any moment, the same command goes on where it stopped.
-
-    Args:
-        capture: Capture folder, or a folder of JPEG or PNG files.
-        output: Folder to write.
-        settings: Scenario whose `[recon]` section applies.
-        gcp: Ground control points and scale bars, as a gcp_list.txt or as Metashape's tables; not with truth.
-        mode: Which points. sparse: those of structure from motion; dense: one for nearly every pixel that enough
-            photographs confirm, the way to train on; both: a cloud of each, from one model. Left out: as the scenario
-            says, else sparse.
-        quality: How fine the depth maps of a dense cloud are. ultra: a depth for every pixel of the photographs; high
-            for each 2 x 2 of them, medium 4 x 4, low 8 x 8. Left out: as the scenario says, else high.
-        model: A cloud of the same photographs: its cameras are used again, and not looked for.
-    """
-    from falsework.commands.verbs import reconstruct_folder
-    from falsework.scenario import load_scenario
-    from recon.settings import ReconSettings
-
-    given = ReconSettings() if settings is None else load_scenario(settings).recon
-    said = {name: value for name, value in (("mode", mode), ("quality", quality)) if value is not None}
-    with ConsoleProgress() as progress:
-        clouds = reconstruct_folder(capture, output, given.model_copy(update=said), progress, gcp, model)
-    for cloud in clouds:
-        _say(f"cloud   {cloud}")
-    return 0
-
-
-def export(
-    source: File,
-    output: Output,
-    *,
-    to: Literal["laz", "las", "ply", "hdf5", "pointcept", "s3dis", "colmap", "nerfstudio", "video"],
-    photographs: Path | None = None,
-) -> int:
-    """Write a cloud or a capture for another program.
-
-    Of a capture: its true cameras (colmap, nerfstudio), or a film of the flight (video). Of a cloud: its points (laz,
-    las, ply, hdf5, pointcept, s3dis), or the reconstructed cameras with them (colmap, nerfstudio).
-
-    Args:
-        source: Cloud or capture folder.
-        output: Folder to write.
-        to: Format.
-        photographs: Capture of a cloud: its photographs are copied beside the cameras (colmap, nerfstudio).
-    """
-    from falsework.commands.verbs import export_folder
-
-    with ConsoleProgress() as progress:
-        files = export_folder(source, to, output, progress, photographs)
-    for file in files:
-        _say(f"export  {file}")
     return 0
 
 
@@ -360,7 +294,3 @@ def _single(name: str, words: list[str]) -> int:
 
 def _say(line: str) -> None:
     sys.stdout.write(line + "\n")
-
-
-def _answer(value: dict[str, object]) -> None:
-    sys.stdout.write(json.dumps({"version": JSON_VERSION, **value}) + "\n")

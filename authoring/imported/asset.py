@@ -130,7 +130,10 @@ def read_city(file: Path) -> CityModel:
         raise MissingError(
             "no such imported world", where=file, hint="Make it: falsework background import FILE -o DIR"
         )
-    layer = Sdf.Layer.FindOrOpen(str(path.resolve()))
+    try:
+        layer = Sdf.Layer.FindOrOpen(str(path.resolve()))
+    except Tf.ErrorException:  # not USD at all
+        layer = None
     if layer is None or MARK not in layer.customLayerData:
         raise InputError("is no imported world", where=path, hint="Make one: falsework background import FILE -o DIR")
     walls: dict[str, list[F64]] = {}

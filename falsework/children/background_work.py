@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 ADDRESS_LIMIT = 16.0  # [GB]
 
 
-def import_world(request: dict[str, Any], progress: Progress) -> dict[str, str]:
+def import_world(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     """Read a city and write it as a world.
 
     Args:
@@ -57,7 +57,7 @@ def _read(file: Path, up: str, scale: float, progress: Progress) -> "CityModel":
     return read_cityjson(file, progress.note)
 
 
-def describe_world(request: dict[str, Any], progress: Progress) -> dict[str, str]:
+def describe_world(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     """Read a world back.
 
     Args:
@@ -71,20 +71,22 @@ def describe_world(request: dict[str, Any], progress: Progress) -> dict[str, str
     return _facts(read_city(Path(request["world"])))
 
 
-def _facts(model: "CityModel") -> dict[str, str]:
+def _facts(model: "CityModel") -> dict[str, Any]:
     size = model.extent[1] - model.extent[0]
     objects = {piece.owner for piece in model.textured if not piece.is_ground} | {b.name for b in model.buildings}
-    counts = {
-        "buildings": f"{len(objects)}",
-        "triangles": f"{len(model.built) + len(model.ground)}",
-        "ground": f"{len(model.ground)} triangles",
-        "textured": f"{sum(len(p.triangles) for p in model.textured)}",
-        "images": f"{len(model.skins)}, {sum(len(skin.image) for skin in model.skins) / 1e6:.1f} MB",
+    return {
+        "buildings": len(objects),
+        "triangles": len(model.built) + len(model.ground),
+        "ground_triangles": len(model.ground),
+        "textured_triangles": sum(len(piece.triangles) for piece in model.textured),
+        "images": len(model.skins),
+        "image_bytes": sum(len(skin.image) for skin in model.skins),
+        "extent": [float(size[0]), float(size[1])],  # [m]
+        "attribution": dict(model.attribution),
     }
-    return {**counts, "extent": f"{size[0]:.0f} x {size[1]:.0f} m", **model.attribution}
 
 
-def _answer(request: dict[str, Any], progress: Progress) -> dict[str, str]:
+def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     return (describe_world if "world" in request else import_world)(request, progress)
 
 

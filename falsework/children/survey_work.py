@@ -14,7 +14,7 @@ from groundwork.progress import Progress
 
 LINKED_ENOUGH = 0.9  # predicted share of registered images below which a flight is warned of
 MANY = 600  # images of one flight that are worth a word
-OUTLINE = 6000  # points of the bridge in the figure
+OUTLINE = 20_000  # points of the bridge in the figure
 
 
 def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
@@ -38,7 +38,7 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     subject = stage_subject(scene)
     bridge = subject.bridge, subject.bridge_ids.astype(np.int64)
     classes = {row.id: row.class_name for row in scene.instances}
-    outline = _outline(*bridge)
+    outline = _outline(*bridge, classes)
     answers = []
     progress.stage("score", len(scene.products))
     for number, product in enumerate(scene.products):
@@ -58,8 +58,8 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
                 **asdict(found),
                 "by_class": {name: float(np.mean(values)) for name, values in sorted(shares.items())},
                 "warnings": _warnings(found.linked, found.clearance),
-                "centres": np.round(track.poses[:, :3, 3], 3).tolist(),
-                "looks": np.round(track.poses[:, :3, 2], 3).tolist(),
+                "poses": np.round(track.poses[:, :3].reshape(-1, 12), 4).tolist(),
+                "half": [0.5 * camera.width / camera.fx, 0.5 * camera.height / camera.fy],
                 "outline": outline,
             }
         )
@@ -167,12 +167,18 @@ def _warnings(linked: float, clearance: float) -> list[str]:
     return lines
 
 
-def _outline(corners: Any, ids: Any) -> list[list[float]]:
-    """Take points all over the bridge, for orientation in a figure."""
+def _outline(corners: Any, ids: Any, classes: dict[int, str]) -> dict[str, Any]:
+    """Take points all over the bridge, for orientation in a figure, each with its member; and the class of these."""
     from authoring.surveys.surface_samples import sample_surfaces
 
-    points = sample_surfaces(corners, ids).points
-    return np.round(points[:: max(1, len(points) // OUTLINE)], 2).tolist()
+    samples = sample_surfaces(corners, ids)
+    every = max(1, len(samples.points) // OUTLINE)
+    members = samples.ids[samples.component[::every]]
+    return {
+        "points": np.round(samples.points[::every], 2).tolist(),
+        "ids": members.tolist(),
+        "classes": {str(number): classes[number] for number in samples.ids.tolist() if classes.get(number)},
+    }
 
 
 def _answer(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:

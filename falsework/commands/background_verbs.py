@@ -1,11 +1,11 @@
 """The verbs of `falsework background`: real surroundings for scenes."""
 
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
+from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from groundwork.child import run_child
 
@@ -18,7 +18,14 @@ Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 
 
 def import_background(
-    file: File, output: Output, *, up: str = "", scale: float = 1.0, attribution: str = "", license: str = ""
+    file: File,
+    output: Output,
+    *,
+    up: str = "",
+    scale: float = 1.0,
+    attribution: str = "",
+    license: str = "",
+    as_json: AsJson = False,
 ) -> int:
     """Turn a city from elsewhere into a world that scenes are put into: metres, z up, its own origin, labelled.
 
@@ -33,6 +40,7 @@ def import_background(
         scale: Metres that one unit of a mesh is, e.g. 0.01 for centimetres.
         attribution: Who made the data, where the file does not say so.
         license: Its licence, where the file does not say so.
+        as_json: Print one JSON object instead of lines.
     """
     from groundwork.output_folder import fresh_output
 
@@ -40,7 +48,7 @@ def import_background(
     request = {"file": str(file.absolute()), "name": output.absolute().name, "said": said}
     request |= {"up": up, "scale": scale}
     with ConsoleProgress() as progress:
-        found: dict[str, str] = {}
+        found: dict[str, Any] = {}
 
         def fill(folder: Path) -> None:
             found.update(
@@ -54,24 +62,34 @@ def import_background(
             )
 
         fresh_output(output, "world", fill, inputs=[file])
-    _say(found)
-    sys.stdout.write(f"world       {output / output.absolute().name}.usda\n")
-    return 0
+    layer = str(output / f"{output.absolute().name}.usda")
+    return tell({**found, "world": layer}, [*_lines(found), f"world       {layer}"], as_json)
 
 
-def info(world: File) -> int:
+def info(world: File, *, as_json: AsJson = False) -> int:
     """Say what an imported world holds, and whose it is.
 
     Args:
         world: Its root layer or folder.
+        as_json: Print one JSON object instead of lines.
     """
-    _say(run_child(WORKER, {"world": str(world.absolute())}, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT))
-    return 0
+    request = {"world": str(world.absolute())}
+    found: dict[str, Any] = run_child(WORKER, request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT)
+    return tell(found, _lines(found), as_json)
 
 
-def _say(found: dict[str, str]) -> None:
-    for name, text in found.items():
-        sys.stdout.write(f"{name:<11} {text}\n")
+def _lines(found: dict[str, Any]) -> list[str]:
+    length, width = found["extent"]
+    said = {
+        "buildings": found["buildings"],
+        "triangles": found["triangles"],
+        "ground": f"{found['ground_triangles']} triangles",
+        "textured": found["textured_triangles"],
+        "images": f"{found['images']}, {found['image_bytes'] / 1e6:.1f} MB",
+        "extent": f"{length:.0f} x {width:.0f} m",
+        **found["attribution"],
+    }
+    return [f"{name:<11} {text}" for name, text in said.items()]
 
 
 BACKGROUND_VERBS = {"import": import_background, "info": info}

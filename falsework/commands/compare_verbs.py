@@ -1,6 +1,5 @@
 """The verb that compares ways of making training clouds: the same bridges, windows, steps and seeds for each."""
 
-import json
 import shlex
 import sys
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from falsework.commands.answers import AsJson, answer, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import InputError
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from falsework.commands.comparison import Experiment
     from learn.compare.experiment import ExperimentSettings
 
-JSON_VERSION = 1
 FORMAT_VERSION = 1
 TABLES, PAGE = "comparison.json", "comparison.md"
 
@@ -38,7 +37,7 @@ def compare(
     page: Path | None = None,
     bridge: Given = (),
     set: Given = (),
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Train arms that differ in their clouds alone, test each on the same bridges, and tell how sure one can be.
 
@@ -72,17 +71,16 @@ def compare(
             from falsework.commands.compare_plan import plan_lines, planned
 
             found = planned(experiment)
-            text = json.dumps({"version": JSON_VERSION, **found}) if as_json else "\n".join(plan_lines(found))
-            sys.stdout.write(text + "\n")
-            return 0
+            return tell(found, plan_lines(found), as_json)
         claim_run(output, inputs)
         record = _run(experiment, _command(sources, preset, bridge, set))
     text = _write(record, output)
     if page is not None:
         write_fresh_file(page, f"{text}\n<!-- {SIGNATURE} -->\n".encode(), [*inputs, output])
     counts = {"made": experiment.made, "reused": experiment.reused}
-    shown = {"version": JSON_VERSION, **counts, **record}
-    sys.stdout.write(json.dumps(shown) + "\n" if as_json else _lines(record, counts, output))
+    if as_json:
+        return answer({**counts, **record})
+    sys.stdout.write(_lines(record, counts, output))
     return 0
 
 

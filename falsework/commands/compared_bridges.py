@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from falsework.commands.given_files import need_folder
 from falsework.store.artefact import read_manifest
 from groundwork.canonical import digest
 from groundwork.errors import InputError, MissingError
@@ -122,8 +123,7 @@ def _clouds(place: Path) -> dict[str, Path]:
 
 def _places(folder: Path) -> list[Path]:
     """List the folders that hold a folder for each cloud of a bridge: of a run, itself, or those that are in it."""
-    if not folder.is_dir():
-        raise MissingError("no such folder", where=folder, hint="Name a run, or a folder with a bridge's clouds")
+    need_folder(folder, "a run, or a folder with a bridge's clouds")
     if (folder / "scenes").is_dir():
         return sorted(path for path in folder.glob("scenes/*/cloud") if path.is_dir())
     if _clouds(folder):

@@ -1,12 +1,13 @@
 """The verbs of `falsework dataset`: clouds become training sets, and these become files of other programs."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
+from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_folder
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import InputError
 from groundwork.output_folder import fresh_output
@@ -28,6 +29,7 @@ def local(
     bridge: Given = (),
     seed: int = 0,
     set: Given = (),
+    as_json: AsJson = False,
 ) -> int:
     """Cut clouds into pieces of some meters.
 
@@ -41,9 +43,10 @@ def local(
         bridge: Name of the bridge of each source, where they do not know it; once for each source, in their order.
         seed: Seed of splits and draws.
         set: A further setting, such as `points=2048` or `tile.size=8.0`; may be given more than once.
+        as_json: Print one JSON object instead of lines.
     """
     values = {"mode": mode, "table": table, "split": split, "seed": seed}
-    return _build("local", sources, output, values, class_map=class_map, bridges=bridge, given=set)
+    return _build("local", sources, output, values, class_map=class_map, bridges=bridge, given=set, as_json=as_json)
 
 
 def whole(
@@ -58,6 +61,7 @@ def whole(
     bridge: Given = (),
     seed: int = 0,
     set: Given = (),
+    as_json: AsJson = False,
 ) -> int:
     """Take whole bridges, or large parts of them, with noisy points as a class.
 
@@ -72,12 +76,19 @@ def whole(
         bridge: Name of the bridge of each source, where they do not know it; once for each source, in their order.
         seed: Seed of splits and draws.
         set: A further setting, such as `points=32768` or `noisy=0.03`; may be given more than once.
+        as_json: Print one JSON object instead of lines.
     """
     values = {"mode": mode, "table": table, "split": split, "seed": seed, "stratified": stratified}
-    return _build("global", sources, output, values, class_map=class_map, bridges=bridge, given=set)
+    return _build("global", sources, output, values, class_map=class_map, bridges=bridge, given=set, as_json=as_json)
 
 
-def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["s3dis", "hdf5", "parquet"]) -> int:
+def export(
+    dataset: tyro.conf.Positional[Path],
+    output: Output,
+    *,
+    to: Literal["s3dis", "hdf5", "parquet"],
+    as_json: AsJson = False,
+) -> int:
     """Write a data set for other training code.
 
     Its own folders are those that Pointcept reads already.
@@ -86,7 +97,9 @@ def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["
         dataset: A data set.
         output: Folder to write.
         to: Format.
+        as_json: Print one JSON object instead of lines.
     """
+    need_folder(dataset, "a folder that falsework dataset has written")
     from learn.datasets.export import export_dataset
 
     def write(folder: Path) -> None:
@@ -94,25 +107,27 @@ def export(dataset: tyro.conf.Positional[Path], output: Output, *, to: Literal["
 
     with reading(dataset):
         fresh_output(output, "export", write, inputs=[dataset])
-    sys.stdout.write(f"export  {output}\n")
-    return 0
+    return tell({"format": to, "folder": str(output)}, [f"export  {output}"], as_json)
 
 
-def demo(output: Output) -> int:
+def demo(output: Output, *, as_json: AsJson = False) -> int:
     """Write labelled clouds of random bridges that come with the package, one folder each, with a card.
 
     They are small, sampled on the mesh and thinned; the card says what they are not.
 
     Args:
         output: Folder to write.
+        as_json: Print one JSON object instead of lines.
     """
     from learn.demo.clouds import demo_clouds
     from learn.demo.ready_made import small_enough, write_ready_made
 
     clouds, counts = small_enough(demo_clouds()), []
     fresh_output(output, "clouds", lambda folder: counts.append(write_ready_made(clouds, folder)))
-    sys.stdout.write(f"clouds  {output}: {len(clouds)} bridges, {counts[-1]:,} points; read {output / 'README.md'}\n")
-    return 0
+    card = output / "README.md"
+    line = f"clouds  {output}: {len(clouds)} bridges, {counts[-1]:,} points; read {card}"
+    facts = {"folder": str(output), "bridges": len(clouds), "points": counts[-1], "card": str(card)}
+    return tell(facts, [line], as_json)
 
 
 def _build(
@@ -124,6 +139,7 @@ def _build(
     class_map: str,
     bridges: tuple[str, ...],
     given: tuple[str, ...],
+    as_json: bool,
 ) -> int:
     from learn.datasets.build import Source, build_dataset
     from learn.datasets.class_map import read_class_map
@@ -144,8 +160,19 @@ def _build(
 
     with ConsoleProgress() as progress, reading(*paths):
         fresh_output(output, "dataset", write, inputs=paths)
-    sys.stdout.write(f"dataset {output}\n")
-    return 0
+    return tell(_facts(output) if as_json else {}, [f"dataset {output}"], as_json)
+
+
+def _facts(dataset: Path) -> dict[str, Any]:
+    """Say in numbers what a data set holds: pieces, points and bridges of each split."""
+    from learn.datasets.layout import read_facts
+
+    facts, splits = read_facts(dataset), dict[str, dict[str, int]]()
+    for name in sorted({piece.split for piece in facts.pieces}):
+        rows = [piece for piece in facts.pieces if piece.split == name]
+        bridges = len({piece.bridge for piece in rows})
+        splits[name] = {"pieces": len(rows), "points": sum(piece.points for piece in rows), "bridges": bridges}
+    return {"dataset": str(dataset), "classes": list(facts.classes), "splits": splits}
 
 
 def nested(given: dict[str, Any]) -> dict[str, Any]:

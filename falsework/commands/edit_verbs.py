@@ -1,16 +1,15 @@
 """The verb that brings a DCC's edits home: `falsework scene import-edits`."""
 
-import json
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import tyro
 
 from falsework.children.products import ADDRESS_LIMIT, read_safely
+from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from groundwork.child import answer_parent
-from groundwork.errors import MissingError
+from groundwork.errors import InputError, MissingError
 from groundwork.progress import Progress
 
 JSON_VERSION = 2
@@ -27,7 +26,7 @@ def import_edits(
     label: tuple[str, ...] = (),
     remove: bool = False,
     allow_root: tuple[Path, ...] = (),
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Compare what Blender or another DCC exported with the scene it came from; write the changes as edits/user.usda.
 
@@ -45,12 +44,7 @@ def import_edits(
     """
     with ConsoleProgress() as progress:
         found = harvest(edited, root_layer_of(scene), label, remove, allow_root, progress)
-    if as_json:
-        sys.stdout.write(json.dumps({"version": JSON_VERSION, **found}) + "\n")
-        return 0
-    for line in report_lines(found):
-        sys.stdout.write(line + "\n")
-    return 0
+    return tell({"version": JSON_VERSION, **found}, report_lines(found), as_json)
 
 
 def root_layer_of(scene: Path) -> Path:
@@ -90,6 +84,8 @@ def harvest(
         InputError: Missing, not readable, not of this scene, or the scene is a stored one.
     """
     for path in (edited, scene):
+        if path.is_dir():
+            raise InputError("is a folder, and a USD file is wanted here", where=path, hint="Name the file in it")
         if not path.is_file():
             raise MissingError("no such file", where=path)
     request = {

@@ -1,4 +1,4 @@
-"""A file that a user names and that is not there is said at once, before a room is loaded that would read it."""
+"""What a user names and is not there, or is a file where a folder is wanted, is said before any room is loaded."""
 
 import functools
 import inspect
@@ -8,7 +8,7 @@ from typing import Any
 
 import tyro
 
-from groundwork.errors import MissingError
+from groundwork.errors import InputError, MissingError
 
 GIVEN = tyro.conf.Positional[Path]  # how the verbs annotate what they read
 
@@ -34,3 +34,22 @@ def files_first(verb: Callable[..., int]) -> Callable[..., int]:
         return verb(*values, **named)
 
     return checked
+
+
+def need_folder(place: Path, wanted: str, field: str | None = None) -> None:
+    """Refuse a file where a verb reads a folder, and what is not there.
+
+    Args:
+        place: What the user named.
+        wanted: What it should be, such as `a capture, or a folder of photographs`.
+        field: The option that named it; None for an argument without one.
+
+    Raises:
+        MissingError: Nothing is there.
+        InputError: It is a file.
+    """
+    if place.is_dir():
+        return
+    if not place.exists():
+        raise MissingError("no such folder", where=place, field=field, hint=f"Name {wanted}")
+    raise InputError("is a file, and a folder is wanted here", where=place, field=field, hint=f"Name {wanted}")

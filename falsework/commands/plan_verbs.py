@@ -1,19 +1,17 @@
 """The verb that says what a run would do."""
 
-import json
-import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 
 if TYPE_CHECKING:
     from falsework.execution.plan import Plan
 
-JSON_VERSION = 1
 COLUMNS = ("there", "let_go", "make", "rejected", "failed", "skipped")
 
 
@@ -23,7 +21,7 @@ def plan(
     *,
     scenes: str | None = None,
     retry_failed: bool = False,
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Tell what `run` would do: results that are there, that it will make, time and disk space; writes nothing.
 
@@ -41,17 +39,16 @@ def plan(
     part = scene_range(scenes, loaded.scenes)
     with values_of(scenario), ConsoleProgress() as progress:
         found = plan_run(loaded, output, progress, part, retry_failed=retry_failed)
-    sys.stdout.write((_as_json(found) if as_json else _as_text(found)) + "\n")
-    return 0
+    return tell(_facts(found), [_as_text(found)], as_json)
 
 
-def _as_json(found: "Plan") -> str:
+def _facts(found: "Plan") -> dict[str, Any]:
     outcome = found.outcome
     counts = {"scenes": found.scenes, "scenes_to_do": found.scenes_to_do, "made": outcome.made}
     reasons = {"reused": outcome.reused, "rejected": outcome.rejected, "failed": outcome.failed}
     costs = {"seconds": found.seconds, "peak_bytes": found.peak_bytes, "free_bytes": found.free_bytes}
     stages = {name: asdict(stage) for name, stage in found.stages.items()}
-    return json.dumps({"version": JSON_VERSION, **counts, **reasons, **costs, "stages": stages})
+    return {**counts, **reasons, **costs, "stages": stages}
 
 
 def _as_text(found: "Plan") -> str:

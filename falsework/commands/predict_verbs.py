@@ -1,12 +1,15 @@
 """The verb `falsework predict`: class, confidence and instance for every point of a scan, in a copy of it."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_folder
 from groundwork.errors import InputError, MissingError
 from groundwork.output_place import output_place
 from groundwork.settings import parse_settings
@@ -29,6 +32,7 @@ def predict(
     min_confidence: float = 0.0,
     link: float = 0.3,
     chunk: int = 2_000_000,
+    as_json: AsJson = False,
 ) -> int:
     """Label a scan: every point gets a class, a confidence and an instance, in a copy that keeps all that it held.
 
@@ -48,47 +52,37 @@ def predict(
         min_confidence: Less sure points become 255.
         link: Points of a class in touching cubes of this side are one instance [m].
         chunk: Points of the scan in memory at once.
+        as_json: Print one JSON object instead of lines.
     """
     from learn.predict.model import named_model, shipped_folder
     from learn.predict.predict import predict_scan
     from learn.predict.settings import PredictSettings
 
-    _check_paths(scan, output)
-    values: dict[str, Any] = {
-        "unit": unit,
-        "scale": scale,
-        "up": up,
-        "table": table,
-        "classes": classes,
-        "min_confidence": min_confidence,
-        "link": link,
-        "chunk": chunk,
-    }
+    _check_paths(scan, output, model)
+    values: dict[str, Any] = {"unit": unit, "scale": scale, "up": up, "table": table, "classes": classes}
+    values |= {"min_confidence": min_confidence, "link": link, "chunk": chunk}
     settings = parse_settings(PredictSettings, values, "predict")
     known = named_model(model)
     if model and Path(model).is_dir():
         output_place(output, [Path(model)])
     with ConsoleProgress() as progress:
         made = predict_scan(scan, output, known, settings, progress)
-    _print_counts(made)
-    sys.stdout.write(f"labelled {output}\n")
-    if not model:
-        sys.stdout.write(f"by the model of the package; its limits: {shipped_folder() / 'README.md'}\n")
-    return 0
+    for doubt in made.doubts:
+        sys.stderr.write(f"warning: {doubt}\n")
+    own = [] if model else [f"by the model of the package; its limits: {shipped_folder() / 'README.md'}"]
+    return tell({"labelled": str(output), **asdict(made)}, [*_counts(made), f"labelled {output}", *own], as_json)
 
 
-def _check_paths(scan: Path, output: Path) -> None:
+def _check_paths(scan: Path, output: Path, model: str) -> None:
+    if model and Path(model).exists():
+        need_folder(Path(model), "a folder that falsework train has written", "--model")
     if not scan.exists():
         raise MissingError("no such file", where=scan, hint="Name a scan, or the folder of a cloud")
     if not output.suffix:
         raise InputError("has no suffix that names a format", where=output, field="-o", hint="Add one, such as .laz")
 
 
-def _print_counts(made: "Prediction") -> None:
-    for line in made.doubts:
-        sys.stderr.write(f"warning: {line}\n")
-    for name, count in made.counts.items():
-        sys.stdout.write(f"{name:<16} {count:>10} points  {count / made.points:6.1%}\n")
-    if made.unlabelled:
-        sys.stdout.write(f"{'no class':<16} {made.unlabelled:>10} points  {made.unlabelled / made.points:6.1%}\n")
-    sys.stdout.write(f"{made.instances} instances; the model saw {made.thinned} of {made.points} points\n")
+def _counts(made: "Prediction") -> list[str]:
+    rows = {**made.counts, **({"no class": made.unlabelled} if made.unlabelled else {})}
+    lines = [f"{name:<16} {count:>10} points  {count / made.points:6.1%}" for name, count in rows.items()]
+    return [*lines, f"{made.instances} instances; the model saw {made.thinned} of {made.points} points"]

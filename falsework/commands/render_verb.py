@@ -1,11 +1,11 @@
 """`falsework render`: any USD stage into captures; what is wrong with its words is said before the stage is read."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
+from falsework.commands.answers import AsJson, capture_facts, tell
 from falsework.commands.console import ConsoleProgress
 from groundwork.errors import InputError
 
@@ -32,6 +32,7 @@ def render(
     seed: int = 7,
     workers: int = 1,
     allow_root: tuple[Path, ...] = (),
+    as_json: AsJson = False,
 ) -> int:
     """Render any USD stage into captures: one folder for each RenderProduct, or for each camera where there is none.
 
@@ -56,6 +57,7 @@ def render(
         seed: Seed of the sensor's noise.
         workers: Processes that share the frames of a survey; the bytes do not depend on them.
         allow_root: Folders beside that of the stage from which it may take layers and textures.
+        as_json: Print one JSON object instead of lines.
     """
     from falsework.commands.verbs import render_file
 
@@ -64,9 +66,9 @@ def render(
     choices = _choices(settings, camera, frame, purpose, variant, (width, height))
     with ConsoleProgress() as progress:
         names = render_file(stage, output, survey, settings, seed, progress, allow_roots=allow_root, choices=choices)
-    for name in names:
-        sys.stdout.write(f"capture {output / name}\n")
-    return 0
+    captures = [output / name for name in names]
+    facts = {"captures": [capture_facts(capture) for capture in captures]} if as_json else {}
+    return tell(facts, [f"capture {capture}" for capture in captures], as_json)
 
 
 def _choices(

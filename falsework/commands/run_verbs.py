@@ -1,30 +1,31 @@
 """The verbs that run the whole chain: the demo, and a scenario of one's own."""
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 
+from falsework.commands.answers import AsJson, answer
+
 SOME_SCENES_FAILED = 3
-JSON_VERSION = 1
 
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 File = tyro.conf.Positional[Path]
 
 
-def demo(output: Output = Path("demo-out"), *, seed: int | None = None) -> int:
+def demo(output: Output = Path("demo-out"), *, seed: int | None = None, as_json: AsJson = False) -> int:
     """Make one small bridge from nothing to an annotated dense point cloud and a report.
 
     Args:
         output: Folder to write into.
         seed: Another bridge than the usual one.
+        as_json: Print one JSON object at the end instead of lines.
     """
     from falsework.scenario import demo_scenario
 
     scenario = demo_scenario()
-    return _run(scenario if seed is None else scenario.model_copy(update={"seed": seed}), output, None, False)
+    return _run(scenario if seed is None else scenario.model_copy(update={"seed": seed}), output, None, as_json)
 
 
 def run(
@@ -36,7 +37,7 @@ def run(
     cluster: str | None = None,
     shard: str | None = None,
     retry_failed: bool = False,
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Run the whole chain of a scenario; a second call makes only what is missing.
 
@@ -79,9 +80,7 @@ def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool
     if as_json:
         paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}
         counts = {"made": outcome.made, "reused": outcome.reused}
-        _answer(
-            {**counts, **paths, "few": _few(outcome.clouds), "rejected": outcome.rejected, "failed": outcome.failed}
-        )
+        answer({**counts, **paths, "few": _few(outcome.clouds), "rejected": outcome.rejected, "failed": outcome.failed})
         return SOME_SCENES_FAILED if outcome.failed else 0
     for name, reason in outcome.rejected.items():
         _say(f"scene {name} rejected: {reason}")
@@ -117,7 +116,3 @@ def _few(clouds: list[Path]) -> list[str]:
 
 def _say(line: str) -> None:
     sys.stdout.write(line + "\n")
-
-
-def _answer(value: dict[str, object]) -> None:
-    sys.stdout.write(json.dumps({"version": JSON_VERSION, **value}) + "\n")

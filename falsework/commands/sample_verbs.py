@@ -1,11 +1,11 @@
 """The verbs of `falsework sample`: clouds from a stage without any image, with the labels of the surface itself."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
+from falsework.commands.answers import AsJson, cloud_facts, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
 from groundwork.settings import Settings, parse_settings
@@ -27,6 +27,7 @@ def mesh(
     seed: int = 0,
     set: Given = (),
     allow_root: tuple[Path, ...] = (),
+    as_json: AsJson = False,
 ) -> int:
     """Spread points over the surface of a stage, uniformly by area.
 
@@ -41,13 +42,15 @@ def mesh(
         seed: Seed of every random draw.
         set: A further setting, such as `noise=0.005` or `min_views=3`; may be given more than once.
         allow_root: Folders beside that of the stage from which it may take files.
+        as_json: Print one JSON object instead of lines.
     """
     from recon.sampling.sampler_settings import MeshSettings
 
     settings: dict[str, Any] = {"density": density, "scope": scope, "reach": reach, "seed": seed}
     settings |= {"points": points} if points is not None else {}
     settings |= {"min_views": 1} if visible else {}
-    return _sample("mesh", MeshSettings, settings | given_settings(set), stage, output, allow_root)
+    checked = parse_settings(MeshSettings, settings | given_settings(set), "--set")
+    return _sample("mesh", checked, stage, output, allow_root, as_json)
 
 
 def lidar(
@@ -60,6 +63,7 @@ def lidar(
     seed: int = 0,
     set: Given = (),
     allow_root: tuple[Path, ...] = (),
+    as_json: AsJson = False,
 ) -> int:
     """Scan a stage with a laser: from a tripod, along the deck or a survey's path, or from an aircraft.
 
@@ -73,24 +77,22 @@ def lidar(
         set: A further setting, such as `angular_step=0.1`, `positions=[[5, -12, 1.8]]` or `path=global`; may be given
             more than once.
         allow_root: Folders beside that of the stage from which it may take files.
+        as_json: Print one JSON object instead of lines.
     """
     from recon.sampling.sampler_settings import SCANNERS
 
     settings: dict[str, Any] = {"scope": scope, "seed": seed} | ({} if reach is None else {"reach": reach})
     settings |= given_settings(set)
-    return _sample(kind, SCANNERS[kind], settings | {"kind": kind}, stage, output, allow_root)
+    checked = parse_settings(SCANNERS[kind], settings | {"kind": kind}, "--set")
+    return _sample(kind, checked, stage, output, allow_root, as_json)
 
 
-def _sample(
-    kind: str, model: type[Settings], settings: dict[str, Any], stage: Path, output: Path, roots: tuple[Path, ...]
-) -> int:
+def _sample(kind: str, settings: Settings, stage: Path, output: Path, roots: tuple[Path, ...], as_json: bool) -> int:
     from falsework.commands.verbs import sample_file
 
-    checked = parse_settings(model, settings, "--set")
     with ConsoleProgress() as progress:
-        sample_file(stage, output, kind, checked, progress, roots)
-    sys.stdout.write(f"cloud   {output}\n")
-    return 0
+        sample_file(stage, output, kind, settings, progress, roots)
+    return tell({"clouds": [cloud_facts(output)]} if as_json else {}, [f"cloud   {output}"], as_json)
 
 
 SAMPLE_VERBS = {"mesh": mesh, "lidar": lidar}

@@ -1,6 +1,5 @@
 """The verbs of `falsework scene`: look into a scene, choose, compare, copy, and pass it on."""
 
-import json
 import sys
 from collections import Counter
 from pathlib import Path
@@ -9,13 +8,13 @@ from typing import Annotated, Any
 import tyro
 
 from falsework.children.products import read_safely
+from falsework.commands.answers import AsJson, answer, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.edit_verbs import import_edits, root_layer_of
 from groundwork.child import run_child
 from groundwork.errors import InputError
 from groundwork.output_reading import reading
 
-JSON_VERSION = 1
 WORKER = "falsework.children.scene_work"
 LONG_WORK = ("choose", "flatten", "package")  # they author and bake, as long as it takes
 TIME_LIMIT = 3600.0  # [s]
@@ -23,7 +22,6 @@ MEMORY_LIMIT = 16.0  # [GB]
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-AsJson = Annotated[bool, tyro.conf.arg(name="json")]
 Roots = tuple[Path, ...]
 
 
@@ -39,7 +37,7 @@ def info(scene: File, *, depth: int = 4, files: bool = False, allow_root: Roots 
     """
     found = _work("info", scene, {"depth": depth}, allow_root)
     if as_json:
-        return _answer(found)
+        return answer(found)
     for row in found["tree"]:
         indent = "  " * (row["path"].count("/") - 1)
         surfaces = f"  {row['surfaces']} surfaces" if row["surfaces"] else ""
@@ -70,7 +68,7 @@ def validate(scene: File, *, allow_root: Roots = (), as_json: AsJson = False) ->
     """
     findings = _work("validate", scene, {}, allow_root)
     if as_json:
-        _answer({"findings": findings})
+        answer({"findings": findings})
     else:
         for line in findings:
             _say(line)
@@ -90,7 +88,7 @@ def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson =
     other = root_layer_of(second)
     found = _work("diff", first, {"second": str(other)}, allow_root, other)
     if as_json:
-        return _answer(found)
+        return answer(found)
     lines = [f"selection   {axis}: {before} -> {after}" for axis, (before, after) in found["selections"].items()]
     lines += [f"moved       {path}  {metres:.6g} m" for path, metres in found["moved"].items()]
     lines += [f"reshaped    {path}" for path in found["reshaped"]]
@@ -137,7 +135,7 @@ def set_(
     own = [Path(value) for value in wanted.values() if Path(value).suffix.startswith(".usd")]
     chosen = _work("choose", scene, {"choices": wanted, "variant": variant, "origin": re_origin}, allow_root, *own)
     if as_json:
-        return _answer(chosen)
+        return answer(chosen)
     for axis, name in chosen.items():
         _say(f"{axis:<11} {name}")
     return 0
@@ -156,21 +154,30 @@ def checkout(source: File, output: Output) -> int:
     return 0
 
 
-def flatten(scene: File, output: Output, *, allow_root: Roots = ()) -> int:
+def flatten(scene: File, output: Output, *, allow_root: Roots = (), as_json: AsJson = False) -> int:
     """Write a scene as one layer, with the variants that it selects; texture paths stay relative.
 
     Args:
         scene: Scene folder, or its root layer.
         output: File to write, .usda or .usdc.
         allow_root: Folders beside that of the scene from which it may take files.
+        as_json: Print one JSON object instead of lines.
     """
-    for path in _work("flatten", scene, {"out": str(output)}, allow_root):
+    missing = _work("flatten", scene, {"out": str(output)}, allow_root)
+    for path in missing:
         sys.stderr.write(f"texture not found: {path}\n")
-    _say(f"layer   {output}")
-    return 0
+    return tell({"layer": str(output), "missing_textures": missing}, [f"layer   {output}"], as_json)
 
 
-def package(scene: File, output: Output, *, bake: bool = False, texels: int = 4096, allow_root: Roots = ()) -> int:
+def package(
+    scene: File,
+    output: Output,
+    *,
+    bake: bool = False,
+    texels: int = 4096,
+    allow_root: Roots = (),
+    as_json: AsJson = False,
+) -> int:
     """Put a scene into one file: usdz with all variants, or GLB for the web with those that are selected.
 
     Args:
@@ -180,10 +187,12 @@ def package(scene: File, output: Output, *, bake: bool = False, texels: int = 40
             holds the selected variants only.
         texels: Texels along a side of each baked texture.
         allow_root: Folders beside that of the scene from which it may take files.
+        as_json: Print one JSON object instead of lines.
     """
     names = _work("package", scene, {"out": str(output), "bake": bake, "texels": texels}, allow_root)
-    _say(f"package {output}  {output.stat().st_size / 1e6:.1f} MB, {len(names)} entries")
-    return 0
+    size = output.stat().st_size
+    line = f"package {output}  {size / 1e6:.1f} MB, {len(names)} entries"
+    return tell({"package": str(output), "bytes": size, "entries": len(names)}, [line], as_json)
 
 
 def schemas(*, path: bool = False) -> int:
@@ -237,8 +246,3 @@ def _work(work: str, scene: Path, request: dict[str, Any], roots: Roots, *others
 
 def _say(line: str) -> None:
     sys.stdout.write(line + "\n")
-
-
-def _answer(value: dict[str, Any]) -> int:
-    sys.stdout.write(json.dumps({"version": JSON_VERSION, **value}) + "\n")
-    return 0

@@ -1,18 +1,16 @@
 """The verbs that look after a run's folder."""
 
-import json
 import sys
 from pathlib import Path
-from typing import Annotated
 
 import tyro
 
+from falsework.commands.answers import AsJson, answer
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_folder
 from groundwork.errors import MissingError
 
-JSON_VERSION = 1
-
-AsJson = Annotated[bool, tyro.conf.arg(name="json")]
+OF_A_RUN = "the output folder of a run"
 
 
 def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json: AsJson = False) -> int:
@@ -25,8 +23,9 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json:
     """
     from falsework.store.store import Store
 
+    need_folder(output, OF_A_RUN)
     if not (output / "store").is_dir():
-        raise MissingError("no store in this folder", where=output, hint="Name the output folder of a run")
+        raise MissingError("no store in this folder", where=output, hint=f"Name {OF_A_RUN}")
     if repair:
         from falsework.commands.repair import repair as make_whole
 
@@ -35,7 +34,7 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json:
     else:
         wrong = Store(output).verify()
     if as_json:
-        sys.stdout.write(json.dumps({"version": JSON_VERSION, "whole": not wrong, "wrong": wrong}) + "\n")
+        answer({"whole": not wrong, "wrong": wrong})
         return int(bool(wrong))
     for line in wrong:
         sys.stdout.write(line + "\n")
@@ -66,6 +65,7 @@ def clean(
     from groundwork.marks import MARK, read_listing
     from groundwork.output_place import RUN
 
+    need_folder(output, OF_A_RUN)
     if not (output / MARK).is_file() or read_listing(output / MARK).kind != RUN:
         raise MissingError("not the output folder of a run", where=output, hint="Name the folder given to run -o")
     with ConsoleProgress() as progress:
@@ -73,9 +73,7 @@ def clean(
     paths = [(one.about, str(one.paths[0].relative_to(output))) for one in done.removed]
     if as_json:
         removed = [{"what": about, "path": path} for about, path in paths]
-        answer = {"dry_run": dry_run, "removed": removed, "left": done.left, "freed_bytes": done.freed}
-        sys.stdout.write(json.dumps({"version": JSON_VERSION, **answer}) + "\n")
-        return 0
+        return answer({"dry_run": dry_run, "removed": removed, "left": done.left, "freed_bytes": done.freed})
     for about, path in paths:
         sys.stdout.write(f"{path}: {about}\n")
     for line in done.left:

@@ -1,6 +1,5 @@
 """The verbs of `falsework survey`: flights, judged before they are rendered."""
 
-import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,18 +8,16 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from falsework.children.products import read_safely
+from falsework.commands.answers import AsJson, answer, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_settings import given_settings
+from falsework.report.flight_verdicts import ENOUGH_LINKED, ENOUGH_OVERLAP, PARTLY, WELL, coverage_word, judged
 from groundwork.errors import InputError
 from groundwork.output_file import check_output_file, fresh_file
 
 WORKER = "falsework.children.survey_work"
-JSON_VERSION = 1
 NAMED = 12  # ids in a line
-ENOUGH_OVERLAP = 0.7  # of an image with the next: photogrammetrists ask for 70 to 80 % along a strip
-ENOUGH_LINKED = 0.9  # of the images; the limit of the warning, too
-WELL, PARTLY = 0.5, 0.25  # of a surface, faces that nothing can see among it: no member reaches all of it
-_FIGURE = ("centres", "looks", "outline")  # what only the figure needs
+_FIGURE = ("poses", "half", "outline")  # what only the page needs
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -33,14 +30,14 @@ def score(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     allow_root: tuple[Path, ...] = (),
     propose: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with legs)")] = True,
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Judge flights by casting rays: clearance, overlap, coverage, what a reconstruction will link, what nobody sees.
 
     Args:
         scene: Root layer of a scene, or any other USD file with cameras.
         survey: Only this one.
-        output: HTML page to write, with plan, elevation and 3D.
+        output: HTML page to write: flight in space, plan and elevation, what is covered, and what no flight shows.
         allow_root: Folders beside that of the scene from which it may take files.
         propose: The legs are looked for that would show what no flight shows; `--no-propose` leaves them out.
         as_json: Print one JSON object instead of lines.
@@ -58,14 +55,13 @@ def score(
     if not found:
         raise InputError("has no flight to judge", where=scene, hint="Author it with a survey, or animate a camera")
     if output is not None:
-        from falsework.report.survey_figures import write_page
+        from falsework.report.survey_page import write_survey_page
 
         with fresh_file(output, [scene]) as temporary:
-            write_page(temporary, found)
+            write_survey_page(temporary, found, scene.name)
     if as_json:
         plain = [{key: value for key, value in row.items() if key not in _FIGURE} for row in found]
-        sys.stdout.write(json.dumps({"version": JSON_VERSION, "surveys": plain}, sort_keys=True) + "\n")
-        return 0
+        return answer({"surveys": plain})
     for row in found:
         _tell(row)
     _tell_unseen(found[-1], scene)
@@ -82,6 +78,7 @@ def plan(
     seed: int | None = None,
     members: Annotated[tuple[str, ...], tyro.conf.arg(name="for")] = (),
     set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    as_json: AsJson = False,
 ) -> int:
     """Fly one more survey over a scene of ours and add it as a layer; a former one of that name is replaced.
 
@@ -92,6 +89,7 @@ def plan(
         seed: Another flight than the scene's own seed gives.
         members: What an inspection is for: instance ids, classes, or `unseen` for all that no flight shows enough.
         set: A setting of the survey, such as `length=30` or `pitch=free`; may be given more than once.
+        as_json: Print one JSON object instead of lines.
     """
     settings: dict[str, Any] = {"kind": kind, **given_settings(set), **({"id": name} if name else {})}
     if members and kind != "inspection":
@@ -106,17 +104,18 @@ def plan(
     }
     with ConsoleProgress() as progress:
         found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
-    _say(f"survey      {found[0]['survey']}: {found[0]['images']} images, {found[0]['length']:.0f} m")
-    return 0
+    row = found[0]
+    line = f"survey      {row['survey']}: {row['images']} images, {row['length']:.0f} m"
+    return tell({key: row[key] for key in ("survey", "images", "length")}, [line], as_json)
 
 
 def _tell(row: dict[str, Any]) -> None:
     median, worst = row["sampling"]
     _say(f"survey      {row['survey']}: {row['images']} images, {row['length']:.0f} m, {row['duration']:.0f} s")
     _say(f"clearance   {row['clearance']:.2f} m at least")
-    _say(f"overlap     {100.0 * row['overlap']:.0f} % with the next image: {_judged(row['overlap'], ENOUGH_OVERLAP)}")
+    _say(f"overlap     {100.0 * row['overlap']:.0f} % with the next image: {judged(row['overlap'], ENOUGH_OVERLAP)}")
     linked = row["linked"]
-    _say(f"linked      {100.0 * linked:.0f} % of the images, as predicted: {_judged(linked, ENOUGH_LINKED)}")
+    _say(f"linked      {100.0 * linked:.0f} % of the images, as predicted: {judged(linked, ENOUGH_LINKED)}")
     _say(f"sampling    {1e3 * median:.1f} mm a pixel, {1e3 * worst:.1f} mm at the 95th percentile")
     _say(f"base angle  {row['base_angle']:.0f} degrees")
     for line in coverage_lines(row["by_class"]):
@@ -132,20 +131,18 @@ def coverage_lines(by_class: Mapping[str, float]) -> list[str]:
         by_class: Share of the surface that three cameras see at 60 degrees or less, by class [1].
     """
     words = {
-        f"well (from {100.0 * WELL:.0f} %)": lambda share: share >= WELL,
-        f"partly (from {100.0 * PARTLY:.0f} %)": lambda share: PARTLY <= share < WELL,
-        "poorly, expect holes": lambda share: share < PARTLY,
+        "well": f"well (from {100.0 * WELL:.0f} %)",
+        "partly": f"partly (from {100.0 * PARTLY:.0f} %)",
+        "poorly": "poorly, expect holes",
     }
     lines = ["covered     share of the surface that 3 cameras see at 60 degrees or less, hidden faces counted:"]
-    for word, fits in words.items():
-        found = sorted(((share, name) for name, share in by_class.items() if fits(share)), reverse=True)
+    for word, said in words.items():
+        found = sorted(
+            ((share, name) for name, share in by_class.items() if coverage_word(share) == word), reverse=True
+        )
         if found:
-            lines.append(f"            {word}: " + ", ".join(f"{name} {100.0 * share:.0f} %" for share, name in found))
+            lines.append(f"            {said}: " + ", ".join(f"{name} {100.0 * share:.0f} %" for share, name in found))
     return lines
-
-
-def _judged(share: float, enough: float) -> str:
-    return f"{'enough' if share >= enough else 'too little'} (from {100.0 * enough:.0f} %)"
 
 
 def _tell_unseen(row: dict[str, Any], scene: Path) -> None:

@@ -1,14 +1,15 @@
 """The verbs of learning: a data set becomes a model, and a model becomes a table of scores."""
 
 import json
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_folder
 from falsework.commands.given_settings import given_settings
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from learn.trained import ModelFacts
     from learn.training.settings import TrainSettings
 
-JSON_VERSION = 1
+OF_DATASET, OF_MODEL = "a folder that falsework dataset has written", "a folder that falsework train has written"
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -44,6 +45,7 @@ def train(
     init: Path | None = None,
     freeze_encoder: bool = False,
     set: Given = (),
+    as_json: AsJson = False,
 ) -> int:
     """Train a network on a data set; the same command goes on where it was stopped (a forest begins anew).
 
@@ -66,21 +68,15 @@ def train(
         freeze_encoder: Train the way back up and the head alone, as for a few labelled scans of one's own.
         set: A further setting, such as `learning_rate=0.001`, or of the network, such as `network.unit=2.0`; may be
             given more than once.
+        as_json: Print one JSON object instead of lines.
     """
     if demo:
         given = {"dataset": dataset, "--model": model, "--channels": channels, "--init": init, "--set": set}
-        return _demo(output, seed, epochs, [name for name, value in given.items() if value])
-    if dataset is None:
-        raise InputError("no data set", hint="Name a folder that falsework dataset has written, or give --demo")
+        return _demo(output, seed, epochs, [name for name, value in given.items() if value], as_json)
+    dataset = _given(dataset)
     settings = _settings(
-        {
-            "model": model,
-            "recipe": recipe,
-            "epochs": epochs,
-            "batch": batch,
-            "seed": seed,
-            "freeze_encoder": freeze_encoder,
-        },
+        {"model": model, "recipe": recipe, "epochs": epochs, "batch": batch, "seed": seed}
+        | {"freeze_encoder": freeze_encoder},
         begun := _begun(init),
         set,
     )
@@ -88,8 +84,24 @@ def train(
         raise InputError("a forest begins anew", field="--init", value=init, hint="Leave --init out")
     names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
     _fit(dataset, output, settings, names, init)
-    sys.stdout.write(f"model   {output}\n")
-    return 0
+    return tell(_model_facts(output) if as_json else {}, [f"model   {output}"], as_json)
+
+
+def _model_facts(model: Path) -> dict[str, Any]:
+    """Say what was trained, on what, and how good it is on the bridges that were held out."""
+    from learn.trained import read_facts
+
+    facts = read_facts(model)
+    training = {} if facts.training is None else dict(facts.training)
+    what = {"network": facts.network, "classes": list(facts.classes), "channels": list(facts.channels)}
+    return {"model": str(model), **what, "training": training}
+
+
+def _given(dataset: Path | None) -> Path:
+    if dataset is None:
+        raise InputError("no data set", hint=f"Name {OF_DATASET}, or give --demo")
+    need_folder(dataset, OF_DATASET)
+    return dataset
 
 
 def _fit(dataset: Path, output: Path, settings: "TrainSettings", channels: tuple[str, ...], init: Path | None) -> None:
@@ -128,7 +140,7 @@ def evaluate(
     *,
     split: Literal["train", "val", "test"] = "test",
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
-    as_json: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Score a model on one split of a data set, every point once.
 
@@ -142,6 +154,8 @@ def evaluate(
         output: JSON file for the scores; the tables go into a .md file beside it.
         as_json: Print one JSON object instead of a table.
     """
+    need_folder(model, OF_MODEL)
+    need_folder(dataset, OF_DATASET)
     from learn.evaluate import evaluate_model
     from learn.scoring.table import score_lines, short_lines
     from learn.trained import read_model
@@ -178,8 +192,7 @@ def evaluate(
         ]
         write_fresh_file(output.with_suffix(".md"), "\n".join([*page, ""]).encode(), [model, dataset])
     shown = short_lines(record) if output is not None else score_lines(record)
-    sys.stdout.write((json.dumps({"version": JSON_VERSION, **record}) if as_json else "\n".join(shown)) + "\n")
-    return 0
+    return tell(record, shown, as_json)
 
 
 def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
@@ -249,7 +262,7 @@ def _settings(chosen: dict[str, Any], begun: dict[str, Any], given: tuple[str, .
     return parse_settings(TrainSettings, values, "train")
 
 
-def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str]) -> int:
+def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str], as_json: bool) -> int:
     """Train on the shipped clouds, and print the table."""
     from learn.demo.demo import demo_table, run_demo
 
@@ -263,15 +276,17 @@ def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str]) -> i
 
     with ConsoleProgress() as progress:
         fresh_output(output, "model", write, inputs=[], asked=["demo", changed], resume=True)
-    sys.stdout.write("\n".join([*lines, f"model   {output}"]) + "\n")
-    return 0
+    return tell(_model_facts(output) if as_json else {}, [*lines, f"model   {output}"], as_json)
 
 
 def _begun(init: Path | None) -> dict[str, Any]:
     """Take network and channels from the model to begin with."""
     from learn.trained import read_facts
 
-    return {} if init is None else vars(read_facts(init))
+    if init is None:
+        return {}
+    need_folder(init, OF_MODEL, "--init")
+    return vars(read_facts(init))
 
 
 def _channels_of(dataset: Path, settings: "TrainSettings") -> tuple[str, ...]:

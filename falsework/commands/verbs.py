@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from falsework.children.products import read_safely, surveys_of
+from falsework.commands.given_files import need_folder
 from falsework.report.report import write_report
 from falsework.scenario import Scenario, given_files, scene_seed, scene_title
 from falsework.stages import STAGES, clouds_of
@@ -188,8 +189,9 @@ def reconstruct_folder(
 
     inputs = [path for path in (capture, control, model) if path is not None]
     with reading(*(path for path in (capture, model) if path is not None)):
-        if not capture.is_dir():
-            raise MissingError("no such folder", where=capture, hint="Name a capture, or a folder of photographs")
+        need_folder(capture, "a capture, or a folder of photographs")
+        if model is not None:
+            need_folder(model, "a cloud of these photographs, or its model", "--model")
         fresh_output(
             out,
             "cloud",
@@ -284,5 +286,8 @@ def export_folder(source: Path, to: str, out: Path, progress: Progress, photogra
     files: list[str] = []
     inputs = [source] if photographs is None else [source, photographs]
     with reading(*inputs):
+        need_folder(source, "a cloud or a capture")
+        if photographs is not None:
+            need_folder(photographs, "the capture of this cloud", "--photographs")
         fresh_output(out, f"export to {to}", write, inputs=inputs)
     return [out / file for file in files]

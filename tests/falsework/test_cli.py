@@ -13,6 +13,7 @@ from falsework.cli import main
 from falsework.doctor import LEARN, Check, examine, learn_packages, package_names
 from groundwork.errors import RejectedSceneError
 
+THREE = ("illinois=@", "korea=@.2", "synthetic=@.3")  # what a comparison of three sets is given
 EMPTY_STAGE = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\ndef Xform "World"\n{\n}\n'
 
 
@@ -89,6 +90,47 @@ def test_a_missing_file_is_said_before_any_room_is_loaded(words: list[str], tmp_
     assert "nowhere: no such file or folder" in done.stderr
     assert not {"numpy", "render.capture", "authoring.settings", "recon.settings", "cv2"} & set(done.stdout.split())
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (["reconstruct", "@", "-o", "out"], "Name a capture, or a folder of photographs"),
+        (["reconstruct", "/", "--model", "@", "-o", "out"], "--model: is a file"),
+        (["export", "@", "--to", "laz", "-o", "out"], "Name a cloud or a capture"),
+        (["export", "/", "--to", "colmap", "--photographs", "@", "-o", "out"], "--photographs: is a file"),
+        (["verify", "@"], "Name the output folder of a run"),
+        (["clean", "@"], "Name the output folder of a run"),
+        (["train", "@", "-o", "out"], "Name a folder that falsework dataset has written"),
+        (["train", "/", "--init", "@", "-o", "out"], "--init: is a file"),
+        (["evaluate", "@", "/"], "Name a folder that falsework train has written"),
+        (["evaluate", "/", "@"], "Name a folder that falsework dataset has written"),
+        (["dataset", "export", "@", "--to", "s3dis", "-o", "out"], "Name a folder that falsework dataset has written"),
+        (["compare", *THREE, "-o", "out", "--preset", "task-local-1"], "Name a run, or a folder with"),
+        (["predict", "@", "--model", "@", "-o", "out.laz"], "--model: is a file"),
+    ],
+)
+def test_a_file_where_a_folder_is_wanted(
+    words: list[str], wanted: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The line says that it is a file, and what is wanted; never that nothing is there; nothing is written."""
+    file, folder = tmp_path / "notes.txt", tmp_path / "folder"
+    file.write_text("a file")
+    folder.mkdir()
+    places: dict[str, str | Path] = {"@": file, "/": folder, "out": tmp_path / "out", "out.laz": tmp_path / "out.laz"}
+    places |= {word: word.replace("@", str(file)) for word in THREE}
+    line = _fails([places.get(word, word) for word in words], capsys)
+    assert "is a file, and a folder is wanted here" in line
+    assert "notes.txt" in line
+    assert wanted in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "notes.txt"]
+
+
+def test_a_file_that_is_no_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`background info` of anything else says what it is not, not that a child failed."""
+    (tmp_path / "notes.txt").write_text("a file")
+    line = _fails(["background", "info", tmp_path / "notes.txt"], capsys)
+    assert "notes.txt: is no imported world. Make one" in line
 
 
 def test_without_the_extra_learning_says_what_to_install(tmp_path: Path) -> None:

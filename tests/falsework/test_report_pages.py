@@ -4,6 +4,7 @@ import base64
 import hashlib
 import json
 import re
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -23,6 +24,7 @@ from falsework.report.page import file_link, settings_rows
 from falsework.report.report import write_report
 from falsework.report.residuals import image_rows, overlap_map, reprojection_residuals
 from falsework.report.run_page import Event, FailureRow, RunFacts, SceneRow, write_run_page
+from falsework.report.survey_page import write_survey_page
 from falsework.report.training_page import write_training_page
 from falsework.stages import STAGES
 from falsework.view.saved import save_view
@@ -35,6 +37,7 @@ from learn.scoring.record import tally_cloud, whole_record
 from learn.scoring.votes import ScoredCloud
 from recon.cloud import write_cloud
 from tests.falsework.browser import needs_browser, open_page
+from tests.falsework.flight_rows import judged_flight
 from tests.falsework.test_cloud_view import VIEWS, small_cloud
 from tests.falsework.test_sample_verbs import run as call
 from tests.falsework.tiny_chain import tiny_scenario, tiny_stages
@@ -43,6 +46,21 @@ from tests.recon.conftest import poses_on_arc, write_capture
 
 SCRIPT = "\"></td></script><script>alert(1)</script><img src=x onerror=alert(2)>`' {{ 7*7 }}"
 MOST = 10e6  # [bytes]
+KINDS = ("run", "comparison", "training", "dataset", "view", "flights")
+
+
+FLIGHTS = """
+const card = document.querySelector(".card.space"), { space } = card, { gl } = space.pen;
+card.querySelector("input[name=cameras]").checked = false;
+space.draw();
+const bytes = new Uint8Array(4 * space.canvas.width * space.canvas.height);
+gl.readPixels(0, 0, space.canvas.width, space.canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+let painted = 0;
+for (let i = 3; i < bytes.length; i += 4) painted += bytes[i] > 0;
+const colors = new Set(Array.from({ length: space.told.count }, (_, i) => space.colors.slice(3 * i, 3 * i + 3).join()));
+const widths = [...document.querySelectorAll("td.track i")].slice(0, 2).map((bar) => bar.style.width);
+return { painted, colors: colors.size, cameras: space.told.flight.cameras.length, widths };
+"""
 
 
 class Elements(HTMLParser):
@@ -181,7 +199,8 @@ def pages_of(folder: Path, word: str) -> Iterator[Path]:
     (folder / name).mkdir()
     write_cloud(folder / name, replace(cloud, cameras=tuple(named)))
     save_view(folder / "view.html", Subject(word, None, {}, {word: folder / name}), word, "", SILENT)
-    yield from (folder / f"{kind}.html" for kind in ("run", "comparison", "training", "dataset", "view"))
+    write_survey_page(folder / "flights.html", [judged_flight(word), judged_flight(f"{word} 2")], name)
+    yield from (folder / f"{kind}.html" for kind in KINDS)
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +210,7 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Path, Path]]:
     return list(zip(pages_of(folder / "plain", "plain"), pages_of(folder / "attacked", SCRIPT), strict=True))
 
 
-@pytest.mark.parametrize("number", range(5), ids=("run", "comparison", "training", "dataset", "view"))
+@pytest.mark.parametrize("number", range(len(KINDS)), ids=KINDS)
 def test_no_name_becomes_script(both: list[tuple[Path, Path]], number: int) -> None:
     """A page with names like scripts has the elements of an innocent one; what may run are scripts of ours, by hash."""
     innocent, attacked = (elements_of(page) for page in both[number])
@@ -206,7 +225,7 @@ def test_no_name_becomes_script(both: list[tuple[Path, Path]], number: int) -> N
     assert attacked.policy.startswith("default-src 'none';")
 
 
-@pytest.mark.parametrize("number", range(5), ids=("run", "comparison", "training", "dataset", "view"))
+@pytest.mark.parametrize("number", range(len(KINDS)), ids=KINDS)
 def test_a_page_fetches_nothing_and_is_small(both: list[tuple[Path, Path]], number: int) -> None:
     """Every address is a picture in the page, a place in it, or a file beside it; all of it is below 10 MB."""
     page = both[number][0]
@@ -225,11 +244,26 @@ def test_a_browser_has_nothing_to_say_of_the_pages(both: list[tuple[Path, Path]]
     write_cloud(tmp_path / "cloud", replace(cloud, cameras=cameras))
     scene = tmp_path / "scene.html"
     write_report(scene, "Scene", tmp_path, {"local": (capture, {"": tmp_path / "cloud"})})
-    for page in (scene, *(page for _, page in both[:3])):
+    for page in (scene, *(page for _, page in (*both[:3], both[-1]))):
         answer = open_page(page)
         assert [line for line in answer.console if "GPU stall" not in line] == []
         figures = len(re.findall(r'class="figure"', page.read_text(encoding="utf-8")))
         assert len(re.findall(r'class="main-svg"', answer.dom)) >= figures
+
+
+@needs_browser
+def test_the_page_of_flights_shows_bridge_and_cameras(both: list[tuple[Path, Path]], tmp_path: Path) -> None:
+    """In space the surface wears the colours of its classes; figures are judged as on the command line."""
+    page = Path(shutil.copy(both[-1][0], tmp_path / "flights.html"))
+    answer = open_page(page, FLIGHTS)
+    assert answer.told["cameras"] == 12
+    assert answer.told["colors"] == 2  # of a class that is ours, and of one that is not
+    assert answer.told["painted"] > 1000
+    assert answer.told["widths"] == ["60%", "20%"]  # best class first
+    text = " ".join(" ".join(elements_of(page).text).split())
+    for words in ("enough (from 70 %)", "too little (from 90 %)", "2.0 mm", "– at the 95th", "poorly", "well"):
+        assert words in text, words
+    assert "30 images more would show 1 of these 2: falsework survey plan plain --kind inspection" in text
 
 
 def test_the_page_of_a_run_says_what_is_there_and_why_not(both: list[tuple[Path, Path]]) -> None:

@@ -9,16 +9,16 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from authoring.exchange.package import package_scene
 from authoring.scenes.checkout import checkout_scene
 from falsework.report.report import write_report
-from falsework.report.survey_figures import write_page
+from falsework.report.survey_page import write_survey_page
 from groundwork.errors import InputError
 from recon.cloud import Cloud, write_cloud
 from recon.formats.export import export_cloud
+from tests.falsework.flight_rows import judged_flight
 from tests.recon.conftest import poses_on_arc, write_capture
 from tests.recon.test_scan import small_cloud
 from usd_schemas.guard.guard import check_stage
@@ -123,24 +123,10 @@ def test_no_name_becomes_script_in_the_report(tmp_path: Path) -> None:
 @pytest.mark.faults
 def test_no_name_becomes_script_in_the_page_of_flights(tmp_path: Path) -> None:
     """The same of a survey and the classes that it covers."""
-    row = {
-        "centres": np.zeros((3, 3)).tolist(),
-        "looks": np.ones((3, 3)).tolist(),
-        "outline": np.zeros((3, 3)).tolist(),
-        "pitches": [1, 2],
-        "images": 3,
-        "length": 1.0,
-        "duration": 1.0,
-        "clearance": 1.0,
-        "overlap": 0.5,
-        "linked": 1.0,
-        "sampling": [0.1, 0.2],
-        "base_angle": 3.0,
-    }
     pages = []
     for number, word in enumerate(("plain", SCRIPT)):
         pages.append(tmp_path / f"{number}.html")
-        write_page(pages[-1], [{**row, "survey": word, "by_class": {word: 0.5}, "warnings": [word]}])
+        write_survey_page(pages[-1], [judged_flight(word)], word)
     innocent, attacked = (tags_of(page) for page in pages)
     assert attacked.elements == innocent.elements
     assert attacked.handlers == []

@@ -33,3 +33,16 @@ def test_every_page_has_its_place() -> None:
     benchmarks = (DOCS / "benchmarks.md").read_text(encoding="utf-8")
     measured = {path.relative_to(DOCS).as_posix() for path in DOCS.glob("benchmarks/*.md")}
     assert {page for page in measured if f"({page})" not in benchmarks} == set()
+
+
+def test_every_cell_about_others_says_where_it_was_read() -> None:
+    """In the README's comparison a cell is a dash or leads to its source, of others at the commit that was read."""
+    text = (DOCS.parent / "README.md").read_text(encoding="utf-8").partition("## Beside others")[2]
+    ours, *others = [line for line in text.partition("\n## ")[0].splitlines() if line.startswith("| ")][1:]
+    assert len(others) >= 6
+    for cell in re.findall(r"\]\(([^)]+)\)", ours):
+        assert (DOCS.parent / cell).is_file(), cell
+    for line in others:
+        for cell in line.strip("| ").split(" | ")[1:]:
+            links = re.findall(r"\]\((https://github\.com/[\w-]+/[\w-]+/(?:blob|tree)/[0-9a-f]{7,}/[^) ]+)\)", cell)
+            assert cell == "–" or links, (line[:40], cell)
