@@ -13,13 +13,6 @@ FUNCTION_LINES = 60
 MOST_ARGUMENTS = 6  # that are told apart by their place; options are given by keyword
 WAITING = frozenset(  # none may come to them
     (
-        "authoring/backgrounds/buildings.py",
-        "authoring/backgrounds/hillside.py",
-        "authoring/backgrounds/kerbs.py",
-        "authoring/backgrounds/lanes.py",
-        "authoring/backgrounds/plots.py",
-        "authoring/backgrounds/shore_town.py",
-        "authoring/backgrounds/slope_plants.py",
         "authoring/looks/bake.py",
         "authoring/looks/ground_photo.py",
         "authoring/looks/structural.py",
