@@ -224,7 +224,8 @@ def judge_views(work: Path, scene: FlatScene, pairs: NDArray[np.float64]) -> tup
     """
     folder = work / "views"
     folder.mkdir()
-    settings = RenderSettings.model_validate({"quality": "standard", "sensor": {"metering": "surfaces", "auto_exposure": 1.0}})
+    sensor = {"metering": "surfaces", "auto_exposure": 1.0}  # as on a survey of ours, which these views are not
+    settings = RenderSettings.model_validate({"quality": "standard", "sensor": sensor})
     render_scene(seen_from(scene, pairs.reshape(-1, 4, 4), CAMERA), folder, settings, SEED, SILENT)
     capture = read_capture(folder)
     truth = read_truth(capture)

@@ -51,18 +51,32 @@ def hay(tile: Tile) -> Sheet:
 
 
 def soil(tile: Tile) -> Sheet:
-    """Bare earth with clods and pebbles.
+    """Bare earth with clods, pebbles, and what lies about: dry leaves, twigs, seedlings.
 
     Args:
         tile: Where it repeats.
     """
     clods, grain, damp = fractal(tile, 0.35, 0.02), fractal(tile, 0.05, slope=0.3), fractal(tile, 2.2, 0.15)
     albedo = paint((0.150, 0.117, 0.083), 1 + 0.10 * clods + 0.13 * grain + 0.06 * damp)
-    pebble = spots(tile, 0.07, 0.020, 0.30)
-    albedo = cover(albedo, 0.7 * pebble, paint((0.27, 0.245, 0.21), 0.9 + 0.2 * clods))
+    chips = fractal(tile, 0.09, 0.02, slope=0.8)  # no stone is round
+    relief = 0.012 * clods
+    for pitch, share in _PEBBLES:
+        layer = cells(tile, pitch, stretch=1.3)
+        own, chance, size = (per_cell(tile, layer) for _ in range(3))
+        lies = chance < np.float32(share)
+        border = 0.20 + 0.16 * size - layer.near + 0.05 * chips
+        albedo = albedo * (1 - 0.35 * ramp(border, -0.08, 0.02) * lies)[..., None]  # its own shade beside it
+        body = ramp(border, 0.0, 0.06) * lies
+        albedo = cover(albedo, 0.9 * body, paint((0.262, 0.240, 0.206), 0.60 + 0.75 * own + 0.06 * grain))
+        relief = relief + 0.2 * pitch * body
     litter = ramp(_filaments(tile, 0.12) + 0.6 * damp, 1.9, 2.6)
     albedo = cover(albedo, 0.45 * litter, (0.235, 0.190, 0.110))
-    return Sheet(albedo, 0.95 + 0.01 * grain, 0.012 * clods + 0.012 * pebble)
+    for pitch, stretch, share, color in _LITTER:
+        layer = cells(tile, pitch, stretch=stretch, jitter=1.0)
+        own, chance = per_cell(tile, layer), per_cell(tile, layer)
+        body = ramp(layer.near, 0.34, 0.28) * (chance < np.float32(share))
+        albedo = cover(albedo, 0.9 * body, paint(color, 0.7 + 0.6 * own))
+    return Sheet(albedo, 0.95 + 0.01 * grain, relief)
 
 
 def furrows(tile: Tile) -> Sheet:
@@ -197,6 +211,14 @@ def foliage(tile: Tile) -> Sheet:
     return Sheet(albedo * (1 - 0.65 * gaps)[..., None], (0.72 - 0.1 * relief).astype(np.float32), relief - 0.03 * gaps)
 
 
+# Mean distance of pebbles [m], and the share of the places that hold one.
+_PEBBLES = ((0.26, 0.13), (0.12, 0.32), (0.06, 0.42), (0.032, 0.36))
+# Mean distance of dry leaves, fresh ones and seedlings [m], their shape, the share of the places, and their color.
+_LITTER: tuple[tuple[float, float, float, Color], ...] = (
+    (0.11, 0.50, 0.10, (0.250, 0.175, 0.090)),
+    (0.09, 1.90, 0.08, (0.200, 0.130, 0.070)),
+    (0.20, 0.80, 0.06, (0.085, 0.120, 0.045)),
+)
 # Turf of low sun to full: its mean keeps the ratios of measured lawns, about 6 % red, 9 % green, 4 % blue.
 _BLADES: tuple[Color, ...] = (
     (0.018, 0.026, 0.012),
