@@ -211,7 +211,9 @@ def _prepare(gl: Gl, scene: FlatScene, assignment: Assignment, journal: Journal,
     strays = np.linalg.norm(readout.poses[..., :3, 3] - eyes[:, None], axis=2) if readout is not None else np.zeros(1)
     surveyed = assignment.surveyed
     flight = (eyes, 1.001 * float(strays.max()))
-    prepared = prepare(gl, scene, assignment.settings, progress, cast, surveyed.needs, flight, surveyed.bars)
+    prepared = prepare(
+        gl, scene, assignment.settings, progress, cast=cast, needs=surveyed.needs, flight=flight, bars=surveyed.bars
+    )
     for warning in prepared.warnings:
         progress.note(warning)
     return prepared

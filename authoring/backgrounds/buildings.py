@@ -119,6 +119,12 @@ def _openings(house: House, frame: Frame, rng: np.random.Generator) -> tuple[lis
     """Set windows into all four walls, and a door into the front."""
     panes: list[Mesh] = []
     trim: list[Mesh] = []
+
+    def window(wall: _Wall, along: float, height: float, size: tuple[float, float]) -> None:
+        glass, surround = _window(wall, along, height, size)
+        panes.extend(glass)
+        trim.extend(surround)
+
     half, side = house.length / 2, house.width / 2
     pitch = rng.uniform(2.3, 3.0) * (2.2 if house.barn else 1.0)
     count, ends = max(int((house.length - 1.6) / pitch), 1), max(int((house.width - 1.6) / pitch), 1)
@@ -127,46 +133,44 @@ def _openings(house: House, frame: Frame, rng: np.random.Generator) -> tuple[lis
         sill = storey * STOREY + (1.9 if house.barn else 0.95)
         for face, number, reach in ((0, count, side), (2, count, side), (1, ends, half), (3, ends, half)):
             at = (np.arange(number) - (number - 1) / 2) * pitch
+            wall = _Wall(frame, face, reach)
             for column, along in enumerate(at):
                 if face == 0 and storey == 0 and column == door:
                     tall, wide = (3.4, 1.8) if house.barn else (2.1, 0.52)
-                    trim.append(_on_wall(frame, face, reach, along, tall / 2 - 0.05, (wide, tall / 2 + 0.05), 0.05))
+                    trim.append(wall.on(along, tall / 2 - 0.05, (wide, tall / 2 + 0.05), 0.05))
                     continue
                 size = (0.9, 0.35) if house.barn else (0.5, 0.68)
-                _window(frame, face, reach, along, sill + size[1], size, panes, trim)
+                window(wall, along, sill + size[1], size)
     if not house.barn:
         for face in (1, 3):
-            _window(frame, face, half, 0.0, house.eaves + 0.9, (0.4, 0.5), panes, trim)
+            window(_Wall(frame, face, half), 0.0, house.eaves + 0.9, (0.4, 0.5))
     return panes, trim
 
 
-def _window(
-    frame: Frame,
-    face: int,
-    reach: float,
-    along: float,
-    height: float,
-    size: tuple[float, float],
-    panes: list[Mesh],
-    trim: list[Mesh],
-) -> None:
-    """Set a window of two panes with its surround and sill on a wall."""
+@dataclass(frozen=True)
+class _Wall:
+    """One wall of a building, `reach` from its middle [m]; faces: 0 front, 1 right gable, 2 back, 3 left gable."""
+
+    frame: Frame
+    face: int
+    reach: float
+
+    def on(self, along: float, height: float, size: tuple[float, float], proud: float) -> Mesh:
+        """Put a box half into the wall."""
+        thick = proud + 0.05
+        out = self.reach + proud - thick / 2
+        wide, tall = size
+        if self.face in (0, 2):
+            sign = -1.0 if self.face == 0 else 1.0
+            return box(self.frame, (along, sign * out, height), (wide, thick / 2, tall))
+        sign = 1.0 if self.face == 1 else -1.0
+        return box(self.frame, (sign * out, along, height), (thick / 2, wide, tall))
+
+
+def _window(wall: _Wall, along: float, height: float, size: tuple[float, float]) -> tuple[list[Mesh], list[Mesh]]:
+    """Build a window of two panes, and its surround and sill, on a wall."""
     wide, tall = size
-    trim.append(_on_wall(frame, face, reach, along, height, (wide + 0.09, tall + 0.09), 0.03))
-    trim.append(_on_wall(frame, face, reach, along, height - tall - 0.12, (wide + 0.16, 0.05), 0.14))
+    surround = wall.on(along, height, (wide + 0.09, tall + 0.09), 0.03)
+    sill = wall.on(along, height - tall - 0.12, (wide + 0.16, 0.05), 0.14)
     pane = (wide / 2 - 0.03, tall - 0.03)
-    panes.extend(_on_wall(frame, face, reach, along + side * wide, height, pane, 0.05) for side in (-0.5, 0.5))
-
-
-def _on_wall(
-    frame: Frame, face: int, reach: float, along: float, height: float, size: tuple[float, float], proud: float
-) -> Mesh:
-    """Put a box half into a wall; faces count 0 front, 1 right gable, 2 back, 3 left gable."""
-    thick = proud + 0.05
-    out = reach + proud - thick / 2
-    wide, tall = size
-    if face in (0, 2):
-        sign = -1.0 if face == 0 else 1.0
-        return box(frame, (along, sign * out, height), (wide, thick / 2, tall))
-    sign = 1.0 if face == 1 else -1.0
-    return box(frame, (sign * out, along, height), (thick / 2, wide, tall))
+    return [wall.on(along + side * wide, height, pane, 0.05) for side in (-0.5, 0.5)], [surround, sill]

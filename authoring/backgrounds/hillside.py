@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from authoring.backgrounds.boats import ferry, freighter, motor_boat
-from authoring.backgrounds.dwellings import Design, Style, draw_designs, dwelling_runs, halves
+from authoring.backgrounds.dwellings import Style, draw_designs, dwelling_runs, halves
 from authoring.backgrounds.harbour import container_stacks, crane, draw_sheds
 from authoring.backgrounds.hillside_land import BUILT, FOOT, QUAY, draw_sea, hillside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
@@ -15,7 +15,7 @@ from authoring.backgrounds.lowland import valley_fields
 from authoring.backgrounds.plots import Plots, downhill, joined, settle
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import quay_pieces, quay_places, quay_reaches, quay_runs
-from authoring.backgrounds.shore_town import anchored, beside_roads, land_room, street_cars
+from authoring.backgrounds.shore_town import Town, Waterside, anchored, beside_roads, land_room, street_cars
 from authoring.backgrounds.slope_plants import Woods, draw_stands, green_runs, mountain_covers
 from authoring.backgrounds.terrain import Terrain, grow_terrain
 from authoring.backgrounds.waters import Basin, level_shore, shore_pieces, ways_to_water
@@ -95,15 +95,19 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     )
     reaches = quay_reaches(terrain, QUAY - 60.0 + (inner[1] - inner[0]) / 2)
     lanes, terraces = _terraces(terrain, sea, rng)
-    streets = draw_lanes(terrain, sea.side, STREETS, 560.0, 3.4, rng, street_gap(terrain))
+    streets = draw_lanes(terrain, sea.side, STREETS, 560.0, 3.4, rng, gap=street_gap(terrain))
     designs = (
         *draw_sheds(SHEDS, rng),
         *draw_designs(BLOCK, BLOCKS, rng),
         *draw_designs(HOUSE, HOUSES - WARMER, rng),
         *draw_designs(WARM, WARMER, rng),
     )
-    plots = _town(terrain, sea, (*lanes, *streets), terraces, settings, halves(designs), rng)
-    woods = Woods(draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0)
+    place = Waterside(terrain, sea, reaches, PREFIX)
+    plots = _plots(place, (*lanes, *streets), terraces, settings, halves(designs), rng)
+    town = Town(designs, plots, (*lanes, *streets), terraces)
+    woods = Woods(
+        draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0, settings.trees
+    )
     parcels, crops = valley_fields(terrain, sea, plots, (*lanes, *terraces, *streets), rng)
     covers = (
         *mountain_covers(terrain, sea, plots, woods, rng),
@@ -119,40 +123,34 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
         for number, (prim, kind, role, group, mesh) in enumerate(pieces)
     ]
     first_id = FIRST_BACKGROUND_ID + len(components)
-    steps = ((*lanes, *streets), terraces)
-    runs = _repeats(terrain, sea, reaches, steps, designs, plots, woods, settings, rng, first_id)
+    runs = _repeats(place, town, woods, settings, rng, first_id)
     first_id += sum(len(run.instance_ids) for run in runs)
     hedges = plant_hedges(terrain, parcels, plots.taken(), HEDGES, rng, first_id)
     return (*components, *runs, *(replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges))
 
 
 def _repeats(
-    terrain: Terrain,
-    sea: Basin,
-    reaches: list[F64],
-    steps: tuple[tuple[Lane, ...], tuple[Lane, ...]],
-    designs: tuple[Design, ...],
-    plots: Plots,
+    place: Waterside,
+    town: Town,
     woods: Woods,
     settings: HillsideSettings,
     rng: np.random.Generator,
     first_id: int,
 ) -> list[Scatter]:
     """Repeat buildings, what stands in the harbour, vehicles and plants."""
+    terrain, sea, reaches = place.terrain, place.basin, place.reaches
     runs: list[Scatter] = []
 
     def ahead() -> int:
         return first_id + sum(len(run.instance_ids) for run in runs)
 
-    runs += dwelling_runs(terrain, PREFIX, designs, plots, CLOSE, ahead())
+    runs += dwelling_runs(terrain, PREFIX, town.designs, town.plots, CLOSE, ahead())
     runs += [run for run in quay_runs(terrain, sea, reaches, PREFIX, ahead()) if "Jetties" not in run.name]
-    runs += _harbour(terrain, sea, reaches, plots, settings.cranes, rng, ahead())
-    runs += _ships(terrain, sea, rng, ahead())
-    runs += street_cars(terrain, sea, reaches, steps[0], PREFIX, rng, ahead())
+    runs += _harbour(place, town.plots, settings.cranes, rng, ahead())
+    runs += _ships(place, rng, ahead())
+    runs += street_cars(place, town.lanes, rng, ahead())
     promenade = quay_places(terrain, sea, reaches, 10.5, 30.0)[:0]
-    runs += green_runs(
-        terrain, sea, plots, (*steps[0], *steps[1]), woods, promenade, PREFIX, settings.trees, rng, ahead()
-    )
+    runs += green_runs(place, town, woods, promenade, rng, ahead())
     runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng)]
     return runs
 
@@ -171,9 +169,8 @@ def _terraces(terrain: Terrain, sea: Basin, rng: np.random.Generator) -> tuple[t
     return tuple(lanes), tuple(terraces)
 
 
-def _town(
-    terrain: Terrain,
-    sea: Basin,
+def _plots(
+    place: Waterside,
     lanes: tuple[Lane, ...],
     terraces: tuple[Lane, ...],
     settings: HillsideSettings,
@@ -181,6 +178,7 @@ def _town(
     rng: np.random.Generator,
 ) -> Plots:
     """Choose places: sheds behind the quay, blocks on the lower land, houses on the terraces and between them."""
+    terrain, sea = place.terrain, place.basin
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
     front = np.pi if sea.side > 0 else 0.0
     rows = []
@@ -191,7 +189,7 @@ def _town(
             np.column_stack([at, left, np.full(len(at), front), rng.integers(0, SHEDS, len(at)).astype(np.float64)])
         )
     wanted = rng.permutation(np.concatenate(rows))
-    sheds = settle(terrain, wanted, half, land_room(terrain, sea, wanted), settings.sheds, 9.0)
+    sheds = settle(terrain, wanted, half, land_room(terrain, sea, wanted), settings.sheds, gap=9.0)
     roads = beside_roads(terrain, (27.0, 60.0), rng)
     spots = np.concatenate([street + np.array([-14.5, 14.5]) for street in STREETS])
     low = np.column_stack([middle + rng.uniform(-540.0, 540.0, 900), sea.side * rng.choice(spots, 900)])
@@ -200,7 +198,7 @@ def _town(
     turn = rng.choice((0.0, np.pi), len(places))
     wanted = np.column_stack([places, turn, rng.integers(SHEDS, SHEDS + BLOCKS, len(places)).astype(np.float64)])
     room = np.minimum(land_room(terrain, sea, wanted), lane_room((*lanes, *terraces), *places.T) + 6.0)
-    blocks = settle(terrain, wanted, half, room, settings.blocks, 7.0, sheds)
+    blocks = settle(terrain, wanted, half, room, settings.blocks, gap=7.0, standing=sheds)
     return joined((sheds, blocks, _houses(terrain, sea, terraces, settings.houses, half, rng)))
 
 
@@ -218,7 +216,7 @@ def _houses(
     room = land_room(terrain, sea, wanted) + 6.0
     close = terrain.beyond(spots[:, 0], spots[:, 1])
     order = np.argsort(close * rng.uniform(0.5, 1.0, len(close)), kind="stable")
-    return settle(terrain, wanted[order], half, room[order], count, 2.2, None, 1e3, spots[order, 2])
+    return settle(terrain, wanted[order], half, room[order], count, gap=2.2, deepest=1e3, level=spots[order, 2])
 
 
 def _town_covers(terrain: Terrain, sea: Basin, patches: Relief) -> tuple[tuple[Cover, F64], ...]:
@@ -234,10 +232,9 @@ def _town_covers(terrain: Terrain, sea: Basin, patches: Relief) -> tuple[tuple[C
     return (YARD, np.clip(yard, -9.0, 9.0)), (TOWN, np.clip(town, -9.0, 9.0))
 
 
-def _harbour(
-    terrain: Terrain, sea: Basin, reaches: list[F64], plots: Plots, count: int, rng: np.random.Generator, first_id: int
-) -> list[Scatter]:
+def _harbour(place: Waterside, plots: Plots, count: int, rng: np.random.Generator, first_id: int) -> list[Scatter]:
     """Set cranes on the quay, and stacks of containers behind it."""
+    terrain, sea, reaches = place.terrain, place.basin, place.reaches
     axis = terrain.land.layout.alignment
     front = np.pi if sea.side > 0 else 0.0
     runs: list[Scatter] = []
@@ -251,7 +248,7 @@ def _harbour(
     wanted = np.column_stack([at, sea.side * (sea.near(at) - back), np.zeros(len(at)), block])
     half = np.full((4, 2), (14.5, 4.2))
     room = np.where(rng.random(len(at)) < 0.75, land_room(terrain, sea, wanted), 0.0)
-    stacks = settle(terrain, wanted, half, room, 60, 2.0, plots)
+    stacks = settle(terrain, wanted, half, room, 60, gap=2.0, standing=plots)
     cranes = np.column_stack([rail, np.full(len(rail), front), np.zeros(len(rail))])
     blocks = np.column_stack([stacks.places, stacks.heading, stacks.which.astype(np.float64)])
     blocks[:, 2] -= 0.12
@@ -259,15 +256,16 @@ def _harbour(
     for name, prototypes, rows in shapes:
         if len(rows):
             number = first_id + sum(len(run.instance_ids) for run in runs)
-            place = (to_world(axis, rows[:, :3]), rows[:, 3] + axis.heading_at(rows[:, 0]), np.ones((len(rows), 3)))
+            where = (to_world(axis, rows[:, :3]), rows[:, 3] + axis.heading_at(rows[:, 0]), np.ones((len(rows), 3)))
             ids = tuple(range(number, number + len(rows)))
             which = rows[:, 4].astype(np.int32)
-            runs.append(Scatter(f"{PREFIX}_{name}", "building", "Shore", prototypes, which, *place, ids))
+            runs.append(Scatter(f"{PREFIX}_{name}", "building", "Shore", prototypes, which, *where, ids))
     return runs
 
 
-def _ships(terrain: Terrain, sea: Basin, rng: np.random.Generator, first_id: int) -> list[Scatter]:
+def _ships(place: Waterside, rng: np.random.Generator, first_id: int) -> list[Scatter]:
     """Moor freighters at the quay, and let ships and boats pass."""
+    terrain, sea = place.terrain, place.basin
     shapes = (freighter(rng), freighter(rng), ferry(rng), ferry(rng), motor_boat(rng), motor_boat(rng))
     half = np.array([[62.0, 10.0]] * 2 + [[21.0, 5.0]] * 2 + [[5.0, 2.0]] * 2)
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
@@ -283,4 +281,4 @@ def _ships(terrain: Terrain, sea: Basin, rng: np.random.Generator, first_id: int
     deep = terrain.height(wanted[:, 0], wanted[:, 1]) < sea.level - 1.0
     land = terrain.land
     deep &= land.crossing.distance(wanted[:, 0], wanted[:, 1]) > land.crossing.half_width + 75.0
-    return anchored(terrain, PREFIX, wanted[deep], shapes, half, sea.level, 46, first_id)
+    return anchored(place, wanted[deep], shapes, half, 46, first_id)

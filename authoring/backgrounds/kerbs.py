@@ -49,7 +49,7 @@ def joined(parts: list[Spots]) -> Spots:
 
 
 def scatter(
-    name: str, kind: str, group: str, models: Models, which: F64 | int, spots: Spots, single: bool = True
+    name: str, kind: str, group: str, models: Models, which: F64 | int, spots: Spots, *, single: bool = True
 ) -> list[Scatter]:
     """Put models at places as one run; none where there is no place.
 

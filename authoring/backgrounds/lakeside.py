@@ -14,7 +14,7 @@ from authoring.backgrounds.lowland import valley_fields
 from authoring.backgrounds.plots import Plots, downhill, joined, settle
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import SETBACK, quay_pieces, quay_places, quay_reaches, quay_runs
-from authoring.backgrounds.shore_town import anchored, beside_roads, land_room, street_cars
+from authoring.backgrounds.shore_town import Town, Waterside, anchored, beside_roads, land_room, street_cars
 from authoring.backgrounds.slope_plants import Woods, draw_stands, green_runs, mountain_covers
 from authoring.backgrounds.terrain import Terrain, grow_terrain
 from authoring.backgrounds.waters import Basin, level_shore, shore_pieces, ways_to_water
@@ -68,10 +68,11 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     reaches = quay_reaches(terrain, QUAY - 40.0 + (inner[1] - inner[0]) / 2)
     designs = (*draw_designs(TOWN, 7, rng), *draw_designs(VILLA, 12, rng))
     lanes = draw_lanes(terrain, -lake.side, LANES, 720.0, 2.4, rng)
-    streets = draw_lanes(terrain, lake.side, (STREET,), 430.0, 3.2, rng, street_gap(terrain))
+    streets = draw_lanes(terrain, lake.side, (STREET,), 430.0, 3.2, rng, gap=street_gap(terrain))
     plots = _settlement(terrain, lake, (*lanes, *streets), settings, halves(designs), rng)
-    woods = Woods(draw_stands(rng), (220.0, 1000.0), (OAK, LIME, OAK, CYPRESS, PALM), 480.0, 0.4, 4.0)
-    parcels, crops = valley_fields(terrain, lake, plots, (*lanes, *streets), rng)
+    place, town = Waterside(terrain, lake, reaches, PREFIX), Town(designs, plots, (*lanes, *streets))
+    woods = Woods(draw_stands(rng), (220.0, 1000.0), (OAK, LIME, OAK, CYPRESS, PALM), 480.0, 0.4, 4.0, settings.trees)
+    parcels, crops = valley_fields(terrain, lake, plots, town.lanes, rng)
     covers = (*mountain_covers(terrain, lake, plots, woods, rng), *crops)
     pieces = shore_pieces(terrain, lake, covers) + quay_pieces(terrain, lake, reaches)
     pieces += lane_pieces(terrain, lanes) + lane_pieces(terrain, streets, ("Street", "road", "asphalt"), None)
@@ -87,10 +88,10 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
 
     runs += dwelling_runs(terrain, PREFIX, designs, plots, CLOSE, ahead())
     runs += quay_runs(terrain, lake, reaches, PREFIX, ahead())
-    runs += _boats(terrain, lake, reaches, settings.boats, rng, ahead())
-    runs += street_cars(terrain, lake, reaches, (*lanes, *streets), PREFIX, rng, ahead())
+    runs += _boats(place, settings.boats, rng, ahead())
+    runs += street_cars(place, town.lanes, rng, ahead())
     promenade = quay_places(terrain, lake, reaches, 7.0, 9.0)
-    runs += green_runs(terrain, lake, plots, (*lanes, *streets), woods, promenade, PREFIX, settings.trees, rng, ahead())
+    runs += green_runs(place, town, woods, promenade, rng, ahead())
     hedges = plant_hedges(terrain, parcels, plots.taken(), HEDGES, rng, ahead())
     runs += [replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges]
     runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng)]
@@ -117,7 +118,7 @@ def _settlement(
         rows.append(np.column_stack([at, left, turn, rng.choice(towns, len(at)).astype(np.float64)]))
     wanted = np.concatenate(rows)
     wanted = wanted[rng.permutation(len(wanted))]
-    first = settle(terrain, wanted, half, land_room(terrain, lake, wanted), settings.town_houses, 5.0)
+    first = settle(terrain, wanted, half, land_room(terrain, lake, wanted), settings.town_houses, gap=5.0)
     across = along_lanes(lanes, np.array([-12.5, -11.0, 11.5, 13.0, 15.0]), 9.0, rng)[:, :2]
     far = middle + rng.uniform(-1500.0, 1500.0, 6 * settings.villas)
     shore = lake.near(far) + settings.lake_width + rng.uniform(-200.0, 350.0, len(far))
@@ -130,15 +131,14 @@ def _settlement(
     design = rng.integers(7, len(half), count).astype(np.float64)
     wanted = np.column_stack([station, across, turn, design])
     room = np.minimum(land_room(terrain, lake, wanted), lane_room(lanes, station, across) + 3.0)
-    second = settle(terrain, wanted, half, room, settings.villas, 9.0, first)
+    second = settle(terrain, wanted, half, room, settings.villas, gap=9.0, standing=first)
     return joined((first, second))
 
 
-def _boats(
-    terrain: Terrain, lake: Basin, reaches: list[F64], count: int, rng: np.random.Generator, first_id: int
-) -> list[Scatter]:
+def _boats(place: Waterside, count: int, rng: np.random.Generator, first_id: int) -> list[Scatter]:
     """Moor boats at the jetties, leave others at buoys, and let a few sail."""
-    jetties = quay_places(terrain, lake, reaches, -11.0, 55.0)
+    terrain, lake = place.terrain, place.basin
+    jetties = quay_places(terrain, lake, place.reaches, -11.0, 55.0)
     rows = [
         np.column_stack(
             [
@@ -163,4 +163,4 @@ def _boats(
     clear &= terrain.land.crossing.distance(wanted[:, 0], wanted[:, 1]) > terrain.land.crossing.half_width + 12.0
     wanted = wanted[clear]
     fleet_half = np.array([[4.5, 1.8]] * 6 + [[2.6, 1.1]] * 2 + [[20.0, 5.0]])
-    return anchored(terrain, PREFIX, wanted, fleet(rng), fleet_half, lake.level, count, first_id)
+    return anchored(place, wanted, fleet(rng), fleet_half, count, first_id)

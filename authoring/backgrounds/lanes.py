@@ -46,6 +46,7 @@ def draw_lanes(
     reach: float,
     half: float,
     rng: np.random.Generator,
+    *,
     gap: float = 24.0,
 ) -> tuple[Lane, ...]:
     """Lay lanes along a slope; the crossing's valley divides them.

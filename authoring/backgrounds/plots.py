@@ -43,6 +43,7 @@ def settle(
     halves: F64,
     room: F64,
     count: int,
+    *,
     gap: float = 3.0,
     standing: Plots | None = None,
     deepest: float = DEEP,

@@ -1,12 +1,15 @@
 """What worlds by the water share: places beside the roads, cars on the shore road, vessels on the water."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.boats import Vessel
+from authoring.backgrounds.dwellings import Design
 from authoring.backgrounds.lanes import Lane, along_lanes
 from authoring.backgrounds.parcels import open_land
-from authoring.backgrounds.plots import settle
+from authoring.backgrounds.plots import Plots, settle
 from authoring.backgrounds.shore_quay import street_places
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import vehicle_models
@@ -17,6 +20,40 @@ from authoring.site.covers import to_world
 F64 = NDArray[np.float64]
 MOST = 150  # cars
 _SMALL = ("saloon", "estate", "van")  # vehicles that fit a parking bay
+
+
+@dataclass(frozen=True, eq=False)
+class Waterside:
+    """Land beside open water, with its quays.
+
+    Attributes:
+        terrain: The terrain.
+        basin: The water.
+        reaches: Stations of the cross-sections of each stretch of quay [m], each of shape (N,), float64.
+        prefix: Put before the names of what stands here.
+    """
+
+    terrain: Terrain
+    basin: Basin
+    reaches: list[F64]
+    prefix: str
+
+
+@dataclass(frozen=True, eq=False)
+class Town:
+    """What is built on such land.
+
+    Attributes:
+        designs: Designs of its buildings.
+        plots: Where buildings stand, and of which design.
+        lanes: Lanes and streets with cars at their edges.
+        terraces: Steps of the slope that carry houses.
+    """
+
+    designs: tuple[Design, ...]
+    plots: Plots
+    lanes: tuple[Lane, ...]
+    terraces: tuple[Lane, ...] = ()
 
 
 def beside_roads(terrain: Terrain, span: tuple[float, float], rng: np.random.Generator) -> F64:
@@ -55,41 +92,32 @@ def land_room(terrain: Terrain, basin: Basin, wanted: F64) -> F64:
 
 
 def anchored(
-    terrain: Terrain,
-    prefix: str,
-    wanted: F64,
-    shapes: tuple[Vessel, ...],
-    half: F64,
-    level: float,
-    count: int,
-    first_id: int,
+    place: Waterside, wanted: F64, shapes: tuple[Vessel, ...], half: F64, count: int, first_id: int
 ) -> list[Scatter]:
     """Put vessels on the water, none in another.
 
     Args:
-        terrain: The terrain.
-        prefix: Put before the name of the run.
+        place: The land and its water.
         wanted: Station, left, heading and shape of each candidate, shape (K, 4), float64.
         shapes: The vessels.
         half: Half the length and width of each shape [m], shape (D, 2), float64.
-        level: Height of the water [m].
         count: Most vessels.
         first_id: Instance id of the first.
 
     Returns:
         One run, or none.
     """
-    afloat = settle(terrain, wanted, half, np.full(len(wanted), 1e3), count, 1.0, None, 1e3)
+    afloat = settle(place.terrain, wanted, half, np.full(len(wanted), 1e3), count, gap=1.0, deepest=1e3)
     total = len(afloat.which)
     if not total:
         return []
-    axis = terrain.land.layout.alignment
-    places = np.column_stack([afloat.places[:, :2], np.full(total, level)])
+    axis = place.terrain.land.layout.alignment
+    places = np.column_stack([afloat.places[:, :2], np.full(total, place.basin.level)])
     yaw = afloat.heading + axis.heading_at(places[:, 0])
     ids = tuple(range(first_id, first_id + total))
     return [
         Scatter(
-            f"{prefix}_Boats",
+            f"{place.prefix}_Boats",
             "vessel",
             "Shore",
             shapes,
@@ -102,33 +130,23 @@ def anchored(
     ]
 
 
-def street_cars(
-    terrain: Terrain,
-    basin: Basin,
-    reaches: list[F64],
-    lanes: tuple[Lane, ...],
-    prefix: str,
-    rng: np.random.Generator,
-    first_id: int,
-) -> list[Scatter]:
+def street_cars(place: Waterside, lanes: tuple[Lane, ...], rng: np.random.Generator, first_id: int) -> list[Scatter]:
     """Let cars drive on the shore road, and park others beside it and on lanes.
 
     Args:
-        terrain: The terrain.
-        basin: The water.
-        reaches: Stations of the cross-sections of each stretch [m], each of shape (N,), float64.
+        place: The land and its quays.
         lanes: Lanes with cars at their edges.
-        prefix: Put before the name of the run.
         rng: Random stream.
         first_id: Instance id of the first.
 
     Returns:
         One run, or none.
     """
+    terrain, basin = place.terrain, place.basin
     shapes = tuple(model for kind, model in vehicle_models() if kind in _SMALL)
     rows = []
     for aside, step, share, turn in ((1.6, 31.0, 0.55, 0.0), (-1.6, 34.0, 0.5, np.pi), (4.1, 6.2, 0.5, 0.0)):
-        places = street_places(terrain, basin, reaches, aside, step)
+        places = street_places(terrain, basin, place.reaches, aside, step)
         places = places[rng.random(len(places)) < share]
         if abs(aside) > 3.0:
             places[:, 2] = terrain.height(places[:, 0], places[:, 1])
@@ -146,5 +164,5 @@ def street_cars(
     yaw = cars[:, 3] + axis.heading_at(cars[:, 0])
     which = rng.integers(0, len(shapes), len(cars)).astype(np.int32)
     ids = tuple(range(first_id, first_id + len(cars)))
-    place = (to_world(axis, cars[:, :3]), yaw, np.ones((len(cars), 3)))
-    return [Scatter(f"{prefix}_Vehicles", "vehicle", "Shore", shapes, which, *place, ids)]
+    spots = (to_world(axis, cars[:, :3]), yaw, np.ones((len(cars), 3)))
+    return [Scatter(f"{place.prefix}_Vehicles", "vehicle", "Shore", shapes, which, *spots, ids)]

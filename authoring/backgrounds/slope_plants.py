@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from authoring.backgrounds.forests import WOOD
-from authoring.backgrounds.lanes import Lane, lane_room
+from authoring.backgrounds.lanes import lane_room
 from authoring.backgrounds.parcels import open_land
 from authoring.backgrounds.plots import Plots
+from authoring.backgrounds.shore_town import Town, Waterside
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.waters import Basin
 from authoring.backgrounds.woods import CYPRESS, LIME, SPRUCE, clear_ground, shrub_run, spaced, tree_runs
@@ -35,6 +36,7 @@ class Woods:
         spread: How far solitary trees stand before and behind the site's middle, standard deviation [m].
         columns: Share of the gardens with a row of cypresses [1].
         bare: Width of the strip behind the shore without trees [m].
+        trees: Trees wanted, those of a promenade among them [1].
     """
 
     stands: Relief
@@ -43,6 +45,7 @@ class Woods:
     spread: float
     columns: float
     bare: float
+    trees: int
 
 
 def mountain_covers(
@@ -76,50 +79,38 @@ def mountain_covers(
 
 
 def green_runs(
-    terrain: Terrain,
-    lake: Basin,
-    plots: Plots,
-    lanes: tuple[Lane, ...],
-    woods: Woods,
-    promenade: F64,
-    prefix: str,
-    count: int,
-    rng: np.random.Generator,
-    first_id: int,
+    place: Waterside, town: Town, woods: Woods, promenade: F64, rng: np.random.Generator, first_id: int
 ) -> list[Scatter]:
     """Plant everything.
 
     Args:
-        terrain: The terrain.
-        lake: The lake.
-        plots: The buildings.
-        lanes: The lanes.
-        woods: Where woods grow.
+        place: The land and its water.
+        town: What is built there.
+        woods: Where woods grow, and how many trees.
         promenade: Station, left and height of the places on the promenade [m], shape (N, 3), float64.
-        prefix: Put before the names of the runs.
-        count: Trees wanted.
         rng: Random stream.
         first_id: Instance id of the first run.
 
     Returns:
         Runs of trees and shrubs.
     """
+    terrain, lake, plots, lanes = place.terrain, place.basin, town.plots, (*town.lanes, *town.terraces)
     kind = (LIME, woods.species[-1])[int(rng.integers(0, 2))]
     row = np.column_stack([promenade[:, :2], np.full(len(promenade), kind), rng.uniform(0.55, 0.75, len(promenade))])
     gardens, hedges = _gardens(plots, woods, rng)
-    trees = np.concatenate([gardens, _woods(terrain, lake, woods, count, rng)])
+    trees = np.concatenate([gardens, _woods(terrain, lake, woods, rng)])
     dry = lake.inside(trees[:, 0], trees[:, 1]) < -woods.bare
     dry &= lane_room(lanes, trees[:, 0], trees[:, 1]) > 0.8
     trees = trees[dry & clear_ground(terrain, trees[:, :2], plots, 1.6)]
     trees = trees[spaced(trees[:, :2], 3.4)]
     away = terrain.beyond(trees[:, 0], trees[:, 1])
-    trees = trees[np.argsort(away * rng.uniform(0.35, 1.0, len(away)), kind="stable")][: max(count - len(row), 0)]
-    runs = tree_runs(terrain, prefix, np.concatenate([row, trees]), rng, first_id)
+    trees = trees[np.argsort(away * rng.uniform(0.35, 1.0, len(away)), kind="stable")][: max(woods.trees - len(row), 0)]
+    runs = tree_runs(terrain, place.prefix, np.concatenate([row, trees]), rng, first_id)
     hedges = hedges[clear_ground(terrain, hedges[:, :2], plots, 0.9)]
     hedges = hedges[lane_room(lanes, hedges[:, 0], hedges[:, 1]) > 0.6]
     hedges = hedges[(terrain.beyond(hedges[:, 0], hedges[:, 1]) < 260.0)][:900]
     bushes = tuple(bush(rng, leaves) for leaves in (34, 34, 34, 12, 12, 12))
-    return runs + shrub_run(terrain, prefix, hedges, bushes, rng, first_id + len(runs))
+    return runs + shrub_run(terrain, place.prefix, hedges, bushes, rng, first_id + len(runs))
 
 
 def draw_stands(rng: np.random.Generator) -> Relief:
@@ -142,11 +133,11 @@ def _wooded(terrain: Terrain, lake: Basin, woods: Woods, station: F64, left: F64
     return np.minimum(np.minimum(woods.stands(station, left) + dense, free), np.minimum(shore, (away - 25.0) / 40.0))
 
 
-def _woods(terrain: Terrain, lake: Basin, woods: Woods, count: int, rng: np.random.Generator) -> F64:
+def _woods(terrain: Terrain, lake: Basin, woods: Woods, rng: np.random.Generator) -> F64:
     """Draw trees of the woods, and solitary ones on open land: station, left, species, size, shape (N, 4), float64."""
     kinds = draw_relief(((210.0, 1.0),), rng)
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
-    many = 6 * count
+    many = 6 * woods.trees
     station = middle + rng.normal(0.0, woods.spread, many)
     left = np.where(
         rng.random(many) < 0.72,

@@ -51,7 +51,7 @@ def bake_surfaces(pieces: Pieces, folder: Path, texels: int, seed: int) -> dict[
     bake_sheets(SheetName(name, number, texels) for name, number in numbers.items())
     patches = patches_of(seed)
     return {
-        name: bake_surface(name, folder, texels, f"{folder.name}_", number, patches=patches)
+        name: bake_surface(name, folder, texels, prefix=f"{folder.name}_", number=number, patches=patches)
         for name, number in numbers.items()
     }
 
@@ -70,7 +70,7 @@ def bake_site(site: Site, folder: Path, texels: int, seed: int) -> dict[str, Mat
     bank, drawn = Bank(), int(stream(seed, "surface/photo").integers(2**31))
     photos = {}
     for square in site.squares:
-        factors = ground_photo(site, square, len(site.squares), patches, texels, drawn, bank)
+        factors = ground_photo(site, square, patches, texels, drawn, bank)
         file = f"./textures/{folder.name}_photo{square.number}.jpg"
         write_bytes(folder / file, jpeg(encode_raw(factors / 2)))
         photos[square.number] = file

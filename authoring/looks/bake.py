@@ -57,6 +57,7 @@ def bake_look(
     folder: Path,
     components: Iterable[Component | Scatter],
     rng: np.random.Generator,
+    *,
     given: Mapping[str, Path] = NO_FOLDERS,
     library: Path | None = None,
 ) -> dict[str, MaterialRecipe]:
@@ -111,6 +112,7 @@ def bake_surface(
     name: str,
     folder: Path,
     texels: int = 2048,
+    *,
     prefix: str = "",
     number: int = 0,
     library: Path | None = None,

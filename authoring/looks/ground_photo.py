@@ -80,15 +80,12 @@ class _Lie:
     patches: tuple[Enlarged, Enlarged, Enlarged]
 
 
-def ground_photo(
-    site: Site, square: PhotoSquare, squares: int, patches: Floats, pixels: int, seed: int, bank: Bank
-) -> Floats:
+def ground_photo(site: Site, square: PhotoSquare, patches: Floats, pixels: int, seed: int, bank: Bank) -> Floats:
     """Draw the factors of one square.
 
     Args:
         site: The site.
-        square: The square.
-        squares: How many there are.
+        square: One of its squares.
         patches: Factors over the whole strip [1], shape (P, P, 3), float32, which the picture begins and ends with.
         pixels: Texels along its side.
         seed: Of the pictures of this site.
@@ -97,7 +94,7 @@ def ground_photo(
     Returns:
         Factors [1], the first row at the highest left, shape (pixels, pixels, 3), float32.
     """
-    lie = _survey(site, square, squares, patches, pixels, seed)
+    lie = _survey(site, square, patches, pixels, seed)
     mid = _mottle(square, pixels, (14.0, 0.9), (seed, 1), bank)
     fine = _mottle(square, pixels, (1.5, 0.0), (seed, 2), bank)
     speck = _mottle(square, pixels, (0.22, 0.0), (seed, 3), bank)
@@ -170,7 +167,7 @@ def _mottle(square: PhotoSquare, pixels: int, waves: tuple[float, float], seed: 
     return own
 
 
-def _survey(site: Site, square: PhotoSquare, squares: int, patches: Floats, pixels: int, seed: int) -> _Lie:
+def _survey(site: Site, square: PhotoSquare, patches: Floats, pixels: int, seed: int) -> _Lie:
     land, crossing, layout = site.land, site.land.crossing, site.land.layout
     count = max(pixels // COARSE, 8)
     steps = (np.arange(count) + 0.5) * square.side / count
@@ -178,7 +175,7 @@ def _survey(site: Site, square: PhotoSquare, squares: int, patches: Floats, pixe
     inside = np.minimum(left - square.lefts[0], square.lefts[1] - left)
     if square.number == 0:
         inside = np.minimum(inside, station - square.stations[0])
-    if square.number == squares - 1:
+    if square.number == len(site.squares) - 1:
         inside = np.minimum(inside, square.stations[1] - station)
     covers = land.shape(station, left, no_hills).covers
     bare = np.max([covers[name] for name in _BARE if name in covers], axis=0)

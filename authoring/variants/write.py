@@ -66,7 +66,7 @@ def write_look(
     file = f"./looks/{name}/look.usda"
     place = (folder / file).parent
     place.mkdir(parents=True, exist_ok=True)
-    recipes = bake_look(settings.look, base or name, place, bridge, stream(seed, f"look/{name}"), given)
+    recipes = bake_look(settings.look, base or name, place, bridge, stream(seed, f"look/{name}"), given=given)
     export(look_layer(recipes), folder / file)
     return file
 

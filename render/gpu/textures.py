@@ -89,6 +89,7 @@ def load_textures(
     averaged: list[TextureKey],
     largest: int,
     anisotropy: float,
+    *,
     enough: Callable[[TextureKey, int], int] | None = None,
     mates: Sequence[Mates] = (),
 ) -> tuple[dict[TextureKey, TextureSlot], list[str]]:

@@ -28,6 +28,19 @@ _BOUNCES = 2  # of light between surfaces, after those that probes have
 
 
 @dataclass(frozen=True)
+class Sampling:
+    """How finely a light volume is cast.
+
+    Attributes:
+        probes: Most probes [1].
+        rays: Rays per probe [1].
+    """
+
+    probes: int
+    rays: int
+
+
+@dataclass(frozen=True)
 class LightVolume:
     """Irradiance on a grid.
 
@@ -58,7 +71,7 @@ class LightVolume:
 
 
 def cast_light_volume(
-    scene: FlatScene, light: Daylight, albedo: F64, box: tuple[F64, F64], probes: int, rays: int, progress: Progress
+    scene: FlatScene, light: Daylight, albedo: F64, box: tuple[F64, F64], sampling: Sampling, progress: Progress
 ) -> LightVolume:
     """Cast the light volume of a scene: probes in the air first, then fitted to what surfaces receive.
 
@@ -67,10 +80,10 @@ def cast_light_volume(
         light: Its sun and sky.
         albedo: Mean base colour of each material [1], shape (M, 3), float64.
         box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
-        probes: Most probes.
-        rays: Rays per probe.
+        sampling: How many probes and rays.
         progress: Told how far it is.
     """
+    probes, rays = sampling.probes, sampling.rays
     low, high = box[0] - _MARGIN, box[1] + _MARGIN
     cell = max(_SMALLEST_CELL, float(np.cbrt(np.prod(high - low) / probes)))
     counts = np.maximum(np.ceil((high - low) / cell).astype(int), 1) + 1

@@ -6,8 +6,7 @@ depth and normal. Nothing is blended across an edge.
 """
 
 from copy import copy
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -30,10 +29,10 @@ _FINEST = (5, 4, 3, 2)  # finer pixels to one, along rows and columns: railings 
 _MOST_FINE = 24_000_000  # finer pixels of one view; each takes 16 bytes
 _SMALL = 4.0  # [px^2] the ray may have missed a smaller triangle and still have met its neighbour
 Window = tuple[int, int]
+Index = int | np.int64
 
 
-@dataclass(frozen=True)
-class Geometry:
+class Geometry(NamedTuple):  # numba reads these, and no data classes
     """What a ray may meet, as the kernel reads it.
 
     Attributes:
@@ -83,6 +82,18 @@ def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
         cut_out,
         edge_neighbours(geometry),
     )
+
+
+class _Wider(NamedTuple):
+    """A wider view, and where a lens looks at it, as the kernel reads it."""
+
+    draw: U32  # its finer pixels
+    triangle: U32
+    place: F64  # of each pixel of the lens's image, among the finer ones
+    rays: F64
+    near: float  # [m]
+    around: int  # finer pixels along the square about a place whose triangles a ray may meet
+    focal: float  # [px^2] of the finer pixels
 
 
 class Lens:
@@ -150,30 +161,20 @@ class Lens:
             place = self._place[rows] - [0.0, top]
             code[rows] = _resample(view.code, place)
             assert view.triangle is not None
-            met = normal[rows] if self._normals else normal
-            images = (view.draw, view.triangle, self.finer * place, self._rays[rows], near, 2 * self.finer + 1)
-            _meet(*images, *self._from_camera(pose), draw[rows], depth[rows], met, self._normals)  # pyright: ignore
+            focal = self.wide.fx * self.wide.fy * self.finer**2
+            around, rays = 2 * self.finer + 1, self._rays[rows]
+            wider = _Wider(view.draw, view.triangle, self.finer * place, rays, near, around, focal)
+            seen, met = self._from_camera(pose), normal[rows] if self._normals else normal
+            _meet(wider, seen, draw[rows], depth[rows], met, self._normals)
         return View(code, draw, depth, normal if self._normals else None)
 
-    def _from_camera(self, pose: F64) -> tuple[Any, ...]:
-        """What the kernel reads of the geometry, its transforms seen from a camera."""
+    def _from_camera(self, pose: F64) -> Geometry:
+        """Transform the geometry to what a camera sees of it."""
         geometry = self._geometry
         linear = pose[:3, :3].T @ geometry.transform[:, :3, :3]
         shift = (geometry.transform[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
         seen = np.concatenate([linear, shift[:, :, None]], axis=2)
-        focal = self.wide.fx * self.wide.fy * self.finer**2
-        return (
-            geometry.positions,
-            geometry.normals,
-            geometry.triangles,
-            geometry.first,
-            np.ascontiguousarray(seen),
-            geometry.cofactor,
-            geometry.mirrored,
-            geometry.cut_out,
-            geometry.neighbours,
-            focal,
-        )
+        return geometry._replace(transform=np.ascontiguousarray(seen))
 
 
 def _resample(code: U16, place: F64) -> U16:
@@ -185,97 +186,67 @@ def _resample(code: U16, place: F64) -> U16:
 
 
 @njit(nogil=True)
-def _meet(
-    draws: U32,
-    parts: U32,
-    place: F64,
-    rays: F64,
-    near: float,
-    around: int,
-    positions: F32,
-    normals: F32,
-    triangles: U32,
-    first: NDArray[np.int64],
-    seen: F64,
-    cofactor: F64,
-    mirrored: NDArray[np.bool_],
-    cut_out: NDArray[np.bool_],
-    neighbours: NDArray[np.int32],
-    focal: float,
-    draw_out: U32,
-    depth_out: F32,
-    normal_out: F32,
-    wants_normals: bool,
-) -> None:
-    """Cut the ray of each pixel with the triangles in the square of `around` finer pixels about its place."""
-    height, width = draws.shape
+def _meet(wider: _Wider, seen: Geometry, draw_out: U32, depth_out: F32, normal_out: F32, wants_normals: bool) -> None:
+    """Cut the ray of each pixel with the triangles in the square of finer pixels about its place."""
+    height, width = wider.draw.shape
+    around, near = wider.around, wider.near
     corners, known, chosen = np.empty((3, 3)), np.empty((4 * around * around, 2), np.int64), np.empty(3)
-    for row in range(place.shape[0]):
-        for column in range(place.shape[1]):
-            x, y = rays[row, column, 0], rays[row, column, 1]
-            left = min(max(int(place[row, column, 0]), 0), width - 1)
-            top = min(max(int(place[row, column, 1]), 0), height - 1)
-            count, sky = _candidates(known, draws, parts, left, top, around, first, cut_out, neighbours)
+    for row in range(wider.place.shape[0]):
+        for column in range(wider.place.shape[1]):
+            x, y = wider.rays[row, column, 0], wider.rays[row, column, 1]
+            left = min(max(int(wider.place[row, column, 0]), 0), width - 1)
+            top = min(max(int(wider.place[row, column, 1]), 0), height - 1)
+            count, sky = _candidates(known, wider, seen, left, top)
             best, best_draw, best_part = np.inf, 0, 0
             for number in range(count):
                 draw, part = known[number]
-                _corners(corners, positions, triangles, first[draw - 1] + part, seen[draw - 1])
+                _corners(corners, seen, draw, part)
                 depth, inside, a, b, c = _hit(corners, x, y)
-                if (inside or cut_out[draw - 1]) and near <= depth < best:
+                if (inside or seen.cut_out[draw - 1]) and near <= depth < best:
                     best, best_draw, best_part = depth, draw, part
                     chosen[0], chosen[1], chosen[2] = a, b, c
-            if best_draw == 0 and draws[top, left] != 0:
-                draw, part = np.int64(draws[top, left]), np.int64(parts[top, left])
-                _corners(corners, positions, triangles, first[draw - 1] + part, seen[draw - 1])
-                if not (sky and _area(corners, near) * focal > _SMALL):
+            if best_draw == 0 and wider.draw[top, left] != 0:
+                draw, part = np.int64(wider.draw[top, left]), np.int64(wider.triangle[top, left])
+                _corners(corners, seen, draw, part)
+                if not (sky and _area(corners, near) * wider.focal > _SMALL):
                     best, best_draw, best_part = _beside(corners, x, y), draw, part
                     chosen[:] = 1.0 / 3.0
             draw_out[row, column], depth_out[row, column] = best_draw, best
             if wants_normals and best_draw != 0:
-                triangle = first[best_draw - 1] + best_part
-                _corners(corners, positions, triangles, triangle, seen[best_draw - 1])
-                flip = _faces_away(corners, x, y) != mirrored[best_draw - 1]
-                _normal(normal_out[row, column], normals, triangles, triangle, cofactor[best_draw - 1], chosen, flip)
+                _corners(corners, seen, best_draw, best_part)
+                flip = _faces_away(corners, x, y) != seen.mirrored[best_draw - 1]
+                _normal(normal_out[row, column], seen, best_draw, best_part, chosen, flip)
 
 
 @njit(nogil=True)
-def _candidates(
-    known: NDArray[np.int64],
-    draws: U32,
-    parts: U32,
-    left: int,
-    top: int,
-    around: int,
-    first: NDArray[np.int64],
-    cut_out: NDArray[np.bool_],
-    neighbours: NDArray[np.int32],
-) -> tuple[int, bool]:
+def _candidates(known: NDArray[np.int64], wider: _Wider, seen: Geometry, left: int, top: int) -> tuple[int, bool]:
     """List the triangles that the pixels around show, the middle one's first, then those that share their edges."""
-    height, width = draws.shape
+    height, width = wider.draw.shape
+    around, cut_out = wider.around, seen.cut_out
     count, sky = 0, False
     for step in range(around * around):
         shift = (around * around // 2 + step) % (around * around)
         down = min(max(top + shift // around - around // 2, 0), height - 1)
         across = min(max(left + shift % around - around // 2, 0), width - 1)
-        draw = np.int64(draws[down, across])
+        draw = np.int64(wider.draw[down, across])
         sky = sky or draw == 0
         if draw == 0 or (step > 0 and cut_out[draw - 1]):
             continue
-        count = _add(known, count, draw, np.int64(parts[down, across]))
+        count = _add(known, count, draw, np.int64(wider.triangle[down, across]))
     if count <= 1 and not sky:
         return count, sky
     for number in range(count):
         draw, part = known[number]
         if not cut_out[draw - 1]:
             for edge in range(3):
-                beside = np.int64(neighbours[first[draw - 1] + part, edge])
+                beside = np.int64(seen.neighbours[seen.first[draw - 1] + part, edge])
                 if beside >= 0:
                     count = _add(known, count, draw, beside)
     return count, sky
 
 
 @njit(nogil=True)
-def _add(known: NDArray[np.int64], count: int, draw: np.int64, part: np.int64) -> int:
+def _add(known: NDArray[np.int64], count: int, draw: Index, part: Index) -> int:
     for other in range(count):
         if known[other, 0] == draw and known[other, 1] == part:
             return count
@@ -284,13 +255,16 @@ def _add(known: NDArray[np.int64], count: int, draw: np.int64, part: np.int64) -
 
 
 @njit(nogil=True)
-def _corners(corners: F64, positions: F32, triangles: U32, triangle: int, seen: F64) -> None:
-    """Fill in a triangle's corners as the camera sees them, shape (3, 3)."""
+def _corners(corners: F64, seen: Geometry, draw: Index, part: Index) -> None:
+    """Fill in the corners of a triangle of a draw as the camera sees them, shape (3, 3)."""
+    positions, transform = seen.positions, seen.transform[draw - 1]
     for corner in range(3):
-        vertex = triangles[triangle, corner]
+        vertex = seen.triangles[seen.first[draw - 1] + part, corner]
         x, y, z = np.float64(positions[vertex, 0]), np.float64(positions[vertex, 1]), np.float64(positions[vertex, 2])
         for axis in range(3):
-            corners[corner, axis] = seen[axis, 0] * x + seen[axis, 1] * y + seen[axis, 2] * z + seen[axis, 3]
+            corners[corner, axis] = (
+                transform[axis, 0] * x + transform[axis, 1] * y + transform[axis, 2] * z + transform[axis, 3]
+            )
 
 
 @njit(nogil=True)
@@ -341,12 +315,13 @@ def _faces_away(corners: F64, x: float, y: float) -> bool:
 
 
 @njit(nogil=True)
-def _normal(out: F32, normals: F32, triangles: U32, triangle: int, cofactor: F64, weight: F64, flip: bool) -> None:
-    local = np.zeros(3)
+def _normal(out: F32, seen: Geometry, draw: Index, part: Index, weight: F64, flip: bool) -> None:
+    """Fill in the normal of a triangle of a draw where its corners have these weights, shape (3,)."""
+    cofactor, local = seen.cofactor[draw - 1], np.zeros(3)
     for corner in range(3):
-        vertex = triangles[triangle, corner]
+        vertex = seen.triangles[seen.first[draw - 1] + part, corner]
         for axis in range(3):
-            local[axis] += weight[corner] * normals[vertex, axis]
+            local[axis] += weight[corner] * seen.normals[vertex, axis]
     length = 0.0
     turned = np.empty(3)
     for axis in range(3):

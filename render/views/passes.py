@@ -45,6 +45,7 @@ class Painter:
         lamps: Lamps,
         camera: Pinhole,
         quality: str,
+        *,
         extra: str = "",
         finer: int = 1,
         cards: bool = False,

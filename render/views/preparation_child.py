@@ -61,8 +61,8 @@ def _apart(task: str, arguments: tuple[Any, ...], progress: Progress) -> Any:
 def _serve(request: dict[str, Any], progress: Progress) -> None:
     arguments = pickle.loads(Path(request["work"]).read_bytes())
     if request["task"] == "light":
-        scene, daylight, albedo, box, probes, rays = arguments
-        result: object = cast_light_volume(scene, daylight, albedo, box, probes, rays, progress)
+        scene, daylight, albedo, box, sampling = arguments
+        result: object = cast_light_volume(scene, daylight, albedo, box, sampling, progress)
     else:
         from usd_schemas.reading.scene_cache import load_scene
 

@@ -16,10 +16,10 @@ from render.gpu.materials import layer_mates, tabulate_materials, texture_keys
 from render.gpu.programs import Programs
 from render.gpu.textures import TextureKey, load_textures, sufficient_side
 from render.gpu.waters import with_waters
-from render.light.daylight import read_daylight
+from render.light.daylight import Daylight, read_daylight
 from render.light.illumination import Illumination, Lamps, haze_distance
 from render.light.light_level import dimmed, halvings
-from render.light.light_volume import LightVolume, cast_light_volume
+from render.light.light_volume import LightVolume, Sampling, cast_light_volume
 from render.light.local_lights import choose_local_lights
 from render.light.region import region_of_interest
 from render.light.shadow_squares import ShadowSquares
@@ -95,7 +95,7 @@ class Prepared:
         quality, extra = self.settings.quality, "NORMALS" if self.settings.normals else ""
         if not sharp:
             quality, extra = "standard" if quality == "fine" else quality, ""
-        return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, quality, extra, cards=cards)
+        return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, quality, extra=extra, cards=cards)
 
     def shadow_squares(self, poses: NDArray[np.float64], camera: Pinhole) -> ShadowSquares:
         """Choose which squares the cameras of a survey need sharp shadows in.
@@ -133,7 +133,9 @@ class Prepared:
 
         lens = Lens(camera, distortion, self.ray_geometry(scene), normals=self.settings.normals)
         lamps, quality = self.lamps, self.settings.quality
-        return lens, Painter(self.gl, self.programs, self.gpu, lamps, lens.wide, quality, "TRIANGLES", lens.finer)
+        return lens, Painter(
+            self.gl, self.programs, self.gpu, lamps, lens.wide, quality, extra="TRIANGLES", finer=lens.finer
+        )
 
     def ray_geometry(self, scene: FlatScene) -> "Geometry":
         """Lay out what the rays of a distorting lens may meet.
@@ -151,6 +153,7 @@ def prepare(
     scene: FlatScene,
     settings: RenderSettings,
     progress: Progress,
+    *,
     cast: CastVolume = cast_light_volume,
     needs: Mapping[TextureKey, float] | None = None,
     flight: tuple[NDArray[np.float64], float] | None = None,
@@ -174,19 +177,14 @@ def prepare(
     """
     check_scene(scene)
     box = _interest(scene)
-    daylight, dark = read_daylight(scene)
-    times = halvings(scene, daylight, box)
-    if times:
-        dark = [*dark, f"the light of the stage is drawn at 2^{-times} of its strength: it has no unit, and is metered"]
-        scene = dimmed(scene, times)
-        daylight, _ = read_daylight(scene)
+    scene, daylight, dark = _drawable_light(scene, box)
     slots, warnings = load_textures(
         gl,
         *texture_keys(scene.materials, settings.quality),
         settings.texture_side,
         gl.driver.anisotropy(),
-        lambda key, side: sufficient_side(side, needs.get(key, 0.0) if needs else 0.0),
-        layer_mates(scene.materials),
+        enough=lambda key, side: sufficient_side(side, needs.get(key, 0.0) if needs else 0.0),
+        mates=layer_mates(scene.materials),
     )
     table = tabulate_materials(scene.materials, slots, settings.quality)
     table = with_waters(table, scene, *draw_boxes(scene))
@@ -199,12 +197,25 @@ def prepare(
     shadow = Shadows(gl, programs, gpu, daylight, box, settings.shadow_size) if sunny else None
     volume = None
     if settings.quality != "fast":
-        volume = cast(scene, daylight, table.means, box, settings.volume_probes, settings.volume_rays, progress)
+        volume = cast(
+            scene, daylight, table.means, box, Sampling(settings.volume_probes, settings.volume_rays), progress
+        )
     local, unlit = choose_local_lights(scene, box)
     light = Illumination(daylight, shadow, volume, haze_distance(scene, settings), local)
     lamps = Lamps(gl.context, light, gpu.anchor)
     said = (*scene.warnings, *warnings, *dark, *unlit)
     return Prepared(gl, programs, gpu, lamps, settings, said, light, box, flight)
+
+
+def _drawable_light(scene: FlatScene, box: tuple[F64, F64]) -> tuple[FlatScene, Daylight, list[str]]:
+    """Read sun and sky, with the scene dimmed where its light is too strong to be drawn, and what was said of them."""
+    daylight, said = read_daylight(scene)
+    times = halvings(scene, daylight, box)
+    if not times:
+        return scene, daylight, said
+    said = [*said, f"the light of the stage is drawn at 2^{-times} of its strength: it has no unit, and is metered"]
+    scene = dimmed(scene, times)
+    return scene, read_daylight(scene)[0], said
 
 
 def _interest(scene: FlatScene) -> tuple[F64, F64]:

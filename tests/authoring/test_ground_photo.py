@@ -33,7 +33,7 @@ def site_of(crossing: str) -> Site:
 def pictures(crossing: str) -> tuple[Floats, ...]:
     """Its pictures, coarser than in a scene."""
     site, patches = site_of(crossing), open_ground(TEXELS, 1)
-    return tuple(ground_photo(site, square, len(site.squares), patches, TEXELS, 5, Bank()) for square in site.squares)
+    return tuple(ground_photo(site, square, patches, TEXELS, 5, Bank()) for square in site.squares)
 
 
 def look_up(crossing: str, number: int, station: float, left: float) -> Floats:
@@ -137,7 +137,7 @@ def test_ground_that_is_all_under_water_is_as_dark_as_wet_ground() -> None:
     site = draw_site(SiteSettings.model_validate({"crossing": "harbour"}), layout, stream(3, "site"))
     with np.errstate(all="raise"):
         square = site.squares[len(site.squares) // 2]
-        picture = ground_photo(site, square, len(site.squares), open_ground(128, 1), 128, 5, Bank())
+        picture = ground_photo(site, square, open_ground(128, 1), 128, 5, Bank())
     assert 0.3 < float(picture.mean()) < 0.8
 
 
@@ -146,7 +146,7 @@ def test_no_patch_of_ground_is_there_twice(tmp_path: Path, proof_count: Count, r
     full = proof_count(0, 1) == 1
     site = site_of("road")
     square, texels = site.squares[0], 2048 if full else 1024
-    picture = ground_photo(site, square, len(site.squares), open_ground(texels, 1), texels, 5, Bank()).mean(axis=-1)
+    picture = ground_photo(site, square, open_ground(texels, 1), texels, 5, Bank()).mean(axis=-1)
     size = round(30.0 / square.side * texels)
     peaks = {}
     for surface in ("grass", "meadow", "soil", "gravel") if full else ("grass",):

@@ -128,7 +128,7 @@ def test_a_role_wears_the_users_surface(tmp_path: Path) -> None:
     settings = LookSettings(texels=256, folders=("mine",), picture_side=3.0)
     given, library = {"mine": tmp_path / "mine"}, tmp_path / "library"
     one, two = (
-        bake_look(settings, "weathered", tmp_path / name, parts, np.random.default_rng(4), given, library)
+        bake_look(settings, "weathered", tmp_path / name, parts, np.random.default_rng(4), given=given, library=library)
         for name in ("one", "two")
     )
     assert one == two

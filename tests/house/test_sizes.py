@@ -6,30 +6,11 @@ import ast
 
 import pytest
 
-from tests.house.house import ROOMS, ROOT, Rule, assert_clean, functions, parameters, python_files
+from tests.house.house import ROOMS, Rule, assert_clean, functions, parameters, python_files
 
 MODULE_LINES = 400
 FUNCTION_LINES = 60
 MOST_ARGUMENTS = 6  # that are told apart by their place; options are given by keyword
-WAITING = frozenset(  # none may come to them
-    (
-        "authoring/backgrounds/buildings.py",
-        "authoring/backgrounds/hillside.py",
-        "authoring/backgrounds/kerbs.py",
-        "authoring/backgrounds/lanes.py",
-        "authoring/backgrounds/plots.py",
-        "authoring/backgrounds/shore_town.py",
-        "authoring/backgrounds/slope_plants.py",
-        "authoring/looks/bake.py",
-        "authoring/looks/ground_photo.py",
-        "authoring/looks/structural.py",
-        "render/gpu/textures.py",
-        "render/light/light_volume.py",
-        "render/views/lens.py",
-        "render/views/passes.py",
-        "render/views/prepare.py",
-    )
-)
 LONG_FUNCTION_LINES = 80  # with "# long: <why>" above it or beside it
 
 
@@ -78,9 +59,8 @@ def crowded_functions(source: str) -> list[str]:
 
 
 def test_long_lists_of_arguments_are_records() -> None:
-    """Nobody passes seven things by their place, but for the modules that still wait for a record."""
-    files = [path for path in python_files(*ROOMS) if path.relative_to(ROOT).as_posix() not in WAITING]
-    assert_clean(crowded_functions, files)
+    """Nobody passes seven things by their place."""
+    assert_clean(crowded_functions, python_files(*ROOMS))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from groundwork.progress import SILENT
 from render.gpu.context import Gl
 from render.light.daylight import irradiance_coefficients, read_daylight, sphere
-from render.light.light_volume import cast_light_volume
+from render.light.light_volume import Sampling, cast_light_volume
 from render.light.surface_fit import Places, fit_to_surfaces, look_up_matrix, spread_places
 from render.light.tracing import LightTracer
 from tests.render.scenes import SceneBuilder, placed
@@ -30,7 +30,7 @@ def test_a_wall_hides_half_the_sky(gl: Gl) -> None:
     scene = replace(builder.build(DOWN[None]), dome=WHITE_DOME)
     light, _ = read_daylight(scene)
     box = (np.array([-2.0, -2.0, 0.0]), np.array([2.0, 2.0, 2.0]))
-    volume = cast_light_volume(scene, light, np.zeros((1, 3)), box, 3000, 256, SILENT)
+    volume = cast_light_volume(scene, light, np.zeros((1, 3)), box, Sampling(3000, 256), SILENT)
     probe, inside = volume.nearest(np.array([[0.0, -0.6, 0.6]]))
     assert inside.all()
     c0, _, _, c3 = volume.coefficients.reshape(-1, 4, 3)[probe[0]]
@@ -48,7 +48,7 @@ def test_a_lit_side_does_not_shine_through_a_thin_slab(gl: Gl) -> None:
     scene = replace(builder.build(DOWN[None]), dome=WHITE_DOME)
     light, _ = read_daylight(scene)
     box = (np.array([-12.0, -12.0, 1.4]), np.array([12.0, 12.0, 1.6]))
-    volume = cast_light_volume(scene, light, np.zeros((1, 3)), box, 3000, 64, SILENT)
+    volume = cast_light_volume(scene, light, np.zeros((1, 3)), box, Sampling(3000, 64), SILENT)
     assert volume.cell > 0.8  # the slab lies between two layers of probes
     side = np.linspace(-8.0, 8.0, 17)
     level = np.column_stack([*(axis.ravel() for axis in np.meshgrid(side, side)), np.zeros(17 * 17)])

@@ -24,7 +24,7 @@ from render.gpu.textures import TextureKey, load_textures, sufficient_side
 from render.images import image_files
 from render.light.daylight import read_daylight
 from render.light.illumination import BRIGHTEST
-from render.light.light_volume import cast_light_volume
+from render.light.light_volume import Sampling, cast_light_volume
 from render.settings import RenderSettings
 from render.views.passes import Painter
 from render.views.preparation_child import cast_volume_apart, survey_scene_apart
@@ -143,7 +143,7 @@ def test_equal_content_is_loaded_once(gl: Gl, tmp_path: Path) -> None:
     same = [TextureKey(first, True), TextureKey(str(tmp_path / "b.png"), True)]
     keys = [*same, TextureKey(first, False, "vector"), TextureKey(other, True)]
     needs = {same[0]: 256, same[1]: 512}
-    slots, warnings = load_textures(gl, keys, [], SIDE, 1.0, lambda key, _: needs.get(key, SIDE))
+    slots, warnings = load_textures(gl, keys, [], SIDE, 1.0, enough=lambda key, _: needs.get(key, SIDE))
     assert not warnings
     assert slots[same[0]] == slots[same[1]]
     assert slots[same[0]].side == 512  # the finer of two needs
@@ -204,7 +204,13 @@ def test_roughness_shares_a_layer_only_where_one_look_up_finds_both(
     for smaller in (False, True):
         enough = {number: SIDE // 2 if smaller else SIDE}
         slots, warnings = load_textures(
-            gl, keys, averaged, SIDE, 1.0, lambda key, _, enough=enough: enough.get(key, SIDE), layer_mates(materials)
+            gl,
+            keys,
+            averaged,
+            SIDE,
+            1.0,
+            enough=lambda key, _, enough=enough: enough.get(key, SIDE),
+            mates=layer_mates(materials),
         )
         assert not warnings
         assert slots[number].channel == (0 if smaller else channel)
@@ -275,7 +281,7 @@ def test_a_volume_cast_apart_is_the_same(tmp_path: Path) -> None:
     scene = plate_from(10.0, Material("grey"))
     light, _ = read_daylight(scene)
     box = (np.array([-3.0, -3.0, 0.0]), np.array([3.0, 3.0, 2.0]))
-    work = (scene, light, np.full((1, 3), 0.5), box, 1000, 16)
+    work = (scene, light, np.full((1, 3), 0.5), box, Sampling(1000, 16))
     here, apart = cast_light_volume(*work, SILENT), cast_volume_apart(*work, SILENT)
     np.testing.assert_array_equal(apart.coefficients, here.coefficients)
     np.testing.assert_array_equal(apart.lower, here.lower)
