@@ -1,0 +1,76 @@
+"""Pictures of the documentation: each has a command that makes it, and one command makes those that are named."""
+
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from docs import pictures
+from docs.pictures import IMAGES, NEEDS, OUT, RECIPES, chosen, main, make
+from falsework.cli import all_verbs
+
+
+def test_every_picture_has_its_command() -> None:
+    """What lies in docs/images is listed once, and what is listed lies there."""
+    listed = [picture for recipe in RECIPES for picture in recipe.pictures]
+    assert sorted(listed) == sorted(p.relative_to(IMAGES).as_posix() for p in IMAGES.rglob("*") if p.is_file())
+
+
+def test_every_command_is_there() -> None:
+    """Each module can be found, each verb is one, and a word in capitals is explained."""
+    for recipe in RECIPES:
+        assert importlib.util.find_spec(recipe.words[0]) is not None, recipe.words
+        assert recipe.words[0] != "falsework" or recipe.words[1] in all_verbs()
+        capitals = {word for word in recipe.words[1:] if word.isupper()}
+        assert capitals <= {OUT, *NEEDS}
+
+
+def test_a_sheet_is_taken_over_from_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command gets a folder for OUT and the path that was given; the picture ends below docs/images."""
+    images = tmp_path / "docs/images"
+    images.mkdir(parents=True)
+    monkeypatch.setattr(pictures, "IMAGES", images)
+    (tmp_path / "draw.py").write_text(
+        "import pathlib, sys\nout = pathlib.Path(sys.argv[2])\nout.mkdir()\n"
+        "(out / 'slab.jpg').write_text(sys.argv[1])\n"
+    )
+    recipe = replace(RECIPES[1], pictures=("gallery/slab.jpg",), words=("draw", "RUN", OUT))
+    with pytest.raises(SystemExit, match=r"give --with RUN=…: folder of falsework demo"):
+        make(recipe, {})
+    make(recipe, {"RUN": "demo-out"})
+    assert (images / "gallery/slab.jpg").read_text() == "demo-out"
+    with pytest.raises(SystemExit, match="ended with 1"):
+        make(replace(recipe, words=("nowhere",)), {})
+
+
+def test_names_and_folders(capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder stands for all that is in it; a wrong name gets the nearest; --list makes nothing."""
+    assert [recipe.words[0] for recipe in chosen(["blender", "docs/images/chain.png"])] == [
+        "docs.picture",
+        "tests.dcc.pictures",
+    ]
+    with pytest.raises(SystemExit, match=r"no such picture: gallery/slap.jpg. Did you mean 'gallery/slab.jpg'\?"):
+        chosen(["gallery/slap.jpg"])
+    assert main(["--list", "gallery/arch.jpg"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "gallery/arch.jpg",
+        "    python -m falsework gallery families --family arch --count 3 --seed 21 -o OUT",
+    ]
+
+
+def test_the_sheet_of_surfaces(tmp_path: Path) -> None:
+    """Thirteen surfaces are two rows of twelve cells; concrete is grey and paint blue."""
+    import cv2
+
+    from docs import surfaces_picture
+
+    names = (*(["board_concrete"] * 12), "paint_blue_clean")
+    surfaces_picture.main(tmp_path / "sheet.jpg", names)
+    image = cv2.imread(str(tmp_path / "sheet.jpg"))
+    assert image is not None
+    assert image.shape == (300, 1800, 3)
+    blue, green, red = image[200:280, 30:120].reshape(-1, 3).mean(axis=0)
+    assert blue > red + 40
+    blue, green, red = image[60:140, 30:120].reshape(-1, 3).mean(axis=0)
+    assert max(blue, green, red) - min(blue, green, red) < 40
