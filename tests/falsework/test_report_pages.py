@@ -63,6 +63,30 @@ return { painted, colors: colors.size, cameras: space.told.flight.cameras.length
 """
 
 
+PHONE = """
+document.body.style.width = "390px";
+dispatchEvent(new Event("resize"));
+await new Promise((go) => setTimeout(go, 1000));
+const out = (one, place) => {
+  const a = one.getBoundingClientRect(), b = place.getBoundingClientRect();
+  return a.width > 0 && (a.left < b.left - 1 || a.right > b.right + 1);
+};
+const named = (all) => [...all].map((one) => `${one.tagName} ${one.textContent.slice(0, 60)}`);
+const words = ".xtitle, .ytitle, .xtick text, .ytick text, .legendtext";
+const texts = [...document.querySelectorAll(".figure")].flatMap((place) =>
+  [...place.querySelectorAll(words)].filter((one) => out(one, place)));
+const scrolls = (one) => getComputedStyle(one.closest(".card")).overflowX === "auto";
+const tables = [...document.querySelectorAll("table")].filter((one) => out(one, one.parentElement) && !scrolls(one));
+const places = [...document.querySelectorAll(".card, .tile, header, h2")].filter((one) => out(one, document.body));
+const first = [...document.querySelectorAll(".wide")].filter((one) => {
+  one.scrollLeft = 60;  // the first column and the heading stay
+  return [...one.querySelectorAll("tr > :first-child, h3")].some((cell) => out(cell, one));
+});
+const found = { texts: named(texts), tables: named(tables), places: named(places), first: named(first) };
+return { narrow: innerWidth <= 560, ...found };
+"""
+
+
 class Elements(HTMLParser):
     """Collects elements, attributes that run code, addresses, executable scripts and text."""
 
@@ -264,6 +288,16 @@ def test_the_page_of_flights_shows_bridge_and_cameras(both: list[tuple[Path, Pat
     for words in ("enough (from 70 %)", "too little (from 90 %)", "2.0 mm", "– at the 95th", "poorly", "well"):
         assert words in text, words
     assert "30 images more would show 1 of these 2: falsework survey plan plain --kind inspection" in text
+
+
+@needs_browser
+@pytest.mark.parametrize("kind", ["dataset", "training", "comparison", "flights", "run"])
+def test_nothing_is_clipped_on_a_phone(both: list[tuple[Path, Path]], kind: str, tmp_path: Path) -> None:
+    """390 pixels wide: texts of figures stay inside, tables that are wider scroll, their first column stays."""
+    page = Path(shutil.copy(both[KINDS.index(kind)][0], tmp_path / "page.html"))
+    nothing: list[str] = []
+    told = open_page(page, PHONE, 20_000, "--window-size=390,2400").told
+    assert told == {"narrow": True, "texts": nothing, "tables": nothing, "places": nothing, "first": nothing}
 
 
 def test_the_page_of_a_run_says_what_is_there_and_why_not(both: list[tuple[Path, Path]]) -> None:
