@@ -8,6 +8,7 @@ WORLD is what `falsework background import` wrote.
 import sys
 from pathlib import Path
 
+from authoring.scene import GivenFiles
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.gallery.worlds import photograph_world
 from groundwork.files import write_bytes
@@ -23,7 +24,8 @@ def main(world: Path, picture: Path) -> None:
         world: Folder of an imported world.
         picture: JPEG file to write.
     """
-    shots = photograph_world("imported", SEED, background={"name": str(world.absolute())})
+    given = GivenFiles(worlds={world.name: world.absolute() / f"{world.name}.usda"})
+    shots = photograph_world(world.name, SEED, given)
     rows = [(shots.caption, shots.pictures[:2]), ("", shots.pictures[2:])]
     write_bytes(picture, contact_sheet(rows, letters=0.45, quality=85))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.families.bridge_settings import draw_layout
 from authoring.looks.roles import LOOKS
-from authoring.scene import author_scene
+from authoring.scene import NO_FILES, GivenFiles, author_scene
 from authoring.settings import AuthoringSettings
 from authoring.shapes.component import FIRST_SITE_ID
 from authoring.site.site import draw_site
@@ -97,12 +97,13 @@ def write_worlds(folder: Path, count: int, seed: int, worlds: tuple[str, ...], p
     write_text(folder / "index.md", "\n".join(lines) + "\n")
 
 
-def photograph_world(world: str, seed: int, **said: Any) -> WorldShots:
+def photograph_world(world: str, seed: int, given: GivenFiles = NO_FILES, **said: Any) -> WorldShots:
     """Author one random bridge in a world and take its pictures; look and light follow from the seed.
 
     Args:
-        world: Name of a procedural world.
+        world: Name of a procedural world, or of one that is given.
         seed: Seed of the scene.
+        given: Imported worlds and other files of one's own.
         said: Further sections of the scenario.
     """
     look = tuple(LOOKS)[seed % len(LOOKS)]
@@ -122,7 +123,7 @@ def photograph_world(world: str, seed: int, **said: Any) -> WorldShots:
         stage, capture = Path(scratch) / "stage", Path(scratch) / "capture"
         stage.mkdir()
         capture.mkdir()
-        author_scene(settings, seed, stage, SILENT)
+        author_scene(settings, seed, stage, SILENT, given)
         scene = seen_from(read_stage(stage / "scene.usda"), world_views(layout, site), camera)
         pictures, measures = _take(scene, camera, capture, seed, float(site.field.heights.min()))
     total = int(scene.geometry.part_count[scene.draws.part].sum())

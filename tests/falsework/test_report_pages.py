@@ -4,7 +4,6 @@ import base64
 import hashlib
 import json
 import re
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -47,20 +46,6 @@ from tests.recon.conftest import poses_on_arc, write_capture
 SCRIPT = "\"></td></script><script>alert(1)</script><img src=x onerror=alert(2)>`' {{ 7*7 }}"
 MOST = 10e6  # [bytes]
 KINDS = ("run", "comparison", "training", "dataset", "view", "flights")
-
-
-FLIGHTS = """
-const card = document.querySelector(".card.space"), { space } = card, { gl } = space.pen;
-card.querySelector("input[name=cameras]").checked = false;
-space.draw();
-const bytes = new Uint8Array(4 * space.canvas.width * space.canvas.height);
-gl.readPixels(0, 0, space.canvas.width, space.canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
-let painted = 0;
-for (let i = 3; i < bytes.length; i += 4) painted += bytes[i] > 0;
-const colors = new Set(Array.from({ length: space.told.count }, (_, i) => space.colors.slice(3 * i, 3 * i + 3).join()));
-const widths = [...document.querySelectorAll("td.track i")].slice(0, 2).map((bar) => bar.style.width);
-return { painted, colors: colors.size, cameras: space.told.flight.cameras.length, widths };
-"""
 
 
 class Elements(HTMLParser):
@@ -249,21 +234,6 @@ def test_a_browser_has_nothing_to_say_of_the_pages(both: list[tuple[Path, Path]]
         assert [line for line in answer.console if "GPU stall" not in line] == []
         figures = len(re.findall(r'class="figure"', page.read_text(encoding="utf-8")))
         assert len(re.findall(r'class="main-svg"', answer.dom)) >= figures
-
-
-@needs_browser
-def test_the_page_of_flights_shows_bridge_and_cameras(both: list[tuple[Path, Path]], tmp_path: Path) -> None:
-    """In space the surface wears the colours of its classes; figures are judged as on the command line."""
-    page = Path(shutil.copy(both[-1][0], tmp_path / "flights.html"))
-    answer = open_page(page, FLIGHTS)
-    assert answer.told["cameras"] == 12
-    assert answer.told["colors"] == 2  # of a class that is ours, and of one that is not
-    assert answer.told["painted"] > 1000
-    assert answer.told["widths"] == ["60%", "20%"]  # best class first
-    text = " ".join(" ".join(elements_of(page).text).split())
-    for words in ("enough (from 70 %)", "too little (from 90 %)", "2.0 mm", "– at the 95th", "poorly", "well"):
-        assert words in text, words
-    assert "30 images more would show 1 of these 2: falsework survey plan plain --kind inspection" in text
 
 
 def test_the_page_of_a_run_says_what_is_there_and_why_not(both: list[tuple[Path, Path]]) -> None:

@@ -1,8 +1,36 @@
-// Draws each figure of the page in the colours of light or dark, anew when the reader changes between them.
+// Draws each figure of the page in the colours of light or dark, anew when the reader changes between them; narrow pages break long labels.
 "use strict";
 (() => {
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const options = { displaylogo: false, displayModeBar: false, responsive: true };
+  const narrow = window.matchMedia("(max-width: 560px)");
+  const LABEL = 14, TITLE = 28; // characters of a line where the page is narrow: of a tick, of an axis's title
+
+  // Breaks a text into lines at its spaces. What stands in it is escaped already; a break is the only tag of ours.
+  function broken(text, width) {
+    const lines = [""];
+    for (const word of String(text).split(" ")) {
+      const last = lines[lines.length - 1];
+      if (last && last.length + word.length >= width) lines.push(word);
+      else lines[lines.length - 1] = last ? `${last} ${word}` : word;
+    }
+    return lines.join("<br>");
+  }
+
+  // Titles of axes and long labels of rows are broken, which a phone would clip, or leave no room beside.
+  function fold(told) {
+    for (const name of Object.keys(told.layout).filter((key) => /^[xy]axis\d*$/.test(key))) {
+      const { title } = told.layout[name];
+      if (title) told.layout[name].title = { ...title, text: broken(title.text, TITLE), font: { size: 12 } };
+    }
+    for (const trace of told.data) {
+      if (Array.isArray(trace.y) && trace.y.some((value) => typeof value === "string")) {
+        trace.y = trace.y.map((value) => (typeof value === "string" ? broken(value, LABEL) : value));
+      }
+    }
+    if (told.layout.margin) told.layout.margin = { ...told.layout.margin, l: 45, r: 8 };
+  }
+
   function draw(place) {
     const told = JSON.parse(place.querySelector("script").textContent), layout = told.layout;
     const line = dark.matches ? "#363d45" : "#e3e6ea";
@@ -13,9 +41,11 @@
     for (const name of ["xaxis", "yaxis"]) {
       if (!layout[name]) layout[name] = { automargin: true, gridcolor: line, linecolor: line, zerolinecolor: line };
     }
+    if (narrow.matches) fold(told);
     Plotly.react(place.querySelector(".plot"), told.data, layout, options);
   }
   const all = () => document.querySelectorAll(".figure").forEach(draw);
   dark.addEventListener("change", all);
+  narrow.addEventListener("change", all);
   all();
 })();

@@ -1,0 +1,77 @@
+"""What a browser shows of the pages: flights in space, and every page on a phone."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.falsework.browser import needs_browser, open_page
+from tests.falsework.test_report_pages import KINDS, elements_of, pages_of
+
+FLIGHTS = """
+const card = document.querySelector(".card.space"), { space } = card, { gl } = space.pen;
+card.querySelector("input[name=cameras]").checked = false;
+space.draw();
+const bytes = new Uint8Array(4 * space.canvas.width * space.canvas.height);
+gl.readPixels(0, 0, space.canvas.width, space.canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+let painted = 0;
+for (let i = 3; i < bytes.length; i += 4) painted += bytes[i] > 0;
+const colors = new Set(Array.from({ length: space.told.count }, (_, i) => space.colors.slice(3 * i, 3 * i + 3).join()));
+const widths = [...document.querySelectorAll("td.track i")].slice(0, 2).map((bar) => bar.style.width);
+return { painted, colors: colors.size, cameras: space.told.flight.cameras.length, widths };
+"""
+
+
+PHONE = """
+document.body.style.width = "390px";
+dispatchEvent(new Event("resize"));
+await new Promise((go) => setTimeout(go, 1000));
+const out = (one, place) => {
+  const a = one.getBoundingClientRect(), b = place.getBoundingClientRect();
+  return a.width > 0 && (a.left < b.left - 1 || a.right > b.right + 1);
+};
+const named = (all) => [...all].map((one) => `${one.tagName} ${one.textContent.slice(0, 60)}`);
+const words = ".xtitle, .ytitle, .xtick text, .ytick text, .legendtext";
+const texts = [...document.querySelectorAll(".figure")].flatMap((place) =>
+  [...place.querySelectorAll(words)].filter((one) => out(one, place)));
+const scrolls = (one) => getComputedStyle(one.closest(".card")).overflowX === "auto";
+const tables = [...document.querySelectorAll("table")].filter((one) => out(one, one.parentElement) && !scrolls(one));
+const places = [...document.querySelectorAll(".card, .tile, header, h2")].filter((one) => out(one, document.body));
+const first = [...document.querySelectorAll(".wide")].filter((one) => {
+  one.scrollLeft = 60;  // the first column and the heading stay
+  return [...one.querySelectorAll("tr > :first-child, h3")].some((cell) => out(cell, one));
+});
+const found = { texts: named(texts), tables: named(tables), places: named(places), first: named(first) };
+return { narrow: innerWidth <= 560, ...found };
+"""
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Give a page of each kind, with plain names."""
+    return dict(zip(KINDS, pages_of(tmp_path_factory.mktemp("pages") / "plain", "plain"), strict=True))
+
+
+@needs_browser
+def test_the_page_of_flights_shows_bridge_and_cameras(pages: dict[str, Path], tmp_path: Path) -> None:
+    """In space the surface wears the colours of its classes; figures are judged as on the command line."""
+    page = Path(shutil.copy(pages["flights"], tmp_path / "flights.html"))
+    answer = open_page(page, FLIGHTS)
+    assert answer.told["cameras"] == 12
+    assert answer.told["colors"] == 2  # of a class that is ours, and of one that is not
+    assert answer.told["painted"] > 1000
+    assert answer.told["widths"] == ["60%", "20%"]  # best class first
+    text = " ".join(" ".join(elements_of(page).text).split())
+    for words in ("enough (from 70 %)", "too little (from 90 %)", "2.0 mm", "– at the 95th", "poorly", "well"):
+        assert words in text, words
+    assert "30 images more would show 1 of these 2: falsework survey plan plain --kind inspection" in text
+
+
+@needs_browser
+@pytest.mark.parametrize("kind", ["dataset", "training", "comparison", "flights", "run"])
+def test_nothing_is_clipped_on_a_phone(pages: dict[str, Path], kind: str, tmp_path: Path) -> None:
+    """390 pixels wide: texts of figures stay inside, tables that are wider scroll, their first column stays."""
+    page = Path(shutil.copy(pages[kind], tmp_path / "page.html"))
+    nothing: list[str] = []
+    told = open_page(page, PHONE, 20_000, "--window-size=390,2400").told
+    assert told == {"narrow": True, "texts": nothing, "tables": nothing, "places": nothing, "first": nothing}
