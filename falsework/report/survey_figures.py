@@ -40,26 +40,26 @@ def write_page(path: Path, surveys: list[dict[str, Any]]) -> None:
 
 
 def _figures(row: dict[str, Any]) -> list[go.Figure]:
-    centres, bridge = np.array(row["centres"]), np.array(row["outline"])
+    centers, bridge = np.array(row["centres"]), np.array(row["outline"])
     return [
-        flight_figure(centres, ["ok"] * len(centres), bridge, "images"),
-        _space_figure(row, centres, bridge),
+        flight_figure(centers, ["ok"] * len(centers), bridge, "images"),
+        _space_figure(row, centers, bridge),
         _coverage_figure(row),
         _pitch_figure(row),
     ]
 
 
-def _space_figure(row: dict[str, Any], centres: Any, bridge: Any) -> go.Figure:
+def _space_figure(row: dict[str, Any], centers: Any, bridge: Any) -> go.Figure:
     """Show cameras and where they look in space."""
     figure = go.Figure()
     points = {"mode": "markers", "hoverinfo": "skip"}
     x, y, z = bridge.T
     figure.add_scatter3d(x=x, y=y, z=z, marker={"size": 1.2, "color": "#b9bec4"}, name="bridge", **points)
-    tips = centres + np.array(row["looks"])
-    gap = np.full_like(centres, np.nan)
-    x, y, z = np.stack([centres, tips, gap], axis=1).reshape(-1, 3).T
+    tips = centers + np.array(row["looks"])
+    gap = np.full_like(centers, np.nan)
+    x, y, z = np.stack([centers, tips, gap], axis=1).reshape(-1, 3).T
     figure.add_scatter3d(x=x, y=y, z=z, mode="lines", line={"color": "#c8322b", "width": 2}, name="view")
-    x, y, z = centres.T
+    x, y, z = centers.T
     figure.add_scatter3d(x=x, y=y, z=z, mode="lines+markers", marker={"size": 2, "color": "#1f5fa8"}, name="flight")
     figure.update_layout(height=620, font=FONT, margin={"l": 0, "r": 0, "t": 10, "b": 0}, scene={"aspectmode": "data"})
     return figure
