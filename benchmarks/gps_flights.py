@@ -50,21 +50,21 @@ def draw_flight(rng: np.random.Generator) -> Flight:
         rng: Draws it.
     """
     kind = str(rng.choice(KINDS))
-    centres, headings, pitches = _path(kind, rng)
-    count = len(centres)
+    centers, headings, pitches = _path(kind, rng)
+    count = len(centers)
     noise = rng.uniform(0.3, 3.0) * np.array([1.0, 1.0, 0.0]) + rng.uniform(0.2, 4.0) * np.array([0.0, 0.0, 1.0])
     likeness = float(rng.choice([0.0, 0.0, 0.5, 0.8]))
     errors = rng.normal(size=(count, 3))
     for row in range(1, count):
         errors[row] = likeness * errors[row - 1] + np.sqrt(1.0 - likeness**2) * errors[row]
-    gps, strayed = centres + errors * noise + rng.normal(0.0, STATED), np.zeros(count, bool)
+    gps, strayed = centers + errors * noise + rng.normal(0.0, STATED), np.zeros(count, bool)
     if rng.random() < 0.3 and count >= 10:
         strayed[rng.choice(count, count // 8, replace=False)] = True
         gps[strayed] += rng.normal(0.0, 15.0 * noise.max(), (int(strayed.sum()), 3))
     rolls = np.radians(rng.normal(0.0, rng.uniform(0.3, 2.0), count) + rng.normal())
     world = _held(headings, pitches, rolls)
     known = Similarity(rng.uniform(0.2, 20.0), _any_rotation(rng), rng.normal(0.0, 50.0, 3))
-    source = (centres - known.translation) @ known.rotation / known.scale
+    source = (centers - known.translation) @ known.rotation / known.scale
     return Flight(kind, likeness, known, source, known.rotation.T @ world, gps, strayed)
 
 
@@ -121,9 +121,9 @@ def _path(kind: str, rng: np.random.Generator) -> tuple[F64, F64, F64]:
         lanes = int(rng.integers(2, 6))
         lane, part = np.divmod(np.arange(count) * lanes, count)
         part = np.where(lane % 2, 1.0 - part / count, part / count)
-        centres = np.column_stack([size * part, 0.8 * size * lane / lanes, height + rng.normal(0.0, 1.0, count)])
+        centers = np.column_stack([size * part, 0.8 * size * lane / lanes, height + rng.normal(0.0, 1.0, count)])
         headings = np.where(lane % 2, np.pi, 0.0) if rng.random() < 0.5 else np.zeros(count)
-        return centres, headings, np.full(count, -np.pi / 2 + 0.02)
+        return centers, headings, np.full(count, -np.pi / 2 + 0.02)
     if kind == "circle":
         angle = np.linspace(0.0, 2 * np.pi * rng.uniform(0.5, 1.0), count)
         ring = size / 2 * np.column_stack([np.cos(angle), np.sin(angle)])

@@ -21,13 +21,13 @@ def plain_verdict(
     """
     near = max(THRESHOLD, min(depth_error))
     voters = [row for row, error in enumerate(depth_error) if error <= near]
-    winner = _favourite([label[row] for row in voters], [depth_error[row] for row in voters])
+    winner = _favorite([label[row] for row in voters], [depth_error[row] for row in voters])
     agreeing = [row for row in voters if label[row] == winner]
-    owner = _favourite([instance[row] for row in agreeing], [depth_error[row] for row in agreeing])
+    owner = _favorite([instance[row] for row in agreeing], [depth_error[row] for row in agreeing])
     return winner, owner, sum(name == winner for name in label) / len(label), max(margin)
 
 
-def _favourite(names: list[int], errors: list[float]) -> int:
+def _favorite(names: list[int], errors: list[float]) -> int:
     votes, least = dict[int, int](), dict[int, float]()
     for name, error in zip(names, errors, strict=True):
         votes[name] = votes.get(name, 0) + 1

@@ -136,7 +136,7 @@ def _judged(name: str, title: str, capture: Capture, found: Found, truth: Truth)
     rows = np.array([row_of[file] for file in found.names], np.int64)
     target = Target("truth", truth.poses[:count, :3, 3], truth.poses[:count, :3, :3], LIMIT)
     try:
-        errors = align(found.poses, rows, target, AlignmentSettings(), np.random.default_rng(0)).centre_errors
+        errors = align(found.poses, rows, target, AlignmentSettings(), np.random.default_rng(0)).center_errors
         good = errors[errors <= LIMIT]
     except RejectedSceneError:  # nothing to align, or nothing that fits
         good = np.zeros(0)

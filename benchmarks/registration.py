@@ -36,7 +36,7 @@ from usd_schemas.reading.stage_reader import read_stage
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks" / "registration.md"
 SIZE: dict[str, Any] = {"width": 640, "height": 480}
 SITE: dict[str, Any] = {"half_width": 40, "run_out": 40}
-CENTRE_LIMIT = 0.5  # [m] beyond which a registered camera counts as lost
+CENTER_LIMIT = 0.5  # [m] beyond which a registered camera counts as lost
 BRIDGES: dict[str, dict[str, Any]] = {
     "beam": {"family": "beam", "beam": {"spans": [14.0]}},
     "girder": {"family": "girder", "girder": {"spans": [18.0]}},
@@ -187,7 +187,7 @@ def registered(capture: Path, work: Path) -> dict[str, Any]:
         model = run_sparse(photographs, work, settings, SILENT).model
         row_of = {image.file: row for row, image in enumerate(photographs.images)}
         rows = np.array([row_of[name] for name in model.names], np.int64)
-        target = Target("truth", truth.poses[:, :3, 3], truth.poses[:, :3, :3], CENTRE_LIMIT)
+        target = Target("truth", truth.poses[:, :3, 3], truth.poses[:, :3, :3], CENTER_LIMIT)
         found = align(model.poses, rows, target, settings.alignment, np.random.default_rng(0))
     except RejectedSceneError as error:
         return {"registered": 0.0, "right": 0.0, "why": error.reason}
@@ -211,7 +211,7 @@ def _page(rows: list[dict[str, Any]]) -> str:
         f"**{rank_correlation(rows, 'right'):.2f}**; the prediction's parameters were fitted to these flights. "
         f"Mean right share of the good flights {right[good].mean():.0%}, of the bad ones {right[~good].mean():.0%}.",
         "",
-        f"*Right* is registered within {CENTRE_LIMIT} m and the rotation limit of the aligned reconstruction.",
+        f"*Right* is registered within {CENTER_LIMIT} m and the rotation limit of the aligned reconstruction.",
         "",
         "| bridge | flight | meant | images | overlap | predicted | registered | right |",
         "|---|---|---|---|---|---|---|---|",

@@ -101,8 +101,8 @@ def _open(scene: Path) -> Usd.Stage:
 
 
 def _assemble(folder: Path, pieces: tuple[Component, ...]) -> Path:
-    for look, grey in (("weathered", 0.3), ("clean", 0.6)):
-        recipes = {role: MaterialRecipe(role, color=(grey, grey, grey)) for role in roles_of(pieces)}
+    for look, gray in (("weathered", 0.3), ("clean", 0.6)):
+        recipes = {role: MaterialRecipe(role, color=(gray, gray, gray)) for role in roles_of(pieces)}
         export(look_layer(recipes), folder / f"bridge/looks/{look}/look.usda")
     export(payload_layer(), folder / "bridge/payload.usda")
     looks = {look: f"./looks/{look}/look.usda" for look in ("weathered", "clean")}

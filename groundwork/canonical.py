@@ -80,10 +80,10 @@ def source_digest(files: list[Path]) -> str:
         SHA-256 in 64 hexadecimal digits.
     """
     texts = [file.read_text(encoding="utf-8") for file in files]
-    return digest(sorted(_behaviour(ast.parse(text)) for text in texts if text.strip()))
+    return digest(sorted(_behavior(ast.parse(text)) for text in texts if text.strip()))
 
 
-def _behaviour(tree: ast.Module) -> str:
+def _behavior(tree: ast.Module) -> str:
     """Dump a module without docstrings and with its imports reduced to the names that they bind."""
     bound: set[tuple[str, str]] = set()
     for node in ast.walk(tree):

@@ -114,7 +114,7 @@ class AlignmentSettings(Settings):
 
     method: Literal["centres+rotations", "paper"] = "centres+rotations"
     """Take the rotation from the cameras' rotations, or everything from their centres alone (the paper)."""
-    centre_limit: float | None = Field(default=None, gt=0.0, le=100.0)
+    center_limit: float | None = Field(default=None, gt=0.0, le=100.0)
     """Distance above which a camera centre is an outlier [m]; left out: 0.25 for a local survey, else 0.5 % of the
     diagonal of the path and at most 0.5. Asked of captures with truth alone: no camera is judged by its GPS."""
     rotation_limit: float = Field(default=2.0, gt=0.0, le=20.0)

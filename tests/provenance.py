@@ -57,8 +57,8 @@ def digest_of(file: Path, root: Path = ROOT) -> str:
     folders = {module.parent for module in modules if module.relative_to(root).parts[0] in ROOMS}
     data = sorted(path for folder in folders for path in _data_files(folder))
     hashes = {path.relative_to(root).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in data}
-    behaviour = sorted(_behaviour(module, module.stat().st_mtime_ns) for module in modules)
-    return digest([behaviour, sorted(hashes.values())])[:16]
+    behavior = sorted(_behavior(module, module.stat().st_mtime_ns) for module in modules)
+    return digest([behavior, sorted(hashes.values())])[:16]
 
 
 def _data_files(folder: Path) -> list[Path]:
@@ -75,7 +75,7 @@ def _conftests(file: Path, root: Path) -> list[Path]:
 
 
 @cache
-def _behaviour(file: Path, changed: int) -> str:
+def _behavior(file: Path, changed: int) -> str:
     """Hash what one module does; `changed` is the time of its last change."""
     return source_digest([file])
 

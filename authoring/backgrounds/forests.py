@@ -43,7 +43,7 @@ class Forests:
         crossing = self.land.crossing
         inside = np.minimum(inside, crossing.distance(station, left) - crossing.half_width - ASIDE)
         for approach in self.land.approaches:
-            aside = np.abs(left - approach.centre(station)) - approach.half_width - ASIDE
+            aside = np.abs(left - approach.center(station)) - approach.half_width - ASIDE
             inside = np.minimum(inside, np.where(approach.along(station) > -ASIDE, aside, 1e3))
         return inside
 

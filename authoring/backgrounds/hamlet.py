@@ -85,7 +85,7 @@ def _candidates(terrain: Terrain, count: int, rng: np.random.Generator) -> F64:
         station = approach.back + approach.sign * along
         aside = rng.choice((-1.0, 1.0), count // 3) * (approach.half_width + rng.uniform(24.0, 50.0, count // 3))
         heading = rng.choice((0.0, np.pi / 2), count // 3) + rng.normal(0.0, 0.06, count // 3)
-        rows.append(np.column_stack([station, approach.centre(station) + aside, heading]))
+        rows.append(np.column_stack([station, approach.center(station) + aside, heading]))
     left = rng.choice((-1.0, 1.0), count // 3) * rng.uniform(98.0, 270.0, count // 3)
     station = rng.uniform(terrain.inner[0] - 60.0, terrain.inner[1] + 60.0, count // 3)
     rows.append(np.column_stack([station, left, rng.uniform(-0.5, 0.5, count // 3)]))

@@ -118,7 +118,7 @@ def beside_approaches(plan: TownPlan, terrain: Terrain, gap: float, step: float)
     for approach, border in zip(land.approaches, terrain.inner[:2], strict=True):
         for side in (-1.0, 1.0):
             station = border + approach.sign * np.arange(16.0, 330.0, step)
-            left = approach.centre(station) + side * (approach.half_width + gap) * approach.stretch(station)
+            left = approach.center(station) + side * (approach.half_width + gap) * approach.stretch(station)
             world = to_world(land.layout.alignment, np.column_stack([station, left, np.zeros(len(station))]))
             world[:, 2] = plan.land.ground(world[:, :2]) + KERB
             turn = land.layout.alignment.heading_at(station) - side * np.pi / 2

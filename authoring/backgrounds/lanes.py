@@ -67,7 +67,7 @@ def draw_lanes(
     lanes = []
     for up in ups:
         wind = draw_relief(((190.0, 8.0), (70.0, 2.0)), rng)
-        at = float(crossing.centre(np.array(uphill * up)))
+        at = float(crossing.center(np.array(uphill * up)))
         room = crossing.half_width + gap
         for start, stop in ((middle - reach * rng.uniform(0.75, 1.0), at - room), (at + room, middle + reach)):
             if stop - start > 60.0:

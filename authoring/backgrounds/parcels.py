@@ -25,13 +25,13 @@ class Parcel:
     """A rectangular field.
 
     Attributes:
-        centre: Station and left of its middle [m].
+        center: Station and left of its middle [m].
         heading: Direction of its first side from the axis [rad].
         half: Half the lengths of its sides [m].
         crop: Name of its cover, or `` for pasture.
     """
 
-    centre: tuple[float, float]
+    center: tuple[float, float]
     heading: float
     half: tuple[float, float]
     crop: str
@@ -39,7 +39,7 @@ class Parcel:
     def inside(self, station: F64, left: F64) -> F64:
         """Measure how far places lie within its borders, negative outside [m], same shape, float64."""
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
-        east, north = station - self.centre[0], left - self.centre[1]
+        east, north = station - self.center[0], left - self.center[1]
         across, along = np.abs(east * cosine + north * sine), np.abs(north * cosine - east * sine)
         return np.minimum(self.half[0] - across, self.half[1] - along)
 
@@ -58,7 +58,7 @@ class Parcel:
             corners.append(np.linspace(start, stop, count, endpoint=False))
         local = np.concatenate(corners)
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
-        return np.asarray(self.centre) + local @ np.array([[cosine, sine], [-sine, cosine]])
+        return np.asarray(self.center) + local @ np.array([[cosine, sine], [-sine, cosine]])
 
 
 def draw_parcels(
@@ -159,6 +159,6 @@ def open_land(terrain: Terrain, station: F64, left: F64) -> F64:
     free = np.minimum(np.minimum(terrain.beyond(station, left), terrain.clear(station, left)) - 9.0, 60.0)
     free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - 13.0)
     for approach in land.approaches:
-        aside = np.abs(left - approach.centre(station)) - approach.half_width - 15.0
+        aside = np.abs(left - approach.center(station)) - approach.half_width - 15.0
         free = np.minimum(free, np.where(approach.along(station) > -20.0, aside, 60.0))
     return free

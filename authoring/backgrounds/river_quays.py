@@ -69,7 +69,7 @@ def quay_line(terrain: Terrain, lefts: F64, bank: float, back: float) -> F64:
     """
     crossing = terrain.land.crossing
     away = crossing.half_width - _IN_WATER + back
-    station = crossing.centre(lefts) + bank * away * crossing.stretch(lefts)
+    station = crossing.center(lefts) + bank * away * crossing.stretch(lefts)
     level = np.full(len(lefts), _PAVED)
     return to_world(terrain.land.layout.alignment, np.column_stack([station, lefts, level]))
 
@@ -78,7 +78,7 @@ def _quay(terrain: Terrain, lefts: F64, bank: float) -> tuple[Mesh, Mesh]:
     """Sweep one wall and its promenade; rows run from the line's left to its right."""
     crossing, axis = terrain.land.crossing, terrain.land.layout.alignment
     aside = -np.sign(lefts[-1] - lefts[0]) * crossing.stretch(lefts)
-    line = Line(crossing.centre(lefts), lefts, np.column_stack([aside, np.zeros(len(lefts))]))
+    line = Line(crossing.center(lefts), lefts, np.column_stack([aside, np.zeros(len(lefts))]))
     leftward = bank * np.sign(aside[0])
     foot, face = crossing.level - crossing.depth - 0.6, crossing.half_width - _IN_WATER
     back = crossing.half_width + QUAY

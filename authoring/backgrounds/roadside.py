@@ -35,7 +35,7 @@ def plant_poles(terrain: Terrain, first_id: int, rng: np.random.Generator) -> tu
         far = abs((terrain.inner[0] if approach.sign < 0 else terrain.inner[1]) - approach.back)
         along = np.arange(far + 12.0, far + 620.0, POLE_STEP)
         station = approach.back + approach.sign * along
-        left = approach.centre(station) + side * (approach.half_width + 13.0)
+        left = approach.center(station) + side * (approach.half_width + 13.0)
         rows.append(np.column_stack([station, left, terrain.height(station, left)]))
         turns.append(terrain.land.layout.alignment.heading_at(station))
     places, yaw = np.concatenate(rows), np.concatenate(turns)

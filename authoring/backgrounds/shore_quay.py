@@ -37,7 +37,7 @@ def quay_reaches(terrain: Terrain, reach: float) -> list[F64]:
     crossing, middle = terrain.land.crossing, (terrain.inner[0] + terrain.inner[1]) / 2
     room = crossing.half_width + (14.0 if crossing.kind == "river" else 9.0)
     side = 240.0
-    at = [float(crossing.centre(np.array(sign * side))) for sign in (-1.0, 1.0)]
+    at = [float(crossing.center(np.array(sign * side))) for sign in (-1.0, 1.0)]
     low, high = min(*at, crossing.station) - room, max(*at, crossing.station) + room
     stretches = [(middle - reach, low), (high, middle + reach)]
     return [spread(start, stop, STEP) for start, stop in stretches if stop - start > 60.0]

@@ -72,7 +72,7 @@ def beside_roads(terrain: Terrain, span: tuple[float, float], rng: np.random.Gen
         station = approach.back + approach.sign * np.arange(75.0, 620.0, 7.0)
         for side in (-1.0, 1.0):
             aside = side * (approach.half_width + rng.uniform(*span, len(station)))
-            rows.append(np.column_stack([station, approach.centre(station) + aside]))
+            rows.append(np.column_stack([station, approach.center(station) + aside]))
     return np.concatenate(rows)
 
 

@@ -47,13 +47,13 @@ class Frame:
 
 
 def box(
-    frame: Frame, centre: tuple[float, float, float], half: tuple[float, float, float], sides: str = "zZyYxX"
+    frame: Frame, center: tuple[float, float, float], half: tuple[float, float, float], sides: str = "zZyYxX"
 ) -> Mesh:
     """Make a box.
 
     Args:
         frame: Local frame.
-        centre: Its middle [m].
+        center: Its middle [m].
         half: Half its sizes [m].
         sides: Sides wanted: small letters face down the axis, capitals up it.
 
@@ -61,7 +61,7 @@ def box(
         The mesh, closed where it has all sides.
     """
     signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
-    return solid(frame, np.asarray(centre) + signs * np.asarray(half), [_SIDES[side] for side in sides])
+    return solid(frame, np.asarray(center) + signs * np.asarray(half), [_SIDES[side] for side in sides])
 
 
 def gabled_walls(frame: Frame, half: tuple[float, float], levels: tuple[float, float, float]) -> Mesh:

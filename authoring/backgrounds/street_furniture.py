@@ -58,7 +58,7 @@ def _along_railway(terrain: Terrain) -> list[Spots]:
     for start, sign in ((terrain.inner[2] - 1.0, -1.0), (terrain.inner[3] + 1.0, 1.0)):
         lefts = start + sign * np.arange(0.0, 300.0, PANEL)
         for side in (-1.0, 1.0):
-            station = crossing.centre(lefts) + side * (crossing.half_width + 4.6) * crossing.stretch(lefts)
+            station = crossing.center(lefts) + side * (crossing.half_width + 4.6) * crossing.stretch(lefts)
             level = terrain.height(station, lefts)
             panels = _panels(to_world(axis, np.column_stack([station, lefts, level])))
             found.append(panels.only(terrain.clear(station, lefts)[:-1] > PANEL + 0.3))

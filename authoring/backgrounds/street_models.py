@@ -41,15 +41,15 @@ def shop_fronts() -> tuple[Model, ...]:
         [[x + 0.1, -0.11, 2.15] for x in (-0.32, -0.18, 0.0, 0.16)],
         "y",
     )
-    for colour in (RED, BLUE, GREEN, BLACK, YELLOW):
-        board = quad_mesh(boxes([-0.46, -0.11, 1.7], [0.46, 0.0, 2.3], "xXyzZ"), shade(colour))
+    for color in (RED, BLUE, GREEN, BLACK, YELLOW):
+        board = quad_mesh(boxes([-0.46, -0.11, 1.7], [0.46, 0.0, 2.3], "xXyzZ"), shade(color))
         models.append(
-            (("paint_colours", merged([board, quad_mesh(letters, shade(BLACK if colour == YELLOW else WHITE))])),)
+            (("paint_colours", merged([board, quad_mesh(letters, shade(BLACK if color == YELLOW else WHITE))])),)
         )
-    for colour in (RED, GREEN, WHITE):
+    for color in (RED, GREEN, WHITE):
         slope = prism(np.array([(-1.15, 0.85), (0.0, 1.3), (0.0, 1.42), (-1.15, 0.97)]), -0.5, 0.5)
         turned = np.stack([-slope[..., 1], slope[..., 0], slope[..., 2]], axis=-1)
-        models.append((("paint_colours", quad_mesh(turned, shade(colour))),))
+        models.append((("paint_colours", quad_mesh(turned, shade(color))),))
     return tuple(models)
 
 
@@ -67,8 +67,8 @@ def traffic_light() -> Model:
     steel = quad_mesh(np.concatenate([_column(0.07, 3.6, 0.9)]))
     case = quad_mesh(boxes([0.08, -0.18, 2.6], [0.34, 0.18, 3.6]))
     lights = [
-        quad_mesh(boxes([0.34, -0.1, z], [0.36, 0.1, z + 0.2]), shade(colour))
-        for z, colour in ((3.3, RED), (3.0, YELLOW), (2.7, GREEN))
+        quad_mesh(boxes([0.34, -0.1, z], [0.36, 0.1, z + 0.2]), shade(color))
+        for z, color in ((3.3, RED), (3.0, YELLOW), (2.7, GREEN))
     ]
     return ("galvanised_steel", steel), ("rubber", case), ("paint_colours", merged(lights))
 
@@ -76,14 +76,12 @@ def traffic_light() -> Model:
 def signs() -> tuple[Model, ...]:
     """Model traffic signs: plates of several colours on posts, facing x."""
     models: list[Model] = []
-    for number, colour in enumerate(_SIGNS):
+    for number, color in enumerate(_SIGNS):
         half = (0.3, 0.3) if number % 2 == 0 else (0.28, 0.42)
         plate = boxes([0.05, -half[0], 2.5 - half[1]], [0.08, half[0], 2.5 + half[1]])
         rim = boxes([0.08, -0.7 * half[0], 2.5 - 0.35 * half[1]], [0.09, 0.7 * half[0], 2.5 + 0.1 * half[1]])
         post = ("galvanised_steel", quad_mesh(_column(0.04, 2.95, 1.0)))
-        models.append(
-            (post, ("paint_colours", merged([quad_mesh(plate, shade(colour)), quad_mesh(rim, shade(WHITE))])))
-        )
+        models.append((post, ("paint_colours", merged([quad_mesh(plate, shade(color)), quad_mesh(rim, shade(WHITE))]))))
     return tuple(models)
 
 

@@ -117,7 +117,7 @@ def _beside_site(terrain: Terrain, rng: np.random.Generator) -> Spots:
     clear = land.crossing.distance(places[:, 0], places[:, 1]) > land.crossing.half_width + 9.0
     clear &= terrain.clear(places[:, 0], places[:, 1]) > 6.0
     for approach in land.approaches:
-        clear &= np.abs(places[:, 1] - approach.centre(places[:, 0])) > approach.half_width + 8.0
+        clear &= np.abs(places[:, 1] - approach.center(places[:, 0])) > approach.half_width + 8.0
     places = places[clear & (rng.uniform(size=len(places)) < 0.6)]
     level = terrain.height(places[:, 0], places[:, 1])
     return Spots(to_world(land.layout.alignment, np.column_stack([places, level])), np.zeros(len(places)))
@@ -134,6 +134,6 @@ def _country(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> Spot
     land = terrain.land
     clear = land.crossing.distance(station, left) > land.crossing.half_width + 16.0
     for approach in land.approaches:
-        clear &= np.abs(left - approach.centre(station)) > approach.half_width + 14.0
+        clear &= np.abs(left - approach.center(station)) > approach.half_width + 14.0
     level = terrain.height(station, left)
     return Spots(np.column_stack([places, level]), np.zeros(len(places))).only(clear)

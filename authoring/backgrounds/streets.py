@@ -168,7 +168,7 @@ def open_ground(terrain: Terrain, station: F64, left: F64) -> F64:
     for approach in land.approaches:
         natural = 0.0 if land.valley is None else land.valley(station, np.zeros_like(station))
         fill = np.abs(approach.level(land.layout, no_hills, station) - natural - 0.5)
-        aside = np.abs(left - approach.centre(station)) / approach.stretch(station)
+        aside = np.abs(left - approach.center(station)) / approach.stretch(station)
         aside = aside - approach.half_width - KERB_GAP - 1.9 * np.maximum(fill - 0.15, 0.0)
         free = np.minimum(free, np.where(approach.along(station) > -20.0, aside, 1e3))
     return free

@@ -72,7 +72,7 @@ class Terrain:
         plan = self.land.layout.alignment.point(station, left, np.zeros(np.shape(station)))[..., :2]
         free = np.full(np.shape(station), np.inf)
         for box in self.keep_out:
-            offset, cosine, sine = plan - np.asarray(box.centre[:2]), np.cos(box.heading), np.sin(box.heading)
+            offset, cosine, sine = plan - np.asarray(box.center[:2]), np.cos(box.heading), np.sin(box.heading)
             along = np.abs(offset[..., 0] * cosine + offset[..., 1] * sine) - box.half[0]
             aside = np.abs(offset[..., 1] * cosine - offset[..., 0] * sine) - box.half[1]
             free = np.minimum(free, np.hypot(np.maximum(along, 0.0), np.maximum(aside, 0.0)))
@@ -179,12 +179,12 @@ def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generat
 
     def hills(station: F64, left: F64) -> F64:
         away = distance_beyond(inner, station, left)
-        stream = np.abs(station - land.crossing.centre(left)) - max(land.crossing.half_width - 30.0, 0.0)
+        stream = np.abs(station - land.crossing.center(left)) - max(land.crossing.half_width - 30.0, 0.0)
         low, high = (45.0, 260.0) if land.crossing.kind == "river" else (30.0, 220.0)
         floor = 0.0 if land.crossing.kind == "river" else 0.2
         valley = floor + (1.0 - floor) * smoothstep(low, high, stream)
         for approach in land.approaches:
-            aside = np.abs(left - approach.centre(station))
+            aside = np.abs(left - approach.center(station))
             along = smoothstep(-80.0, 0.0, approach.along(station))
             valley = valley * (1.0 - 0.8 * along * (1.0 - smoothstep(25.0, 220.0, aside)))
         tall = height * (0.45 + 0.9 * broad(station, left)) * (0.35 + 0.65 * smoothstep(150.0, 800.0, away))
@@ -232,7 +232,7 @@ def _coarser(land: Land, hills: Hills, field: HeightField, inner: Cell) -> NDArr
     slack = np.minimum(SLACK[0] + SLACK[1] * away, SLACK[2])
     beside = land.crossing.distance(station, left) - land.crossing.half_width
     for approach in land.approaches:
-        aside = np.abs(left - approach.centre(station)) - approach.half_width
+        aside = np.abs(left - approach.center(station)) - approach.half_width
         beside = np.minimum(beside, np.where(approach.along(station) > 0.0, aside, np.inf))
     slack = np.where(beside < BESIDE, np.minimum(slack, WAY_SLACK), slack)
     covers = land.shape(station, left, hills).covers
@@ -267,7 +267,7 @@ def _bends(land: Land, inner: Cell, column: F64, row: F64) -> tuple[F64, F64]:
     first, last, low, high = inner
     crossing = land.crossing
     near = 1.0 - smoothstep(0.0, FADE, np.maximum(np.maximum(first - column, column - last), 0.0))
-    shift = near * (crossing.centre(row) - crossing.centre(np.clip(row, low, high)))
+    shift = near * (crossing.center(row) - crossing.center(np.clip(row, low, high)))
     near = 1.0 - smoothstep(0.0, FADE, np.maximum(np.maximum(low - row, row - high), 0.0))
     before, behind = land.approaches
-    return shift, near * (before.centre(column) + behind.centre(column))
+    return shift, near * (before.center(column) + behind.center(column))

@@ -87,26 +87,26 @@ def _on_ways(terrain: Terrain, rng: np.random.Generator) -> list[Spots]:
         for approach, border in ((land.approaches[0], first), (land.approaches[1], last)):
             for lane in (-1.0, 1.0):
                 station = border + approach.sign * (8.0 + np.cumsum(rng.uniform(18.0, 75.0, 8)))
-                left = approach.centre(station) - lane * 0.45 * approach.half_width
+                left = approach.center(station) - lane * 0.45 * approach.half_width
                 level = np.maximum(
                     approach.level(land.layout, terrain.hills, station), terrain.height(station, left) + 0.05
                 )
-                found.append(_heading(axis, np.column_stack([station, left, level]), approach.centre, 0, lane))
+                found.append(_heading(axis, np.column_stack([station, left, level]), approach.center, 0, lane))
     if land.crossing.kind == "road":
         for lane in (-1.0, 1.0):
             for border, sign in ((low, -1.0), (high, 1.0)):
                 left = border + sign * (8.0 + np.cumsum(rng.uniform(18.0, 75.0, 7)))
-                station = land.crossing.centre(left) + lane * 0.45 * land.crossing.half_width
+                station = land.crossing.center(left) + lane * 0.45 * land.crossing.half_width
                 level = np.maximum(np.full(len(left), land.crossing.level), terrain.height(station, left) + 0.05)
-                found.append(_heading(axis, np.column_stack([station, left, level]), land.crossing.centre, 1, lane))
+                found.append(_heading(axis, np.column_stack([station, left, level]), land.crossing.center, 1, lane))
     return found
 
 
-def _heading(axis: Alignment, rows: F64, centre: Callable[[F64], F64], along: int, lane: float) -> Spots:
+def _heading(axis: Alignment, rows: F64, center: Callable[[F64], F64], along: int, lane: float) -> Spots:
     """Turn vehicles along a line that winds about one coordinate."""
     ahead = rows.copy()
     ahead[:, along] += 2.0
-    ahead[:, 1 - along] += centre(ahead[:, along]) - centre(rows[:, along])
+    ahead[:, 1 - along] += center(ahead[:, along]) - center(rows[:, along])
     one, other = to_world(axis, rows), to_world(axis, ahead)
     turn = np.arctan2(other[:, 1] - one[:, 1], other[:, 0] - one[:, 0])
     return Spots(one, turn + (np.pi if lane < 0 else 0.0))

@@ -181,7 +181,7 @@ def _places(terrain: Terrain, parcels: tuple[Parcel, ...], count: int, rng: np.r
     bank = rng.choice((-1.0, 1.0), count) * (land.crossing.half_width + rng.uniform(14.0, 20.0, count))
     keep = rng.uniform(0.0, 1.0, count) < 0.35
     river = np.column_stack(
-        [land.crossing.centre(left) + bank * land.crossing.stretch(left), left, rng.choice((1, 2, 2, 4), count)]
+        [land.crossing.center(left) + bank * land.crossing.stretch(left), left, rng.choice((1, 2, 2, 4), count)]
     )
     rows.append(river[keep])
     woods = draw_relief(((150.0, 1.0), (60.0, 0.35)), rng)

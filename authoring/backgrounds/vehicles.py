@@ -10,11 +10,11 @@ from authoring.site.ways import merged
 F64 = NDArray[np.float64]
 Model = tuple[tuple[str, Mesh], ...]
 
-COLOURS = 8  # stripes of the recipe `paint_colours`, one metre each
-WHITE, SILVER, GREY, BLACK, RED, BLUE, YELLOW, GREEN = range(COLOURS)
+COLORS = 8  # stripes of the recipe `paint_colours`, one metre each
+WHITE, SILVER, GRAY, BLACK, RED, BLUE, YELLOW, GREEN = range(COLORS)
 CARS = (
     ("saloon", (WHITE, SILVER, BLACK, RED, BLUE)),
-    ("estate", (GREY, SILVER, WHITE, GREEN)),
+    ("estate", (GRAY, SILVER, WHITE, GREEN)),
     ("van", (WHITE, WHITE, YELLOW)),
     ("bus", (RED, BLUE)),
     ("truck", (WHITE, BLUE)),
@@ -23,9 +23,9 @@ LENGTHS = {"saloon": 4.5, "estate": 4.7, "van": 5.6, "bus": 12.0, "truck": 8.6} 
 _PALE, _TAIL = WHITE, RED
 
 
-def shade(colour: int) -> float:
+def shade(color: int) -> float:
     """Find a colour's place on the palette [m]."""
-    return colour + 0.5
+    return color + 0.5
 
 
 def vehicle_models() -> tuple[tuple[str, Model], ...]:
@@ -35,36 +35,36 @@ def vehicle_models() -> tuple[tuple[str, Model], ...]:
         Type and model of each.
     """
     build = {"saloon": _saloon, "estate": _estate, "van": _van, "bus": _bus, "truck": _truck}
-    return tuple((kind, build[kind](colour)) for kind, colours in CARS for colour in dict.fromkeys(colours))
+    return tuple((kind, build[kind](color)) for kind, colors in CARS for color in dict.fromkeys(colors))
 
 
-def _saloon(colour: int) -> Model:
+def _saloon(color: int) -> Model:
     body = prism(
         np.array([(-2.2, 0.24), (2.2, 0.24), (2.26, 0.55), (2.05, 0.74), (-2.12, 0.92), (-2.24, 0.6)]), -0.88, 0.88
     )
     cabin = _cabin([(-1.9, 0.86), (1.1, 0.78), (0.3, 1.38), (-1.2, 1.41)], 0.80, 0.60)
     top = _cabin([(-1.24, 1.385), (0.34, 1.355), (0.28, 1.43), (-1.15, 1.46)], 0.62, 0.57)
-    return _car(colour, np.concatenate([body, top]), cabin, (-1.36, 1.36), 2.24)
+    return _car(color, np.concatenate([body, top]), cabin, (-1.36, 1.36), 2.24)
 
 
-def _estate(colour: int) -> Model:
+def _estate(color: int) -> Model:
     body = prism(
         np.array([(-2.3, 0.28), (2.28, 0.28), (2.34, 0.62), (2.1, 0.86), (-2.28, 1.02), (-2.36, 0.6)]), -0.92, 0.92
     )
     cabin = _cabin([(-2.22, 0.98), (1.0, 0.9), (0.35, 1.55), (-2.02, 1.58)], 0.85, 0.68)
     top = _cabin([(-2.05, 1.55), (0.38, 1.52), (0.3, 1.61), (-1.98, 1.65)], 0.70, 0.66)
-    return _car(colour, np.concatenate([body, top]), cabin, (-1.42, 1.42), 2.33)
+    return _car(color, np.concatenate([body, top]), cabin, (-1.42, 1.42), 2.33)
 
 
-def _van(colour: int) -> Model:
+def _van(color: int) -> Model:
     outline = np.array([(-2.75, 0.36), (2.68, 0.36), (2.75, 0.95), (1.8, 2.2), (-2.7, 2.26), (-2.78, 1.2)])
     body = prism(outline, -0.97, 0.97)
     slope = np.array([(2.60, 1.17), (2.66, 1.19), (1.90, 2.17), (1.84, 2.15)])
     glass = np.concatenate([prism(slope, -0.86, 0.86), boxes([0.75, -0.985, 1.25], [1.75, 0.985, 1.95], "xXyYzZ")])
-    return _car(colour, body, glass, (-1.75, 1.8), 2.74)
+    return _car(color, body, glass, (-1.75, 1.8), 2.74)
 
 
-def _bus(colour: int) -> Model:
+def _bus(color: int) -> Model:
     low, high = np.array([-6.0, -1.26, 0.34]), np.array([6.0, 1.26, 3.0])
     body = boxes(low, high)
     rim = np.array([-6.0, 6.0, -1.26, 1.26])
@@ -72,28 +72,28 @@ def _bus(colour: int) -> Model:
     posts = [boxes([x - 0.06, -1.29, 1.25], [x + 0.06, 1.29, 2.4], "xXyY") for x in np.arange(-4.6, 5.0, 1.53)]
     plant = boxes([[-4.5, -0.8, 3.0], [1.0, -0.7, 3.0]], [[-1.8, 0.8, 3.25], [2.6, 0.7, 3.2]])
     dark = np.concatenate([*posts, boxes([6.0, -0.9, 2.5], [6.03, 0.9, 2.85])])
-    return _finish(colour, np.concatenate([body, plant]), glass, _wheels((-3.4, 3.6), 1.26, 0.48), dark, (6.0, 1.0))
+    return _finish(color, np.concatenate([body, plant]), glass, _wheels((-3.4, 3.6), 1.26, 0.48), dark, (6.0, 1.0))
 
 
-def _truck(colour: int) -> Model:
+def _truck(color: int) -> Model:
     cab = prism(np.array([(2.3, 0.5), (4.15, 0.5), (4.25, 1.3), (4.05, 2.55), (2.5, 2.65), (2.3, 2.6)]), -1.15, 1.15)
     slope = np.array([(4.22, 1.42), (4.28, 1.43), (4.12, 2.36), (4.06, 2.35)])
     glass = np.concatenate([prism(slope, -1.02, 1.02), boxes([2.95, -1.165, 1.45], [3.8, 1.165, 2.25], "xXyYzZ")])
     load = boxes([-4.3, -1.24, 0.95], [2.15, 1.24, 3.45])
     chassis = boxes([-4.25, -0.5, 0.5], [2.4, 0.5, 0.95], ALL)
-    model = _finish(colour, cab, glass, _wheels((-2.9, -1.8, 3.25), 1.15, 0.48), chassis, (4.2, 0.75))
+    model = _finish(color, cab, glass, _wheels((-2.9, -1.8, 3.25), 1.15, 0.48), chassis, (4.2, 0.75))
     return (*model, ("paint_colours", quad_mesh(load, shade(SILVER))))
 
 
-def _car(colour: int, body: F64, glass: F64, axles: tuple[float, ...], nose: float) -> Model:
+def _car(color: int, body: F64, glass: F64, axles: tuple[float, ...], nose: float) -> Model:
     half = float(np.abs(body[..., 1]).max())
     dark = np.concatenate(
         [boxes([sign * nose - 0.03, -0.7, 0.32], [sign * nose + 0.03, 0.7, 0.44]) for sign in (-1, 1)]
     )
-    return _finish(colour, body, glass, _wheels(axles, half, 0.32), dark, (nose - 0.02, 0.56))
+    return _finish(color, body, glass, _wheels(axles, half, 0.32), dark, (nose - 0.02, 0.56))
 
 
-def _finish(colour: int, body: F64, glass: F64, wheels: F64, dark: F64, lamps: tuple[float, float]) -> Model:
+def _finish(color: int, body: F64, glass: F64, wheels: F64, dark: F64, lamps: tuple[float, float]) -> Model:
     """Give a vehicle its materials, and lamps at its ends: how far forward and how high [m]."""
     nose, high = lamps
     back = -nose if nose < 5.0 else -6.0
@@ -107,7 +107,7 @@ def _finish(colour: int, body: F64, glass: F64, wheels: F64, dark: F64, lamps: t
         )
         for x in (nose, float(min(body[..., 0].min() + 0.02, back + 0.06)))
     ]
-    paint = [quad_mesh(body, shade(colour)), quad_mesh(pairs[0], shade(_PALE)), quad_mesh(pairs[1], shade(_TAIL))]
+    paint = [quad_mesh(body, shade(color)), quad_mesh(pairs[0], shade(_PALE)), quad_mesh(pairs[1], shade(_TAIL))]
     return (
         ("paint_colours", merged(paint)),
         ("window", quad_mesh(glass)),

@@ -92,7 +92,7 @@ def with_shore(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hi
         fall = smoothstep(-foreshore, -18.0, inside)
         high = 0.0
         if land.valley is not None:
-            high = land.valley(station, land.crossing.centre(left) - land.crossing.station)
+            high = land.valley(station, land.crossing.center(left) - land.crossing.station)
         own = dry(station, left) - fall * high - shore * land.relief(station, left)
         ashore = basin.level + slope(station, left) * np.maximum(-inside, 0.0)
         overlap = np.maximum(1.2 - np.abs(ashore - own), 0.0) / 1.2
@@ -156,12 +156,12 @@ def shore_pieces(terrain: Terrain, basin: Basin, extra: tuple[tuple[Cover, F64],
     for cover, soup in covered(terrain.soup(extra, ((WATER, wet), (SHORE, beach)))):
         for name, chunk in chunked(cover.prim, soup) if cover is not WATER else [(cover.prim, soup)]:
             atlas = terrain.atlas(chunk)
-            level = _levelled(chunk, basin.level) if cover is WATER else chunk
+            level = _leveled(chunk, basin.level) if cover is WATER else chunk
             pieces.append((name, cover.kind, cover.role, "Ground", drape(level, axis, atlas)))
     return pieces
 
 
-def _levelled(soup: Soup, level: float) -> Soup:
+def _leveled(soup: Soup, level: float) -> Soup:
     rows = soup.rows.copy()
     rows[:, 2], rows[:, 3:6] = level, (0.0, 0.0, 1.0)
     return replace(soup, rows=rows)
@@ -184,7 +184,7 @@ def ways_to_water(terrain: Terrain, basin: Basin) -> list[Piece]:
             crossing = terrain.land.crossing
             sink = crossing.level - basin.level + 0.12
             inside = np.where(
-                basin.side * left > 0.0, basin.inside(crossing.centre(left), left), -1e3
+                basin.side * left > 0.0, basin.inside(crossing.center(left), left), -1e3
             )  # of the middle, so that cross-sections stay level
             points = mesh.points.copy()
             points[:, 2] -= np.round(

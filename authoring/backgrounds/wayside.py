@@ -38,8 +38,8 @@ def plant_fences(terrain: Terrain, rng: np.random.Generator, first_id: int) -> t
     left = np.concatenate([terrain.inner[3] + steps, terrain.inner[2] - steps])
     rows = []
     for side in (-1.0, 1.0):
-        station = crossing.centre(left) + side * away * crossing.stretch(left)
-        ahead = np.column_stack([crossing.centre(left + 1.0) - crossing.centre(left - 1.0), np.full(len(left), 2.0)])
+        station = crossing.center(left) + side * away * crossing.stretch(left)
+        ahead = np.column_stack([crossing.center(left + 1.0) - crossing.center(left - 1.0), np.full(len(left), 2.0)])
         rows.append(np.column_stack([station, left, ahead]))
     first, last, low, high = terrain.inner
     along = np.arange(first - 40.0, last + 40.0, PANEL)
@@ -81,8 +81,8 @@ def drive_cars(terrain: Terrain, count: int, rng: np.random.Generator, first_id:
         way = 1.0 if rng.random() < 0.5 else -1.0  # towards higher stations, or lower
         station = border + approach.sign * far
         at = np.array([station, station + 1.0])
-        centre = approach.centre(at)
-        rows.append((station, centre[0] - way * 0.5 * approach.half_width, np.arctan(centre[1] - centre[0]), way))
+        center = approach.center(at)
+        rows.append((station, center[0] - way * 0.5 * approach.half_width, np.arctan(center[1] - center[0]), way))
     cars = np.array(rows)
     cars = cars[terrain.clear(cars[:, 0], cars[:, 1]) > 8.0]
     if not len(cars):

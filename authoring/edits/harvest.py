@@ -117,7 +117,7 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
     for path, prim in _bodies(before, matches):
         if write_reshaped(layer, place(path), read_surface(before.GetPrimAtPath(path)), read_surface(prim)):
             found.reshaped.append(path.name)
-    copies, names = _recolour(layer, place, before, after, matches, Textures(scene.parent))
+    copies, names = _recolor(layer, place, before, after, matches, Textures(scene.parent))
     found.recoloured.extend(names)
     copies |= _add(layer, before, matches, labels, former, found)
     taken = {prim.GetName() for prim in before.Traverse()} | found.added.keys()
@@ -220,7 +220,7 @@ def _follow_choices(before: Usd.Stage, after: Usd.Stage) -> list[str]:
     return lines
 
 
-def _recolour(
+def _recolor(
     layer: Sdf.Layer,
     place: Place,
     before: Usd.Stage,

@@ -161,8 +161,8 @@ def _shade(image: F32, raster: AtlasRaster, number: int, material: Material) -> 
 def _detail(detail: Detail, st: F32, st1: F32, metres: float) -> F32:
     factor = np.ones((len(st), 3), np.float32)
     for period, amplitude in zip(detail.periods, detail.amplitudes, strict=True) if detail.file else ():
-        grey = sample(detail.file, st / np.float32(period), metres / period, False)[:, :1]
-        factor *= 1 + np.float32(amplitude) * (2 * grey - 1)
+        gray = sample(detail.file, st / np.float32(period), metres / period, False)[:, :1]
+        factor *= 1 + np.float32(amplitude) * (2 * gray - 1)
     if detail.macro_file:
         factor *= 2 * sample(detail.macro_file, st1, 0.0, False)
     return factor

@@ -108,8 +108,8 @@ def _detail(detail: Detail, unit: F32, scale: tuple[float, float], repeats: int,
     counts = [bent_periods(detail.periods, repeats / one) for one in scale]
     octaves = zip(*counts, detail.amplitudes, strict=True) if detail.file else ()
     for across, up, amplitude in octaves:
-        grey = sample(detail.file, unit * np.array([across, up], np.float32), max(across, up) / texels, False)[:, :1]
-        factor *= 1 + np.float32(amplitude) * (2 * grey - 1)
+        gray = sample(detail.file, unit * np.array([across, up], np.float32), max(across, up) / texels, False)[:, :1]
+        factor *= 1 + np.float32(amplitude) * (2 * gray - 1)
     return factor
 
 

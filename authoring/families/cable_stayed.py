@@ -4,12 +4,13 @@ Source: side span about 0.40 of the main span by Jorquera 2016; pylon heights, p
 common practice, as listed in Shi, Kim, Narazaki; profile `paper` by the public Random Bridge Generator.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.cable_decks import HungDeck, Supports, draw_supports, hung_levels, support_parts
+from authoring.families.shared import SharedSettings
 from authoring.families.stayed_choices import (
     CableStayedSettings,
     Choice,
@@ -19,17 +20,15 @@ from authoring.families.stayed_choices import (
     with_median,
 )
 from authoring.families.stayed_elevation import FLATTEST, GAUGE, Frame, NoRoomForStays, fit, leg_size
-from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
-from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
-from authoring.parts.box_access import box_access_parts
+from authoring.parts.abutments import Abutments, draw_abutments
+from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws, draw
-from authoring.parts.fittings import fitting_parts
 from authoring.parts.medians import median_parts
 from authoring.parts.part import Part
-from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
-from authoring.parts.pylons import Pylon, PylonSite, pylon_parts
+from authoring.parts.piers import Ground, Piers
+from authoring.parts.pylons import Pylon
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.stays import Stays, stay_parts
 from groundwork.errors import InputError
@@ -85,17 +84,13 @@ class DrawnCableStayed:
     @property
     def levels(self) -> Levels:
         """Thicknesses from the finished surface down to the seats."""
-        return _levels(self.top, self.deck, self.bearings)
+        return hung_levels(self.top, self.deck, self.bearings)
 
     @property
     def pylons(self) -> tuple[tuple[int, float, int], ...]:
         """Support, station [m] and direction of the main span of every pylon."""
         stations = self.choice.supports[1 : 1 + self.choice.pylons]
         return tuple((self.spans.supports.index(s), s, -1 if number else 1) for number, s in enumerate(stations))
-
-
-def _levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Levels:
-    return Levels(top.surfacing, deck.slab, deck.depth, bearings.pad_height, bearings.plinth_height)
 
 
 def draw_cable_stayed(
@@ -120,26 +115,12 @@ def draw_cable_stayed(
     make = _Make(settings, values, bearings, draws.profile)
     choice = choose(settings, top, randoms, lambda kind: _fits(make, kind, top))
     choice, top, deck, pylon, stays, strip = _fitted(make, choice, top)
-    levels = _levels(top, deck, bearings)
     supports = tuple(sorted((*choice.supports, *_pier_stations(settings, choice, draws))))
     spans = Spans(supports, values["overhang"], values["gap"], continuous=True, one_row=True)
-    piers = draw_piers(shared.pier, deck.width, deck.bearing_lines[-1], bearings, spans, draws)
-    # The approaches' parapets stand on the wing walls, whose outer faces follow the deck's edge.
-    walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, strip + 0.5), 3))
-    air = draw(settings, "air", draws) * choice.main  # ships pass under long spans
-    layout = draw_layout_of(
-        shared,
-        top,
-        spans.supports,
-        levels.girder_soffit,
-        levels.seat,
-        draws,
-        straight=True,
-        least_clearance=air,
-        walls=walls.wing_length,
-    )
+    hung = HungDeck(top, deck, bearings, abutments)
+    layout, piers, walls = draw_supports(settings, shared, hung, spans, draws, main=choice.main, walls=strip + 0.5)
     record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, piers, walls)
-    return replace(layout, width=deck.width), record
+    return layout, record
 
 
 def _pier_stations(settings: CableStayedSettings, choice: Choice, draws: Draws) -> tuple[float, ...]:
@@ -187,7 +168,7 @@ def _try(make: _Make, choice: Choice, top: DeckTop) -> Fitted | None:
     # The strips grow later: what the deck spans across is the road.
     depth = max(choice.main / values["slenderness"], _LEAST_DEPTH[choice.deck], way.width / 15.0)
     deck = _deck(choice, way.width, depth, values, chamfered)
-    found = _elevation(make.settings, choice, way, values, _levels(way, deck, make.bearings))
+    found = _elevation(make.settings, choice, way, values, hung_levels(way, deck, make.bearings))
     if found is None:
         return None
     pylon, stays, strip = found
@@ -316,17 +297,11 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
         noses = (bridge.top.parapets.terminals, bridge.top.parapets.terminals)
         parts += median_parts(bridge.top.roadway, low, high, tuple(masts), place, noses=noses)
     parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
-    parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
-    for support, station, _ in bridge.pylons:
-        site = PylonSite(support, station, -levels.surfacing, bridge.piers.footing_top)
-        parts += pylon_parts(bridge.pylon, site, place, ground)
-    parts += pier_parts(bridge.piers, spans, levels, place, ground, tuple(station for _, station, _ in bridge.pylons))
-    parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
-    top = bridge.top
+    towers = tuple(station for _, station, _ in bridge.pylons)
     beside = bridge.pylon.face(0.0) + 1.0  # a leg that leans over the footway
-    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place, clear=beside)
-    parts += box_access_parts(deck, low, high, levels, place)
-    return parts
+    supports = Supports(spans, bridge.piers, bridge.pylon, towers, beside)
+    hung = HungDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
+    return parts + support_parts(hung, supports, place, ground)
 
 
 def _feet(bridge: DrawnCableStayed) -> tuple[float, ...]:

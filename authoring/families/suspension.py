@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.cable_decks import HungDeck, Supports, draw_supports, hung_levels, support_parts
+from authoring.families.shared import SharedSettings
 from authoring.families.stayed_elevation import GAUGE
 from authoring.families.suspension_choices import (
     SuspensionChoice,
@@ -19,16 +20,14 @@ from authoring.families.suspension_choices import (
     choose_suspension,
     hanger_stations,
 )
-from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
-from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
-from authoring.parts.box_access import box_access_parts
+from authoring.parts.abutments import Abutments, draw_abutments
+from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws, draw
-from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
-from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
-from authoring.parts.pylons import Pylon, PylonSite, pylon_parts
+from authoring.parts.piers import Ground, Piers
+from authoring.parts.pylons import Pylon
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans
 from authoring.parts.suspension_cables import SuspensionCables, cable_parts, saddle_depth
 
@@ -73,11 +72,7 @@ class DrawnSuspension:
     @property
     def levels(self) -> Levels:
         """Thicknesses from the finished surface down to the seats."""
-        return _levels(self.top, self.deck, self.bearings)
-
-
-def _levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Levels:
-    return Levels(top.surfacing, deck.slab, deck.depth, bearings.pad_height, bearings.plinth_height)
+        return hung_levels(self.top, self.deck, self.bearings)
 
 
 def draw_suspension(
@@ -100,7 +95,7 @@ def draw_suspension(
     slab, leg = draw(settings, "slab", draws), draw(settings, "leg", draws)
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
     deck = _deck(choice, top.width + 2.0 * _STRIP, slab, draws.random(), draws.profile != "paper")
-    levels = _levels(top, deck, bearings)
+    levels = hung_levels(top, deck, bearings)
     check_sag(settings, choice)
     tower = _tower(choice, deck.width, levels.seat, leg, GAUGE[top.service])
     cables = _cables(choice, tower, bracket_top(levels))
@@ -108,22 +103,10 @@ def draw_suspension(
         cables = replace(cables, pull=_pull(cables, deck, top.surfacing))
     piers_at = _pier_stations(choice)
     spans = Spans(tuple(sorted((*choice.supports, *piers_at))), overhang, gap, continuous=True, one_row=True)
-    piers = draw_piers(shared.pier, deck.width, deck.bearing_lines[-1], bearings, spans, draws)
-    walls = replace(abutments, wing_thickness=round(max(abutments.wing_thickness, _STRIP + 0.45), 3))
-    air = draw(settings, "air", draws) * choice.main  # ships pass under long spans
-    layout = draw_layout_of(
-        shared,
-        top,
-        spans.supports,
-        levels.girder_soffit,
-        levels.seat,
-        draws,
-        straight=True,
-        least_clearance=air,
-        walls=walls.wing_length,
-    )
+    hung = HungDeck(top, deck, bearings, abutments)
+    layout, piers, walls = draw_supports(settings, shared, hung, spans, draws, main=choice.main, walls=_STRIP + 0.45)
     record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls)
-    return replace(layout, width=deck.width), record
+    return layout, record
 
 
 def _deck(choice: SuspensionChoice, width: float, slab: float, share: float, chamfered: bool) -> CableDeck:
@@ -233,14 +216,6 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     parts += bracket_parts(deck, cables.plane + _TIP, hung, levels, place)
     parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
     parts += cable_parts(cables, place, ground)
-    parts += bearing_parts(bridge.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
-    towers = [(spans.supports.index(station), station) for station in cables.towers]
-    for support, station in towers:
-        site = PylonSite(support, station, -levels.surfacing, bridge.piers.footing_top)
-        parts += pylon_parts(bridge.tower, site, place, ground)
-    parts += pier_parts(bridge.piers, spans, levels, place, ground, cables.towers)
-    parts += abutment_parts(bridge.abutments, deck.width, spans, levels, place, ground)
-    top = bridge.top
-    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
-    parts += box_access_parts(deck, low, high, levels, place)
-    return parts
+    hung = HungDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
+    supports = Supports(spans, bridge.piers, bridge.tower, cables.towers)
+    return parts + support_parts(hung, supports, place, ground)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from authoring.foreign.model_files import check_file, read_beside, unpack
 from authoring.imported.gltf import GltfFile
 from authoring.imported.mesh_city import city_of
-from authoring.imported.mesh_soup import MeshSoup, centred, check_count, joined_soup, y_up_to_z_up
+from authoring.imported.mesh_soup import MeshSoup, centered, check_count, joined_soup, y_up_to_z_up
 from authoring.imported.model import CityModel
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
@@ -86,7 +86,7 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
     if (up or ("y" if file.suffix.lower() in (".glb", ".gltf") else "z")) == "y":
         triangles = y_up_to_z_up(triangles)
     facts = {"source": file.name, **soup.facts}
-    return city_of(centred(MeshSoup(triangles, soup.st, soup.skin, soup.skins, facts), file, warn), warn)
+    return city_of(centered(MeshSoup(triangles, soup.st, soup.skin, soup.skins, facts), file, warn), warn)
 
 
 def read_gltf(file: Path) -> MeshSoup:

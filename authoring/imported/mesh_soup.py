@@ -81,7 +81,7 @@ def check_count(count: int, where: object) -> None:
         )
 
 
-def centred(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
+def centered(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
     """Move a world to an origin of its own: the middle of its plan, whole metres, its lowest point at 0.
 
     Geocentric coordinates (3D tiles have them) are turned so that z is up at the middle.

@@ -53,13 +53,13 @@ class CityPlace:
     """A place in an imported world.
 
     Attributes:
-        centre: What lies under the middle of the bridge, in the world's own coordinates [m].
+        center: What lies under the middle of the bridge, in the world's own coordinates [m].
         yaw: Direction there of the scene's x axis, counter-clockwise [rad].
         middle: The middle of the bridge in the scene [m].
         built: Share of the bridge's own place that buildings cover [1].
     """
 
-    centre: tuple[float, float]
+    center: tuple[float, float]
     yaw: float
     middle: tuple[float, float]
     built: float
@@ -73,7 +73,7 @@ class CityPlace:
         Returns:
             Plan positions in the world's own coordinates [m], shape (..., 2), float64.
         """
-        return (xy - np.asarray(self.middle)) @ _turn(self.yaw).T + np.asarray(self.centre)
+        return (xy - np.asarray(self.middle)) @ _turn(self.yaw).T + np.asarray(self.center)
 
     def to_scene(self, xy: F64) -> F64:
         """Find where in the scene a part of the world comes to lie.
@@ -84,7 +84,7 @@ class CityPlace:
         Returns:
             Plan positions in the scene [m], shape (..., 2), float64.
         """
-        return (xy - np.asarray(self.centre)) @ _turn(self.yaw) + np.asarray(self.middle)
+        return (xy - np.asarray(self.center)) @ _turn(self.yaw) + np.asarray(self.middle)
 
 
 def built_map(model: CityModel) -> BuiltMap:
@@ -126,8 +126,8 @@ def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> City
     fair = _FAIR * float(built.built.mean())
     best, found = 1.0, None
     for x, y, turn in rng.random((TRIES, 3)):
-        centre = low + (x, y) * (high - low)
-        place = CityPlace((float(centre[0]), float(centre[1])), float(2.0 * np.pi * turn), _pair(middle), 0.0)
+        center = low + (x, y) * (high - low)
+        place = CityPlace((float(center[0]), float(center[1])), float(2.0 * np.pi * turn), _pair(middle), 0.0)
         edge = place.to_city(outline)
         if (edge < low).any() or (edge > high).any():
             continue
@@ -164,7 +164,7 @@ def _surroundings(site: Site) -> F64:
     low, high = site.extent.min(axis=0) - AROUND, site.extent.max(axis=0) + AROUND
     x, y = (grid.ravel() for grid in np.meshgrid(*(np.arange(low[k], high[k], 5.0) for k in (0, 1))))
     spots = np.column_stack([x, y])
-    return spots[~site.keep_out[0].contains(np.column_stack([spots, np.full(len(spots), site.keep_out[0].centre[2])]))]
+    return spots[~site.keep_out[0].contains(np.column_stack([spots, np.full(len(spots), site.keep_out[0].center[2])]))]
 
 
 def _turn(angle: float) -> F64:

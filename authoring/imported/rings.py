@@ -47,8 +47,8 @@ def ring_triangles(rings: list[F64]) -> F64:
 
 
 def _newell(ring: F64) -> F64:
-    centred = ring - ring[0]
-    normal = np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
+    centered = ring - ring[0]
+    normal = np.cross(centered, np.roll(centered, -1, axis=0)).sum(axis=0)
     length = np.linalg.norm(normal)
     return normal / length if length > _NARROW else np.zeros(3)
 

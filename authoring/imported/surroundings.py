@@ -145,7 +145,7 @@ def _clear(building: Building, terrain: Terrain, place: CityPlace) -> bool:
     free = np.minimum(terrain.beyond(station, left) - CLEAR, terrain.clear(station, left) - 0.5)
     free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - CLEAR)
     for approach in land.approaches:
-        aside = np.abs(left - approach.centre(station)) - approach.half_width - CLEAR
+        aside = np.abs(left - approach.center(station)) - approach.half_width - CLEAR
         free = np.minimum(free, np.where(approach.along(station) > -20.0, aside, CLEAR))
     return bool(free.min() > 0.0)
 

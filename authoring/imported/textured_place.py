@@ -70,7 +70,7 @@ class Clearance:
         strip = _outside(np.maximum(first - station, station - last), np.maximum(low - left, left - high))
         away = np.minimum(strip, self.ways(station, left)) - CLEAR
         for box in self.site.keep_out:
-            offset = xy - np.asarray(box.centre[:2])
+            offset = xy - np.asarray(box.center[:2])
             cosine, sine = np.cos(box.heading), np.sin(box.heading)
             along, aside = offset[:, 0] * cosine + offset[:, 1] * sine, offset[:, 1] * cosine - offset[:, 0] * sine
             away = np.minimum(away, _outside(np.abs(along) - box.half[0], np.abs(aside) - box.half[1]) - EDGE)
@@ -89,7 +89,7 @@ class Clearance:
         land: Land = self.site.land
         free = land.crossing.distance(station, left) - land.crossing.half_width
         for approach in land.approaches:
-            aside = np.abs(left - approach.centre(station)) - approach.half_width
+            aside = np.abs(left - approach.center(station)) - approach.half_width
             before = _ROAD_START - approach.along(station)
             free = np.minimum(free, _outside(before, aside))
         return free

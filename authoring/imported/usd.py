@@ -12,7 +12,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from authoring.foreign.model_files import UNSOUND, check_archive, check_file
 from authoring.imported.mesh_city import city_of
-from authoring.imported.mesh_soup import MeshSoup, centred, check_count, joined_soup
+from authoring.imported.mesh_soup import MeshSoup, centered, check_count, joined_soup
 from authoring.imported.model import CityModel
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
@@ -72,7 +72,7 @@ def read_usd(file: Path, warn: Warn, scale: float = 1.0) -> CityModel:
     cache: dict[str, Skin] = {}
     soup = joined_soup([_part(scene, row, cache, file) for row in range(len(counts))], _facts(file))
     return city_of(
-        centred(MeshSoup(scale * soup.triangles, soup.st, soup.skin, soup.skins, soup.facts), file, warn), warn
+        centered(MeshSoup(scale * soup.triangles, soup.st, soup.skin, soup.skins, soup.facts), file, warn), warn
     )
 
 

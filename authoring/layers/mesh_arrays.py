@@ -45,19 +45,19 @@ class MeshArrays:
     st1: IndexedUV | None
 
 
-def mesh_arrays(meshes: list[Mesh], centred: list[bool]) -> list[MeshArrays]:
+def mesh_arrays(meshes: list[Mesh], centered: list[bool]) -> list[MeshArrays]:
     """Prepare meshes for a layer.
 
     Args:
         meshes: Any number.
-        centred: For each, whether its points count from its middle, to the millimetre: a pivot that artists can use,
+        centered: For each, whether its points count from its middle, to the millimetre: a pivot that artists can use,
             and float32 to the micrometre; else from the world's origin.
     """
     if not meshes:
         return []
     starts, points = _piled([mesh.points for mesh in meshes])
     low, high = _bounds(points, starts)
-    origins = np.where(np.array(centred)[:, None], np.round((low + high) / 2, 3), 0.0)
+    origins = np.where(np.array(centered)[:, None], np.round((low + high) / 2, 3), 0.0)
     points = snapped(points - np.repeat(origins, np.diff(starts, append=len(points)), axis=0))
     extents = np.stack(_bounds(points, starts), axis=1)
     own_normals, normals = _piled([mesh.normals for mesh in meshes])

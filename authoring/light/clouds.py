@@ -51,10 +51,10 @@ def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Ge
         edge = 0.35 + 0.65 * np.exp(-2.0 * angle) + 3.0 * np.exp(-9.0 * angle)  # a heap before the sun glows at its rim
         light = lit * (0.75 + 0.5 * (1 - opacity) * edge)
         shade = 1 - 0.45 * np.clip((cover - 0.5) / 0.5, 0, 1)
-        colour = (0.55 + 0.25 * lit[..., None]) * ambient * shade * 1.5 + light[..., None] * shine
+        color = (0.55 + 0.25 * lit[..., None]) * ambient * shade * 1.5 + light[..., None] * shine
         veil = np.exp(-away / _FAR)[..., None]
-        colour = colour * veil + behind * (1 - veil)
-        behind = behind * (1 - opacity[..., None]) + colour * opacity[..., None]
+        color = color * veil + behind * (1 - veil)
+        behind = behind * (1 - opacity[..., None]) + color * opacity[..., None]
     result[rows] = behind
     return result
 

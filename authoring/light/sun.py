@@ -34,9 +34,9 @@ def sun_position(date: datetime, latitude: float, longitude: float) -> tuple[flo
     centuries = days / 36_525
     mean_longitude = 280.46646 + 36_000.76983 * centuries
     anomaly = np.radians(357.52911 + 35_999.05029 * centuries)
-    centre = (1.914602 - 0.004817 * centuries) * np.sin(anomaly)
-    centre += (0.019993 - 0.000101 * centuries) * np.sin(2 * anomaly) + 0.000289 * np.sin(3 * anomaly)
-    ecliptic = np.radians(mean_longitude + centre - 0.00569)
+    center = (1.914602 - 0.004817 * centuries) * np.sin(anomaly)
+    center += (0.019993 - 0.000101 * centuries) * np.sin(2 * anomaly) + 0.000289 * np.sin(3 * anomaly)
+    ecliptic = np.radians(mean_longitude + center - 0.00569)
     obliquity = np.radians(23.439291 - 0.0130042 * centuries)
     ascension = np.arctan2(np.cos(obliquity) * np.sin(ecliptic), np.cos(ecliptic))
     declination = np.arcsin(np.sin(obliquity) * np.sin(ecliptic))

@@ -180,7 +180,7 @@ def _survey(site: Site, square: PhotoSquare, patches: Floats, pixels: int, seed:
     covers = land.shape(station, left, no_hills).covers
     bare = np.max([covers[name] for name in _BARE if name in covers], axis=0)
     beside = crossing.distance(station, left) - crossing.half_width
-    side = np.sign(station - crossing.centre(left))
+    side = np.sign(station - crossing.center(left))
     draw = np.random.default_rng((seed, 9))
     bank, phase, gap = float(draw.choice((-1.0, 1.0))), draw.uniform(0.0, 6.0, 3), draw.uniform(4.0, 9.0)
     along = np.abs(left - bank * (0.5 * layout.width + gap + 1.6 * np.sin(station / 11.0 + phase[0])))

@@ -118,9 +118,9 @@ def standard(field: Floats) -> Floats:
     Returns:
         The field so changed [1], shape (H, W), float32.
     """
-    centred = field - snap(np.mean(field, dtype=np.float64))
-    spread = float(np.round(np.std(centred, dtype=np.float64) * 2**40) / 2**40)
-    return centred * np.float32(1 / max(spread, 1e-12))
+    centered = field - snap(np.mean(field, dtype=np.float64))
+    spread = float(np.round(np.std(centered, dtype=np.float64) * 2**40) / 2**40)
+    return centered * np.float32(1 / max(spread, 1e-12))
 
 
 def white(tile: Tile) -> Floats:
@@ -243,12 +243,12 @@ def spots(tile: Tile, pitch: float, radius: float, share: float) -> Floats:
     row, column = np.nonzero(chance < np.float32(share))
     texels = np.float32(tile.pixels / tile.metres)
     step = np.float32(tile.pixels / places)
-    centre_v, centre_u = (row + offset_v[row, column]) * step, (column + offset_u[row, column]) * step
+    center_v, center_u = (row + offset_v[row, column]) * step, (column + offset_u[row, column]) * step
     own = np.float32(radius) * texels * (np.float32(0.4) + np.float32(0.6) * size[row, column])
     reach = np.arange(-int(radius * texels + 2), int(radius * texels + 2) + 1)
-    v = (np.floor(centre_v)[:, None] + reach)[:, :, None]
-    u = (np.floor(centre_u)[:, None] + reach)[:, None, :]
-    aside = np.sqrt((v + 0.5 - centre_v[:, None, None]) ** 2 + (u + 0.5 - centre_u[:, None, None]) ** 2)
+    v = (np.floor(center_v)[:, None] + reach)[:, :, None]
+    u = (np.floor(center_u)[:, None] + reach)[:, None, :]
+    aside = np.sqrt((v + 0.5 - center_v[:, None, None]) ** 2 + (u + 0.5 - center_u[:, None, None]) ** 2)
     inside = np.clip(own[:, None, None] - aside.astype(np.float32) + np.float32(0.5), 0, 1)
     flat = (v.astype(np.int64) % tile.pixels) * tile.pixels + u.astype(np.int64) % tile.pixels
     spotted = np.zeros(tile.pixels * tile.pixels, np.float32)

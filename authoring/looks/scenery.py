@@ -49,7 +49,7 @@ SCENERY: dict[str, Recipe] = {
     "glass_spandrel": Recipe(partial(urban.cladding, color=(0.055, 0.090, 0.100)), 6.0, FAINT),
     "pavement": Recipe(urban.pavement, 6.0, ROUGH),
     "roofing": Recipe(urban.roofing, 8.0, ROUGH),
-    "paint_colours": Recipe(urban.paint_colours, 8.0, (0.0, 0.0, 0.0)),
+    "paint_colours": Recipe(urban.paint_colors, 8.0, (0.0, 0.0, 0.0)),
     "facade_brick": Recipe(
         partial(urban.far_facade, wall=(0.205, 0.105, 0.072), pane=(2.9, 3.2), opening=(0.46, 0.50)), 11.6, SMOOTH
     ),

@@ -75,7 +75,7 @@ def roofing(tile: Tile) -> Sheet:
     return Sheet(cover(albedo, 0.5 * lap, (0.05, 0.05, 0.05)), (0.93 + 0.01 * grit).astype(np.float32))
 
 
-def paint_colours(tile: Tile) -> Sheet:
+def paint_colors(tile: Tile) -> Sheet:
     """Stripes of glossy paint, one metre each: a mesh picks its colour by a constant `st`.
 
     Args:
@@ -94,9 +94,9 @@ def buff_brick(tile: Tile) -> Sheet:
         tile: Where it repeats.
     """
     red = brick(tile)
-    grey = red.albedo.mean(axis=-1, dtype=np.float32)
-    clay = paint((0.335, 0.262, 0.168), np.minimum(grey / np.float32(0.135), 2.4))
-    return Sheet(cover(red.albedo, np.full_like(grey, 0.85), clay), red.roughness, red.height)
+    gray = red.albedo.mean(axis=-1, dtype=np.float32)
+    clay = paint((0.335, 0.262, 0.168), np.minimum(gray / np.float32(0.135), 2.4))
+    return Sheet(cover(red.albedo, np.full_like(gray, 0.85), clay), red.roughness, red.height)
 
 
 def far_facade(tile: Tile, wall: Color, pane: tuple[float, float], opening: tuple[float, float]) -> Sheet:

@@ -97,7 +97,7 @@ def place_set(one: MapSet, folder: Path, metres: float, texels: int) -> tuple[Sh
     red, green, blue = (round(float(value), 4) for value in linear.mean(axis=0))
     files = {"albedo.jpg": jpeg(color)}
     arm = _decode(one.maps["arm"]) if "arm" in one.maps else None
-    rough = _grey(_decode(one.maps["roughness"])) if "roughness" in one.maps else None
+    rough = _gray(_decode(one.maps["roughness"])) if "roughness" in one.maps else None
     rough = arm[..., 1].copy() if rough is None and arm is not None else rough
     rough = None if rough is None else _squared(rough, texels // 2)
     if rough is not None:
@@ -105,9 +105,9 @@ def place_set(one: MapSet, folder: Path, metres: float, texels: int) -> tuple[Sh
     if "normal" in one.maps:
         files["normal.png"] = png(_squared(_decode(one.maps["normal"]), texels // 2))
     elif "height" in one.maps:
-        relief = _squared(_grey(_decode(one.maps["height"])), texels).astype(np.float32)
+        relief = _squared(_gray(_decode(one.maps["height"])), texels).astype(np.float32)
         files["normal.png"] = png(encode_normals(relief * np.float32(_RELIEF / 255), metres))
-    shine = _grey(_decode(one.maps["metallic"])) if "metallic" in one.maps else None
+    shine = _gray(_decode(one.maps["metallic"])) if "metallic" in one.maps else None
     shine = arm[..., 2] if shine is None and arm is not None else shine
     stem = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in f"{one.family}_{one.name}")
     (folder / "textures").mkdir(parents=True, exist_ok=True)
@@ -183,7 +183,7 @@ def _cut_short(data: bytes) -> bool:
     return data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-1024:]
 
 
-def _grey(picture: U8) -> U8:
+def _gray(picture: U8) -> U8:
     return picture[..., 0].copy()
 
 

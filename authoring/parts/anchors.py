@@ -53,11 +53,11 @@ def sleeves(feet: F64, faces: F64, towards: F64, radius: float, lengths: F64) ->
     return [Sleeve(*each) for each in zip(surfaces, mouths, held, strict=True)]
 
 
-def clamps(centres: F64, along: F64, radius: float, length: float, lug: float, hanger: float) -> list[Surface]:
+def clamps(centers: F64, along: F64, radius: float, length: float, lug: float, hanger: float) -> list[Surface]:
     """Build clamps: each a ring round the main cable, and a lug under it that takes the hanger.
 
     Args:
-        centres: Points on the cable's axis [m], shape (N, 3), float64.
+        centers: Points on the cable's axis [m], shape (N, 3), float64.
         along: Unit vectors along the cable [1], shape (N, 3), float64.
         radius: Of the cable [m].
         length: Of the ring along the cable [m].
@@ -66,8 +66,8 @@ def clamps(centres: F64, along: F64, radius: float, length: float, lug: float, h
     """
     wall, up = 0.02 + 0.35 * radius, np.array([0.0, 0.0, 1.0])
     half = 0.5 * length * along
-    rings = _pipes(centres - half, centres + half, radius - _BORE, radius + wall, 16)
-    ends = np.stack([centres - (radius + 0.75 * wall) * up, centres - (radius + wall + lug) * up], axis=1)
+    rings = _pipes(centers - half, centers + half, radius - _BORE, radius + wall, 16)
+    ends = np.stack([centers - (radius + 0.75 * wall) * up, centers - (radius + wall + lug) * up], axis=1)
     lugs = tubes(ends, max(0.04, 0.4 * radius, hanger + 0.01), 8)
     return [joined([ring, below]) for ring, below in zip(rings, lugs, strict=True)]
 

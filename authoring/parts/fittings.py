@@ -17,7 +17,7 @@ from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
 _EMBEDDED = 0.005  # [m] grates into asphalt, conduits and pipes into the deck's edge
-_CLEAR = 1.0  # [m] between a fitting and a joint
+CLEAR = 1.0  # [m] between a fitting and a joint
 _LAMP_BASE, _LAMP_SEAT = 0.22, 0.20  # [m] side of the base plate, and from its middle to the parapet's foot
 _LEAST_VERGE = 0.33  # [m] beside the carriageway that a lamp post wants
 _WIDE = 9.0  # [m] carriageway that is lit from both sides
@@ -99,7 +99,7 @@ def fitting_parts(
     soffit: float | None,
     place: Alignment,
     *,
-    clear: float = _CLEAR,
+    clear: float = CLEAR,
 ) -> list[Part]:
     """Build the fittings of a road bridge; a railway has none.
 
@@ -142,7 +142,7 @@ def fitting_stations(pitch: float, spans: Spans) -> F64:
     return np.concatenate(found)
 
 
-def lamp_stations(pitch: float, spans: Spans, clear: float = _CLEAR) -> F64:
+def lamp_stations(pitch: float, spans: Spans, clear: float = CLEAR) -> F64:
     """Space lamp posts evenly from end to end; one that would stand on a joint moves beside it.
 
     Args:

@@ -57,8 +57,8 @@ def normals_at(points: F64, corners: Corners) -> F64:
     """
     # `take` picks rows in half the time that an index with an ellipsis does.
     at = points.take(corners.vertex, axis=-2)
-    centred = at - at.take(corners.starts, axis=-2).take(corners.face, axis=-2)
-    newell = np.add.reduceat(cross(centred, centred.take(corners.following, axis=-2)), corners.starts, axis=-2)
+    centered = at - at.take(corners.starts, axis=-2).take(corners.face, axis=-2)
+    newell = np.add.reduceat(cross(centered, centered.take(corners.following, axis=-2)), corners.starts, axis=-2)
     normal = _unit(newell)
     none = np.zeros((*normal.shape[:-2], 1, 3))
     around = np.concatenate([normal, none], axis=-2).take(corners.around, axis=-2)

@@ -18,12 +18,12 @@ class Box:
     """An upright box that may be turned about the vertical.
 
     Attributes:
-        centre: World position [m].
+        center: World position [m].
         half: Half its size along, left of and above its turned axes [m].
         heading: Turn of its first axis, counter-clockwise from +x [rad].
     """
 
-    centre: tuple[float, float, float]
+    center: tuple[float, float, float]
     half: tuple[float, float, float]
     heading: float
 
@@ -37,7 +37,7 @@ class Box:
         Returns:
             Whether they do, shape (N,), bool.
         """
-        offset = points - np.asarray(self.centre)
+        offset = points - np.asarray(self.center)
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
         along, left = offset[:, 0] * cosine + offset[:, 1] * sine, offset[:, 1] * cosine - offset[:, 0] * sine
         size = np.asarray(self.half) - margin
@@ -70,7 +70,7 @@ def keep_out(alignment: Alignment, ground: HeightField) -> Box:
     """Bound the strip from below its ground to well above the deck."""
     corners = strip_corners(alignment, ground)
     low, high = float(ground.heights.min()) - 1.0, alignment.level + AIR
-    centre = corners.mean(axis=0)
+    center = corners.mean(axis=0)
     half = ((ground.stations[-1] - ground.stations[0]) / 2, (ground.lefts[-1] - ground.lefts[0]) / 2)
     if not alignment.square:  # the box stands along the chord, round the bent strip
         turned = np.array(
@@ -80,9 +80,9 @@ def keep_out(alignment: Alignment, ground: HeightField) -> Box:
             ]
         )
         border = strip_edge(alignment, ground)[:, :2] @ turned
-        centre, half = turned @ (border.min(axis=0) + border.max(axis=0)) / 2, tuple(np.ptp(border, axis=0) / 2)
+        center, half = turned @ (border.min(axis=0) + border.max(axis=0)) / 2, tuple(np.ptp(border, axis=0) / 2)
     return Box(
-        (float(centre[0]), float(centre[1]), (low + high) / 2),
+        (float(center[0]), float(center[1]), (low + high) / 2),
         (float(half[0]), float(half[1]), (high - low) / 2),
         alignment.heading,
     )

@@ -78,7 +78,7 @@ def _guardrail(land: Land, road: RoadSection, approach: Approach, side: float) -
     along = np.linspace(begin, road.walls + LENGTH, int(np.ceil((road.walls + LENGTH - begin) / _STEP)) + 1)
     stations = approach.back + approach.sign * along
     line = Line(
-        stations, approach.centre(stations), np.column_stack([0.0 * along, approach.sign * approach.stretch(stations)])
+        stations, approach.center(stations), np.column_stack([0.0 * along, approach.sign * approach.stretch(stations)])
     )
     half = approach.half_width
     edge = approach.level(land.layout, no_hills, stations) - crossfall(along, np.full(len(along), half))

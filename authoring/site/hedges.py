@@ -37,7 +37,7 @@ def hedge_places(land: Land, ground: HeightField, count: int, rng: np.random.Gen
         for bank in (-1.0, 1.0):
             away = land.crossing.half_width + land.plots.aside - 2.0
             lines.append(
-                np.column_stack([land.crossing.centre(left) + bank * away * land.crossing.stretch(left), left])
+                np.column_stack([land.crossing.center(left) + bank * away * land.crossing.stretch(left), left])
             )
     grown = []
     for line in lines:
@@ -51,7 +51,7 @@ def hedge_places(land: Land, ground: HeightField, count: int, rng: np.random.Gen
     free = land.crossing.distance(station, left) > land.crossing.half_width + land.plots.aside - 3.0
     free &= np.abs(left) > 0.5 * land.layout.width + _APART - 1.0
     for approach in land.approaches:
-        aside = np.abs(left - approach.centre(station)) - approach.half_width
+        aside = np.abs(left - approach.center(station)) - approach.half_width
         free &= (approach.along(station) < -10.0) | (aside > 9.0)
     places = places[free][:count]
     return np.column_stack([places, ground(places[:, 0], places[:, 1])])

@@ -148,11 +148,11 @@ def _sleepers(land: Land, track: TrackSection, line: Line, crown: F64) -> Mesh:
     total = line.length()
     middles = track.sleepers(0.0, float(total[-1]))
     frames = []
-    for centre in track.lines:
-        row = _row(land, line, crown, centre, track.sleeper_top)
+    for center in track.lines:
+        row = _row(land, line, crown, center, track.sleeper_top)
         world = to_world(land.layout.alignment, row)
         edges = (
-            to_world(land.layout.alignment, _row(land, line, crown, centre + x, track.sleeper_top)) for x in (1, -1)
+            to_world(land.layout.alignment, _row(land, line, crown, center + x, track.sleeper_top)) for x in (1, -1)
         )
         lean = np.subtract(*edges)
         frames.append([_at(values, middles, total) for values in (world, np.gradient(world, total, axis=0), lean)])

@@ -58,7 +58,7 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lif
     """
     crossing, axis = land.crossing, land.layout.alignment
     aside = -np.sign(lefts[-1] - lefts[0]) * crossing.stretch(lefts)
-    line = Line(crossing.centre(lefts), lefts, np.column_stack([aside, np.zeros(len(lefts))]))
+    line = Line(crossing.center(lefts), lefts, np.column_stack([aside, np.zeros(len(lefts))]))
     if crossing.kind == "river":
         half = crossing.half_width + BURIED * BANK_SLOPE
         level = np.full(len(lefts), crossing.level)
@@ -90,7 +90,7 @@ def approach_pieces(
     """
     approach = land.approaches[number]
     aside = approach.sign * approach.stretch(stations)
-    line = Line(stations, approach.centre(stations), np.column_stack([np.zeros(len(stations)), aside]))
+    line = Line(stations, approach.center(stations), np.column_stack([np.zeros(len(stations)), aside]))
     crown = approach.level(land.layout, hills, stations)
     if land.layout.track is not None:
         return railway_pieces(land, number, line, crown, suffix, lift)

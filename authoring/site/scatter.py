@@ -171,7 +171,7 @@ def _shore_places(land: Land, ground: HeightField, count: int, rng: np.random.Ge
     left = clusters[rng.integers(0, len(clusters), count)] + rng.normal(0.0, 1.3, count)
     bank = np.where(np.sin(7.0 * clusters[rng.integers(0, len(clusters), count)]) > 0, 1.0, -1.0)
     away = crossing.half_width + rng.uniform(0.1, 1.0, count)
-    station = crossing.centre(left) + bank * away * crossing.stretch(left)
+    station = crossing.center(left) + bank * away * crossing.stretch(left)
     free = clear(land, station, left, 1.0, -0.45) & (np.abs(left) < ground.lefts[-1] - 0.5)
     return np.column_stack([station, left, ground(station, left)])[free]
 
@@ -197,6 +197,6 @@ def clear(land: Land, station: F64, left: F64, bridge_gap: float, edge_gap: floa
     verge = SHOULDER if land.crossing.kind == "road" else 0.5
     free &= land.crossing.distance(station, left) > land.crossing.half_width + verge + edge_gap
     for approach in land.approaches:
-        across = np.abs(left - approach.centre(station))
+        across = np.abs(left - approach.center(station))
         free &= (approach.along(station) < -1.0) | (across > approach.half_width + SHOULDER + edge_gap)
     return free

@@ -55,20 +55,20 @@ class Crossing:
     depth: float
     axis: Alignment | None = None
 
-    def centre(self, left: F64) -> F64:
+    def center(self, left: F64) -> F64:
         """Find the station of its centre line at distances to the left of the axis [m], shape (N,), float64."""
         return self.station + self.swing * (np.sin(left / self.wavelength + self.phase) - np.sin(self.phase))
 
     def distance(self, station: F64, left: F64) -> F64:
         """Measure how far positions lie from its centre line, square to it [m], same shape, float64."""
-        return np.abs(station - self.centre(left)) / self.stretch(left)
+        return np.abs(station - self.center(left)) / self.stretch(left)
 
     def stretch(self, left: F64) -> F64:
         """Find how much longer than its width a cut through it along the axis is [1], same shape, float64."""
         slope = self.swing / self.wavelength * np.cos(left / self.wavelength + self.phase)
         if self.axis is None or self.axis.square:
             return np.sqrt(1.0 + slope * slope)
-        return _stretch(self.axis, self.centre(left), left, (slope, np.ones_like(left)))
+        return _stretch(self.axis, self.center(left), left, (slope, np.ones_like(left)))
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Approach:
         """Measure the distance behind the back face, negative towards the bridge [m], same shape, float64."""
         return self.sign * (station - self.back)
 
-    def centre(self, station: F64) -> F64:
+    def center(self, station: F64) -> F64:
         """Find how far to the left its centre line runs [m], same shape, float64."""
         beyond = np.maximum(self.along(station) - self.straight, 0.0)
         return self.bend * (1.0 - np.cos(beyond / BEND_LENGTH))
@@ -109,7 +109,7 @@ class Approach:
         if self.axis is None or self.axis.square:
             return np.sqrt(1.0 + slope * slope)
         slope = self.sign * slope
-        return _stretch(self.axis, station, self.centre(station), (np.ones_like(slope), slope))
+        return _stretch(self.axis, station, self.center(station), (np.ones_like(slope), slope))
 
     def level(self, layout: Layout, hills: Hills, station: F64) -> F64:
         """Find the height of the road's crown.
@@ -124,7 +124,7 @@ class Approach:
         """
         along = np.maximum(self.along(station), 0.0)
         deck = layout.alignment.height(station)
-        land = self.foot + hills(station, self.centre(station))
+        land = self.foot + hills(station, self.center(station))
         drop = abs(float(layout.alignment.height(np.array(self.back))) - self.foot)
         share = smoothstep(0.0, max(1.5 * drop / MAX_APPROACH_GRADE, 60.0), along - 4.0)
         return deck + share * (land - deck)
@@ -207,7 +207,7 @@ class Land:
         noise = self.ragged(station, left)
         natural = self.relief(station, left) + hills(station, left)
         if self.valley is not None:
-            natural = natural + self.valley(station, self.crossing.centre(left) - self.crossing.station)
+            natural = natural + self.valley(station, self.crossing.center(left) - self.crossing.station)
         carve = self._river if self.crossing.kind == "river" else self._cutting
         height, covers = carve(station, left, natural, hills, noise)
         covers["patch"] = np.clip(self.patches(station, left) - 0.6, -6.0, 6.0)
@@ -224,13 +224,13 @@ class Land:
         room = np.minimum(room, plots.room(station, left))
         room = np.minimum(room, np.abs(left) - self.layout.width / 2 - CLEAR)
         for approach in self.approaches:
-            along, centre = approach.along(station), approach.centre(station)
-            across = np.abs(left - centre) / approach.stretch(station)
+            along, center = approach.along(station), approach.center(station)
+            across = np.abs(left - center) / approach.stretch(station)
             crown = approach.level(self.layout, hills, approach.back + approach.sign * np.maximum(along, 0.0))
             aside = np.hypot(np.maximum(across - self.layout.width / 2, 0.0), np.maximum(-along, 0.0))
             room = np.minimum(room, aside - FILL_SLOPE * np.abs(crown - height) - TOE)
             room = np.minimum(room, np.where(along > -10.0, across - approach.half_width - VERGE, 9.0))
-        return plots.fields(station > self.crossing.centre(left), left, room)
+        return plots.fields(station > self.crossing.center(left), left, room)
 
     def _under_deck(self, station: F64, left: F64) -> F64:
         first, last = self.layout.supports[0], self.layout.supports[-1]
@@ -257,7 +257,7 @@ class Land:
         distance = crossing.distance(station, left)
         formation = crossing.half_width + SHOULDER
         underlay = RAIL_UNDERLAY if crossing.kind == "rail" else UNDERLAY
-        level = crossing.level + hills(crossing.centre(left), left) - underlay
+        level = crossing.level + hills(crossing.center(left), left) - underlay
         level = level - 0.02 * np.minimum(distance, formation)
         outside = np.maximum(distance - formation, 0.0)
         height = np.clip(natural, level - outside / FILL_SLOPE, level + outside / CUT_SLOPE)
@@ -267,9 +267,9 @@ class Land:
         self, approach: Approach, station: F64, left: F64, natural: F64, hills: Hills, covers: dict[str, F64]
     ) -> F64:
         """Fill up to the road behind the wing walls, and round their ends in a quarter cone."""
-        along, across = approach.along(station), np.abs(left - approach.centre(station)) / approach.stretch(station)
+        along, across = approach.along(station), np.abs(left - approach.center(station)) / approach.stretch(station)
         crest, axis = self.layout.width / 2, self.layout.alignment
-        beside = np.clip(left - approach.centre(station), -crest, crest)
+        beside = np.clip(left - approach.center(station), -crest, crest)
         walled = _ramp(along + sum(WALL_STEP), WALL_STEP) * _ramp(crest - across, WALL_STEP)
         behind = approach.back + approach.sign * np.maximum(along, WING_WALL)
         formation = approach.level(self.layout, hills, station) - self.layout.underlay

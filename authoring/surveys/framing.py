@@ -63,10 +63,10 @@ class Eye:
         """
         camera = self.camera
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            normalised = local[:, :2] / local[:, 2:]
+            normalized = local[:, :2] / local[:, 2:]
             # Far outside the picture the polynomial folds, and would bring points back in.
-            near = np.sum(normalised**2, axis=1) <= self.widest**2
-            pixels = self.distortion.distort(normalised) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+            near = np.sum(normalized**2, axis=1) <= self.widest**2
+            pixels = self.distortion.distort(normalized) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
             inside = ((pixels >= 0.0) & (pixels < [camera.width, camera.height])).all(axis=1)
         return (local[:, 2] > 0.0) & near & inside
 

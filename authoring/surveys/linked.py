@@ -58,9 +58,9 @@ def _hanging_together(links: NDArray[np.int64], count: int) -> float:
     return float(np.bincount(part, weights=degree >= min(PARTNERS, count - 1)).max() / count)
 
 
-def _pairs(centres: F64) -> list[tuple[int, int]]:
-    count = len(centres)
-    _, near = KDTree(centres).query(centres, k=min(NEIGHBOURS + 1, count))
+def _pairs(centers: F64) -> list[tuple[int, int]]:
+    count = len(centers)
+    _, near = KDTree(centers).query(centers, k=min(NEIGHBOURS + 1, count))
     rows = np.asarray(near).reshape(count, -1)
     pairs = {(min(i, int(j)), max(i, int(j))) for i in range(count) for j in rows[i] if i != j}
     pairs |= {(i, i + k) for k in range(1, AHEAD + 1) for i in range(count - k)}

@@ -29,7 +29,7 @@ def draw_local_box(settings: LocalSettings, subject: Subject, rng: np.random.Gen
         InputError: The box asked for holds no bridge.
     """
     whole = oriented_box(subject.bridge.reshape(-1, 3))
-    centres = whole.to_local(subject.bridge.mean(axis=1))
+    centers = whole.to_local(subject.bridge.mean(axis=1))
     station = _draw_station(settings, whole, subject, rng)
     half = 0.5 * settings.length
     if not len(_within(subject.bridge, whole.axes, float(whole.center @ whole.axes[0]) + station, half)):
@@ -39,7 +39,7 @@ def draw_local_box(settings: LocalSettings, subject: Subject, rng: np.random.Gen
             value=station,
             allowed=f"{-whole.half[0]:.1f} to {whole.half[0]:.1f} m from the bridge's middle",
         )
-    axes = _turned(whole, _direction(centres, station, half))
+    axes = _turned(whole, _direction(centers, station, half))
     middle = whole.to_world(np.array([[station, 0.0, 0.0]]))[0] @ axes.T
     local = _within(subject.bridge, axes, float(middle[0]), half)
     low, high = local.min(axis=0), local.max(axis=0)
@@ -93,12 +93,12 @@ def _draw_station(settings: LocalSettings, whole: OrientedBox, subject: Subject,
     return round(float((2.0 * along - 1.0) * reach), 3)
 
 
-def _direction(centres: F64, station: float, half: float) -> F64:
+def _direction(centers: F64, station: float, half: float) -> F64:
     """Find the direction of the bridge at a station from where it is a little before and behind, shape (2,)."""
     ends = []
     for at in (station - half, station + half):
-        at = float(np.clip(at, centres[:, 0].min() + _SLICE, centres[:, 0].max() - _SLICE))
-        own = centres[np.abs(centres[:, 0] - at) < _SLICE]
+        at = float(np.clip(at, centers[:, 0].min() + _SLICE, centers[:, 0].max() - _SLICE))
+        own = centers[np.abs(centers[:, 0] - at) < _SLICE]
         if len(own):
             ends.append([at, 0.5 * (own[:, 1].min() + own[:, 1].max())])
     run = np.array(ends[-1]) - np.array(ends[0]) if len(ends) == 2 else np.zeros(2)

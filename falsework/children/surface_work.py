@@ -11,7 +11,7 @@ from groundwork.child import answer_parent
 from groundwork.progress import Progress
 
 SMALL = 64  # [px] to which a texture is reduced for its mean
-GREY = (0.5, 0.5, 0.5)
+GRAY = (0.5, 0.5, 0.5)
 NEAR = 10.0  # [m] from what matters most, within which distance does not count
 
 F64 = NDArray[np.float64]
@@ -52,7 +52,7 @@ def material_color(material: Any) -> tuple[float, float, float]:
         return _coded(material.base_color)
     pixels = cv2.imread(material.base_texture.file, cv2.IMREAD_REDUCED_COLOR_8)
     if pixels is None:
-        return GREY
+        return GRAY
     small = cv2.resize(pixels, (SMALL, SMALL), interpolation=cv2.INTER_AREA).reshape(-1, 3).mean(axis=0)
     color = (float(small[2]) / 255.0, float(small[1]) / 255.0, float(small[0]) / 255.0)
     texture = material.base_texture

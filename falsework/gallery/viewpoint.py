@@ -140,9 +140,9 @@ def _near(scene: FlatScene, middle: F64, reach: float, always: NDArray[np.bool_]
         points = geometry.positions[geometry.triangles[first : first + geometry.part_count[part]]].reshape(-1, 3)
         if len(points):
             low[part], high[part] = points.min(axis=0), points.max(axis=0)
-    centre, half = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+    center, half = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
     turn, place = draws.transform[:, :3, :3], draws.transform[:, :3, 3]
-    at = np.einsum("nij,nj->ni", turn, centre[draws.part]) + place
+    at = np.einsum("nij,nj->ni", turn, center[draws.part]) + place
     radius = half[draws.part] * np.linalg.norm(turn, axis=1).max(axis=1)
     return _drawn(scene, always | ((radius > _SMALL) & (np.linalg.norm(at - middle, axis=1) - radius < reach)))
 

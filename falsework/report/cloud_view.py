@@ -25,7 +25,7 @@ SHOWN_VIEWS = 4  # of a point: images that are named
 UNKNOWN = 255  # level of an uncertainty that is not known
 _LEVELS = 255  # of those that are known
 _FINEST, _COARSEST = 1e-3, 10.0  # [m] ends of the colour scale
-_GREY = (154, 160, 166)
+_GRAY = (154, 160, 166)
 _MARGIN = 0.02  # of the box that is framed
 _GOLDEN = 0.618033988749895  # hues that follow each other are far apart
 
@@ -79,7 +79,7 @@ def cloud_view(
     levels = uncertainty_levels(columns["uncertainty"])
     counts = np.bincount(cloud.columns["segment"], minlength=256)
     rows = [row for row in cloud.classes if counts[row.id]]
-    rows += [ClassRow(255, "unlabelled", _GREY)] if counts[255] and all(row.id != 255 for row in rows) else []
+    rows += [ClassRow(255, "unlabelled", _GRAY)] if counts[255] and all(row.id != 255 for row in rows) else []
     whole = _framed(columns["coord"], np.ones(len(columns["coord"])) if shown.whole else columns["segment"], flight)
     origin = np.round(np.mean(whole, axis=0))  # single precision draws nothing fine far from 0
     box = np.array(whole) - origin
@@ -87,7 +87,7 @@ def cloud_view(
         "every": every,
         **_points(cloud, columns, every, origin),
         "classes": {row.id: {"name": row.name, "color": list(row.color)} for row in rows},
-        "levels": [*uncertainty_scale().tolist(), list(_GREY)],
+        "levels": [*uncertainty_scale().tolist(), list(_GRAY)],
         "ends": [_FINEST, _COARSEST],
         "flight": flight_data(flight, origin),
         "origin": origin.tolist(),
@@ -142,7 +142,7 @@ def instance_color(number: int) -> tuple[int, int, int]:
         number: Component id; 0 for none.
     """
     if not number:
-        return _GREY
+        return _GRAY
     red, green, blue = colorsys.hls_to_rgb(number * _GOLDEN % 1.0, (0.42, 0.55, 0.68)[number % 3], 0.65)
     return round(255 * red), round(255 * green), round(255 * blue)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from falsework.report.page import BLUE, GREY, SERIES, number, percent, plain_layout, settings_rows, write_page
+from falsework.report.page import BLUE, GRAY, SERIES, number, percent, plain_layout, settings_rows, write_page
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 
@@ -116,7 +116,7 @@ def _score_figure(rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) 
         figure.add_bar(
             x=places,
             y=[100 * row["mean_iou"] for row in mine],
-            error_y={"type": "data", "array": [100 * (row.get("mean_iou_sd") or 0.0) for row in mine], "color": GREY},
+            error_y={"type": "data", "array": [100 * (row.get("mean_iou_sd") or 0.0) for row in mine], "color": GRAY},
             name=escape(str(arm)),
             marker_color=color,
         )
@@ -142,7 +142,7 @@ def _difference_figure(rows: Sequence[Mapping[str, Any]]) -> go.Figure:
     figure = go.Figure()
     names = [escape(f"{row['model']}, {row['test']}: {_pair(row)}") for row in rows]
     for key, title, width, color in (
-        ("over_seeds", "over seeds alone", 2, GREY),
+        ("over_seeds", "over seeds alone", 2, GRAY),
         ("interval", "over seeds and bridges", 5, BLUE),
     ):
         known = [(name, row) for name, row in zip(names, rows, strict=True) if row[key] is not None]
@@ -167,7 +167,7 @@ def _difference_figure(rows: Sequence[Mapping[str, Any]]) -> go.Figure:
     if not figure.data:
         figure.add_scatter(x=[100 * row["difference"] for row in rows], y=names, mode="markers", name="difference")
     plain_layout(figure, 130 + 44 * len(rows))
-    figure.add_vline(x=0, line={"color": GREY, "dash": "dot"})
+    figure.add_vline(x=0, line={"color": GRAY, "dash": "dot"})
     return figure.update_layout(
         xaxis={"title": "difference of mean IoU [points]", "automargin": True},
         yaxis={"autorange": "reversed", "automargin": True},

@@ -6,18 +6,18 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from falsework.report.page import BLUE, GREY, RED, plain_layout
+from falsework.report.page import BLUE, GRAY, RED, plain_layout
 from usd_schemas.components import ClassRow
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 
-def flight_figure(centres: F64, statuses: list[str], bridge: F64, good_label: str = "registered") -> go.Figure:
+def flight_figure(centers: F64, statuses: list[str], bridge: F64, good_label: str = "registered") -> go.Figure:
     """Draw the camera path in plan and elevation.
 
     Args:
-        centres: True or measured camera centres [m], shape (N, 3), float64.
+        centers: True or measured camera centres [m], shape (N, 3), float64.
         statuses: `ok` or the reason why not, one a camera.
         bridge: Points on the bridge for orientation [m], shape (M, 3), float64.
         good_label: What cameras that are `ok` are called.
@@ -30,19 +30,19 @@ def flight_figure(centres: F64, statuses: list[str], bridge: F64, good_label: st
         figure.add_scatter(
             x=bridge[:, first],
             y=bridge[:, second],
-            marker={"size": 2, "color": GREY, "opacity": 0.7},
+            marker={"size": 2, "color": GRAY, "opacity": 0.7},
             name="bridge",
             hoverinfo="skip",
             **place,
         )
         path = {**place, "mode": "lines", "showlegend": False, "hoverinfo": "skip"}
-        figure.add_scatter(x=centres[:, first], y=centres[:, second], line={"color": "#8fb0d6", "width": 1}, **path)
-        for mask, colour, label in ((good, BLUE, good_label), (~good, RED, "lost")):
+        figure.add_scatter(x=centers[:, first], y=centers[:, second], line={"color": "#8fb0d6", "width": 1}, **path)
+        for mask, color, label in ((good, BLUE, good_label), (~good, RED, "lost")):
             if mask.any():
                 figure.add_scatter(
-                    x=centres[mask, first],
-                    y=centres[mask, second],
-                    marker={"size": 6, "color": colour},
+                    x=centers[mask, first],
+                    y=centers[mask, second],
+                    marker={"size": 6, "color": color},
                     name=label,
                     **place,
                 )

@@ -156,9 +156,9 @@ def flight_data(flight: Flight | None, origin: F64) -> dict[str, Any]:
     }
 
 
-def _frame_depth(centres: F64) -> float:
+def _frame_depth(centers: F64) -> float:
     """Choose how long a frustum is drawn [m]: about as long as the step between images, so that they stay apart."""
-    steps = np.linalg.norm(np.diff(centres, axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(centers, axis=0), axis=1)
     return float(np.clip(0.8 * np.median(steps), 0.3, 8.0)) if len(steps) else 1.0
 
 

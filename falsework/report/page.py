@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 FONT = {"family": "system-ui, sans-serif", "size": 13, "color": "#2b2f33"}
-BLUE, RED, GREY = "#3d7cc0", "#d1453b", "#9aa0a6"  # seen well on light and on dark ground
+BLUE, RED, GRAY = "#3d7cc0", "#d1453b", "#9aa0a6"  # seen well on light and on dark ground
 SERIES = (BLUE, "#d98324", "#3f9b58", "#a25bb5", RED, "#8a6d3b", "#2aa1a6", "#c2578e")
 DEEPEST = 12  # levels of settings that are shown; what is deeper comes from no file of ours
 

@@ -146,7 +146,7 @@ def _survey(
 
 def _plan(capture: Capture, truth: Truth | None, cloud: "Cloud | None", outline: "Cloud | None") -> Any:
     """Draw plan and elevation, where positions are known at all."""
-    places = _centres(capture, truth)
+    places = _centers(capture, truth)
     if not len(places):
         return None
     statuses = ["ok"] * len(places) if cloud is None else [str(camera["status"]) for camera in cloud.cameras]
@@ -226,7 +226,7 @@ def _at(place: str) -> list[str]:
     return [""] if not place else place.split("/")
 
 
-def _centres(capture: Capture, truth: Truth | None) -> np.ndarray:
+def _centers(capture: Capture, truth: Truth | None) -> np.ndarray:
     if truth is not None:
         return truth.poses[:, :3, 3]
     return np.array([image.gps for image in capture.images if image.gps is not None]).reshape(-1, 3)

@@ -206,7 +206,7 @@ def _projected(plane: F64, model: str, params: list[float]) -> F64:
     """Apply a lens of COLMAP to places at distance 1, shape (N, 2)."""
     two = model in ("PINHOLE", "OPENCV")
     focal = np.array(params[:2] if two else [params[0]] * 2)
-    centre = np.array(params[2:4] if two else params[1:3])
+    center = np.array(params[2:4] if two else params[1:3])
     bend = [*params[4 if two else 3 :], 0.0, 0.0, 0.0, 0.0][:4]
     square = (plane**2).sum(axis=1, keepdims=True)
     bent = plane * (1.0 + bend[0] * square + (0.0 if model == "SIMPLE_RADIAL" else bend[1]) * square**2)
@@ -215,7 +215,7 @@ def _projected(plane: F64, model: str, params: list[float]) -> F64:
         bent = bent + np.hstack(
             [2 * p1 * x * y + p2 * (square + 2 * x * x), p1 * (square + 2 * y * y) + 2 * p2 * x * y]
         )
-    return bent * focal + centre
+    return bent * focal + center
 
 
 def _median(values: NDArray[Any]) -> float:

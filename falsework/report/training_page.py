@@ -8,7 +8,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from falsework.report.page import GREY, SERIES, number, percent, plain_layout, settings_rows, write_page
+from falsework.report.page import GRAY, SERIES, number, percent, plain_layout, settings_rows, write_page
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 
@@ -199,7 +199,7 @@ def _calibration(record: Mapping[str, Any]) -> go.Figure | None:
     if not rows:
         return None
     figure = go.Figure()
-    figure.add_scatter(x=[0, 1], y=[0, 1], mode="lines", line={"color": GREY, "dash": "dot"}, name="calibrated")
+    figure.add_scatter(x=[0, 1], y=[0, 1], mode="lines", line={"color": GRAY, "dash": "dot"}, name="calibrated")
     figure.add_scatter(
         x=[row["confidence"] for row in rows],
         y=[row["accuracy"] for row in rows],

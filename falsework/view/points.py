@@ -17,7 +17,7 @@ U8 = NDArray[np.uint8]
 
 PAINTS = ("RGB", "class", "instance", "uncertainty")
 CONE = 0.008  # [rad] how far beside the ray a point may lie, as seen from the eye
-_GREY = (154, 160, 166)
+_GRAY = (154, 160, 166)
 
 
 @dataclass(frozen=True)
@@ -112,14 +112,14 @@ def point_colors(cloud: "Cloud", paint: str) -> U8:
     if paint == "RGB":
         return columns["color"]
     if paint == "class":
-        palette = np.tile(np.array(_GREY, np.uint8), (256, 1))
+        palette = np.tile(np.array(_GRAY, np.uint8), (256, 1))
         for row in cloud.classes:
             palette[row.id] = row.color
         return palette[columns["segment"]]
     if paint == "instance":
         numbers, inverse = np.unique(columns["instance"], return_inverse=True)
         return np.array([instance_color(int(number)) for number in numbers], np.uint8).reshape(-1, 3)[inverse.ravel()]
-    return np.vstack([uncertainty_scale(), np.array([_GREY], np.uint8)])[uncertainty_levels(columns["uncertainty"])]
+    return np.vstack([uncertainty_scale(), np.array([_GRAY], np.uint8)])[uncertainty_levels(columns["uncertainty"])]
 
 
 def picked_row(places: F64, origin: F64, direction: F64) -> int:

@@ -86,8 +86,8 @@ def cut_tiles(cloud: VoxelCloud, settings: TileSettings) -> Iterator[Tile]:
     cells = {(int(k) // width, int(k) % width): run for k, run in zip(key[order][first], runs, strict=True)}
     steps = range(times)
     places = sorted({(i - a, j - b) for i, j in cells for a in steps for b in steps})
-    centres = cloud.grid.origin[:2] + np.array(places) * settings.stride + 0.5 * settings.size
-    heights = estimate_ground(cloud.coord).below(centres, settings.ground_reach)
-    for (i, j), centre, height in zip(places, centres, heights, strict=True):
+    centers = cloud.grid.origin[:2] + np.array(places) * settings.stride + 0.5 * settings.size
+    heights = estimate_ground(cloud.coord).below(centers, settings.ground_reach)
+    for (i, j), center, height in zip(places, centers, heights, strict=True):
         inside = [cells[i + a, j + b] for a in steps for b in steps if (i + a, j + b) in cells]
-        yield Tile((i, j), np.sort(np.concatenate(inside)), np.array([*centre, height]))
+        yield Tile((i, j), np.sort(np.concatenate(inside)), np.array([*center, height]))

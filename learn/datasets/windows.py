@@ -138,7 +138,7 @@ def _lay(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Itera
         bottom, top = _heights(cloud, rows, height)
         bottom, top = bottom - settings.below, top + settings.above
         rows = np.sort(rows[(height[rows] >= bottom) & (height[rows] <= top)])
-        centre = (start + 0.5 * settings.length) * axis + middle * across
+        center = (start + 0.5 * settings.length) * axis + middle * across
         yield (
             WindowBox(
                 number,
@@ -146,7 +146,7 @@ def _lay(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Itera
                 (float(start), float(start + settings.length)),
                 (float(middle - half), float(middle + half)),
                 (bottom, top),
-                np.array([*centre, bottom]),
+                np.array([*center, bottom]),
             ),
             rows,
         )

@@ -107,7 +107,7 @@ def covisibility(model: SparseModel, settings: DenseSettings) -> F64:
     """
     count = len(model.names)
     points = [np.unique(model.obs_point[model.obs_image == row]) for row in range(count)]
-    centres = model.poses[:, :3, 3]
+    centers = model.poses[:, :3, 3]
     score = np.zeros((count, count))
     seen = np.zeros(len(model.points), bool)
     for first in range(count):
@@ -116,7 +116,7 @@ def covisibility(model: SparseModel, settings: DenseSettings) -> F64:
             shared = points[second][seen[points[second]]]
             if len(shared) < _MIN_SHARED:
                 continue
-            a, b = centres[first] - model.points[shared], centres[second] - model.points[shared]
+            a, b = centers[first] - model.points[shared], centers[second] - model.points[shared]
             along = np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)
             cosine = np.einsum("ni,ni->n", a, b) / np.maximum(along[0] * along[1], 1e-300)
             angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
@@ -143,10 +143,10 @@ def angle_weight(angle: F64, settings: DenseSettings) -> F64:
     return np.where(angle < 1.5 * high, rising * falling, 0.0)
 
 
-def _spread_out(score: F64, centres: F64, row: int, count: int) -> I64:
+def _spread_out(score: F64, centers: F64, row: int, count: int) -> I64:
     """Take the best views one by one; what stands beside a chosen one, as seen from here, loses."""
     left = score.copy()
-    offset = centres - centres[row]
+    offset = centers - centers[row]
     reach = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
     chosen: list[int] = []
     while len(chosen) < count and left.max() > 0.0:

@@ -46,8 +46,8 @@ class PixelFates:
         """
         pinhole = self.camera.pinhole
         column, row = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
-        centres = np.stack([column, row], axis=-1).astype(np.float64)
-        return np.floor(self.camera.to_photograph(centres)).astype(np.int64)
+        centers = np.stack([column, row], axis=-1).astype(np.float64)
+        return np.floor(self.camera.to_photograph(centers)).astype(np.int64)
 
 
 def write_fates(folder: Path, fates: NDArray[np.uint8]) -> None:

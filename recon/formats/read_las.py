@@ -25,7 +25,7 @@ F64 = NDArray[np.float64]
 
 MAGIC = b"LASF"
 _SIZES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}  # [bytes] of a point
-_COLOURS = {2: 20, 3: 28, 5: 28, 7: 30, 8: 30, 10: 30}  # where red begins
+_COLORS = {2: 20, 3: 28, 5: 28, 7: 30, 8: 30, 10: 30}  # where red begins
 _HEADERS = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}  # [bytes] by minor version
 _NEW_FORMATS = 6  # from here on the class has a byte of its own
 _VLR_HEAD = struct.Struct("<H16sHH32s")
@@ -256,7 +256,7 @@ class LasRows:
     @cached_property
     def _wide(self) -> bool:
         """Whether colours fill 16 bits; some programs write 8 bits into 16."""
-        at = _COLOURS[self.header.format]
+        at = _COLORS[self.header.format]
         return any(
             self._column(at + 2 * band, "<u2", first, min(first + _BLOCK, self.header.count)).max() > 255
             for first in range(0, self.header.count, _BLOCK)
@@ -288,8 +288,8 @@ class LasRows:
         check_coordinates(self.path, coord)
         _check_bounds(self.path, coord, header.bounds)
         color = None
-        if header.format in _COLOURS:
-            at = _COLOURS[header.format]
+        if header.format in _COLORS:
+            at = _COLORS[header.format]
             bands = np.column_stack([self._column(at + 2 * band, "<u2", first, last) for band in range(3)])
             color = (bands >> 8 if self._wide else bands).astype(np.uint8)
         new = header.format >= _NEW_FORMATS

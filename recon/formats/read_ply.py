@@ -37,7 +37,7 @@ _TYPES = {
     "float64": "f8",
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_COLOURS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+_COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 _LABELS = ("segment", "label", "class", "scalar_label", "scalar_segment", "scalar_Classification")
 _INSTANCES = ("instance", "instance_id", "scalar_instance")
 _INTENSITIES = ("intensity", "scalar_intensity", "scalar_Intensity", "reflectance")
@@ -214,7 +214,7 @@ def _scan(path: Path, columns: dict[str, NDArray[Any]]) -> Scan:
     normal = None
     if all(name in columns for name in ("nx", "ny", "nz")):
         normal = np.column_stack([columns[name] for name in ("nx", "ny", "nz")]).astype(np.float32)
-    trio = next((names for names in _COLOURS if all(name in columns for name in names)), None)
+    trio = next((names for names in _COLORS if all(name in columns for name in names)), None)
     color = _color(path, np.column_stack([columns[name] for name in trio])) if trio else None
     found: dict[str, Any] = {}
     for field, names, kind in (("segment", _LABELS, np.uint8), ("instance", _INSTANCES, np.uint32)):

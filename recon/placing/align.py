@@ -13,8 +13,8 @@ from recon.settings import AlignmentSettings
 F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-OK, UNREGISTERED, CENTRE_OUTLIER, ROTATION_OUTLIER = "ok", "unregistered", "centre_outlier", "rotation_outlier"
-REGISTERED = (OK, CENTRE_OUTLIER, ROTATION_OUTLIER)
+OK, UNREGISTERED, CENTER_OUTLIER, ROTATION_OUTLIER = "ok", "unregistered", "centre_outlier", "rotation_outlier"
+REGISTERED = (OK, CENTER_OUTLIER, ROTATION_OUTLIER)
 _MIN_CAMERAS = 3
 _STRAIGHT = 1e-3  # second over first singular value below which centres fix no rotation
 _ROUNDS = 10
@@ -26,9 +26,9 @@ class Target:
 
     Attributes:
         kind: `truth`, `gps` or `none`.
-        centres: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
+        centers: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
         rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
-        centre_limit: Distance above which a centre is an outlier [m].
+        center_limit: Distance above which a centre is an outlier [m].
         sigmas: Stated standard deviation of each centre along x, y, z [m], shape (N, 3), float64, or None for none.
         bias: The same of the error that all centres share [m], shape (3,), float64.
         gimbal: Up in each camera's axes as its gimbal has it [1], shape (N, 3), float64, NaN where unknown; or None.
@@ -36,9 +36,9 @@ class Target:
     """
 
     kind: str
-    centres: F64
+    centers: F64
     rotations: F64 | None
-    centre_limit: float
+    center_limit: float
     sigmas: F64 | None = None
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gimbal: F64 | None = None
@@ -66,7 +66,7 @@ class Alignment:
         similarity: From the model into the world.
         method: How it was found: `centres+rotations`, `centres`, `fixes+gravity`, `control points`, or `up` alone.
         status: Reason code of every image of the capture, `ok` for valid ones.
-        centre_errors: Distance between aligned and target centre [m], shape (N,), float64; NaN when unregistered.
+        center_errors: Distance between aligned and target centre [m], shape (N,), float64; NaN when unregistered.
         rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.
         singular_values: Of the centred target centres of valid cameras [m], shape (3,), float64, descending.
         agreeing: Whether each measured position agrees with the others, shape (N,), bool; None with truth.
@@ -77,7 +77,7 @@ class Alignment:
     similarity: Similarity
     method: str
     status: tuple[str, ...]
-    centre_errors: F64
+    center_errors: F64
     rotation_errors: F64
     singular_values: F64
     agreeing: Mask | None = None
@@ -85,22 +85,22 @@ class Alignment:
     unfixed: str = ""
 
 
-def centre_limit(centres: F64, survey_kind: object, settings: AlignmentSettings) -> float:
+def center_limit(centers: F64, survey_kind: object, settings: AlignmentSettings) -> float:
     """Settle the distance above which a camera centre is an outlier.
 
     Args:
-        centres: Target camera centres [m], shape (N, 3), float64.
+        centers: Target camera centres [m], shape (N, 3), float64.
         survey_kind: The survey's kind; `local` has its own limit.
         settings: May fix the limit.
 
     Returns:
         Limit [m].
     """
-    if settings.centre_limit is not None:
-        return settings.centre_limit
+    if settings.center_limit is not None:
+        return settings.center_limit
     if survey_kind == "local":
         return 0.25
-    return float(min(0.005 * np.linalg.norm(np.nanmax(centres, axis=0) - np.nanmin(centres, axis=0)), 0.5))
+    return float(min(0.005 * np.linalg.norm(np.nanmax(centers, axis=0) - np.nanmin(centers, axis=0)), 0.5))
 
 
 def align(
@@ -125,20 +125,20 @@ def align(
     Raises:
         RejectedSceneError: `alignment_failed`, or `straight_path` where centres alone cannot fix the rotation.
     """
-    known = np.asarray(np.isfinite(target.centres[rows]).all(axis=1))
-    source, goal = poses[:, :3, 3], np.nan_to_num(target.centres[rows])
+    known = np.asarray(np.isfinite(target.centers[rows]).all(axis=1))
+    source, goal = poses[:, :3, 3], np.nan_to_num(target.centers[rows])
     turned = None  # from the model into the world, as each camera by itself would have it
     if target.rotations is not None:
         turned = target.rotations[rows] @ poses[:, :3, :3].transpose(0, 2, 1)
     by_rotations = settings.method != "paper" and turned is not None
     ruling = turned if by_rotations else None
-    inliers = find_inliers(source, goal, known, target.centre_limit, settings.iterations, rng)
+    inliers = find_inliers(source, goal, known, target.center_limit, settings.iterations, rng)
     if ruling is not None:
         inliers &= angles(ruling, _central_rotation(ruling, inliers)) <= settings.rotation_limit
     similarity = _fit(source, goal, ruling, inliers)
     far, twist = _misfit(similarity, source, goal, turned)
     for _ in range(_ROUNDS):
-        agreeing = known & (far <= target.centre_limit) & ~(by_rotations & (twist > settings.rotation_limit))
+        agreeing = known & (far <= target.center_limit) & ~(by_rotations & (twist > settings.rotation_limit))
         if (agreeing == inliers).all():
             break
         inliers = agreeing
@@ -148,14 +148,14 @@ def align(
     method = "centres+rotations" if by_rotations else "centres"
     if not by_rotations and spread[1] < _STRAIGHT * spread[0]:
         raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
-    straying = ~known | (far > target.centre_limit)
+    straying = ~known | (far > target.center_limit)
     twisted = by_rotations & (twist > settings.rotation_limit)
-    count = len(target.centres)
+    count = len(target.centers)
     status = np.full(count, UNREGISTERED, dtype=object)
-    status[rows] = np.where(straying, CENTRE_OUTLIER, np.where(twisted, ROTATION_OUTLIER, OK))
-    centre_errors, rotation_errors = np.full(count, np.nan), np.full(count, np.nan)
-    centre_errors[rows], rotation_errors[rows] = np.where(known, far, np.nan), twist
-    return Alignment(similarity, method, tuple(status), centre_errors, rotation_errors, spread)
+    status[rows] = np.where(straying, CENTER_OUTLIER, np.where(twisted, ROTATION_OUTLIER, OK))
+    center_errors, rotation_errors = np.full(count, np.nan), np.full(count, np.nan)
+    center_errors[rows], rotation_errors[rows] = np.where(known, far, np.nan), twist
+    return Alignment(similarity, method, tuple(status), center_errors, rotation_errors, spread)
 
 
 def stand_upright(poses: F64, rows: NDArray[np.int64], target: Target) -> Alignment:
@@ -171,11 +171,11 @@ def stand_upright(poses: F64, rows: NDArray[np.int64], target: Target) -> Alignm
     """
     gimbal = None if target.gimbal is None else target.gimbal[rows]
     rotation = level_rotation(target.level(poses, rows), gimbal)
-    centres, count = poses[:, :3, 3], len(target.centres)
+    centers, count = poses[:, :3, 3], len(target.centers)
     status, unknown = np.full(count, UNREGISTERED, dtype=object), np.full(count, np.nan)
     status[rows] = OK
-    spread = np.linalg.svd(centres - centres.mean(axis=0), compute_uv=False).astype(np.float64)
-    upright = Similarity(1.0, rotation, -rotation @ centres.mean(axis=0))
+    spread = np.linalg.svd(centers - centers.mean(axis=0), compute_uv=False).astype(np.float64)
+    upright = Similarity(1.0, rotation, -rotation @ centers.mean(axis=0))
     return Alignment(upright, "up", tuple(status), unknown, unknown, spread)
 
 

@@ -131,25 +131,25 @@ def _point_facts(point: ControlPoint, place: tuple[F64, int, float], off: F64, a
     }
 
 
-def triangulate(centres: F64, directions: F64) -> F64:
+def triangulate(centers: F64, directions: F64) -> F64:
     """Find the point that is nearest to some rays, each counting by the inverse of its distance: as pixels do.
 
     Args:
-        centres: Starts of the rays [model units], shape (N, 3), float64.
+        centers: Starts of the rays [model units], shape (N, 3), float64.
         directions: Unit directions [1], shape (N, 3), float64.
 
     Returns:
         The point, shape (3,), float64; NaN for parallel rays.
     """
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    weights = np.ones(len(centres))
+    weights = np.ones(len(centers))
     point = np.full(3, np.nan)
     for _ in range(5):
         normal = np.einsum("n,nij->ij", weights, across)
         if np.linalg.eigvalsh(normal)[0] < 1e-12 * np.trace(normal):
             return np.full(3, np.nan)
-        point = np.linalg.solve(normal, np.einsum("n,nij,nj->i", weights, across, centres))
-        square = ((point - centres) ** 2).sum(axis=1)
+        point = np.linalg.solve(normal, np.einsum("n,nij,nj->i", weights, across, centers))
+        square = ((point - centers) ** 2).sum(axis=1)
         weights = square.mean() / np.maximum(square, 1e-12 * square.mean())
     return point
 
@@ -214,10 +214,10 @@ def _scaled(
     similarity = Similarity(scale, rotation, there - scale * rotation @ middle)
     errors = base.errors if base.errors is not None and not base.unfixed else None
     stated = PlaceErrors(unsure, np.nan, np.nan, np.nan) if errors is None else replace(errors, scale=unsure)
-    far = np.linalg.norm(similarity.move(model.poses[:, :3, 3]) - target.centres[rows], axis=1)
-    centre_errors = base.centre_errors.copy()
-    centre_errors[rows] = np.where(np.isnan(centre_errors[rows]), np.nan, far)
-    return replace(base, similarity=similarity, method=BARS, errors=stated, unfixed="", centre_errors=centre_errors)
+    far = np.linalg.norm(similarity.move(model.poses[:, :3, 3]) - target.centers[rows], axis=1)
+    center_errors = base.center_errors.copy()
+    center_errors[rows] = np.where(np.isnan(center_errors[rows]), np.nan, far)
+    return replace(base, similarity=similarity, method=BARS, errors=stated, unfixed="", center_errors=center_errors)
 
 
 def _origin(capture: Capture, control: GroundControl, coordinates: F64) -> tuple[float, float, float]:

@@ -30,20 +30,20 @@ def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.
     Returns:
         The alignment; where the fixes do not fix the frame, one that only stands upright and says so in `unfixed`.
     """
-    known = np.isfinite(target.centres[rows]).all(axis=1) & (target.sigmas is not None)
+    known = np.isfinite(target.centers[rows]).all(axis=1) & (target.sigmas is not None)
     upright = stand_upright(poses, rows, target)
     flown = np.argsort(rows[known], kind="stable")
     used = rows[known][flown]
-    source, goal = poses[known][flown][:, :3, 3], target.centres[used]
+    source, goal = poses[known][flown][:, :3, 3], target.centers[used]
     gimbal = None if target.gimbal is None else target.gimbal[rows]
-    sigmas = np.ones((len(target.centres), 3)) if target.sigmas is None else target.sigmas
+    sigmas = np.ones((len(target.centers), 3)) if target.sigmas is None else target.sigmas
     fit = fit_to_fixes(source, goal, sigmas[used], levels_of(target.level(poses, rows), gimbal), rng)
     if fit is None:
         return replace(upright, unfixed="fewer than three positions that differ")
     errors = expected_errors(fit, np.array(target.bias))
     if errors.unfixed():
         return replace(upright, unfixed=errors.unfixed(), errors=errors)
-    agreeing, far = np.zeros(len(target.centres), bool), np.full(len(target.centres), np.nan)
+    agreeing, far = np.zeros(len(target.centers), bool), np.full(len(target.centers), np.nan)
     agreeing[used] = fit.agreeing
     far[used] = np.linalg.norm(fit.similarity.move(source) - goal, axis=1)
     resting = goal[fit.agreeing]
@@ -51,7 +51,7 @@ def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.
         upright,
         similarity=fit.similarity,
         method=METHOD,
-        centre_errors=far,
+        center_errors=far,
         agreeing=agreeing,
         errors=errors,
         singular_values=np.linalg.svd(resting - resting.mean(axis=0), compute_uv=False).astype(np.float64),

@@ -150,8 +150,8 @@ def _settle(source: F64, goal: F64, sigma: F64, levels: Levels, start: Similarit
 
 def _step(similarity: Similarity, source: F64, goal: F64, weights: F64, levels: Levels) -> tuple[Similarity, float]:
     """Take one step of Gauss and Newton; gives the new similarity and how far it moved, as a share."""
-    centre = _middle(source, weights)
-    jacobian = _jacobian(similarity, source - centre)
+    center = _middle(source, weights)
+    jacobian = _jacobian(similarity, source - center)
     residual = goal - similarity.move(source)
     ups = similarity.rotation.T[:, 2]
     pull = levels.weights(ups)
@@ -165,9 +165,9 @@ def _step(similarity: Similarity, source: F64, goal: F64, weights: F64, levels: 
     delta[:4] = np.clip(delta[:4], -0.5, 0.5)  # far from the end a step may be wild
     scale = similarity.scale * float(np.exp(delta[0]))
     rotation = _turn(delta[1:4]) @ similarity.rotation
-    middle = similarity.move(centre[None])[0] + delta[4:]
-    spread = np.linalg.norm(source - centre, axis=1).max() * similarity.scale
-    return Similarity(scale, rotation, middle - scale * rotation @ centre), float(
+    middle = similarity.move(center[None])[0] + delta[4:]
+    spread = np.linalg.norm(source - center, axis=1).max() * similarity.scale
+    return Similarity(scale, rotation, middle - scale * rotation @ center), float(
         np.abs(delta[:4]).max() + np.abs(delta[4:]).max() / max(spread, 1e-300)
     )
 
@@ -290,10 +290,10 @@ def _middle(source: F64, weights: F64) -> F64:
     return np.asarray(share @ source / share.sum(), np.float64)
 
 
-def _jacobian(similarity: Similarity, centred: F64) -> F64:
+def _jacobian(similarity: Similarity, centered: F64) -> F64:
     """Derive the moved points by the parameters, shape (N, 3, 7)."""
-    arm = similarity.scale * centred @ similarity.rotation.T
-    found = np.zeros((len(centred), 3, PARAMETERS))
+    arm = similarity.scale * centered @ similarity.rotation.T
+    found = np.zeros((len(centered), 3, PARAMETERS))
     found[:, :, 0] = arm
     found[:, 0, 2], found[:, 0, 3] = arm[:, 2], -arm[:, 1]
     found[:, 1, 1], found[:, 1, 3] = -arm[:, 2], arm[:, 0]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.placing.align import OK, UNREGISTERED, Alignment, Target, align, centre_limit, check_share, stand_upright
+from recon.placing.align import OK, UNREGISTERED, Alignment, Target, align, center_limit, check_share, stand_upright
 from recon.placing.align_control import POINTS, align_to_control
 from recon.placing.align_gps import align_to_fixes
 from recon.placing.ground_control import GroundControl, read_ground_control
@@ -168,7 +168,7 @@ def alignment_facts(
         "note": note(alignment, target, control),
         "unit": "m" if target.kind != "none" else "unknown",
         "inliers": sum(code == OK for code in alignment.status),
-        "centre_limit": target.centre_limit if target.kind == "truth" else None,
+        "centre_limit": target.center_limit if target.kind == "truth" else None,
         "singular_values": alignment.singular_values.tolist(),
     }
     if alignment.errors is not None:
@@ -176,7 +176,7 @@ def alignment_facts(
     if alignment.unfixed:
         facts["unfixed"] = alignment.unfixed
     if alignment.agreeing is not None:
-        facts["fixes"] = int(np.isfinite(alignment.centre_errors).sum())
+        facts["fixes"] = int(np.isfinite(alignment.center_errors).sum())
         facts["agreeing_fixes"] = int(alignment.agreeing.sum())
     if "origin" in capture.facts and (target.kind == "gps" or alignment.agreeing is not None):
         facts["origin"] = capture.facts["origin"]
@@ -202,7 +202,7 @@ def note(alignment: Alignment, target: Target, control: Mapping[str, Any]) -> st
             off += f", {len(control['control_points']) - len(points)} left out as far off"
         return f"no truth: aligned to {off}, {alignment.errors.in_words()}, without labels"
     if target.kind == "gps" and alignment.errors is not None and alignment.agreeing is not None:
-        fixes = int(np.isfinite(alignment.centre_errors).sum())
+        fixes = int(np.isfinite(alignment.center_errors).sum())
         agreeing = int(alignment.agreeing.sum())
         where = f"{fixes}" if agreeing == fixes else f"{agreeing} of {fixes}"
         return f"no truth: aligned to GPS ({where} fixes), {alignment.errors.in_words()}, without labels"
@@ -222,9 +222,9 @@ def camera_rows(capture: Capture, alignment: Alignment) -> tuple[dict[str, Any],
         return float(value) if np.isfinite(value) else None
 
     rows = [
-        {"name": image.name, "status": status, "center_error": known(centre), "rotation_error": known(rotation)}
-        for image, status, centre, rotation in zip(
-            capture.images, alignment.status, alignment.centre_errors, alignment.rotation_errors, strict=True
+        {"name": image.name, "status": status, "center_error": known(center), "rotation_error": known(rotation)}
+        for image, status, center, rotation in zip(
+            capture.images, alignment.status, alignment.center_errors, alignment.rotation_errors, strict=True
         )
     ]
     if alignment.agreeing is not None:
@@ -236,18 +236,18 @@ def camera_rows(capture: Capture, alignment: Alignment) -> tuple[dict[str, Any],
 def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) -> Target:
     kind = capture.facts.get("kind")
     if truth is not None:
-        centres = truth.poses[:, :3, 3]
-        return Target("truth", centres, truth.poses[:, :3, :3], centre_limit(centres, kind, settings))
-    centres = np.array([image.gps or (np.nan,) * 3 for image in capture.images])
+        centers = truth.poses[:, :3, 3]
+        return Target("truth", centers, truth.poses[:, :3, :3], center_limit(centers, kind, settings))
+    centers = np.array([image.gps or (np.nan,) * 3 for image in capture.images])
     turns, gimbal = _by_name(capture, "quarter_turns"), _by_name(capture, "gimbal")
     sigmas = _by_name(capture, "gps_sigmas")
     if sigmas is None:
-        sigmas = np.tile(np.array(capture.gps_sigma), (len(centres), 1))
+        sigmas = np.tile(np.array(capture.gps_sigma), (len(centers), 1))
     east, north, up = _numbers(capture.facts.get("gps_bias", capture.gps_sigma))
-    kind = "gps" if np.isfinite(centres).all(axis=1).any() else "none"
+    kind = "gps" if np.isfinite(centers).all(axis=1).any() else "none"
     return Target(
         kind,
-        centres,
+        centers,
         None,
         np.inf,
         np.maximum(sigmas, _LEAST_SIGMA),

@@ -65,13 +65,13 @@ def place_sparse(
     """
     judged, seen = select_points(model, rows, valid, np.inf, 1)
     _check_some(judged)
-    centres = np.full((len(valid), 3), np.nan)
-    centres[rows] = similarity.move(model.poses[:, :3, 3])
+    centers = np.full((len(valid), 3), np.nan)
+    centers[rows] = similarity.move(model.poses[:, :3, 3])
     coord, errors, fate = similarity.move(model.points[judged]), model.errors[judged], _all_kept(judged)
     if metric:
         rays, poor = seen.once(), errors > settings.max_reprojection_error
         noise = keypoint_noise(errors, np.where(poor, 0, rays.counts))
-        unsure = noise * deviations(coord, centres, model.camera_params[0], rays) > settings.max_deviation
+        unsure = noise * deviations(coord, centers, model.camera_params[0], rays) > settings.max_deviation
         if settings.sure_views is not None:
             unsure &= rays.counts < settings.sure_views
         fate[unsure] = DEVIATION
@@ -84,7 +84,7 @@ def place_sparse(
             "[recon] max_deviation, or set sure_views = 2",
         )
     _check_some(fate == KEPT)
-    normal = np.add.reduceat(centres[seen.image], seen.start[:-1]) / seen.counts[:, None] - coord
+    normal = np.add.reduceat(centers[seen.image], seen.start[:-1]) / seen.counts[:, None] - coord
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return PlacedPoints(
         judged, fate, coord, normal.astype(np.float32), model.colors[judged], errors.astype(np.float32), seen

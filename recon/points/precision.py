@@ -35,7 +35,7 @@ def keypoint_noise(errors: F64, views: NDArray[np.int64]) -> F64:
     return np.sqrt((_COMMON * common + squares) / (_COMMON + freedom))
 
 
-def deviations(points: F64, centres: F64, focal: float, seen: Observations) -> F64:
+def deviations(points: F64, centers: F64, focal: float, seen: Observations) -> F64:
     """Tell how far the keypoints' noise spreads each point along its worst direction, mostly that of its rays.
 
     A keypoint that is off by one pixel moves its ray by d / f at the distance d; rays hold a point across
@@ -47,7 +47,7 @@ def deviations(points: F64, centres: F64, focal: float, seen: Observations) -> F
 
     Args:
         points: World positions [m], shape (N, 3), float64.
-        centres: Camera centres by row of the capture [m], shape (K, 3), float64.
+        centers: Camera centres by row of the capture [m], shape (K, 3), float64.
         focal: Focal length [px].
         seen: Who saw the points.
 
@@ -58,15 +58,15 @@ def deviations(points: F64, centres: F64, focal: float, seen: Observations) -> F
     first = 0
     while first < len(points):
         end = max(first + 1, int(np.searchsorted(seen.start, seen.start[first] + _CHUNK, "right")) - 1)
-        found[first:end] = _of_some(points, centres, focal, seen, first, end)
+        found[first:end] = _of_some(points, centers, focal, seen, first, end)
         first = end
     return found
 
 
-def _of_some(points: F64, centres: F64, focal: float, seen: Observations, first: int, end: int) -> F64:
+def _of_some(points: F64, centers: F64, focal: float, seen: Observations, first: int, end: int) -> F64:
     start = seen.start[first : end + 1]
     image, counts = seen.image[start[0] : start[-1]], np.diff(start)
-    rays = np.repeat(points[first:end], counts, axis=0) - centres[image]
+    rays = np.repeat(points[first:end], counts, axis=0) - centers[image]
     square = np.einsum("ni,ni->n", rays, rays)[:, None, None]
     across = np.eye(3) - rays[:, :, None] * rays[:, None, :] / square
     information = np.add.reduceat(focal**2 / square * across, start[:-1] - start[0])

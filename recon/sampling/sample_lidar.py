@@ -131,9 +131,9 @@ def _survey_way(scene: FlatScene, survey: str) -> F64:
     """Take the camera centres of a survey, without stops."""
     for product in scene.products:
         if product.name == survey and scene.cameras[product.camera].path:
-            centres = scene.cameras[product.camera].poses[:, :3, 3]
-            moved = np.linalg.norm(np.diff(centres, axis=0), axis=1) > 1e-6
-            way = centres[np.concatenate([[True], moved])]
+            centers = scene.cameras[product.camera].poses[:, :3, 3]
+            moved = np.linalg.norm(np.diff(centers, axis=0), axis=1) > 1e-6
+            way = centers[np.concatenate([[True], moved])]
             if len(way) > 1:
                 return way
             raise InputError("stands still", field="path", value=survey, hint="Name another survey, or deck")

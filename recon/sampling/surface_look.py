@@ -88,8 +88,8 @@ class SurfaceLook:
         if detail is not None:
             octaves = list(zip(material.detail.periods, material.detail.amplitudes, strict=False))
             for period, amplitude in octaves[:_OCTAVES]:
-                grey = _nearest(detail, st / period)[:, :1].astype(np.float32) / 255
-                color *= 1.0 + np.float32(amplitude) * (2.0 * grey - 1.0)
+                gray = _nearest(detail, st / period)[:, :1].astype(np.float32) / 255
+                color *= 1.0 + np.float32(amplitude) * (2.0 * gray - 1.0)
         macro = self._read(Texture(material.detail.macro_file, srgb=False))
         if macro is not None:
             color *= 2.0 * _nearest(macro, st1)[:, :3].astype(np.float32) / 255

@@ -44,16 +44,16 @@ def depths(points: F64, poses: F64, observations: Observations) -> F64:
     Returns:
         Depths [m], shape (M,), float64.
     """
-    centres, forward = np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2])
-    return _depths(points, observations.start, observations.image, centres, forward)
+    centers, forward = np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2])
+    return _depths(points, observations.start, observations.image, centers, forward)
 
 
 @njit(cache=True, nogil=True)
-def _depths(points: F64, start: I64, image: I64, centres: F64, forward: F64) -> F64:
+def _depths(points: F64, start: I64, image: I64, centers: F64, forward: F64) -> F64:
     depth = np.empty(len(image))
     for point in range(len(start) - 1):
         for row in range(start[point], start[point + 1]):
-            there, along, planar = centres[image[row]], forward[image[row]], 0.0
+            there, along, planar = centers[image[row]], forward[image[row]], 0.0
             for axis in range(3):
                 planar += (points[point, axis] - there[axis]) * along[axis]
             depth[row] = planar

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
 from groundwork.foreign_file import open_regular, read_regular
-from render.images.grey_png import SIGNATURE, decode_grey_png, encode_grey_png
+from render.images.gray_png import SIGNATURE, decode_gray_png, encode_gray_png
 
 _DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
 _JPEG_END = b"\xff\xd9"
@@ -54,7 +54,7 @@ def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
         The file's bytes.
     """
     if pixels.ndim == 2:
-        return encode_grey_png(pixels)
+        return encode_gray_png(pixels)
     options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, _RUN_LENGTH]
     return _encode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)
 
@@ -105,9 +105,9 @@ def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
         raise InputError("not the size that cameras.json states", where=path, value=said, allowed=str(size))
     if said is not None and said[0] * said[1] > MOST_PIXELS:
         raise InputError("the image is too large", where=path, value=said, allowed=f"{MOST_PIXELS / 1e6:.0f} Mpx")
-    grey = decode_grey_png(data)
-    if grey is not None:
-        return grey
+    gray = decode_gray_png(data)
+    if gray is not None:
+        return gray
     jpeg = data[:2] == b"\xff\xd8"
     whole = bool(data) and (not jpeg or data.rstrip(b"\x00")[-2:] == _JPEG_END or _reaches_its_end(data))
     pixels = _decode(data, jpeg=jpeg) if whole else None

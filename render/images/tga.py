@@ -16,7 +16,7 @@ from render.images.image_files import MOST_PIXELS
 U8 = NDArray[np.uint8]
 
 _HEADER = struct.Struct("<BBBHHBHHHHBB")
-_MAPPED, _COLOR, _GREY = 1, 2, 3  # kinds; 8 more where runs are packed
+_MAPPED, _COLOR, _GRAY = 1, 2, 3  # kinds; 8 more where runs are packed
 _PACKED = 8
 _FROM_RIGHT, _FROM_TOP = 0x10, 0x20
 
@@ -43,7 +43,7 @@ def decode_tga(path: Path) -> U8:
 def _decoded(data: bytes) -> U8:
     note, has_map, kind, first, length, map_bits, _, _, width, height, bits, flags = _HEADER.unpack_from(data)
     plain, packed = kind & ~_PACKED, bool(kind & _PACKED)
-    if plain not in (_MAPPED, _COLOR, _GREY) or width * height == 0 or width * height > MOST_PIXELS:
+    if plain not in (_MAPPED, _COLOR, _GRAY) or width * height == 0 or width * height > MOST_PIXELS:
         raise ValueError(f"kind {kind} of {width} x {height} pixels")
     if bits not in ((8,) if plain != _COLOR else (15, 16, 24, 32)):
         raise ValueError(f"{bits} bits a pixel")

@@ -19,7 +19,7 @@ _BAND = 64  # rows developed at once
 _TILE = 128  # the noise tile is larger than a frame by this, so that every frame takes it from another place [px]
 _STEPS = 4096  # entries of the tone table
 _WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
-_EXPOSED_GREY, _LATITUDE = 0.20, 1.7  # where the middle tone and the brightest 2 % of a survey come to lie
+_EXPOSED_GRAY, _LATITUDE = 0.20, 1.7  # where the middle tone and the brightest 2 % of a survey come to lie
 _LIT = 0.1  # share of the brightest card from which on a card counts as lit [1]
 _METER_STEP = 8  # [px]
 _BALANCES = (0.4, 2.5)  # least and most gain of a channel over that of green [1]
@@ -97,7 +97,7 @@ class Sensor:
         metered = code[::_METER_STEP, ::_METER_STEP, 1]
         chosen = metered[surfaces[::_METER_STEP, ::_METER_STEP]] if surfaces is not None else metered
         green = float(np.median(chosen if chosen.size else metered)) ** 2 * self._scale * self._gain
-        follow = self._auto_exposure * float(np.log2(_EXPOSED_GREY / max(green, 1e-3)))
+        follow = self._auto_exposure * float(np.log2(_EXPOSED_GRAY / max(green, 1e-3)))
         bright = float(np.quantile(metered, _BRIGHT_SHARE)) ** 2 * self._scale * self._gain
         most = float(np.log2(_WHITE_BURNT / max(bright, 1e-3))) if self._auto_exposure else np.inf
         follow = max(min(follow, _MOST_FOLLOWED, most), -_MOST_FOLLOWED)
@@ -189,7 +189,7 @@ def meter(luminance: F32, card: F32 | None = None, sky: F32 | None = None) -> fl
     if card is not None:
         lit = card[card > _LIT * np.quantile(card, 0.98)]
         median = max(float(np.median(lit)), 1e-4) if len(lit) else median
-    gain = min(_EXPOSED_GREY / median, _LATITUDE / bright)
+    gain = min(_EXPOSED_GRAY / median, _LATITUDE / bright)
     if sky is None or not len(sky):
         return gain
     whole = float(np.quantile(np.concatenate([luminance, sky]), _BRIGHT_SHARE))

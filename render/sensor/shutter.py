@@ -58,14 +58,14 @@ def flight_velocity(track: CameraTrack) -> F64:
     Returns:
         Velocities [m/s], shape (N, 3), float64, none faster than an inspection flight.
     """
-    centres = track.poses[:, :3, 3]
+    centers = track.poses[:, :3, 3]
     times = track.facts.get("capture_times")
-    if not isinstance(times, list | tuple) or len(times) != len(centres) or len(centres) < 2:
-        return np.zeros((len(centres), 3))
-    rows = np.arange(len(centres))
+    if not isinstance(times, list | tuple) or len(times) != len(centers) or len(centers) < 2:
+        return np.zeros((len(centers), 3))
+    rows = np.arange(len(centers))
     after, before = np.minimum(rows + 1, len(rows) - 1), np.maximum(rows - 1, 0)
     seconds = np.asarray(times, np.float64)
     gap = np.maximum(seconds[after] - seconds[before], 1e-3)
-    velocity = (centres[after] - centres[before]) / gap[:, None]
+    velocity = (centers[after] - centers[before]) / gap[:, None]
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
     return velocity * np.minimum(1.0, _FASTEST / np.maximum(speed, 1e-9))

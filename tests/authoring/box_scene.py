@@ -62,5 +62,5 @@ def write_box_scene(folder: Path, far: Pieces = FAR) -> Path:
     return folder / "scene.usda"
 
 
-def _flat(roles: tuple[str, ...], grey: float) -> dict[str, MaterialRecipe]:
-    return {role: MaterialRecipe(role, color=(grey, grey, grey)) for role in roles}
+def _flat(roles: tuple[str, ...], gray: float) -> dict[str, MaterialRecipe]:
+    return {role: MaterialRecipe(role, color=(gray, gray, gray)) for role in roles}

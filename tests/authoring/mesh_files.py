@@ -50,10 +50,10 @@ def town(offset: F64 | None = None) -> tuple[list[trimesh.Trimesh], float, int]:
     for i in range(1, 8):
         for j in range(1, 8):
             size = np.array([rng.uniform(8, 18), rng.uniform(8, 18), rng.uniform(5, 25)])
-            centre = np.array([i * SPACING, j * SPACING, 0.0])
-            centre[2] = height(centre) + 0.5 * size[2] - 0.5
+            center = np.array([i * SPACING, j * SPACING, 0.0])
+            center[2] = height(center) + 0.5 * size[2] - 0.5
             box = trimesh.creation.box(size)
-            box.apply_translation(centre)
+            box.apply_translation(center)
             meshes.append(box)
             volume += float(size.prod())
     for mesh in meshes:

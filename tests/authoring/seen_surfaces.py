@@ -40,12 +40,12 @@ class Seen:
 
     Attributes:
         light: Linear luminance over its mean [1], shape (H, W), float32.
-        grey: The picture as a camera codes it, shape (H, W), uint8.
+        gray: The picture as a camera codes it, shape (H, W), uint8.
         pose: camera_to_world, shape (4, 4), float64.
     """
 
     light: F32
-    grey: U8
+    gray: U8
     pose: F64
 
 
@@ -113,13 +113,13 @@ def contrast(seen: Seen) -> float:
 
 def keypoints(seen: Seen) -> float:
     """SIFT keypoints a megapixel."""
-    return len(cv2.SIFT.create(contrastThreshold=_PEAK).detect(seen.grey, None)) / seen.grey.size * 1e6
+    return len(cv2.SIFT.create(contrastThreshold=_PEAK).detect(seen.gray, None)) / seen.gray.size * 1e6
 
 
 def right_matches(one: Seen, two: Seen) -> float:
     """Share of the matches between two pictures that hit the same place within 1.5 px; 0 without matches."""
     sift = cv2.SIFT.create(contrastThreshold=_PEAK)
-    (points, words), (other_points, other_words) = (sift.detectAndCompute(seen.grey, None) for seen in (one, two))
+    (points, words), (other_points, other_words) = (sift.detectAndCompute(seen.gray, None) for seen in (one, two))
     if words is None or other_words is None or len(other_words) < 2:
         return 0.0
     pairs = [pair for pair in cv2.BFMatcher(cv2.NORM_L2).knnMatch(words, other_words, k=2) if len(pair) == 2]

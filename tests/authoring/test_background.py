@@ -128,7 +128,7 @@ def test_height_agrees_with_the_mesh(world: World) -> None:
     assert error.max() < 0.15
     crossing = site.land.crossing
     left = np.linspace(-600.0, 600.0, 500)
-    below = crossing.level - terrain.height(crossing.centre(left), left)
+    below = crossing.level - terrain.height(crossing.center(left), left)
     if crossing.kind == "river":
         assert below.min() > 0.3
 
@@ -168,9 +168,9 @@ def test_buildings_are_closed_and_stand_in_the_ground(world: World) -> None:
     ground = np.concatenate([part.mesh.points for part in solids(pieces) if part.group == "Ground"])
     middle = site.land.layout.alignment.point(np.array([20.0]), np.zeros(1), np.zeros(1))[0, :2]
     for house in houses:
-        centre = house.mesh.points.mean(axis=0)[:2]
-        assert 55.0 < np.hypot(*(centre - middle)) < 320.0
-        around = ground[np.hypot(*(ground[:, :2] - centre).T) < 12.0]
+        center = house.mesh.points.mean(axis=0)[:2]
+        assert 55.0 < np.hypot(*(center - middle)) < 320.0
+        around = ground[np.hypot(*(ground[:, :2] - center).T) < 12.0]
         if len(around):
             assert house.mesh.points[:, 2].min() < around[:, 2].min()
 

@@ -193,7 +193,7 @@ def test_ways_beyond_the_site_stay_free(kind: CrossingKind) -> None:
         station, left = axis.locate(points)
         assert (land.crossing.distance(station, left) > land.crossing.half_width - 0.5).all(), piece.name
         for approach in land.approaches:
-            aside = np.abs(left - approach.centre(station)) / approach.stretch(station)
+            aside = np.abs(left - approach.center(station)) / approach.stretch(station)
             assert (aside[approach.along(station) > 0.0] > approach.half_width).all(), piece.name
 
 

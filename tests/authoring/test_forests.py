@@ -51,7 +51,7 @@ def test_forests_stand_far_off_beside_river_and_roads(site: Site) -> None:
     assert 0.25 < (inside[far > 1400.0] > 0.0).mean() < 0.9
     assert (inside[land.crossing.distance(station, left) < land.crossing.half_width + 20.0] < 0.0).all()
     for approach in land.approaches:
-        on_road = (approach.along(station) > 0.0) & (np.abs(left - approach.centre(station)) < 20.0)
+        on_road = (approach.along(station) > 0.0) & (np.abs(left - approach.center(station)) < 20.0)
         assert on_road.any()
         assert (inside[on_road] < 0.0).all()
     rise = forests.over(lambda x, y: 0.01 * x)(station, left) - 0.01 * station

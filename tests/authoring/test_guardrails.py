@@ -42,7 +42,7 @@ def test_guardrails_lead_to_the_parapets(footway: bool) -> None:
         points = rail.mesh.points
         station, left = site.land.layout.alignment.locate(points)
         approach = site.land.approaches[0 if station.mean() < 0.0 else 1]
-        along, aside = approach.along(station), np.abs(left - approach.centre(station))
+        along, aside = approach.along(station), np.abs(left - approach.center(station))
         assert aside.min() == pytest.approx(beam_face(road, HALF), abs=1e-3)
         assert aside.max() < HALF + 1.2  # on the level strip beside the road
         assert along.min() == pytest.approx(road.walls - (0.0 if footway else 0.9), abs=1e-6)
@@ -69,7 +69,7 @@ def test_guardrails_face_outward() -> None:
         axis = site.land.layout.alignment
         station, left = axis.locate(middle)
         approach = site.land.approaches[0 if station.mean() < 0.0 else 1]
-        offset = left - approach.centre(station)
+        offset = left - approach.center(station)
         inward = axis.point(station, left - 0.01 * np.sign(offset), np.zeros(len(left))) - axis.point(
             station, left, np.zeros(len(left))
         )
@@ -87,7 +87,7 @@ def test_the_lines_of_the_bridge_go_on() -> None:
         station, left = site.land.layout.alignment.locate(piece.mesh.points)
         approach = site.land.approaches[0 if station.mean() < 0.0 else 1]
         near = approach.along(station) < 30.0
-        offset = (left - approach.centre(station))[near]
+        offset = (left - approach.center(station))[near]
         away = np.abs(offset[:, None] - np.array([line for line, _ in LINES]))
         assert away.min(axis=1).max() == pytest.approx(0.075, abs=1e-6)
         assert set(away.argmin(axis=1)) == {0, 1, 2, 3}

@@ -112,8 +112,8 @@ def test_geocentric_coordinates_are_turned_upright(tmp_path: Path) -> None:
     model = read_mesh(file, quiet)
     assert len(model.buildings) == count
     assert area(model.terrain) == pytest.approx(meshes[0].area, rel=1e-4)
-    centre = np.argmax([house.corners[:, 2].max() for house in model.buildings])
-    house = model.buildings[centre]
+    center = np.argmax([house.corners[:, 2].max() for house in model.buildings])
+    house = model.buildings[center]
     walls = np.cross(house.walls[:, 1] - house.walls[:, 0], house.walls[:, 2] - house.walls[:, 0])
     assert np.abs(walls[:, 2] / np.linalg.norm(walls, axis=1)).max() < 1e-3
 

@@ -234,7 +234,7 @@ def test_places_are_free_by_brute_force(site: Site) -> None:
     """At 20 places at most 2 % of the deck and 5 m beside it lies under a roof; there and back is rigid."""
     model = town()
     places = [choose_place(model, site, stream(seed, "background")) for seed in range(20)]
-    assert len({place.centre for place in places}) == 20
+    assert len({place.center for place in places}) == 20
     s, left = np.meshgrid(np.arange(-BESIDE, 40.0 + BESIDE, 0.7), np.arange(-10.7, 10.8, 0.7))
     deck = LAYOUT.alignment.point(s.ravel(), left.ravel(), np.zeros(s.size))[:, :2]
     for place in places:
@@ -272,7 +272,7 @@ def check_world(pieces: tuple[Component | Scatter, ...], site: Site) -> int:
     for house in houses:
         station, left = land.layout.alignment.locate(house.mesh.points)
         for approach in land.approaches:
-            aside = np.abs(left - approach.centre(station)) - approach.half_width
+            aside = np.abs(left - approach.center(station)) - approach.half_width
             assert (aside[approach.along(station) > 0.0] > CLEAR - 0.1).all(), house.name
     return sum(house.name.endswith("_Roof") for house in houses)
 

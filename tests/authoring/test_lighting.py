@@ -248,16 +248,16 @@ def test_photographed_sky_lights_like_a_computed_one(tmp_path: Path) -> None:
 
 def test_unusable_skies_are_told_in_one_line(tmp_path: Path) -> None:
     """Missing, cut off, square, of another kind, without light, with NaN: the file is named, nothing else happens."""
-    grey = np.full((32, 64, 3), 0.5, np.float32)
-    whole = encode_exr(grey)
-    cv2.imwrite(str(tmp_path / "whole.hdr"), grey)
+    gray = np.full((32, 64, 3), 0.5, np.float32)
+    whole = encode_exr(gray)
+    cv2.imwrite(str(tmp_path / "whole.hdr"), gray)
     radiance = (tmp_path / "whole.hdr").read_bytes()
     files = {
         "cut.exr": whole[: len(whole) // 2],
         "words.exr": b"no picture",
-        "square.exr": encode_exr(grey[:, :32]),
-        "black.exr": encode_exr(0 * grey),
-        "nan.exr": encode_exr(np.where(grey > 0, np.nan, 0).astype(np.float32)),
+        "square.exr": encode_exr(gray[:, :32]),
+        "black.exr": encode_exr(0 * gray),
+        "nan.exr": encode_exr(np.where(gray > 0, np.nan, 0).astype(np.float32)),
         "words.hdr": b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\nno size",
         "photo.jpg": b"",
         "huge.hdr": radiance.replace(b"-Y 32 +X 64", b"-Y 60000 +X 120000"),

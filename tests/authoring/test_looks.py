@@ -104,10 +104,10 @@ def test_sheet_has_no_seam(small: tuple[Path, dict[str, MaterialRecipe]], name: 
 @pytest.mark.parametrize(("draw", "low", "high"), [(detail_texture, 0.25, 0.45), (grain_texture, 0.25, 0.32)])
 def test_detail_is_a_zero_mean_factor_that_tiles(draw: Callable[[], U8], low: float, high: float) -> None:
     """Mean 0.5 within 1/512 in every quarter-period average of the whole, enough contrast, no seam."""
-    grey = draw()
-    assert abs(grey.mean() / 255 - 0.5) < 1 / 512
-    assert low < (grey / 127.5 - 1).std() < high
-    steps = np.abs(np.roll(grey.astype(int), -1, 0) - grey).mean(axis=1)
+    gray = draw()
+    assert abs(gray.mean() / 255 - 0.5) < 1 / 512
+    assert low < (gray / 127.5 - 1).std() < high
+    steps = np.abs(np.roll(gray.astype(int), -1, 0) - gray).mean(axis=1)
     assert steps[-1] <= 1.1 * steps[:-1].max()
 
 
@@ -124,10 +124,10 @@ def test_detail_keeps_the_mean_albedo(small: tuple[Path, dict[str, MaterialRecip
         seen = image[..., 3] / 255 if recipe.cut_out else np.ones(image.shape[:2])
         mean = (albedo * seen[..., None]).sum(axis=(0, 1)) / seen.sum()
         assert mean == pytest.approx(recipe.color, rel=0.02, abs=0.003), name
-        grey = pictures[RECIPES[name].picture]
+        gray = pictures[RECIPES[name].picture]
         color, factor = _at(albedo, recipe.sheet, places), np.ones(len(places))
         for period, amplitude in zip(recipe.periods, recipe.amplitudes, strict=True):
-            factor *= 1 + amplitude * (2 * _at(grey, period, places) - 1)
+            factor *= 1 + amplitude * (2 * _at(gray, period, places) - 1)
         change = (color * factor[:, None]).mean(axis=0) / color.mean(axis=0) - 1
         worst = max(worst, float(np.abs(change).max()))
     assert worst < 0.02

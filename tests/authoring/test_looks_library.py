@@ -30,7 +30,7 @@ def _columns(count: int) -> tuple[Component, ...]:
     )
 
 
-def _grey(name: SheetName, bank: Bank | None) -> np.ndarray:
+def _gray(name: SheetName, bank: Bank | None) -> np.ndarray:
     import cv2
 
     files, _ = draw_sheet(name, bank)
@@ -41,9 +41,9 @@ def test_sheets_of_one_surface_have_no_place_in_common() -> None:
     """However one is moved over another, their correlation stays low: sheets drawn from one bank are independent."""
     bank = Bank()
     for surface in ("smooth_concrete", "asphalt", "paint_green_aged"):
-        grey = [_grey(SheetName(surface, number, 512), bank) for number in range(SHEETS)]
+        gray = [_gray(SheetName(surface, number, 512), bank) for number in range(SHEETS)]
         for one, two in ((0, 1), (0, 2), (1, 2)):
-            a, b = (g - g.mean() for g in (grey[one], grey[two]))
+            a, b = (g - g.mean() for g in (gray[one], gray[two]))
             cross = np.fft.irfft2(np.fft.rfft2(a) * np.conj(np.fft.rfft2(b)), a.shape) / (a.std() * b.std() * a.size)
             assert np.abs(cross).max() < 0.35, surface
 

@@ -96,12 +96,12 @@ def _look_up(image: F32, metres: float) -> F32:
 def orthophoto(folder: Path, recipe: MaterialRecipe) -> F32:
     """Sheet and detail of a surface, 30 x 30 m of it."""
     coded = cv2.imread(str(folder / recipe.albedo_file), cv2.IMREAD_GRAYSCALE)
-    grey = cv2.imread(str(folder / recipe.detail_file), cv2.IMREAD_GRAYSCALE)
+    gray = cv2.imread(str(folder / recipe.detail_file), cv2.IMREAD_GRAYSCALE)
     assert coded is not None
-    assert grey is not None
+    assert gray is not None
     shown = _look_up(((coded / 255.0) ** 2.2).astype(np.float32), recipe.sheet)
     for period, amplitude in zip(recipe.periods, recipe.amplitudes, strict=True):
-        shown *= 1 + np.float32(amplitude) * (2 * _look_up((grey / 255.0).astype(np.float32), period) - 1)
+        shown *= 1 + np.float32(amplitude) * (2 * _look_up((gray / 255.0).astype(np.float32), period) - 1)
     return shown
 
 

@@ -106,7 +106,7 @@ def test_plots_lie_clear_of_ways_and_change_no_height(land: str) -> None:
     assert (site.land.crossing.distance(station, left)[taken] > site.land.crossing.half_width + 6.9).all()
     assert (covers["embankment"][taken] < 0).all()
     for approach in site.land.approaches:
-        beside = np.abs(left - approach.centre(station)) - approach.half_width
+        beside = np.abs(left - approach.center(station)) - approach.half_width
         assert (beside[taken & (approach.along(station) > 0)] > VERGE - 1e-9).all()
     for run in (piece for piece in site.pieces if isinstance(piece, Scatter)):
         beside = site.land.shape(*LAYOUT.alignment.locate(run.positions), no_hills).covers

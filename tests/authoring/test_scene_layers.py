@@ -33,8 +33,8 @@ def bridge_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     export(geometry_layer(BRIDGE, PIECES), folder / "geometry.usdc")
     export(semantics_layer(BRIDGE, PIECES), folder / "semantics.usda")
     export(payload_layer(), folder / "payload.usda")
-    for name, grey in (("dark", 0.2), ("light", 0.6)):
-        recipes = {role: MaterialRecipe(role, color=(grey, grey, grey)) for role in roles_of(PIECES)}
+    for name, gray in (("dark", 0.2), ("light", 0.6)):
+        recipes = {role: MaterialRecipe(role, color=(gray, gray, gray)) for role in roles_of(PIECES)}
         export(look_layer(recipes), folder / f"looks/{name}/look.usda")
     looks = {name: f"./looks/{name}/look.usda" for name in ("dark", "light")}
     export(bridge_layer("beam", (18.0, 22.0), 10.0, {}, looks), folder / "bridge.usda")

@@ -154,8 +154,8 @@ def test_crossing_passes_under_the_longest_span(site: Site) -> None:
     layout, crossing = site.land.layout, site.land.crossing
     left = np.linspace(-layout.width / 2, layout.width / 2, 21)
     reach = crossing.half_width * crossing.stretch(left)
-    assert (crossing.centre(left) - reach).min() > 18.0 + 1.5
-    assert (crossing.centre(left) + reach).max() < 40.0 - 1.5
+    assert (crossing.center(left) - reach).min() > 18.0 + 1.5
+    assert (crossing.center(left) + reach).max() < 40.0 - 1.5
     seat = layout.alignment.level + layout.alignment.grade * 29.0 - layout.depth
     assert seat - crossing.level > 4.5
     if crossing.kind == "river":
@@ -165,7 +165,7 @@ def test_crossing_passes_under_the_longest_span(site: Site) -> None:
         rim = crossing.distance(station, across) > crossing.half_width + 1.0
         assert (site.ground(water.points[rim, :2]) - crossing.level).min() > 0.25
         middle = np.linspace(-79.0, 79.0, 300)
-        wet = layout.alignment.point(crossing.centre(middle), middle, middle)
+        wet = layout.alignment.point(crossing.center(middle), middle, middle)
         assert site.ground(wet[:, :2]).max() < crossing.level - 0.3
 
 

@@ -130,8 +130,8 @@ def test_tapering_sweep_splits_twisted_quads_and_stays_closed() -> None:
     assert solid(surface).is_watertight
     assert area(I_SECTION) + area(thick) < solid(surface).volume < 2.0 * area(thick)
     for points, _, _ in faces_of(surface):
-        centred = points - points.mean(axis=0)
-        assert np.linalg.svd(centred, compute_uv=False)[-1] < 1e-7
+        centered = points - points.mean(axis=0)
+        assert np.linalg.svd(centered, compute_uv=False)[-1] < 1e-7
     assert 3 in surface.face_counts
 
 

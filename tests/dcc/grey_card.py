@@ -29,9 +29,9 @@ def main(request: dict[str, Any]) -> None:
     scene.render.image_settings.file_format, scene.render.filepath = "OPEN_EXR", picture
     bpy.ops.render.render(write_still=True)
     pixels = list(bpy.data.images.load(picture).pixels)
-    colour = [sum(pixels[channel::4]) / (len(pixels) // 4) for channel in range(3)]
+    color = [sum(pixels[channel::4]) / (len(pixels) // 4) for channel in range(3)]
     suns = [lamp.energy * 2.0**lamp.exposure for lamp in bpy.data.lights if lamp.type == "SUN"]
-    Path(request["facts"]).write_text(json.dumps({"colour": colour, "suns": suns}), encoding="utf-8")
+    Path(request["facts"]).write_text(json.dumps({"colour": color, "suns": suns}), encoding="utf-8")
 
 
 if __name__ == "__main__":

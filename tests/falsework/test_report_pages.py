@@ -246,7 +246,7 @@ def test_the_page_of_a_run_says_what_is_there_and_why_not(both: list[tuple[Path,
 def test_residuals_are_those_of_the_camera(tmp_path: Path) -> None:
     """Keypoints that were projected with the lens, then moved by a known way: the residual is its length."""
     cloud, rng = small_cloud(300), np.random.default_rng(3)
-    focal, centre, bend = 300.0, np.array([200.0, 150.0]), -0.03
+    focal, center, bend = 300.0, np.array([200.0, 150.0]), -0.03
     middle = cloud.columns["coord"].mean(axis=0)
     poses = [np.eye(4) for _ in range(VIEWS)]
     for k, pose in enumerate(poses):
@@ -257,14 +257,14 @@ def test_residuals_are_those_of_the_camera(tmp_path: Path) -> None:
     for k, pose in enumerate(poses):
         local = (np.linalg.inv(pose) @ np.c_[cloud.columns["coord"], np.ones(300)].T).T[:, :3]
         plane = local[:, :2] / local[:, 2:]
-        uv[:, k] = focal * plane * (1.0 + bend * (plane**2).sum(axis=1, keepdims=True)) + centre
+        uv[:, k] = focal * plane * (1.0 + bend * (plane**2).sum(axis=1, keepdims=True)) + center
     turn = rng.uniform(0.0, 2.0 * np.pi, (300, VIEWS))
     seen = {
         **cloud.observations,
         "uv": (uv + moved[..., None] * np.stack([np.cos(turn), np.sin(turn)], -1)).reshape(-1, 2),
     }
     cloud = replace(cloud, observations=seen)
-    told = {"model": "SIMPLE_RADIAL", "params": [focal, *centre, bend], "size": [400, 300]}
+    told = {"model": "SIMPLE_RADIAL", "params": [focal, *center, bend], "size": [400, 300]}
     rows = [{"name": f"image {k}", "camera_to_world": pose.tolist()} for k, pose in enumerate(poses[:2])]
     (tmp_path / "cameras_sfm.json").write_text(json.dumps({"camera": told, "poses": rows}))
     found = reprojection_residuals(cloud, tmp_path).reshape(300, VIEWS)

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from falsework.store.failures import ATTEMPTS
 from falsework.store.store import Store, Task
-from groundwork.errors import RejectedSceneError
+from groundwork.errors import ChildError, RejectedSceneError
 
 TASK = Task("stage", 1, {"seed": 7}, {"parent": "abc"})
 
@@ -120,6 +121,35 @@ def test_kill_in_the_middle_then_resume(tmp_path: Path) -> None:
     assert store.produce(TASK, _write)
     assert time.monotonic() - begin < 5
     assert store.verify() == []
+
+
+def test_the_next_try_finds_what_a_killed_one_left(tmp_path: Path) -> None:
+    """A task whose process was killed is tried again from what is there; after the last try nobody goes on with it."""
+    store, found = Store(tmp_path), []
+
+    def killed(folder: Path) -> None:
+        found.append(sorted(path.name for path in folder.iterdir()))
+        (folder / f"try_{len(found)}").touch()
+        raise ChildError("died of SIGKILL", signal="SIGKILL")
+
+    for _ in range(ATTEMPTS):
+        with pytest.raises(ChildError):
+            store.produce(TASK, killed, resume=True, quarantine=True)
+        last = len(found) == ATTEMPTS
+        store.sweep()
+        assert (tmp_path / "work" / TASK.key).exists() != last
+    assert found == [[f"try_{number + 1}" for number in range(tries)] for tries in range(ATTEMPTS)]
+
+
+def test_a_torn_record_of_a_failure_is_none(tmp_path: Path) -> None:
+    """What its task left in the works is not swept, and it is tried again."""
+    store = Store(tmp_path)
+    (tmp_path / "work" / TASK.key).mkdir(parents=True)
+    (tmp_path / "failed").mkdir()
+    (tmp_path / "failed" / f"{TASK.key}.json").write_text('{"format_version": 2, "kind": "rej')
+    store.sweep()
+    assert (tmp_path / "work" / TASK.key).is_dir()
+    assert store.produce(TASK, _write)
 
 
 def test_links_are_relative_and_replaced(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def see(camera: Pinhole, pose: F64, textures: list[NDArray[np.float32]]) -> tupl
     pixels = np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64)
     eye = pose[:3, 3]
     rays = unproject(pixels, np.ones(len(pixels)), camera, pose) - eye
-    depth, ids, grey = np.full(len(pixels), np.inf), np.zeros(len(pixels)), np.full(len(pixels), 225.0, np.float32)
+    depth, ids, gray = np.full(len(pixels), np.inf), np.zeros(len(pixels)), np.full(len(pixels), 225.0, np.float32)
     for plane, texture in zip(PLANES, textures, strict=True):
         normal = np.cross(plane.along, plane.across)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -78,7 +78,7 @@ def see(camera: Pinhole, pose: F64, textures: list[NDArray[np.float32]]) -> tupl
             (v[seen] * np.linalg.norm(axis) * scale - 0.5).astype(np.float32)[None]
             for v, axis in ((a, plane.along), (b, plane.across))
         )
-        grey[seen] = np.concatenate(
+        gray[seen] = np.concatenate(
             [
                 cv2.remap(texture, x[:, i : i + 30_000], y[:, i : i + 30_000], cv2.INTER_LINEAR, None, cv2.BORDER_WRAP)[
                     0
@@ -88,7 +88,7 @@ def see(camera: Pinhole, pose: F64, textures: list[NDArray[np.float32]]) -> tupl
         )
         depth[seen], ids[seen] = t[seen], plane.id
     shape = (camera.height, camera.width)
-    return grey.reshape(shape), depth.reshape(shape), ids.reshape(shape)
+    return gray.reshape(shape), depth.reshape(shape), ids.reshape(shape)
 
 
 def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True) -> Path:
@@ -103,8 +103,8 @@ def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True
         label_of_id[plane.id] = ids_of_class[class_of(plane.component)]
     names = [f"{i:06d}" for i in range(len(poses))]
     for name, pose in zip(names, poses, strict=True):
-        grey, depth, ids = see(CAMERA, pose, textures)
-        noisy = np.clip(grey + rng.normal(0, 1.5, grey.shape), 0, 255).astype(np.uint8)
+        gray, depth, ids = see(CAMERA, pose, textures)
+        noisy = np.clip(gray + rng.normal(0, 1.5, gray.shape), 0, 255).astype(np.uint8)
         cv2.imwrite(
             str(folder / f"images/{name}.jpg"), cv2.merge([noisy, noisy, noisy]), [cv2.IMWRITE_JPEG_QUALITY, 95]
         )

@@ -7,13 +7,13 @@ from scipy.spatial.transform import Rotation
 
 from groundwork.errors import RejectedSceneError
 from recon.placing.align import (
-    CENTRE_OUTLIER,
+    CENTER_OUTLIER,
     OK,
     ROTATION_OUTLIER,
     UNREGISTERED,
     Target,
     align,
-    centre_limit,
+    center_limit,
     check_share,
     stand_upright,
 )
@@ -22,8 +22,8 @@ from recon.settings import AlignmentSettings
 from usd_schemas.pinhole import look_at
 
 F64 = NDArray[np.float64]
-DEFAULT = AlignmentSettings(centre_limit=0.25)
-PAPER = AlignmentSettings(centre_limit=0.25, method="paper")
+DEFAULT = AlignmentSettings(center_limit=0.25)
+PAPER = AlignmentSettings(center_limit=0.25, method="paper")
 
 
 def random_rotations(rng: np.random.Generator, count: int, degrees: float = 180.0) -> F64:
@@ -37,14 +37,14 @@ def random_rotations(rng: np.random.Generator, count: int, degrees: float = 180.
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
-def flight(rng: np.random.Generator, centres: F64) -> tuple[F64, F64, Similarity]:
+def flight(rng: np.random.Generator, centers: F64) -> tuple[F64, F64, Similarity]:
     """Make true poses at given centres, the same poses in model units, and the similarity between them."""
-    true = np.tile(np.eye(4), (len(centres), 1, 1))
-    true[:, :3, :3], true[:, :3, 3] = random_rotations(rng, len(centres)), centres
+    true = np.tile(np.eye(4), (len(centers), 1, 1))
+    true[:, :3, :3], true[:, :3, 3] = random_rotations(rng, len(centers)), centers
     known = Similarity(3.7, random_rotations(rng, 1)[0], np.array([120.0, -45.0, 8.0]))
     model = true.copy()
     model[:, :3, :3] = known.rotation.T @ true[:, :3, :3]
-    model[:, :3, 3] = (centres - known.translation) @ known.rotation / known.scale
+    model[:, :3, 3] = (centers - known.translation) @ known.rotation / known.scale
     return true, model, known
 
 
@@ -75,7 +75,7 @@ def test_half_the_cameras_may_lie(settings: AlignmentSettings) -> None:
     model[liars, :3, 3] += rng.normal(0, 2, (20, 3))
     found = align(model, np.arange(40), target_of(true), settings, np.random.default_rng(4))
     np.testing.assert_allclose(found.similarity.move(np.eye(3)), known.move(np.eye(3)), atol=1e-8)
-    assert [code == CENTRE_OUTLIER for code in found.status] == liars.tolist()
+    assert [code == CENTER_OUTLIER for code in found.status] == liars.tolist()
 
 
 def test_turned_cameras_do_not_turn_the_result() -> None:
@@ -94,7 +94,7 @@ def test_two_degrees_make_a_rotation_outlier(degrees: float, status: str) -> Non
     rng = np.random.default_rng(10)
     true, model, _ = flight(rng, rng.normal(0, 8, (40, 3)))
     model[7, :3, :3] = model[7, :3, :3] @ Rotation.from_rotvec([0, degrees, 0], degrees=True).as_matrix()
-    found = align(model, np.arange(40), target_of(true), AlignmentSettings(centre_limit=0.25), rng)
+    found = align(model, np.arange(40), target_of(true), AlignmentSettings(center_limit=0.25), rng)
     assert found.status == (OK,) * 7 + (status,) + (OK,) * 32
     assert found.rotation_errors[7] == pytest.approx(degrees, abs=0.06)
 
@@ -102,13 +102,13 @@ def test_two_degrees_make_a_rotation_outlier(degrees: float, status: str) -> Non
 def test_nearly_straight_flight_needs_rotations() -> None:
     """On a 30 m line with 1 cm of sway, centres leave the roll open: points 5 m off the path go astray by metres."""
     rng = np.random.default_rng(7)
-    centres = np.column_stack([np.linspace(0, 30, 60), np.zeros(60), np.full(60, 3.0)])
-    true, model, known = flight(rng, centres + rng.normal(0, 0.002, (60, 3)))
+    centers = np.column_stack([np.linspace(0, 30, 60), np.zeros(60), np.full(60, 3.0)])
+    true, model, known = flight(rng, centers + rng.normal(0, 0.002, (60, 3)))
     model[:, :3, 3] += rng.normal(0, 0.03, (60, 3)) / known.scale
     model[:, :3, :3] = random_rotations(rng, 60, 0.2) @ model[:, :3, :3]
     aside = np.array([[15.0, 5.0, 3.0], [15.0, -5.0, 3.0], [15.0, 0.0, 8.0]])
     local = (aside - known.translation) @ known.rotation / known.scale
-    full = AlignmentSettings(centre_limit=0.25).method
+    full = AlignmentSettings(center_limit=0.25).method
     assert full == "centres+rotations"
     found = align(model, np.arange(60), target_of(true), DEFAULT, np.random.default_rng(8))
     assert np.linalg.norm(found.similarity.move(local) - aside, axis=1).max() < 0.03
@@ -124,15 +124,15 @@ def test_unregistered_cameras_and_unknown_positions() -> None:
     rng = np.random.default_rng(9)
     true, model, known = flight(rng, rng.normal(0, 8, (10, 3)))
     rows = np.array([0, 2, 3, 4, 6, 7, 9])
-    centres = true[:, :3, 3].copy()
-    centres[4] = np.nan
-    found = align(model[rows], rows, Target("gps", centres, None, 0.25), DEFAULT, np.random.default_rng(1))
+    centers = true[:, :3, 3].copy()
+    centers[4] = np.nan
+    found = align(model[rows], rows, Target("gps", centers, None, 0.25), DEFAULT, np.random.default_rng(1))
     assert found.method == "centres"
     assert found.similarity.scale == pytest.approx(known.scale, rel=1e-9)
     assert [found.status[row] for row in (1, 5, 8)] == [UNREGISTERED] * 3
-    assert found.status[4] == CENTRE_OUTLIER
-    assert np.isnan(found.centre_errors[[1, 4, 5, 8]]).all()
-    assert np.isfinite(found.centre_errors[[0, 2, 3, 6, 7, 9]]).all()
+    assert found.status[4] == CENTER_OUTLIER
+    assert np.isnan(found.center_errors[[1, 4, 5, 8]]).all()
+    assert np.isfinite(found.center_errors[[0, 2, 3, 6, 7, 9]]).all()
 
 
 @pytest.mark.parametrize("kind", ["everything wrong", "two cameras", "one place"])
@@ -153,7 +153,7 @@ def test_hopeless_cameras_are_rejected(kind: str) -> None:
 @pytest.mark.parametrize(("invalid", "count", "passes"), [(4, 10, True), (5, 10, False), (2, 5, True), (21, 52, False)])
 def test_forty_percent_is_the_limit(invalid: int, count: int, passes: bool) -> None:
     """Exactly 40 % of invalid cameras pass, one more does not."""
-    status = (UNREGISTERED, CENTRE_OUTLIER, ROTATION_OUTLIER) * count
+    status = (UNREGISTERED, CENTER_OUTLIER, ROTATION_OUTLIER) * count
     codes = status[:invalid] + (OK,) * (count - invalid)
     if passes:
         check_share(codes, DEFAULT)
@@ -167,11 +167,11 @@ def test_centre_limits() -> None:
     """0.25 m for a local survey; else half a percent of the diagonal, at most 0.5 m; or what the user says."""
     corners = np.array([[0.0, 0, 0], [30.0, 40.0, 0]])
     free = AlignmentSettings()
-    assert centre_limit(corners, "local", free) == 0.25
-    assert centre_limit(corners, "global", free) == pytest.approx(0.25)
-    assert centre_limit(2 * corners, "global", free) == pytest.approx(0.5)
-    assert centre_limit(9 * corners, "global", free) == 0.5
-    assert centre_limit(corners, "local", AlignmentSettings(centre_limit=0.1)) == 0.1
+    assert center_limit(corners, "local", free) == 0.25
+    assert center_limit(corners, "global", free) == pytest.approx(0.25)
+    assert center_limit(2 * corners, "global", free) == pytest.approx(0.5)
+    assert center_limit(9 * corners, "global", free) == 0.5
+    assert center_limit(corners, "local", AlignmentSettings(center_limit=0.1)) == 0.1
 
 
 def test_small_angles_stay_sharp() -> None:
@@ -181,18 +181,18 @@ def test_small_angles_stay_sharp() -> None:
     np.testing.assert_allclose(angles(np.stack([rotation, np.diag([-1.0, -1.0, 1.0])]), np.eye(3)), [1e-6, 180.0])
 
 
-def level_flight(rng: np.random.Generator, centres: F64) -> tuple[F64, F64, Similarity]:
+def level_flight(rng: np.random.Generator, centers: F64) -> tuple[F64, F64, Similarity]:
     """Make true poses that look about, pitched but level to half a degree, in world and model units."""
-    _, _, known = flight(rng, centres)
-    tilt = random_rotations(rng, len(centres), 0.5)
+    _, _, known = flight(rng, centers)
+    tilt = random_rotations(rng, len(centers), 0.5)
     looks = np.column_stack(
-        [rng.normal(0, 0.4, len(centres)), np.ones(len(centres)), rng.uniform(-1, 0.3, len(centres))]
+        [rng.normal(0, 0.4, len(centers)), np.ones(len(centers)), rng.uniform(-1, 0.3, len(centers))]
     )
-    true = np.stack([look_at(eye, eye + look) for eye, look in zip(centres, looks, strict=True)])
+    true = np.stack([look_at(eye, eye + look) for eye, look in zip(centers, looks, strict=True)])
     true[:, :3, :3] = tilt @ true[:, :3, :3]
     model = true.copy()
     model[:, :3, :3] = known.rotation.T @ true[:, :3, :3]
-    model[:, :3, 3] = (centres - known.translation) @ known.rotation / known.scale
+    model[:, :3, 3] = (centers - known.translation) @ known.rotation / known.scale
     return true, model, known
 
 

@@ -75,18 +75,18 @@ def test_a_fix_that_strays_costs_no_camera() -> None:
     assert found.status == (OK,) * 18
     assert found.agreeing is not None
     assert found.agreeing.tolist() == [False] * 6 + [True] * 11 + [False]
-    assert np.isnan(found.centre_errors[17])
+    assert np.isnan(found.center_errors[17])
     assert found.similarity.scale == pytest.approx(known.scale, rel=0.05)
     assert tilt_of(found.similarity, known) < 3.0
 
 
-def nadir(rng: np.random.Generator, centres: F64) -> tuple[F64, Similarity]:
+def nadir(rng: np.random.Generator, centers: F64) -> tuple[F64, Similarity]:
     """Make poses in model units of cameras that all look straight down with one side ahead."""
     down = np.diag([1.0, -1.0, -1.0])
     known = Similarity(2.5, random_rotations(rng, 1)[0], np.array([10.0, -4.0, 3.0]))
-    model = np.tile(np.eye(4), (len(centres), 1, 1))
+    model = np.tile(np.eye(4), (len(centers), 1, 1))
     model[:, :3, :3] = known.rotation.T @ down
-    model[:, :3, 3] = (centres - known.translation) @ known.rotation / known.scale
+    model[:, :3, 3] = (centers - known.translation) @ known.rotation / known.scale
     return model, known
 
 
@@ -94,9 +94,9 @@ def test_photographs_straight_down_do_not_tilt_the_ground() -> None:
     """A short flight over a field, all photographs turned alike: their tops are north, not up, and the fixes say so."""
     rng = np.random.default_rng(1)
     lanes = np.array([[12.0 * x, 10.0 * y] for y in range(4) for x in range(4)])
-    centres = np.column_stack([lanes, np.full(16, 60.0)])
-    model, known = nadir(rng, centres)
-    gps = centres + rng.normal(0, [1.5, 1.5, 0.8], (16, 3))
+    centers = np.column_stack([lanes, np.full(16, 60.0)])
+    model, known = nadir(rng, centers)
+    gps = centers + rng.normal(0, [1.5, 1.5, 0.8], (16, 3))
     found = align_to_fixes(model, np.arange(16), fixes_of(gps), rng)
     assert found.errors is not None
     assert found.errors.scale < 15.0
@@ -107,9 +107,9 @@ def test_photographs_straight_down_do_not_tilt_the_ground() -> None:
 def test_a_gimbal_knows_up_where_fixes_do_not() -> None:
     """One straight lane, straight down: rows along it leave the roll open; the gimbal closes it."""
     rng = np.random.default_rng(2)
-    centres = np.column_stack([np.linspace(0, 120, 20), np.zeros(20), np.full(20, 50.0)])
-    model, known = nadir(rng, centres)
-    gps = centres + rng.normal(0, 1.0, (20, 3))
+    centers = np.column_stack([np.linspace(0, 120, 20), np.zeros(20), np.full(20, 50.0)])
+    model, known = nadir(rng, centers)
+    gps = centers + rng.normal(0, 1.0, (20, 3))
     bare = align_to_fixes(model, np.arange(20), fixes_of(gps), rng)
     told = align_to_fixes(model, np.arange(20), fixes_of(gps, gimbal=np.tile(camera_up_of(-90.0, 0.0), (20, 1))), rng)
     assert not told.unfixed
@@ -136,11 +136,11 @@ def test_a_straight_flight_stands_upright() -> None:
 def test_what_fixes_no_frame_is_said(kind: str) -> None:
     """Straight up, too few, on one spot, drowned in noise, of another flight: upright, own units, and the reason."""
     rng = np.random.default_rng(3)
-    centres = rng.normal(0, 6, (10, 3))
+    centers = rng.normal(0, 6, (10, 3))
     if kind == "climb":
-        centres = np.column_stack([np.zeros(10), np.zeros(10), np.linspace(3, 40, 10)])
-    _, model, _ = level_flight(rng, centres)
-    gps = centres + rng.normal(0, 0.1, (10, 3))
+        centers = np.column_stack([np.zeros(10), np.zeros(10), np.linspace(3, 40, 10)])
+    _, model, _ = level_flight(rng, centers)
+    gps = centers + rng.normal(0, 0.1, (10, 3))
     if kind == "two fixes":
         gps[2:] = np.nan
     if kind == "one place":

@@ -101,14 +101,14 @@ def test_two_rays_meet_where_the_closed_form_says() -> None:
     """Of two skew rays at equal distances the point is the middle of their shortest connection; exact rays meet."""
     rng = np.random.default_rng(0)
     for _ in range(20):
-        point, centres = rng.normal(size=3), rng.normal(size=(5, 3)) * 8
-        rays = point - centres
+        point, centers = rng.normal(size=3), rng.normal(size=(5, 3)) * 8
+        rays = point - centers
         np.testing.assert_allclose(
-            triangulate(centres, rays / np.linalg.norm(rays, axis=1, keepdims=True)), point, atol=1e-9
+            triangulate(centers, rays / np.linalg.norm(rays, axis=1, keepdims=True)), point, atol=1e-9
         )
-    centres, rays = np.array([[-3.0, 0.2, 0.0], [3.0, -0.2, 0.0]]), np.array([[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]])
-    np.testing.assert_allclose(triangulate(centres, rays), [0.0, 0.0, 4.0], atol=1e-12)
-    assert np.isnan(triangulate(centres, np.array([[0.0, 0.0, 1.0]] * 2))).all()
+    centers, rays = np.array([[-3.0, 0.2, 0.0], [3.0, -0.2, 0.0]]), np.array([[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]])
+    np.testing.assert_allclose(triangulate(centers, rays), [0.0, 0.0, 4.0], atol=1e-12)
+    assert np.isnan(triangulate(centers, np.array([[0.0, 0.0, 1.0]] * 2))).all()
 
 
 def test_exact_marks_give_the_exact_similarity() -> None:

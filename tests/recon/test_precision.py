@@ -30,28 +30,28 @@ def observations(images: list[list[int]]) -> Observations:
 def test_two_cameras_abreast_have_a_closed_form() -> None:
     """Seen from both ends of a base b at the distance D, a point spreads by D^2 / (f b / 2) / sqrt(2) in depth."""
     base, depth = 2.0, 30.0
-    centres = np.array([[-base / 2, 0, 0], [base / 2, 0, 0]])
+    centers = np.array([[-base / 2, 0, 0], [base / 2, 0, 0]])
     square = depth**2 + base**2 / 4
     expected = square / (FOCAL * base / 2) / np.sqrt(2)
-    found = deviations(np.array([[0.0, 0.0, depth]]), centres, FOCAL, observations([[0, 1]]))
+    found = deviations(np.array([[0.0, 0.0, depth]]), centers, FOCAL, observations([[0, 1]]))
     np.testing.assert_allclose(found, [expected], rtol=1e-9)
 
 
 def test_parallel_rays_tell_no_depth() -> None:
     """Two photographs from one place, and a point exactly between two cameras."""
-    centres = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 20]])
-    found = deviations(np.tile([0.0, 0, 10], (2, 1)), centres, FOCAL, observations([[0, 1], [0, 2]]))
+    centers = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 20]])
+    found = deviations(np.tile([0.0, 0, 10], (2, 1)), centers, FOCAL, observations([[0, 1], [0, 2]]))
     assert np.isinf(found).all()
 
 
 def test_keypoints_that_are_off_spread_points_so_far() -> None:
     """Triangulated anew from keypoints with one pixel of noise, a point strays by what was told."""
     rng = np.random.default_rng(4)
-    centres, point = rng.uniform(-4, 4, (3, 3)) * [1, 1, 0.2], np.array([0.5, -0.3, 25.0])
-    rays = point - centres
+    centers, point = rng.uniform(-4, 4, (3, 3)) * [1, 1, 0.2], np.array([0.5, -0.3, 25.0])
+    rays = point - centers
 
     def residuals(place: F64, seen: F64) -> F64:
-        local = place - centres  # three cameras that all look along z
+        local = place - centers  # three cameras that all look along z
         return (FOCAL * local[:, :2] / local[:, 2:] - seen).ravel()
 
     truth = FOCAL * rays[:, :2] / rays[:, 2:]
@@ -59,26 +59,26 @@ def test_keypoints_that_are_off_spread_points_so_far() -> None:
     solve = np.linalg.pinv(steps)  # one step of Gauss and Newton: the noise is small beside the distance
     strayed = np.array([solve @ rng.normal(size=6) for _ in range(4000)])
     worst = np.sqrt(np.linalg.eigvalsh(np.cov(strayed.T))[-1])
-    found = deviations(point[None], centres, FOCAL, observations([[0, 1, 2]]))
+    found = deviations(point[None], centers, FOCAL, observations([[0, 1, 2]]))
     assert found[0] == pytest.approx(worst, rel=0.06)  # the picture's corners stretch a pixel, rays do not
 
 
 def test_has_a_plain_twin_in_any_portion(monkeypatch: pytest.MonkeyPatch) -> None:
     """Point by point, camera by camera; however few observations are taken at once."""
     rng = np.random.default_rng(8)
-    centres, points = rng.normal(size=(9, 3)) * 5, rng.normal(size=(40, 3)) * 3 + [0, 0, 20]
+    centers, points = rng.normal(size=(9, 3)) * 5, rng.normal(size=(40, 3)) * 3 + [0, 0, 20]
     images = [rng.choice(9, rng.integers(2, 6), replace=False).tolist() for _ in points]
     twin = []
     for point, row in zip(points, images, strict=True):
         information = np.zeros((3, 3))
         for image in row:
-            ray = point - centres[image]
+            ray = point - centers[image]
             away = np.linalg.norm(ray)
             information += (FOCAL / away) ** 2 * (np.eye(3) - np.outer(ray, ray) / away**2)
         twin.append(np.sqrt(np.linalg.eigvalsh(np.linalg.inv(information))[-1]))
     for chunk in (1, 7, 1000):
         monkeypatch.setattr(precision, "_CHUNK", chunk)
-        np.testing.assert_allclose(deviations(points, centres, FOCAL, observations(images)), twin, rtol=1e-7)
+        np.testing.assert_allclose(deviations(points, centers, FOCAL, observations(images)), twin, rtol=1e-7)
 
 
 def example(far_images: list[int]) -> SparseModel:

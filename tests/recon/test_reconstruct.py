@@ -128,14 +128,14 @@ def test_several_threads_map_alike(
     plane_capture: Path, plane_settings: ReconSettings, tmp_path: Path, record_proof: RecordProof
 ) -> None:
     """With `deterministic = false` two threads map; cameras agree with those of one thread, though bytes may not."""
-    centres = []
+    centers = []
     for exact in (True, False):
         sparse = plane_settings.sparse.model_copy(update={"deterministic": exact, "threads": 2})
         found = run_sparse(read_capture(plane_capture), tmp_path, ReconSettings(sparse=sparse), SILENT).model
-        centres.append(found.poses[np.argsort(found.names), :3, 3])
-    assert len(centres[0]) == len(centres[1])
-    apart = float(np.abs(centres[0] - centres[1]).max() / np.ptp(centres[0], axis=0).max())
-    record_proof("reconstruction: mapped by two threads", len(centres[0]), 0, {"apart_of_path": apart})
+        centers.append(found.poses[np.argsort(found.names), :3, 3])
+    assert len(centers[0]) == len(centers[1])
+    apart = float(np.abs(centers[0] - centers[1]).max() / np.ptp(centers[0], axis=0).max())
+    record_proof("reconstruction: mapped by two threads", len(centers[0]), 0, {"apart_of_path": apart})
     assert apart < 1e-6
 
 

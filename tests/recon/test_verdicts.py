@@ -13,7 +13,7 @@ from groundwork.canonical import folder_digest
 from groundwork.errors import RejectedSceneError
 from groundwork.files import write_json
 from groundwork.progress import SILENT
-from recon.placing.align import CENTRE_OUTLIER, OK, ROTATION_OUTLIER, UNREGISTERED
+from recon.placing.align import CENTER_OUTLIER, OK, ROTATION_OUTLIER, UNREGISTERED
 from recon.placing.place import Registered, alignment_facts, place
 from recon.settings import AlignmentSettings, ReconSettings, SparseSettings
 from recon.sfm.colmap_model import read_model
@@ -111,7 +111,7 @@ def test_of_two_models_the_largest_is_kept(mapper: str, tmp_path: Path) -> None:
         Registered(model.poses, rows, reasons), capture, truth, AlignmentSettings(), np.random.default_rng(0)
     )
     assert alignment.status == (OK,) * 7 + (NOT_IN_LARGEST,) * 4  # 36 % are invalid: the scene passes
-    assert np.nanmax(alignment.centre_errors) < 1e-5
+    assert np.nanmax(alignment.center_errors) < 1e-5
     assert np.nanmax(alignment.rotation_errors) < 1e-4
 
 
@@ -130,11 +130,11 @@ def test_wrong_matches_hardly_pull_at_the_cameras() -> None:
             keypoint.xy += rng.normal(0, 0.1, 2) + (rng.normal(3.0, 1.0, 2) if row % 30 == 0 else 0.0)
 
     def off(model: pycolmap.Reconstruction) -> float:
-        centres = np.array([model.images[number].projection_center() for number in sorted(places)])
+        centers = np.array([model.images[number].projection_center() for number in sorted(places)])
         wanted = np.array([places[number] for number in sorted(places)])
-        found = pycolmap.estimate_sim3d(centres, wanted)
+        found = pycolmap.estimate_sim3d(centers, wanted)
         assert found is not None
-        moved = centres @ found.rotation.matrix().T * found.scale + found.translation
+        moved = centers @ found.rotation.matrix().T * found.scale + found.translation
         return float(np.median(np.linalg.norm(moved - wanted, axis=1)) / extent)
 
     squares, robust, again = (pycolmap.Reconstruction(true) for _ in range(3))
@@ -164,7 +164,7 @@ def test_the_page_explains_every_reason() -> None:
     given = set(re.findall(r'RejectedSceneError\(\s*"(\w+)"', code))
     assert {"too_few_images", "no_model", "no_depth", "straight_path"} <= given
     page = (root / "docs" / "reconstruction.md").read_text(encoding="utf-8")
-    cameras = {OK, UNREGISTERED, CENTRE_OUTLIER, ROTATION_OUTLIER, NO_TEXTURE, NO_OVERLAP, NOT_IN_LARGEST}
+    cameras = {OK, UNREGISTERED, CENTER_OUTLIER, ROTATION_OUTLIER, NO_TEXTURE, NO_OVERLAP, NOT_IN_LARGEST}
     assert [reason for reason in sorted(given | cameras) if f"`{reason}`" not in page] == []
 
 
@@ -183,9 +183,9 @@ def test_every_absent_camera_has_a_reason() -> None:
     assert alignment.status == (OK, OK, OK, NOT_IN_LARGEST, NO_TEXTURE, NO_OVERLAP, UNREGISTERED, NO_TEXTURE)
 
 
-def flown(rng: np.random.Generator, centres: F64) -> tuple[F64, F64]:
+def flown(rng: np.random.Generator, centers: F64) -> tuple[F64, F64]:
     """Make true poses at given centres, and the same poses in model units with a millimetre of error."""
-    true = np.stack([look_at(eye, eye + rng.normal([0.0, 4.0, 0.0], [1.0, 0.0, 1.0])) for eye in centres])
+    true = np.stack([look_at(eye, eye + rng.normal([0.0, 4.0, 0.0], [1.0, 0.0, 1.0])) for eye in centers])
     turn = look_at(np.array([3.0, 1.0, -2.0]), np.zeros(3))[:3, :3]
     model = true.copy()
     model[:, :3, :3] = turn @ true[:, :3, :3]
@@ -206,7 +206,7 @@ def test_the_paper_rule_over_all_images(wrong: int, verdict: str) -> None:
         return place(Registered(model, np.arange(10)), capture, truth_of(true), AlignmentSettings(), draw)[0].status
 
     if not verdict:
-        assert judge() == (CENTRE_OUTLIER,) * wrong + (OK,) * (10 - wrong)
+        assert judge() == (CENTER_OUTLIER,) * wrong + (OK,) * (10 - wrong)
         return
     with pytest.raises(RejectedSceneError) as rejected:
         judge()
@@ -291,8 +291,8 @@ def test_hopeless_flights_have_reasons(kind: str, reason: str, tmp_path: Path) -
     folder, work = tmp_path / "photographs", tmp_path / "work"
     folder.mkdir()
     work.mkdir()
-    for row, grey in enumerate(shots(kind, np.random.default_rng(1))):
-        cv2.imwrite(str(folder / f"{row}.png"), cv2.merge([np.clip(grey, 0, 255).astype(np.uint8)] * 3))
+    for row, gray in enumerate(shots(kind, np.random.default_rng(1))):
+        cv2.imwrite(str(folder / f"{row}.png"), cv2.merge([np.clip(gray, 0, 255).astype(np.uint8)] * 3))
     images = [{"name": path.stem, "file": path.name} for path in sorted(folder.iterdir())]
     prior = {"focal_px": FOCAL, "cx": 120.0, "cy": 90.0}
     head = {"format": "falsework.capture", "format_version": 1, "survey": "s", "size": [240, 180]}

@@ -196,7 +196,7 @@ DETAIL = """asset falsework:detail:texture = @./white.png@
 CUT = "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\nfloat inputs:opacity.connect = </Mat/A.outputs:a>\n"
 TINTED = "color3f inputs:diffuse_tint = (0.5, 1, 1)\nasset inputs:diffuse_texture = @./sides.png@"
 SIDES = [((-0.5, 0, 0), (0.8, 0, 0)), ((0.5, 0, 0), (0, 0, 0.8))]
-GREY = (0.5, 0.5, 0.5)
+GRAY = (0.5, 0.5, 0.5)
 MATERIALS: dict[str, tuple[str, list[tuple[Point, Color]], int]] = {
     "preview constant": (network(f"color3f inputs:{ORANGE}"), [((0, 0, 0), (0.6, 0.3, 0.1))], 0),
     "preview texture": (
@@ -254,11 +254,11 @@ MATERIALS: dict[str, tuple[str, list[tuple[Point, Color]], int]] = {
         SIDES,
         0,
     ),
-    "unknown": (STRANGER, [((0, 0, 0), GREY)], 1),
+    "unknown": (STRANGER, [((0, 0, 0), GRAY)], 1),
     "unknown with displayColor": (STRANGER.replace(SQUARE, SQUARE + RED), [((0, 0, 0), (0.8, 0, 0))], 1),
     "missing texture": (
         network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./gone.png")),
-        [((0, 0, 0), GREY)],
+        [((0, 0, 0), GRAY)],
         1,
     ),
 }

@@ -14,7 +14,7 @@ from groundwork.files import write_bytes
 from render.capture import CalibrationPrior, Capture, CaptureImage, Readout, load_image, read_capture, read_truth
 from render.images import image_files
 from render.images.depth_tiff import encode_depth_tiff
-from render.images.grey_png import decode_grey_png, encode_grey_png
+from render.images.gray_png import decode_gray_png, encode_gray_png
 from render.writing.capture_writer import FrameTruth, make_folders, write_cameras, write_truth
 from tests.frame_truth import write_frame_truth
 from tests.render.scenes import CAMERA, random_scene
@@ -115,7 +115,7 @@ def test_packed_bytes_are_the_same_on_every_machine() -> None:
     depth = (3 + row / 64 + column / 256 + (row * column % 7) / 8).astype(np.float32)  # exact: sums of powers of two
     depth[:40] = np.inf
     labels = ((row // 32 + column // 48) % 17).astype(np.uint8)
-    found = [hashlib.sha256(data).hexdigest()[:16] for data in (encode_depth_tiff(depth), encode_grey_png(labels))]
+    found = [hashlib.sha256(data).hexdigest()[:16] for data in (encode_depth_tiff(depth), encode_gray_png(labels))]
     assert found == ["bdd1135cc9331901", "999294e75029c853"]
 
 
@@ -134,12 +134,12 @@ def test_labels_come_back_bit_for_bit(tmp_path: Path, shape: tuple[int, int], ki
         assert read.dtype == kind
         np.testing.assert_array_equal(read, values)
         np.testing.assert_array_equal(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED), values)
-        ours = decode_grey_png(data)
+        ours = decode_gray_png(data)
         assert ours is not None
         np.testing.assert_array_equal(ours, values)
         for place in rng.integers(0, len(data), 20):
-            assert decode_grey_png(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]) is None
-        assert decode_grey_png(data[:20]) is None
+            assert decode_gray_png(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]) is None
+        assert decode_gray_png(data[:20]) is None
         assert image_files.size(path) == shape[::-1]
         path.write_bytes(data[: len(data) - 16])
         with pytest.raises(InputError):
@@ -152,7 +152,7 @@ def test_labels_of_others_are_read_too(tmp_path: Path, kind: type) -> None:
     values = np.random.default_rng(6).integers(0, np.iinfo(kind).max, (90, 110), endpoint=True).astype(kind)
     path = tmp_path / "of_others.png"
     assert cv2.imwrite(str(path), values)
-    assert decode_grey_png(path.read_bytes()) is None
+    assert decode_gray_png(path.read_bytes()) is None
     np.testing.assert_array_equal(image_files.decode(path), values)
 
 

@@ -163,8 +163,8 @@ def test_photograph_and_truth_share_pixels_through_the_lens(tmp_path: Path, idea
     assert truth is not None
     best = []
     for index in range(3):
-        grey = cv2.cvtColor(load_image(capture, index), cv2.COLOR_RGB2GRAY).astype(np.float64)
-        step = np.abs(np.diff(grey, axis=1))
+        gray = cv2.cvtColor(load_image(capture, index), cv2.COLOR_RGB2GRAY).astype(np.float64)
+        step = np.abs(np.diff(gray, axis=1))
         edge = (np.diff(truth.instance(index).astype(np.int64), axis=1) != 0).astype(float)
         scores = {shift: float((np.roll(edge, shift, axis=1) * step).sum()) for shift in range(-3, 4)}
         best.append(max(scores, key=lambda shift: scores[shift]))
@@ -186,8 +186,8 @@ def test_the_shutter_moves_as_the_flight_does(tmp_path: Path, small: RenderSetti
     assert len(readout.bands) >= 16
     assert readout.bands[0][0] == 0
     assert readout.bands[-1][1] == 480
-    travelled = readout.poses[:, -1, :3, 3] - readout.poses[:, 0, :3, 3]
-    np.testing.assert_allclose(travelled, np.tile([2.0 * 0.04 * 23 / 24, 0, 0], (5, 1)), atol=1e-9)
+    traveled = readout.poses[:, -1, :3, 3] - readout.poses[:, 0, :3, 3]
+    np.testing.assert_allclose(traveled, np.tile([2.0 * 0.04 * 23 / 24, 0, 0], (5, 1)), atol=1e-9)
     np.testing.assert_allclose(readout.poses[..., :3, 3].mean(axis=1), poses[:, :3, 3], atol=1e-9)
     shaken = [read_out(track, 480, small.sensor, seed) for seed in (3, 3, 4)]
     assert all(one is not None for one in shaken)

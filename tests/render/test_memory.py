@@ -154,10 +154,10 @@ def test_roughness_in_a_colours_opacity_looks_the_same(
     gl: Gl, ideal: RenderSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Bit by bit as from a layer of its own; and it counts, for another roughness gives another picture."""
-    grey = str(tmp_path / "grey.png")
-    cv2.imwrite(grey, image_files.decode(Path(sheet(tmp_path / "other.png", 1)))[..., 1] // 3)
+    gray = str(tmp_path / "grey.png")
+    cv2.imwrite(gray, image_files.decode(Path(sheet(tmp_path / "other.png", 1)))[..., 1] // 3)
     color = Texture(sheet(tmp_path / "sheet.png"), True)
-    rough = Material("m", base_texture=color, roughness_texture=Texture(grey, False))
+    rough = Material("m", base_texture=color, roughness_texture=Texture(gray, False))
     settings = ideal.model_copy(update={"quality": "fine", "normals": False})
     pictures, features = [], []
     for material, apart in ((rough, False), (rough, True), (Material("m", base_texture=color, roughness=0.9), False)):

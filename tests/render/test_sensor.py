@@ -16,7 +16,7 @@ from render.settings import SensorSettings
 from tests.conftest import RecordProof
 
 SHAPE = (240, 320)
-GREY = 0.2
+GRAY = 0.2
 STEADY = SensorSettings(exposure_sigma=0, white_balance_sigma=0, auto_exposure=0, vignetting=0)
 
 
@@ -47,7 +47,7 @@ def test_noise_has_the_variance_of_photons_and_amplifier(level: float) -> None:
 
 def test_frames_have_noise_of_their_own_and_repeat_exactly() -> None:
     """Another frame or seed gives other noise; the same gives the same bytes; channels are independent."""
-    frame = coded(GREY)
+    frame = coded(GRAY)
 
     def shot(seed: int, row: int) -> np.ndarray:
         sensor = Sensor(SensorSettings(vignetting=0), 1.0, BRIGHTEST, SHAPE, seed)
@@ -97,7 +97,7 @@ def test_corners_lose_the_light_that_was_asked_for() -> None:
 def test_without_noise_the_tone_curve_alone_is_left() -> None:
     """A grey stays one value; sensor white and middle grey come where a camera puts them."""
     sensor = Sensor(SensorSettings(noise=False), 1.0, BRIGHTEST, SHAPE, 5)
-    for level, low, high in ((0.0, 0, 0), (GREY, 110, 140), (1.0, 200, 235), (6.0, 245, 255)):
+    for level, low, high in ((0.0, 0, 0), (GRAY, 110, 140), (1.0, 200, 235), (6.0, 245, 255)):
         pixels = sensor.develop(coded(level), sensor.expose(0, coded(level)))
         assert pixels.min() == pixels.max()
         assert low <= pixels[0, 0, 0] <= high
@@ -107,7 +107,7 @@ def test_metering_brings_the_middle_tone_to_grey_and_keeps_highlights() -> None:
     """A survey twice as bright is exposed half as long; a few bright walls hold the exposure back."""
     rng = np.random.default_rng(1)
     light = rng.uniform(0.05, 0.15, 5000).astype(np.float32)
-    assert meter(light) * np.median(light) == pytest.approx(GREY, rel=0.01)
+    assert meter(light) * np.median(light) == pytest.approx(GRAY, rel=0.01)
     assert meter(2 * light) == pytest.approx(meter(light) / 2)
     light[:400] = 3.0
     assert meter(light) * 3.0 < 2.0
@@ -136,7 +136,7 @@ def test_a_frame_follows_its_own_light_as_far_as_it_is_told(level: float, share:
     """
     settings = STEADY.model_copy(update={"auto_exposure": share})
     sensor = Sensor(settings, 1.5, BRIGHTEST, SHAPE, 5)
-    asked = share * np.log2(GREY / (1.5 * level))
+    asked = share * np.log2(GRAY / (1.5 * level))
     expected = 1.5 * 2.0 ** np.clip(asked, -2.0, 2.0)
     assert sensor.expose(0, coded(level)).gain == pytest.approx(expected, rel=1e-3)
     under_the_sky, surfaces = coded(level), np.zeros(SHAPE, bool)

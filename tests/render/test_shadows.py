@@ -23,7 +23,7 @@ from usd_schemas.pinhole import Pinhole, look_at, unproject
 
 F64 = NDArray[np.float64]
 
-GREY = Material("grey", base_color=(0.5, 0.5, 0.5), roughness=1.0)
+GRAY = Material("grey", base_color=(0.5, 0.5, 0.5), roughness=1.0)
 CLOSE = Pinhole(480, 160, 240.0, 240.0, 240.0, 80.0)
 SLAB = 0.2  # [m]
 LENGTH = 300.0  # [m] of the bridge: its map has coarse texels
@@ -42,7 +42,7 @@ def under_a_slab(above: float, sun: Sun, offset: tuple[float, float, float] = (0
     Returns the scene and where on the ground the edge lies along x, counted from the offset [m].
     """
     x, y, z = offset
-    builder = SceneBuilder(materials=[GREY])
+    builder = SceneBuilder(materials=[GRAY])
     builder.add_box(placed((x, y, z - 0.5), (LENGTH, LENGTH, 1.0)), 1)
     builder.add_box(placed((x - 5.0, y, z + above + SLAB / 2), (10.0, LENGTH, SLAB)), 2)
     # The sun stands over positive x: the upper edge of the slab's right side throws the edge of its shadow.
@@ -137,7 +137,7 @@ def test_all_that_is_near_a_camera_lies_in_its_square(proof_count: Count) -> Non
 
 def test_shared_or_interrupted_the_shadows_are_the_same(tmp_path: Path, small: RenderSettings) -> None:
     """A flight through several squares, drawn by one, by two, and by one after half was there: the same bytes."""
-    builder = SceneBuilder(materials=[GREY])
+    builder = SceneBuilder(materials=[GRAY])
     builder.add_box(placed((0, 0, -0.5), (60, 20, 1)), 1)
     for number in range(12):
         builder.add_box(placed((4.0 * number - 22, 0, 1), (0.3, 0.2, 2)), number + 2)
@@ -163,7 +163,7 @@ def test_a_picture_does_not_depend_on_those_before(gl: Gl, small: RenderSettings
     leaf[:, :8, 3] = 0
     cv2.imwrite(str(tmp_path / "leaf.png"), leaf)
     cut = Material("leaf", base_texture=Texture(str(tmp_path / "leaf.png"), True), opacity_threshold=0.5)
-    builder = SceneBuilder(materials=[GREY, cut])
+    builder = SceneBuilder(materials=[GRAY, cut])
     builder.add_box(placed((0, 0, -0.5), (40, 20, 1)), 1)
     builder.add_box(placed((-12, 1, 1), (1, 1, 0.1)), 2, material=1)
     builder.add_box(placed((12, 1, 1), (1, 1, 0.1)), 3, material=1)

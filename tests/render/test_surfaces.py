@@ -204,11 +204,11 @@ def test_tga_is_read(tmp_path: Path, gl: Gl, ideal: RenderSettings) -> None:
         for kind, body in ((2, flat.tobytes()), (10, packed)):
             file.write_bytes(tga(kind, bits, body, 5, 6, flags))
             np.testing.assert_array_equal(decode_tga(file), rows)
-    grey = image[..., 0]
-    file.write_bytes(tga(3, 8, grey.tobytes(), 5, 6, 0x20))
-    np.testing.assert_array_equal(decode_tga(file), grey)
-    file.write_bytes(tga(1, 8, (grey > 0).astype(np.uint8).tobytes(), 5, 6, 0x20, bytes([3, 2, 1, 30, 20, 10])))
-    np.testing.assert_array_equal(decode_tga(file), np.where(grey[..., None] > 0, [10, 20, 30], [1, 2, 3]))
+    gray = image[..., 0]
+    file.write_bytes(tga(3, 8, gray.tobytes(), 5, 6, 0x20))
+    np.testing.assert_array_equal(decode_tga(file), gray)
+    file.write_bytes(tga(1, 8, (gray > 0).astype(np.uint8).tobytes(), 5, 6, 0x20, bytes([3, 2, 1, 30, 20, 10])))
+    np.testing.assert_array_equal(decode_tga(file), np.where(gray[..., None] > 0, [10, 20, 30], [1, 2, 3]))
     file.write_bytes(tga(2, 16, struct.pack("<30H", *[31 << 10 | 15 << 5] * 30), 5, 6, 0x20))
     np.testing.assert_array_equal(decode_tga(file)[0, 0], [255, round(15 * 255 / 31), 0])
     red = np.full((16, 16, 3), (0, 0, coded(0.8)), np.uint8)

@@ -351,14 +351,14 @@ def framing_camera(low: F64, high: F64, images: int = 1) -> tuple[CameraTrack, P
         high: Upper corner [m], shape (3,), float64.
         images: How many it takes.
     """
-    centre = (low + high) / 2
-    pose = look_at(centre + np.array([-1.0, -1.0, 0.7]), centre)
+    center = (low + high) / 2
+    pose = look_at(center + np.array([-1.0, -1.0, 0.7]), center)
     corners = np.array([[(low, high)[bit][axis] for axis, bit in enumerate(bits)] for bits in np.ndindex(2, 2, 2)])
-    local = (corners - centre) @ pose[:3, :3]
+    local = (corners - center) @ pose[:3, :3]
     lens = FRAMING_LENS
     half = np.array([lens.horizontal_aperture, lens.vertical_aperture]) / 2 / lens.focal_length * FRAMING_MARGIN
     distance = max(float(np.max(abs(local[:, :2]) / half - local[:, 2:])), 1e-3)
-    pose[:3, 3] = centre - distance * pose[:3, 2]
+    pose[:3, 3] = center - distance * pose[:3, 2]
     near = min(DEFAULT_NEAR, distance / 100)
     names = tuple(f"{row:06d}" for row in range(images))
     track = CameraTrack("framing", "", lens, np.repeat(pose[None], images, axis=0), names, near=near)

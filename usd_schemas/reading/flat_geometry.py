@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom, UsdShade
 from usd_schemas.flat_scene import Draws, FlatScene, Geometry, InstanceRow, Material
 from usd_schemas.reading.geometry_pile import GeometryPile
 from usd_schemas.reading.labels import Label, Register, Warn, inherit_label
-from usd_schemas.reading.materials import GREY, PLAIN_COLOR, ReadMaterial, read_material
+from usd_schemas.reading.materials import GRAY, PLAIN_COLOR, ReadMaterial, read_material
 from usd_schemas.reading.meshes import FlatMesh, read_mesh
 from usd_schemas.reading.placements import Placement
 from usd_schemas.reading.subsets import subset_faces
@@ -215,7 +215,7 @@ class _Materials:
     """Materials of every group of every placement, each read once."""
 
     def __init__(self, placements: list[Placement], splits: dict[object, _Split], warn: Warn) -> None:
-        self.flat = [Material("fallback", base_color=GREY), Material("displayColor", use_display_color=True)]
+        self.flat = [Material("fallback", base_color=GRAY), Material("displayColor", use_display_color=True)]
         prims, self._starts = [], []
         for placement in placements:
             self._starts.append(len(prims))
@@ -294,7 +294,7 @@ def _tints(placement: Placement, name: str, colored: bool) -> F64 | None:
         if value is not None and len(value) and np.isfinite(value).all():
             return value[:1]
         if colored and placement.colors is None:  # another instance gave a colour
-            return np.array([GREY])
+            return np.array([GRAY])
     return placement.colors if name == PLAIN_COLOR and (placement.prim.IsInstanceProxy() or not colored) else None
 
 

@@ -218,20 +218,20 @@ def _read_mtlx(path: str, shader: UsdShade.Shader, names: _Surface, note: Callab
         return one and replace(one, uv_set=int(placed[name] == second != ""))
 
     if base is not None:
-        base = replace(base, gain=_times(base.gain, _grey(weight)), bias=_times(base.bias, _grey(weight)))
+        base = replace(base, gain=_times(base.gain, _gray(weight)), bias=_times(base.bias, _gray(weight)))
         base = base if cut is None else replace(base, alpha=cut.file, alpha_channel=cut.channel)
     return Material(
         name=path,
-        base_color=_times(_color_of(source(names.color), names.color_default), _grey(weight)),
+        base_color=_times(_color_of(source(names.color), names.color_default), _gray(weight)),
         base_texture=numbered(names.color, base),
         roughness=number_of(source(names.roughness), names.roughness_default),
         roughness_texture=numbered(names.roughness, rough),
         metallic=number_of(source(names.metallic), names.metallic_default),
         metallic_texture=numbered(names.metallic, metal),
         normal_texture=numbered(names.normal, normal),
-        emissive=_times(_color_of(source(names.emission), names.emission_default), _grey(glow)),
+        emissive=_times(_color_of(source(names.emission), names.emission_default), _gray(glow)),
         emissive_texture=numbered(
-            names.emission, emission and replace(emission, gain=_times(emission.gain, _grey(glow)))
+            names.emission, emission and replace(emission, gain=_times(emission.gain, _gray(glow)))
         ),
         opacity_threshold=_SOLID if cut is not None and base is not None else 0.0,
         opacity=opacity,
@@ -240,7 +240,7 @@ def _read_mtlx(path: str, shader: UsdShade.Shader, names: _Surface, note: Callab
 
 
 def _color_of(source: Source, default: float) -> Triple:
-    return triple_of(source, _grey(default)) if source.shader is None else _grey(default)
+    return triple_of(source, _gray(default)) if source.shader is None else _gray(default)
 
 
 def _constant(source: Source) -> Source:
@@ -285,7 +285,7 @@ def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None
         feeding = [_constant(find_source(shader, port)) for port in ports]
         values = [one.value for one in feeding if one.shader is None and one.value is not None]
         for value in values if len(ports) > 1 else ():
-            gain = _times(gain, _grey(float(value)) if isinstance(value, int | float) else _three(value))
+            gain = _times(gain, _gray(float(value)) if isinstance(value, int | float) else _three(value))
         fed = [one for one in feeding if one.shader is not None]
         if len(fed) != 1:  # a product of pictures, or of nothing
             break
@@ -342,7 +342,7 @@ def _placed(shader: UsdShade.Shader, note: Callable[[str], None]) -> tuple[Textu
     return Texture("", False, scale, turned, (float(shift[0]), float(shift[1])), wrap=(across, down)), varname
 
 
-def _grey(value: float) -> Triple:
+def _gray(value: float) -> Triple:
     return value, value, value
 
 

@@ -10,7 +10,7 @@ from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.meshes import ATLAS_ST
 from usd_schemas.reading.shader_inputs import Source, asset_file, channel_of, find_source, number_of, pair_of, triple_of
 
-GREY = (0.5, 0.5, 0.5)
+GRAY = (0.5, 0.5, 0.5)
 PLAIN_COLOR = "displayColor"
 _DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)
 _DEFAULT_ROUGHNESS = 0.5
@@ -127,14 +127,14 @@ def _read_color(source: Source, note: Warn) -> tuple[_Sampled | None, tuple[floa
     if source.shader is None:
         return None, triple_of(source, _DEFAULT_DIFFUSE), ""
     if source.shader.GetShaderId() == "UsdPrimvarReader_float3":
-        fallback = triple_of(find_source(source.shader, "fallback"), GREY)  # where a mesh has no such primvar
+        fallback = triple_of(find_source(source.shader, "fallback"), GRAY)  # where a mesh has no such primvar
         return None, fallback, str(find_source(source.shader, "varname").value or PLAIN_COLOR)
     sampled = _read_texture(source, True, "diffuseColor", note)
     if sampled and sampled.output in ("rgb", ""):
-        return sampled, GREY, ""
+        return sampled, GRAY, ""
     if sampled:
         note(f"diffuseColor from output {sampled.output} of a texture is left out: drawn plain grey")
-    return None, GREY, ""
+    return None, GRAY, ""
 
 
 def _read_number(surface: UsdShade.Shader, name: str, note: Warn) -> _Sampled | None:

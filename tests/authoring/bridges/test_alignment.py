@@ -87,8 +87,8 @@ def test_arc_has_the_chord_sagitta_and_headings_of_a_circle() -> None:
     np.testing.assert_allclose(axis.heading_at(np.array([0.0, 60.0, 90.0])), heading + np.array([-half, half, half]))
     np.testing.assert_allclose(beyond - last, 30.0 * np.array([np.cos(heading + half), np.sin(heading + half)]))
     edge = axis.point(np.linspace(0.0, 60.0, 50), np.full(50, 6.0), np.zeros(50))[:, :2]
-    centre = 0.5 * last - (chord * 0.0 - normal) * radius * np.cos(half)
-    np.testing.assert_allclose(np.linalg.norm(edge - centre, axis=1), radius - 6.0, atol=1e-12)
+    center = 0.5 * last - (chord * 0.0 - normal) * radius * np.cos(half)
+    np.testing.assert_allclose(np.linalg.norm(edge - center, axis=1), radius - 6.0, atol=1e-12)
 
 
 def test_clothoid_is_the_fresnel_integral() -> None:

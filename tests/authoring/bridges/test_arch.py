@@ -57,8 +57,8 @@ def test_axis_meets_its_closed_form(axis: ArchAxis) -> None:
     if axis.shape == "parabola":
         np.testing.assert_allclose(y, 4.0 * axis.rise * x * (axis.span - x) / axis.span**2, atol=1e-9)
     elif axis.shape == "circle":
-        centre = axis.rise - axis.radius
-        np.testing.assert_allclose(np.hypot(off, y - centre), axis.radius, rtol=1e-12)
+        center = axis.rise - axis.radius
+        np.testing.assert_allclose(np.hypot(off, y - center), axis.radius, rtol=1e-12)
     else:
         a = axis.constant
         np.testing.assert_allclose(np.cosh(off / a), 1.0 + (axis.rise - y) / a, rtol=1e-9)
@@ -114,8 +114,8 @@ def test_rib_lies_square_about_its_axis() -> None:
     """Back and soffit of the built rib lie half a depth from the axis, thickening towards the springings."""
     rib = Rib(ArchAxis("circle", 80.0, 16.0), 0.0, 0.0, 0.0, 1.2, 1.8)
     part = rib_parts(rib, RibSection("concrete", 2.0, (0.0,), 0.0), "arch_rib", Alignment(0.0))[0]
-    centre = np.array([40.0, 16.0 - rib.axis.radius])
-    reach = np.linalg.norm(part.surface.points[:, [0, 2]] - centre, axis=1) - rib.axis.radius
+    center = np.array([40.0, 16.0 - rib.axis.radius])
+    reach = np.linalg.norm(part.surface.points[:, [0, 2]] - center, axis=1) - rib.axis.radius
     away = np.abs(part.surface.points[:, 0] - 40.0) / 40.0
     crown = away < 0.02
     assert np.abs(reach[crown]) == pytest.approx(0.6, abs=2e-3)

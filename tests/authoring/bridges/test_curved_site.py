@@ -159,12 +159,12 @@ def test_crossing_keeps_its_width(scene: Scene) -> None:
     """The river is as wide in the world as drawn, square to its own course, within a tenth under the bridge."""
     crossing, axis = scene.site.land.crossing, scene.layout.alignment
     left = np.linspace(-30.0, 30.0, 241)
-    centre = axis.point(crossing.centre(left), left, np.zeros(241))[:, :2]
-    course = np.gradient(centre, axis=0)
+    center = axis.point(crossing.center(left), left, np.zeros(241))[:, :2]
+    course = np.gradient(center, axis=0)
     course /= np.linalg.norm(course, axis=1, keepdims=True)
     for side in (-1.0, 1.0):
-        bank = axis.point(crossing.centre(left) + side * crossing.half_width * crossing.stretch(left), left, left)[
+        bank = axis.point(crossing.center(left) + side * crossing.half_width * crossing.stretch(left), left, left)[
             :, :2
         ]
-        gap = np.linalg.norm(bank[None] - centre[:, None], axis=2)[20:-20].min(axis=1)
+        gap = np.linalg.norm(bank[None] - center[:, None], axis=2)[20:-20].min(axis=1)
         assert np.abs(gap / crossing.half_width - 1.0).max() < 0.15

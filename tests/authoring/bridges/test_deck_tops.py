@@ -52,9 +52,9 @@ def build(top: DeckTop, spans: Spans = SPANS, place: Alignment = PLACE) -> list[
 def volume(surface: Surface) -> float:
     """Signed volume by the divergence theorem [m3]."""
     starts = np.cumsum(surface.face_counts) - surface.face_counts
-    centre, total = surface.points.mean(axis=0), 0.0
+    center, total = surface.points.mean(axis=0), 0.0
     for start, count in zip(starts, surface.face_counts, strict=True):
-        ring = surface.points[surface.corners[start : start + count]] - centre
+        ring = surface.points[surface.corners[start : start + count]] - center
         total += float(np.sum(ring[0] * np.cross(ring[1:-1], ring[2:])))
     return total / 6.0
 

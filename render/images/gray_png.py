@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _LEVEL = 1
-_GREY, _UNFILTERED = 0, 0
+_GRAY, _UNFILTERED = 0, 0
 _HEADER, _HEADER_BEGINS = ">IIBBBBB", b"\x00\x00\x00\x0dIHDR"
 _HEADER_AT, _HEADER_ENDS, _DATA_AT = 16, 29, 41  # in a file whose numbers are one chunk
 _SUM = 4  # bytes of the check sum behind a chunk
 _TIGHTEST = 1032  # bytes that Deflate can pack into one
 
 
-def encode_grey_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
+def encode_gray_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     """Encode labels or ids: areas of equal numbers, which need no filter to pack well.
 
     Args:
@@ -33,12 +33,12 @@ def encode_grey_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     rows = np.empty((height, 1 + width * size), np.uint8)
     rows[:, 0] = _UNFILTERED
     rows[:, 1:] = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">")).view(np.uint8)
-    header = struct.pack(_HEADER, width, height, 8 * size, _GREY, 0, 0, 0)
+    header = struct.pack(_HEADER, width, height, 8 * size, _GRAY, 0, 0, 0)
     return _file(header, bytes(deflate.zlib_compress(rows, _LEVEL)))
 
 
-def decode_grey_png(data: bytes) -> NDArray[np.uint8] | NDArray[np.uint16] | None:
-    """Decode what `encode_grey_png` made, in a tenth of the time that OpenCV takes.
+def decode_gray_png(data: bytes) -> NDArray[np.uint8] | NDArray[np.uint16] | None:
+    """Decode what `encode_gray_png` made, in a tenth of the time that OpenCV takes.
 
     Args:
         data: The file's bytes.
@@ -53,7 +53,7 @@ def decode_grey_png(data: bytes) -> NDArray[np.uint8] | NDArray[np.uint16] | Non
         return None
     width, height, bits, *kind = struct.unpack(_HEADER, header)
     size = height * (1 + width * bits // 8)
-    if bits not in (8, 16) or kind != [_GREY, 0, 0, 0] or not 0 < width * height <= size <= _TIGHTEST * len(packed):
+    if bits not in (8, 16) or kind != [_GRAY, 0, 0, 0] or not 0 < width * height <= size <= _TIGHTEST * len(packed):
         return None
     try:
         unpacked = deflate.zlib_decompress(packed, size)  # which packs more fails

@@ -1,0 +1,130 @@
+"""What decks that hang from cables share: the bearings, piers and abutments that carry them, and the towers' feet."""
+
+from dataclasses import dataclass, replace
+
+from authoring.axis.alignment import Alignment, Layout
+from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.parts.abutments import Abutments, abutment_parts
+from authoring.parts.bearings import Bearings, bearing_parts
+from authoring.parts.box_access import box_access_parts
+from authoring.parts.box_decks import CableDeck
+from authoring.parts.deck_top import DeckTop
+from authoring.parts.drawing import Draws, draw
+from authoring.parts.fittings import CLEAR, fitting_parts
+from authoring.parts.part import Part
+from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.pylons import Pylon, PylonSite, pylon_parts
+from authoring.parts.spans import Levels, Spans
+from groundwork.settings import Settings
+
+
+@dataclass(frozen=True)
+class HungDeck:
+    """A deck on cables, and what carries its ends.
+
+    Attributes:
+        top: What lies on the deck.
+        deck: Cross-section.
+        bearings: Pads and plinths.
+        abutments: Walls.
+    """
+
+    top: DeckTop
+    deck: CableDeck
+    bearings: Bearings
+    abutments: Abutments
+
+    @property
+    def levels(self) -> Levels:
+        """Thicknesses from the finished surface down to the seats."""
+        return hung_levels(self.top, self.deck, self.bearings)
+
+
+def hung_levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Levels:
+    """Stack the thicknesses from the finished surface down to the seats.
+
+    Args:
+        top: What lies on the deck.
+        deck: Cross-section.
+        bearings: Pads and plinths.
+    """
+    return Levels(top.surfacing, deck.slab, deck.depth, bearings.pad_height, bearings.plinth_height)
+
+
+def draw_supports(
+    settings: Settings, shared: SharedSettings, hung: HungDeck, spans: Spans, draws: Draws, *, main: float, walls: float
+) -> tuple[Layout, Piers, Abutments]:
+    """Draw the piers, the air below the main span and the axis.
+
+    Args:
+        settings: Settings of the family; `air` is the share of the main span that is free below it [1].
+        shared: Settings of the parts that every family has.
+        hung: The deck.
+        spans: Stations.
+        draws: Random stream and profile of the bridge.
+        main: Length of the main span [m].
+        walls: Least thickness of the wing walls: the approaches' parapets stand on them, and their outer faces follow
+            the deck's edge [m].
+
+    Returns:
+        Layout for the site; the piers; the abutments with such walls.
+    """
+    deck, levels = hung.deck, hung.levels
+    piers = draw_piers(shared.pier, deck.width, deck.bearing_lines[-1], hung.bearings, spans, draws)
+    abutments = replace(hung.abutments, wing_thickness=round(max(hung.abutments.wing_thickness, walls), 3))
+    air = draw(settings, "air", draws) * main  # ships pass under long spans
+    layout = draw_layout_of(
+        shared,
+        hung.top,
+        spans.supports,
+        levels.girder_soffit,
+        levels.seat,
+        draws,
+        straight=True,
+        least_clearance=air,
+        walls=abutments.wing_length,
+    )
+    return replace(layout, width=deck.width), piers, abutments
+
+
+@dataclass(frozen=True)
+class Supports:
+    """What stands below a deck on cables.
+
+    Attributes:
+        spans: Stations of all bearing lines.
+        piers: Piers between towers and abutments, if there are any.
+        pylon: Elevation of every tower.
+        towers: Stations of the towers [m].
+        clear: Distance that fittings keep from the supports [m].
+    """
+
+    spans: Spans
+    piers: Piers
+    pylon: Pylon
+    towers: tuple[float, ...]
+    clear: float = CLEAR
+
+
+def support_parts(hung: HungDeck, supports: Supports, place: Alignment, ground: Ground) -> list[Part]:
+    """Build bearings, towers, piers and abutments, and what hangs at the deck between them.
+
+    Args:
+        hung: The deck.
+        supports: What stands below it.
+        place: Axis of the bridge.
+        ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
+
+    Returns:
+        Parts in their lasting order.
+    """
+    deck, levels, spans, top = hung.deck, hung.levels, supports.spans, hung.top
+    parts = bearing_parts(hung.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))
+    for station in supports.towers:
+        site = PylonSite(spans.supports.index(station), station, -levels.surfacing, supports.piers.footing_top)
+        parts += pylon_parts(supports.pylon, site, place, ground)
+    parts += pier_parts(supports.piers, spans, levels, place, ground, supports.towers)
+    parts += abutment_parts(hung.abutments, deck.width, spans, levels, place, ground)
+    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place, clear=supports.clear)
+    low, high = spans.pieces[0]
+    return parts + box_access_parts(deck, low, high, levels, place)
