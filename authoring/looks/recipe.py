@@ -20,7 +20,7 @@ FAINT = (0.06, 0.06, 0.08)
 
 # Grain of a bridge's surfaces, of `grain_texture`: newly made, after decades, and of coated metal.
 NEW_GRAIN = (0.06, 0.08, 0.10)
-GRAIN = (0.30, 0.38, 0.36)
+GRAIN = (0.42, 0.36, 0.32)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from authoring.looks.arrises import arris_distance
 from authoring.looks.charts import draw_charts, spread
 from authoring.looks.marks import on_concrete, on_road, on_steel
 from authoring.looks.members import Members, Spots, draw_fields, read_members, read_spots
-from authoring.looks.noise import I32, Floats, Tile, fractal, ramp
+from authoring.looks.noise import I32, Floats, Tile, fractal, ramp, standard
 from authoring.looks.runoff import map_stains
 from authoring.shapes.component import Component, Scatter
 
@@ -65,11 +65,12 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
 def _flecks(pixels: int, age: float, rng: np.random.Generator) -> Floats:
     """Draw a soft mottle that is nowhere the same, so that each place of a bridge differs from all others.
 
-    It has no peaks: a texel may be decimetres wide, and peaks look like dots. What is small is the grain's.
+    Its peaks are weak: a texel may be decimetres wide, and strong peaks look like dots. What is small is the grain's.
     """
     waves = fractal(Tile(pixels, 1.0, rng), _FLECKS[0] / pixels, _FLECKS[1] / pixels, slope=0.5)
-    contrast = 0.015 + 0.045 * min(age, 1.0)
-    return 1 + contrast * np.clip(waves, -2.2, 2.2)
+    peaks = standard(np.clip(standard(waves * waves * waves), -4.0, 4.0))
+    contrast = 0.02 + 0.09 * min(age, 1.0)
+    return 1 + contrast * (0.7 * np.clip(waves, -2.6, 2.6) + 0.5 * peaks)
 
 
 def _sorted(block: I32, owner: I32, members: Members) -> Iterable[tuple[np.ndarray, np.ndarray, Marking]]:
