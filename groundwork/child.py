@@ -10,6 +10,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,7 @@ def run_child(
     """
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
-            [sys.executable, "-m", module],
+            [sys.executable, *_safe_path(), "-m", module],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,
@@ -76,6 +77,15 @@ def run_child(
             raise raised[0]
         errors.seek(0)
         return _conclude(module, process.returncode, verdict, replies, errors.read().decode(errors="replace"))
+
+
+def _safe_path() -> list[str]:
+    """Keep a child from taking a file of the current folder for one of ours, such as a user's `render.py`."""
+    home = Path(__file__).resolve().parents[1]
+    with suppress(OSError):  # a current folder that is gone holds nothing
+        if Path.cwd() == home:  # a checkout that is not installed is found by no other way
+            return []
+    return ["-P"]
 
 
 def answer_parent(work: Callable[[dict[str, Any], Progress], Any]) -> None:

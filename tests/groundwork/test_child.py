@@ -122,6 +122,15 @@ def test_errors_keep_their_kind_and_text() -> None:
         assert passing_code(told.value) == passing
 
 
+def test_files_of_the_current_folder_are_not_taken_for_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A user's `tests.py`, and a package of the name of one of our rooms, are none of the child's business."""
+    for name in ("tests.py", "json.py", "groundwork/__init__.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("raise RuntimeError('not ours')\n")
+    monkeypatch.chdir(tmp_path)
+    assert run("echo", [1]) == [1]
+
+
 def test_a_module_that_is_not_there() -> None:
     """A child that cannot even start ends in its own last line."""
     with pytest.raises(ChildError, match="No module named"):
