@@ -7,7 +7,6 @@ what Cycles drew, so that a second call only measures ours anew. Writes `docs/be
 import argparse
 import json
 import os
-import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import authoring.exchange.blender
-import benchmarks.peers
 from authoring.axis.alignment import Layout
 from authoring.families.bridge_settings import draw_layout
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from authoring.streams import stream
+from benchmarks.ask_peer import ask_peer
 from benchmarks.speed_unit import this_machine
 from falsework.gallery.camera import seen_from
 from groundwork.files import write_bytes, write_text
@@ -160,26 +159,28 @@ def draw_cycles(work: Path, poses: F64) -> list[F32]:
 
     Returns:
         Linear radiance [1], shape (H, W, 3), float32 each.
+
+    Raises:
+        SystemExit: Cycles has not drawn them yet, and no Python with it is named.
     """
-    answer = work / "cycles.json"
-    if not answer.is_file():
-        request = {
-            "script": str(Path(authoring.exchange.blender.__file__).parent),
-            "scene": str(work / "stage" / "scene.usda"),
-            "poses": poses.tolist(),
-            "width": CAMERA.width,
-            "height": CAMERA.height,
-            "focal": CAMERA.fx,
-            "samples": SAMPLES,
-            "bounces": BOUNCES,
-            "folder": str(work),
-            "answer": str(answer),
-        }
-        script = Path(benchmarks.peers.__file__).resolve().parent / "light_in_blender.py"
-        clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "PXR_"))}
-        command = [os.environ["FALSEWORK_BPY_PYTHON"], str(script), json.dumps(request)]
-        subprocess.run(command, env=clean, check=False, stdout=subprocess.DEVNULL)
-    return [np.load(file) for file in json.loads(answer.read_text(encoding="utf-8"))]
+    answer = work / "answer.json"
+    if answer.is_file():
+        return [np.load(file) for file in json.loads(answer.read_text(encoding="utf-8"))]
+    python = os.environ.get("FALSEWORK_BPY_PYTHON", "")
+    if not python:
+        raise SystemExit("benchmarks.light: name a Python that has bpy in FALSEWORK_BPY_PYTHON")
+    request = {
+        "script": str(Path(authoring.exchange.blender.__file__).parent),
+        "scene": str(work / "stage" / "scene.usda"),
+        "poses": poses.tolist(),
+        "width": CAMERA.width,
+        "height": CAMERA.height,
+        "focal": CAMERA.fx,
+        "samples": SAMPLES,
+        "bounces": BOUNCES,
+        "folder": str(work),
+    }
+    return [np.load(file) for file in ask_peer(python, "light_in_blender.py", work, request)]
 
 
 def _regions(

@@ -4,30 +4,27 @@ Usage: python -m benchmarks.render. Others take part where their Python is named
 FALSEWORK_PYRENDER_PYTHON (an environment with `pyrender` and `numpy<2`).
 """
 
-import json
 import os
 import resource
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 import authoring.exchange.blender
-import benchmarks.peers
+from benchmarks.ask_peer import ask_peer
 from benchmarks.frame_meter import WARM, FrameMeter, processor_time
 from benchmarks.render_scene import CAMERA, IMAGES, SEED, SURVEY, VIEWS, author_bench, view_pairs
 from benchmarks.sfm_value import SfmValue, sfm_value
 from benchmarks.speed_unit import slower, this_machine
-from falsework.gallery.camera import seen_from
+from falsework.gallery.camera import EACH_FOR_ITSELF, seen_from
 from falsework.platform import render_platform
 from falsework.stages import STAGES
 from groundwork.files import write_bytes, write_text
@@ -46,7 +43,6 @@ U8 = NDArray[np.uint8]
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = DOCS / "benchmarks" / "render.md"
 PICTURE = DOCS / "images" / "bench_scene.jpg"
-SCRIPTS = Path(benchmarks.peers.__file__).resolve().parent
 MEMORY = 1.0  # [GB] a worker
 LIMITS = {"fast": (0.33, 5.0), "standard": (0.45, 3.5), "fine": (1.1, 0.0)}  # CPU-s an image, images a second
 # EEVEE is left out: on two scenes of equal triangles it took 18 and 508 CPU-s an image, and nobody knows why.
@@ -146,7 +142,7 @@ def measure_blender(work: Path) -> list[Cost]:
         return []
     found = []
     for name, engine, samples in ENGINES:
-        rows = _ask(
+        rows = ask_peer(
             python,
             "in_blender.py",
             work,
@@ -193,7 +189,7 @@ def measure_pyrender(work: Path, scene: FlatScene) -> list[Cost]:
         sun=np.column_stack([side, np.cross(-down, side), -down]),
         camera=[CAMERA.width, CAMERA.height, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy],
     )
-    found = _ask(python, "in_pyrender.py", work, {"scene": str(work / "triangles.npz"), "frames": FRAMES})
+    found = ask_peer(python, "in_pyrender.py", work, {"scene": str(work / "triangles.npz"), "frames": FRAMES})
     return [Cost("pyrender, flat colours", found[-1]["cpu"], found[-1]["wall"])]
 
 
@@ -224,8 +220,7 @@ def judge_views(work: Path, scene: FlatScene, pairs: NDArray[np.float64]) -> tup
     """
     folder = work / "views"
     folder.mkdir()
-    sensor = {"metering": "surfaces", "auto_exposure": 1.0}  # as on a survey of ours, which these views are not
-    settings = RenderSettings.model_validate({"quality": "standard", "sensor": sensor})
+    settings = RenderSettings.model_validate({"quality": "standard", "sensor": EACH_FOR_ITSELF})
     render_scene(seen_from(scene, pairs.reshape(-1, 4, 4), CAMERA), folder, settings, SEED, SILENT)
     capture = read_capture(folder)
     truth = read_truth(capture)
@@ -236,18 +231,6 @@ def judge_views(work: Path, scene: FlatScene, pairs: NDArray[np.float64]) -> tup
         values[name] = sfm_value(images, truth.depth(2 * row), (pairs[row, 0], pairs[row, 1]), CAMERA)
         pictures.append(cv2.resize(images[0], (640, 480), interpolation=cv2.INTER_AREA).astype(np.uint8))
     return values, pictures
-
-
-def _ask(python: str, script: str, work: Path, request: dict[str, Any]) -> list[dict[str, float]]:
-    answer = work / "answer.json"
-    answer.unlink(missing_ok=True)
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "PXR_"))}
-    environment["PYOPENGL_PLATFORM"] = "egl"
-    command = [python, str(SCRIPTS / script), json.dumps({**request, "answer": str(answer)})]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    if not answer.is_file():  # who has answered may well crash while it closes its context
-        raise RuntimeError(f"{script} ended with {done.returncode}: {done.stderr.strip().splitlines()[-1:]}")
-    return json.loads(answer.read_text(encoding="utf-8"))
 
 
 def _page(scene: FlatScene, ours: dict[str, list[Cost]], peers: list[Cost], values: dict[str, SfmValue]) -> str:

@@ -12,7 +12,7 @@ from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from authoring.site.site import draw_site
 from authoring.streams import stream
-from falsework.gallery.camera import seen_from
+from falsework.gallery.camera import EACH_FOR_ITSELF, seen_from
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.gallery.world_views import VIEWS, world_views
 from groundwork.files import write_bytes, write_text
@@ -79,7 +79,7 @@ def photograph_look(look: str, seed: int, texels: int) -> tuple[U8, ...]:
         author_scene(settings, seed, stage, SILENT)
         scene = read_stage(stage / "scene.usda")
         poses = np.concatenate([poses[: PIER + 1], close_to_concrete(scene, poses[PIER])[None]])
-        render = RenderSettings.model_validate({"quality": "fine", "sensor": {"auto_exposure": 1.0}})
+        render = RenderSettings.model_validate({"quality": "fine", "sensor": EACH_FOR_ITSELF})
         render_scene(seen_from(scene, poses, camera), capture, render, seed, SILENT)
         taken = read_capture(capture)
         return tuple(load_image(taken, row) for row in range(len(poses)))

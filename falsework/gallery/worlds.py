@@ -16,7 +16,7 @@ from authoring.settings import AuthoringSettings
 from authoring.shapes.component import FIRST_SITE_ID
 from authoring.site.site import draw_site
 from authoring.streams import stream
-from falsework.gallery.camera import seen_from
+from falsework.gallery.camera import EACH_FOR_ITSELF, seen_from
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.gallery.measures import Measures, Picture, measure_picture, visible_triangles
 from falsework.gallery.world_views import VIEWS, world_views
@@ -133,8 +133,7 @@ def photograph_world(world: str, seed: int, given: GivenFiles = NO_FILES, **said
 def _take(
     scene: FlatScene, camera: Pinhole, folder: Path, seed: int, ground: float
 ) -> tuple[tuple[U8, ...], tuple[Measures, ...]]:
-    sensor = {"auto_exposure": 1.0}  # each picture for itself: nobody flies from the shade under a deck into the sky
-    settings = RenderSettings.model_validate({"quality": "fine", "sensor": sensor})
+    settings = RenderSettings.model_validate({"quality": "fine", "sensor": EACH_FOR_ITSELF})
     render_scene(scene, folder, settings, seed, SILENT)
     taken = read_capture(folder)
     truth = read_truth(taken)

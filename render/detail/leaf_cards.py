@@ -29,7 +29,7 @@ _SHEETS = 0.05  # distance of the two sheets of one card, at most, over the card
 def cards_of(soup: Soup) -> I64:
     """Tell to which card each triangle belongs.
 
-    A card is a flat piece of one or two triangles that touches no other; sheets that lie on each other are one card.
+    A card is a piece of one or two triangles that touches no other; sheets that lie on each other are one card.
 
     Args:
         soup: Triangles.
@@ -37,6 +37,8 @@ def cards_of(soup: Soup) -> I64:
     Returns:
         The number of its card for each triangle, shape (T,), int64; empty where the soup holds anything but cards.
     """
+    if not len(soup):
+        return np.zeros(0, np.int64)
     corners = soup.corners.reshape(-1, 3)
     place = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
     triangle = np.repeat(np.arange(len(soup)), 3)
@@ -68,8 +70,8 @@ def fewer_cards(soup: Soup, card: I64) -> Iterator[Soup]:
         kept[order[:count]] = True
         grown = min(float(np.sqrt(area.sum() / area[kept].sum())), _LARGEST)
         rows = np.flatnonzero(kept[card])
-        centre = middle[card[rows], None]
-        corners = centre + grown * (soup.corners[rows] - centre)
+        center = middle[card[rows], None]
+        corners = center + grown * (soup.corners[rows] - center)
         yield replace(soup, corners=corners, normals=soup.normals[rows], carried=soup.carried[rows])
         count = int(_STEP * count)
 
