@@ -6,12 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usd_schemas.components import class_rows
-from usd_schemas.flat_scene import CameraTrack, Draws, FlatScene, Geometry, InstanceRow, Material, Product
+from usd_schemas.flat_scene import CameraTrack, Dome, Draws, FlatScene, Geometry, InstanceRow, Material, Product
 from usd_schemas.pinhole import Pinhole, UsdLens, look_at
 
 F64 = NDArray[np.float64]
 
 CAMERA = Pinhole(160, 120, 140.0, 143.0, 81.3, 58.9)
+DOWN = look_at(np.array([0.0, 0.0, 8.0]), np.array([0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+WHITE_DOME = Dome((1.0, 1.0, 1.0))
 
 
 @dataclass

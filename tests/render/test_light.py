@@ -16,15 +16,13 @@ from render.light.daylight import read_daylight, sphere
 from render.light.illumination import BRIGHTEST, CLEAR_DAY, haze_distance
 from render.settings import RenderSettings
 from render.views.prepare import prepare
-from tests.render.scenes import CAMERA, SceneBuilder, placed
+from tests.render.scenes import CAMERA, DOWN, WHITE_DOME, SceneBuilder, placed
 from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Sun, Texture, world_triangles
 from usd_schemas.pinhole import look_at, unproject
 from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
 
-DOWN = look_at(np.array([0.0, 0.0, 8.0]), np.array([0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
-WHITE_DOME = Dome((1.0, 1.0, 1.0))
 SQUARE = np.array([[[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0]], [[-0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]])
 
 

@@ -12,14 +12,10 @@ from render.light.daylight import irradiance_coefficients, read_daylight, sphere
 from render.light.light_volume import Sampling, cast_light_volume
 from render.light.surface_fit import Places, fit_to_surfaces, look_up_matrix, spread_places
 from render.light.tracing import LightTracer
-from tests.render.scenes import SceneBuilder, placed
-from usd_schemas.flat_scene import Dome, Material
-from usd_schemas.pinhole import look_at
+from tests.render.scenes import DOWN, WHITE_DOME, SceneBuilder, placed
+from usd_schemas.flat_scene import Material
 
 F64 = NDArray[np.float64]
-
-DOWN = look_at(np.array([0.0, 0.0, 8.0]), np.array([0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
-WHITE_DOME = Dome((1.0, 1.0, 1.0))
 
 
 def test_a_wall_hides_half_the_sky(gl: Gl) -> None:
