@@ -21,7 +21,7 @@ from learn.training.settings import TrainSettings
 
 DEFAULT_SET = "bridges"
 MOST = 1000.0  # [m] uncertainty that no point exceeds
-_NAME = r"[A-Za-z0-9][A-Za-z0-9_@.-]*"
+_NAME = r"[A-Za-z0-9][A-Za-z0-9_@.+-]*"  # a run that makes two clouds of a flight calls them local+dense …
 _PART = re.compile(rf"(?:({_NAME})/)?({_NAME})(?:\s*~\s*({_NAME}))?")
 
 __all__ = ["DEFAULT_SET", "ExperimentSettings", "Part", "experiment_settings", "preset_names"]

@@ -48,7 +48,7 @@ def test_global_set() -> None:
 
 
 def test_learning_set() -> None:
-    """One bridge after the other as five kinds of cloud that `compare` knows; scans show 40 m of surroundings."""
+    """One bridge after the other as six kinds of cloud that `compare` knows; scans show 40 m of surroundings."""
     scenario = load_scenario(SCENARIOS / "learning.toml")
     assert isinstance(scenario.bridge.family, dict)
     assert set(scenario.bridge.family) == set(FAMILIES)
@@ -56,7 +56,7 @@ def test_learning_set() -> None:
     assert [sample.reach for sample in scenario.sample if sample.kind != "mesh"] == [40.0, 40.0]
     assert {sample.voxel for sample in scenario.sample} == {0.05}
     flight = scenario.survey[0]
-    assert (scenario.scenes, flight.kind, scenario.recon.mode) == (36, "local", "dense")
+    assert (scenario.scenes, flight.kind, scenario.recon.mode) == (36, "local", "both")
     assert flight.kind == "local"
     assert flight.images[1] <= 60
 

@@ -31,7 +31,9 @@ def test_every_page_has_its_place() -> None:
     }
     assert pages - {"index"} - listed == set()
     benchmarks = (DOCS / "benchmarks.md").read_text(encoding="utf-8")
-    measured = {path.relative_to(DOCS).as_posix() for path in DOCS.glob("benchmarks/*.md")}
+    measured = {
+        path.relative_to(DOCS).as_posix() for path in [*DOCS.glob("benchmarks/*.md"), *DOCS.glob("experiments/*.md")]
+    }
     assert {page for page in measured if f"({page})" not in benchmarks} == set()
 
 

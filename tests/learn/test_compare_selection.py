@@ -212,6 +212,7 @@ def test_presets_and_what_is_refused() -> None:
     assert preset_names() == (
         "global",
         "sensor-matrix",
+        "sparse-or-dense",
         "task-local-1",
         "task-local-2",
         "task-local-3",
@@ -219,7 +220,9 @@ def test_presets_and_what_is_refused() -> None:
     )
     for name in preset_names():
         assert experiment_settings(name, {"seeds": 2}).seeds == 2
-    assert experiment_settings("sensor-matrix", {}).parts("visible_noise") == (Part("bridges", "visible", "local"),)
+    assert experiment_settings("sensor-matrix", {}).parts("visible_noise") == (
+        Part("bridges", "visible", "local+dense"),
+    )
     assert read_part("korea/tls~ local") == Part("korea", "tls", "local")
     for given, reason in (
         ({"pairs": [["mesh", "mash"]]}, "mash"),
