@@ -3,9 +3,9 @@
 Usage: python -m benchmarks.experiments RUN… -o OUT [--only NAME…]
 
 A RUN is the output folder of a run that made the clouds `mesh`, `visible`, `tls`, `local+dense` and `local+sparse` of
-its bridges: those of `python -m benchmarks.accuracy WORK --only local-…`, or one of `scenarios/learning.toml`. OUT keeps
-every result: the same command goes on where it was stopped. Writes `docs/experiments/NAME.md` for each experiment of
-`benchmarks/experiment`.
+its bridges: those of `python -m benchmarks.accuracy WORK --only local-…`, or one of `scenarios/learning.toml`. OUT
+keeps every result: the same command goes on where it was stopped. Writes `docs/experiments/NAME.md` for each experiment
+of `benchmarks/experiment`.
 """
 
 import argparse
@@ -103,8 +103,8 @@ def experiment_page(record: Mapping[str, Any], name: str, grounds: Mapping[str, 
     heading, _, rest = page(record).partition("\n")
     about = (
         f"`python -m benchmarks.experiments RUN… -o OUT --only {name}` writes this page, from "
-        f"`benchmarks/experiment/{name}.toml`. [How to read it](../comparisons.md). A forest on few bridges: the direction "
-        "of a large difference is worth something, its size is not, and networks trained for longer may differ."
+        f"`benchmarks/experiment/{name}.toml`. [How to read it](../comparisons.md). A forest on few bridges: the "
+        "direction of a large difference is worth something, its size is not, and networks trained for longer may differ."
     )
     lines = [heading, "", about, *_ground_lines(grounds)]
     return "\n".join(lines) + f"\n{rest}"

@@ -48,8 +48,8 @@ def compare(
         sources: Output folders of runs, folders of single bridges with a folder for each cloud, or folders of such
             folders; `NAME=FOLDER` puts its bridges into the set of that name.
         output: Folder to write: results, comparison.json and comparison.md.
-        preset: sensor-matrix, sparse-or-dense, uncertainty-filter, task-local-1, task-local-2, task-local-3, global, or a
-            TOML file of your own (docs/comparisons.md).
+        preset: sensor-matrix, sparse-or-dense, uncertainty-filter, task-local-1, task-local-2, task-local-3, global, or
+            a TOML file of your own (docs/comparisons.md).
         plan: Say what there is to make, hours and disk space; write nothing.
         page: Also write the tables to this Markdown file.
         bridge: Name of the bridge of each source, where its clouds do not know it; once for each, in their order.
