@@ -104,7 +104,8 @@ def experiment_page(record: Mapping[str, Any], name: str, grounds: Mapping[str, 
     about = (
         f"`python -m benchmarks.experiments RUN… -o OUT --only {name}` writes this page, from "
         f"`benchmarks/experiment/{name}.toml`. [How to read it](../comparisons.md). A forest on few bridges: the "
-        "direction of a large difference is worth something, its size is not, and networks trained for longer may differ."
+        "direction of a large difference is worth something, its size is not, and networks that train for longer may "
+        "differ."
     )
     lines = [heading, "", about, *_ground_lines(grounds)]
     return "\n".join(lines) + f"\n{rest}"
