@@ -77,7 +77,7 @@ def test_pseudo_korea() -> None:
 def test_pseudo_illinois_shares_nothing_of_the_way_it_is_made() -> None:
     """Camera, world, light, pairs, mapper and depth are others than those of the clouds that arms are trained on."""
     ours, theirs = (load_scenario(SCENARIOS / f"{name}.toml") for name in ("learning", "pseudo-illinois"))
-    assert ours.recon.mode == theirs.recon.mode == "dense"
+    assert (ours.recon.mode, theirs.recon.mode) == ("both", "dense")
     flight, other_flight = ours.survey[0], theirs.survey[0]
     assert flight.kind == "local"
     assert other_flight.kind == "local"
