@@ -101,5 +101,8 @@ def test_presets_name_clouds_that_the_scenarios_make() -> None:
         for part in (*parts_in(settings, settings.arms), *(settings.test(name) for name in settings.tests)):
             name = "paper-global" if preset == "global" else made[part.set]
             scenario = load_scenario(SCENARIOS / f"{name}.toml")
-            clouds = {sample.id for sample in scenario.sample} | {survey.id for survey in scenario.survey}
+            modes = scenario.recon.modes
+            ends = [f"+{mode}" for mode in modes] if len(modes) > 1 else [""]
+            clouds = {sample.id for sample in scenario.sample}
+            clouds |= {f"{survey.id}{end}" for survey in scenario.survey for end in ends}
             assert {part.cloud, part.like} - {""} <= clouds, (preset, part)
