@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy import ROWS, accuracy_page, class_lines, instances_right, judge
+from benchmarks.accuracy import CLEAR, ROWS, Judged, accuracy_page, class_lines, instances_right, judge
 from recon.cloud import Cloud, read_cloud
 
 
@@ -18,23 +18,33 @@ def _cloud(plane_cloud: Path) -> Cloud:
     columns["surface_class"][:2] = 9  # two of 30 of the first instance are wrong: 93.3 %
     columns["surface_distance"] = np.zeros(90, np.float32)
     columns["surface_distance"][75:] = 0.2  # the third has 15 points left
+    columns["coord"][:2] = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]]
     return Cloud(columns, {}, cloud.components, cloud.classes, {}, (), cloud.statistics, cloud.source)
+
+
+def _judged(plane_cloud: Path) -> Judged:
+    """The first wrong point lies 20 mm above the nearest surface of its class, the second one 50 mm."""
+    flat = np.array([[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 2.0, 0.0]]])
+    shifts = np.array([[0.0, 0.0, -0.02], [10.0, 0.0, -0.05], [0.0, 0.0, 0.0]])
+    corners = np.concatenate([flat + shift for shift in shifts])
+    return judge(_cloud(plane_cloud), corners, np.array([1, 1, 9], np.uint8))
 
 
 def test_points_and_instances_are_counted(plane_cloud: Path) -> None:
     """One of two instances with enough points is right; shares are of points near the surface."""
-    judged = judge(_cloud(plane_cloud))
+    judged = _judged(plane_cloud)
     assert (judged.near.sum(), judged.right.sum()) == (75, 73)
+    assert (CLEAR, judged.clear[:3].tolist(), judged.clear.sum()) == (0.03, [False, True, False], 1)
     assert instances_right(judged) == (1, 2)
     rows = {line.split("|")[1].strip(): line for line in class_lines([judged, judged])}
     names = judged.classes
-    assert rows[names[1]] == f"| {names[1]} | 120 | 100.0% | 96.7% | 2 of 4 |"
-    assert rows[names[2]] == f"| {names[2]} | 60 | 50.0% | 100.0% |  |"
+    assert rows[names[1]] == f"| {names[1]} | 120 | 100.0% | 96.7% | 1.7% | 2 of 4 |"
+    assert rows[names[2]] == f"| {names[2]} | 60 | 50.0% | 100.0% | 0.0% |  |"
 
 
 def test_the_page_says_what_was_not_made(plane_cloud: Path) -> None:
     """One line for the cloud that is there; every other row is named."""
-    page = accuracy_page({ROWS[0]: {"sparse": judge(_cloud(plane_cloud))}})
+    page = accuracy_page({ROWS[0]: {"sparse": _judged(plane_cloud)}})
     assert "| slab | road | local | sparse |" in page
-    assert "| 90 | 83.3% | 97.3% | 1 of 2 |" in page
+    assert "| 90 | 83.3% | 97.3% | 1.3% | 1 of 2 |" in page
     assert all(row.name in page for row in ROWS[1:])
