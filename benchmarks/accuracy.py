@@ -239,9 +239,9 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]]) -> str:
         "Written by `python -m benchmarks.accuracy WORK`. One bridge a row, 960 x 720 px, sensor noise, countryside,",
         f"quality `medium`; both clouds come from one model. *Near*: within {NEAR:g} m of the true surface. *Right*:",
         "of these, with the class of that surface. *Clearly wrong*: with another class, and the nearest surface of",
-        f"their own lies more than {1000 * CLEAR:.0f} mm farther: where rails and sleepers are a few centimetres high, a",
-        " point that is 20 mm off lies nearer to the neighbor of what its photographs show.",
-        "*Center*: median error of camera centers. An *instance* is right",
+        f"their own lies more than {1000 * CLEAR:.0f} mm farther: where rails and sleepers are a few centimeters high,",
+        "a point that is 20 mm off lies nearer to the neighbor of what its photographs show. *Center*: median error of",
+        "camera centers. An *instance* is right",
         f"where {ALL_RIGHT:.0%} of its near points have its class; those with fewer than {FEWEST} do not count.",
         "",
         "| family | service | flight | cloud | cameras | center [mm] | points | near | right | clearly wrong "
