@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.placing.gps_fit import Fit, fit_to_fixes
-from recon.placing.gravity import levels_of
+from recon.placing.gravity import gravity_cues
 from recon.placing.place_errors import PlaceErrors, expected_errors
 from recon.placing.similarity import Similarity
 
@@ -79,7 +79,7 @@ def place_flight(flight: Flight, rng: np.random.Generator) -> tuple[Fit, PlaceEr
         The fit and the limits of its errors; None where the fixes do not fix the frame.
     """
     stated = np.tile(STATED, (len(flight.gps), 1))
-    fit = fit_to_fixes(flight.source, flight.gps, stated, levels_of(flight.rotations, None), rng)
+    fit = fit_to_fixes(flight.source, flight.gps, stated, gravity_cues(flight.rotations, None), rng)
     errors = None if fit is None else expected_errors(fit, STATED)
     return None if fit is None or errors is None or errors.unfixed() else (fit, errors)
 

@@ -17,11 +17,11 @@ from pathlib import Path
 
 from benchmarks.fake_run import work
 from falsework.execution import cluster
-from falsework.execution.chain import look_at_sources
+from falsework.execution.chain import read_sources
 from falsework.execution.cluster import SceneJob, run_on_cluster
 from falsework.execution.outcome import Outcome
 from falsework.execution.plan import plan_run
-from falsework.execution.scene import Manner
+from falsework.execution.scene import RunOptions
 from falsework.scenario import Scenario, load_scenario
 from groundwork.progress import SILENT
 
@@ -56,7 +56,7 @@ def schedule(scenario: Scenario, out: Path) -> None:
         scenario: What to make.
         out: Where; nothing is written.
     """
-    sources, manner = look_at_sources(scenario, SILENT), Manner(keep=scenario.keep)
+    sources, manner = read_sources(scenario, SILENT), RunOptions(keep=scenario.keep)
     jobs = [SceneJob(scenario, sources, index, out, manner) for index in range(scenario.scenes)]
     outcome = run_on_cluster(jobs, SILENT, WORKERS, None)
     assert outcome.made == scenario.scenes

@@ -60,7 +60,7 @@ class Drawn:
 
     Attributes:
         name: Its path in the folder.
-        said: Why there is no picture; empty where there is one.
+        said: Why there is not an image; empty where there is one.
         warnings: How many lines name what is drawn otherwise than authored.
     """
 

@@ -7,10 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import docstring_parser
+import tyro
 
 from falsework.cli import all_verbs
 from falsework.commands.examples import EXAMPLES
 
+_POSITIONAL: object = tyro.conf.Positional  # the marker that it leaves in an annotation
 _TOPICS = {
     "To begin with": ("doctor", "demo", "completion"),
     "Whole runs": ("plan", "run", "verify", "clean", "report", "view"),
@@ -79,12 +81,10 @@ def _row(parameter: inspect.Parameter, hint: object, meaning: dict[str, str]) ->
     plain = typing.get_args(hint)[0] if notes else hint
     given = next((note.name for note in notes if getattr(note, "name", None)), None)
     word = str(given or parameter.name).replace("_", "-")
-    # The marker of a positional argument in tyro's annotations has no name of its own; what has no default is one,
-    # unless it is the output.
     required = parameter.default is inspect.Parameter.empty
-    positional = required and parameter.kind is not inspect.Parameter.KEYWORD_ONLY and word != "output"
+    positional = any(note is _POSITIONAL for note in notes)
     long = word.upper() if positional else f"--no-{word}" if parameter.default is True else f"--{word}"
-    short = "-o, " if word == "output" else ""
+    short = "-o, " if any("-o" in (getattr(note, "aliases", None) or ()) for note in notes) else ""
     value = "" if positional or plain is bool else f" {_value(plain)}"
     default = "required" if required else _default(parameter.default)
     text = meaning.get(parameter.name, "").replace("|", "\\|")

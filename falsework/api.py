@@ -128,7 +128,7 @@ def reconstruct(
     wanted = _settings(settings or ReconSettings(), ReconSettings)
     if len(wanted.modes) > 1:
         raise InputError(
-            "one cloud a call",
+            "one cloud per call",
             field="mode",
             value=wanted.mode,
             allowed=", ".join(wanted.modes),
@@ -241,7 +241,7 @@ def _roots(allowed: Path | str | Iterable[Path | str]) -> tuple[Path, ...]:
 def _settings(given: S, *kinds: type[Any]) -> S:
     if not isinstance(given, kinds):
         raise InputError(
-            "not settings of this verb",
+            "settings of another function",
             field="settings",
             value=type(given).__name__,
             allowed=", ".join(kind.__name__ for kind in kinds),

@@ -1,6 +1,5 @@
 """The command line: one verb per room, one line for every error, and exit codes that scripts can rely on."""
 
-import difflib
 import os
 import signal
 import sys
@@ -16,7 +15,7 @@ import tyro
 from falsework.commands.answers import AsJson, answer
 from falsework.commands.cloud_verbs import export, reconstruct
 from falsework.commands.console import ConsoleProgress
-from falsework.commands.given_files import files_first
+from falsework.commands.parsing import parse, parse_verb
 from falsework.commands.render_verb import render
 from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
@@ -147,16 +146,16 @@ SINGLE = {
     "train": ("train_verbs", "Train a network on a data set: falsework train --help."),
     "evaluate": ("train_verbs", "Score a model on a data set: falsework evaluate --help."),
     "compare": ("compare_verbs", "Compare ways of making training clouds, with intervals: falsework compare --help."),
-    "predict": ("predict_verbs", "Label a scan of one's own with a trained model: falsework predict --help."),
+    "predict": ("predict_verbs", "Label a scan with a trained model: falsework predict --help."),
 }
 ELSEWHERE = {**GROUPS, **{name: about for name, (_, about) in SINGLE.items()}}
 
 
-def _elsewhere(name: str, about: str) -> Callable[[], int]:
-    """A line of the help for a verb of another module; with further words, `main` asks that module itself."""
+def _elsewhere(about: str) -> Callable[[], int]:
+    """A line of the help for a verb of another module."""
 
     def verb() -> int:
-        return (_group if name in GROUPS else _single)(name, ["--help"])
+        return 0
 
     verb.__doc__ = about
     return verb
@@ -167,21 +166,13 @@ EXTRAS = {  # package that may be missing → extra that brings it
     **dict.fromkeys(("torch", "lightning", "safetensors", "sklearn"), "learn"),
     "viser": "view",
 }
-_LINES = {name: _elsewhere(name, about) for name, about in ELSEWHERE.items()}
-VERBS = {
-    "doctor": doctor,
-    "demo": _LINES["demo"],
-    "run": _LINES["run"],
-    "author": author,
-    "render": render,
-    "reconstruct": reconstruct,
-    "export": export,
-    "report": _LINES["report"],
-    "view": _LINES["view"],
-    "gallery": gallery,
-    **_LINES,
-    "completion": completion,
-}
+_HERE = {verb.__name__: verb for verb in (doctor, author, gallery, render, reconstruct, export, completion)}
+_ORDER = (
+    *("doctor", "demo", "preview", "plan", "run", "verify", "clean", "report", "view"),
+    *("author", "scene", "background", "survey", "gallery", "render", "reconstruct", "sample", "export"),
+    *("dataset", "train", "evaluate", "compare", "predict", "completion"),
+)
+VERBS = {name: _HERE[name] if name in _HERE else _elsewhere(ELSEWHERE[name]) for name in _ORDER}
 
 
 def all_verbs() -> dict[str, Callable[..., int]]:
@@ -212,12 +203,8 @@ def main(arguments: list[str] | None = None) -> None:
         if words[:1] == ["--version"]:
             _say(version("falsework"))
             code = 0
-        elif words[:1] and words[0] in GROUPS:
-            code = _group(words[0], words[1:])
-        elif words[:1] and words[0] in SINGLE:
-            code = _single(words[0], words[1:])
         else:
-            code = _call(VERBS, words, "falsework", ABOUT)
+            code = _call(words)()
     except SystemExit as left:
         if not left.code and not HELP.isdisjoint(words):
             with suppress(BrokenPipeError):  # `… --help | head`
@@ -263,33 +250,15 @@ def _check_here() -> None:
         ) from None
 
 
-def _group(name: str, words: list[str]) -> int:
-    """Hand the words on to a group of verbs, whose module is loaded only then."""
-    module = import_module(f"falsework.commands.{name}_verbs")
-    return _call(getattr(module, f"{name.upper()}_VERBS"), words, f"falsework {name}", module.__doc__ or "")
-
-
-def _call(verbs: dict[str, Callable[..., int]], words: list[str], program: str, about: str) -> int:
-    """Call the verb that the first word names."""
-    if words[:1] and not words[0].startswith("-") and words[0] not in verbs:
-        near = difflib.get_close_matches(words[0], verbs, n=1, cutoff=0.5)
-        raise InputError(
-            "no such verb",
-            where=program,
-            value=words[0],
-            allowed=", ".join(verbs),
-            hint=f"Did you mean {near[0]!r}?" if near else f"See {program} --help",
-        )
-    checked = {name: files_first(verb) for name, verb in verbs.items()}
-    return tyro.extras.subcommand_cli_from_dict(
-        checked, prog=program, description=about, args=words, config=(tyro.conf.FlagCreatePairsOff,)
-    )
-
-
-def _single(name: str, words: list[str]) -> int:
-    """Hand the words on to a verb whose module is loaded only then."""
-    verb = files_first(getattr(import_module(f"falsework.commands.{SINGLE[name][0]}"), name))
-    return tyro.cli(verb, prog=f"falsework {name}", args=words, config=(tyro.conf.FlagCreatePairsOff,))
+def _call(words: list[str]) -> Callable[[], int]:
+    """Find the verb, in a module that is loaded only now, and read its arguments."""
+    name, *rest = words or [""]
+    if name in GROUPS:
+        module = import_module(f"falsework.commands.{name}_verbs")
+        return parse_verb(getattr(module, f"{name.upper()}_VERBS"), f"falsework {name}", rest, module.__doc__ or "")
+    if name in SINGLE:
+        return parse(getattr(import_module(f"falsework.commands.{SINGLE[name][0]}"), name), f"falsework {name}", rest)
+    return parse_verb(VERBS, "falsework", words, ABOUT)
 
 
 def _say(line: str) -> None:

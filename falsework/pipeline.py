@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from falsework.execution.board import NO_BOARD, Board
-from falsework.execution.chain import Sources, look_at_sources, scene_chain
+from falsework.execution.chain import Sources, read_sources, scene_chain
 from falsework.execution.claim import claim_run
 from falsework.execution.outcome import Outcome
 from falsework.execution.run_facts import write_run_report
-from falsework.execution.scene import BusySceneError, Manner, run_scene, steps_of
+from falsework.execution.scene import BusySceneError, RunOptions, run_scene, steps_of
 from falsework.scenario import Scenario
 from falsework.store.store import Store
 from groundwork.errors import InputError
@@ -53,7 +53,10 @@ def run_scenario(
     """
     if workers < 0 or (workers and cluster):
         raise InputError(
-            "no such number of workers", field="workers", value=workers, allowed="0 or more, and none beside a cluster"
+            "number of workers out of range",
+            field="workers",
+            value=workers,
+            allowed="0 or more, and none beside a cluster",
         )
     indices = _wanted(scenario, scenes)
     if cluster is not None:
@@ -61,8 +64,8 @@ def run_scenario(
 
         check_address(cluster)
     claim_run(out, scenario)
-    sources = look_at_sources(scenario, progress)
-    manner = Manner(quarantine=scenario.scenes > 1, retry=retry_failed, keep=scenario.keep)
+    sources = read_sources(scenario, progress)
+    manner = RunOptions(quarantine=scenario.scenes > 1, retry=retry_failed, keep=scenario.keep)
     if indices and (workers or cluster):
         from falsework.execution.cluster import SceneJob, run_on_cluster
 
@@ -91,7 +94,7 @@ def _run_here(
     sources: Sources,
     indices: list[int],
     out: Path,
-    manner: Manner,
+    manner: RunOptions,
     listeners: tuple[Progress, Board],
 ) -> Outcome:
     """Run scenes one after the other in this process; those that another process works on come last."""

@@ -144,7 +144,7 @@ def scenario_of(values: Mapping[str, Any], path: Path = Path("scenario")) -> Sce
     except OSError as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"names a file that cannot be: {error.strerror}", where=path, hint="Shorten it") from None
+        raise InputError(f"names a file that cannot exist: {error.strerror}", where=path, hint="Shorten it") from None
 
 
 def _with_stage(scenario: Scenario, path: Path) -> Scenario:
@@ -153,7 +153,7 @@ def _with_stage(scenario: Scenario, path: Path) -> Scenario:
         return scenario
     if scenario.variants.combinations():
         raise InputError(
-            "variants are authored with a scene, not with a stage that is there",
+            "[variants] cannot be combined with an existing stage",
             where=path,
             field="variants",
             hint="Choose there: falsework scene set SCENE look=… --variant NAME, then name variant_NAME.usda here",
@@ -203,7 +203,7 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
             hint = "Make one: falsework background import FILE -o DIR"
             if world.suffix in USD_FILES:
                 hint += ". Or put the file round a finished scene: falsework scene set SCENE background=FILE"
-            raise InputError("is no imported world", where=path, field="worlds", value=str(world), hint=hint)
+            raise InputError("is not an imported world", where=path, field="worlds", value=str(world), hint=hint)
     return scenario.model_copy(
         update={
             "worlds": worlds,

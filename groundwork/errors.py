@@ -26,7 +26,7 @@ class InputError(FalseworkError, ValueError):
     """Bad input: names the file, the field, the value, what is allowed, and a hint, all in one line.
 
     Attributes:
-        where: File, folder or stage that holds it; None while nobody has said.
+        where: File, folder or stage that holds it; None while unknown.
     """
 
     exit_code: ClassVar[int] = 2

@@ -42,7 +42,7 @@ def write_bytes(path: Path, data: bytes, *, durable: bool = True) -> None:
 
 
 def temporary_name(path: Path, suffix: str = "") -> Path:
-    """Choose a name beside a file that nobody else chooses; `sweep` finds what a killed writer left.
+    """Choose a unique temporary name beside a file; `sweep` finds what a killed writer left.
 
     Args:
         path: The file that will be replaced.
@@ -55,7 +55,7 @@ def sweep(folder: Path) -> None:
     """Remove the temporary files that killed writers left below a folder.
 
     Args:
-        folder: A folder in the making that nobody else writes into now.
+        folder: An unfinished folder that no other process writes into now.
     """
     for path in folder.rglob(f"{TEMPORARY}*"):
         if not path.is_dir():
@@ -168,7 +168,7 @@ def whole_file(path: Path, check: Callable[[], object] | None = None) -> Iterato
 
 @contextmanager
 def whole_folder(place: Path) -> Iterator[Path]:
-    """Fill a folder under a name that nobody else chooses; then it takes the place of a former one.
+    """Fill a folder under a unique name; then it takes the place of a former one.
 
     Args:
         place: Where it will be; folders above it are made.
@@ -245,7 +245,7 @@ def sweep_folders(folder: Path, name: str = "*") -> None:
     """Remove what killed writers of whole folders left.
 
     Args:
-        folder: Where the whole ones lie; nobody else fills one of that name now.
+        folder: Where the whole ones lie; no other process fills one of that name now.
         name: Name of the whole one, or a pattern.
     """
     for left in folder.glob(f"{TEMPORARY}*-{name}"):
@@ -292,7 +292,7 @@ def sync_tree(folder: Path) -> None:
         folder: A finished folder.
 
     Raises:
-        OSError: The disk did not take a file; that file is removed, since nobody knows what of it will last.
+        OSError: The disk did not take a file; that file is removed, since its content may be incomplete.
     """
     for home, _, names in os.walk(folder, topdown=False):
         for name in sorted(names):

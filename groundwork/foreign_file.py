@@ -1,6 +1,6 @@
-"""Files that somebody else made: only regular ones are opened, none larger than expected, and no text breaks a parser.
+"""Files from elsewhere: only regular ones are opened, none larger than expected, and no text breaks a parser.
 
-Whoever reads a file that a user names, or that such a file names, reads it through here, or asks `check_regular` first
+A file that a user names, or that such a file names, is read through here, or checked by `check_regular` first
 and hands the path to a library.
 """
 
@@ -204,7 +204,7 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def _first_sentence(error: ValueError) -> str:
-    """Python's limit of digits speaks of a function that nobody here can call."""
+    """Drop Python's advice on its limit of digits: it names a function that a user cannot call."""
     return str(error).partition("; use sys.")[0]
 
 

@@ -22,8 +22,8 @@ class BusyError(FalseworkError):
 def hold_lock(path: Path, *, wait: bool = True) -> Iterator[bool]:
     """Hold a kernel lock on a file; whoever holds it may remove the file.
 
-    On a file system without locks that is said, once. There nobody may remove what another process may have left, and
-    what is made needs a name that nobody else chooses.
+    On a file system without locks this is noted once. There no process may remove what another may have left, and what
+    is made needs a unique name.
 
     Args:
         path: The lock file; made where it is not there. Its folder must exist.

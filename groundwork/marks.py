@@ -119,7 +119,7 @@ def list_folder(folder: Path, kind: str, *, is_marked: bool = True, but: Iterabl
 
 
 def _inner(names: object) -> tuple[str, ...]:
-    """Keep the names that stay in the folder, whoever wrote the mark."""
+    """Keep the names that stay in the folder: a mark may come from elsewhere."""
     if not isinstance(names, list):
         return ()
     paths = [Path(name) for name in names if isinstance(name, str) and name and "\0" not in name]

@@ -40,7 +40,7 @@ def check_output_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs =
         The place of the file, free of links.
 
     Raises:
-        InputError: It is a folder or a device, somebody else's file, or lies where no output may.
+        InputError: It is a folder or a device, a file that Falsework did not write, or lies where no output may.
     """
     place = output_place(path, inputs)
     if place.is_dir():

@@ -107,7 +107,7 @@ def _enter(place: Path, work: Path) -> tuple[int, bool]:
 
 
 def _make_work(work: Path) -> None:
-    """Make the folder, or see that the one that is there is ours: it has our mark, or holds nothing of anybody."""
+    """Make the folder, or see that the one that is there is ours: it has our mark, or is empty."""
     work.mkdir(exist_ok=True)
     if work.is_symlink():
         raise FileExistsError

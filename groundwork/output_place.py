@@ -52,7 +52,7 @@ def _check_names(path: Path) -> None:
         try:
             length = len(os.fsencode(name))
         except UnicodeEncodeError:
-            raise InputError("a name that no file can have", where=repr(str(path)), hint=_ELSEWHERE) from None
+            raise InputError("not a valid file name", where=repr(str(path)), hint=_ELSEWHERE) from None
         if "\0" in name:
             raise InputError("a name with a null character", where=repr(str(path)), hint=_ELSEWHERE)
         if length > _LONGEST:
@@ -84,7 +84,7 @@ def _check_writable(place: Path) -> None:
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             raise InputError("a path that is too long", where=place, hint="Choose a shorter one with -o") from None
-        raise InputError("not to be reached", where=place, hint=_ELSEWHERE) from None
+        raise InputError("cannot be reached", where=place, hint=_ELSEWHERE) from None
     if parent != place and not parent.is_dir():
         raise InputError("is a file, not a folder", where=parent, hint="Choose another folder with -o")
     if not os.access(parent, os.W_OK):

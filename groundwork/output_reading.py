@@ -18,7 +18,7 @@ _Stamp = tuple[int, int, int]
 def reading(*paths: Path) -> Iterator[None]:
     """Read outputs of ours inside: they are whole when it begins, and the same when it ends.
 
-    What nobody puts into place, such as other people's folders and a run's store, costs a look at its parents.
+    For what is not an output of ours, such as a user's folder or a run's store, only the parent folders are looked at.
 
     Args:
         paths: Files and folders that are read, anywhere in an output or out of any.

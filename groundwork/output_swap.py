@@ -118,7 +118,7 @@ def _clear_away(place: Path, former: Listing, new: Listing) -> None:
 
 
 def _refuse_strangers(place: Path, new: Listing, waiting: list[str], former: Listing) -> None:
-    """Refuse to put a file or folder where somebody else's file, folder or link is."""
+    """Refuse to put a file or folder where one that Falsework did not write is."""
     ours, folders = set(former.files), set(former.folders)
     for name in new.folders:
         path = place / name

@@ -45,7 +45,7 @@ class Silent:
         """Ignore a line."""
 
 
-class SaidOnce:
+class DistinctNotes:
     """A listener that passes everything on to another one, but each note only once."""
 
     def __init__(self, progress: Progress) -> None:

@@ -14,7 +14,7 @@ from groundwork.foreign_file import MOST_TOML, parse_toml, read_regular
 
 
 class Settings(BaseModel):
-    """Base of all settings: immutable, and a key that nobody knows is an error."""
+    """Base of all settings: immutable, and an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
@@ -56,11 +56,11 @@ def parse_settings(model: type[S], values: dict[str, Any], where: object) -> S:
             raise _as_input_error(model, details[0], where) from None
         found = [f"({number}) {_as_input_error(model, detail, None)}" for number, detail in enumerate(details, 1)]
         shown = "; ".join(found[:MANY]) + (f"; and {len(found) - MANY} more" if len(found) > MANY else "")
-        raise InputError(f"{len(found)} things are wrong: {shown}", where=where) from None
+        raise InputError(f"{len(found)} errors: {shown}", where=where) from None
 
 
 def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) -> InputError:
-    field = ".".join(str(part) for part in detail["loc"])
+    field = _field(model, detail)
     if detail["type"] == "extra_forbidden":
         known = _known_keys(model, detail["loc"][:-1])
         near = difflib.get_close_matches(str(detail["loc"][-1]), known, n=1, cutoff=0.0)
@@ -76,11 +76,25 @@ def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) 
         ]
         found = detail["input"].get(key) if isinstance(detail["input"], dict) else None
         return InputError(
-            "says no known kind", where=where, field=f"{field}.{key}", value=found, allowed=", ".join(tags)
+            "missing or unknown kind", where=where, field=f"{field}.{key}", value=found, allowed=", ".join(tags)
         )
     if not field:  # several keys that do not go together: the message names them, the whole file would drown it
         return InputError(_plain(detail["msg"]), where=where, hint="Correct this value")
     return InputError(_plain(detail["msg"]), where=where, field=field, value=detail["input"], hint="Correct this value")
+
+
+def _field(model: type[Settings], detail: ErrorDetails) -> str:
+    """Name a key as its file has it: pydantic puts the tag of a union's member into the path, such as `global`."""
+    location = detail["loc"]
+    tags = [
+        number
+        for number, part in enumerate(location)
+        if isinstance(part, str)
+        and not (detail["type"] == "extra_forbidden" and number == len(location) - 1)
+        and not any(part in inner.model_fields for inner in _models_at(model, location[:number]))
+        and any(_is_tagged(inner, part) for inner in _models_at(model, location[:number]))
+    ]
+    return ".".join(str(part) for number, part in enumerate(location) if number not in tags)
 
 
 def _plain(message: str) -> str:

@@ -125,7 +125,7 @@ def noise_loss(logits: Tensor, labels: Tensor, noisy: int) -> Tensor:
 
 
 def components_only(logits: Tensor, labels: Tensor, noisy: int) -> tuple[Tensor, Tensor]:
-    """Take the head for noise away: its logits fall out of the softmax, its points are nobody's.
+    """Leave the noise head out: its logits are not in the softmax, and its points have no label.
 
     Args:
         logits: Shape (P, C).

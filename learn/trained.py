@@ -165,9 +165,9 @@ def read_model(folder: Path) -> TrainedNetwork | TrainedForest:
     arrays = {name: value.numpy() for name, value in read_weights(folder).items()}
     scales = facts.settings.get("scales")
     if not isinstance(scales, list) or not all(isinstance(scale, int) and scale > 0 for scale in scales):
-        raise InputError("a torn model", where=folder / FACTS, field="settings.scales", value=scales)
+        raise InputError("a damaged model", where=folder / FACTS, field="settings.scales", value=scales)
     if "share" not in arrays or arrays["share"].shape[-1] != len(facts.classes):
-        raise InputError("a torn forest, or one of other classes", where=folder / WEIGHTS, field="share")
+        raise InputError("a damaged forest, or one of other classes", where=folder / WEIGHTS, field="share")
     return TrainedForest(facts, arrays)
 
 
@@ -268,9 +268,9 @@ def read_facts(folder: Path) -> ModelFacts:
             training=record["training"],
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"a torn model: {error}", where=path, hint="Train it anew, or fetch it anew") from None
+        raise InputError(f"a damaged model: {error}", where=path, hint="Train it anew, or fetch it anew") from None
     if not facts.classes or not facts.temperature > 0 or facts.noisy not in (None, *range(len(facts.classes))):
-        raise InputError("a torn model", where=path, field="classes, noisy or temperature")
+        raise InputError("a damaged model", where=path, field="classes, noisy or temperature")
     return facts
 
 

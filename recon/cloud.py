@@ -106,7 +106,7 @@ class Cloud:
         cameras: One JSON row per image of the capture: name, status, center_error [m], rotation_error [deg].
         statistics: JSON figures of the whole cloud.
         source: How the points were made, one of `SOURCES`.
-        bridge: Hash of the bridge's shape, the same for every cloud of one bridge; empty where nobody knows it.
+        bridge: Hash of the bridge's shape, the same for every cloud of one bridge; empty where it is unknown.
     """
 
     columns: Mapping[str, Column]

@@ -36,10 +36,10 @@ from recon.steps import enter_work, leave_work
 from recon.truth.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.truth.bridge_digest import bridge_digest
 from recon.truth.noise_figures import describe_noise
-from recon.truth.per_class import describe_classes, few_in_words, lost_classes
+from recon.truth.per_class import describe_classes, lost_classes, scarce_classes_in_words
 from recon.truth.pixel_classes import describe_pixels
 from recon.truth.statistics import describe, verdict_in_words
-from recon.truth.surface_distance import nearest_surface, still_surface
+from recon.truth.surface_distance import nearest_surface, without_moving
 from recon.truth.uncertainty import Uncertainty, depths, measure
 from recon.truth.windows import lay_windows
 from render.capture import Capture, Truth, read_truth
@@ -190,7 +190,7 @@ def _make_cloud(
     world = similarity_facts(alignment.similarity)
     write_world_model(sparse.folder, at.folder / "sparse", world, settings, progress)
     progress.note(verdict_in_words(alignment.status, int(kept.sum()), found, facts["note"], lost_classes(figures)))
-    if few := few_in_words([figures]):
+    if few := scarce_classes_in_words([figures]):
         progress.note(few)
 
 
@@ -256,7 +256,7 @@ def _label(
         observed = gather(truth, seen, threads)
         error, measured = measure(points, depth, observed.depth.astype(float), truth, seen, threads)
         verdict = annotate(observed, error, seen)
-        distance, nearest = still_surface(verdict.instance, truth, *nearest_surface(points, truth))
+        distance, nearest = without_moving(verdict.instance, truth, *nearest_surface(points, truth))
         component = _components(verdict.instance, truth, components)
     columns |= {
         "segment": verdict.label,

@@ -23,7 +23,7 @@ _RESIDUAL = 1e-10  # [m]
 
 
 @dataclass(frozen=True)
-class Crest:
+class VerticalCurve:
     """A parabola in the profile between two stations.
 
     Attributes:
@@ -60,7 +60,7 @@ class Alignment:
     heading: float = 0.0
     plan: tuple[Element, ...] = ()
     skew: float = 0.0
-    crest: Crest | None = None
+    crest: VerticalCurve | None = None
     falls: tuple[tuple[float, float], ...] = ()
     origin: tuple[float, float] = (0.0, 0.0)
 
@@ -162,7 +162,7 @@ class Alignment:
         ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
         aside = _quarter(ahead)
         lean = np.tan(self.skew)
-        share = near_share(left)[..., None]
+        share = skew_share(left)[..., None]
         normal = np.array([-np.sin(self.heading), np.cos(self.heading)])
         by_left = share * (aside + lean * ahead) + (1.0 - share) * normal
         if self.curve is None:
@@ -303,7 +303,7 @@ class Alignment:
         return np.stack(self._plan_position(place[:, 0], place[:, 1]), axis=1) - goal
 
 
-def near_share(left: F64) -> F64:
+def skew_share(left: F64) -> F64:
     """Find how far lines of constant station follow the supports: 1 near the axis, 0 beyond `FAR`.
 
     Args:
@@ -317,7 +317,7 @@ def near_share(left: F64) -> F64:
 
 
 def _near_part(left: F64) -> F64:
-    """Integrate `near_share` from the axis [m], same shape as `left`, float64."""
+    """Integrate `skew_share` from the axis [m], same shape as `left`, float64."""
     size = np.abs(left)
     if np.all(size <= NEAR):
         return left
@@ -332,7 +332,7 @@ def _quarter(ahead: F64) -> F64:
 
 @dataclass(frozen=True)
 class Layout:
-    """What the site has to know of a bridge before it exists.
+    """What the site needs to know of a bridge before it is built.
 
     Attributes:
         alignment: Axis of the bridge and its approaches.

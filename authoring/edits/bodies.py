@@ -49,7 +49,7 @@ def write_body(spec: Sdf.PrimSpec, prim: Usd.Prim) -> None:
         _uniform(spec, f"subsetFamily:{_FAMILY}:familyType", _TYPES.Token, UsdGeom.Tokens.nonOverlapping)
 
 
-def worn_by(prim: Usd.Prim) -> dict[str, UsdShade.Material]:
+def bound_materials(prim: Usd.Prim) -> dict[str, UsdShade.Material]:
     """Find what materials a body wears: name of a subset of faces, empty for the body itself, to the material.
 
     Args:

@@ -8,9 +8,10 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from authoring.edits import additions
 from authoring.edits.additions import ADDITIONS, Labelling, write_binding
-from authoring.edits.bodies import worn_by
+from authoring.edits.bodies import bound_materials
 from authoring.edits.cameras import harvest_cameras
 from authoring.edits.daylight import find_sun, harvest_sun
+from authoring.edits.edits_left_out import edits_left_out
 from authoring.edits.lamps import harvest_lamps
 from authoring.edits.matching import Matches, expand_instances, match_stages
 from authoring.edits.materials import (
@@ -24,7 +25,6 @@ from authoring.edits.materials import (
 )
 from authoring.edits.placements import hidden_prims, moved_prims, write_transform, write_visibility
 from authoring.edits.shapes import is_body, read_surface, write_reshaped
-from authoring.edits.untaken import untaken
 from authoring.layers.change import change_layer, check_editable
 from authoring.layers.root import edits_layer
 from authoring.layers.selection import AXES
@@ -122,7 +122,7 @@ def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = F
     copies |= _add(layer, before, matches, labels, former, found)
     taken = {prim.GetName() for prim in before.Traverse()} | found.added.keys()
     found.cameras, cameras_left = harvest_cameras(layer, before, after, taken)
-    found.left_out = [*chosen, *cameras_left, *untaken(before, after, matches)]
+    found.left_out = [*chosen, *cameras_left, *edits_left_out(before, after, matches)]
     found.lights, more = harvest_lamps(layer, before, after, edited_sun, taken)
     copies |= more
     if remove:
@@ -238,7 +238,7 @@ def _recolor(
             copies |= write_inputs(layer, place, ours[name], changed)
             names.append(name)
     for path, prim in _bodies(before, matches):
-        worn = next(iter(worn_by(prim).values()), None)
+        worn = next(iter(bound_materials(prim).values()), None)
         if worn is not None and name_of(worn) != bound_name(before.GetPrimAtPath(path)):
             copies |= _wear(layer, _worn(place, path), worn, ours)
             names.append(path.name)
@@ -279,7 +279,7 @@ def _add(
         label = labels.label(name, prim)
         additions.write_addition(layer, name, prim, label, former.get(name, number), before)
         home = Sdf.Path(f"{ADDITIONS}/{name}")
-        for subset, worn in worn_by(prim).items():
+        for subset, worn in bound_materials(prim).items():
             copies |= _wear(layer, home.AppendChild(subset) if subset else home, worn, ours)
         found.added[name] = label
     return copies

@@ -68,7 +68,7 @@ def remove_detail(prim: Usd.Prim) -> None:
         prim.RemoveProperty(attribute.GetName())
 
 
-def bent_periods(periods: tuple[float, ...], side: float) -> tuple[int, ...]:
+def whole_periods(periods: tuple[float, ...], side: float) -> tuple[int, ...]:
     """Count how many times each period goes into a tile, rounded.
 
     Args:
@@ -85,7 +85,7 @@ def _repeats(sheet: float, periods: tuple[float, ...], wanted: float) -> int:
 
     def bend(repeats: int) -> float:
         side = repeats * sheet
-        counts = bent_periods(periods, side)
+        counts = whole_periods(periods, side)
         return max((abs(side / count / period - 1) for count, period in zip(counts, periods, strict=True)), default=0.0)
 
     return min(range(1, max(int(LONGEST / sheet), 1) + 1), key=bend)
@@ -105,7 +105,7 @@ def _tile(detail: Detail, texture: Texture, repeats: int, texels: int, patched: 
 
 def _detail(detail: Detail, unit: F32, scale: tuple[float, float], repeats: int, texels: int) -> F32:
     factor = np.ones((len(unit), 1), np.float32)
-    counts = [bent_periods(detail.periods, repeats / one) for one in scale]
+    counts = [whole_periods(detail.periods, repeats / one) for one in scale]
     octaves = zip(*counts, detail.amplitudes, strict=True) if detail.file else ()
     for across, up, amplitude in octaves:
         gray = sample(detail.file, unit * np.array([across, up], np.float32), max(across, up) / texels, False)[:, :1]

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from authoring.axis.alignment import Alignment, Crest
+from authoring.axis.alignment import Alignment, VerticalCurve
 from authoring.axis.plan_curve import Element, PlanCurve, sine_elements
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.spans import ABUTMENT_BACK
@@ -225,7 +225,7 @@ def _wave(
 
 def _crest(
     settings: AlignmentSettings, profile: str, radius: float, length: float, grade: float, steepest: float
-) -> Crest | None:
+) -> VerticalCurve | None:
     if profile == "grade":
         return None
     room = steepest - grade
@@ -240,4 +240,4 @@ def _crest(
         )
     if not np.isfinite(least):
         return None
-    return Crest(0.0, length, (1.0 if profile == "crest" else -1.0) * max(radius, float(np.ceil(least))))
+    return VerticalCurve(0.0, length, (1.0 if profile == "crest" else -1.0) * max(radius, float(np.ceil(least))))

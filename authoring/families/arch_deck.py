@@ -100,7 +100,7 @@ def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> 
     soffit = float(rib.intrados(np.array([rib.start + 0.25 * choice.span]))[0])
     layout = draw_layout_of(shared, top, supports, soffit, seat, draws, straight=True, walls=abutments.wing_length)
     drawn = replace(drawn, rib=_lowered(drawn, layout.alignment))
-    return footed(raised(layout, drawn.rib, choice.springing), drawn.rib), drawn
+    return with_springing_ground(raised(layout, drawn.rib, choice.springing), drawn.rib), drawn
 
 
 def raised(layout: Layout, rib: Rib, springing: float) -> Layout:
@@ -116,7 +116,7 @@ def raised(layout: Layout, rib: Rib, springing: float) -> Layout:
     return replace(layout, alignment=replace(layout.alignment, level=round(level, 3)))
 
 
-def footed(layout: Layout, rib: Rib) -> Layout:
+def with_springing_ground(layout: Layout, rib: Rib) -> Layout:
     """Tell the site where the springings want the land: just below the lower edge of their faces.
 
     Args:

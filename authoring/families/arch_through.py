@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.axis.alignment import Alignment, Layout
-from authoring.families.arch_deck import FOUNDING, footed, raised
+from authoring.families.arch_deck import FOUNDING, raised, with_springing_ground
 from authoring.families.arch_settings import ArchChoice, ArchSettings
 from authoring.families.shared import SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
@@ -141,7 +141,7 @@ def draw_through_arch(
     low, seat = levels.girder_soffit, levels.seat
     layout = draw_layout_of(shared, top, (0.0, total), low, seat, draws, straight=True, walls=walls)
     if not tied:
-        layout = footed(raised(layout, drawn.rib, choice.springing), drawn.rib)
+        layout = with_springing_ground(raised(layout, drawn.rib, choice.springing), drawn.rib)
     return layout, drawn
 
 

@@ -19,7 +19,7 @@ from groundwork.settings import Settings
 
 
 @dataclass(frozen=True)
-class HungDeck:
+class CableSupportedDeck:
     """A deck on cables, and what carries its ends.
 
     Attributes:
@@ -37,10 +37,10 @@ class HungDeck:
     @property
     def levels(self) -> Levels:
         """Thicknesses from the finished surface down to the seats."""
-        return hung_levels(self.top, self.deck, self.bearings)
+        return cable_deck_levels(self.top, self.deck, self.bearings)
 
 
-def hung_levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Levels:
+def cable_deck_levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Levels:
     """Stack the thicknesses from the finished surface down to the seats.
 
     Args:
@@ -52,7 +52,14 @@ def hung_levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Levels:
 
 
 def draw_supports(
-    settings: Settings, shared: SharedSettings, hung: HungDeck, spans: Spans, draws: Draws, *, main: float, walls: float
+    settings: Settings,
+    shared: SharedSettings,
+    hung: CableSupportedDeck,
+    spans: Spans,
+    draws: Draws,
+    *,
+    main: float,
+    walls: float,
 ) -> tuple[Layout, Piers, Abutments]:
     """Draw the piers, the air below the main span and the axis.
 
@@ -106,7 +113,7 @@ class Supports:
     clear: float = CLEAR
 
 
-def support_parts(hung: HungDeck, supports: Supports, place: Alignment, ground: Ground) -> list[Part]:
+def support_parts(hung: CableSupportedDeck, supports: Supports, place: Alignment, ground: Ground) -> list[Part]:
     """Build bearings, towers, piers and abutments, and what hangs at the deck between them.
 
     Args:

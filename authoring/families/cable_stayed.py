@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from authoring.axis.alignment import Layout
-from authoring.families.cable_decks import HungDeck, Supports, draw_supports, hung_levels, support_parts
+from authoring.families.cable_decks import CableSupportedDeck, Supports, cable_deck_levels, draw_supports, support_parts
 from authoring.families.shared import SharedSettings
 from authoring.families.stayed_choices import (
     CableStayedSettings,
@@ -84,7 +84,7 @@ class DrawnCableStayed:
     @property
     def levels(self) -> Levels:
         """Thicknesses from the finished surface down to the seats."""
-        return hung_levels(self.top, self.deck, self.bearings)
+        return cable_deck_levels(self.top, self.deck, self.bearings)
 
     @property
     def pylons(self) -> tuple[tuple[int, float, int], ...]:
@@ -117,7 +117,7 @@ def draw_cable_stayed(
     choice, top, deck, pylon, stays, strip = _fitted(make, choice, top)
     supports = tuple(sorted((*choice.supports, *_pier_stations(settings, choice, draws))))
     spans = Spans(supports, values["overhang"], values["gap"], continuous=True, one_row=True)
-    hung = HungDeck(top, deck, bearings, abutments)
+    hung = CableSupportedDeck(top, deck, bearings, abutments)
     layout, piers, walls = draw_supports(settings, shared, hung, spans, draws, main=choice.main, walls=strip + 0.5)
     record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, piers, walls)
     return layout, record
@@ -168,7 +168,7 @@ def _try(make: _Make, choice: Choice, top: DeckTop) -> Fitted | None:
     # The strips grow later: what the deck spans across is the road.
     depth = max(choice.main / values["slenderness"], _LEAST_DEPTH[choice.deck], way.width / 15.0)
     deck = _deck(choice, way.width, depth, values, chamfered)
-    found = _elevation(make.settings, choice, way, values, hung_levels(way, deck, make.bearings))
+    found = _elevation(make.settings, choice, way, values, cable_deck_levels(way, deck, make.bearings))
     if found is None:
         return None
     pylon, stays, strip = found
@@ -300,7 +300,7 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     towers = tuple(station for _, station, _ in bridge.pylons)
     beside = bridge.pylon.face(0.0) + 1.0  # a leg that leans over the footway
     supports = Supports(spans, bridge.piers, bridge.pylon, towers, beside)
-    hung = HungDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
+    hung = CableSupportedDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
     return parts + support_parts(hung, supports, place, ground)
 
 

@@ -1,4 +1,4 @@
-"""The families of bridges that can be built, and the one door to them."""
+"""The families of bridges, and the functions that draw and build one."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

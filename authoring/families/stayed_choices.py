@@ -8,7 +8,7 @@ from pydantic import Field
 
 from authoring.parts.box_decks import DeckKind
 from authoring.parts.deck_top import DeckTop
-from authoring.parts.drawing import Draws, at_share, draw, drawn
+from authoring.parts.drawing import Draws, draw, drawn, weighted_choice
 from authoring.parts.pylons import PylonShape
 from authoring.parts.stays import Arrangement
 from groundwork.errors import InputError
@@ -209,7 +209,7 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
     divided = top.roadway is not None and top.roadway.lanes % 2 == 0
     if settings.shape is not None:
         return _choice(settings, settings.shape, randoms, divided)
-    shape = at_share(_SHAPES, randoms.shape)
+    shape = weighted_choice(_SHAPES, randoms.shape)
     two_planes = settings.planes == 2 or settings.deck in (set(_DECKS[2]) - set(_DECKS[1]))
     if (two_planes or not divided) if shape == "mast" else (shape in _LEANING and settings.arrangement == "harp"):
         shape = "h"  # what is drawn yields to what was asked for
@@ -228,11 +228,11 @@ def _choice(settings: CableStayedSettings, shape: str, randoms: RandomDraws, div
     paper = randoms.profile == "paper"
     size = settings.size or ("compact" if randoms.size < (2.0 if paper else 0.7) else "realistic")
     pylons = settings.pylons or (1 if randoms.pylons < 0.4 else 2)
-    arrangement = settings.arrangement or at_share(_ARRANGEMENTS[shape], randoms.arrangement)
+    arrangement = settings.arrangement or weighted_choice(_ARRANGEMENTS[shape], randoms.arrangement)
     single = randoms.planes < 0.3 and shape == "diamond" and divided and settings.deck in (None, *_DECKS[1])
     planes = settings.planes or (1 if shape == "mast" or single else 2)
     _refuse(settings, shape, arrangement, planes, divided)
-    deck = settings.deck or at_share(_DECKS[planes], randoms.deck)
+    deck = settings.deck or weighted_choice(_DECKS[planes], randoms.deck)
     if deck not in _DECKS[planes]:
         _wrong("deck", deck, f"{', '.join(_DECKS[planes])} under {planes} plane(s) of stays", "Choose one of them")
     side_ratio = randoms.ratios[0] if pylons == 2 else randoms.ratios[1]

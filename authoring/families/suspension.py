@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.axis.alignment import Layout
-from authoring.families.cable_decks import HungDeck, Supports, draw_supports, hung_levels, support_parts
+from authoring.families.cable_decks import CableSupportedDeck, Supports, cable_deck_levels, draw_supports, support_parts
 from authoring.families.shared import SharedSettings
 from authoring.families.stayed_elevation import GAUGE
 from authoring.families.suspension_choices import (
@@ -72,7 +72,7 @@ class DrawnSuspension:
     @property
     def levels(self) -> Levels:
         """Thicknesses from the finished surface down to the seats."""
-        return hung_levels(self.top, self.deck, self.bearings)
+        return cable_deck_levels(self.top, self.deck, self.bearings)
 
 
 def draw_suspension(
@@ -95,7 +95,7 @@ def draw_suspension(
     slab, leg = draw(settings, "slab", draws), draw(settings, "leg", draws)
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
     deck = _deck(choice, top.width + 2.0 * _STRIP, slab, draws.random(), draws.profile != "paper")
-    levels = hung_levels(top, deck, bearings)
+    levels = cable_deck_levels(top, deck, bearings)
     check_sag(settings, choice)
     tower = _tower(choice, deck.width, levels.seat, leg, GAUGE[top.service])
     cables = _cables(choice, tower, bracket_top(levels))
@@ -103,7 +103,7 @@ def draw_suspension(
         cables = replace(cables, pull=_pull(cables, deck, top.surfacing))
     piers_at = _pier_stations(choice)
     spans = Spans(tuple(sorted((*choice.supports, *piers_at))), overhang, gap, continuous=True, one_row=True)
-    hung = HungDeck(top, deck, bearings, abutments)
+    hung = CableSupportedDeck(top, deck, bearings, abutments)
     layout, piers, walls = draw_supports(settings, shared, hung, spans, draws, main=choice.main, walls=_STRIP + 0.45)
     record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls)
     return layout, record
@@ -216,6 +216,6 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     parts += bracket_parts(deck, cables.plane + _TIP, hung, levels, place)
     parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
     parts += cable_parts(cables, place, ground)
-    hung = HungDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
+    hung = CableSupportedDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
     supports = Supports(spans, bridge.piers, bridge.tower, cables.towers)
     return parts + support_parts(hung, supports, place, ground)

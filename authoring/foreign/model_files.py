@@ -139,7 +139,9 @@ def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
         with zipfile.ZipFile(archive) as packed:
             entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
     except UNSOUND as error:
-        raise InputError(f"no sound archive: {error}", where=archive, hint="Is the file whole?") from None
+        raise InputError(
+            f"not a valid archive: {error}", where=archive, hint="Check that the file is complete"
+        ) from None
     whole = sum(entry.file_size for entry in entries)
     if len(entries) > MOST_ENTRIES or whole > MOST_UNPACKED:
         raise InputError(

@@ -123,7 +123,7 @@ def read_city(file: Path) -> CityModel:
 
     Raises:
         MissingError: There is no such file.
-        InputError: It is no imported world.
+        InputError: It is not an imported world.
     """
     path = _root_layer(file)
     if not path.is_file():
@@ -135,7 +135,9 @@ def read_city(file: Path) -> CityModel:
     except Tf.ErrorException:  # not USD at all
         layer = None
     if layer is None or MARK not in layer.customLayerData:
-        raise InputError("is no imported world", where=path, hint="Make one: falsework background import FILE -o DIR")
+        raise InputError(
+            "is not an imported world", where=path, hint="Make one: falsework background import FILE -o DIR"
+        )
     walls: dict[str, list[F64]] = {}
     roofs: dict[str, list[F64]] = {}
     ground = [np.zeros((0, 3, 3))]

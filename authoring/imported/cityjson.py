@@ -41,7 +41,7 @@ def read_cityjson(file: Path, warn: Warn) -> CityModel:
 
     Raises:
         MissingError: There is no such file.
-        InputError: Not CityJSON, a version that nobody knows, or numbers that cannot be.
+        InputError: Not CityJSON, an unknown version, or numbers out of range.
     """
     if not file.is_file():
         raise MissingError("no such file", where=file, hint="Check the path")
@@ -120,7 +120,7 @@ class _Part:
                 raise KeyError("type")
             return _Part(file, document, objects, vertices, _positions(templates, file, "vertices-templates"))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"not sound CityJSON ({type(error).__name__}: {error})", where=file) from None
+            raise InputError(f"invalid CityJSON ({type(error).__name__}: {error})", where=file) from None
 
     def surfaces(self, geometry: dict[str, Any]) -> list[Surface]:
         """List the surfaces of a geometry: rings, and the semantic type of the surface, or nothing."""
@@ -181,7 +181,7 @@ def _model(parts: list[_Part], middle: F64) -> tuple[tuple[Building, ...], F64]:
         try:
             faces = _faces(part, entry, middle)
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-            problem = f"not sound CityJSON ({type(error).__name__}: {error})"
+            problem = f"invalid CityJSON ({type(error).__name__}: {error})"
             raise InputError(problem, where=part.file, field=name) from None
         if entry["type"] in BUILDINGS:
             built.setdefault(_root(part.objects, name), []).extend(faces)

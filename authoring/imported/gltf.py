@@ -48,7 +48,7 @@ class GltfFile:
             file: `.gltf` or `.glb` file.
 
         Raises:
-            InputError: Not glTF 2, cut short, packed in a way that nobody here reads, too large, or it leads elsewhere.
+            InputError: Not glTF 2, cut short, too large, packed by an unsupported extension, or with files elsewhere.
         """
         data = read_regular(file)
         text, chunk = _chunks(data, file) if file.suffix.lower() == ".glb" else (data, None)
@@ -60,7 +60,7 @@ class GltfFile:
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             if isinstance(error, InputError):
                 raise
-            raise InputError(f"not sound glTF ({type(error).__name__}: {error})", where=file) from None
+            raise InputError(f"invalid glTF ({type(error).__name__}: {error})", where=file) from None
         for number, material in enumerate(header.get("materials", ())):
             material["name"] = str(number)
         return GltfFile(file, header, buffers)
@@ -131,7 +131,7 @@ def _chunks(data: bytes, file: Path) -> tuple[bytes, bytes | None]:
     while place + 8 <= len(data):
         length, kind = struct.unpack_from("<II", data, place)
         if place + 8 + length > len(data):
-            raise InputError("is cut short", where=file, hint="Is the file whole?")
+            raise InputError("is cut short", where=file, hint="Check that the file is complete")
         found.append((kind, data[place + 8 : place + 8 + length]))
         place += 8 + length
     text = next((chunk for kind, chunk in found if kind == 0x4E4F534A), b"")
@@ -147,7 +147,9 @@ def _buffer(entry: dict[str, Any], chunk: bytes | None, file: Path) -> bytes:
     else:
         data = read_beside(file, uri, "buffer")
     if len(data) < length:
-        raise InputError(f"a buffer of {length} bytes holds {len(data)}", where=file, hint="Is the file whole?")
+        raise InputError(
+            f"a buffer of {length} bytes holds {len(data)}", where=file, hint="Check that the file is complete"
+        )
     return data
 
 

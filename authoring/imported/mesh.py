@@ -59,7 +59,9 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
     if up not in ("", *AXES):
         raise InputError("unknown axis", field="--up", value=up, allowed=", ".join(AXES))
     if not np.isfinite(scale) or scale <= 0.0:
-        raise InputError("no scale", field="--scale", value=scale, allowed="over 0, metres that one unit is")
+        raise InputError(
+            "not a scale", field="--scale", value=scale, allowed="a number above 0: the metres of one unit"
+        )
     if file.suffix.lower() == ".zip":
         with tempfile.TemporaryDirectory() as folder:
             return read_mesh(unpack(file, Path(folder), MESH_SUFFIXES), warn, up, scale)
@@ -81,7 +83,7 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
         raise InputError("needs more memory than there is", where=file, hint="Cut out a smaller tile") from None
     except _BROKEN as error:
         problem = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise InputError(f"not sound ({problem})", where=file, hint="Is the file whole?") from None
+        raise InputError(f"invalid ({problem})", where=file, hint="Check that the file is complete") from None
     triangles = scale * soup.triangles
     if (up or ("y" if file.suffix.lower() in (".glb", ".gltf") else "z")) == "y":
         triangles = y_up_to_z_up(triangles)
@@ -154,12 +156,12 @@ def read_ply(file: Path) -> MeshSoup:
     head, found, _ = data[:_HEAD].partition(b"end_header")
     body = data[len(head) + len(found) :]
     if not data.startswith(b"ply") or not found:
-        raise InputError("not PLY", where=file, hint="Is the file whole?")
+        raise InputError("not PLY", where=file, hint="Check that the file is complete")
     counts = {name.decode(): int(text) for name, text in re.findall(rb"^element[ \t]+(\w+)[ \t]+(\d+)", head, re.M)}
     check_count(counts.get("face", 0), file)
     rows = counts.get("vertex", 0) + counts.get("face", 0)
     if rows > (body.rstrip().count(b"\n") if b"format ascii" in head else len(body)):
-        raise InputError("is cut short", where=file, hint="Is the file whole?")
+        raise InputError("is cut short", where=file, hint="Check that the file is complete")
     image = re.search(rb"^comment[ \t]+TextureFile[ \t]+([^\r\n]+)", head, re.MULTILINE)
     skin = None
     if image:

@@ -70,7 +70,7 @@ def image_skin(data: bytes, where: str) -> Skin:
     except cv2.error:
         pixels = None
     if pixels is None:
-        raise InputError("texture cannot be decoded", where=where, hint="Is the file whole?")
+        raise InputError("texture cannot be decoded", where=where, hint="Check that the file is complete")
     suffix = ".png" if data[:4] == b"\x89PNG" else ".jpg"
     if max(size) > LARGEST:
         share = LARGEST / max(size)

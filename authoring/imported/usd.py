@@ -80,15 +80,17 @@ def _unpacked(file: Path, folder: Path) -> Path:
     """Unpack a package, whose first file is its root layer: textures are read as files."""
     for entry in check_archive(file):
         if entry.compress_type != zipfile.ZIP_STORED:
-            raise InputError("no sound package: a file in it is compressed", where=f"{file}: {entry.filename}")
+            raise InputError("not a valid usdz package: a file in it is compressed", where=f"{file}: {entry.filename}")
     with zipfile.ZipFile(file) as package:
         names = package.namelist()
         if not names or Path(names[0]).suffix.lower() not in USD_SUFFIXES[:3]:
-            raise InputError("no sound package: its first file is no layer", where=file)
+            raise InputError("not a valid usdz package: its first file is no layer", where=file)
         try:
             package.extractall(folder)
         except UNSOUND as error:
-            raise InputError(f"no sound package: {error}", where=file, hint="Is the file whole?") from None
+            raise InputError(
+                f"not a valid usdz package: {error}", where=file, hint="Check that the file is complete"
+            ) from None
     return folder / names[0]
 
 

@@ -8,7 +8,7 @@ from authoring.looks.material import MaterialRecipe, author_material, author_she
 
 
 def look_layer(recipes: dict[str, MaterialRecipe]) -> Sdf.Layer:
-    """Author one look; whoever references it onto a bridge's looks fills the role materials there.
+    """Author one look; referenced onto the looks of a bridge, it fills the role materials there.
 
     Args:
         recipes: One recipe for each role.

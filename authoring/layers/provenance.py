@@ -18,7 +18,7 @@ def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str], *, is
         layer: Layer in memory that holds the prim.
         prim: Path of the root prim.
         inputs: What it was made from: seed, hash of the settings, name of a file.
-        is_ours: What it shows was made by us; of what somebody else made, by whatever means, we say nothing.
+        is_ours: Falsework generated the content; for content from elsewhere no author is stated.
 
     Returns:
         The same layer.

@@ -25,7 +25,7 @@ from pydantic import Field
 
 from authoring.light.atmosphere import scattered_sky
 from authoring.light.clouds import clouded
-from authoring.light.panorama import part_sun, read_panorama, reduce_panorama, turned
+from authoring.light.panorama import read_panorama, reduce_panorama, separate_sun, turned
 from authoring.light.sky import sky_directions, solid_angles
 from authoring.light.sun import LUMINANCE, direction, sun_illuminance, sun_position
 from authoring.looks.noise import Floats, snap
@@ -133,11 +133,11 @@ def bake_light(
         (float(sun[0]), float(sun[1]), float(sun[2])),
         (float(irradiance[0]), float(irradiance[1]), float(irradiance[2])),
         "./textures/sky.exr",
-        settings.visibility if settings.visibility is not None else clear_view(settings.turbidity),
+        settings.visibility if settings.visibility is not None else clear_air_visibility(settings.turbidity),
     )
 
 
-def clear_view(turbidity: float) -> float:
+def clear_air_visibility(turbidity: float) -> float:
     """Find how far one sees through air of a turbidity: the visibility at sea level [m], in whole hundreds.
 
     Turbidity is the optical thickness of air with haze over that of air alone; both thin out with height, haze faster.
@@ -179,7 +179,7 @@ def _computed(settings: LightSettings, rng: np.random.Generator) -> tuple[F64, F
 def _photographed(settings: LightSettings, picture: Path) -> tuple[F64, F64, F64]:
     """Take the sun out of a picture of the sky, and scale both."""
     whole = reduce_panorama(turned(read_panorama(picture), settings.sky_turn), 2 * settings.sky_height)
-    parted = part_sun(whole.astype(np.float64))
+    parted = separate_sun(whole.astype(np.float64))
     sky = reduce_panorama(parted.sky.astype(np.float32), settings.sky_height).astype(np.float64)
     above = np.maximum(sky_directions(len(sky))[..., 2], 0) * solid_angles(len(sky))
     light = float(np.sum(sky * above[..., None], axis=(0, 1)) @ LUMINANCE)

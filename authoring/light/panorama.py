@@ -24,7 +24,7 @@ _LEAST_SUN = 0.05  # share of the light on level ground below which a sun casts 
 
 
 @dataclass(frozen=True)
-class PartedSky:
+class SeparatedSky:
     """A panorama without its sun, and the sun.
 
     Attributes:
@@ -56,7 +56,7 @@ def read_panorama(path: Path) -> F32:
         raise InputError("not a sky", field="light.sky", value=path.name, allowed=", ".join(PANORAMAS))
     pixels = _read_exr(path) if path.suffix.lower() == ".exr" else _read_radiance(path)
     if np.isnan(pixels).any():
-        raise InputError("holds values that are no numbers", field="light.sky", value=path.name)
+        raise InputError("holds values that are not finite", field="light.sky", value=path.name)
     pixels = np.clip(pixels, 0.0, _BRIGHTEST)
     if not pixels.any():
         raise InputError("is black", field="light.sky", value=path.name)
@@ -93,7 +93,7 @@ def turned(panorama: F32, turn: float) -> F32:
     return np.roll(panorama, -round(turn / 360.0 * panorama.shape[1]), axis=1)
 
 
-def part_sun(panorama: F64) -> PartedSky:
+def separate_sun(panorama: F64) -> SeparatedSky:
     """Cut the sun out of a sky, where one shines, and put the sky beside it in its place.
 
     The sun is what lies within 4 degrees of the brightest texel and is four times as bright as the sky beside it. What
@@ -116,10 +116,10 @@ def part_sun(panorama: F64) -> PartedSky:
     strength = float(np.linalg.norm(pull))
     level = float((luminance * np.maximum(directions[..., 2], 0) * solid).sum())
     if pull[2] < _LEAST_SUN * level:
-        return PartedSky(panorama, np.array([0.0, 0.0, 1.0]), np.zeros(3))
+        return SeparatedSky(panorama, np.array([0.0, 0.0, 1.0]), np.zeros(3))
     sun = pull / strength
     irradiance = np.einsum("rc,rck->k", directions @ sun, excess)
-    return PartedSky(np.where(disc[..., None], np.minimum(panorama, beside), panorama), sun, irradiance)
+    return SeparatedSky(np.where(disc[..., None], np.minimum(panorama, beside), panorama), sun, irradiance)
 
 
 def _read_exr(path: Path) -> F32:

@@ -35,10 +35,10 @@ class Draws:
         Args:
             weights: How often each name is drawn, any scale; their order counts.
         """
-        return at_share(weights, self.random())
+        return weighted_choice(weights, self.random())
 
 
-def at_share(weights: Mapping[Name, float], share: float) -> Name:
+def weighted_choice(weights: Mapping[Name, float], share: float) -> Name:
     """Find the name that lies at a share of all weights.
 
     Args:
@@ -141,7 +141,7 @@ def draw_option(settings: Settings, key: str, draws: Draws) -> Any:
         draws: Random stream and profile.
     """
     extra: Any = type(settings).model_fields[key].json_schema_extra
-    option = at_share(dict(extra["paper" if draws.profile == "paper" else "chosen"]), draws.random())
+    option = weighted_choice(dict(extra["paper" if draws.profile == "paper" else "chosen"]), draws.random())
     fixed = getattr(settings, key)
     return option if fixed is None else fixed
 

@@ -42,7 +42,7 @@ class Part:
 
     @property
     def surface(self) -> Surface:
-        """Its closed surface; whoever wants those of many parts takes `surfaces_of`."""
+        """Its closed surface; for many parts, `surfaces_of` is faster."""
         return surfaces_of([self])[0]
 
 

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from authoring.parts.drawing import Draws, at_share
+from authoring.parts.drawing import Draws, weighted_choice
 from groundwork.errors import InputError
 
 PierKind = Literal["wall", "single", "multi", "hammerhead", "pi_frame", "y", "v"]
@@ -64,9 +64,9 @@ def choose_kind(
     if not suited:
         raise _contradiction(kind, cap, columns)
     share = draws.random()
-    chosen = at_share(possible, share)
+    chosen = weighted_choice(possible, share)
     if chosen not in suited:  # only what does not go with a fixed value is drawn anew
-        chosen = at_share(suited, share)
+        chosen = weighted_choice(suited, share)
     _check_width(chosen, kind, cap_length)
     caps = _PAPER_CAPS if paper_kinds and chosen in ("single", "multi") else _CAPS[chosen]
     caps = {name: w for name, w in caps.items() if name != "inverted_t" or upstand >= LEAST_UPSTAND}

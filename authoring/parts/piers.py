@@ -14,7 +14,7 @@ from authoring.parts.footings import footing_heights, footing_surface
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.pier_caps import CapShape, cap_surface
 from authoring.parts.pier_choice import CapKind, PierKind, choose_kind
-from authoring.parts.shafts import EMBEDDED, Shafts, shaft_base, shaft_surfaces, stout_shafts
+from authoring.parts.shafts import EMBEDDED, Shafts, limit_slenderness, shaft_base, shaft_surfaces
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.shapes.component import F64
 from groundwork.settings import Settings
@@ -310,7 +310,7 @@ def _as_stout_as_tall(piers: Piers, inner: F64, levels: Levels, place: Alignment
     """Let the shafts of the piers at some stations grow until the tallest is not too slender."""
     axis = place.point(inner, np.zeros(len(inner)), np.full(len(inner), levels.seat - piers.cap_depth))
     tallest = float(np.max(axis[:, 2] - ground(axis[:, :2])))
-    shafts = stout_shafts(piers.shafts, tallest, piers.slenderness)
+    shafts = limit_slenderness(piers.shafts, tallest, piers.slenderness)
     along = max(piers.cap_width, round(shafts.length + (2.0 * _FLUSH if piers.kind == "pi_frame" else 0.12), 3))
     return replace(piers, column_width=shafts.width, column_length=shafts.length, cap_width=along)
 

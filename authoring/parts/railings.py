@@ -110,7 +110,7 @@ class RailingRun:
 def railing_parts(railings: Railings, run: RailingRun, name: str, place: Alignment) -> list[Part]:
     """Build the railing of one side over one run: its posts are one component, its rails and bars another.
 
-    Whoever labels a scan marks a stretch of railing, never a single bar.
+    People who label scans mark a stretch of railing, never a single bar.
 
     Args:
         railings: Dimensions.

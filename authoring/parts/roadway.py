@@ -133,7 +133,7 @@ def _divided(settings: RoadwaySettings, lanes: int, chance: bool) -> bool:
     possible = lanes >= _DIVIDED_LANES and lanes % 2 == 0
     if settings.divided and not possible:
         raise InputError(
-            "only as many lanes each way can be divided",
+            "a divided road has as many lanes each way",
             field="bridge.roadway.divided",
             value=True,
             allowed="4 or 6 lanes",

@@ -44,7 +44,7 @@ class Shafts:
     chamfer: float
 
 
-def stout_shafts(shafts: Shafts, height: float, slenderness: float) -> Shafts:
+def limit_slenderness(shafts: Shafts, height: float, slenderness: float) -> Shafts:
     """Thicken shafts until a height over their least side meets a limit; neighbours stay apart down to their bases.
 
     Args:

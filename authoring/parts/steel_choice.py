@@ -119,7 +119,7 @@ def _arrangement(settings: PlateGirderSettings, width: float, longest: float, pa
     if not low <= width <= high:
         nearest = low if width < low else high
         raise InputError(
-            f"a deck {width:.2f} m wide is none for this arrangement",
+            f"a deck {width:.2f} m wide does not suit this arrangement",
             field="bridge.girder.steel.arrangement",
             value=choice,
             allowed=f"decks from {low:g} to {high:g} m, the nearest {nearest:g} m",

@@ -209,7 +209,7 @@ def _anchorage_parts(
     low = _lowest(ground, level, sorted((station, back)), lefts) - _FOUNDED
     low = min(low, cables.entry - 2.5)
     if cables.pull:
-        low = min(low, top - held_volume(cables.pull) / (0.9 * depth * (outer - inner)))  # 0.9: its top falls
+        low = min(low, top - anchorage_volume(cables.pull) / (0.9 * depth * (outer - inner)))  # 0.9: its top falls
     block = anchor_block(station, back, lefts, (low, top), level)
     size: dict[str, object] = {"length": depth, "width": outer - inner, "height": top - low}
     name = f"{end}_{side}"
@@ -241,7 +241,7 @@ def _anchorage_parts(
     ]
 
 
-def held_volume(pull: float) -> float:
+def anchorage_volume(pull: float) -> float:
     """Find the concrete that holds a cable by friction on its base and by the earth before it [m3].
 
     Args:
@@ -252,7 +252,7 @@ def held_volume(pull: float) -> float:
 
 def _growth(cables: SuspensionCables) -> tuple[float, float]:
     """Find how long an anchor block has to be, and how much wider than its casting wants [m]."""
-    side = held_volume(cables.pull) ** (1.0 / 3.0)
+    side = anchorage_volume(cables.pull) ** (1.0 / 3.0)
     return min(1.1 * side, _LONGEST), min(0.55 * side, _WIDEST)
 
 

@@ -202,7 +202,7 @@ def _bed_parts(tracks: Tracks, spans: Spans, place: Alignment) -> list[Part]:
 
 
 def _joint_parts(tracks: Tracks, spans: Spans, place: Alignment) -> list[Part]:
-    """Build the rubber strips over the deck's gaps between track slabs; under ballast nobody sees them."""
+    """Build the rubber strips over the deck's gaps between track slabs; under ballast they are hidden."""
     parts = []
     width, formation = spans.gap + 0.04, tracks.section.formation
     for support, station in spans.joints:

@@ -17,7 +17,7 @@ def checkout_scene(source: Path, out: Path) -> Path:
 
     Args:
         source: Scene folder, a folder of a run such as `OUT/scenes/0000`, or a root layer.
-        out: Folder to make; nothing that is there is ever replaced, since it may hold somebody's edits.
+        out: Folder to make; an existing one is never replaced, since it may hold edits.
 
     Returns:
         Root layer of the copy.

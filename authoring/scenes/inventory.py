@@ -10,13 +10,15 @@ from pxr import Usd, UsdGeom, UsdUtils
 
 from authoring.layers.selection import AXES
 from authoring.scenes.manifest import changed_files
-from authoring.scenes.validate import surfaces, things
+from authoring.scenes.validate import pickable_prims, surfaces
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError
 from usd_schemas.apis import direct_label, read_component, read_survey
 from usd_schemas.components import class_of, component_classes
 from usd_schemas.reading.labels import read_taxonomy
 from usd_schemas.tokens import CLASS_TAXONOMY, COMPONENT_TAXONOMY
+
+_BACKGROUND = "background"  # class of what is no part of a bridge
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class Inventory:
         selected: Axis to the name selected.
         components: Component kind to number of surfaces and instances; `(none)` where none is known.
         classes: Class in the table in force to the same.
+        members: Instance id, component kind, class and prim path of every part that is not background, by id.
         triangles: Triangles of every visible mesh, instances counted each time.
         surveys: Survey id to number of images and their size [px].
         layers: Layer or texture, relative to the scene, to SHA-256, sorted.
@@ -42,6 +45,7 @@ class Inventory:
     selected: dict[str, str]
     components: dict[str, int]
     classes: dict[str, int]
+    members: list[dict[str, Any]]
     triangles: int
     surveys: dict[str, dict[str, int]]
     layers: dict[str, str]
@@ -64,14 +68,18 @@ def take_inventory(path: Path, depth: int = 4) -> Inventory:
         stage = Usd.Stage.Open(str(path.resolve()))
     except Exception as error:
         raise InputError("not readable as a USD stage", where=path, hint="Check the file") from error
-    shown = list(things(stage))
+    shown = list(pickable_prims(stage))
     table = read_taxonomy(stage, lambda line: None)
     components: Counter[str] = Counter()
     classes: Counter[str] = Counter()
+    members: list[dict[str, Any]] = []
     for prim in shown:
         component, label = _label(prim)
+        named = table.class_of(component, label)
         components[component or "(none)"] += 1
-        classes[table.class_of(component, label)] += 1
+        classes[named] += 1
+        if label != _BACKGROUND and (number := read_component(prim).instance_id):
+            members.append({"id": number, "component": component, "class": named, "path": str(prim.GetPath())})
     files = scene_files(path)
     choices, chosen = _choices(stage)
     return Inventory(
@@ -80,6 +88,7 @@ def take_inventory(path: Path, depth: int = 4) -> Inventory:
         selected=chosen,
         components=dict(sorted(components.items())),
         classes=dict(sorted(classes.items())),
+        members=sorted(members, key=lambda row: row["id"]),
         triangles=sum(_triangles(prim) for prim in surfaces(stage)),
         surveys=_surveys(stage),
         layers=files,
@@ -117,7 +126,7 @@ def _label(prim: Usd.Prim) -> tuple[str, str]:
         if not label and component in component_classes():
             label = class_of(component)
         prim = prim.GetParent()
-    return component, label or "background"
+    return component, label or _BACKGROUND
 
 
 def _choices(stage: Usd.Stage) -> tuple[dict[str, list[str]], dict[str, str]]:

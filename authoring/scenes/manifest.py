@@ -121,7 +121,7 @@ def edits_since(folder: Path) -> list[str]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Read a manifest, which has a table of files whoever wrote it."""
+    """Read a manifest and check that it has a table of files."""
     record = read_json(path)
     if not isinstance(record, dict) or not isinstance(record.get("files"), dict):
         raise InputError("not the manifest of a scene: it has no table of files", where=path, field="files")

@@ -104,7 +104,7 @@ def id_findings(stage: Usd.Stage) -> Iterator[str]:
         stage: Stage to look at.
     """
     ids: Counter[int] = Counter()
-    for prim in things(stage):
+    for prim in pickable_prims(stage):
         facts = read_component(prim)
         own = facts.instance_ids or ((facts.instance_id,) if facts.instance_id else ())
         if not own and not str(prim.GetPath()).startswith(tokens.BACKGROUND):
@@ -159,9 +159,9 @@ def camera_findings(stage: Usd.Stage) -> Iterator[str]:
             camera.GetHorizontalApertureOffsetAttr().Get(),
             camera.GetVerticalApertureOffsetAttr().Get(),
         )
-        ours, theirs = np.array(vars_of(expected)), np.array(vars_of(found))
+        ours, theirs = np.array(lens_values(expected)), np.array(lens_values(found))
         if np.abs(ours - theirs).max() > LENS_TOLERANCE * expected.focal_length:
-            yield f"{prim.GetPath()}: lens {vars_of(found)} disagrees with the calibration {vars_of(expected)}"
+            yield f"{prim.GetPath()}: lens {lens_values(found)} disagrees with the calibration {lens_values(expected)}"
 
 
 def asset_findings(path: Path) -> Iterator[str]:
@@ -208,7 +208,7 @@ def surfaces(stage: Usd.Stage) -> Iterator[Usd.Prim]:
             yield prim
 
 
-def things(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+def pickable_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
     """Walk what one picks on a stage: its surfaces and, in place of all surfaces of a native instance, the instance.
 
     Args:
@@ -223,7 +223,7 @@ def things(stage: Usd.Stage) -> Iterator[Usd.Prim]:
         last = prim
 
 
-def vars_of(lens: UsdLens) -> tuple[float, float, float, float, float]:
+def lens_values(lens: UsdLens) -> tuple[float, float, float, float, float]:
     """List the values of a lens.
 
     Args:

@@ -25,7 +25,7 @@ class Net:
             shape (C,), int64.
         hand: Signs of each corner's texture coordinates that let no chart read mirrored from outside: v of the sides,
             the horizontal of an end, shape (C, 2), float64.
-        corners: How the corners hang together.
+        corners: How the corners are connected.
     """
 
     counts: I32

@@ -12,7 +12,7 @@ _SMOOTH_COSINE = float(np.cos(np.radians(25.0)))
 
 @dataclass(frozen=True)
 class Corners:
-    """How the corners of a mesh hang together, whatever its points are.
+    """How the corners of a mesh are connected, whatever its points are.
 
     Attributes:
         vertex: Vertex number of each corner, shape (C,), int32.

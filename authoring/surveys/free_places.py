@@ -19,7 +19,7 @@ FOOT = 0.5  # [m] of the box under the lowest ground
 def free_places(
     subject: Subject, edge: float, reach: float, safety: float, over_ground: float, shift: F64 | None = None
 ) -> F64:
-    """Cut the space round a bridge into cells, and keep those that are far enough from everything and hang together.
+    """Cut the space round a bridge into cells; keep those that are far enough from everything, and connected.
 
     The distance to a surface changes by no more than the way that one goes: the middle of a block of cells tells for
     most blocks that all of their cells are free, or too far from the bridge.

@@ -82,7 +82,7 @@ def gap_between(space: FreeSpace) -> F64 | None:
         space: The cells.
 
     Returns:
-        A world position [m], shape (3,), float64, or None where all free cells hang together.
+        A world position [m], shape (3,), float64, or None where all free cells are connected.
     """
     if not space.cut_off.any():
         return None
@@ -93,13 +93,13 @@ def gap_between(space: FreeSpace) -> F64 | None:
 
 
 def largest_part(free: Cells) -> Cells:
-    """Keep the cells of the largest part that hangs together, diagonals included.
+    """Keep the largest connected group of cells, diagonals included.
 
     Args:
         free: Cells that keep their distance, shape (X, Y, Z).
 
     Returns:
-        Those of them that hang together, shape (X, Y, Z), bool.
+        Those of them that are connected, shape (X, Y, Z), bool.
     """
     parts = np.asarray(ndimage.label(free, structure=np.ones((3, 3, 3)))[0])  # pyright: ignore[reportIndexIssue]
     sizes = np.bincount(parts.ravel())

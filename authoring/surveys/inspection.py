@@ -104,7 +104,8 @@ def _targets(settings: InspectionSettings, subject: Subject) -> Targets:
             "no component of the bridge has this id",
             field="survey.members",
             value=lost[0],
-            allowed=f"{len(known)} ids from {known[0]} to {known[-1]}: falsework scene info --tree",
+            allowed=f"{len(known)} ids from {known[0]} to {known[-1]}",
+            hint="falsework scene info SCENE --members lists them",
         )
     return cut_targets(subject, settings.stretch, np.array(settings.members or known, np.int64))
 

@@ -26,7 +26,7 @@ FARTHEST = 150.0  # [m] at which surfaces still carry features worth matching
 
 
 def linked_share(poses: F64, eye: Eye, obstacles: RayScene) -> tuple[float, float]:
-    """Predict how much of a flight hangs together.
+    """Predict the share of a flight's images that a reconstruction registers in one model.
 
     Args:
         poses: camera_to_world in the order of flight [m], shape (N, 4, 4), float64.

@@ -85,7 +85,12 @@ def _reach_target(settings: LocalSettings, target: int, space: FreeSpace, subjec
     """Find the free cell nearest to a component: its row among the free cells."""
     own = subject.bridge_ids == target
     if not own.any():
-        raise InputError("no component of the bridge has this id", field="survey.target", value=target)
+        raise InputError(
+            "no component of the bridge has this id",
+            field="survey.target",
+            value=target,
+            hint="falsework scene info SCENE --members lists them",
+        )
     component = RayScene(subject.bridge[own], subject.bridge_ids[own].astype(np.uint32))
     middles = space.middles(np.argwhere(space.free))
     away = np.round(component.distance(middles)[0], 2)

@@ -82,7 +82,8 @@ def _draw_station(settings: LocalSettings, whole: OrientedBox, subject: Subject,
                 "no component of the bridge has this id",
                 field="survey.target",
                 value=settings.target,
-                allowed=f"{len(ids)} ids from {ids[0]} to {ids[-1]}: falsework scene info --tree",
+                allowed=f"{len(ids)} ids from {ids[0]} to {ids[-1]}",
+                hint="falsework scene info SCENE --members lists them",
             )
         return float(whole.to_local(0.5 * (own.min(axis=0) + own.max(axis=0))[None])[0, 0])
     reach = max(float(whole.half[0]) - 0.5 * settings.length, 0.0)

@@ -13,7 +13,7 @@ Reach = Annotated[float, Field(ge=0.5, le=100.0)]
 
 
 class RecordSettings(Settings):
-    """What every flight writes down, whoever planned it."""
+    """What every flight records, planned by us or elsewhere."""
 
     id: str = Field(default="global", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
     width: int | None = Field(

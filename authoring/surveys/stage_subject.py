@@ -1,4 +1,4 @@
-"""What a survey sees of a stage, whoever authored it."""
+"""What a survey sees of any stage, ours or another program's."""
 
 import numpy as np
 

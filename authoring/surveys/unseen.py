@@ -18,7 +18,7 @@ from groundwork.errors import InputError
 
 @dataclass(frozen=True)
 class Proposal:
-    """Legs that nobody has flown yet.
+    """Proposed legs that are not part of any flight yet.
 
     Attributes:
         images: Number of images.

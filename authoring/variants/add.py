@@ -112,7 +112,7 @@ def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn, o
 
 @contextmanager
 def _sole_editor(scene: Path) -> Iterator[None]:
-    """Edit a scene while nobody else does: what is added goes into its layers, too, and none of it may be lost."""
+    """Edit a scene under a lock, so that no other process edits its layers meanwhile."""
     lock = scene.with_name(LOCK)
     with hold_lock(lock) as held:
         if held:

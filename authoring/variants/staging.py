@@ -51,7 +51,7 @@ class Staged:
 
 
 def fresh_folder(place: Path) -> Path:
-    """Make an empty folder beside the place of an asset, under a name that nobody else chooses.
+    """Make an empty folder beside the place of an asset, under a unique name.
 
     Args:
         place: Where the asset will lie.

@@ -49,7 +49,9 @@ def _read(file: Path, up: str, scale: float, progress: Progress) -> "CityModel":
     if suffix in (*MESH_SUFFIXES, ".zip"):
         return read_mesh(file, progress.note, up, scale)
     if up:
-        raise InputError("says itself which axis is up", where=file, field="--up", value=up, hint="Leave it out")
+        raise InputError(
+            "a format that states its own up axis", where=file, field="--up", value=up, hint="Leave it out"
+        )
     if suffix in USD_SUFFIXES:
         return read_usd(file, progress.note, scale)
     if scale != 1.0:

@@ -150,11 +150,14 @@ def _members(scene: Path, words: list[str], own: str) -> list[int]:
                 "no member of the bridge has this id or class",
                 field="--for",
                 value=word,
-                allowed=f"unseen, {', '.join(sorted(set(classes.values())))}, or an id: falsework scene info --tree",
+                allowed=f"unseen, {', '.join(sorted(set(classes.values())))}, or an id",
+                hint="falsework scene info SCENE --members lists the ids",
             )
         found |= meant
     if not found:
-        raise InputError("nothing is left to be seen", field="--for", value=" ".join(words), where=scene)
+        raise InputError(
+            "every member is shown often enough already", field="--for", value=" ".join(words), where=scene
+        )
     return sorted(found)
 
 

@@ -1,4 +1,4 @@
-"""Free the space of a run's folder that nobody needs: leftovers of killed runs, and results of no scene if asked."""
+"""Free space in a run's folder: leftovers of killed runs, and on request results that no scene uses."""
 
 import json
 import os
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from falsework.execution.chain import Chain, Step, look_at_sources, scene_chain
+from falsework.execution.chain import Chain, Step, read_sources, scene_chain
 from falsework.scenario import load_scenario
 from falsework.stages import STAGES
 from falsework.store.artefact import file_faults, read_manifest
@@ -33,7 +33,7 @@ class Cleaning:
 
     Attributes:
         removed: What it was.
-        left: What stays although nobody needs it, one line each, with the reason.
+        left: What stays although it is not needed, one line each, with the reason.
         freed: Its size [bytes].
     """
 
@@ -43,7 +43,7 @@ class Cleaning:
 
 
 @dataclass(frozen=True)
-class Trace:
+class TaskRecord:
     """What is told of a task by a file of ours: the result's manifest, or the record of an eviction or failure.
 
     Attributes:
@@ -59,11 +59,11 @@ class Trace:
     strange: tuple[str, ...] = ()
 
 
-Traces = dict[str, list[Trace]]  # by what they say of the stage and its settings
+Traces = dict[str, list[TaskRecord]]  # by what they say of the stage and its settings
 
 
 def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool = False) -> Cleaning:
-    """Remove what nobody needs; nothing of a running process, and nothing that we did not write.
+    """Remove what is not needed; nothing of a running process, and nothing that Falsework did not write.
 
     Args:
         root: Output folder of a run.
@@ -91,7 +91,7 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
             if dry_run or remove_leftover(root, leftover):
                 done.removed.append(leftover)
             else:
-                done.left.append(f"{leftover.paths[0].relative_to(root)}: somebody works on it")
+                done.left.append(f"{leftover.paths[0].relative_to(root)}: a process works on it")
                 done.freed -= size
     return done
 
@@ -99,7 +99,7 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
 def _unused(root: Path, progress: Progress, done: Cleaning) -> list[Leftover]:
     """Find the results, and the records of such, that no scene leads to."""
     scenario = load_scenario(root / "scenario.toml")
-    sources, traces = look_at_sources(scenario, progress), _traces(root)
+    sources, traces = read_sources(scenario, progress), _traces(root)
     used: set[str] = set()
     for index in range(scenario.scenes):
         used |= _used_by(scene_chain(scenario, index, sources), traces)
@@ -129,7 +129,7 @@ def _used_by(chain: Chain, traces: Traces) -> set[str]:
     return last.union(*keys.values())
 
 
-def _alike(step: Step, traces: Traces) -> list[Trace]:
+def _alike(step: Step, traces: Traces) -> list[TaskRecord]:
     return traces.get(_likeness(step.task.record), [])
 
 
@@ -150,18 +150,18 @@ def _traces(root: Path) -> Traces:
             faults = file_faults(folder, task["files"], None)
             strange = tuple(line for line in faults if line.endswith("not in the manifest"))
             goes = Leftover(f"{stage} of no scene", (folder, *links[folder]), folder.name, True)
-            found[_likeness(task)].append(Trace(folder.name, task["inputs"], goes, strange))
+            found[_likeness(task)].append(TaskRecord(folder.name, task["inputs"], goes, strange))
         for path in sorted((root / "evicted" / stage).glob("*.json")):
             task = _task_of(path)
             if task is not None and (task["key"], task["stage"]) == (path.stem, stage):
                 goes = Leftover(f"record of a {stage} of no scene", (path,), path.stem)
-                found[_likeness(task)].append(Trace(path.stem, task["inputs"], goes))
+                found[_likeness(task)].append(TaskRecord(path.stem, task["inputs"], goes))
     for path in sorted(root.glob("failed/*.json")):
         if KEY.fullmatch(path.stem) and read_failure(path) is not None:
             task = json.loads(path.read_text(encoding="utf-8"))
             if task.keys() >= {"stage", "version", "settings", "inputs"}:
                 goes = Leftover("record of a failure of no scene", (path,), path.stem)
-                found[_likeness(task)].append(Trace(path.stem, task["inputs"], goes))
+                found[_likeness(task)].append(TaskRecord(path.stem, task["inputs"], goes))
     return found
 
 

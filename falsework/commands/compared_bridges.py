@@ -50,7 +50,9 @@ def find_bridges(
             clouds that do not say which bridge they show.
     """
     if names and len(names) != len(sources):
-        raise InputError("not one name for each source", field="--bridge", value=len(names), allowed=str(len(sources)))
+        raise InputError(
+            "one name is needed for each source", field="--bridge", value=len(names), allowed=str(len(sources))
+        )
     _check_sources(sources, wanted)
     bridges: list[Bridge] = []
     available: dict[str, set[str]] = {}

@@ -9,6 +9,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from falsework.commands.parsing import CONFIG
+
 PROGRAM = "falsework"
 
 
@@ -27,7 +29,7 @@ def completion_script(verbs: Mapping[str, Callable[..., int]], shell: str) -> st
             chosen,
             prog=PROGRAM,
             args=["--tyro-print-completion", shell],
-            config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitSubcommandPrefixes),
+            config=(*CONFIG, tyro.conf.OmitSubcommandPrefixes),
         )
     return printed.getvalue()
 

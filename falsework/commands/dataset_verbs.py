@@ -148,7 +148,9 @@ def _build(
     settings = dataset_settings(kind, values | nested(given_settings(given)), "--set")
     paths = [path for source in sources for path in clouds_in(source)]
     if bridges and len(bridges) != len(paths):
-        raise InputError("not one name for each source", field="--bridge", value=len(bridges), allowed=str(len(paths)))
+        raise InputError(
+            "one name is needed for each source", field="--bridge", value=len(bridges), allowed=str(len(paths))
+        )
     known = read_class_map(class_map) if class_map else None
     named = [
         Source(path, None if path.is_dir() else known, name)

@@ -50,7 +50,9 @@ def preview(
 
     for field, side in (("--width", width), ("--height", height)):
         if not _SIDES[0] <= side <= _SIDES[1]:
-            raise InputError("no size of a picture", field=field, value=side, allowed=f"{_SIDES[0]} to {_SIDES[1]} px")
+            raise InputError(
+                "picture size out of range", field=field, value=side, allowed=f"{_SIDES[0]} to {_SIDES[1]} px"
+            )
     if output.suffix.lower() != ".png":
         raise InputError("not a PNG", field="--output", value=str(output), allowed="a name that ends in .png")
     loaded = load_scenario(scenario)

@@ -99,4 +99,4 @@ def _exposure(word: str) -> dict[str, Any]:
         return {"exposure": float(word)}
     except ValueError:
         allowed = "auto, light, surfaces, or a number [EV]"
-        raise InputError("no exposure", field="--exposure", value=word, allowed=allowed) from None
+        raise InputError("not an exposure", field="--exposure", value=word, allowed=allowed) from None

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from falsework.execution.chain import look_at_sources, scene_chain
+from falsework.execution.chain import read_sources, scene_chain
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario, load_scenario
 from falsework.store.verification import Findings, inspect
@@ -65,7 +65,7 @@ def repair(root: Path, progress: Progress) -> list[str]:
 
 def _made_here(scenario: Scenario, scenes: list[int], progress: Progress) -> set[str]:
     """Name the results that this scenario leads to on this machine; others could not be made again."""
-    sources = look_at_sources(scenario, progress)
+    sources = read_sources(scenario, progress)
     found = set()
     for index in scenes:
         found |= {f"{step.task.stage}/{step.task.key}" for step in scene_chain(scenario, index, sources).steps}
@@ -92,7 +92,7 @@ def _move_home(root: Path, place: str, true: str) -> None:
 
 
 def _clear(root: Path, place: str, findings: Findings) -> None:
-    """Take a result away; strangers' files in it are moved to `OUT/foreign`."""
+    """Take a result away; files in it that Falsework did not write are moved to `OUT/foreign`."""
     folder = root / "store" / place
     if not os.path.lexists(folder):
         return

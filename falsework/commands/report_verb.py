@@ -22,8 +22,8 @@ SEVERAL = ("run", "model", "scores")
 def report(sources: Sources, output: Output) -> int:
     """Write a self-contained page: of a scene, a run, a data set, a training or a comparison.
 
-    What the folder is, it says itself. Several runs stand side by side in one page, and so do several models with
-    their scores. Nothing is fetched when the page is opened.
+    The kind of page follows from what is in the folder. Several runs stand side by side in one page, and so do several
+    models with their scores. Nothing is fetched when the page is opened.
 
     Args:
         sources: Folder of a scene (`OUT/scenes/0000`), of a run, a data set, a model or a comparison; JSON files of
@@ -38,7 +38,7 @@ def report(sources: Sources, output: Output) -> int:
     kinds = [kind_of(source) for source in sources]
     if len(sources) > 1 and not (set(kinds) <= {"run"} or set(kinds) <= {"model", "scores"}):
         raise InputError(
-            "these do not go into one page",
+            "these cannot share one page",
             value=", ".join(dict.fromkeys(kinds)),
             allowed="one of anything, several runs, or models and their scores",
         )
@@ -62,7 +62,7 @@ def kind_of(source: Path) -> str:
     if source.is_file():
         if source.suffix == ".json":
             return "scores"
-        raise InputError("no page of such a file", where=source, allowed=ALLOWED)
+        raise InputError("no report on this kind of file", where=source, allowed=ALLOWED)
     marks = {"comparison": "comparison.json", "dataset": "dataset.json", "model": "model.json"}
     for kind, mark in marks.items():
         if (source / mark).is_file():
@@ -73,7 +73,7 @@ def kind_of(source: Path) -> str:
         return "run"
     if (source / "capture").is_dir() or (source / "cloud").is_dir():
         return "scene"
-    raise InputError("nothing here that a page could show", where=source, allowed=ALLOWED)
+    raise InputError("nothing here to report on", where=source, allowed=ALLOWED)
 
 
 def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:

@@ -11,7 +11,7 @@ from rich.live import Live
 
 from falsework.commands.console import PLAIN_INTERVAL, ConsoleProgress
 from falsework.commands.run_table import RunTable
-from falsework.execution.board import Told, detailed
+from falsework.execution.board import StepEvent, detailed
 from falsework.execution.costs import Costs
 
 REDRAWN = 2.0  # [1/s]
@@ -31,7 +31,7 @@ class RunConsole:
         self._table, self._lock = RunTable(costs.seconds), threading.RLock()
         self._live: Live | None = None
         self._plain: ConsoleProgress | None = None
-        self._now = Told("")
+        self._now = StepEvent("")
         self._phase, self._total, self._many, self._here, self._spoke = "", 0, False, True, time.monotonic()
 
     def __enter__(self) -> "RunConsole":
@@ -77,7 +77,7 @@ class RunConsole:
             self._table.expect(scenes, steps, workers)
             self._many, self._here = len(scenes) > 1, workers == 0
 
-    def tell(self, told: Told) -> None:
+    def tell(self, told: StepEvent) -> None:
         """Take in one thing that happened.
 
         Args:

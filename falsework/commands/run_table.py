@@ -8,7 +8,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from falsework.execution.board import Told
+from falsework.execution.board import StepEvent
 
 MOST_ROWS = 12  # scenes shown at a time: those in work, then those that ended last
 _MANY = 100.0  # [1/h] from which a rate is told without a decimal
@@ -52,7 +52,7 @@ class RunTable:
         self._scenes, self._steps = {name: _Scene() for name in scenes}, dict(steps)
         self._workers, self._begin = max(workers, 1), self.clock()
 
-    def tell(self, told: Told) -> None:
+    def tell(self, told: StepEvent) -> None:
         """Take in one thing that happened.
 
         Args:
@@ -86,7 +86,7 @@ class RunTable:
 
     @property
     def seconds_left(self) -> float:
-        """Time that the rest takes, by the mean of each stage [s]; scenes that nobody looked at count as not begun."""
+        """Time that the rest takes, by the mean of each stage [s]; scenes of other jobs count as not begun."""
         left = 0.0
         for stage, each in self._steps.items():
             missing = sum(each - len(scene.done.get(stage, ())) for scene in self._scenes.values() if not scene.state)

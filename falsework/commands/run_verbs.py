@@ -1,4 +1,4 @@
-"""The verbs that run the whole chain: the demo, and a scenario of one's own."""
+"""The verbs that run the whole chain: the demo, or a scenario of the user."""
 
 import sys
 from pathlib import Path
@@ -56,7 +56,7 @@ def run(
 
     if workers < 0 or (workers and cluster):
         raise InputError(
-            "no such number of workers",
+            "number of workers out of range",
             field="--workers",
             value=workers,
             allowed="0 or more, and none beside --cluster",
@@ -103,14 +103,14 @@ def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool
 def _few(clouds: list[Path]) -> list[str]:
     """Name the classes that are few somewhere along the bridges, a line for each kind of cloud."""
     from groundwork.files import read_json
-    from recon.truth.per_class import few_in_words
+    from recon.truth.per_class import scarce_classes_in_words
 
     by_source: dict[str, list[dict[str, Any]]] = {}
     for cloud in clouds:
         if (cloud / "cloud.json").is_file():
             stored = read_json(cloud / "cloud.json")
             by_source.setdefault(stored["source"].removeprefix("sfm-"), []).append(stored["statistics"])
-    lines = [(source, few_in_words(found)) for source, found in sorted(by_source.items())]
+    lines = [(source, scarce_classes_in_words(found)) for source, found in sorted(by_source.items())]
     return [f"{source} clouds: {line}" for source, line in lines if line]
 
 

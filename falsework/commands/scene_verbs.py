@@ -25,13 +25,22 @@ Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 Roots = tuple[Path, ...]
 
 
-def info(scene: File, *, depth: int = 4, files: bool = False, allow_root: Roots = (), as_json: AsJson = False) -> int:
+def info(
+    scene: File,
+    *,
+    depth: int = 4,
+    files: bool = False,
+    members: bool = False,
+    allow_root: Roots = (),
+    as_json: AsJson = False,
+) -> int:
     """Show what is in a scene: its tree, choices, counts per component and class, surveys, hashes.
 
     Args:
         scene: Scene folder, its root layer, or any other USD file.
         depth: Levels of the tree.
         files: List every layer and texture with its hash.
+        members: List every part of the bridge with its instance id, component and class.
         allow_root: Folders beside that of the scene from which it may take files.
         as_json: Print one JSON object instead of lines.
     """
@@ -50,6 +59,8 @@ def info(scene: File, *, depth: int = 4, files: bool = False, allow_root: Roots 
     for title in ("classes", "components"):
         _say(f"{title:<11} " + ", ".join(f"{name} {count}" for name, count in found[title].items()))
     _say(f"triangles   {found['triangles']:,}")
+    for row in found["members"] if members else ():
+        _say(f"{row['id']:>7}  {row['component']:<20} {row['class']:<12} {row['path']}")
     for name, code in found["layers"].items() if files else ():
         _say(f"{code}  {name}")
     _say(f"files       {len(found['layers'])}, hash {found['scene_hash']}, as chosen {found['variant_hash']}")

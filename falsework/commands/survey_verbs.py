@@ -32,7 +32,7 @@ def score(
     propose: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with legs)")] = True,
     as_json: AsJson = False,
 ) -> int:
-    """Judge flights by casting rays: clearance, overlap, coverage, what a reconstruction will link, what nobody sees.
+    """Judge flights by casting rays: clearance, overlap, coverage, predicted registration, and what no image shows.
 
     Args:
         scene: Root layer of a scene, or any other USD file with cameras.
@@ -93,7 +93,7 @@ def plan(
     """
     settings: dict[str, Any] = {"kind": kind, **given_settings(set), **({"id": name} if name else {})}
     if members and kind != "inspection":
-        raise InputError("goes with an inspection", field="--for", value=" ".join(members), allowed="--kind inspection")
+        raise InputError("only for an inspection", field="--for", value=" ".join(members), allowed="--kind inspection")
     request: dict[str, Any] = {
         "plan": settings,
         "scene": str(scene.absolute()),

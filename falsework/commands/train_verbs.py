@@ -65,7 +65,7 @@ def train(
         channels: What the network sees of a point, with commas between; left out: that of --init, else x,y,z, and with
             --recipe modern the height above the estimated ground, where the data set has it.
         init: A model to begin with; its last layer is drawn anew where the classes are others.
-        freeze_encoder: Train the way back up and the head alone, as for a few labelled scans of one's own.
+        freeze_encoder: Train the decoder and the head alone, as for a few labelled scans.
         set: A further setting, such as `learning_rate=0.001`, or of the network, such as `network.unit=2.0`; may be
             given more than once.
         as_json: Print one JSON object instead of lines.
@@ -81,7 +81,9 @@ def train(
         set,
     )
     if init is not None and settings.model == "forest":
-        raise InputError("a forest begins anew", field="--init", value=init, hint="Leave --init out")
+        raise InputError(
+            "a forest cannot begin with another model", field="--init", value=init, hint="Leave --init out"
+        )
     names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
     _fit(dataset, output, settings, names, init)
     return tell(_model_facts(output) if as_json else {}, [f"model   {output}"], as_json)
@@ -267,7 +269,7 @@ def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str], as_j
     from learn.demo.demo import demo_table, run_demo
 
     if unwanted:
-        raise InputError("the demonstration brings its own", field=unwanted[0], hint="Leave it out, or --demo")
+        raise InputError("not with --demo, which brings its own", field=unwanted[0], hint="Leave it out, or --demo")
     changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
     lines: list[str] = []
 

@@ -14,7 +14,7 @@ from groundwork.errors import InputError, MissingError
 from groundwork.output_file import fresh_file
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
-from groundwork.progress import Progress, SaidOnce
+from groundwork.progress import DistinctNotes, Progress
 from groundwork.settings import Settings, read_toml
 from recon.settings import ReconSettings
 
@@ -144,7 +144,7 @@ def render_file(
         InputError: No such file or product, nothing to render, or an output folder that is not ours.
     """
     stage, chosen = stage_file(stage), list[str]()
-    progress = SaidOnce(progress)  # each camera would say again what is wrong with the stage
+    progress = DistinctNotes(progress)  # each camera would say again what is wrong with the stage
 
     def write(folder: Path) -> None:
         names = surveys_of(stage, allow_roots, progress, choices)
@@ -267,7 +267,7 @@ def export_folder(source: Path, to: str, out: Path, progress: Progress, photogra
         is_cloud = (source / "cloud.json").is_file()
         if not is_cloud and to not in CAPTURE_FORMATS:
             raise InputError(
-                "a format of clouds, and this is none",
+                "a format of clouds, and this is not a cloud",
                 where=source,
                 field="--to",
                 value=to,

@@ -8,7 +8,7 @@ State = Literal["begun", "done", "rejected", "failed"]
 
 
 @dataclass(frozen=True)
-class Told:
+class StepEvent:
     """One thing that happened.
 
     Attributes:
@@ -39,7 +39,7 @@ class Board(Protocol):
         """
         ...
 
-    def tell(self, told: Told) -> None:
+    def tell(self, told: StepEvent) -> None:
         """Take in one thing that happened; called from any thread.
 
         Args:
@@ -48,20 +48,20 @@ class Board(Protocol):
         ...
 
 
-class NoBoard:
-    """A board that nobody looks at."""
+class SilentBoard:
+    """A board that shows nothing."""
 
     def expect(self, scenes: Sequence[str], steps: Mapping[str, int], workers: int) -> None:
         """Ignore what there is to do."""
 
-    def tell(self, told: Told) -> None:
+    def tell(self, told: StepEvent) -> None:
         """Ignore what happened."""
 
 
-NO_BOARD: Board = NoBoard()
+NO_BOARD: Board = SilentBoard()
 
 
-def detailed(told: Told, phase: str, done: int, total: int) -> Told:
+def detailed(told: StepEvent, phase: str, done: int, total: int) -> StepEvent:
     """Say what a step that is in work is doing.
 
     Args:
@@ -71,4 +71,4 @@ def detailed(told: Told, phase: str, done: int, total: int) -> Told:
         total: How many there are; 0 when unknown.
     """
     share = f" {100 * min(done, total) // total} %" if total else ""
-    return Told(told.scene, told.stage, told.link, "begun", f"{phase}{share}")
+    return StepEvent(told.scene, told.stage, told.link, "begun", f"{phase}{share}")

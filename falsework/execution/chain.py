@@ -136,7 +136,7 @@ class Chain:
         return Step(task, "report.html", parents, given, "report.html")
 
 
-def look_at_sources(scenario: Scenario, progress: Progress) -> Sources:
+def read_sources(scenario: Scenario, progress: Progress) -> Sources:
     """Name the surveys, and hash what the scenario takes from outside.
 
     Args:

@@ -1,4 +1,4 @@
-"""The output folder of a run belongs to several processes at once: each claims it, and none stumbles over another."""
+"""The output folder of a run is shared by several processes: each claims it before it writes."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Scenes on the workers of a Dask cluster, one's own or a standing one; what is done is decided by the store alone."""
+"""Scenes on the workers of a Dask cluster, started here or standing already; the store alone decides what is done."""
 
 import logging
 import os
@@ -16,10 +16,10 @@ from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from falsework.execution.board import NO_BOARD, Board, NoBoard, Told, detailed
+from falsework.execution.board import NO_BOARD, Board, SilentBoard, StepEvent, detailed
 from falsework.execution.chain import Sources, scene_chain
 from falsework.execution.outcome import Outcome
-from falsework.execution.scene import BusySceneError, Manner, run_scene, steps_of
+from falsework.execution.scene import BusySceneError, RunOptions, run_scene, steps_of
 from falsework.scenario import Scenario
 from falsework.store.store import Store
 from groundwork.errors import FalseworkError, InputError
@@ -46,24 +46,24 @@ class SceneJob:
         index: Number of the scene.
         out: Output folder of the run, the same path on every worker.
         manner: How to go about it.
-        topic: Under which its worker tells what happens; empty where nobody listens.
+        topic: Under which its worker tells what happens; empty where there is no listener.
     """
 
     scenario: Scenario
     sources: Sources
     index: int
     out: Path
-    manner: Manner
+    manner: RunOptions
     topic: str = ""
 
 
 @dataclass
-class _Teller(NoBoard):
+class _Teller(SilentBoard):
     """What a worker says: steps and how far they are to the cluster's log, lines for people with the result."""
 
     topic: str
     lines: list[str] = field(default_factory=list)
-    _now: Told | None = None
+    _now: StepEvent | None = None
     _phase: str = ""
     _total: int = 0
     _spoke: float = 0.0
@@ -78,7 +78,7 @@ class _Teller(NoBoard):
     def note(self, message: str) -> None:
         self.lines.append(message)
 
-    def tell(self, told: Told) -> None:
+    def tell(self, told: StepEvent) -> None:
         from distributed import get_worker
 
         self._now, self._spoke = told if told.state == "begun" else None, time.monotonic()
@@ -174,7 +174,7 @@ def _told_to(jobs: list[SceneJob], client: Any, board: Board, workers: int) -> l
     chain = scene_chain(jobs[0].scenario, jobs[0].index, jobs[0].sources)
     board.expect([f"{job.index:04d}" for job in jobs], steps_of(chain, jobs[0].scenario.keep), max(workers, 1))
     topic = f"falsework-{secrets.token_hex(8)}"
-    client.subscribe_topic(topic, lambda event: board.tell(Told(*event[1]["told"])))
+    client.subscribe_topic(topic, lambda event: board.tell(StepEvent(*event[1]["told"])))
     return [replace(job, topic=topic) for job in jobs]
 
 

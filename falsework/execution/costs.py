@@ -16,7 +16,7 @@ DEFAULT_BYTES = {"stage": 137e6, "capture": 36e6, "model": 18e6, "cloud": 158e6,
 
 
 @dataclass
-class Seen:
+class RunningStatistics:
     """A quantity of which some values have been seen.
 
     Attributes:
@@ -53,9 +53,9 @@ class Costs:
     """
 
     root: Path
-    _seconds: dict[str, Seen] = field(default_factory=dict)
-    _bytes: dict[str, Seen] = field(default_factory=dict)
-    _stored: dict[str, Seen] = field(default_factory=dict)
+    _seconds: dict[str, RunningStatistics] = field(default_factory=dict)
+    _bytes: dict[str, RunningStatistics] = field(default_factory=dict)
+    _stored: dict[str, RunningStatistics] = field(default_factory=dict)
     _read: dict[Path, int] = field(default_factory=dict)  # bytes of each file that have been taken in
 
     def seconds(self, stage: str) -> float:
@@ -65,7 +65,7 @@ class Costs:
             stage: Its stage.
         """
         self._look()
-        seen = self._seconds.get(stage, Seen())
+        seen = self._seconds.get(stage, RunningStatistics())
         return seen.mean if seen.count else DEFAULT_SECONDS[stage]
 
     def bytes_each(self, stage: str) -> float:
@@ -93,14 +93,14 @@ class Costs:
             stage: The stage.
         """
         self._look()
-        return self._seconds.get(stage, Seen()).count > 0
+        return self._seconds.get(stage, RunningStatistics()).count > 0
 
-    def _sizes(self, stage: str) -> Seen:
+    def _sizes(self, stage: str) -> RunningStatistics:
         self._look()
-        seen = self._bytes.get(stage, Seen())
+        seen = self._bytes.get(stage, RunningStatistics())
         if seen.count:
             return seen
-        if not self._stored.get(stage, Seen()).count:
+        if not self._stored.get(stage, RunningStatistics()).count:
             self._stored[stage] = _stored_sizes(self.root, stage)
         return self._stored[stage]
 
@@ -124,8 +124,8 @@ class Costs:
     def _take(self, line: bytes) -> None:
         event = parse_event(line)
         if event is not None and event.get("made") is True and isinstance(event.get("stage"), str):
-            self._seconds.setdefault(event["stage"], Seen()).add(event.get("seconds"))
-            self._bytes.setdefault(event["stage"], Seen()).add(event.get("bytes"))
+            self._seconds.setdefault(event["stage"], RunningStatistics()).add(event.get("seconds"))
+            self._bytes.setdefault(event["stage"], RunningStatistics()).add(event.get("bytes"))
 
 
 @lru_cache(maxsize=8)
@@ -180,9 +180,9 @@ def check_space(root: Path, stage: str, key: str) -> None:
         )
 
 
-def _stored_sizes(root: Path, stage: str) -> Seen:
+def _stored_sizes(root: Path, stage: str) -> RunningStatistics:
     """Measure the results that are there, from their manifests."""
-    seen = Seen()
+    seen = RunningStatistics()
     for path in sorted((root / "store" / stage).glob(f"*/{MANIFEST}")):
         try:
             files = read_json(path)["files"]

@@ -44,7 +44,7 @@ def parse_event(line: str | bytes) -> dict[str, Any] | None:
         line: The line, without its end.
 
     Returns:
-        The event, or None where the line is torn or of somebody else.
+        The event, or None where the line is incomplete or not one of ours.
     """
     try:
         event = json.loads(line)

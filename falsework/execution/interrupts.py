@@ -13,7 +13,7 @@ ENDING = (signal.SIGINT, signal.SIGTERM)
 
 @contextmanager
 def prompt_ending(seconds: float = SOON) -> Iterator[None]:
-    """See to it that the process ends a short time after the first interrupt, and at the second one.
+    """End the process a short time after the first interrupt, and at once at the second one.
 
     The usual handlers run at the first one. Children die with their parent by themselves.
 

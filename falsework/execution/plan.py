@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from falsework.execution.chain import Chain, Step, look_at_sources, scene_chain
+from falsework.execution.chain import Chain, Step, read_sources, scene_chain
 from falsework.execution.claim import run_inputs
 from falsework.execution.costs import Costs, free_space
 from falsework.execution.outcome import Outcome
-from falsework.execution.scene import Manner, SceneRun, run_scene
+from falsework.execution.scene import RunOptions, SceneRun, run_scene
 from falsework.scenario import Scenario
 from falsework.stages import STAGES
 from falsework.store.store import Store, Task
@@ -215,9 +215,9 @@ def plan_run(
     else:
         check_run(out, run_inputs(scenario))
         disk = out
-    sources, costs = look_at_sources(scenario, progress), Costs(out)
+    sources, costs = read_sources(scenario, progress), Costs(out)
     store = PlannedStore(out, costs)
-    manner = Manner(scenario.scenes > 1, retry_failed, keep=scenario.keep)
+    manner = RunOptions(scenario.scenes > 1, retry_failed, keep=scenario.keep)
     names = [name for name in STAGES if name != "sample" or scenario.sample]
     plan = Plan(
         {
@@ -236,7 +236,7 @@ def plan_run(
     return plan
 
 
-def _count(chain: Chain, store: PlannedStore, manner: Manner, stages: dict[str, StagePlan]) -> None:
+def _count(chain: Chain, store: PlannedStore, manner: RunOptions, stages: dict[str, StagePlan]) -> None:
     """Add the steps of a scene to the counts of their stages."""
     without = set()
     for step in chain.steps:
@@ -248,7 +248,7 @@ def _count(chain: Chain, store: PlannedStore, manner: Manner, stages: dict[str, 
         setattr(stages["report"], fate, getattr(stages["report"], fate) + 1)
 
 
-def _fate(task: Task, store: PlannedStore, manner: Manner) -> str:
+def _fate(task: Task, store: PlannedStore, manner: RunOptions) -> str:
     """Say in which field of `StagePlan` a task counts."""
     if task.key in store.made:
         return "make"

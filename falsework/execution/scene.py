@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from falsework.execution.board import NO_BOARD, Board, State, Told
+from falsework.execution.board import NO_BOARD, Board, State, StepEvent
 from falsework.execution.chain import Chain, Flight, Sources, Step, scene_chain
 from falsework.execution.costs import bytes_added, check_space
 from falsework.execution.events import write_event
@@ -30,7 +30,7 @@ class BusySceneError(FalseworkError):
 
 
 @dataclass(frozen=True)
-class Manner:
+class RunOptions:
     """How a run goes about its work.
 
     Attributes:
@@ -61,7 +61,7 @@ class SceneRun:
 
     store: Store
     chain: Chain
-    manner: Manner
+    manner: RunOptions
     progress: Progress
     board: Board = NO_BOARD
     outcome: Outcome = field(default_factory=Outcome)
@@ -193,7 +193,7 @@ class SceneRun:
         return made
 
     def _tell(self, step: Step, state: State) -> None:
-        self.board.tell(Told(self.chain.name, step.task.stage, step.link, state))
+        self.board.tell(StepEvent(self.chain.name, step.task.stage, step.link, state))
 
     def _provide(self, step: Step) -> None:
         """See that an input is whole; one that is not is made again, of the same bytes."""
@@ -216,7 +216,7 @@ def run_scene(
     sources: Sources,
     index: int,
     store: Store,
-    manner: Manner,
+    manner: RunOptions,
     progress: Progress,
     *,
     kind: type[SceneRun] = SceneRun,
@@ -259,7 +259,7 @@ def run_scene(
         failure = failure_of(error, 1, store.root)  # what one scene draws may not go together
         scene.outcome.failed[chain.name] = str(error) if failure is None else failure.message
     state: State = "rejected" if chain.name in scene.outcome.rejected else "done"
-    board.tell(Told(chain.name, state="failed" if chain.name in scene.outcome.failed else state))
+    board.tell(StepEvent(chain.name, state="failed" if chain.name in scene.outcome.failed else state))
     return scene.outcome
 
 

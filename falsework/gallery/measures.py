@@ -1,4 +1,4 @@
-"""What an eye would object to in a picture of a world, as numbers."""
+"""Visible faults of a picture of a world, measured."""
 
 from dataclasses import dataclass
 

@@ -103,7 +103,7 @@ def photograph_world(world: str, seed: int, given: GivenFiles = NO_FILES, **said
     Args:
         world: Name of a procedural world, or of one that is given.
         seed: Seed of the scene.
-        given: Imported worlds and other files of one's own.
+        given: Imported worlds and other files of the user.
         said: Further sections of the scenario.
     """
     look = tuple(LOOKS)[seed % len(LOOKS)]

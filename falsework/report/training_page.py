@@ -52,7 +52,7 @@ def read_evaluation(path: Path) -> dict[str, Any]:
     told = (record.get("format"), record.get("format_version")) if isinstance(record, dict) else None
     if not isinstance(record, dict) or told != ("falsework.evaluation", 2):
         raise InputError(
-            "no scores of this version",
+            "not scores of this version",
             where=path,
             field="format",
             value=told,

@@ -20,7 +20,7 @@ RECORD = f"{TEMPORARY}record"  # in a work folder, on its way out
 
 
 class QuarantinedError(FalseworkError):
-    """A task failed in an earlier run and is left alone until somebody asks for it."""
+    """A task failed in an earlier run; it is not tried again unless asked for."""
 
     exit_code = 3
 
@@ -66,7 +66,7 @@ def failure_of(error: Exception, attempts: int, root: Path) -> Failure | None:
         root: Output folder of the run.
 
     Returns:
-        None where nothing is wrong with the task: somebody stopped its process.
+        None where nothing is wrong with the task: its process was stopped from outside.
     """
 
     def plain(text: str) -> str:

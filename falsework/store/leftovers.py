@@ -1,4 +1,4 @@
-"""What killed runs left in a run's folder and nobody holds: found and measured first, then removed under locks."""
+"""What killed runs left in a run's folder and no process holds: found and measured first, then removed under locks."""
 
 import os
 import re
@@ -21,7 +21,7 @@ TEMPORARY_NAME = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{16}}(\.\w+)?")
 
 @dataclass(frozen=True)
 class Leftover:
-    """Something in a run's folder that nobody needs.
+    """Something in a run's folder that is not needed.
 
     Attributes:
         about: What it is, for people.
@@ -69,10 +69,10 @@ def is_in_use(root: Path) -> bool:
 
 
 def is_held(lock: Path) -> bool:
-    """Tell whether somebody holds a lock, or could without our knowing.
+    """Tell whether another process holds a lock, or could on a file system without locks.
 
     Args:
-        lock: The lock file; where there is none, nobody does.
+        lock: The lock file; where there is none, no process holds it.
     """
     if not lock.is_file():
         return lock.is_symlink() or lock.exists()
@@ -84,7 +84,7 @@ def is_held(lock: Path) -> bool:
 
 
 def remove_leftover(root: Path, leftover: Leftover) -> bool:
-    """Remove something, unless somebody has begun to work on it.
+    """Remove something, unless a process has begun to work on it.
 
     Args:
         root: Output folder of the run.

@@ -262,7 +262,7 @@ class Store:
             return None
 
     def sweep(self) -> None:
-        """Remove what killed processes left and nobody can go on with."""
+        """Remove what killed processes left and no process can resume."""
         present = {path.parent.name for path in self.root.glob(f"store/*/*/{MANIFEST}")}
         for path in sorted(self.root.glob("failed/*.json")):
             if path.stem in present:  # killed between the two

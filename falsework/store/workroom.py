@@ -1,4 +1,4 @@
-"""`OUT/work`: one folder for each result in the making, under a lock of its own; what nobody holds is swept."""
+"""`OUT/work`: one locked folder for each unfinished result; those without a holder are removed."""
 
 import os
 import secrets
@@ -18,7 +18,7 @@ DAMAGED = "aside"  # what follows the key of a result that was set aside
 
 @contextmanager
 def work_folder(root: Path, key: str, *, wait: bool = True) -> Iterator[Path]:
-    """Give the folder to make a result in, while nobody else makes it.
+    """Give the folder to make a result in, under a lock: one process makes a result.
 
     Args:
         root: Output folder of the run.
@@ -44,7 +44,7 @@ def work_folder(root: Path, key: str, *, wait: bool = True) -> Iterator[Path]:
 
 
 def sweep(root: Path, finished: Callable[[str], bool]) -> None:
-    """Remove what killed processes left and nobody can go on with.
+    """Remove what killed processes left and no process can resume.
 
     Args:
         root: Output folder of the run.

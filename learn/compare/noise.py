@@ -81,7 +81,7 @@ def sensor_places(folder: Path) -> F64:
         places = np.full((1, 3), np.nan)
     if places is None:
         raise InputError(
-            "no sensor stood anywhere: its noise cannot be fitted",
+            "it has no sensor positions, so its noise cannot be fitted",
             where=folder,
             field="arms",
             hint="Name a laser's or a reconstruction's clouds after ~",

@@ -151,7 +151,7 @@ def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> Lab
         inputs = {name: values[rows] for name, values in cloud.inputs.items()}
         cloud = LabelledCloud(coord, inputs, cloud.labels[rows], cloud.uncertainty[rows], cloud.base[rows])
     if not len(cloud):
-        raise InputError("nothing is left of it", where=source.path, field="arms", value=source.name)
+        raise InputError("no point is left after cutting", where=source.path, field="arms", value=source.name)
     lacking = [name for name in settings.inputs if name not in (*cloud.inputs, HEIGHT)]
     if lacking:
         raise InputError(

@@ -109,7 +109,7 @@ def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]
     if strange:
         names = sorted({bridge[:12] for name, own in bridges.items() if name in trained & tested for bridge in own})
         raise InputError(
-            "begins the name of no bridge that could be held out",
+            "no bridge that could be held out has a name that begins so",
             field="held",
             value=min(strange),
             allowed=", ".join(names) or "nothing: no set is both trained on and tested on",

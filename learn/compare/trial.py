@@ -42,7 +42,7 @@ def check_models(models: Sequence[str], network: Mapping[str, Mapping[str, Any]]
     for name, values in network.items():
         if name not in (*NETWORKS, FOREST):
             raise InputError(
-                "settings of no model", field="network", value=name, allowed=", ".join((*NETWORKS, FOREST))
+                "settings of an unknown model", field="network", value=name, allowed=", ".join((*NETWORKS, FOREST))
             )
         if name == FOREST:
             parse_settings(ForestSettings, dict(values), f"network.{name}")

@@ -67,10 +67,10 @@ def choose_frame(said: float | None, settings: PredictSettings, where: object) -
         where: Scan, for the error.
 
     Raises:
-        InputError: Nobody says the unit, two ways to say it, or coordinates that are angles.
+        InputError: The unit is not stated, is stated twice, or the coordinates are angles.
     """
     if settings.unit is not None and settings.scale is not None:
-        raise InputError("a unit and a scale", where=where, field="--scale", hint="Give one of them")
+        raise InputError("both a unit and a scale are given", where=where, field="--scale", hint="Give one of them")
     meters = settings.scale if settings.scale is not None else said
     if settings.unit is not None:
         meters = UNITS[settings.unit]

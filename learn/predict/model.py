@@ -112,5 +112,5 @@ def named_model(name: str) -> PointModel:
         word for word in ("classes", "table", "channels", "tile", "points", "probabilities") if not hasattr(model, word)
     ]
     if lacking:
-        raise InputError("what it makes is not a model", field="--model", value=name, allowed=f"with {lacking[0]}")
+        raise InputError("does not return a model", field="--model", value=name, allowed=f"with {lacking[0]}")
     return model

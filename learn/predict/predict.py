@@ -238,7 +238,7 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
         for (rows, _), told in zip(waiting, model.probabilities([sample for _, sample in waiting]), strict=True):
             if told.shape != (len(rows), len(model.classes)):
                 raise InputError(
-                    "the model answers in another shape",
+                    "the model returned an array of another shape",
                     field="probabilities",
                     value=told.shape,
                     allowed=str((len(rows), len(model.classes))),

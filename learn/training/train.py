@@ -144,7 +144,7 @@ def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) ->
     counts = count_labels(source, rows, settings.seed)
     if int(counts.any(axis=0).sum()) < 2:
         raise InputError(
-            "nothing to tell apart: the labelled points are of one class",
+            "all labelled points are of one class, and training needs two",
             field="classes",
             value=", ".join(classes),
             hint="Add clouds that show other classes",

@@ -60,7 +60,7 @@ def measure_with_colmap(
     fx, fy, cx, cy = read_model(work / "sparse").camera_params
     for name in names:
         depth = read_depth_map(work / "stereo" / "depth_maps" / f"{name}.{_KIND}.bin")
-        yield onto(depth, Pinhole(depth.shape[1], depth.shape[0], fx, fy, cx, cy), camera.pinhole)
+        yield reproject_depth(depth, Pinhole(depth.shape[1], depth.shape[0], fx, fy, cx, cy), camera.pinhole)
     shutil.rmtree(work)
 
 
@@ -83,7 +83,7 @@ def read_depth_map(path: Path) -> F32:
         raise InputError(f"not a depth map of COLMAP: {error}", where=path, hint="Reconstruct again") from None
 
 
-def onto(depth: F32, camera: Pinhole, target: Pinhole) -> F32:
+def reproject_depth(depth: F32, camera: Pinhole, target: Pinhole) -> F32:
     """Bring a depth map to another camera of the same pose: planar depths stay, pixels move.
 
     Args:

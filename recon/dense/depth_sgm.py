@@ -74,11 +74,11 @@ def measure_depth(
             continue
         disparity = match(reference.gray, other.gray, pair, camera)
         to_other = np.linalg.inv(other.pose) @ reference.pose
-        found.append(carry_depth(disparity, pair.left, _plane(pair), to_other, lens, covered))
+        found.append(depth_of_disparity(disparity, pair.left, _plane(pair), to_other, lens, covered))
         weights.append((pair.focal * pair.baseline) ** 2)
     if not found:
         return np.zeros(reference.gray.shape, np.float32)
-    return agree(np.stack(found), np.array(weights), tolerance, min(_AGREEING, len(found)))
+    return consensus_depth(np.stack(found), np.array(weights), tolerance, min(_AGREEING, len(found)))
 
 
 def textured(gray: U8) -> Mask:
@@ -147,7 +147,9 @@ def _plane(pair: RectifiedPair) -> F64:
 
 
 @njit(cache=True, nogil=True)
-def carry_depth(disparity: NDArray[np.int16], turn: F64, plane: F64, to_other: F64, camera: F64, covered: Mask) -> F32:
+def depth_of_disparity(
+    disparity: NDArray[np.int16], turn: F64, plane: F64, to_other: F64, camera: F64, covered: Mask
+) -> F32:
     """Carry disparities of the rectified plane to depths of the view's own pixels.
 
     Args:
@@ -207,7 +209,7 @@ def _between(disparity: NDArray[np.int16], u: float, v: float, rows: int, column
 
 
 @njit(cache=True, nogil=True)
-def agree(depths: F32, weights: F64, tolerance: float, least: int) -> F32:
+def consensus_depth(depths: F32, weights: F64, tolerance: float, least: int) -> F32:
     """Keep the depth that most sources agree on, as the weighted mean of those that do.
 
     A depth that one source alone knows stays, for fusion to judge: at the ends of a flight, and where the camera moves

@@ -177,13 +177,13 @@ def read_header(path: Path) -> LasHeader:
         numbers = np.frombuffer(head, "<f8", 12, 131)
         scale, shift = numbers[:3], numbers[3:6]
         if not (np.isfinite(numbers).all() and (np.abs(scale) >= 1e-9).all() and (np.abs(scale) <= 1e4).all()):
-            raise InputError("a scale, an offset or a bound that cannot be", where=path, value=numbers.tolist())
+            raise InputError("an invalid scale, offset or bound", where=path, value=numbers.tolist())
         file.seek(size)
         found = _records(path, file.read(offset - size) if offset - size <= _most_records(records) else b"", records)
     extra = _extra_dimensions(path, found.get(("LASF_Spec", 4), b""), _SIZES[number], width)
     laszip = found.get(("laszip encoded", 22204), b"")
     if compressed and not laszip:
-        raise InputError("compressed, but does not say how", where=path, field="laszip record")
+        raise InputError("compressed, but without the record that says how", where=path, field="laszip record")
     names = found.get(("LASF_Spec", 0), b"")
     table = {
         names[at]: names[at + 1 : at + 16].split(b"\0")[0].decode("ascii", "replace")

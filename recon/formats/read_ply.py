@@ -126,7 +126,7 @@ def read_ply_header(path: Path) -> tuple[str, list[Element], int]:
             last = elements.pop()
             elements.append(Element(last.name, last.count, (*last.properties, (words[-1], kind))))
         else:
-            raise InputError("a line of the header that means nothing", where=path, value=line[:80])
+            raise InputError("an unknown line in the header", where=path, value=line[:80])
         if (elements and len(elements[-1].properties) > _MOST_PROPERTIES) or len(elements) > _MOST_PROPERTIES:
             raise InputError("more columns than are supported", where=path, allowed=f"at most {_MOST_PROPERTIES}")
     if order is None:
@@ -134,7 +134,7 @@ def read_ply_header(path: Path) -> tuple[str, list[Element], int]:
     for element in elements:
         names = [name for name, _ in element.properties]
         if len(set(names)) < len(names):
-            raise InputError("a property twice", where=path, field=element.name)
+            raise InputError("a duplicate property", where=path, field=element.name)
     return order, elements, stop + 1
 
 
@@ -166,14 +166,18 @@ def _read_text(path: Path, _: str, elements: list[Element], start: int) -> list[
     length = path.stat().st_size - start
     if 2 * need > length + 1:
         raise InputError(
-            "cut off, or lying about its number of points",
+            "cut off, or its header states a wrong number of points",
             where=path,
             value=need,
             allowed=f"at most {length // 2} numbers in a text of this length",
         )
     if length > _MOST_TEXT:
         raise InputError(
-            "too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes", hint="Write it as binary PLY"
+            "too large a text file",
+            where=path,
+            value=length,
+            allowed=f"{_MOST_TEXT} bytes",
+            hint="Write it as binary PLY",
         )
     parts: list[NDArray[np.float64]] = []
     got, rest = 0, b""

@@ -52,7 +52,7 @@ def read_text(path: Path, most_points: int) -> Scan:
     length = path.stat().st_size
     if length > _MOST_TEXT or length // _SHORTEST_LINE > most_points * 100:
         raise InputError(
-            "too long a text", where=path, value=length, allowed=f"{_MOST_TEXT} bytes", hint="Convert it to LAZ"
+            "too large a text file", where=path, value=length, allowed=f"{_MOST_TEXT} bytes", hint="Convert it to LAZ"
         )
     if not length:
         raise InputError("holds no points", where=path)
@@ -70,7 +70,7 @@ def read_text(path: Path, most_points: int) -> Scan:
     columns = names or LAYOUTS.get(width)
     if columns is None or len(columns) != width:
         raise InputError(
-            "columns that say no names",
+            "columns without names",
             where=path,
             value=width,
             allowed=f"{', '.join(map(str, LAYOUTS))} columns, or a first line of names",
@@ -100,7 +100,7 @@ def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str
     if all(re.fullmatch(r"[A-Za-z_]\w*", word) for word in words):
         names = tuple(_NAMES.get(word.lower(), word.lower()) for word in words)
         if len(set(names)) < len(names) and not first.startswith("#"):
-            raise InputError("a column twice", where=path, value=first[:80])
+            raise InputError("a duplicate column", where=path, value=first[:80])
         if {"x", "y", "z"} <= set(names):
             return 1, names, mark
     return int(len(words) == 1 and words[0].isdigit() and len(second.split()) > 1), (), mark  # .pts: a count

@@ -1,4 +1,4 @@
-"""A scan from elsewhere: points, and whatever else its file says about them, checked before anybody uses it."""
+"""A scan from elsewhere: points, and whatever else its file says about them, checked before use."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A folder of photographs as a capture: ours with its `cameras.json`, or anybody's with what their EXIF says."""
+"""A folder of photographs as a capture: one of ours with its `cameras.json`, or any other with its EXIF."""
 
 from pathlib import Path
 

@@ -13,7 +13,7 @@ from recon.dense.undistort import lens_of
 from recon.placing.align import Alignment, Target, stand_upright
 from recon.placing.align_gps import align_to_fixes
 from recon.placing.gps_fit import Fit, fit_to_fixes
-from recon.placing.gravity import Levels, levels_of
+from recon.placing.gravity import GravityCues, gravity_cues
 from recon.placing.ground_control import ControlPoint, GroundControl
 from recon.placing.place_errors import PlaceErrors, expected_errors
 from recon.placing.similarity import Similarity
@@ -86,7 +86,7 @@ def align_to_control(
     goal = control.system.local(coordinates, origin)
     source, sigma = np.array([places[point.name][0] for point in known]), np.array([point.sigma for point in known])
     gimbal = None if target.gimbal is None else target.gimbal[rows]
-    levels = levels_of(target.level(model.poses, rows), gimbal)
+    levels = gravity_cues(target.level(model.poses, rows), gimbal)
     fit, errors = _fixed_frame(source, goal, sigma, levels, control.file, rng)
     alignment = replace(
         stand_upright(model.poses, rows, target), similarity=fit.similarity, method=POINTS, errors=errors
@@ -104,7 +104,7 @@ def align_to_control(
 
 
 def _fixed_frame(
-    source: F64, goal: F64, sigma: F64, levels: Levels, file: Path, rng: np.random.Generator
+    source: F64, goal: F64, sigma: F64, levels: GravityCues, file: Path, rng: np.random.Generator
 ) -> tuple[Fit, PlaceErrors]:
     """Lay points of the model onto surveyed ones; refuse points that leave scale, tilt or heading open."""
     fit = fit_to_fixes(source, goal, sigma, levels, rng, flown=False)
@@ -112,7 +112,7 @@ def _fixed_frame(
     if fit is None or errors is None or errors.unfixed():
         wide = "" if errors is None else f" ({errors.unfixed()})"
         raise InputError(
-            f"the control points fix no frame{wide}",
+            f"the control points fix no coordinate frame{wide}",
             where=file,
             hint="Take points that do not lie on one line, and see that each is marked where it is",
         )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from recon.placing.align import Alignment, Target, stand_upright
 from recon.placing.gps_fit import fit_to_fixes
-from recon.placing.gravity import levels_of
+from recon.placing.gravity import gravity_cues
 from recon.placing.place_errors import expected_errors
 
 F64 = NDArray[np.float64]
@@ -37,7 +37,7 @@ def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.
     source, goal = poses[known][flown][:, :3, 3], target.centers[used]
     gimbal = None if target.gimbal is None else target.gimbal[rows]
     sigmas = np.ones((len(target.centers), 3)) if target.sigmas is None else target.sigmas
-    fit = fit_to_fixes(source, goal, sigmas[used], levels_of(target.level(poses, rows), gimbal), rng)
+    fit = fit_to_fixes(source, goal, sigmas[used], gravity_cues(target.level(poses, rows), gimbal), rng)
     if fit is None:
         return replace(upright, unfixed="fewer than three positions that differ")
     errors = expected_errors(fit, np.array(target.bias))

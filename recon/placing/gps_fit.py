@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from recon.placing.gravity import Levels
+from recon.placing.gravity import GravityCues
 from recon.placing.similarity import Similarity, angles, fit_similarity
 
 F64 = NDArray[np.float64]
@@ -73,7 +73,7 @@ class _Fixes:
 
 
 def fit_to_fixes(
-    source: F64, goal: F64, sigma: F64, levels: Levels, rng: np.random.Generator, *, flown: bool = True
+    source: F64, goal: F64, sigma: F64, levels: GravityCues, rng: np.random.Generator, *, flown: bool = True
 ) -> Fit | None:
     """Fit a similarity to positions that were measured, some of them wrongly, and to what gravity says.
 
@@ -134,7 +134,7 @@ def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> lis
     return starts + rolled
 
 
-def _settle(source: F64, goal: F64, sigma: F64, levels: Levels, start: Similarity) -> Similarity:
+def _settle(source: F64, goal: F64, sigma: F64, levels: GravityCues, start: Similarity) -> Similarity:
     """Improve a start by weighted least squares in which a fix counts less the farther off it is."""
     similarity = start
     for _ in range(_STEPS):
@@ -148,7 +148,9 @@ def _settle(source: F64, goal: F64, sigma: F64, levels: Levels, start: Similarit
     return similarity
 
 
-def _step(similarity: Similarity, source: F64, goal: F64, weights: F64, levels: Levels) -> tuple[Similarity, float]:
+def _step(
+    similarity: Similarity, source: F64, goal: F64, weights: F64, levels: GravityCues
+) -> tuple[Similarity, float]:
     """Take one step of Gauss and Newton; gives the new similarity and how far it moved, as a share."""
     center = _middle(source, weights)
     jacobian = _jacobian(similarity, source - center)
@@ -172,7 +174,7 @@ def _step(similarity: Similarity, source: F64, goal: F64, weights: F64, levels: 
     )
 
 
-def _adjust(start: Similarity, fixes: _Fixes, levels: Levels, agreeing: Mask, flown: bool) -> Fit:
+def _adjust(start: Similarity, fixes: _Fixes, levels: GravityCues, agreeing: Mask, flown: bool) -> Fit:
     """Fit to the agreeing fixes, and estimate how well the fixes were measured along the ground and in height."""
     fixes = fixes.of(agreeing)
     source, goal, stated = fixes.source, fixes.goal, fixes.sigma
@@ -202,7 +204,7 @@ def _adjust(start: Similarity, fixes: _Fixes, levels: Levels, agreeing: Mask, fl
 
 
 def _components(
-    similarity: Similarity, fixes: _Fixes, factors: F64, levels: Levels, likeness: float
+    similarity: Similarity, fixes: _Fixes, factors: F64, levels: GravityCues, likeness: float
 ) -> tuple[F64, F64]:
     """Estimate the two factors of the stated errors anew; gives them and their degrees of freedom."""
     residual = (fixes.goal - similarity.move(fixes.source)) / fixes.sigma
@@ -226,7 +228,7 @@ def _left_over(jacobian: F64, inverse: F64, likeness: float) -> float:
     return float(max(jacobian.shape[0] * jacobian.shape[1] - used, 0.0))
 
 
-def _covariances(similarity: Similarity, source: F64, weights: F64, levels: Levels, likeness: float) -> F64:
+def _covariances(similarity: Similarity, source: F64, weights: F64, levels: GravityCues, likeness: float) -> F64:
     """Carry the errors of fixes along the ground, in height, and of gravity over to the parameters."""
     jacobian = _jacobian(similarity, source - _middle(source, weights)) * np.sqrt(weights)[:, :, None]
     inverse = np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True)
@@ -237,7 +239,7 @@ def _covariances(similarity: Similarity, source: F64, weights: F64, levels: Leve
     return np.stack([inverse @ part @ inverse for part in (*parts, tilt)])
 
 
-def _information(whitened: F64, similarity: Similarity, levels: Levels) -> F64:
+def _information(whitened: F64, similarity: Similarity, levels: GravityCues) -> F64:
     """Sum up the information of fixes and of gravity, shape (7, 7)."""
     turning, pull = _leaning(similarity, levels), levels.weights(similarity.rotation.T[:, 2])
     total = np.einsum("nki,nkj->ij", whitened, whitened)
@@ -280,7 +282,7 @@ def _level(squares: F64) -> float:
     return float(max(np.sqrt(np.partition(squares, half)[half] / _LEVEL / free), 0.1))
 
 
-def _cost(similarity: Similarity, source: F64, goal: F64, sigma: F64, levels: Levels) -> float:
+def _cost(similarity: Similarity, source: F64, goal: F64, sigma: F64, levels: GravityCues) -> float:
     ups = similarity.rotation.T[:, 2]
     return float(np.minimum(_squares(similarity, source, goal, sigma), _FAR).sum()) + levels.cost(ups)
 
@@ -302,7 +304,7 @@ def _jacobian(similarity: Similarity, centered: F64) -> F64:
     return found
 
 
-def _leaning(similarity: Similarity, levels: Levels) -> F64:
+def _leaning(similarity: Similarity, levels: GravityCues) -> F64:
     """Derive the heights of the directions by the rotation vector, shape (K, 3)."""
     turned = levels.directions @ similarity.rotation.T
     return np.column_stack([turned[:, 1], -turned[:, 0], np.zeros(len(turned))])

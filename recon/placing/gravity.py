@@ -16,7 +16,7 @@ _CAUCHY = 2.385  # of 95 % efficiency
 
 
 @dataclass(frozen=True)
-class Levels:
+class GravityCues:
     """K directions of a model, and how far each rises above the horizon.
 
     Attributes:
@@ -67,7 +67,7 @@ class Levels:
         return np.asarray(1.0 / (1.0 + total * self.shared**2))
 
 
-def levels_of(rotations: F64, gimbal: F64 | None) -> Levels:
+def gravity_cues(rotations: F64, gimbal: F64 | None) -> GravityCues:
     """Tell what photographs say about up.
 
     Their rows were level, unless a gimbal says otherwise; their pitch is known from the gimbal alone. That a camera
@@ -90,7 +90,7 @@ def levels_of(rotations: F64, gimbal: F64 | None) -> Levels:
     kinds = np.repeat([0, 1, _USUALLY], [len(rows), 2 * int(told.sum()), 1])
     roll = float(np.clip(_roll_scatter(rows), _LEAST, _GREATEST))
     sigmas = np.array([roll, _STEADY, _USUAL_SIGMA])[kinds]
-    return Levels(directions, heights, sigmas, kinds, np.array([max(_STEADY, roll / 3.0), _STEADY, 0.0]))
+    return GravityCues(directions, heights, sigmas, kinds, np.array([max(_STEADY, roll / 3.0), _STEADY, 0.0]))
 
 
 def _roll_scatter(rows: F64) -> float:

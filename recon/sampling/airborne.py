@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.sampling.sampler_settings import AirborneSettings
-from recon.sampling.scan_pattern import CHUNK, Rays, wander
+from recon.sampling.scan_pattern import CHUNK, Rays, smooth_noise
 
 F64 = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def airborne_rays(strips: F64, settings: AirborneSettings, rng: np.random.Genera
             yield Rays(
                 start + way[:, None] * ahead,
                 np.tile(fan, (len(line), 1)),
-                wander(way / settings.path_noise_length, knots),
+                smooth_noise(way / settings.path_noise_length, knots),
                 np.full(len(pulse), number, np.uint16),
             )
 

@@ -73,7 +73,7 @@ def sample_lidar(scene: FlatScene, folder: Path, settings: AnyScanner, progress:
     parts = _scan_all(shots, measure, settings, progress)
     points = sum(len(part["rows"]) for part in parts)
     if not points:
-        raise InputError("the scanner measures nothing of it", field="scope", value=settings.scope)
+        raise InputError("no return of the scanner lies in the scope", field="scope", value=settings.scope)
     for name in look.unread:
         progress.note(f"{name}: not readable as a texture; its points have the colour below it")
     progress.stage("write", 0)
@@ -136,7 +136,9 @@ def _survey_way(scene: FlatScene, survey: str) -> F64:
             way = centers[np.concatenate([[True], moved])]
             if len(way) > 1:
                 return way
-            raise InputError("stands still", field="path", value=survey, hint="Name another survey, or deck")
+            raise InputError(
+                "this survey does not move", field="path", value=survey, hint="Name another survey, or deck"
+            )
     names = ", ".join(product.name for product in scene.products if scene.cameras[product.camera].path)
     raise InputError("no such survey on the stage", field="path", value=survey, allowed=f"deck, {names}")
 

@@ -83,7 +83,7 @@ def mobile_rays(path: F64, settings: MobileSettings, rng: np.random.Generator) -
         directions = (
             np.cos(elevations)[:, None] * turned[:, None] + np.sin(elevations)[:, None] * frames[:, None, 2]
         ).reshape(-1, 3)
-        errors = wander(way / settings.path_noise_length, knots)
+        errors = smooth_noise(way / settings.path_noise_length, knots)
         yield Rays(
             np.repeat(origins, settings.beams, axis=0),
             directions,
@@ -104,7 +104,7 @@ def _frames(way: F64, along: F64, path: F64, tilt: float) -> F64:
     return np.stack([ahead, np.cross(axis, ahead), axis], axis=1)
 
 
-def wander(at: F64, knots: F64) -> F64:
+def smooth_noise(at: F64, knots: F64) -> F64:
     """Blend independent errors smoothly, so that their variance is the same everywhere.
 
     Args:

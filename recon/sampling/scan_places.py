@@ -1,4 +1,4 @@
-"""Where a scanner stands or drives when nobody says so: stations that see most, and a way along the deck."""
+"""Default places of a scanner: stations that see most, or a way along the deck."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -18,7 +18,7 @@ _BROKEN = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR) 
 
 
 def count_rows(database: Path, table: str) -> int:
-    """Count the rows of a table beside whoever writes it.
+    """Count the rows of a table while another process writes it.
 
     Args:
         database: File that may not be there yet.
@@ -40,7 +40,7 @@ def empty_journal(database: Path) -> None:
     """Bring everything into the database's one file, which the next step copies, and take the journal away.
 
     Args:
-        database: A database that nobody writes any more.
+        database: A database that is no longer written to.
 
     Raises:
         OutOfSpaceError: The disk is full.
@@ -63,7 +63,7 @@ def copy_images(whole: Path, part: Path, images: Iterable[int]) -> None:
     """Copy the keypoints and descriptors of some images; in the copy an image's name is its id.
 
     Args:
-        whole: Database that nobody writes any more.
+        whole: Database that is no longer written to.
         part: Database with COLMAP's tables, all empty, which a kill may leave unusable.
         images: Ids of the images.
     """
@@ -79,7 +79,7 @@ def copy_images(whole: Path, part: Path, images: Iterable[int]) -> None:
             )
 
 
-def take_pairs(part: Path, whole: Path) -> None:
+def merge_pairs(part: Path, whole: Path) -> None:
     """Copy what was found out about pairs of images, all of it or, in case of a kill, nothing.
 
     Args:
@@ -101,7 +101,7 @@ def paired(database: Path) -> set[int]:
         COLMAP's ids of the pairs; none where there is no database, or not a sound one.
 
     Raises:
-        DatabaseError: It cannot be read just now: the disk is full, or somebody holds it. It may be sound.
+        DatabaseError: It cannot be read just now: the disk is full, or another process holds it. It may be sound.
     """
     if not database.is_file():
         return set()

@@ -15,7 +15,7 @@ from groundwork.child import run_child
 from groundwork.files import write_text
 from groundwork.progress import Progress
 from recon.settings import SparseSettings
-from recon.sfm.database import DATABASE, copy_images, count_rows, paired, take_pairs
+from recon.sfm.database import DATABASE, copy_images, count_rows, merge_pairs, paired
 from render.capture import Capture
 
 SHARE = "match_share"
@@ -108,7 +108,7 @@ def _take_over(features: Path, path: Path) -> set[int]:
     for share in sorted(path.parent.glob("share*")):
         found = paired(share / DATABASE)
         if found:
-            take_pairs(share / DATABASE, path)
+            merge_pairs(share / DATABASE, path)
         done |= found
         shutil.rmtree(share)
     return done
@@ -147,7 +147,7 @@ def _match_shares(left: list[tuple[int, int]], finished: int, work: _Work, progr
                         waiting = {other for other in waiting if not other.cancel()}  # those that run still come home
                         continue
                     share = future.result()
-                    take_pairs(share / DATABASE, whole)
+                    merge_pairs(share / DATABASE, whole)
                     finished += count_rows(share / DATABASE, "two_view_geometries")
                     shutil.rmtree(share)
         except BaseException:
@@ -171,7 +171,7 @@ def _run_share(pairs: list[tuple[int, int]], share: Path, work: _Work) -> Path:
 
 
 def _begun(folder: Path) -> int:
-    """Count the pairs of the shares at work; one that is still being filled is left alone, COLMAP waits for nobody."""
+    """Count the pairs of the shares at work; one that is still being filled is left alone, COLMAP does not wait."""
     return sum(count_rows(names.parent / DATABASE, "two_view_geometries") for names in folder.glob(f"share*/{_NAMES}"))
 
 

@@ -243,9 +243,9 @@ def _searched_megapixels(size: tuple[int, int]) -> float:
 
 @contextmanager
 def _row_count(database: Path, table: str, progress: Progress) -> Iterator[None]:
-    """Report the rows of a table while a child fills it; COLMAP's extraction calls nobody back.
+    """Report the rows of a table while a child fills it; COLMAP's extraction has no callback.
 
-    Whoever looks while the child closes the database keeps SQLite from emptying its journal: this is done afterwards.
+    A reader keeps SQLite from emptying its journal while the child closes the database: this is done afterwards.
     """
     finished = threading.Event()
 

@@ -81,7 +81,7 @@ def read_stored_model(place: Path, capture: Capture) -> Sparse:
     colmap, names = folder / _COLMAP, {image.file for image in capture.images}
     model = read_model(colmap)
     if folder_digest(colmap) != stored["facts"].get("model_sha256") or not names.issuperset(model.names):
-        raise InputError("is not as it was written", where=colmap, hint="Reconstruct again")
+        raise InputError("was changed after it was written", where=colmap, hint="Reconstruct again")
     return Sparse(model, colmap, stored["recipe"], stored["reasons"], stored["facts"])
 
 

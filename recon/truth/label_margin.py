@@ -1,4 +1,4 @@
-"""How far pixels lie from the next edge between labels: exact, and only where somebody asks.
+"""How far pixels lie from the next edge between labels: exact, and only at the pixels that are asked for.
 
 A distance transform of whole images costs more than all other reading of the truth where a cloud is sparse. So the
 distance along the column is found for every pixel, which is a matter of two sweeps, and that across it is searched for

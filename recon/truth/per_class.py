@@ -43,7 +43,7 @@ def describe_classes(
         copies: Equal points that each stands for, itself included, shape (N,), int64.
         coord: Their places [m], shape (N, 3), float64.
         classes: Class table in force.
-        windows: Cuts across the bridge, or None where nobody knows it.
+        windows: Cuts across the bridge, or None where the bridge is unknown.
 
     Returns:
         JSON figures: `windows` and, by name, `classes`.
@@ -96,7 +96,7 @@ def lost_classes(figures: Mapping[str, Any]) -> list[str]:
     return lost
 
 
-def few_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
+def scarce_classes_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
     """Name the classes that are few somewhere, over one cloud or several, those that most often are first.
 
     Of dense clouds it says, too, how many of a class's pixels are in points and why most others are not.
@@ -105,7 +105,7 @@ def few_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
         clouds: Statistics of each cloud.
 
     Returns:
-        One line; empty where nothing is few, or nobody knows.
+        One line; empty where no class is scarce, or nothing is known.
     """
     few: dict[str, int] = {}
     of: dict[str, int] = {}

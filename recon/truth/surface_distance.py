@@ -32,10 +32,10 @@ def nearest_surface(points: F64, truth: Truth) -> tuple[F64, NDArray[np.uint8]]:
     return np.linalg.norm(points - foot, axis=1), labels[triangle]
 
 
-def still_surface(
+def without_moving(
     instance: NDArray[np.uint32], truth: Truth, distance: NDArray[np.float64], nearest: NDArray[np.uint8]
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Take back what was said of points on things that move: the true surface stands as at the first image.
+    """Mark the surface distance of points on moving things as unknown: the true surface is that of the first image.
 
     Args:
         instance: Instance id of each point, shape (N,), uint32.

@@ -78,7 +78,7 @@ def check_poses(poses: F64, where: Path) -> None:
     square = np.abs(turn @ np.swapaxes(turn, -1, -2) - np.eye(3)).max(initial=0.0)
     last = np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(initial=0.0)
     if max(square, last) > _RIGID or (np.linalg.det(turn) < 0.0).any():
-        raise InputError("a pose that is no rotation and shift", where=where, field="poses", hint=_MEND)
+        raise InputError("a pose that is not a rigid motion", where=where, field="poses", hint=_MEND)
 
 
 def check_tables(instances: list[Any], classes: list[Any], where: Path) -> None:
@@ -98,11 +98,11 @@ def check_tables(instances: list[Any], classes: list[Any], where: Path) -> None:
     if not (
         texts and facts and all(type(one) is int and 0 <= one < 2**32 for one in ids) and len(set(ids)) == len(ids)
     ):
-        raise InputError("a row that cannot be, or an id twice", where=where, field="instances", hint=_MEND)
+        raise InputError("an invalid row, or a duplicate id", where=where, field="instances", hint=_MEND)
     numbers = [number for row in classes for number in (row["id"], *row["color"])]
     names = all(isinstance(row["name"], str) and row["name"].isprintable() for row in classes)
     if not (names and all(type(one) is int and 0 <= one < 256 for one in numbers)):
-        raise InputError("a row that cannot be", where=where, field="classes", hint=_MEND)
+        raise InputError("an invalid row", where=where, field="classes", hint=_MEND)
 
 
 def check_bands(bands: tuple[tuple[int, int], ...], height: int, where: Path) -> None:
@@ -194,4 +194,4 @@ def _check_indices(stored: dict[str, NDArray[Any]], path: Path) -> None:
     }
     for name, is_wrong in wrong.items():
         if is_wrong:
-            raise InputError("numbers that cannot be", where=path, field=name, hint=_MEND)
+            raise InputError("values out of range", where=path, field=name, hint=_MEND)

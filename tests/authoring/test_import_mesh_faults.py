@@ -129,13 +129,13 @@ def enormous_image(folder: Path) -> Path:
 
 BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
     "truncated glb": (truncated_glb, "cut short"),
-    "truncated ply": (short_ply, "not sound|cut short"),
-    "index": (far_index, "not sound|not there"),
+    "truncated ply": (short_ply, "invalid|cut short"),
+    "index": (far_index, "invalid|not there"),
     "gltf index": (far_index_gltf, "names a vertex that is not there"),
     "gltf count": (count_beyond, "at most|beyond its buffer"),
     "20 M triangles": (crowd, "holds 20000000 triangles.*decimate"),
     "many nodes": (crowd_of_nodes, "triangles.*decimate"),
-    "not finite": (nan, "not finite|not sound"),
+    "not finite": (nan, "not finite|invalid"),
     "empty": (empty, "no triangles"),
     "zip bomb": (bomb, "times its size"),
     "compressed package": (packed_package, "is compressed"),

@@ -158,7 +158,7 @@ def test_versions_sequences_templates_and_missing_semantics_say_the_same(tmp_pat
         (document(vertices=document()["vertices"][:3]), "a vertex that is not there"),
         (document(vertices=[[10**15, 0, 0], *document()["vertices"][1:]]), "km from its middle"),
         (document(CityObjects={}), "neither buildings nor ground"),
-        (document(transform={"scale": 1}), "not sound CityJSON"),
+        (document(transform={"scale": 1}), "invalid CityJSON"),
     ],
 )
 def test_bad_files_are_told_in_one_line(tmp_path: Path, content: Any, problem: str) -> None:

@@ -10,8 +10,8 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdValidation
 
 from authoring.light.atmosphere import scattered_sky
-from authoring.light.daylight import LightSettings, author_lighting, bake_light, clear_view, encode_exr
-from authoring.light.panorama import part_sun, read_panorama, reduce_panorama, turned
+from authoring.light.daylight import LightSettings, author_lighting, bake_light, clear_air_visibility, encode_exr
+from authoring.light.panorama import read_panorama, reduce_panorama, separate_sun, turned
 from authoring.light.sky import sky_directions, solid_angles
 from authoring.light.sun import air_mass, direction, sun_illuminance, sun_position
 from groundwork.errors import InputError
@@ -208,7 +208,7 @@ def test_cutting_the_sun_out_keeps_every_bit_of_light(height: float, azimuth: fl
     """Sky and sun give level, tilted and facing surfaces what the whole picture gave; no disc is left."""
     sun = direction(height, azimuth)
     picture, disc = _picture(sun, 5000.0)
-    parted = part_sun(picture)
+    parted = separate_sun(picture)
     assert np.degrees(np.arccos(min(float(parted.direction @ sun), 1.0))) < 0.7
     np.testing.assert_allclose(parted.sky[disc], np.broadcast_to([0.5, 0.6, 0.8], parted.sky[disc].shape))
     tilted = direction(height, azimuth + 40.0)
@@ -220,7 +220,7 @@ def test_cutting_the_sun_out_keeps_every_bit_of_light(height: float, azimuth: fl
 def test_a_veiled_sun_stays_in_the_picture() -> None:
     """Under 5 % of the light on level ground: no light of its own, and not a texel changed."""
     picture, _ = _picture(direction(50.0, 200.0), 8.0)
-    parted = part_sun(picture)
+    parted = separate_sun(picture)
     assert not parted.irradiance.any()
     assert np.array_equal(parted.sky, picture)
 
@@ -287,12 +287,12 @@ def test_visibility_stands_on_the_environment(tmp_path: Path, said: float | None
     author_lighting(stage, bake_light(settings, tmp_path, np.random.default_rng(1)))
     prim = stage.GetPrimAtPath(tokens.ENVIRONMENT)
     assert ENVIRONMENT_API in prim.GetAppliedSchemas()
-    assert read_visibility(prim) == (said or clear_view(6.0))
+    assert read_visibility(prim) == (said or clear_air_visibility(6.0))
     assert read_visibility(stage.GetPseudoRoot()) is None
 
 
 def test_turbid_air_is_less_clear() -> None:
     """Pure air is seen through for 337 km (Koschmieder over Rayleigh), air of turbidity 3 for some 23 km."""
-    assert clear_view(1.0) == pytest.approx(337_000.0, rel=0.01)
-    assert clear_view(3.0) == pytest.approx(23_000.0, rel=0.03)
-    assert all(clear_view(t) > clear_view(t + 1.0) for t in range(1, 10))
+    assert clear_air_visibility(1.0) == pytest.approx(337_000.0, rel=0.01)
+    assert clear_air_visibility(3.0) == pytest.approx(23_000.0, rel=0.03)
+    assert all(clear_air_visibility(t) > clear_air_visibility(t + 1.0) for t in range(1, 10))

@@ -153,7 +153,7 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "nothing": (lambda f: f.mkdir(), "holds no surface"),
     "no such": (lambda f: None, "no such folder"),
     "unknown family": (lambda f: _zip(f / "Thing_1K.zip", {"Thing_Color.png": _image(RED, ".png")}), "no family"),
-    "no zip": (lambda f: (f.mkdir(), (f / "concrete.zip").write_bytes(b"PK nonsense")), "no sound archive"),
+    "no zip": (lambda f: (f.mkdir(), (f / "concrete.zip").write_bytes(b"PK nonsense")), "not a valid archive"),
     "climbs": (lambda f: _zip(f / "concrete.zip", {"../../concrete_Color.png": _image(RED, ".png")}), "leads out"),
     "bomb": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": bytes(30_000_000)}), "times its size"),
     "huge png": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": _bomb_png()}), "100000 x 100000"),

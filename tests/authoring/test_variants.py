@@ -371,7 +371,7 @@ def test_a_background_whose_unit_is_no_length_is_refused(own_scene: Path, tmp_pa
     file = tmp_path / "town.usda"
     file.write_text('#usda 1.0\n(\n defaultPrim = "T"\n metersPerUnit = 0\n upAxis = "Z"\n)\ndef Xform "T" {}\n')
     before = file_bytes(own_scene.parent)
-    with pytest.raises(InputError, match=r"town\.usda: metersPerUnit: the stage's unit is no length \(found 0"):
+    with pytest.raises(InputError, match=r"town\.usda: metersPerUnit: the stage's unit is not a length \(found 0"):
         set_choices(own_scene, {"background": str(file)}, print)
     assert file_bytes(own_scene.parent) == before
 

@@ -20,6 +20,7 @@ import tyro
 from pxr import Gf, Usd, UsdGeom
 
 from falsework.cli import all_verbs, main
+from falsework.commands.parsing import CONFIG
 from falsework.scenario import Scenario
 from groundwork.settings import parse_settings, read_toml
 from learn.datasets.class_map import read_class_map
@@ -91,7 +92,7 @@ def _takes(verb: Callable[..., int], words: list[str]) -> bool:
         return 0
 
     try:
-        return tyro.cli(taken, args=words, config=(tyro.conf.FlagCreatePairsOff,)) == 0
+        return tyro.cli(taken, args=words, config=CONFIG) == 0
     except SystemExit as left:
         return not left.code and "--help" in words
 

@@ -31,10 +31,10 @@ WRONG: Any = {"density": 1.0}
 
 CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a file as scenario": (lambda out: falsework.author("x.toml", out), "load_scenario reads a file"),  # type: ignore[arg-type]
-    "workers": (lambda out: falsework.run(SCENARIO, out, workers=-1), "no such number of workers"),
+    "workers": (lambda out: falsework.run(SCENARIO, out, workers=-1), "number of workers out of range"),
     "scenes": (lambda out: falsework.run(SCENARIO, out, scenes=[9]), "no such scene"),
-    "settings to sample": (lambda out: falsework.sample("x.usda", out, WRONG), "not settings of this verb"),
-    "settings to render": (lambda out: falsework.render("x.usda", out, settings=WRONG), "not settings of this verb"),
+    "settings to sample": (lambda out: falsework.sample("x.usda", out, WRONG), "settings of another function"),
+    "settings to render": (lambda out: falsework.render("x.usda", out, settings=WRONG), "settings of another function"),
     "settings to reconstruct": (lambda out: falsework.reconstruct("x", out, settings=WRONG), "allowed: ReconSettings"),
     "a column": (
         lambda out: falsework.save_cloud(

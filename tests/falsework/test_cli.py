@@ -49,7 +49,7 @@ def test_every_typo_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     scenario = tmp_path / "s.toml"
     scenario.write_text("sceens = 2\n[sitte]\ncrossing = 'river'\n[look]\nname = 3\n")
     line = _fails(["run", scenario, "-o", tmp_path / "out"], capsys)
-    assert "3 things are wrong: (1) " in line
+    assert "3 errors: (1) " in line
     assert all(
         part in line for part in ("sceens", "Did you mean 'scenes'", "sitte", "Did you mean 'site'", "look.name")
     )
@@ -130,7 +130,7 @@ def test_a_file_that_is_no_world(tmp_path: Path, capsys: pytest.CaptureFixture[s
     """`background info` of anything else says what it is not, not that a child failed."""
     (tmp_path / "notes.txt").write_text("a file")
     line = _fails(["background", "info", tmp_path / "notes.txt"], capsys)
-    assert "notes.txt: is no imported world. Make one" in line
+    assert "notes.txt: is not an imported world. Make one" in line
 
 
 def test_without_the_extra_learning_says_what_to_install(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import tyro
 
 from falsework.cli import all_verbs, main
 from falsework.commands.examples import EXAMPLES, examples_for
+from falsework.commands.parsing import CONFIG
 
 
 def test_every_verb_has_an_example() -> None:
@@ -31,9 +32,9 @@ def test_the_parser_takes_each_example(name: str) -> None:
         assert program == "falsework"
         assert " ".join(words[: len(name.split())]) == name
         rest = words[len(name.split()) :]
-        assert tyro.cli(taken, args=rest, config=(tyro.conf.FlagCreatePairsOff,)) == 0
+        assert tyro.cli(taken, args=rest, config=CONFIG) == 0
         with pytest.raises(SystemExit):
-            tyro.cli(taken, args=[*rest, "--nobodys"], config=(tyro.conf.FlagCreatePairsOff,))
+            tyro.cli(taken, args=[*rest, "--nobodys"], config=CONFIG)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from falsework.execution import chain
-from falsework.execution.chain import look_at_sources, scene_chain
+from falsework.execution.chain import read_sources, scene_chain
 from falsework.stages import STAGES
 from groundwork.progress import SILENT
 from recon.settings import ReconSettings
@@ -29,7 +29,7 @@ def no_platform(monkeypatch: pytest.MonkeyPatch) -> None:
 def keys(recon: ReconSettings) -> dict[str, str]:
     """Give the key of every step of a scene whose clouds are both made, by what it is."""
     scenario = tiny_scenario().model_copy(update={"recon": recon})
-    found = scene_chain(scenario, 0, look_at_sources(scenario, SILENT))
+    found = scene_chain(scenario, 0, read_sources(scenario, SILENT))
     return {step.link.partition("+")[2] or step.task.stage: step.task.key for step in (*found.steps, found.report())}
 
 
@@ -105,7 +105,7 @@ def test_work_is_done_with_the_settings_of_the_user(mode: Any, tmp_path: Path, m
     monkeypatch.setattr("recon.reconstruct.reconstruct_model", lambda *given: got.append(given[2]))
     monkeypatch.setattr("recon.reconstruct.reconstruct_cloud", lambda *given: got.append(given[3]))
     scenario = tiny_scenario().model_copy(update={"recon": base})
-    (flight,) = scene_chain(scenario, 0, look_at_sources(scenario, SILENT)).flights
+    (flight,) = scene_chain(scenario, 0, read_sources(scenario, SILENT)).flights
     for step in (flight.model, *flight.clouds):
         inputs: dict[str, Path] = {"capture": tmp_path, "model": tmp_path}
         STAGES[step.task.stage].run({**step.task.settings, **step.task.manner}, inputs, tmp_path, SILENT)

@@ -12,7 +12,7 @@ from falsework.commands.clean import clean
 from falsework.commands.repair import repair
 from falsework.commands.verbs import report_scene
 from falsework.execution import chain
-from falsework.execution.chain import Chain, look_at_sources, scene_chain
+from falsework.execution.chain import Chain, read_sources, scene_chain
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario, load_scenario, scene_seed
 from falsework.store.store import Store
@@ -38,7 +38,7 @@ def chained(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def chained(index: int = 0, **settings: Any) -> Chain:
         scenario = tiny_scenario(3, **settings)
-        return scene_chain(scenario, index, look_at_sources(scenario, SILENT))
+        return scene_chain(scenario, index, read_sources(scenario, SILENT))
 
     return chained
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from falsework.commands.run_console import RunConsole
 from falsework.commands.run_table import MOST_ROWS, RunTable
 from falsework.execution import chain
-from falsework.execution.board import Told, detailed
+from falsework.execution.board import StepEvent, detailed
 from falsework.execution.costs import Costs
 from falsework.pipeline import run_scenario
 from falsework.stages import STAGES
@@ -41,9 +41,9 @@ def _whole(table: RunTable, scene: str, *, begun: bool = True) -> None:
     for stage, count in STEPS.items():
         for number in range(count):
             if begun:
-                table.tell(Told(scene, stage, f"{stage}/{number}"))
-            table.tell(Told(scene, stage, f"{stage}/{number}", "done"))
-    table.tell(Told(scene, state="done"))
+                table.tell(StepEvent(scene, stage, f"{stage}/{number}"))
+            table.tell(StepEvent(scene, stage, f"{stage}/{number}", "done"))
+    table.tell(StepEvent(scene, state="done"))
 
 
 def test_rate_and_time_left_follow_the_work() -> None:
@@ -55,11 +55,11 @@ def test_rate_and_time_left_follow_the_work() -> None:
     _whole(table, "0001")
     clock.now += 1800.0
     assert table.rate == pytest.approx(2.0)
-    table.tell(Told("0002", "stage", "stage", "done"))
-    table.tell(Told("0002", "capture", "capture/0", "done"))
+    table.tell(StepEvent("0002", "stage", "stage", "done"))
+    table.tell(StepEvent("0002", "capture", "capture/0", "done"))
     assert table.seconds_left == pytest.approx((8 * EACH - 30.0) / 2)
     for index in range(2, 9):
-        table.tell(Told(f"{index:04d}", state="failed" if index == 5 else "rejected"))
+        table.tell(StepEvent(f"{index:04d}", state="failed" if index == 5 else "rejected"))
     assert table.seconds_left == pytest.approx(EACH)  # one scene is left, for one worker
     assert table.line().startswith("9 of 10 scenes, 6 rejected, 1 failed, 2.0 an hour, about 4 min left (stage ")
     assert table.line().endswith("(stage 3/10, capture 5/20, cloud 4/20, report 2/10)")
@@ -68,15 +68,15 @@ def test_rate_and_time_left_follow_the_work() -> None:
 def test_what_a_step_does_is_seen_until_it_ends() -> None:
     """A scene in work shows its phase and share; a scene of another run, and what is told twice, change nothing."""
     table, _ = _table(2, 1)
-    begun = Told("0000", "capture", "capture/1")
-    table.tell(Told("0000", "capture", "capture/0", "done"))
-    table.tell(Told("0000", "capture", "capture/0", "done"))
+    begun = StepEvent("0000", "capture", "capture/1")
+    table.tell(StepEvent("0000", "capture", "capture/0", "done"))
+    table.tell(StepEvent("0000", "capture", "capture/0", "done"))
     table.tell(begun)
     table.tell(detailed(begun, "render", 26, 65))
-    table.tell(Told("0777", "capture", "capture/0", "done"))
+    table.tell(StepEvent("0777", "capture", "capture/0", "done"))
     assert "1/2 render 40 %" in _draw(table)
     assert "1/4" in _draw(table)
-    table.tell(Told("0000", "capture", "capture/1", "done"))
+    table.tell(StepEvent("0000", "capture", "capture/1", "done"))
     assert "render" not in _draw(table)
     assert "2/4" in _draw(table)
 
@@ -86,7 +86,7 @@ def test_many_scenes_fit_on_a_screen() -> None:
     table, _ = _table(400, 3)
     for index in range(40):
         _whole(table, f"{index:04d}")
-    table.tell(Told("0100", "stage", "stage"))
+    table.tell(StepEvent("0100", "stage", "stage"))
     rows = [line.split()[0] for line in _draw(table).splitlines()[1:-2]]
     assert rows == [*(f"{index:04d}" for index in range(40 - MOST_ROWS + 1, 40)), "0100"]
 

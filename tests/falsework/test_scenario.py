@@ -19,7 +19,10 @@ from groundwork.settings import parse_settings, read_toml
 BAD = {
     "unknown key": ("[brigde]\nfamily = 'beam'", ["brigde", "Did you mean 'bridge'"]),
     "unknown inner key": ("[recon]\nmod = 'sparse'", ["recon.mod", "Did you mean 'mode'"]),
-    "unknown survey key": ("[[survey]]\nkind = 'global'\nimagse = 5", ["survey.0.", "imagse", "Did you mean 'images'"]),
+    "unknown survey key": (
+        "[[survey]]\nkind = 'global'\nimagse = 5",
+        ["survey.0.imagse: unknown key", "Did you mean 'images'"],
+    ),
     "survey without a kind": ("[[survey]]\nlength = 30.0", ["survey.0.kind", "global, local, grid"]),
     "survey of no kind": ("[[survey]]\nkind = 'lokal'", ["survey.0.kind", "'lokal'", "global, local, grid"]),
     "unknown key of one kind": ("[[survey]]\nkind = 'local'\nlenght = 3.0", ["lenght", "Did you mean 'length'"]),
@@ -181,11 +184,11 @@ def test_a_loose_usd_file_is_no_world(text: str, tmp_path: Path) -> None:
     (tmp_path / "town.usda").write_text('#usda 1.0\ndef Xform "Town" {}\n')
     file = tmp_path / "s.toml"
     file.write_text(text)
-    with pytest.raises(InputError, match=r"is no imported world.*background import.*scene set"):
+    with pytest.raises(InputError, match=r"is not an imported world.*background import.*scene set"):
         load_scenario(file)
     (tmp_path / "town.glb").write_bytes(b"glTF")
     file.write_text(text.replace("usda", "glb"))
-    with pytest.raises(InputError, match=r"is no imported world.*background import FILE -o DIR$"):
+    with pytest.raises(InputError, match=r"is not an imported world.*background import FILE -o DIR$"):
         load_scenario(file)
     file.write_text(text)
     data = 'customLayerData = {\n string "falsework:city" = "{}"\n }'

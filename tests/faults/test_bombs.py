@@ -105,7 +105,7 @@ PARSERS: dict[str, tuple[Attack, str]] = {
     "toml large": (text("a.toml", b"#" * 10_000_001, read_toml), "0.0 GB are too large; allowed: 0.01 GB"),
     "scenario long path": (
         text("a.toml", f'[stage]\npath = "{"a" * 300}"\n', load_scenario),
-        "names a file that cannot be: File name too",
+        "names a file that cannot exist: File name too",
     ),
     "manifest without files": (text("artefact.json", "[]", read_manifest), "artefact.json: changed"),
     "photograph pipe": (pipe("a.jpg", beside(open_photographs)), "a.jpg: is a pipe, not a file"),
@@ -175,15 +175,15 @@ TRUTHS: dict[str, tuple[str, tuple[str | int, ...], object, str]] = {
     "stem": ("cameras.json", ("images", 0, "name"), "../../x", "not a name of an image"),
     "long file": ("cameras.json", ("images", 0, "file"), "a" * 5000, "no such image"),
     "pose is NaN": ("truth/poses.json", (*POSE, 0, 0), float("nan"), "NaN is not a JSON number"),
-    "pose scales": ("truth/poses.json", (*POSE, 0, 0), 7.0, "a pose that is no rotation and shift"),
+    "pose scales": ("truth/poses.json", (*POSE, 0, 0), 7.0, "a pose that is not a rigid motion"),
     "pose mirrors": ("truth/poses.json", POSE, np.diag([1.0, 1.0, -1.0, 1.0]).tolist(), "no rotation and shift"),
     "pose is flat": ("truth/poses.json", POSE, [[1.0, 0.0], [0.0, 1.0]], "not the truth of a capture"),
     "focal": ("truth/poses.json", ("pinhole", "fx"), -420.0, "a focal length that is not positive"),
     "focal of text": ("truth/poses.json", ("pinhole", "fx"), "x", "a number that is not finite"),
     "width": ("truth/poses.json", ("pinhole", "width"), 481, "not the size that cameras.json states"),
-    "id": ("truth/instances.json", ("instances", 0, "id"), -1, "a row that cannot be, or an id twice"),
-    "id twice": ("truth/instances.json", ("instances", 0, "id"), 12, "an id twice"),
-    "colour": ("truth/instances.json", ("classes", 0, "color"), [300, 0, 0], "classes: a row that cannot be"),
+    "id": ("truth/instances.json", ("instances", 0, "id"), -1, "an invalid row, or a duplicate id"),
+    "id twice": ("truth/instances.json", ("instances", 0, "id"), 12, "a duplicate id"),
+    "colour": ("truth/instances.json", ("classes", 0, "color"), [300, 0, 0], "classes: an invalid row"),
     "no list": ("truth/instances.json", ("instances",), 3, "not the truth of a capture"),
 }
 

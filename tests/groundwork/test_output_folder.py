@@ -297,7 +297,7 @@ def test_what_is_in_the_way_is_one_line(tmp_path: Path, monkeypatch: pytest.Monk
     refuse(tmp_path / ("x" * 256), words="a name that is too long")
     refuse(Path("/".join([str(tmp_path), *["y" * 200] * 30])), words="a path that is too long")
     refuse(tmp_path / "a\0b", words="a name with a null character")
-    refuse(tmp_path / "a\ud800b", words="a name that no file can have")
+    refuse(tmp_path / "a\ud800b", words="not a valid file name")
     (tmp_path / "loop").symlink_to("loop")
     refuse(tmp_path / "loop", words="is a link that leads to itself")
     refuse(tmp_path / "loop" / "below", words="is a link that leads to itself")

@@ -155,4 +155,4 @@ def test_what_does_not_go_with_own_classes_is_refused(
         with pytest.raises(InputError, match=words):
             build_dataset([Source(office / "0")], tmp_path / words, settings)
     assert call("train", office / "patchset", "-o", tmp_path / "f", "--model", "forest", "--init", office / "net") == 2
-    assert "a forest begins anew" in capsys.readouterr().err
+    assert "a forest cannot begin with another model" in capsys.readouterr().err

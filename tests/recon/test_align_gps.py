@@ -9,7 +9,7 @@ from recon.photos.photo_xmp import camera_up_of
 from recon.placing.align import OK, Target
 from recon.placing.align_gps import align_to_fixes
 from recon.placing.gps_fit import fit_to_fixes
-from recon.placing.gravity import levels_of
+from recon.placing.gravity import gravity_cues
 from recon.placing.place_errors import expected_errors
 from recon.placing.similarity import Similarity
 from tests.conftest import Count, RecordProof
@@ -167,7 +167,7 @@ def test_better_fixes_weigh_more() -> None:
         true, model, _ = level_flight(draw, draw.normal(0, 25, (40, 3)))
         gps = true[:, :3, 3] + draw.normal(0, 1, (40, 3)) * stated
         told = stated if trial == 0 else np.full((40, 3), 3.0)
-        fit = fit_to_fixes(model[:, :3, 3], gps, told, levels_of(model[:, :3, :3], None), rng)
+        fit = fit_to_fixes(model[:, :3, 3], gps, told, gravity_cues(model[:, :3, :3], None), rng)
         assert fit is not None
         off.append(np.linalg.norm(fit.similarity.move(model[:, :3, 3]) - true[:, :3, 3], axis=1).mean())
         if trial == 0:
@@ -183,7 +183,7 @@ def test_the_scale_is_not_that_of_the_noise() -> None:
         true, model, known = level_flight(rng, rng.normal(0, [9, 9, 3], (60, 3)))
         gps = true[:, :3, 3] + rng.normal(0, 3.0, (60, 3))
         source = model[:, :3, 3]
-        fit = fit_to_fixes(source, gps, np.full((60, 3), 3.0), levels_of(model[:, :3, :3], None), rng)
+        fit = fit_to_fixes(source, gps, np.full((60, 3), 3.0), gravity_cues(model[:, :3, :3], None), rng)
         assert fit is not None
         found.append(fit.similarity.scale / known.scale)
         spread = np.linalg.norm(gps - gps.mean(axis=0)) / np.linalg.norm(source - source.mean(axis=0))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from recon.dense.dense_child import choose_method
-from recon.dense.depth_colmap import has_cuda, measure_with_colmap, onto, read_depth_map
+from recon.dense.depth_colmap import has_cuda, measure_with_colmap, read_depth_map, reproject_depth
 from recon.dense.depth_patchmatch import measure_slanted
 from recon.dense.depth_sgm import PosedImage, measure_depth
 from recon.settings import DenseSettings
@@ -79,7 +79,7 @@ def test_a_depth_map_moves_onto_another_camera() -> None:
     """A camera with twice the pixels, and its middle elsewhere, sees the same plane at the same depths."""
     pose = look_at(np.zeros(3), np.array([0.0, 5.0, 0.0]))
     fine = Pinhole(220, 160, 190.0, 190.0, 106.0, 78.0)
-    moved = onto(SLANTED.depth(fine, pose).astype(np.float32), fine, CAMERA)
+    moved = reproject_depth(SLANTED.depth(fine, pose).astype(np.float32), fine, CAMERA)
     true = SLANTED.depth(CAMERA, pose)
     assert (moved > 0).mean() > 0.95
     known = moved > 0

@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from recon.dense import depth_sgm
-from recon.dense.depth_sgm import PosedImage, agree, carry_depth, match, measure_depth, textured
+from recon.dense.depth_sgm import PosedImage, consensus_depth, depth_of_disparity, match, measure_depth, textured
 from recon.dense.rectify import rectify
 from tests.recon.wavy_plane import WavyPlane
 from usd_schemas.pinhole import Pinhole, look_at
@@ -91,14 +91,14 @@ def test_exact_disparities_are_exact_depths(views: list[PosedImage]) -> None:
     lens = np.array([CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy])
     plane = np.array([pair.focal, *pair.left_center, pair.focal * pair.baseline, pair.infinity])
     everywhere = np.ones((CAMERA.height, CAMERA.width), bool)
-    depth = carry_depth(sixteenths, pair.left, plane, np.linalg.inv(source) @ reference, lens, everywhere)
+    depth = depth_of_disparity(sixteenths, pair.left, plane, np.linalg.inv(source) @ reference, lens, everywhere)
     true = SLANTED.depth(CAMERA, reference)
     known = depth > 0
     assert known.mean() > 0.7
     step = true**2 / (pair.focal * pair.baseline) / 16  # [m] that a sixteenth of a pixel is worth
     assert (np.abs(depth - true)[known] < step[known]).mean() > 0.99
     everywhere[:, :80] = False
-    assert not carry_depth(sixteenths, pair.left, plane, np.linalg.inv(source) @ reference, lens, everywhere)[
+    assert not depth_of_disparity(sixteenths, pair.left, plane, np.linalg.inv(source) @ reference, lens, everywhere)[
         :, :80
     ].any()
 
@@ -146,7 +146,7 @@ def test_agreement_has_a_plain_twin() -> None:
     depths = (5.0 + rng.integers(0, 4, (4, 12, 15)) * 0.2 + rng.normal(0, 0.01, (4, 12, 15))).astype(np.float32)
     depths[rng.random(depths.shape) < 0.5] = 0.0
     weights = np.array([1.0, 3.0, 2.0, 0.5])
-    found = agree(depths, weights, 0.01, 2)
+    found = consensus_depth(depths, weights, 0.01, 2)
     for i, j in np.ndindex(12, 15):
         column = depths[:, i, j].astype(float)
         known = np.flatnonzero(column)

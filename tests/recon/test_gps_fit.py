@@ -21,12 +21,12 @@ from recon.placing.gps_fit import (
     _turn,
     fit_to_fixes,
 )
-from recon.placing.gravity import Levels, levels_of
+from recon.placing.gravity import GravityCues, gravity_cues
 from recon.placing.similarity import Similarity
 from tests.recon.test_align import random_rotations
 
 F64 = NDArray[np.float64]
-NO_LEVELS = Levels(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64), np.zeros(3))
+NO_LEVELS = GravityCues(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64), np.zeros(3))
 
 
 def similarity_of(rng: np.random.Generator) -> Similarity:
@@ -46,7 +46,7 @@ def test_derivatives_are_those_of_the_moved_points() -> None:
     """Central differences by the logarithm of the scale, the rotation vector and the place find the same columns."""
     rng = np.random.default_rng(1)
     one, points, step = similarity_of(rng), rng.normal(0, 9, (6, 3)), 1e-6
-    levels = levels_of(random_rotations(rng, 4), rng.normal(size=(4, 3)))
+    levels = gravity_cues(random_rotations(rng, 4), rng.normal(size=(4, 3)))
 
     def moved(parameters: F64) -> tuple[F64, F64]:
         rotation = _turn(parameters[1:4]) @ one.rotation
@@ -114,7 +114,7 @@ def test_covariances_and_what_is_left_over_have_dense_twins(likeness: float) -> 
     """Matrices of likeness^|i - j|, written out: their product, the trace that a fit takes, the parameters' errors."""
     rng = np.random.default_rng(2)
     one, points, weights = similarity_of(rng), rng.normal(0, 9, (12, 3)), rng.uniform(0.2, 4.0, (12, 3))
-    levels = levels_of(random_rotations(rng, 5, 20.0), None)
+    levels = gravity_cues(random_rotations(rng, 5, 20.0), None)
     number = np.arange(12)
     dense = likeness ** np.abs(number[:, None] - number)
     np.testing.assert_allclose(_alike(points, likeness), dense @ points, atol=1e-12)

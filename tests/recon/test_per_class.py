@@ -5,7 +5,7 @@ import pytest
 
 from recon.dense.pixel_fates import PIXEL_FATES
 from recon.points.fates import FATES
-from recon.truth.per_class import FEW, PIXEL_WORDS, describe_classes, few_in_words, lost_classes
+from recon.truth.per_class import FEW, PIXEL_WORDS, describe_classes, lost_classes, scarce_classes_in_words
 from recon.truth.windows import LENGTH, lay_windows
 from usd_schemas.components import UNLABELLED, class_rows
 
@@ -80,16 +80,16 @@ def test_few_and_lost_are_named() -> None:
         "bearing": {"windows": 2, "few_in": 2},
         "abutment": {"windows": 3, "few_in": 1},
     }
-    assert few_in_words([{"classes": rows}, {"classes": rows}, {"points": 3}]) == (
+    assert scarce_classes_in_words([{"classes": rows}, {"classes": rows}, {"points": 3}]) == (
         "fewer than 50 points in a window of 10 m: bearing in 4 of 4, abutment in 2 of 6"
     )
-    assert few_in_words([{"classes": {"deck": rows["deck"]}}]) == ""
+    assert scarce_classes_in_words([{"classes": {"deck": rows["deck"]}}]) == ""
     pixels = {
         "bearing": {"no_depth": 20, "views": 25, "seen_through": 0, "angle": 5, "in_points": 50},
         "deck": dict.fromkeys(PIXEL_FATES, 9),
     }
     other = {"bearing": {"no_depth": 30, "views": 10, "seen_through": 0, "angle": 0, "in_points": 10}}
-    assert few_in_words([{"classes": rows, "pixels": pixels}, {"classes": rows, "pixels": other}]) == (
+    assert scarce_classes_in_words([{"classes": rows, "pixels": pixels}, {"classes": rows, "pixels": other}]) == (
         "fewer than 50 points in a window of 10 m: bearing in 4 of 4 (40% of its pixels in points; most others: "
         "no depth found), abutment in 2 of 6"
     )
@@ -110,4 +110,4 @@ def test_without_truth_all_are_unlabelled() -> None:
     assert found["windows"] is None
     assert found["classes"]["unlabelled"]["kept"] == 2
     assert lost_classes(found) == ["unlabelled"]
-    assert few_in_words([found]) == ""
+    assert scarce_classes_in_words([found]) == ""

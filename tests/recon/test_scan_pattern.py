@@ -131,7 +131,7 @@ def test_a_vehicle_drives_along_the_deck(tmp_path: Path) -> None:
         beams=8,
     )
     assert (flown.columns["instance"] >= 3).any()
-    with pytest.raises(InputError, match="stands still"):
+    with pytest.raises(InputError, match="this survey does not move"):
         scanned(scene, tmp_path / "e", kind="mobile", path="test")
     with pytest.raises(InputError, match="no such survey"):
         scanned(scene, tmp_path / "f", kind="mobile", path="other")

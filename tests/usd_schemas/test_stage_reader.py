@@ -37,7 +37,7 @@ def test_bad_files_are_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize("unit", ["0", "-1", "nan", "inf"])
 def test_a_unit_that_is_no_length(unit: str, tmp_path: Path) -> None:
     """It is named as such, not as a stage without geometry."""
-    with pytest.raises(InputError, match=r"stage\.usda: metersPerUnit: the stage's unit is no length \(found "):
+    with pytest.raises(InputError, match=r"stage\.usda: metersPerUnit: the stage's unit is not a length \(found "):
         read_body(tmp_path, GROUND, f'upAxis = "Z"\n metersPerUnit = {unit}')
 
 

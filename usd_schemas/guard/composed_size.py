@@ -54,9 +54,9 @@ class ComposedSize:
             return self._known[site]
         if site in self._open:
             raise InputError(
-                "arcs lead back to where they started",
+                "references form a cycle",
                 where=f"{self._bounds.name(file)}: {prim}",
-                hint="Take one of the references of this circle out",
+                hint="Remove one of the references of the cycle",
             )
         self._open.append(site)
         total = 1
@@ -83,7 +83,9 @@ class ComposedSize:
 
     def _stack(self, file: Path, above: tuple[Path, ...]) -> Iterator[Sdf.Layer]:
         if file in above:
-            raise InputError("is a sublayer of itself", where=self._bounds.name(file), hint="Take it out there")
+            raise InputError(
+                "is a sublayer of itself", where=self._bounds.name(file), hint="Remove it from its subLayers"
+            )
         layer = open_layer(file, self._bounds)
         yield layer
         for name in layer.subLayerPaths:

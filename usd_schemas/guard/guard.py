@@ -64,7 +64,7 @@ def limit_memory(gigabytes: float) -> None:
 
 
 def _check_composed(stage: Usd.Stage, most_prims: int, warn: Warn) -> None:
-    """Name prims whose type or chosen variant nobody here knows; packages are counted only here."""
+    """Name prims whose type or chosen variant is unknown; packages are counted only here."""
     instances = 0
     for number, prim in enumerate(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
         if number >= most_prims:

@@ -101,7 +101,7 @@ def _walk_document(file: Path, bounds: Bounds, warn: Warn) -> None:
         if _TILES.search(name):
             _check_tiles(file, name, bounds, warn)
         elif target.exists() and not target.is_file():
-            raise InputError(f"{name} is no picture", where=bounds.name(file), allowed="regular files")
+            raise InputError(f"{name} is not an image", where=bounds.name(file), allowed="regular files")
         elif not target.exists():
             warn(f"{bounds.name(file)}: there is no file {name}")
 
@@ -115,7 +115,7 @@ def _check_tiles(file: Path, name: str, bounds: Bounds, warn: Warn) -> None:
     for tile in tiles:
         target = _inside(file, f"{folder}/{tile.name}" if folder else tile.name, bounds, "")
         if not target.is_file():
-            raise InputError(f"{tile.name} is no picture", where=bounds.name(file), allowed="regular files")
+            raise InputError(f"{tile.name} is not an image", where=bounds.name(file), allowed="regular files")
     if not tiles and file.suffix != ".usdz":
         warn(f"{bounds.name(file)}: there is no tile of {name}")
 
@@ -165,7 +165,7 @@ def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
     try:
         target = (file.parent / name.partition("[")[0]).resolve()
     except (OSError, ValueError):  # too long, a circle of links, or a NUL in it
-        raise InputError("no name of a file", where=bounds.name(file), value=name) from None
+        raise InputError("not the name of a file", where=bounds.name(file), value=name) from None
     if remote or not bounds.contain(target):
         how = "is remote" if remote else "leads out of the allowed folders"
         raise InputError(

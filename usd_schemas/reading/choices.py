@@ -82,7 +82,7 @@ def frames_of(words: Sequence[str]) -> tuple[float, ...]:
             first, step, count = 0.0, 1.0, 0
         if not (0 < count <= MOST_FRAMES and math.isfinite(first) and step > 0.0):
             allowed = "a time code, or FIRST:LAST or FIRST:LAST:STEP"
-            raise InputError("no frames", field="--frame", value=word, allowed=allowed)
+            raise InputError("not a frame, nor a range of frames", field="--frame", value=word, allowed=allowed)
         found.update(dict.fromkeys(first + step * number for number in range(count)))
     return tuple(found)
 
@@ -117,7 +117,7 @@ def check_choices(choices: StageChoices) -> None:
     """
     for purpose in choices.purposes:
         if purpose not in PURPOSES:
-            raise InputError("no purpose of USD", field="--purpose", value=purpose, allowed=", ".join(PURPOSES))
+            raise InputError("not a purpose of USD", field="--purpose", value=purpose, allowed=", ".join(PURPOSES))
     for name, side in (("--width", choices.width), ("--height", choices.height)):
         if not 0 <= side <= LARGEST_SIDE:
-            raise InputError("no size of an image", field=name, value=side, allowed=f"1 to {LARGEST_SIDE} px")
+            raise InputError("image size out of range", field=name, value=side, allowed=f"1 to {LARGEST_SIDE} px")

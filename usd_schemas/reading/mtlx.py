@@ -101,7 +101,7 @@ def translate(document: Document) -> Sdf.Layer:
         _write(layer, document)
     except Tf.ErrorException as error:
         said = str(error).rpartition(" : ")[2].strip(" '\n")
-        raise InputError(f"not to be written as USD: {said}", where=document.path, hint="Export it again") from None
+        raise InputError(f"cannot be written as USD: {said}", where=document.path, hint="Export it again") from None
     return layer
 
 

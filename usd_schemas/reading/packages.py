@@ -1,4 +1,4 @@
-"""Files inside usdz packages, brought out so that whoever reads a picture finds a file."""
+"""Files inside usdz packages, unpacked so that image readers find a file."""
 
 import hashlib
 import zlib

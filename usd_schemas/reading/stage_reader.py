@@ -201,7 +201,7 @@ def stage_to_world(stage: Usd.Stage, where: Path | None = None) -> F64:
     if not 0.0 < unit < np.inf:  # nor NaN
         hint = "Write 1 for metres, 0.01 for centimetres"
         raise InputError(
-            "the stage's unit is no length",
+            "the stage's unit is not a length",
             where=where,
             field="metersPerUnit",
             value=unit,

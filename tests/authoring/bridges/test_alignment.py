@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import fresnel
 
-from authoring.axis.alignment import FAR, NEAR, Alignment, Crest
+from authoring.axis.alignment import FAR, NEAR, Alignment, VerticalCurve
 from authoring.axis.plan_curve import Element, PlanCurve, sine_elements
 from authoring.families.alignments import LARGEST_TURN
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
@@ -220,7 +220,7 @@ def test_a_sweep_between_two_sections_bends_and_tapers_evenly() -> None:
 
 def test_crest_is_a_parabola_between_its_tangents() -> None:
     """In the middle the crest lies L^2 / 8R under the tangents' meeting point; beyond, the grade has changed by L/R."""
-    axis = Alignment(10.0, 0.03, crest=Crest(0.0, 60.0, 1200.0))
+    axis = Alignment(10.0, 0.03, crest=VerticalCurve(0.0, 60.0, 1200.0))
     assert axis.height(np.array(30.0)) == pytest.approx(10.0 + 0.03 * 30.0 - 30.0**2 / 2400.0)
     assert axis.height(np.array(60.0)) == pytest.approx(10.0 + 30.0 * (0.03 - 0.02))
     assert axis.height(np.array(100.0)) == pytest.approx(10.0 + 0.3 + 40.0 * -0.02)

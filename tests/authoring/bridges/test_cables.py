@@ -16,7 +16,7 @@ from authoring.parts.anchors import clamps, hanger_sockets, sleeves
 from authoring.parts.cables import CHORD_SAG, Plane, chords, tube
 from authoring.parts.drawing import drawn_range
 from authoring.parts.stays import HeadZone, head_heights
-from authoring.parts.suspension_cables import _cable_points, _Run, held_volume
+from authoring.parts.suspension_cables import _cable_points, _Run, anchorage_volume
 from authoring.shapes.component import F64, Component, triangles
 from authoring.solids.sweep import Surface
 from authoring.streams import stream
@@ -363,7 +363,7 @@ def test_anchor_blocks_hold_their_cables() -> None:
         load = 0.5 * deck.width * (25.0 * (deck.slab + record.top.surfacing) + 3.0 + 3.5)  # [kN/m] of one cable
         pull = load * record.choice.main**2 / (8.0 * (cables.crown - cables.low))
         assert cables.pull == pytest.approx(pull, rel=1e-3)
-        assert 0.8 * 24.0 * held_volume(pull) == pytest.approx(1.3 * pull)
+        assert 0.8 * 24.0 * anchorage_volume(pull) == pytest.approx(1.3 * pull)
         blocks = [n for n, member in enumerate(bridge.members) if member.kind == "anchor_block"]
         assert len(blocks) == 4
         for number in blocks:

@@ -11,7 +11,7 @@ from authoring.axis.alignment import Alignment, Layout
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import FAMILIES
 from authoring.parts.pier_caps import CapShape, cap_surface
-from authoring.parts.shafts import Shafts, fork_outline, shaft_base, shaft_outline, shaft_surfaces, stout_shafts
+from authoring.parts.shafts import Shafts, fork_outline, limit_slenderness, shaft_base, shaft_outline, shaft_surfaces
 from authoring.parts.wedges import road_slope, seat_slope
 from authoring.shapes.component import F64, Component, triangles
 from authoring.shapes.sections import area
@@ -86,10 +86,10 @@ def test_forks_open_where_there_is_room(kind: str, height: float, forked: bool) 
 
 def test_shafts_grow_under_high_decks() -> None:
     """A column of 20 m at slenderness 10 is 2 m thick both ways, a wall only along the bridge; a low one stays."""
-    column, wall = stout_shafts(shafts(), 20.0, 10.0), stout_shafts(shafts("wall", width=9.0), 20.0, 10.0)
+    column, wall = limit_slenderness(shafts(), 20.0, 10.0), limit_slenderness(shafts("wall", width=9.0), 20.0, 10.0)
     assert (column.length, column.width) == (2.0, pytest.approx(10.0 / 3.0, abs=1e-3))
     assert (wall.length, wall.width) == (2.0, 9.0)
-    assert stout_shafts(shafts(), 6.0, 10.0) == shafts()
+    assert limit_slenderness(shafts(), 6.0, 10.0) == shafts()
 
 
 def cap(kind: str, end: float, face: float = 0.0, upstand: float = 0.0) -> CapShape:

@@ -1,4 +1,4 @@
-"""What a DCC did that does not come home: one line each, so that nothing vanishes without a word."""
+"""What a DCC changed that cannot be imported: one line each, so that no change is dropped silently."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade
 
-from authoring.edits.bodies import worn_by
+from authoring.edits.bodies import bound_materials
 from authoring.edits.matching import Matches, is_blender, object_name, stable_id
 from authoring.edits.materials import bound_name, materials_by_name, taken_inputs
 from authoring.edits.shapes import is_body
@@ -46,7 +46,7 @@ _PLAIN = (
 )
 
 
-def untaken(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> list[str]:
+def edits_left_out(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> list[str]:
     """List what of an edited stage the harvest leaves.
 
     What Blender changes on every trip is no edit: of its files only what it can tell is looked at.
@@ -124,7 +124,7 @@ def _of_pair(ours: Usd.Prim, theirs: Usd.Prim) -> Iterator[tuple[str, str]]:
     if is_body(ours) and not is_body(theirs):
         yield name, f"is a {theirs.GetTypeName()} in the file, and keeps its shape"
     if is_body(ours) and is_body(theirs):
-        if len({material.GetPath() for part, material in worn_by(theirs).items() if part}) > 1:
+        if len({material.GetPath() for part, material in bound_materials(theirs).items() if part}) > 1:
             yield name, "wears more than one material in the file: the first is taken for all of it"
         if _moves(theirs):
             yield name, "moves in the file: it is taken as it is at the first frame"
@@ -158,13 +158,13 @@ def _of_addition(prim: Usd.Prim) -> Iterator[tuple[str, str]]:
         for attribute in shader.GetAuthoredAttributes()
         for one in attribute.GetConnections()
     )
-    homes = [material.GetPath() for material in worn_by(prim).values()]
+    homes = [material.GetPath() for material in bound_materials(prim).values()]
     if any(not any(source.HasPrefix(home) for home in homes) for source in sources):
         yield name, "wears a material that is connected to something outside of itself, which is not taken over"
 
 
 def _networks(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    for material in worn_by(prim).values():
+    for material in bound_materials(prim).values():
         yield from Usd.PrimRange(material.GetPrim())
 
 
@@ -176,7 +176,12 @@ def _of_materials(before: Usd.Stage, after: Usd.Stage) -> Iterator[tuple[str, st
         elif not is_blender(after):
             yield from _of_network(name, ours[name], theirs[name])
     if not is_blender(after):
-        worn = {material.GetPath() for prim in after.Traverse() if is_body(prim) for material in worn_by(prim).values()}
+        worn = {
+            material.GetPath()
+            for prim in after.Traverse()
+            if is_body(prim)
+            for material in bound_materials(prim).values()
+        }
         for name in sorted(theirs.keys() - ours.keys()):
             if theirs[name].GetPath() not in worn:
                 yield name, "a material that nothing wears is not taken over"

@@ -1,0 +1,165 @@
+"""From the words of a command line to the call of a verb; whatever is wrong with the words is one line."""
+
+import contextlib
+import difflib
+import functools
+import inspect
+import io
+import re
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import tyro
+
+from falsework.commands.given_files import files_first
+from groundwork.errors import InputError
+
+# An option is given or left out, never negated or set to None; positional arguments are called by their names.
+CONFIG: tuple[Any, ...] = (
+    tyro.conf.FlagCreatePairsOff,
+    tyro.conf.DisallowNone,
+    tyro.conf.PositionalMetavarFromFieldName,
+)
+_WRONG_COUNT = r".*input length (\d+) did not match expected argument count (\d+).*"
+_NUMBERS = {"int()": "not a whole number", "to float": "not a number"}  # Python's words → ours
+
+Verb = Callable[..., int]
+
+
+def parse(verb: Verb, program: str, words: list[str]) -> Callable[[], int]:
+    """Read the arguments of a verb.
+
+    Args:
+        verb: Function of the command line.
+        program: How the user called it, such as `falsework scene info`.
+        words: What stands behind that.
+
+    Returns:
+        The call: it looks for the files that were named, and then runs the verb.
+
+    Raises:
+        InputError: An argument is missing, unknown, or not what it has to be.
+    """
+    printed = io.StringIO()  # the parser frames its errors for people at a terminal; scripts and logs want a line
+    try:
+        with contextlib.redirect_stderr(printed):
+            call = tyro.cli(_later(verb), prog=program, args=words, config=CONFIG)
+    except SystemExit as left:
+        if left.code and printed.getvalue():
+            raise _as_input_error(printed.getvalue(), program) from None
+        raise
+    sys.stderr.write(printed.getvalue())  # warnings
+    return call
+
+
+def parse_verb(verbs: Mapping[str, Verb], program: str, words: list[str], about: str) -> Callable[[], int]:
+    """Read which verb is meant, and its arguments.
+
+    Args:
+        verbs: Name to function.
+        program: How the user called it, such as `falsework scene`.
+        words: What stands behind that.
+        about: What the help says above the list of verbs.
+
+    Returns:
+        The call.
+
+    Raises:
+        InputError: No verb, none of this name, or wrong arguments.
+    """
+    if words and words[0] in verbs:
+        return parse(verbs[words[0]], f"{program} {words[0]}", words[1:])
+    if {"-h", "--help"} & set(words):
+        return _help(verbs, program, about)
+    named = [word for word in words if not word.startswith("-")][:1]
+    near = difflib.get_close_matches(named[0], verbs, n=1, cutoff=0.5) if named else []
+    raise InputError(
+        "no such verb" if named else "no such option" if words else "no verb",
+        where=program.partition(" ")[2] or None,
+        value=(named or words or [None])[0],
+        allowed=", ".join(verbs),
+        hint=f"Did you mean {near[0]!r}?" if near else f"See {program} --help",
+    )
+
+
+def _help(verbs: Mapping[str, Verb], program: str, about: str) -> Callable[[], int]:
+    """List the verbs, each with the first sentence of what it does."""
+
+    def line(verb: Verb) -> Callable[[], int]:
+        def shown() -> int:
+            return 0
+
+        shown.__doc__ = (inspect.getdoc(verb) or "").partition("\n\n")[0]
+        return shown
+
+    lines = {name: line(verb) for name, verb in verbs.items()}
+    return tyro.extras.subcommand_cli_from_dict(lines, prog=program, description=about, args=["--help"], config=CONFIG)
+
+
+def _later(verb: Verb) -> Callable[..., Callable[[], int]]:
+    """Let the parser bind a verb's arguments, and leave the call to whoever parsed."""
+
+    @functools.wraps(verb)
+    def bound(*values: Any, **named: Any) -> Callable[[], int]:
+        return functools.partial(files_first(verb), *values, **named)
+
+    return bound
+
+
+def _as_input_error(printed: str, program: str) -> InputError:
+    """Say in one line what the parser says in a frame of several parts."""
+    verb = program.partition(" ")[2] or None  # the program itself is named already
+    title, parts = _parts(printed)
+    said, hint = " ".join(" ".join(parts[0]).split()), f"See {program} --help"
+    if title == "Required options":
+        missing = [_option(line) for line in parts[0] if re.match(r" {4}\S", line)]
+        return InputError(f"missing: {', '.join(missing)}", where=verb, hint=hint)
+    if found := re.fullmatch(r"Unrecognized options: (\S+?)(?:, .*)?", said):
+        like = [_option(line) for part in parts[1:] for line in part if re.match(r" {4}--", line)]
+        what = "no such option" if found[1].startswith("-") else "one argument too many"
+        return InputError(what, where=verb, value=found[1], hint=f"Did you mean {like[0]}? {hint}" if like else hint)
+    if found := re.fullmatch(r"invalid choice '(.*)' for argument '(.*)'\. Expected one of \((.*?),?\)\.", said):
+        choices = re.findall(r"'([^']*)'", found[3])
+        near = difflib.get_close_matches(found[1], choices, n=1)
+        return InputError(
+            "not one of the choices",
+            where=verb,
+            field=found[2],
+            value=found[1],
+            allowed=", ".join(choices),
+            hint=f"Did you mean {near[0]!r}?" if near else None,
+        )
+    if found := re.match(r"Missing value for argument '([^']*)'", said):
+        return InputError("its value is missing", where=verb, field=_argument(found[1]), hint=hint)
+    if found := re.fullmatch(
+        r"Error parsing (\S+): .*input length (\d+) did not match expected argument count (\d+).*", said
+    ):
+        return InputError(f"needs {found[3]} values", where=verb, field=found[1], value=int(found[2]), hint=hint)
+    if found := re.fullmatch(r"Error parsing (\S+): (.*?)(?:: '(.*)')?", said):
+        what = next((ours for theirs, ours in _NUMBERS.items() if theirs in found[2]), found[2])
+        return InputError(what, where=verb, field=found[1], value=found[3], hint=hint)
+    return InputError(said, where=verb, hint=hint)
+
+
+def _argument(name: str) -> str:
+    return name if name.startswith("-") else name.upper()
+
+
+def _parts(printed: str) -> tuple[str, list[list[str]]]:
+    """Take a frame apart: its title, and the lines between its rules, with their indentation."""
+    first, *lines = re.sub(r"\x1b\[[0-9;]*m", "", printed).splitlines()
+    parts: list[list[str]] = [[]]
+    for line in lines:
+        inner = line[2:].rstrip(" │")  # where the terminal has no lines to draw frames with, they are blanks
+        if inner.strip() and not inner.strip("─-╭╮╰╯ "):
+            parts.append([])
+        else:
+            parts[-1].append(inner)
+    return first.strip("─╭╮ "), [part for part in parts if part]
+
+
+def _option(line: str) -> str:
+    """Spell an argument as one types it: its name, or all names of an option without what it takes."""
+    names = [word.strip(",") for word in line.split() if word.startswith("-")]
+    return "/".join(names) or line.strip()

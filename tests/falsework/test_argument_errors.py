@@ -1,0 +1,57 @@
+"""What is wrong with the words of a command line is one line with exit code 2, and `--help` lists the verbs."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from falsework.cli import VERBS, all_verbs, main
+from tests.falsework.test_commands_named import options
+
+LINES = {
+    "": r"no verb; allowed: doctor, demo, .*\. See falsework --help",
+    "--foo": r"no such option \(found '--foo'\); .*See falsework --help",
+    "scene": r"scene: no verb; allowed: info, validate, .*\. See falsework scene --help",
+    "run": r"run: missing: SCENARIO, -o/--output\. See falsework run --help",
+    "scene info": r"scene info: missing: SCENE\. See falsework scene info --help",
+    "run a b -o out": r"run: one argument too many \(found 'b'\)\. See falsework run --help",
+    "run a -o out --sceens 1:2": r"run: no such option \(found '--sceens'\)\. Did you mean --scenes\? See .*",
+    "run a -o": r"run: -o/--output: its value is missing\. See falsework run --help",
+    "verify -o out": r"verify: OUTPUT: its value is missing\. See falsework verify --help",
+    "run a -o out --workers x": r"run: --workers: not a whole number \(found 'x'\)\. See falsework run --help",
+    "sample mesh s -o p --points 1.5": r"sample mesh: --points: not a whole number \(found '1\.5'\)\. See .*",
+    "sample mesh s -o p --density x": r"sample mesh: --density: not a number \(found 'x'\)\. See .*",
+    "export d -o o --to lazz": r"export: --to: not one of the choices \(found 'lazz'\); allowed: laz, .*'laz'\?",
+    "scene set s look=a --re-origin 1 2": r"scene set: --re-origin: needs 3 values \(found 2\)\. See .*",
+}
+
+
+@pytest.mark.parametrize("words", LINES)
+def test_wrong_words_are_one_line(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Which verb, which argument, what was found, and what to do; no frame, no traceback, and nothing else."""
+    with pytest.raises(SystemExit) as left:
+        main(words.split())
+    assert left.value.code == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert re.fullmatch(rf"falsework: {LINES[words]}\n", printed.err), printed.err
+
+
+def test_the_help_lists_every_verb_once(capsys: pytest.CaptureFixture[str]) -> None:
+    """Those of groups under their group; each with one sentence."""
+    with pytest.raises(SystemExit) as left:
+        main(["--help"])
+    assert not left.value.code
+    listed = re.findall(r"^[│ ] +[•*] ([a-z-]+)", capsys.readouterr().out, re.M)
+    assert listed == list(VERBS)
+    assert sorted(listed) == sorted({name.split()[0] for name in all_verbs()})
+
+
+def test_no_flag_has_a_twin_that_negates_it() -> None:
+    """`--no-…` stands alone, where the flag is on to begin with."""
+    negated = {name: [word for word in options(name) if word.startswith("--no-")] for name in all_verbs()}
+    assert {name: words for name, words in negated.items() if words} == {
+        "render": ["--no-noise"],
+        "survey score": ["--no-propose"],
+    }
