@@ -12,9 +12,10 @@ from typing import Annotated, Literal
 
 import tyro
 
-from falsework.commands.answers import AsJson, answer
+from falsework.commands.answers import AsJson, answer, tell
 from falsework.commands.cloud_verbs import export, reconstruct
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_scenario
 from falsework.commands.parsing import parse, parse_verb
 from falsework.commands.render_verb import render
 from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
@@ -48,22 +49,24 @@ def doctor(*, as_json: AsJson = False) -> int:
     return int(any(check.verdict == "FAIL" for check in checks))
 
 
-def author(scenario: File, output: Output, *, scene: int = 0) -> int:
+def author(scenario: File, output: Output, *, scene: int = 0, as_json: AsJson = False) -> int:
     """Author the layered USD stage of one scene into a plain folder.
 
     Args:
         scenario: TOML file.
         output: Folder to write: the scene folder itself.
         scene: Number of the scene.
+        as_json: Print one JSON object instead of a line.
     """
+    need_scenario(scenario)
     from falsework.commands.verbs import author_file
     from falsework.scenario import load_scenario, values_of
 
     loaded = load_scenario(scenario)
     with ConsoleProgress() as progress, values_of(scenario):
         author_file(loaded, output, scene, progress, [scenario])
-    _say(f"scene   {output / 'scene.usda'}")
-    return 0
+    root = output / "scene.usda"
+    return tell({"scene": str(root)}, [f"scene   {root}"], as_json)
 
 
 def gallery(
@@ -74,6 +77,7 @@ def gallery(
     seed: int = 1,
     family: tuple[str, ...] = (),
     world: tuple[str, ...] = (),
+    as_json: AsJson = False,
 ) -> int:
     """Show random bridges on contact sheets, one sheet for each family, for each world, or for all looks.
 
@@ -87,6 +91,7 @@ def gallery(
         seed: Seed of the first bridge; the others follow.
         family: Only these families.
         world: Only these worlds.
+        as_json: Print one JSON object instead of a line.
     """
     from groundwork.output_folder import fresh_output
 
@@ -106,8 +111,8 @@ def gallery(
 
     with ConsoleProgress() as progress:
         fresh_output(output, "gallery", write)
-    _say(f"gallery {output / 'index.md'}")
-    return 0
+    index = output / "index.md"
+    return tell({"gallery": str(index)}, [f"gallery {index}"], as_json)
 
 
 def completion(shell: tyro.conf.Positional[Literal["bash", "zsh", "fish"]]) -> int:

@@ -2,15 +2,13 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from usd_schemas.components import UNLABELLED
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-LINK = 0.3  # [m] side of the cubes by which points of a class are connected, unless somebody says otherwise
+LINK = 0.3  # [m] side of the cubes by which points of a class are connected by default
 FEWEST = 20  # points without which a connected part is no instance: fewer are mostly single errors
 _BITS = 21
 # Half of the 26 neighbours of a cell: the others are these seen from the other side.
@@ -53,6 +51,9 @@ def connected_parts(coord: F64, classes: NDArray[np.uint8], link: float, fewest:
 
 def _components(cells: I64) -> I64:
     """Component of each cell, in the order of their first cells, shape (C,)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     links = []
     for x, y, z in _STEPS:
         step = (x << 2 * _BITS) + (y << _BITS) + z

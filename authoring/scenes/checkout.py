@@ -3,7 +3,6 @@
 import shutil
 from pathlib import Path
 
-from authoring.scenes.own_files import own_files
 from groundwork.errors import MissingError
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
@@ -27,6 +26,8 @@ def checkout_scene(source: Path, out: Path) -> Path:
     """
     with reading(source):
         root = find_root_layer(source)
+        from authoring.scenes.own_files import own_files  # USD: loaded once there is a scene
+
         home = root.parent.resolve()
         names = own_files(root)
 

@@ -1,12 +1,16 @@
 """The verbs that make clouds of photographs, and that hand clouds and captures to other programs."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from falsework.commands.answers import AsJson, cloud_facts, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_scenario
+
+if TYPE_CHECKING:
+    from recon.settings import ReconSettings
 
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 File = tyro.conf.Positional[Path]
@@ -41,15 +45,21 @@ def reconstruct(
         as_json: Print one JSON object instead of lines.
     """
     from falsework.commands.verbs import reconstruct_folder
-    from falsework.scenario import load_scenario
     from recon.settings import ReconSettings
 
-    given = ReconSettings() if settings is None else load_scenario(settings).recon
+    given = ReconSettings() if settings is None else _recon_of(settings)
     said = {name: value for name, value in (("mode", mode), ("quality", quality)) if value is not None}
     with ConsoleProgress() as progress:
         clouds = reconstruct_folder(capture, output, given.model_copy(update=said), progress, gcp, model)
     facts = {"clouds": [cloud_facts(cloud) for cloud in clouds]} if as_json else {}
     return tell(facts, [f"cloud   {cloud}" for cloud in clouds], as_json)
+
+
+def _recon_of(scenario: Path) -> "ReconSettings":
+    need_scenario(scenario)
+    from falsework.scenario import load_scenario
+
+    return load_scenario(scenario).recon
 
 
 def export(

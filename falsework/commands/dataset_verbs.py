@@ -99,7 +99,7 @@ def export(
         to: Format.
         as_json: Print one JSON object instead of lines.
     """
-    need_folder(dataset, "a folder that falsework dataset has written")
+    need_folder(dataset, "a folder that falsework dataset has written", mark="dataset.json")
     from learn.datasets.export import export_dataset
 
     def write(folder: Path) -> None:

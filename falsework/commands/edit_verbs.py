@@ -8,6 +8,7 @@ import tyro
 from falsework.children.products import ADDRESS_LIMIT, read_safely
 from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import stage_file
 from groundwork.child import answer_parent
 from groundwork.errors import InputError, MissingError
 from groundwork.progress import Progress
@@ -43,24 +44,8 @@ def import_edits(
         as_json: Print one JSON object instead of lines.
     """
     with ConsoleProgress() as progress:
-        found = harvest(edited, root_layer_of(scene), label, remove, allow_root, progress)
+        found = harvest(edited, stage_file(scene), label, remove, allow_root, progress)
     return tell({"version": JSON_VERSION, **found}, report_lines(found), as_json)
-
-
-def root_layer_of(scene: Path) -> Path:
-    """Find the root layer of a scene that is named by its folder; a file is taken as it is.
-
-    Args:
-        scene: Scene folder, a folder of a run such as `OUT/scenes/0000`, or a USD file.
-
-    Raises:
-        MissingError: A folder without a scene.
-    """
-    if not scene.is_dir():
-        return scene
-    from authoring.scenes.checkout import find_root_layer
-
-    return find_root_layer(scene)
 
 
 def harvest(

@@ -8,6 +8,7 @@ import tyro
 
 from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_scenario
 
 if TYPE_CHECKING:
     from falsework.execution.plan import Plan
@@ -32,6 +33,7 @@ def plan(
         retry_failed: As `run --retry-failed` would do.
         as_json: Print one JSON object instead of lines.
     """
+    need_scenario(scenario)
     from falsework.execution.plan import plan_run
     from falsework.scenario import load_scenario, scene_range, values_of
 

@@ -54,11 +54,11 @@ def predict(
         chunk: Points of the scan in memory at once.
         as_json: Print one JSON object instead of lines.
     """
+    _check_paths(scan, output, model)
     from learn.predict.model import named_model, shipped_folder
     from learn.predict.predict import predict_scan
     from learn.predict.settings import PredictSettings
 
-    _check_paths(scan, output, model)
     values: dict[str, Any] = {"unit": unit, "scale": scale, "up": up, "table": table, "classes": classes}
     values |= {"min_confidence": min_confidence, "link": link, "chunk": chunk}
     settings = parse_settings(PredictSettings, values, "predict")
@@ -75,9 +75,11 @@ def predict(
 
 def _check_paths(scan: Path, output: Path, model: str) -> None:
     if model and Path(model).exists():
-        need_folder(Path(model), "a folder that falsework train has written", "--model")
+        need_folder(Path(model), "a folder that falsework train has written", "--model", "model.json")
     if not scan.exists():
         raise MissingError("no such file", where=scan, hint="Name a scan, or the folder of a cloud")
+    if scan.is_dir():
+        need_folder(scan, "a scan, or the folder of a cloud", mark="cloud.json")
     if not output.suffix:
         raise InputError("has no suffix that names a format", where=output, field="-o", hint="Add one, such as .laz")
 

@@ -1,13 +1,14 @@
 """`falsework preview`: one picture from a scenario, before anything is flown."""
 
-import sys
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_scenario
 from groundwork.errors import InputError
 from groundwork.progress import Progress
 
@@ -29,6 +30,7 @@ def preview(
     height: int = 900,
     quality: Literal["fast", "standard", "fine"] = "fine",
     scene: int = 0,
+    as_json: AsJson = False,
 ) -> int:
     """Show a scenario: author one of its scenes for a moment and take one picture of the whole bridge.
 
@@ -43,11 +45,8 @@ def preview(
         height: Its height [px].
         quality: How much shading.
         scene: Number of the scene.
+        as_json: Print one JSON object instead of a line.
     """
-    from falsework.scenario import given_files, load_scenario, values_of
-    from groundwork.output_file import check_output_file, write_fresh_file
-    from groundwork.output_reading import reading
-
     for field, side in (("--width", width), ("--height", height)):
         if not _SIDES[0] <= side <= _SIDES[1]:
             raise InputError(
@@ -55,6 +54,11 @@ def preview(
             )
     if output.suffix.lower() != ".png":
         raise InputError("not a PNG", field="--output", value=str(output), allowed="a name that ends in .png")
+    need_scenario(scenario)
+    from falsework.scenario import given_files, load_scenario, values_of
+    from groundwork.output_file import check_output_file, write_fresh_file
+    from groundwork.output_reading import reading
+
     loaded = load_scenario(scenario)
     if not 0 <= scene < loaded.scenes:
         raise InputError("no such scene", field="--scene", value=scene, allowed=f"0 to {loaded.scenes - 1}")
@@ -64,8 +68,7 @@ def preview(
     with reading(*inputs), values_of(scenario), ConsoleProgress() as progress:
         data = _picture(loaded, scene, asked, progress)
     write_fresh_file(output, data, inputs)
-    sys.stdout.write(f"picture {output}\n")
-    return 0
+    return tell({"picture": str(output)}, [f"picture {output}"], as_json)
 
 
 def _shading(scenario: "Scenario", quality: str) -> dict[str, Any]:

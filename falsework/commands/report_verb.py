@@ -1,13 +1,14 @@
 """The verb that writes pages: of a scene, a run, a data set, models with their scores, or a comparison."""
 
 import os
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
+from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.execution.run_folder import is_run
 from groundwork.errors import InputError, MissingError
 from groundwork.output_file import fresh_file
 from groundwork.output_reading import reading
@@ -19,7 +20,7 @@ ALLOWED = "a scene of a run, the folder of a run, a data set, a model, scores (.
 SEVERAL = ("run", "model", "scores")
 
 
-def report(sources: Sources, output: Output) -> int:
+def report(sources: Sources, output: Output, *, as_json: AsJson = False) -> int:
     """Write a self-contained page: of a scene, a run, a data set, a training or a comparison.
 
     The kind of page follows from what is in the folder. Several runs stand side by side in one page, and so do several
@@ -29,6 +30,7 @@ def report(sources: Sources, output: Output) -> int:
         sources: Folder of a scene (`OUT/scenes/0000`), of a run, a data set, a model or a comparison; JSON files of
             falsework evaluate.
         output: HTML file to write.
+        as_json: Print one JSON object instead of a line.
     """
     for source in sources:
         if not source.exists():
@@ -43,8 +45,7 @@ def report(sources: Sources, output: Output) -> int:
             allowed="one of anything, several runs, or models and their scores",
         )
     _write(kinds, sources, output)
-    sys.stdout.write(f"report  {output}\n")
-    return 0
+    return tell({"report": str(output)}, [f"report  {output}"], as_json)
 
 
 def kind_of(source: Path) -> str:
@@ -67,8 +68,6 @@ def kind_of(source: Path) -> str:
     for kind, mark in marks.items():
         if (source / mark).is_file():
             return kind
-    from falsework.execution.run_facts import is_run
-
     if is_run(source):
         return "run"
     if (source / "capture").is_dir() or (source / "cloud").is_dir():

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import tyro
 
 from falsework.commands.answers import AsJson, answer
+from falsework.commands.given_files import need_scenario
 
 SOME_SCENES_FAILED = 3
 
@@ -51,7 +52,6 @@ def run(
         retry_failed: Try again what failed in an earlier run.
         as_json: Print one JSON object at the end instead of lines.
     """
-    from falsework.scenario import load_scenario, scene_range, shard_of, values_of
     from groundwork.errors import InputError
 
     if workers < 0 or (workers and cluster):
@@ -61,6 +61,9 @@ def run(
             value=workers,
             allowed="0 or more, and none beside --cluster",
         )
+    need_scenario(scenario)
+    from falsework.scenario import load_scenario, scene_range, shard_of, values_of
+
     loaded = load_scenario(scenario)
     part = shard_of(scene_range(scenes, loaded.scenes), shard)
     with values_of(scenario):

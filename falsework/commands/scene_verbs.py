@@ -10,7 +10,8 @@ import tyro
 from falsework.children.products import read_safely
 from falsework.commands.answers import AsJson, answer, tell
 from falsework.commands.console import ConsoleProgress
-from falsework.commands.edit_verbs import import_edits, root_layer_of
+from falsework.commands.edit_verbs import import_edits
+from falsework.commands.given_files import stage_file
 from groundwork.child import run_child
 from groundwork.errors import InputError
 from groundwork.output_reading import reading
@@ -96,7 +97,7 @@ def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson =
         allow_root: Folders beside those of the scenes from which they may take files.
         as_json: Print one JSON object instead of lines.
     """
-    other = root_layer_of(second)
+    other = stage_file(second)
     found = _work("diff", first, {"second": str(other)}, allow_root, other)
     if as_json:
         return answer(found)
@@ -152,17 +153,18 @@ def set_(
     return 0
 
 
-def checkout(source: File, output: Output) -> int:
+def checkout(source: File, output: Output, *, as_json: AsJson = False) -> int:
     """Copy a scene out of the read-only store, free to be edited.
 
     Args:
         source: Scene folder, its root layer, or a folder such as `OUT/scenes/0000`.
         output: Folder to make; what is there already is never replaced.
+        as_json: Print one JSON object instead of a line.
     """
     from authoring.scenes.checkout import checkout_scene
 
-    _say(f"scene   {checkout_scene(source, output)}")
-    return 0
+    root = checkout_scene(source, output)
+    return tell({"scene": str(root)}, [f"scene   {root}"], as_json)
 
 
 def flatten(scene: File, output: Output, *, allow_root: Roots = (), as_json: AsJson = False) -> int:
@@ -206,17 +208,18 @@ def package(
     return tell({"package": str(output), "bytes": size, "entries": len(names)}, [line], as_json)
 
 
-def schemas(*, path: bool = False) -> int:
+def schemas(*, path: bool = False, as_json: AsJson = False) -> int:
     """Say where the schema plugin lies, for other hosts.
 
     Args:
         path: Print the folder only, for PXR_PLUGINPATH_NAME.
+        as_json: Print one JSON object instead of a line.
     """
     from usd_schemas.registration import register_schemas
 
     folder = register_schemas()
-    _say(folder if path else f'export PXR_PLUGINPATH_NAME="{folder}"')
-    return 0
+    line = folder if path else f'export PXR_PLUGINPATH_NAME="{folder}"'
+    return tell({"folder": folder}, [line], as_json)
 
 
 SCENE_VERBS = {
@@ -245,7 +248,7 @@ def _looks(changed: dict[str, list[str]]) -> list[str]:
 
 
 def _work(work: str, scene: Path, request: dict[str, Any], roots: Roots, *others: Path) -> Any:
-    scene = root_layer_of(scene)
+    scene = stage_file(scene)
     stages = [str(stage) for stage in (scene, *others)]
     request = {**request, "work": work, "scene": str(scene), "stages": stages, "allow_roots": [str(r) for r in roots]}
     with ConsoleProgress() as progress:

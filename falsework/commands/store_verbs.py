@@ -61,13 +61,14 @@ def clean(
         dry_run: Only say what would go.
         as_json: Print one JSON object instead of lines.
     """
-    from falsework.commands.clean import clean as free
     from groundwork.marks import MARK, read_listing
     from groundwork.output_place import RUN
 
     need_folder(output, OF_A_RUN)
     if not (output / MARK).is_file() or read_listing(output / MARK).kind != RUN:
         raise MissingError("not the output folder of a run", where=output, hint="Name the folder given to run -o")
+    from falsework.commands.clean import clean as free
+
     with ConsoleProgress() as progress:
         done = free(output, progress, unused=unused, dry_run=dry_run)
     paths = [(one.about, str(one.paths[0].relative_to(output))) for one in done.removed]

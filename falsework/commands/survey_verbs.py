@@ -10,6 +10,7 @@ import tyro
 from falsework.children.products import read_safely
 from falsework.commands.answers import AsJson, answer, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import stage_file
 from falsework.commands.given_settings import given_settings
 from falsework.report.flight_verdicts import ENOUGH_LINKED, ENOUGH_OVERLAP, PARTLY, WELL, coverage_word, judged
 from groundwork.errors import InputError
@@ -35,15 +36,16 @@ def score(
     """Judge flights by casting rays: clearance, overlap, coverage, predicted registration, and what no image shows.
 
     Args:
-        scene: Root layer of a scene, or any other USD file with cameras.
+        scene: Scene folder, its root layer, or any other USD file with cameras.
         survey: Only this one.
         output: HTML page to write: flight in space, plan and elevation, what is covered, and what no flight shows.
         allow_root: Folders beside that of the scene from which it may take files.
         propose: The legs are looked for that would show what no flight shows; `--no-propose` leaves them out.
         as_json: Print one JSON object instead of lines.
     """
+    stage = stage_file(scene)
     request: dict[str, Any] = {
-        "scene": str(scene.absolute()),
+        "scene": str(stage.absolute()),
         "survey": survey,
         "allow_roots": [str(root.absolute()) for root in allow_root],
         "propose": propose,
@@ -51,7 +53,7 @@ def score(
     if output is not None:
         check_output_file(output, [scene])
     with ConsoleProgress() as progress:
-        found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
+        found: list[dict[str, Any]] = read_safely(WORKER, request, stage, progress)
     if not found:
         raise InputError("has no flight to judge", where=scene, hint="Author it with a survey, or animate a camera")
     if output is not None:
@@ -83,7 +85,7 @@ def plan(
     """Fly one more survey over a scene of ours and add it as a layer; a former one of that name is replaced.
 
     Args:
-        scene: Root layer of an editable scene (`scene checkout` gives one).
+        scene: Folder or root layer of an editable scene (`scene checkout` gives one).
         kind: Kind of survey; stage takes a camera that is there already, such as one animated in Blender.
         name: Its id; that of the kind when left out.
         seed: Another flight than the scene's own seed gives.
@@ -94,16 +96,17 @@ def plan(
     settings: dict[str, Any] = {"kind": kind, **given_settings(set), **({"id": name} if name else {})}
     if members and kind != "inspection":
         raise InputError("only for an inspection", field="--for", value=" ".join(members), allowed="--kind inspection")
+    stage = stage_file(scene)
     request: dict[str, Any] = {
         "plan": settings,
-        "scene": str(scene.absolute()),
+        "scene": str(stage.absolute()),
         "seed": seed,
         "members": list(members),
         "survey": "",
         "allow_roots": [],
     }
     with ConsoleProgress() as progress:
-        found: list[dict[str, Any]] = read_safely(WORKER, request, scene, progress)
+        found: list[dict[str, Any]] = read_safely(WORKER, request, stage, progress)
     row = found[0]
     line = f"survey      {row['survey']}: {row['images']} images, {row['length']:.0f} m"
     return tell({key: row[key] for key in ("survey", "images", "length")}, [line], as_json)

@@ -102,7 +102,7 @@ def _model_facts(model: Path) -> dict[str, Any]:
 def _given(dataset: Path | None) -> Path:
     if dataset is None:
         raise InputError("no data set", hint=f"Name {OF_DATASET}, or give --demo")
-    need_folder(dataset, OF_DATASET)
+    need_folder(dataset, OF_DATASET, mark="dataset.json")
     return dataset
 
 
@@ -156,8 +156,8 @@ def evaluate(
         output: JSON file for the scores; the tables go into a .md file beside it.
         as_json: Print one JSON object instead of a table.
     """
-    need_folder(model, OF_MODEL)
-    need_folder(dataset, OF_DATASET)
+    need_folder(model, OF_MODEL, mark="model.json")
+    need_folder(dataset, OF_DATASET, mark="dataset.json")
     from learn.evaluate import evaluate_model
     from learn.scoring.table import score_lines, short_lines
     from learn.trained import read_model
@@ -287,7 +287,7 @@ def _begun(init: Path | None) -> dict[str, Any]:
 
     if init is None:
         return {}
-    need_folder(init, OF_MODEL, "--init")
+    need_folder(init, OF_MODEL, "--init", "model.json")
     return vars(read_facts(init))
 
 

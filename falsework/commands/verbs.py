@@ -3,12 +3,10 @@
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from falsework.children.products import read_safely, surveys_of
-from falsework.commands.given_files import need_folder
-from falsework.report.report import write_report
-from falsework.scenario import Scenario, given_files, scene_seed, scene_title
+from falsework.commands.given_files import need_folder, stage_file
 from falsework.stages import STAGES, clouds_of
 from groundwork.errors import InputError, MissingError
 from groundwork.output_file import fresh_file
@@ -16,14 +14,17 @@ from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
 from groundwork.progress import DistinctNotes, Progress
 from groundwork.settings import Settings, read_toml
-from recon.settings import ReconSettings
+
+if TYPE_CHECKING:
+    from falsework.scenario import Scenario
+    from recon.settings import ReconSettings
 
 SAMPLER = "falsework.children.sample_work"
 SAMPLE_TIME_LIMIT = 6 * 3600.0  # [s]
 SAMPLE_MEMORY_LIMIT = 16.0  # [GB]
 
 
-def author_file(scenario: Scenario, out: Path, scene: int, progress: Progress, inputs: Sequence[Path] = ()) -> Path:
+def author_file(scenario: "Scenario", out: Path, scene: int, progress: Progress, inputs: Sequence[Path] = ()) -> Path:
     """Author the layered stage of one scene into a plain folder.
 
     Args:
@@ -39,6 +40,8 @@ def author_file(scenario: Scenario, out: Path, scene: int, progress: Progress, i
     Raises:
         InputError: No such scene, or an output folder that is not ours or was edited.
     """
+    from falsework.scenario import given_files, scene_seed
+
     if not 0 <= scene < scenario.scenes:
         raise InputError("no such scene", field="--scene", value=scene, allowed=f"0 to {scenario.scenes - 1}")
     settings = {"seed": scene_seed(scenario.seed, scene), "authoring": scenario.authoring()}
@@ -55,25 +58,6 @@ def author_file(scenario: Scenario, out: Path, scene: int, progress: Progress, i
     with reading(*read):
         fresh_output(out, "scene", write, inputs=read)
     return out / "scene.usda"
-
-
-def stage_file(stage: Path) -> Path:
-    """Find the file of a stage: a scene's folder, or that of a scene in a run, stands for its root layer.
-
-    Args:
-        stage: USD file, scene folder, or a folder of a run such as `OUT/scenes/0000`.
-
-    Raises:
-        MissingError: No such file, or a folder without a scene.
-    """
-    with reading(stage):
-        if stage.is_dir():
-            from authoring.scenes.checkout import find_root_layer
-
-            return find_root_layer(stage)
-        if not stage.is_file():
-            raise MissingError("no such file", where=stage, hint="Name a .usda, .usdc, .usd or .usdz file")
-    return stage
 
 
 def sample_file(
@@ -167,7 +151,7 @@ def render_file(
 def reconstruct_folder(
     capture: Path,
     out: Path,
-    settings: ReconSettings,
+    settings: "ReconSettings",
     progress: Progress,
     control: Path | None = None,
     model: Path | None = None,
@@ -185,13 +169,13 @@ def reconstruct_folder(
     Returns:
         Folders of the clouds.
     """
-    from recon.reconstruct import reconstruct
-
     inputs = [path for path in (capture, control, model) if path is not None]
     with reading(*(path for path in (capture, model) if path is not None)):
         need_folder(capture, "a capture, or a folder of photographs")
         if model is not None:
             need_folder(model, "a cloud of these photographs, or its model", "--model")
+        from recon.reconstruct import reconstruct
+
         fresh_output(
             out,
             "cloud",
@@ -222,6 +206,7 @@ def report_scene(scene: Path, page: Path) -> None:
         raise MissingError("holds no capture", where=scene, hint="Name a folder such as OUT/scenes/0000")
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
     from falsework.commands.report_verb import way_to
+    from falsework.report.report import write_report
 
     inputs = [scene, *captures, *clouds.values()]
     with reading(*inputs), fresh_file(page, inputs) as temporary:
@@ -237,6 +222,8 @@ def _is_sampled(cloud: Path) -> bool:
 
 def _title(scene: Path) -> str:
     """Name a scene of a run with the scenario's seed; any other folder by its own name."""
+    from falsework.scenario import scene_title
+
     scenario = scene.absolute().parents[1] / "scenario.toml"
     if not scenario.is_file() or not scene.name.isdecimal():
         return f"Scene {scene.name}"

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from falsework.execution.events import read_events
+from falsework.execution.run_folder import is_run
 from falsework.report.page import file_link
 from falsework.report.run_page import Event, FailureRow, RunFacts, SceneRow, write_run_page
 from falsework.scenario import scene_seed
@@ -42,15 +43,6 @@ def run_facts(root: Path, place: str, *, times: bool = True) -> RunFacts:
         events=events,
         settings=scenario,
     )
-
-
-def is_run(root: Path) -> bool:
-    """Tell whether a folder is that of a run.
-
-    Args:
-        root: A folder.
-    """
-    return (root / "scenario.toml").is_file() and ((root / "store").is_dir() or (root / "scenes").is_dir())
 
 
 def write_run_report(root: Path) -> None:

@@ -92,7 +92,9 @@ def uncertainty_figure(uncertainty: NDArray[np.float32], threshold: float) -> go
         x=float(np.log10(threshold)), y=1.0, yref="paper", xanchor="left", showarrow=False, text=f"{threshold:g} m"
     )
     plain_layout(figure, 340)
-    return figure.update_layout(xaxis={"type": "log", "title": "uncertainty [m]"}, yaxis={"title": "points"}, bargap=0)
+    return figure.update_layout(
+        xaxis={"type": "log", "title": "uncertainty [m]", "exponentformat": "none"}, yaxis={"title": "points"}, bargap=0
+    )
 
 
 def _css(color: tuple[int, int, int]) -> str:

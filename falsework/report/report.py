@@ -246,4 +246,4 @@ def _lead(stage: Path) -> str:
         return stage.name
     settings = recipe["settings"]
     names = [f"{section} {settings[section]['name']}" for section in ("background", "look")]
-    return ", ".join([f"{settings['bridge']['family']} bridge", *names, f"random streams of {recipe['seed']}"])
+    return ", ".join([f"{settings['bridge']['family']} bridge", *names, f"scene seed {recipe['seed']}"])

@@ -117,6 +117,8 @@ def test_a_file_where_a_folder_is_wanted(
     file, folder = tmp_path / "notes.txt", tmp_path / "folder"
     file.write_text("a file")
     folder.mkdir()
+    for mark in ("dataset.json", "model.json"):  # by which the folders beside it are known
+        (folder / mark).write_text("{}")
     places: dict[str, str | Path] = {"@": file, "/": folder, "out": tmp_path / "out", "out.laz": tmp_path / "out.laz"}
     places |= {word: word.replace("@", str(file)) for word in THREE}
     line = _fails([places.get(word, word) for word in words], capsys)

@@ -363,6 +363,7 @@ READ_SAFELY_ANYHOW = {
     "layout.read_facts",
     "predict._file_of",
     "predict._boxes_record",
+    "given_files.need_scenario",
     "train_verbs._is_evaluation",
     "verbs._title",
     "compared_bridges._told",

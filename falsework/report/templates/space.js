@@ -286,7 +286,7 @@ class Space {
     gl.bufferData(gl.ARRAY_BUFFER, this.colors, gl.DYNAMIC_DRAW);
     for (const part of card.querySelectorAll("[data-paint]")) part.hidden = part.dataset.paint !== name;
     card.querySelector("output.count").textContent =
-      `${this.rows.length.toLocaleString("en")} of ${told.count.toLocaleString("en")} points` + (told.every > 1 ? `, each for ${told.every}` : "");
+      `${this.rows.length.toLocaleString("en")} of ${told.count.toLocaleString("en")} points` + (told.every > 1 ? `; one of ${told.every} is drawn` : "");
     this.draw();
   }
 
