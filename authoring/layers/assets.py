@@ -6,12 +6,13 @@ from pathlib import Path
 from authoring.layers.geometry import Asset, geometry_layer, roles_of
 from authoring.layers.layer import export
 from authoring.layers.semantics import semantics_layer
-from authoring.looks.bake import bake_surface, open_ground
+from authoring.looks.bake import bake_surface, open_ground, write_texture
 from authoring.looks.encode import encode_raw, jpeg
 from authoring.looks.ground_photo import ground_photo
 from authoring.looks.library import SHEETS, SheetName, bake_sheets
 from authoring.looks.material import MaterialRecipe
 from authoring.looks.noise import Bank
+from authoring.looks.shallows import shallows
 from authoring.shapes.component import Component, Scatter
 from authoring.site.photo import surface_of
 from authoring.site.site import Site
@@ -19,6 +20,8 @@ from authoring.streams import stream
 from groundwork.files import write_bytes
 
 Pieces = tuple[Component | Scatter, ...]
+
+_SHALLOWS = 1024  # texels along a side of the picture of a river's bed, at most
 
 
 def write_asset(asset: Asset, pieces: Pieces, folder: Path) -> None:
@@ -74,6 +77,10 @@ def bake_site(site: Site, folder: Path, texels: int, seed: int) -> dict[str, Mat
         file = f"./textures/{folder.name}_photo{square.number}.jpg"
         write_bytes(folder / file, jpeg(encode_raw(factors / 2)))
         photos[square.number] = file
+    if site.land.crossing.kind == "river":
+        factors = shallows(site, min(texels, _SHALLOWS), stream(seed, "surface/shallows"))
+        file = write_texture(folder, f"{folder.name}_shallows", encode_raw(factors / 2))
+        recipes["water"] = replace(recipes["water"], macro_file=file)
     for role in roles_of(site.pieces):
         surface, number = surface_of(role)
         if number is not None:

@@ -22,11 +22,12 @@ def painted_steel(tile: Tile, color: Color, age: float) -> Sheet:
     pale = (0.6 * color[0] + 0.14, 0.6 * color[1] + 0.14, 0.6 * color[2] + 0.135)
     albedo = cover(albedo, 0.22 * np.float32(age) * chalk, pale)
     # Blisters break where rust creeps below the paint; what the rain washes out of them runs down.
-    bloom = fractal(tile, 0.16, 0.012, slope=0.8) + np.float32(0.6) * fractal(tile, 1.6, 0.1)
-    start = 3.7 - 0.9 * age  # few blisters after decades, many on paint that is overdue
+    # They come in patches, where the coat was thin.
+    bloom = fractal(tile, 0.16, 0.012, slope=0.8) + np.float32(1.1) * fractal(tile, 2.4, 0.2)
+    start = 4.7 - 1.1 * age  # few blisters after decades, many on paint that is overdue
     rust = ramp(bloom, start, start + 0.25) if age > 0 else np.zeros_like(bloom)
     halo = ramp(bloom, start - 0.5, start + 0.1) if age > 0 else np.zeros_like(bloom)
-    albedo = cover(albedo, 0.40 * halo, (0.17, 0.095, 0.055))
+    albedo = cover(albedo, 0.30 * halo, (0.17, 0.095, 0.055))
     albedo = cover(albedo, rust, rusted(tile))
     return Sheet(
         albedo, np.clip(0.42 + 0.25 * age + 0.25 * rust + 0.03 * clouds, 0, 1).astype(np.float32), 0.0006 * rust

@@ -285,9 +285,9 @@ def stained(tile: Tile, albedo: Floats, age: float) -> Floats:
     years = np.float32(min(age, 1.25))
     film = ramp(fractal(tile, 0.12, 0.012, slope=0.6), -1.0, 2.6)
     colony = ramp(fractal(tile, 0.9, 0.05), float(0.7 - 0.5 * years), 2.2)
-    specks = ramp(fractal(tile, 0.045, 0.010, slope=0.4), 1.2, 2.0)
-    stained = cover(albedo, years * np.minimum(0.17 * film + 0.45 * colony * specks, 0.6), _SOOT)
-    return cover(stained, 0.35 * years * colony * ramp(fractal(tile, 0.05, 0.012, slope=0.4), 1.8, 2.4), _LIME)
+    specks = ramp(fractal(tile, 0.06, 0.006, slope=0.9), 0.5, 2.6)
+    stained = cover(albedo, years * np.minimum(0.17 * film + 0.40 * colony * specks, 0.6), _SOOT)
+    return cover(stained, 0.25 * years * colony * ramp(fractal(tile, 0.06, 0.006, slope=0.9), 1.2, 2.8), _LIME)
 
 
 def cracked(tile: Tile, albedo: Floats, amount: float) -> Floats:

@@ -109,6 +109,27 @@ def fractal(
     return _moved(tile.bank.field(key), tile.rng)
 
 
+def mottle(tile: Tile, waves: tuple[float, float], patches: tuple[float, float], most: float = 5.5) -> Floats:
+    """Draw noise of many sizes, none of which stands out, with some places coarse and others quiet.
+
+    What is high or deep is drawn out a little: a feature detector finds as much on it as on noise to the third power,
+    in which people see dots.
+
+    Args:
+        tile: Where it repeats.
+        waves: Longest and shortest wavelength [m].
+        patches: Those of what makes places coarse or quiet [m].
+        most: Where peaks are cut off [1].
+
+    Returns:
+        Values with mean 0 and standard deviation 1, shape (pixels, pixels), float32.
+    """
+    noise = fractal(tile, *waves, slope=0.9)
+    rough = np.clip(fractal(tile, *patches, slope=1.2), -2.2, 2.2)
+    drawn = noise * (1 + np.float32(0.4) * np.abs(noise)) * (1 + np.float32(0.3) * rough)
+    return standard(np.clip(standard(drawn), -most, most))
+
+
 def standard(field: Floats) -> Floats:
     """Shift and scale a field to mean 0 and standard deviation 1.
 

@@ -18,9 +18,9 @@ ROUGH = (0.42, 0.30, 0.44)  # strong enough that a patch differs from itself one
 SMOOTH = (0.12, 0.12, 0.14)
 FAINT = (0.06, 0.06, 0.08)
 
-# Grain of a bridge's surfaces, of `grain_texture`: newly made, after decades, and of coated metal.
+# Contrast of the grain of a bridge's surfaces, of `grain_texture`: newly made, after decades, and of coated metal.
 NEW_GRAIN = (0.06, 0.08, 0.10)
-GRAIN = (0.42, 0.36, 0.32)
+GRAIN = (0.30, 0.28, 0.30)
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Recipe:
         pixels: Texels along a side where the settings ask for `FULL` [px].
         contrast: Exponent of the drawn albedo about its mean [1]: below 1 its darks and lights come closer, so that
             sheet and fine detail together stay below an RMS contrast of 20 %.
-        picture: Which fine detail: `detail`, with specks of many sizes, or `grain`, quiet but for the finest.
+        picture: Which fine detail: `detail`, with specks of many sizes, or `grain`, a mottle of all sizes.
         cut_out: The sheet is a chart of things that are cut out: it does not repeat, and carries no fine detail.
     """
 

@@ -13,8 +13,8 @@ from authoring.looks.sheet import Color, Sheet
 
 CLEAN, AGED = "_clean", "_aged"
 
-_METAL = (0.34, 0.32, 0.32)  # grain of coated metal after decades: its sheets are the plainest
-_STONY = (0.46, 0.30, 0.22)  # grain of asphalt, whose stones its sheet shows already
+_METAL = (0.22, 0.24, 0.28)  # grain of coated metal after decades: its sheets are the plainest
+_STONY = (0.30, 0.24, 0.18)  # grain of asphalt, whose stones its sheet shows already
 _WORN = 0.8  # contrast of sheets that age, dirt or loose stones have made uneven as they are drawn
 _ROAD = 10.24  # [m]; a camera that crosses a road by 3 to 4 m from image to image must not meet the same asphalt
 

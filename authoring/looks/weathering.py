@@ -8,13 +8,14 @@ from authoring.looks.arrises import arris_distance
 from authoring.looks.charts import draw_charts, spread
 from authoring.looks.marks import on_concrete, on_road, on_steel
 from authoring.looks.members import Members, Spots, draw_fields, read_members, read_spots
-from authoring.looks.noise import I32, Floats, Tile, fractal, ramp, standard
+from authoring.looks.noise import I32, Floats, Tile, fractal, mottle, ramp
 from authoring.looks.runoff import map_stains
 from authoring.shapes.component import Component, Scatter
 
 Marking = Callable[[Spots, Members, Floats, Floats, float], Floats]
 
 _FLECKS = 20.0, 2.4  # longest and shortest wave [texels]
+_COARSE = 512  # texels of an atlas that has nothing else for features far off to hold on to
 _ROWS = 128  # rows of the atlas worked on at once, so that they stay in the cache
 
 
@@ -65,12 +66,12 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
 def _flecks(pixels: int, age: float, rng: np.random.Generator) -> Floats:
     """Draw a soft mottle that is nowhere the same, so that each place of a bridge differs from all others.
 
-    Its peaks are weak: a texel may be decimetres wide, and strong peaks look like dots. What is small is the grain's.
+    A coarse atlas has nothing finer, and features far off need it; in a fine one the grain shows what is small.
     """
-    waves = fractal(Tile(pixels, 1.0, rng), _FLECKS[0] / pixels, _FLECKS[1] / pixels, slope=0.5)
-    peaks = standard(np.clip(standard(waves * waves * waves), -4.0, 4.0))
-    contrast = 0.02 + 0.09 * min(age, 1.0)
-    return 1 + contrast * (0.7 * np.clip(waves, -2.6, 2.6) + 0.5 * peaks)
+    tile, longest = Tile(pixels, 1.0, rng), _FLECKS[0] / pixels
+    field = mottle(tile, (longest, _FLECKS[1] / pixels), (8 * longest, longest), 4.5)
+    loud = 0.045 + 0.10 * min(1.0, (_COARSE / pixels) ** 2)
+    return 1 + np.float32(0.02 + loud * min(age, 1.0)) * field
 
 
 def _sorted(block: I32, owner: I32, members: Members) -> Iterable[tuple[np.ndarray, np.ndarray, Marking]]:

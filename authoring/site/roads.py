@@ -1,7 +1,7 @@
 """The ways through a site: water or road under the bridge, and the approach roads on their fills."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from authoring.shapes.component import Mesh
 from authoring.site.grid import HeightField
 from authoring.site.land import no_hills
 from authoring.site.rails import crossing_railway, railway_pieces
-from authoring.site.shape import BANK_SLOPE, Hills, Land, crossfall
+from authoring.site.shape import BANK_SLOPE, Crossing, Hills, Land, crossfall
 from authoring.site.ways import Line, carriageway, dashes, merged, ribbon
 
 F64 = NDArray[np.float64]
@@ -60,16 +60,29 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lif
     aside = -np.sign(lefts[-1] - lefts[0]) * crossing.stretch(lefts)
     line = Line(crossing.center(lefts), lefts, np.column_stack([aside, np.zeros(len(lefts))]))
     if crossing.kind == "river":
-        half = crossing.half_width + BURIED * BANK_SLOPE
+        half = water_half(crossing)
         level = np.full(len(lefts), crossing.level)
         rows = [np.column_stack([line.offset(side), level]) for side in (half, 0.0, -half)]
-        return [(f"Water{suffix}", "water", "water", ribbon(axis, rows, line.length(), (half, 0.0, -half)))]
+        water = ribbon(axis, rows, line.length(), (half, 0.0, -half))
+        if not suffix:  # the site's own stretch has a picture of its bed
+            chart = ribbon(axis, rows, (lefts - lefts[0]) / (lefts[-1] - lefts[0]), (1.0, 0.5, 0.0))
+            water = replace(water, st1=chart.st)
+        return [(f"Water{suffix}", "water", "water", water)]
     crown = crossing.level + hills(line.station, lefts)
     if crossing.kind == "rail":
         return crossing_railway(land, line, crown, suffix)
     fall = np.full(len(lefts), 0.02 * crossing.half_width)
     names = (f"Road{suffix}", f"RoadMarking{suffix}")
     return _road(land, line, _Profile(crown, fall, np.zeros(len(lefts)), crossing.half_width), names, lift)
+
+
+def water_half(crossing: Crossing) -> float:
+    """Half the width of a river's surface, up to where it disappears in its banks [m].
+
+    Args:
+        crossing: The river.
+    """
+    return crossing.half_width + BURIED * BANK_SLOPE
 
 
 def approach_pieces(

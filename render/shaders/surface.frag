@@ -299,7 +299,9 @@ void main() {
 #endif
 #endif
     if (options.y > 0.5) albedo = vertex_color;
-#ifndef WATER
+#ifdef WATER
+    albedo *= macro_factor();  // the bed of shallow water
+#else
     albedo = min(albedo * detail_factor() * macro_factor(), vec3(0.95));
 #endif
 #ifdef GREY_CARD

@@ -1,9 +1,13 @@
 """Noise: periodic, band-limited, and what brute force finds."""
 
+from itertools import pairwise
+
+import cv2
 import numpy as np
 import pytest
 from scipy import fft
 
+from authoring.looks.grain import grain_texture
 from authoring.looks.noise import Tile, cells, draw, fractal, joints, ramp, spots
 
 
@@ -27,6 +31,16 @@ def test_fractal_is_drawn_out_along_the_stretched_axis() -> None:
     """Neighbours along u are more alike than neighbours along v when u is stretched."""
     field = fractal(_tile(256), 0.5, 0.05, stretch=(8.0, 1.0))
     assert np.abs(np.diff(field, axis=1)).mean() < 0.3 * np.abs(np.diff(field, axis=0)).mean()
+
+
+def test_grain_has_no_dots() -> None:
+    """No peaks on a quiet ground (a fourth moment of 7.6 was leopard spots), and four octaves about as loud."""
+    grain = grain_texture().astype(np.float32)
+    grain = (grain - grain.mean()) / grain.std()
+    assert (grain**4).mean() < 5.5
+    blurred = [cv2.GaussianBlur(grain, (0, 0), 0.8 * 2.0**octave) for octave in range(5)]
+    octaves = [float((fine - coarse).std()) for fine, coarse in pairwise(blurred)]
+    assert max(octaves) < 1.5 * min(octaves)
 
 
 def test_cells_equal_brute_force() -> None:
