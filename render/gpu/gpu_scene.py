@@ -18,7 +18,7 @@ from render.gpu.materials import ROW, MaterialTable, Variant
 from render.gpu.ribbons import Ribbons, shape_attributes, upload_ribbons
 from render.gpu.row_texture import DRAW_UNIT, row_texture
 from render.gpu.wraps import Wraps
-from usd_schemas.flat_scene import FlatScene
+from usd_schemas.flat_scene import ALIKE, FlatScene
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -26,8 +26,9 @@ I64 = NDArray[np.int64]
 VERTEX_NAMES = ("in_position", "in_normal", "in_st", "in_st1", "in_color")
 _ATTRIBUTES = dict(zip(VERTEX_NAMES, (("3f", 12), ("3f", 12), ("2f", 8), ("2f", 8), ("4f2", 8)), strict=True))
 _VERTEX = np.dtype([("p", "3f4"), ("n", "3f4"), ("st", "2f4"), ("st1", "2f4"), ("color", "4f2")])
-# One row of the shader's draws: rows of the linear map, then of its cofactors; beside the second, whether it mirrors.
+# One row of the shader's draws: rows of the linear map, then of its cofactors; beside the second, its `sides`.
 _DRAW = np.dtype([("linear", "(3,4)f4"), ("cofactor", "(3,4)f4")])
+_ROW_NAMES = tuple(f"in_{name}_{axis}" for name in _DRAW.names or () for axis in "xyz")
 # DrawElementsIndirectCommand
 COMMAND = np.dtype([("count", "u4"), ("instances", "u4"), ("first", "u4"), ("vertex", "u4"), ("draw", "u4")])
 _WAITING = 30_000  # triangles; a driver on the CPU takes 0.5 kB for each that it has not drawn yet, up to 36 MB
@@ -42,7 +43,8 @@ class GpuScene:
         vertices: Vertex buffer.
         indices: Triangle buffer.
         draw_numbers: Instanced attribute 0, 1, 2 …; a command's base instance picks its draw.
-        draws: Draw rows, as `row_texture` lays them.
+        rows: Instanced attributes: the row of each draw, shape (D,), dtype `_DRAW`.
+        draws: The same rows, as `row_texture` lays them.
         materials: Material rows, `_APART` bytes from one to the next.
         offsets: Instanced attribute: camera-relative origin of each draw [m], written anew for each view.
         origins: Origin of each draw's mesh in the world [m], shape (D, 3), float64.
@@ -62,6 +64,7 @@ class GpuScene:
     vertices: moderngl.Buffer
     indices: moderngl.Buffer
     draw_numbers: moderngl.Buffer
+    rows: moderngl.Buffer
     draws: moderngl.Texture
     materials: moderngl.Buffer
     offsets: moderngl.Buffer
@@ -91,7 +94,7 @@ class GpuScene:
 
     def release_places(self) -> None:
         """Give back what `moved` made."""
-        for held in (self.draw_numbers, self.draws, self.offsets):
+        for held in (self.draw_numbers, self.rows, self.draws, self.offsets):
             held.release()
 
     @property
@@ -169,9 +172,12 @@ class GpuScene:
         formats = [code if name in used else f"{size}x" for name, (code, size) in _ATTRIBUTES.items()]
         content = [
             (self.vertices, " ".join(formats), *used),
-            (self.draw_numbers, "1u4/i", "in_draw"),
             (self.offsets, "3f4/i", "in_offset"),
         ]
+        if "in_draw" in program:
+            content.append((self.draw_numbers, "1u4/i", "in_draw"))
+        rows = [name for name in _ROW_NAMES if name in program]
+        content.append((self.rows, " ".join("4f4" if name in rows else "16x" for name in _ROW_NAMES) + "/i", *rows))
         return context.vertex_array(program, content, self.indices)
 
     def bar_array(self, context: moderngl.Context, program: moderngl.Program) -> moderngl.VertexArray:
@@ -245,13 +251,14 @@ def _placed(context: moderngl.Context, scene: FlatScene, of_material: I64) -> di
     rows["linear"][..., :3] = linear
     mirrored = np.linalg.det(linear) < 0
     rows["cofactor"][..., :3] = _cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
-    rows["linear"][:, 1, 3] = mirrored
+    rows["linear"][:, 1, 3] = np.where(geometry.part_double_sided[draws.part] == ALIKE, 2, mirrored)
     commands = np.zeros(count, COMMAND)
     commands["count"], commands["first"] = geometry.part_count[draws.part] * 3, geometry.part_first[draws.part] * 3
     commands["instances"], commands["draw"] = 1, np.arange(count)
     lower, upper = draw_boxes(scene)
     return {
         "draw_numbers": context.buffer(np.arange(count, dtype=np.uint32).tobytes()),
+        "rows": context.buffer(rows.tobytes()),
         "draws": row_texture(context, _numbers(rows)),
         "offsets": context.buffer(reserve=count * 12, dynamic=True),
         "origins": draws.transform[:, :3, 3].copy(),
