@@ -11,16 +11,6 @@ in vec2 in_st1;
 in vec4 in_color;
 in uint in_draw;
 in vec3 in_offset;
-#if defined(FACET) || defined(BAR)  // which have too many attributes of their own
-#define FROM_TEXTURE
-#else
-in vec4 in_linear_x;
-in vec4 in_linear_y;
-in vec4 in_linear_z;
-in vec4 in_cofactor_x;
-in vec4 in_cofactor_y;
-in vec4 in_cofactor_z;
-#endif
 #ifdef FACET
 in vec3 in_plane;
 in vec2 in_place;
@@ -113,12 +103,7 @@ void lay_ribbon(Draw row) {
 #endif
 
 void main() {
-#ifdef FROM_TEXTURE
     Draw row = draw_row(int(in_draw));
-#else
-    Draw row = Draw(vec3[](in_linear_x.xyz, in_linear_y.xyz, in_linear_z.xyz),
-                    vec3[](in_cofactor_x.xyz, in_cofactor_y.xyz, in_cofactor_z.xyz), uint(in_linear_y.w));
-#endif
     relative = vec3(dot(row.linear[0], in_position), dot(row.linear[1], in_position), dot(row.linear[2], in_position))
              + in_offset;
     normal = vec3(dot(row.cofactor[0], in_normal), dot(row.cofactor[1], in_normal), dot(row.cofactor[2], in_normal));
