@@ -84,12 +84,12 @@ def test_two_sheets_become_one_between_them() -> None:
     assert all(level.alike for level in others)
     assert deviation(full, first) == pytest.approx(GAP, rel=1e-6)
     assert areas(first.corners).sum() == pytest.approx(areas(full.corners).sum() / 2)
-    near = KDTree(full.corners.reshape(-1, 3)).query(first.corners.reshape(-1, 3))
-    np.testing.assert_allclose(near[0], GAP, rtol=1e-6)
+    away, near = KDTree(full.corners.reshape(-1, 3)).query(first.corners.reshape(-1, 3))
+    np.testing.assert_allclose(away, GAP, rtol=1e-6)
+    count = 3 * len(first)
     for name in ("normals", "carried"):
-        np.testing.assert_allclose(
-            getattr(first, name).reshape(len(near[1]), -1), getattr(full, name).reshape(len(near[1]) * 2, -1)[near[1]]
-        )
+        one, two = (getattr(part, name).reshape(rows, -1) for part, rows in ((first, count), (full, 2 * count)))
+        np.testing.assert_allclose(one, two[near])
     out = np.cross(first.corners[:, 1] - first.corners[:, 0], first.corners[:, 2] - first.corners[:, 0])
     assert (np.einsum("ti,ti->t", out, first.corners.mean(axis=1)) > 0).all()  # the sheet that came first stays
 
