@@ -16,6 +16,7 @@ I32 = NDArray[np.int32]
 U32 = NDArray[np.uint32]
 U8 = NDArray[np.uint8]
 
+ALIKE = 2  # of `part_double_sided`
 MOST_OCTAVES = 3  # of fine detail; more would cost the renderer a look-up a pixel each
 
 
@@ -33,7 +34,8 @@ class Geometry:
             they run clockwise in the world where a draw's transform mirrors.
         part_first: First triangle of each part, shape (P,), int32.
         part_count: Number of triangles of each part, shape (P,), int32.
-        part_double_sided: 1 where back faces are visible, shape (P,), uint8.
+        part_double_sided: 1 where back faces are visible; `ALIKE` where they take the same light as front faces do, as
+            leaves let it through, which no stage says; shape (P,), uint8.
     """
 
     positions: F32

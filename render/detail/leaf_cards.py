@@ -24,6 +24,7 @@ _STEP = 0.7  # cards of a level over those of the one before
 _FEWEST = 3  # cards of the last level
 _LARGEST = 2.0  # size of a card over that in the crown as authored [1]
 _SHEETS = 0.05  # distance of the two sheets of one card, at most, over the card's size [1]
+_UNLIKE = 1e-3  # greatest difference of normals, texture coordinates and colours at a corner of two sheets [1]
 
 
 def cards_of(soup: Soup) -> I64:
@@ -39,17 +40,50 @@ def cards_of(soup: Soup) -> I64:
     """
     if not len(soup):
         return np.zeros(0, np.int64)
-    corners = soup.corners.reshape(-1, 3)
-    place = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
-    triangle = np.repeat(np.arange(len(soup)), 3)
-    joint = coo_array((np.ones(len(place)), (triangle, len(soup) + place)), shape=(len(soup) + len(corners),) * 2)
-    piece = np.unique(connected_components(joint, directed=False)[1][: len(soup)], return_inverse=True)[1]
+    piece = _pieces(soup)
     if np.bincount(piece).max() > 2:
         return np.zeros(0, np.int64)
     middle, size = _middles(soup, piece), _sizes(soup, piece)
     pairs = KDTree(middle).query_pairs(_SHEETS * float(np.median(size)), output_type="ndarray")
     sheets = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(middle),) * 2)
     return connected_components(sheets, directed=False)[1].astype(np.int64)[piece]
+
+
+def single_sheets(soup: Soup, card: I64) -> tuple[Soup, I64] | None:
+    """Lay the two sheets of each card into one between them, whose sides take the light that both of them took.
+
+    Args:
+        soup: Triangles.
+        card: The number of its card for each triangle, shape (T,), int64.
+
+    Returns:
+        Half the triangles, and the number of the card of each, shape (T / 2,), int64; None where a card has not two
+        sheets that lie back to back, carry the same at each corner, and have one normal there.
+    """
+    piece, size = _pieces(soup), _sizes(soup, card)
+    fronts: list[I64] = []
+    corners: list[F64] = []
+    for number in range(len(size)):
+        members = np.flatnonzero(card == number)
+        left = [members[piece[members] == one] for one in dict.fromkeys(piece[members].tolist())]
+        while left:  # more than two where two cards lie in each other
+            front = left.pop(0)
+            pairs = ((row, _between(soup, front, back, _SHEETS * size[number])) for row, back in enumerate(left))
+            row, middle = next(((row, middle) for row, middle in pairs if middle is not None), (-1, None))
+            if middle is None:
+                return None
+            left.pop(row)
+            fronts.append(front)
+            corners.append(middle)
+    every = np.concatenate(fronts)
+    single = replace(
+        soup,
+        corners=np.concatenate(corners),
+        normals=soup.normals[every],
+        carried=soup.carried[every],
+        alike=True,
+    )
+    return single, card[every]
 
 
 def fewer_cards(soup: Soup, card: I64) -> Iterator[Soup]:
@@ -74,6 +108,35 @@ def fewer_cards(soup: Soup, card: I64) -> Iterator[Soup]:
         corners = center + grown * (soup.corners[rows] - center)
         yield replace(soup, corners=corners, normals=soup.normals[rows], carried=soup.carried[rows])
         count = int(_STEP * count)
+
+
+def _pieces(soup: Soup) -> I64:
+    """Number what hangs together at its corners, for each triangle, shape (T,)."""
+    corners = soup.corners.reshape(-1, 3)
+    place = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
+    triangle = np.repeat(np.arange(len(soup)), 3)
+    joint = coo_array((np.ones(len(place)), (triangle, len(soup) + place)), shape=(len(soup) + len(corners),) * 2)
+    return np.unique(connected_components(joint, directed=False)[1][: len(soup)], return_inverse=True)[1]
+
+
+def _between(soup: Soup, front: I64, back: I64, most: float) -> F64 | None:
+    """Lay a sheet between two of one card, no farther apart than told, shape (N, 3, 3); None if they differ."""
+    if len(front) != len(back):
+        return None
+    here, there = (
+        np.concatenate([part[sheet] for part in (soup.corners, soup.normals, soup.carried)], axis=2).reshape(
+            3 * len(sheet), -1
+        )
+        for sheet in (front, back)
+    )
+    gap = np.linalg.norm(here[:, None, :3] - there[None, :, :3], axis=2)
+    other = there[np.argmin(gap, axis=1)]
+    facing = [
+        np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]).sum(axis=0) for t in map(soup.corners.__getitem__, (front, back))
+    ]
+    if facing[0] @ facing[1] >= 0 or gap.min(axis=1).max() > most or np.abs(here - other)[:, 3:].max() > _UNLIKE:
+        return None
+    return (here[:, :3] + other[:, :3]).reshape(-1, 3, 3) / 2
 
 
 def _middles(soup: Soup, piece: I64) -> F64:

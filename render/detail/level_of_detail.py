@@ -16,7 +16,7 @@ from render.detail.texel_need import Sight, least_distances
 from render.gpu.camera import visible_boxes
 from render.gpu.gpu_scene import draw_boxes
 from usd_schemas.components import BACKGROUND, class_rows
-from usd_schemas.flat_scene import CameraTrack, Draws, FlatScene, Geometry
+from usd_schemas.flat_scene import ALIKE, CameraTrack, Draws, FlatScene, Geometry
 from usd_schemas.pinhole import Pinhole
 
 F64 = NDArray[np.float64]
@@ -208,7 +208,7 @@ class _Pile:
         if not vertices:
             return old
         new, sizes = np.concatenate(vertices), np.array([len(soup) for soup, _ in self._added], np.int32)
-        sides = old.part_double_sided[[part for _, part in self._added]]
+        sides = [ALIKE if soup.alike else old.part_double_sided[part] for soup, part in self._added]
         return Geometry(
             np.concatenate([old.positions, new[:, :3]]),
             np.concatenate([old.normals, new[:, 3:6]]),
@@ -218,7 +218,7 @@ class _Pile:
             np.concatenate([old.triangles, *triangles]),
             np.concatenate([old.part_first, len(old.triangles) + np.cumsum(sizes, dtype=np.int32) - sizes]),
             np.concatenate([old.part_count, sizes]),
-            np.concatenate([old.part_double_sided, sides]),
+            np.concatenate([old.part_double_sided, np.array(sides, np.uint8)]),
         )
 
 
@@ -230,4 +230,5 @@ def _soup(geometry: Geometry, part: int) -> Soup:
         geometry.positions[corners].astype(np.float64),
         geometry.normals[corners].astype(np.float64),
         carried.astype(np.float64),
+        bool(geometry.part_double_sided[part] == ALIKE),
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from render.detail.leaf_cards import cards_of, fewer_cards
+from render.detail.leaf_cards import cards_of, fewer_cards, single_sheets
 from render.detail.soup import Soup
 
 F64 = NDArray[np.float64]
@@ -21,11 +21,14 @@ _AT_ONCE = 0.2  # share of the triangles that one round takes away
 _STEP = 0.7  # triangles of a level over those of the one before
 _RIM = 4.0  # weight of what keeps an open edge where it is
 _HOLD = 1e-3  # how much a new place is drawn to the middle of its edge, which flat ground leaves open
-_CLOSEST = 8  # triangles that a distance is taken to
+_CLOSEST, _MOST_CLOSE = 8, 128  # triangles that a distance is taken to: first, and for points far from those
+_FAR = 0.7  # of the greatest distance
 
 
 def coarser_levels(soup: Soup) -> Iterator[Soup]:
     """Make ever coarser copies, each with about 0.7 of the triangles of the one before, down to two or to a few cards.
+
+    Cards of two sheets that take the same light become cards of one first.
 
     Args:
         soup: Triangles; corners at one place count as connected.
@@ -35,6 +38,10 @@ def coarser_levels(soup: Soup) -> Iterator[Soup]:
     """
     card = cards_of(soup)
     if len(card):
+        single = single_sheets(soup, card)
+        if single is not None:
+            soup, card = single
+            yield soup
         yield from fewer_cards(soup, card)
         return
     places, rows = np.unique(soup.corners.reshape(-1, 3), axis=0, return_inverse=True)
@@ -155,9 +162,16 @@ def _farthest(source: F64, target: F64) -> float:
     """Greatest distance of points of triangles from the nearest of other triangles."""
     middles = (source + np.roll(source, -1, axis=1)) / 2
     points = np.unique(np.concatenate([source.reshape(-1, 3), middles.reshape(-1, 3), source.mean(axis=1)]), axis=0)
-    count = min(_CLOSEST, len(target))
-    near = KDTree(target.mean(axis=1)).query(points, count)[1].reshape(len(points), count)
-    return float(_distances(points[:, None], target[near]).min(axis=1).max())
+    tree, most = KDTree(target.mean(axis=1)), min(_MOST_CLOSE, len(target))
+    least, settled = np.empty(len(points)), np.zeros(len(points), bool)
+    rows, count = np.arange(len(points)), min(_CLOSEST, most)
+    while True:  # more triangles for those points alone that are far from all so far
+        near = tree.query(points[rows], count)[1].reshape(len(rows), count)
+        least[rows] = _distances(points[rows, None], target[near]).min(axis=1)
+        settled[rows] = count == most
+        if settled[np.argmax(least)]:
+            return float(least.max())
+        rows, count = np.flatnonzero(~settled & (least > _FAR * least.max())), most
 
 
 def _distances(point: F64, corners: F64) -> F64:

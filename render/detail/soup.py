@@ -16,11 +16,13 @@ class Soup:
         corners: Positions [stage units], shape (T, 3, 3), float64.
         normals: Unit normals [1], shape (T, 3, 3), float64.
         carried: Texture coordinates and colours, shape (T, 3, K), float64; corners keep them wherever they go.
+        alike: Both sides take the same light.
     """
 
     corners: F64
     normals: F64
     carried: F64
+    alike: bool = False
 
     def __len__(self) -> int:
         """Count the triangles."""

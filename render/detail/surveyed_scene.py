@@ -36,9 +36,12 @@ class SurveyedScene:
         return self.scene.cameras[self.scene.products[0].camera]
 
     def without_meshes(self) -> "SurveyedScene":
-        """Return what is left to know once the meshes are uploaded."""
+        """Return what is left to know once the meshes and where they stand are uploaded."""
         empty = {name: rows[:0].copy() for name, rows in vars(self.scene.geometry).items()}
-        return replace(self, scene=replace(self.scene, geometry=Geometry(**empty)))
+        draws = self.scene.draws
+        if not self.scene.moments:  # else they are placed anew
+            draws = replace(draws, transform=draws.transform[:0].copy())
+        return replace(self, scene=replace(self.scene, geometry=Geometry(**empty), draws=draws))
 
 
 def survey_scene(scene: FlatScene, triangle_budget: int) -> SurveyedScene:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -18,7 +18,7 @@ from render.gpu.materials import ROW, MaterialTable, Variant
 from render.gpu.ribbons import Ribbons, shape_attributes, upload_ribbons
 from render.gpu.row_texture import DRAW_UNIT, row_texture
 from render.gpu.wraps import Wraps
-from usd_schemas.flat_scene import FlatScene
+from usd_schemas.flat_scene import ALIKE, FlatScene, Geometry
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -26,11 +26,12 @@ I64 = NDArray[np.int64]
 VERTEX_NAMES = ("in_position", "in_normal", "in_st", "in_st1", "in_color")
 _ATTRIBUTES = dict(zip(VERTEX_NAMES, (("3f", 12), ("3f", 12), ("2f", 8), ("2f", 8), ("4f2", 8)), strict=True))
 _VERTEX = np.dtype([("p", "3f4"), ("n", "3f4"), ("st", "2f4"), ("st1", "2f4"), ("color", "4f2")])
-# One row of the shader's draws: rows of the linear map, then of its cofactors; beside the second, whether it mirrors.
+# One row of the shader's draws: rows of the linear map, then of its cofactors; beside the second, its `sides`.
 _DRAW = np.dtype([("linear", "(3,4)f4"), ("cofactor", "(3,4)f4")])
 # DrawElementsIndirectCommand
 COMMAND = np.dtype([("count", "u4"), ("instances", "u4"), ("first", "u4"), ("vertex", "u4"), ("draw", "u4")])
 _WAITING = 30_000  # triangles; a driver on the CPU takes 0.5 kB for each that it has not drawn yet, up to 36 MB
+_AT_ONCE = 1 << 15  # vertices
 _APART = 256  # [bytes] from one material to the next: where a driver lets a uniform block begin
 
 
@@ -212,10 +213,11 @@ def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, fa
     """
     check_scene(scene)
     geometry, context = scene.geometry, gl.context
-    vertices = np.zeros(len(geometry.positions), _VERTEX)
-    vertices["p"], vertices["n"] = geometry.positions, geometry.normals
-    vertices["st"], vertices["st1"] = geometry.st, geometry.st1
-    vertices["color"][:, :3] = geometry.colors
+    count = len(geometry.positions)
+    vertices = context.buffer(reserve=max(count, 1) * _VERTEX.itemsize)
+    for first in range(0, count, _AT_ONCE):  # all of them once more, and their bytes, would take 50 MB
+        block = _vertices(geometry, slice(first, first + _AT_ONCE))
+        vertices.write(block.tobytes(), offset=first * _VERTEX.itemsize)
     materials = np.zeros((len(table.rows), _APART // 4), np.float32)
     materials[:, : ROW.itemsize // 4] = _numbers(table.rows)
     variants = tuple(dict.fromkeys(table.variants))
@@ -223,17 +225,27 @@ def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, fa
     of_material = np.array([number[variant] for variant in table.variants], np.int64)
     placed = _placed(context, scene, of_material)
     return GpuScene(
-        vertices=context.buffer(vertices.tobytes()),
-        indices=context.buffer(geometry.triangles.astype(np.uint32).tobytes()),
+        vertices=vertices,
+        indices=context.buffer(np.ascontiguousarray(geometry.triangles, np.uint32)),
         materials=context.buffer(materials.tobytes()),
         variants=variants,
         of_material=of_material,
         anchor=anchor,
         facets=facets,
         wraps=Wraps(gl.functions),
-        ribbons=upload_ribbons(context, scene, bars, vertices, placed["commands"]),
+        ribbons=upload_ribbons(context, scene, bars, partial(_vertices, geometry), placed["commands"]),
         **placed,
     )
+
+
+def _vertices(geometry: Geometry, rows: slice | I64) -> NDArray[np.void]:
+    """Vertices as the shaders read them, of some rows of a geometry."""
+    positions = geometry.positions[rows]
+    vertices = np.zeros(len(positions), _VERTEX)
+    vertices["p"], vertices["n"] = positions, geometry.normals[rows]
+    vertices["st"], vertices["st1"] = geometry.st[rows], geometry.st1[rows]
+    vertices["color"][:, :3] = geometry.colors[rows]
+    return vertices
 
 
 def _placed(context: moderngl.Context, scene: FlatScene, of_material: I64) -> dict[str, Any]:
@@ -245,7 +257,7 @@ def _placed(context: moderngl.Context, scene: FlatScene, of_material: I64) -> di
     rows["linear"][..., :3] = linear
     mirrored = np.linalg.det(linear) < 0
     rows["cofactor"][..., :3] = _cofactors(linear) * np.where(mirrored, -1.0, 1.0)[:, None, None]
-    rows["linear"][:, 1, 3] = mirrored
+    rows["linear"][:, 1, 3] = np.where(geometry.part_double_sided[draws.part] == ALIKE, 2, mirrored)
     commands = np.zeros(count, COMMAND)
     commands["count"], commands["first"] = geometry.part_count[draws.part] * 3, geometry.part_first[draws.part] * 3
     commands["instances"], commands["draw"] = 1, np.arange(count)

@@ -3,6 +3,7 @@
 A ribbon is a strip that faces the camera and knows how much of each pixel its bar covers.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -112,7 +113,11 @@ class Ribbons:
 
 
 def upload_ribbons(
-    context: moderngl.Context, scene: FlatScene, bars: Bars, vertices: NDArray[np.void], commands: NDArray[np.void]
+    context: moderngl.Context,
+    scene: FlatScene,
+    bars: Bars,
+    vertices: Callable[[I64], NDArray[np.void]],
+    commands: NDArray[np.void],
 ) -> Ribbons:
     """Put the bars of a scene into buffers.
 
@@ -120,7 +125,7 @@ def upload_ribbons(
         context: Open context.
         scene: The scene.
         bars: Its bars.
-        vertices: Its vertices as the renderer has them, positions in mesh-local axes [stage units], shape (V,).
+        vertices: Gives some of its vertices as the renderer has them, positions in mesh-local axes [stage units].
         commands: Draw command of each draw, shape (D,).
     """
     geometry = scene.geometry
@@ -134,7 +139,7 @@ def upload_ribbons(
     strips = np.arange(4 * len(bars.part)).reshape(-1, 2, 2) + len(used)  # by segment, end and side
     quads = strips.reshape(-1, 4)[:, [0, 1, 2, 2, 1, 3]]
     ends = np.repeat(bars.vertex.reshape(-1), 2)
-    every = np.concatenate([vertices[used], vertices[ends]])
+    every = vertices(np.concatenate([used, ends]))
     every["p"][len(used) :] = np.repeat(bars.ends.reshape(-1, 3), 2, axis=0)
     shapes = np.concatenate([_surface_shapes(bars, used), _ribbon_shapes(bars)])
     surfaces = np.where(counts > 0, geometry.part_count, 0)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.light.daylight import Daylight
-from usd_schemas.flat_scene import FlatScene, without_ghosts, world_triangles
+from usd_schemas.flat_scene import ALIKE, FlatScene, without_ghosts, world_triangles
 from usd_schemas.raycast import RayScene
 
 F32 = NDArray[np.float32]
@@ -31,7 +31,7 @@ class Hits:
         normal: Unit normal that faces the ray [1], shape (N, 3), float32.
         albedo: Mean base colour there [1], shape (N, 3), float32.
         near: Whether the hit is so near that the ray's start lies on or in something, shape (N,), bool.
-        behind: Whether the ray hit the back of a face, shape (N,), bool.
+        behind: Whether the ray hit the back of a face that is not `ALIKE` from both sides, shape (N,), bool.
     """
 
     ray: I64
@@ -68,6 +68,7 @@ class LightTracer:
         mirrored = np.linalg.det(scene.draws.transform[:, :3, :3]) < 0
         self.normals[mirrored[self.draws]] *= -1
         self._colors = (albedo + _MIRRORED * (1 - albedo))[scene.draws.material].astype(np.float32)
+        self._alike = (scene.geometry.part_double_sided[scene.draws.part] == ALIKE)[self.draws]
         self._light = light
         self._rays = RayScene(self.corners, np.zeros(len(self.corners), np.uint32))
 
@@ -93,6 +94,7 @@ class LightTracer:
         point = origins[met] + distance[met, None] * directions[met]
         color = self._colors[self.draws[triangle[met]]]
         radiance[met] = color * self._sunlight(point, normal)[:, None] * (light.sun_irradiance / np.pi)
+        behind &= ~self._alike[triangle[met]]
         return radiance, Hits(met, point.astype(np.float32), normal, color, distance[met] < touching, behind)
 
     def _sunlight(self, points: F64, normals: F32) -> F32:

@@ -80,7 +80,7 @@ class Sensor:
         if settings.noise:
             rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
             self._tile = rng.standard_normal((shape[0] + _TILE, shape[1] + _TILE, 3), np.float32)
-        self._vignette = _vignette(shape, settings.vignetting)
+        self._shape = shape
 
     def expose(self, frame: int, code: U16, surfaces: NDArray[np.bool_] | None = None) -> Exposure:
         """Meter one frame and draw the sensor's flaws; frames do not depend on each other.
@@ -155,7 +155,7 @@ class Sensor:
         """Vignette and blur rows, of which the `top` first and `bottom` last only lend light, then add noise."""
         settings = self._settings
         if settings.vignetting > 0:
-            light *= cv2.merge([self._vignette[wide]] * 3)
+            light *= cv2.merge([_vignette(self._shape, settings.vignetting, wide)] * 3)
         if settings.blur_sigma > 0:
             side = 2 * self._reach + 1
             light = cv2.GaussianBlur(light, (side, side), settings.blur_sigma, borderType=cv2.BORDER_REFLECT).astype(
@@ -212,15 +212,13 @@ def balance(light: NDArray[np.float64], share: float) -> tuple[float, float]:
     return float(red), float(blue)
 
 
-def _vignette(shape: tuple[int, int], loss: float) -> F32:
-    """Share of the light that reaches each pixel, falling with the squared distance from the middle, (H, W)."""
+def _vignette(shape: tuple[int, int], loss: float, rows: slice) -> F32:
+    """Share of the light that reaches each pixel, falling with the squared distance from the middle, (rows, W)."""
     height, width = shape
-    down = (np.arange(height) + 0.5) / height * 2 - 1
+    down = (np.arange(height)[rows, None] + 0.5) / height * 2 - 1
     across = (np.arange(width) + 0.5) / width * 2 - 1
-    vignette = np.empty(shape, np.float32)
-    for row, square in enumerate((down * height) ** 2):  # whole, it would take six times the memory for a moment
-        vignette[row] = 1.0 - loss * ((square + (across * width) ** 2) / (height**2 + width**2))
-    return vignette
+    square = (down * height) ** 2 + (across * width) ** 2
+    return (1.0 - loss * (square / (height**2 + width**2))).astype(np.float32)
 
 
 def _tone_table() -> U8:

@@ -19,7 +19,8 @@ void main() {
     out_draw = draw + 1u;
     out_depth = 1.0 / gl_FragCoord.w;
 #ifdef NORMALS
-    out_normal = vec4(normalize(normal + vec3(0.0, 0.0, 1e-12)) * (gl_FrontFacing != (mirrored != 0u) ? 1.0 : -1.0), 1.0);
+    bool kept = sides == 2u || gl_FrontFacing != (sides != 0u);
+    out_normal = vec4(normalize(normal + vec3(0.0, 0.0, 1e-12)) * (kept ? 1.0 : -1.0), 1.0);
 #endif
 #ifdef TRIANGLES
     out_triangle = uint(gl_PrimitiveID);

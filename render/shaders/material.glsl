@@ -33,7 +33,7 @@ in vec2 normal_place;
 in vec2 metallic_place;
 in vec3 vertex_color;
 flat in uint draw;
-flat in uint mirrored;  // whether the draw mirrors
+flat in uint sides;     // of the draw, as in rows.glsl
 
 // Without anisotropy the default mip level blurs every slanted surface; what comes out too sharp, the lens blurs.
 const float SHARPER = -1.0;

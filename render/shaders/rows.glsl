@@ -3,7 +3,7 @@
 struct Draw {
     vec3 linear[3];
     vec3 cofactor[3];
-    bool mirrored;
+    uint sides;     // 0 as wound, 1 where the draw mirrors, 2 where both sides take the same light
 };
 
 uniform sampler2D draw_rows;
@@ -19,5 +19,5 @@ Draw draw_row(int row) {
     vec4 first = draw_texel(row, 0), second = draw_texel(row, 1);
     return Draw(vec3[](first.xyz, second.xyz, draw_texel(row, 2).xyz),
                 vec3[](draw_texel(row, 3).xyz, draw_texel(row, 4).xyz, draw_texel(row, 5).xyz),
-                second.w > 0.5);
+                uint(second.w));
 }

@@ -317,7 +317,7 @@ void main() {
     out_away = 1.0 / gl_FragCoord.w;
 #else
     vec3 face = normalize(normal + vec3(0.0, 0.0, 1e-12));  // a mesh without area has no normal
-    if (gl_FrontFacing == (mirrored != 0u)) face = -face;
+    if (sides != 2u && gl_FrontFacing == (sides != 0u)) face = -face;
 #ifdef BLEND
     float held = options.z;  // of the light behind
 #ifdef CUT_OUT

@@ -44,7 +44,7 @@ out vec2 emission_place;
 #endif
 out vec3 vertex_color;
 flat out uint draw;
-flat out uint mirrored;
+flat out uint sides;
 #ifdef FACET
 flat out vec3 plane;
 flat out vec2 place_of_plane;
@@ -118,7 +118,7 @@ void main() {
 #endif
     vertex_color = in_color.rgb;
     draw = in_draw;
-    mirrored = row.mirrored ? 1u : 0u;
+    sides = row.sides;
 #ifdef FACET
     plane = in_plane;
     place_of_plane = in_place;

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from render.views.adjacency import edge_neighbours
 from render.views.targets import View
 from usd_schemas.distortion import Distortion
-from usd_schemas.flat_scene import FlatScene
+from usd_schemas.flat_scene import ALIKE, FlatScene
 from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
@@ -43,6 +43,7 @@ class Geometry(NamedTuple):  # numba reads these, and no data classes
         transform: Mesh to world, shape (D, 4, 4), float64.
         cofactor: What turns each draw's normals, shape (D, 3, 3), float64.
         mirrored: Whether a draw is mirrored, shape (D,), bool.
+        alike: Whether both sides of a draw take the same light, shape (D,), bool.
         cut_out: Whether a draw has holes that only its texture knows, shape (D,), bool.
         neighbours: Triangles that share an edge, counted within the part, shape (T, 3), int32.
     """
@@ -54,6 +55,7 @@ class Geometry(NamedTuple):  # numba reads these, and no data classes
     transform: F64
     cofactor: F64
     mirrored: NDArray[np.bool_]
+    alike: NDArray[np.bool_]
     cut_out: NDArray[np.bool_]
     neighbours: NDArray[np.int32]
 
@@ -79,6 +81,7 @@ def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
         draws.transform,
         cofactor,
         mirrored,
+        geometry.part_double_sided[draws.part] == ALIKE,
         cut_out,
         edge_neighbours(geometry),
     )
@@ -215,6 +218,7 @@ def _meet(wider: _Wider, seen: Geometry, draw_out: U32, depth_out: F32, normal_o
             if wants_normals and best_draw != 0:
                 _corners(corners, seen, best_draw, best_part)
                 flip = _faces_away(corners, x, y) != seen.mirrored[best_draw - 1]
+                flip = flip and not seen.alike[best_draw - 1]
                 _normal(normal_out[row, column], seen, best_draw, best_part, chosen, flip)
 
 

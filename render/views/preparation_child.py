@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from groundwork.child import answer_parent, run_child
-from groundwork.files import write_bytes
+from groundwork.files import write_pickle
 from groundwork.progress import Progress
 from render.detail.surveyed_scene import SurveyedScene, survey_scene
 from render.light.light_volume import LightVolume, cast_light_volume
@@ -52,14 +52,16 @@ def cast_volume_apart(*work: Any) -> LightVolume:
 def _apart(task: str, arguments: tuple[Any, ...], progress: Progress) -> Any:
     with tempfile.TemporaryDirectory() as scratch:
         work, answer = Path(scratch) / "work", Path(scratch) / "answer"
-        write_bytes(work, pickle.dumps(arguments, pickle.HIGHEST_PROTOCOL), durable=False)
+        write_pickle(work, arguments)
         request = {"task": task, "work": str(work), "answer": str(answer)}
         run_child(_CHILD, request, time_limit=_TIME_LIMIT, memory_limit=_MEMORY_LIMIT, progress=progress)
-        return pickle.loads(answer.read_bytes())
+        with answer.open("rb") as file:
+            return pickle.load(file)
 
 
 def _serve(request: dict[str, Any], progress: Progress) -> None:
-    arguments = pickle.loads(Path(request["work"]).read_bytes())
+    with Path(request["work"]).open("rb") as file:
+        arguments = pickle.load(file)
     if request["task"] == "light":
         scene, daylight, albedo, box, sampling = arguments
         result: object = cast_light_volume(scene, daylight, albedo, box, sampling, progress)
@@ -68,7 +70,7 @@ def _serve(request: dict[str, Any], progress: Progress) -> None:
 
         path, survey, triangle_budget, choices = arguments
         result = survey_scene(load_scene(path, survey=survey, choices=choices), triangle_budget)
-    write_bytes(Path(request["answer"]), pickle.dumps(result, pickle.HIGHEST_PROTOCOL), durable=False)
+    write_pickle(Path(request["answer"]), result)
 
 
 if __name__ == "__main__":

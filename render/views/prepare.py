@@ -190,8 +190,9 @@ def prepare(
     table = with_waters(table, scene, *draw_boxes(scene))
     anchor = (box[0] + box[1]) / 2
     facets = find_facets(scene, anchor)
-    near = facets.near(*flight) if flight is not None else facets
-    gpu = upload_scene(gl, scene, table, anchor, near, bars if bars is not None else find_bars(scene))
+    if flight is not None:  # under the same name: what no camera comes near to is let go before anything is uploaded
+        facets = facets.near(*flight)
+    gpu = upload_scene(gl, scene, table, anchor, facets, bars if bars is not None else find_bars(scene))
     programs = Programs(gl.context)
     sunny = bool(daylight.sun_irradiance.any())
     shadow = Shadows(gl, programs, gpu, daylight, box, settings.shadow_size) if sunny else None

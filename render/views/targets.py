@@ -17,7 +17,7 @@ F32 = NDArray[np.float32]
 U16 = NDArray[np.uint16]
 U32 = NDArray[np.uint32]
 
-_RESOLVED = 64  # rows of finer samples' means that are taken at once
+_RESOLVED = 64  # rows of the photograph that are read at once
 
 
 @dataclass(frozen=True)
@@ -159,13 +159,12 @@ class Targets:
     def _read_code(self, first: int, end: int) -> U16:
         """Read some rows of the photograph; OpenCV drops the fourth number many times faster than a slice does."""
         code = np.empty((end - first, self._width, 3), np.uint16)
-        if self.samples == 1:
-            cv2.cvtColor(self._rows(self.color, first, end, np.uint16, 4), cv2.COLOR_RGBA2RGB, dst=code)
-            return code
-        for top in range(0, end - first, _RESOLVED):
-            count = min(_RESOLVED, end - first - top)
-            self._resolve(first + top, count)
-            band = self._rows(self._means, 0, count, np.uint16, 4)
+        for top in range(0, end - first, _RESOLVED):  # whole, four numbers a pixel would take 10 MB more
+            count, start = min(_RESOLVED, end - first - top), first + top
+            if self.samples > 1:
+                self._resolve(start, count)
+                start = 0
+            band = self._rows(self._means, start, start + count, np.uint16, 4)
             cv2.cvtColor(band, cv2.COLOR_RGBA2RGB, dst=code[top : top + count])
         return code
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from render.gpu.context import Gl
 
 AWAY_UNIT = 13  # behind those of light, materials and draws
+_ROWS = 64  # of the photograph, at once
 U16 = NDArray[np.uint16]
 
 
@@ -90,8 +91,13 @@ class Veil:
         """
         if not self._touched:
             return
-        scale = self._image.height // rows
-        box = (0, scale * first, self._image.width, scale * (end - first))
+        for top in range(first, end, _ROWS):
+            bottom = min(top + _ROWS, end)
+            self._lay_band(code[top - first : bottom - first], top, self._image.height // rows)
+
+    def _lay_band(self, code: U16, first: int, scale: int) -> None:
+        """Lay some rows, `scale` times as many of the veil's own, over those of a photograph, in place."""
+        box = (0, scale * first, self._image.width, scale * len(code))
         data = np.frombuffer(self._reader.read(box, 4, dtype="f2"), np.float16).reshape(box[3], box[2], 4)
         if scale > 1:
             small = (code.shape[1], code.shape[0])

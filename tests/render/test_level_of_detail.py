@@ -13,7 +13,6 @@ from scipy.spatial import KDTree
 from groundwork.canonical import folder_digest
 from groundwork.progress import SILENT
 from render.capture import read_capture, read_truth
-from render.detail.leaf_cards import cards_of
 from render.detail.level_of_detail import level_of_detail, repeated
 from render.detail.mesh_decimation import coarser_levels, deviation
 from render.detail.soup import Soup
@@ -243,47 +242,3 @@ def _agreement(depth: F32, ids: U32, other: F32, found: U32, poses: F64) -> floa
     same = np.abs(other[row, column] - there[:, 2]) < 0.003 * there[:, 2]
     assert same.sum() > 1000
     return float((found[row, column] == ids[v, u])[same].mean())
-
-
-def leaf_cards(count: int) -> F64:
-    """Cards of two sheets on a ball, like those of a crown, shape (4 count, 3, 3)."""
-    rng = np.random.default_rng(6)
-    pieces = []
-    for _ in range(count):
-        out = rng.normal(size=3)
-        out /= np.linalg.norm(out)
-        side = np.cross(out, rng.normal(size=3))
-        side *= 0.3 / np.linalg.norm(side)
-        up = np.cross(out, side)
-        for sheet in (1.0, -1.0):
-            middle = 2.0 * out + 0.003 * sheet * out
-            a, b, c, d = (middle + i * side + j * sheet * up for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
-            pieces += [np.array([a, b, c]), np.array([a, c, d])]
-    return np.array(pieces)
-
-
-def test_a_crown_loses_cards_and_keeps_its_cover() -> None:
-    """Whole cards stay, both sheets of each, where they were; the area is kept until cards are twice as large."""
-    full = soup(leaf_cards(40))
-    card = cards_of(full)
-    assert np.array_equal(np.bincount(card), np.full(40, 4))
-    levels = list(coarser_levels(full))
-    assert [len(level) // 4 for level in levels] == [28, 19, 13, 9, 6, 4]
-    area = areas(full.corners).sum()
-    for level in levels:
-        grown = np.sqrt(areas(level.corners) / areas(full.corners)[0])
-        assert np.ptp(grown) < 1e-9
-        assert 1.0 < grown[0] <= 2.0 + 1e-9
-        assert areas(level.corners).sum() == pytest.approx(min(area, 4.0 * area * len(level) / len(full)))
-        rows = [
-            np.flatnonzero((np.abs(full.carried - carried) < 1e-12).all(axis=(1, 2)))[0] for carried in level.carried
-        ]
-        assert np.array_equal(np.bincount(card[rows], minlength=40) % 4, np.zeros(40))
-    gap = [KDTree(level.corners.mean(axis=1)).query(full.corners.mean(axis=1))[0].max() for level in levels]
-    assert gap[0] < 1.0  # those that stay lie apart: nothing of the crown is left bare
-    assert not len(cards_of(soup(ball())))
-
-
-def areas(corners: F64) -> F64:
-    """Area of each triangle, shape (T,)."""
-    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
