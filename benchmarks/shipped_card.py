@@ -53,9 +53,10 @@ def card_text(folder: Path, dataset: Path, tests: Mapping[str, Path], validation
         seconds, points = seconds + time.process_time() - before, points + len(scan.coord)
         matrices[f"{name} ({read_cloud(path).source})"] = {t: found.matrix(t) for t in TABLES}
     lines = [*_head(folder, facts, model), *([f"- {note}"] if note else [])]
-    lines += ["", "## What it learnt from", "", *_sources(read_facts(dataset), validation)]
+    lines += ["", "## What it learnt from", "", *_sources(read_facts(dataset), validation, facts)]
     lines += ["", "## Scores", "", *_score_lines(matrices), "", "## What it cannot do", ""]
-    bridges = len({row.bridge for row in read_facts(dataset).pieces if row.split == "train"})
+    own = {row.bridge for row in read_facts(dataset).pieces if row.split == "train"}
+    bridges = len(own | set(facts.data.get("earlier", [])))
     lines += [
         f"- {line.format(bridges=bridges, picked=len(validation), voxel=model.tile.voxel, size=model.tile.size)}"
         for line in LIMITS
@@ -86,13 +87,21 @@ def _head(folder: Path, facts: ModelFacts, model: PointModel) -> list[str]:
         f"- SHA-256 of `{WEIGHTS}`: `{file_digest(folder / WEIGHTS)}`",
         f"- Epoch {chosen.get('picked_epoch', 0) + 1} of {chosen.get('settings', {}).get('epochs')}, temperature "
         f"{facts.temperature:g}.",
+        *(
+            [f"- Leans: the odds of surroundings are {np.exp(lean):.3g} times those that its training gave."]
+            if (lean := chosen.get("lean"))
+            else []
+        ),
         "- Licence: Apache-2.0, as the package. Trained on clouds of this project alone.",
         "- Made by `python -m benchmarks.shipped_model CLOUDS… --validation HASH… --test HASH…`.",
     ]
 
 
-def _sources(facts: DatasetFacts, validation: Sequence[str]) -> list[str]:
-    rows = []
+def _sources(facts: DatasetFacts, validation: Sequence[str], model: ModelFacts) -> list[str]:
+    """Tell what each bridge was for; of those that only the model before this one has seen no cloud is left."""
+    own = {str(source["bridge"]) for source in facts.sources}
+    earlier = sorted(set(model.data.get("earlier", [])) - own)
+    rows = [[f"`{bridge[:16]}`", "the model before", "", ""] for bridge in earlier]
     for bridge in sorted({str(source["bridge"]) for source in facts.sources}):
         kinds = sorted(str(source["kind"]) for source in facts.sources if source["bridge"] == bridge)
         part = {row.split for row in facts.pieces if row.bridge == bridge}

@@ -35,7 +35,12 @@ from learn.training.settings import TrainSettings
 from learn.training.train import TrainingData, train_network
 
 CHANNELS = ("z",)
-ALONE = 0.12  # share of the samples that show nothing but a bridge, as scans that were cut out do
+VARIED = {  # shares of the samples, and how much leaves are shaken
+    "alone": 0.1,  # nothing but a bridge, as scans that were cut out
+    "empty": 0.15,  # nothing of a bridge
+    "clutter": 0.3,  # made up land without a bridge
+    "rustle": 0.4,  # [m]
+}
 SAMPLES, HELD_SAMPLES = 800, 128  # of an epoch, and of its validation
 USUAL = {"model": "pointnext-s", "epochs": 10, "precision": "bf16-mixed", "accelerator": "cpu"}
 STRIDE = 10.0  # [m] of the tiles in a prediction: every point is in four
@@ -109,6 +114,33 @@ def _built(sources: Sequence[Source], folder: Path, settings: DatasetSettings, p
     build_dataset(sources, folder, settings, progress)
 
 
+def seen_by(model: Path) -> list[str]:
+    """Name the bridges that a model, or one that it began with, was trained or picked on.
+
+    Args:
+        model: Its folder.
+    """
+    facts = read_facts(model)
+    training = facts.training or {}
+    own = [*training.get("training_bridges", []), *training.get("validation_bridges", [])]
+    return sorted({*own, *facts.data.get("earlier", [])})
+
+
+def check_unseen(init: Path, names: Sequence[str]) -> None:
+    """Refuse to test on what the model to begin with has seen.
+
+    Args:
+        init: Its folder.
+        names: First digits of the bridges for the test.
+
+    Raises:
+        InputError: It has seen one of them.
+    """
+    for name in names:
+        if any(bridge.startswith(name) for bridge in seen_by(init)):
+            raise InputError("the model to begin with has learnt from it", where=init, field="--test", value=name)
+
+
 def train_on(
     dataset: Path,
     validation: Sequence[str],
@@ -129,7 +161,9 @@ def train_on(
     """
     if (folder / FACTS).is_file():
         return
-    source = VariedSplit(StoredSplit(dataset, "train", CHANNELS), Variation(samples=samples, alone=ALONE))
+    source = VariedSplit(
+        StoredSplit(dataset, "train", CHANNELS), Variation.model_validate({"samples": samples, **VARIED})
+    )
     whole = StoredSplit(dataset, "test", CHANNELS)
     rows = [row for row in range(len(whole)) if whole.bridge(row).startswith(tuple(validation))]
     held = SomeSamples(whole, rows[:: max(1, len(rows) // HELD_SAMPLES)])
@@ -139,6 +173,7 @@ def train_on(
         "scaling": vars(whole.facts.scaling),
         "table": whole.facts.settings.table,
         "variation": source.settings.model_dump(mode="json"),
+        **({} if init is None else {"earlier": seen_by(init)}),
     }
 
     def fill(inner: Path) -> None:
@@ -187,6 +222,8 @@ def main() -> None:
     parser.add_argument("--set", nargs="*", default=[], help="settings of the training, key=value")
     given = parser.parse_args()
     torch.set_num_threads(1)
+    if given.init is not None:
+        check_unseen(given.init, given.test)
     clouds = clouds_below(given.clouds)
     dataset, model = given.work / "dataset", given.work / (given.candidate or "model")
     dataset_of(clouds, [*given.validation, *given.test], given.seed, dataset)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from groundwork.settings import Settings
+from learn.datasets import clutter
 from learn.datasets.augment import draw_change
 from learn.datasets.class_tables import BACKGROUND_CLASS
 from learn.datasets.draws import random_draw
@@ -22,6 +23,7 @@ from usd_schemas.components import component_classes
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 _FEWEST = 256  # points that a half of a piece must have
+_PLANTS = ("tree", "shrub")  # component kinds whose leaves real sensors scatter more than a stage has them
 
 
 class Variation(Settings):
@@ -32,10 +34,25 @@ class Variation(Settings):
     thinned: float = Field(default=0.5, ge=0.0, le=1.0, description="Share of the samples that are thinned [1]")
     least: float = Field(default=0.1, gt=0.0, le=1.0, description="Smallest share of the points that is left [1]")
     halved: float = Field(default=0.15, ge=0.0, le=1.0, description="Share of the samples cut by a vertical plane [1]")
+    empty: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description="Share of the pieces chosen among those without any part of a bridge, by what they show [1]",
+    )
+    clutter: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description="Share of the samples that are no piece but a made up square of land [1]",
+    )
     bare: float = Field(default=0.05, ge=0.0, le=1.0, description="Share of the samples without their bridge [1]")
     alone: float = Field(default=0.0, ge=0.0, le=1.0, description="Share of the samples with nothing but a bridge [1]")
     tilt: float = Field(default=4.0, ge=0.0, le=45.0, description="Largest tilt [deg]")
     jitter: float = Field(default=0.05, ge=0.0, le=1.0, description="Largest deviation of the points' noise [m]")
+    rustle: float = Field(
+        default=0.0, ge=0.0, le=2.0, description="Largest deviation of a further noise of plants' points [m]"
+    )
     lift: float = Field(default=0.5, ge=0.0, le=10.0, description="Largest error of the height of the ground [m]")
 
 
@@ -76,6 +93,28 @@ class VariedSplit:
         rest = [i for i, name in enumerate(self.classes) if kinds.get(name, name) == BACKGROUND_CLASS]
         return np.array([*rest, UNLABELLED])
 
+    @cached_property
+    def _plants(self) -> I64:
+        """Labels of trees and shrubs."""
+        return np.array([i for i, name in enumerate(self.classes) if name in _PLANTS], np.int64)
+
+    def _clutter(self, rng: np.random.Generator) -> Patch:
+        """Make a square of land up, as large as the tiles."""
+        tile, kinds = self.split.facts.settings.tile, component_classes()
+        code = {kind: self.classes.index(kind if kind in self.classes else kinds[kind]) for kind in clutter.KINDS}
+        coord, labels = clutter.draw_clutter(tile.size, tile.voxel, code, rng)
+        return Patch(coord, {}, labels, np.full(len(coord), np.nan, np.float32), np.zeros(3), 0)
+
+    def _draw(self, number: int, rng: np.random.Generator) -> int:
+        """Choose a piece of a cloud, on purpose one without a bridge now and then."""
+        counts = self._counts[number]
+        if self.settings.empty and rng.random() < self.settings.empty:
+            own = np.delete(counts, self._surroundings[self._surroundings < counts.shape[1]], axis=1)
+            free = np.flatnonzero(~own.any(axis=1))
+            if len(free):
+                return int(free[draw_piece(counts[free], 1.0, rng)])
+        return draw_piece(counts, self.settings.by_class, rng)
+
     def _count(self, row: PieceRow) -> I64:
         labels = read_piece(self.split.folder, row, ()).labels
         return np.bincount(labels[labels != UNLABELLED], minlength=len(self.classes)).astype(np.int64)
@@ -105,8 +144,11 @@ class VariedSplit:
             seed: Seed of everything else.
         """
         rng, number = np.random.default_rng([seed, index]), index % len(self._clouds)
-        row = self._clouds[number][draw_piece(self._counts[number], self.settings.by_class, rng)]
-        patch = vary(read_piece(self.split.folder, row, ()), self._surroundings, self.settings, rng)
+        if self.settings.clutter and rng.random() < self.settings.clutter:
+            piece = self._clutter(rng)
+        else:
+            piece = read_piece(self.split.folder, self._clouds[number][self._draw(number, rng)], ())
+        patch = vary(piece, self._surroundings, self.settings, rng, self._plants)
         facts = self.split.facts
         rows = random_draw(len(patch), facts.settings.points, rng)
         change = draw_change(facts.settings.augment, rng) @ draw_tilt(self.settings.tilt, rng)
@@ -170,7 +212,9 @@ def draw_piece(counts: I64, by_class: float, rng: np.random.Generator) -> int:
     return int(rng.choice(len(counts), p=column / column.sum()))
 
 
-def vary(patch: Patch, surroundings: I64, settings: Variation, rng: np.random.Generator) -> Patch:
+def vary(
+    patch: Patch, surroundings: I64, settings: Variation, rng: np.random.Generator, plants: I64 | None = None
+) -> Patch:
     """Cut, empty, thin, lift and shake a piece.
 
     Args:
@@ -178,6 +222,7 @@ def vary(patch: Patch, surroundings: I64, settings: Variation, rng: np.random.Ge
         surroundings: Labels of what is no part of a bridge, shape (S,), int64.
         settings: How much.
         rng: Source of randomness.
+        plants: Labels of trees and shrubs, shape (P,), int64; None for none.
 
     Returns:
         A piece with at least one point.
@@ -202,6 +247,9 @@ def vary(patch: Patch, surroundings: I64, settings: Variation, rng: np.random.Ge
         kept = np.sort(rng.permutation(kept)[: max(1, round(share * len(kept)))])
     noise = rng.normal(size=(len(kept), 3)) * rng.uniform(0.0, settings.jitter)
     noise[:, 2] += rng.uniform(-settings.lift, settings.lift) - drop
+    if settings.rustle and plants is not None:
+        leaves = np.flatnonzero(np.isin(patch.labels[kept], plants))
+        noise[leaves] += rng.normal(size=(len(leaves), 3)) * rng.uniform(0.0, settings.rustle)
     coord = (patch.coord[kept] + noise).astype(np.float32)
     return Patch(coord, {}, patch.labels[kept], patch.uncertainty[kept], patch.origin, patch.seed)
 

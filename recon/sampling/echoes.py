@@ -1,4 +1,4 @@
-"""What comes back of a laser's rays: the range with its noise, the strength of the echo, and what is lost."""
+"""What comes back of a laser's rays: ranges with their noise, the strength of the echoes, and what is lost."""
 
 from dataclasses import dataclass
 
@@ -21,6 +21,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _TEN_PERCENT = 0.1
 _HOLES = 6  # cut-out leaves that a ray may pass
 _STEP = 0.002  # [m] beyond a hole, from where the ray goes on
+_LAYERS = 12  # leaves that a pulse of several returns may meet
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +38,27 @@ class Hits:
     distances: F64
     colors: F32
 
+    def take(self, rows: Bool) -> "Hits":
+        """Keep some of them.
+
+        Args:
+            rows: Which ones, shape (N,), bool.
+        """
+        return Hits(self.rows[rows], self.distances[rows], self.colors[rows])
+
 
 @dataclass(frozen=True, eq=False)
 class Echoes:
-    """The rays that gave a point.
+    """What gave a point: of one ray nothing, once, or several times behind each other.
 
     Attributes:
-        shots: Row of each in the rays, shape (M,), int64.
+        shots: Row of its ray, shape (M,), int64.
         rows: Triangle that the beam's middle hit, shape (M,), int64.
         distances: True range of the beam's middle [m], shape (M,), float64.
         measured: Range as measured [m], shape (M,), float64.
         colors: Linear base colours [1], shape (M, 3), float32.
-        intensities: Reflectance times cosine of the incidence [1], shape (M,), float64.
+        intensities: Reflectance times cosine of the incidence, and times the share of the pulse that met it [1],
+            shape (M,), float64.
         mixed: Whether two surfaces melted into the range, shape (M,), bool.
     """
 
@@ -64,7 +74,7 @@ class Echoes:
 class Target:
     """A scene as a laser meets it."""
 
-    def __init__(self, surface: SceneSurface, look: SurfaceLook, rays: RayScene, water: Bool) -> None:
+    def __init__(self, surface: SceneSurface, look: SurfaceLook, rays: RayScene, water: Bool, plants: Bool) -> None:
         """Keep the scene.
 
         Args:
@@ -72,20 +82,22 @@ class Target:
             look: Colours of the surface.
             rays: The same surface for ray casting.
             water: Which triangles are water, shape (T,), bool.
+            plants: Which triangles are those of trees and shrubs, shape (T,), bool.
         """
-        self._surface, self._look, self._rays, self._water = surface, look, rays, water
+        self._surface, self._look, self._rays, self._water, self._plants = surface, look, rays, water, plants
 
-    def hit(self, origins: F64, directions: F64, colored: bool = True) -> Hits:
+    def hit(self, origins: F64, directions: F64, colored: bool = True, behind: F64 | None = None) -> Hits:
         """Find the first surface that is not cut out, with the range in double precision.
 
         Args:
             origins: Starts [m], shape (N, 3), float64.
             directions: Unit directions, shape (N, 3), float64.
             colored: Whether the colours are needed.
+            behind: Range that a surface must lie behind [m], shape (N,), float64; None for none.
         """
         rows, distances = np.full(len(origins), -1), np.full(len(origins), np.inf)
         colors = np.zeros((len(origins), 3), np.float32)
-        open_rays, begin = np.arange(len(origins)), np.zeros(len(origins))
+        open_rays, begin = np.arange(len(origins)), np.zeros(len(origins)) if behind is None else behind.copy()
         for _ in range(_HOLES):
             starts = origins[open_rays] + begin[open_rays, None] * directions[open_rays]
             _, found, _ = self._rays.cast(starts, directions[open_rays])
@@ -113,16 +125,49 @@ class Target:
     def echoes(self, rays: Rays, settings: ScannerSettings, rng: np.random.Generator) -> Echoes:
         """Measure along rays.
 
+        A pulse of several returns goes on behind trees and shrubs with what their leaves have not caught of it.
+
         Args:
             rays: Shots.
-            settings: Ranges, noise and losses.
+            settings: Ranges, returns, noise and losses.
             rng: Source of randomness.
         """
-        hits = self.hit(rays.origins, rays.directions)
-        shots = np.flatnonzero(hits.rows >= 0)
-        rows, distances, directions = hits.rows[shots], hits.distances[shots], rays.directions[shots]
+        shots, power = np.arange(len(rays.origins)), np.ones(len(rays.origins))
+        behind, last = np.zeros(len(shots)), np.full(len(shots), -np.inf)
+        given = np.zeros(len(shots), np.int64)
+        parts: list[Echoes] = []
+        for _ in range(_LAYERS if settings.returns > 1 else 1):
+            hits = self.hit(rays.origins[shots], rays.directions[shots], behind=behind[shots])
+            met = hits.rows >= 0
+            shots, hits = shots[met], hits.take(met)
+            caught = self._caught(hits.rows, settings, rng)
+            apart = (caught > 0.0) & (hits.distances - last[shots] >= settings.return_gap)
+            found = self._measured(rays, shots[apart], hits.take(apart), (power[shots] * caught)[apart], settings, rng)
+            parts.append(found)
+            given[found.shots] += 1
+            last[found.shots], behind[shots] = found.distances, hits.distances + _STEP
+            power[shots] *= 1.0 - caught
+            shots = shots[(caught < 1.0) & (given[shots] < settings.returns)]
+            if not len(shots):
+                break
+        return Echoes(*(np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])))
+
+    def _caught(self, rows: I64, settings: ScannerSettings, rng: np.random.Generator) -> F64:
+        """Draw what share of a pulse each surface stops: leaves nothing or some of it, everything else all."""
+        caught = np.ones(len(rows))
+        if settings.returns > 1:
+            leaves = np.flatnonzero(self._plants[rows])
+            passed, share = rng.random((2, len(leaves)))
+            caught[leaves] = np.where(passed < settings.leaf_gap, 0.0, share)
+        return caught
+
+    def _measured(
+        self, rays: Rays, shots: I64, hits: Hits, power: F64, settings: ScannerSettings, rng: np.random.Generator
+    ) -> Echoes:
+        """Measure what was met: too far, too flat, too dark or by chance there is no echo."""
+        rows, distances, directions = hits.rows, hits.distances, rays.directions[shots]
         cosines = np.abs(np.einsum("ni,ni->n", directions, self._surface.normals[rows]))
-        intensities = hits.colors[shots] @ _LUMINANCE * cosines
+        intensities = hits.colors @ _LUMINANCE * cosines * power
         kept = (distances >= settings.min_range) & (distances <= settings.max_range)
         kept &= cosines >= np.cos(np.deg2rad(settings.max_incidence))
         kept &= intensities / distances**2 >= _TEN_PERCENT / settings.range_at_10_percent**2
@@ -132,7 +177,7 @@ class Target:
         measured, mixed = self._mixed(rays, shots, rows, distances, settings, rng)
         sigma = settings.range_noise + 1e-6 * settings.range_noise_ppm * distances
         measured = measured + sigma * rng.standard_normal(len(shots))
-        return Echoes(shots, rows, distances, measured, hits.colors[shots], intensities[kept], mixed)
+        return Echoes(shots, rows, distances, measured, hits.colors[kept], intensities[kept], mixed)
 
     def _mixed(
         self, rays: Rays, shots: I64, rows: I64, distances: F64, settings: ScannerSettings, rng: np.random.Generator

@@ -20,7 +20,7 @@ from recon.sampling.sampled_cloud import Samples, annotate_samples
 from recon.sampling.sampler_settings import AirborneSettings, AnyScanner, TerrestrialSettings
 from recon.sampling.scan_pattern import Rays, mobile_rays, tripod_rays
 from recon.sampling.scan_places import deck_way, place_stations
-from recon.sampling.scene_surface import SceneSurface, bounds_of, bridge_triangles, lay_out
+from recon.sampling.scene_surface import SceneSurface, bounds_of, bridge_triangles, lay_out, made_of
 from recon.sampling.surface_look import SurfaceLook, encode_srgb
 from recon.sampling.thinning import one_in_each_cube
 from usd_schemas.flat_scene import FlatScene
@@ -33,6 +33,7 @@ Columns = dict[str, NDArray[Any]]
 SOURCE = {"terrestrial": LIDAR_TERRESTRIAL, "mobile": LIDAR_MOBILE, "airborne": LIDAR_AIRBORNE}
 MOST_RAYS = 2_000_000_000
 MOST_POINTS = 20_000_000
+WATER, PLANTS = ("water",), ("tree", "shrub")  # component kinds: most is mirrored away; leaves let a pulse through
 _LOOSE = 4_000_000  # points that may lie in cubes beside each other before they are thinned
 
 
@@ -62,8 +63,8 @@ def sample_lidar(scene: FlatScene, folder: Path, settings: AnyScanner, progress:
             allowed=f"at most {MOST_RAYS} rays",
             hint="Take wider steps, fewer stations or strips",
         )
-    water = np.isin(surface.instances, [row.id for row in scene.instances if row.component == "water"])
-    target = Target(surface, look, rays, water)
+    water, plants = made_of(scene, surface, WATER), made_of(scene, surface, PLANTS)
+    target = Target(surface, look, rays, water, plants)
     box = bounds_of(surface, bridge, settings.reach if settings.scope == "near" else 0.0)
     inside = bridge if settings.scope == "bridge" else None
 

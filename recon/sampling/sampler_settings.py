@@ -67,6 +67,13 @@ class ScannerSettings(ScopeSettings):
     mixing_gap: float = Field(default=0.5, ge=0.0, le=20.0)
     """Where a beam lies across an edge and the two surfaces are closer than this in range, their echoes melt into one
     range between them; farther apart, that of the beam's middle alone is measured [m]."""
+    returns: int = Field(default=1, ge=1, le=10)
+    """Most points of one pulse: above 1, what the leaves of trees and shrubs do not catch of it goes on behind them."""
+    leaf_gap: float = Field(default=0.3, ge=0.0, lt=1.0)
+    """Share of the leaves that a pulse of several returns passes untouched: a stage's leaves are coarser than real
+    ones. The others catch some of it, any share alike [1]."""
+    return_gap: float = Field(default=1.0, ge=0.0, le=20.0)
+    """What lies nearer behind one return of a pulse gives no further one [m]."""
 
 
 class TerrestrialSettings(ScannerSettings):
@@ -160,6 +167,8 @@ class AirborneSettings(ScannerSettings):
     """Standard deviation of the range [m]."""
     beam_divergence: float = Field(default=0.0005, ge=0.0, le=0.02)
     """Full angle of the beam's cone; 0 for no mixed pixels [rad]."""
+    returns: int = Field(default=4, ge=1, le=10)
+    """Most points of one pulse: above 1, what the leaves of trees and shrubs do not catch of it goes on behind them."""
 
 
 class MeshSample(MeshSettings):

@@ -100,6 +100,20 @@ def bridge_triangles(scene: FlatScene, surface: SceneSurface) -> NDArray[np.bool
     return np.ones(len(surface.instances), bool)
 
 
+def made_of(scene: FlatScene, surface: SceneSurface, kinds: tuple[str, ...]) -> NDArray[np.bool_]:
+    """Tell which triangles belong to components of some kinds.
+
+    Args:
+        scene: A composed stage.
+        surface: Its surface.
+        kinds: Component kinds.
+
+    Returns:
+        Whether each does, shape (T,), bool.
+    """
+    return np.isin(surface.instances, [row.id for row in scene.instances if row.component in kinds])
+
+
 def bounds_of(surface: SceneSurface, chosen: NDArray[np.bool_], reach: float) -> F64:
     """Widen the box round some triangles.
 

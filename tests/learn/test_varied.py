@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from learn.datasets import clutter
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.class_tables import class_table
 from learn.datasets.ground import estimate_ground
@@ -15,7 +16,7 @@ from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
 from learn.datasets.varied import SomeSamples, Variation, VariedSplit, draw_piece, draw_tilt, vary
 from learn.predict.class_sum import sum_classes
-from tests.learn.toy_bridge import write_toy
+from tests.learn.toy_bridge import toy_cloud, write_toy
 from usd_schemas.components import component_classes
 
 STILL = {"thinned": 0.0, "halved": 0.0, "bare": 0.0, "tilt": 0.0, "jitter": 0.0, "lift": 0.0}
@@ -136,3 +137,103 @@ def test_a_tilt_is_a_rotation_by_no_more_than_was_said() -> None:
         assert np.allclose(turn @ turn.T, np.eye(3))
         assert np.linalg.det(turn) == pytest.approx(1.0)
         assert np.degrees(np.arccos(min(1.0, turn[2, 2]))) <= 4.0 + 1e-6
+
+
+@pytest.fixture(scope="module")
+def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set of one bridge with so wide a ground that most pieces hold nothing but that."""
+    place = tmp_path_factory.mktemp("wide")
+    coord = toy_cloud(0, 40_000).columns["coord"].copy()
+    ground = toy_cloud(0, 40_000).columns["component"] == 3
+    coord[ground, 1] = 5e6 + 4.0 * (coord[ground, 1] - 5e6)
+    cloud = write_toy(place / "c", 0, 40_000, "b0", coord=coord)
+    chosen = {"points": 512, "fewest": 32, "table": "components", "shares": (1.0, 0.0, 0.0), "tile": {"voxel": 0.1}}
+    (place / "set").mkdir()
+    build_dataset([Source(cloud)], place / "set", dataset_settings("local", chosen, "test"))
+    return place / "set"
+
+
+def test_pieces_without_a_bridge_are_drawn_as_often_as_said(wide: Path) -> None:
+    """Of all samples the share that was asked for, and what the other draws give by themselves."""
+    bridge = [i for i, name in enumerate(component_classes()) if component_classes()[name] != "background"]
+    shares = []
+    for empty in (0.0, 0.5, 1.0):
+        source = varied(wide, by_class=1.0, empty=empty)
+        shares.append(np.mean([not np.isin(source.sample(row, 0).labels, bridge).any() for row in range(40)]))
+    plain, half, whole = shares
+    assert whole == 1.0
+    assert half == pytest.approx(0.5 + 0.5 * plain, abs=0.2)
+    assert plain < 0.5
+
+
+def test_where_every_piece_shows_a_bridge_the_draws_are_the_usual_ones(tmp_path: Path) -> None:
+    """Nothing without a bridge to draw from: the pieces that there are, with their bridge."""
+    toy = toy_cloud(0, 24_000).columns
+    coord = toy["coord"].copy()
+    coord[:, 1] = 5e6 + 0.3 * (coord[:, 1] - 5e6)  # one row of tiles, all with some deck
+    (tmp_path / "set").mkdir()
+    chosen = {"points": 64, "fewest": 32, "table": "components", "shares": (1.0, 0.0, 0.0), "tile": {"voxel": 0.1}}
+    source = Source(write_toy(tmp_path / "c", 0, 24_000, "b0", coord=coord))
+    build_dataset([source], tmp_path / "set", dataset_settings("local", chosen, "test"))
+    seen = [varied(tmp_path / "set", empty=1.0).sample(row, 0).labels.any() for row in range(20)]
+    assert all(seen)
+
+
+def test_plants_are_shaken_more_than_the_rest(stored: Path) -> None:
+    """Of two pieces alike but for their labels, only points of plants move, by no more than the draw allows."""
+    facts = StoredSplit(stored, "train").facts
+    piece = read_piece(stored, facts.pieces[0], ())
+    settings = Variation(**{**STILL, "rustle": 0.5})  # type: ignore[arg-type]
+    label = int(np.bincount(piece.labels).argmax())
+    moved = vary(piece, np.array([0]), settings, np.random.default_rng(3), np.array([label]))
+    way = np.linalg.norm(moved.coord - piece.coord, axis=1)
+    plants = piece.labels == label
+    assert 0.02 < np.sqrt((way[plants] ** 2).mean() / 3.0) < 0.55
+    np.testing.assert_allclose(way[~plants], 0.0, atol=1e-6)
+    still = vary(piece, np.array([0]), settings, np.random.default_rng(3))
+    np.testing.assert_allclose(still.coord, piece.coord, atol=1e-6)
+
+
+def test_made_up_land_is_drawn_as_often_as_said(stored: Path) -> None:
+    """All samples, or some: no part of a bridge, kinds that the table has, the same for the same seed."""
+    source = varied(stored, clutter=1.0)
+    samples = [source.sample(row, 0) for row in range(40)]
+    seen = {source.classes[label] for sample in samples for label in np.unique(sample.labels)}
+    assert {"ground", "roof", "building", "tree", "vehicle", "water"} <= seen <= set(clutter.KINDS)
+    assert np.array_equal(samples[5].coord, source.sample(5, 0).coord)
+    some = varied(stored, clutter=0.3, by_class=1.0)
+    toys = {"deck_slab", "column", "pier_cap"}
+    parts = [bool({some.classes[label] for label in np.unique(some.sample(row, 0).labels)} & toys) for row in range(40)]
+    assert 0.3 < np.mean(parts) < 0.95
+
+
+def test_made_up_land_stays_in_its_square_and_stands_on_the_ground() -> None:
+    """Points within the square, one in each cube, the ground about level zero, crowns and roofs above it."""
+    code = {kind: number for number, kind in enumerate(clutter.KINDS)}
+    for seed in range(30):
+        coord, labels = clutter.draw_clutter(20.0, 0.15, code, np.random.default_rng(seed))
+        assert (np.abs(coord[:, :2]) <= 10.0).all()
+        assert len(np.unique(np.floor(coord.astype(np.float64) / 0.15), axis=0)) > 0.99 * len(coord)
+        ground = coord[np.isin(labels, [code["ground"], code["road"]]), 2]
+        if len(ground) > 50:
+            assert abs(float(np.median(ground))) < 6.0
+            roofs = coord[labels == code["roof"], 2]
+            assert len(roofs) == 0 or roofs.mean() > ground.mean() + 1.0
+        assert len(coord) > 300
+
+
+def test_a_pulse_meets_leaves_as_densely_as_they_stand() -> None:
+    """In a large crown the depth of the first leaf below the surface is exponential with the density of the leaves."""
+    rng = np.random.default_rng(0)
+    place = rng.uniform(-0.5, 0.5, (4000, 2))
+    code = {kind: number for number, kind in enumerate(clutter.KINDS)}
+    land = clutter._Land(place, np.full(4000, -200.0), np.zeros(4000, np.uint8), code, 0.5, 10.0, [])
+    passed = np.ones(4000, bool)
+    body = (np.array([0.0, 0.0, 0.0]), np.array([50.0, 50.0, 40.0]))
+    clutter._pass_leaves(land, passed, body, 0.5, "tree", rng)
+    first, second = (points for points, _ in land.extra)
+    depth = 40.0 * np.sqrt(1.0 - ((first[:, :2] / 50.0) ** 2).sum(axis=1)) - first[:, 2]
+    assert depth.mean() == pytest.approx(2.0, rel=0.08)
+    assert np.quantile(depth, 0.5) == pytest.approx(2.0 * np.log(2.0), rel=0.1)
+    assert (first[:, 2] - second[:, 2]).mean() == pytest.approx(2.8, rel=0.08)
+    assert not passed.any()
