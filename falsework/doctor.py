@@ -23,11 +23,13 @@ CORE = {
     "numba": "numba",
     "trimesh": "trimesh",
     "moderngl": "moderngl",
+    "glcontext": "glcontext",
     "opencv-python-headless": "cv2",
     "pycolmap": "pycolmap",
     "laspy": "laspy",
     "lazrs": "lazrs",
     "OpenEXR": "OpenEXR",
+    "materialx": "MaterialX",
     "deflate": "deflate",
     "pydantic": "pydantic",
     "tyro": "tyro",
@@ -38,6 +40,7 @@ CORE = {
     "tomli-w": "tomli_w",
 }
 LEARN = {"torch": "torch", "lightning": "lightning", "safetensors": "safetensors", "scikit-learn": "sklearn"}
+VIEW = {"viser": "viser"}
 MEMORY_NEEDED = 4.0  # [GB] the demo's limit
 DISK_NEEDED = 2.0  # [GB]
 FRAME_TIME_LIMIT = 120.0  # [s]
@@ -71,6 +74,7 @@ def examine() -> list[Check]:
         *_packages(),
         _open3d(),
         learn_packages(),
+        view_packages(),
         *_graphics(),
         _gpu(),
         _threads(),
@@ -113,17 +117,30 @@ def learn_packages() -> Check:
     Returns:
         One row for all of it.
     """
+    return _extra("learn", LEARN, "train, evaluate, compare and predict need")
+
+
+def view_packages() -> Check:
+    """Look for what the extra `view` brings, without loading it.
+
+    Returns:
+        One row for all of it.
+    """
+    return _extra("view", VIEW, "view without --save needs")
+
+
+def _extra(extra: str, packages: dict[str, str], users: str) -> Check:
     found, missing = [], []
-    for name, module in LEARN.items():
+    for name, module in packages.items():
         try:
             there = find_spec(module) is not None
             (found if there else missing).append(f"{name} {version(name)}" if there else name)
         except PackageNotFoundError:
             missing.append(name)
     if missing:
-        row = f"no {', '.join(missing)}: train, evaluate, compare and predict need them"
-        return Check("learn", "WARN", row, "pip install 'falsework[learn]'")
-    return Check("learn", "OK", ", ".join(found))
+        row = f"no {', '.join(missing)}: {users} {'it' if len(packages) == 1 else 'them'}"
+        return Check(extra, "WARN", row, f"pip install 'falsework[{extra}]'")
+    return Check(extra, "OK", ", ".join(found))
 
 
 def _graphics() -> list[Check]:

@@ -94,7 +94,8 @@ def _help(verbs: Mapping[str, Verb], program: str, about: str) -> Callable[[], i
         return shown
 
     lines = {name: line(verb) for name, verb in verbs.items()}
-    return tyro.extras.subcommand_cli_from_dict(lines, prog=program, description=about, args=["--help"], config=CONFIG)
+    shown = tyro.extras.subcommand_cli_from_dict(lines, prog=program, description=about, args=["--help"], config=CONFIG)
+    return lambda: shown
 
 
 def _later(verb: Verb) -> Callable[..., Callable[[], int]]:

@@ -94,7 +94,7 @@ def write_worlds(folder: Path, count: int, seed: int, worlds: tuple[str, ...], p
             progress.advance(number * count + step + 1)
         data = contact_sheet([(row.caption, row.pictures) for row in rows], letters=_LETTERS, quality=_QUALITY)
         write_bytes(folder / f"{name}.jpg", data)
-        lines += ["", f"## {name}", "", f"![{name}]({name}.jpg)", "", *_table(rows)]
+        lines += ["", f"## {name}", "", f"![{name}]({name}.jpg)", "", *world_table(rows)]
     write_text(folder / "index.md", "\n".join(lines) + "\n")
 
 
@@ -152,7 +152,12 @@ def _take(
     )
 
 
-def _table(rows: list[WorldShots]) -> list[str]:
+def world_table(rows: list[WorldShots]) -> list[str]:
+    """Write what was measured on the pictures of one world, and a line about their triangles.
+
+    Args:
+        rows: Its pictures, seed by seed.
+    """
     lines = [
         "| seed, look, light | view | kinds of things | rays down to sky | dead patches [%] | median | triangles |",
         "|---|---|---|---|---|---|---|",

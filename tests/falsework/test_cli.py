@@ -1,8 +1,10 @@
 """The command line: bad input costs one line and exit code 2, never a traceback, and loses nothing."""
 
 import json
+import re
 import subprocess
 import sys
+import tomllib
 import types
 from importlib.metadata import version
 from pathlib import Path
@@ -10,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from falsework.cli import main
-from falsework.doctor import LEARN, Check, examine, learn_packages, package_names
+from falsework.doctor import CORE, LEARN, VIEW, Check, examine, learn_packages, package_names, view_packages
 from groundwork.errors import RejectedSceneError
 
 THREE = ("illinois=@", "korea=@.2", "synthetic=@.3")  # what a comparison of three sets is given
@@ -261,7 +263,25 @@ def test_the_doctor_looks_for_the_extra_learn(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.undo()
     monkeypatch.setitem(LEARN, "falsework-nowhere", "json")
     assert learn_packages().verdict == "WARN"
-    assert "learn" in [check.name for check in examine()]
+    assert {"learn", "view"} <= {check.name for check in examine()}
+
+
+def test_the_doctor_tries_every_package_that_the_core_needs() -> None:
+    """A dependency that is added to pyproject.toml is tried, too; open3d, with its libusb, has its own row."""
+    project = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text())["project"]
+    needed = {re.split(r"[<>=; ]", line)[0] for line in project["dependencies"]}
+    assert needed - {"open3d", "open3d-cpu", "libusb-package"} == set(CORE)
+    brought = project["optional-dependencies"]
+    assert {re.split(r"[<>=; ]", line)[0] for line in brought["learn"]} == set(LEARN)
+    assert {re.split(r"[<>=; ]", line)[0] for line in brought["view"]} == set(VIEW)
+
+
+def test_the_doctor_looks_for_the_extra_view(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where viser is missing, the row says which verb needs it, and what to install."""
+    monkeypatch.setattr("falsework.doctor.find_spec", lambda module: None)
+    check = view_packages()
+    assert (check.verdict, check.hint) == ("WARN", "pip install 'falsework[view]'")
+    assert check.found == "no viser: view without --save needs it"
 
 
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
