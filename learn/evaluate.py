@@ -3,7 +3,7 @@
 from typing import Any
 
 from groundwork.progress import Progress
-from learn.instances import FEWEST, LINK
+from learn.instance_defaults import FEWEST, LINK
 from learn.sample import ScoredSource
 from learn.scoring.record import Tally, tally_cloud, whole_record
 from learn.scoring.votes import Predicting, scored_clouds

@@ -8,8 +8,6 @@ from usd_schemas.components import UNLABELLED
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-LINK = 0.3  # [m] side of the cubes by which points of a class are connected by default
-FEWEST = 20  # points without which a connected part is no instance: fewer are mostly single errors
 _BITS = 21
 # Half of the 26 neighbours of a cell: the others are these seen from the other side.
 _STEPS = tuple((x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0))

@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from groundwork.settings import Settings
-from learn.instances import FEWEST, LINK
+from learn.instance_defaults import FEWEST, LINK
 
 Up = Literal["x", "-x", "y", "-y", "z", "-z"]
 Unit = Literal["m", "cm", "mm", "ft", "us-ft"]

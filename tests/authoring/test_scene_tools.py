@@ -34,6 +34,11 @@ WALL = "/World/Bridge/BridgeGeom/Substructure/Abutment_000_Wall"
 def test_inventory_counts_what_is_there(stored_scene: Path) -> None:
     """Counts add up to the surfaces of the stage and the triangles of the renderer's reader; hashes are the files'."""
     found = take_inventory(stored_scene)
+    ids = [row["id"] for row in found.members]
+    assert ids == sorted(set(ids))
+    assert ids[0] > 0
+    assert "background" not in {row["class"] for row in found.members}
+    assert {"deck", "abutment"} <= {row["class"] for row in found.members}
     shown = list(surfaces(Usd.Stage.Open(str(stored_scene))))
     assert sum(found.components.values()) == sum(found.classes.values()) == len(shown)
     assert found.triangles == len(world_triangles(read_stage(stored_scene))[0])

@@ -39,7 +39,7 @@ def test_data_sets_from_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     for words, said in (
         (("--set", "tile.sise=5"), "Did you mean 'size'?"),
         (("--table", "kim"), "unknown table"),
-        (("--bridge", "a"), "one name for each source"),
+        (("--bridge", "a"), "one name is needed for each source"),
         (("--class-map", "nothing"), "no such class map"),
     ):
         assert run("dataset", "local", tmp_path / "run", "-o", tmp_path / "bad", *words) == 2

@@ -176,7 +176,7 @@ TRUTHS: dict[str, tuple[str, tuple[str | int, ...], object, str]] = {
     "long file": ("cameras.json", ("images", 0, "file"), "a" * 5000, "no such image"),
     "pose is NaN": ("truth/poses.json", (*POSE, 0, 0), float("nan"), "NaN is not a JSON number"),
     "pose scales": ("truth/poses.json", (*POSE, 0, 0), 7.0, "a pose that is not a rigid motion"),
-    "pose mirrors": ("truth/poses.json", POSE, np.diag([1.0, 1.0, -1.0, 1.0]).tolist(), "no rotation and shift"),
+    "pose mirrors": ("truth/poses.json", POSE, np.diag([1.0, 1.0, -1.0, 1.0]).tolist(), "not a rigid motion"),
     "pose is flat": ("truth/poses.json", POSE, [[1.0, 0.0], [0.0, 1.0]], "not the truth of a capture"),
     "focal": ("truth/poses.json", ("pinhole", "fx"), -420.0, "a focal length that is not positive"),
     "focal of text": ("truth/poses.json", ("pinhole", "fx"), "x", "a number that is not finite"),
@@ -199,10 +199,10 @@ def test_a_truth_that_cannot_be_is_refused(name: str, capture: Path) -> None:
 
 
 SURFACES: dict[str, tuple[dict[str, object], str]] = {
-    "index": ({"triangles": np.full((6, 3), 12, np.uint32)}, "triangles: numbers that cannot be"),
-    "negative count": ({"part_count": np.array([-2, 2, 2], np.int32)}, "part_first: numbers that cannot be"),
-    "part": ({"draw_part": np.array([0, 1, 3], np.int32)}, "draw_part: numbers that cannot be"),
-    "NaN": ({"draw_transform": np.full((3, 4, 4), np.nan)}, "draw_transform: numbers that cannot be"),
+    "index": ({"triangles": np.full((6, 3), 12, np.uint32)}, "triangles: values out of range"),
+    "negative count": ({"part_count": np.array([-2, 2, 2], np.int32)}, "part_first: values out of range"),
+    "part": ({"draw_part": np.array([0, 1, 3], np.int32)}, "draw_part: values out of range"),
+    "NaN": ({"draw_transform": np.full((3, 4, 4), np.nan)}, "draw_transform: values out of range"),
     "type": ({"draw_label": np.zeros(3, np.float64)}, "draw_label is float64"),
     "objects": ({"draw_label": np.array([{}, {}, {}])}, "draw_label is object"),
 }

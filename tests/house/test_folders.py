@@ -87,6 +87,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "metrics.py",
         "statistics.py",
         "panoptic.py",
+        "instance_defaults.py",
         "instances.py",
         "trained.py",
         "scoring",

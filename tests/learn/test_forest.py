@@ -64,7 +64,7 @@ def test_a_torn_forest_is_refused_before_it_is_walked() -> None:
         {"column": arrays["column"] + 100},
         {"first": np.array([0, 9999, 5])},
     ):
-        with pytest.raises(InputError, match="torn forest"):
+        with pytest.raises(InputError, match="damaged forest"):
             forest_probabilities({**arrays, **wrong}, features)
     with pytest.raises(InputError, match="not a forest"):
         forest_probabilities({"first": arrays["first"]}, features)

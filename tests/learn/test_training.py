@@ -145,8 +145,8 @@ def test_a_model_is_refused_where_it_does_not_fit(trained: Path, tmp_path: Path)
     cases: list[tuple[dict[str, Any], bytes, str]] = [
         ({"format_version": 99}, weights, "another version"),
         ({"format": "something"}, weights, "not a model"),
-        ({"classes": None}, weights, "torn"),
-        ({"temperature": -1}, weights, "torn"),
+        ({"classes": None}, weights, "damaged"),
+        ({"temperature": -1}, weights, "damaged"),
         ({"network": "resnet"}, weights, "no such network"),
         ({"settings": {"counts": [64, 16, 8]}}, weights, "do not fit"),
         ({"settings": {"nonsense": 1}}, weights, "unknown key"),
