@@ -117,7 +117,8 @@ def test_background(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_scene_and_flight(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A planned flight with images and length; a layer and a package with what is in them."""
-    scene = write_small_scene(tmp_path)
+    (tmp_path / "scene").mkdir()
+    scene = write_small_scene(tmp_path / "scene")
     found = told(capsys, "survey", "plan", scene, "--kind", "grid", "--set", "sampling=0.02")
     assert found["survey"] == "grid"
     assert found["images"] > 1
