@@ -137,6 +137,12 @@ def test_what_is_far_from_a_bridge_is_counted_apart(made: Path, tmp_path: Path) 
     far = ((found.place[:, :2] < low[:2]) | (found.place[:, :2] > high[:2])).any(axis=1)
     assert count == far.sum() > 500
     assert false == (found.found["falsework"][far] != 0).sum()
+    near = judge(model, 1.25, [cloud], 20.0)
+    assert near.apart["mesh"] == (0, 0)
+    assert 0 < near.matrices["mesh"]["kim2023"].sum() < len(found.place)
+    assert "scans of\nbridges that training held back, up to 20 m round each, labelled" in selection_page(
+        {"a": near}, 1, 20.0
+    )
 
 
 def test_a_model_that_leans_says_what_was_measured(made: Path, tmp_path: Path) -> None:
