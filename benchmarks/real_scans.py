@@ -13,6 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from benchmarks.scan_scores import Labelled, label_scan
@@ -210,6 +211,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--model", default="")
     given = parser.parse_args()
+    torch.set_num_threads(1)  # several wait for each other where others work, too
     model = named_model(given.model)
     rows: dict[str, tuple[RealScan, Figures]] = {}
     panels = []

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from benchmarks.scan_scores import TABLES, Labelled, Scan, label_scan, read_labelled_scan
@@ -202,6 +203,7 @@ def main() -> None:
     parser.add_argument("--length", type=float, default=np.inf, help="longest stretch of a bridge that is taken [m]")
     parser.add_argument("--out", type=Path, default=PAGE)
     given = parser.parse_args()
+    torch.set_num_threads(1)  # several wait for each other where others work, too
     scans = {}
     for path in given.clouds:
         scan = read_labelled_scan(path)

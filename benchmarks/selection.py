@@ -2,7 +2,7 @@
 
 What counts is mean IoU, and how much of the surroundings, far from the bridge, is called a part of one.
 
-Usage: python -m benchmarks.selection NAME=MODEL... --clouds CLOUD... [--page FILE]
+Usage: python -m benchmarks.selection NAME=MODEL... --clouds CLOUD... [--reach METERS] [--page FILE]
 
 MODEL is a folder of a training, CLOUD the folder of a cloud. `python -m benchmarks.shipped_model … --candidate NAME`
 makes candidates of one data set. Writes `docs/benchmarks/selection.md`.
@@ -19,7 +19,7 @@ import torch
 from numpy.typing import NDArray
 
 from benchmarks.robustness import near_bridge
-from benchmarks.scan_scores import TABLES, label_scan, read_labelled_scan
+from benchmarks.scan_scores import TABLES, Scan, label_scan, read_labelled_scan
 from benchmarks.shipped_model import STRIDE
 from groundwork.files import write_text
 from learn.metrics import scores
@@ -64,19 +64,30 @@ def overlapping(folder: Path) -> TrainedModel:
     return TrainedModel(read.trained, read.settings.model_copy(update={"tile": tile}))
 
 
-def judge(model: TrainedModel, size: float, clouds: Sequence[Path]) -> Row:
+def within(scan: Scan, reach: float) -> Scan:
+    """Keep what is near the bridge of a scan.
+
+    Args:
+        scan: The scan.
+        reach: How far beyond the box of its bridge [m].
+    """
+    return scan.take(near_bridge(scan, reach)(scan.place)) if np.isfinite(reach) else scan
+
+
+def judge(model: TrainedModel, size: float, clouds: Sequence[Path], reach: float = np.inf) -> Row:
     """Label every cloud with a candidate.
 
     Args:
         model: The candidate.
         size: Of its weights [MB].
         clouds: Folders of clouds.
+        reach: How far beyond a bridge they are labelled [m].
     """
     matrices: dict[str, dict[str, I64]] = {}
     apart: dict[str, tuple[int, int]] = {}
     points, seconds = 0, 0.0
     for path in clouds:
-        scan = read_labelled_scan(path)
+        scan = within(read_labelled_scan(path), reach)
         before = time.process_time()
         found = label_scan(scan, model)
         points, seconds = points + len(scan.coord), seconds + time.process_time() - before
@@ -90,21 +101,23 @@ def judge(model: TrainedModel, size: float, clouds: Sequence[Path]) -> Row:
     return Row(model.trained.facts.network, size, matrices, seconds * 2e6 / points, apart)
 
 
-def page(rows: Mapping[str, Row], clouds: int) -> str:
+def page(rows: Mapping[str, Row], clouds: int, reach: float = np.inf) -> str:
     """Write the page.
 
     Args:
         rows: Candidates by name.
         clouds: How many scans they were judged on.
+        reach: How far beyond a bridge they were labelled [m].
     """
+    whole, around = ("whole ", "") if np.isinf(reach) else ("", f"up to {reach:g} m round each, ")
     kinds = sorted({kind for row in rows.values() for kind in row.matrices})
     lines = [
         "# Which model comes with the package",
         "",
-        f"Written by `python -m benchmarks.selection`. Mean IoU of the thinned points of {clouds} whole scans of",
-        "bridges that training held back, labelled as `falsework predict` does; classes that do not occur have no part",
-        "in it. *All* sums the scans first. The time is that of a processor's core for two million points, without",
-        "reading and writing.",
+        f"Written by `python -m benchmarks.selection`. Mean IoU of the thinned points of {clouds} {whole}scans of",
+        f"bridges that training held back, {around}labelled as `falsework predict` does; classes that do",
+        "not occur have no part in it. *All* sums the scans first. The time is that of a processor's core for two",
+        "million points, without reading and writing.",
     ]
     for name in TABLES:
         cells = []
@@ -140,14 +153,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("models", nargs="+", metavar="NAME=MODEL")
     parser.add_argument("--clouds", nargs="+", type=Path, required=True)
+    parser.add_argument("--reach", type=float, default=np.inf, help="how far round a bridge scans are labelled [m]")
     parser.add_argument("--page", type=Path, default=PAGE)
     given = parser.parse_args()
     torch.set_num_threads(1)
     rows = {}
     for word in given.models:
         name, _, folder = word.partition("=")
-        rows[name] = judge(overlapping(Path(folder)), (Path(folder) / WEIGHTS).stat().st_size / 1e6, given.clouds)
-    write_text(given.page, page(rows, len(given.clouds)))
+        rows[name] = judge(
+            overlapping(Path(folder)), (Path(folder) / WEIGHTS).stat().st_size / 1e6, given.clouds, given.reach
+        )
+    write_text(given.page, page(rows, len(given.clouds), given.reach))
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ LIMITS = (
     "scaffold or person, and will call some of them parts of a bridge.",
     "Parts finer than its cubes of {voxel:g} m (bearings, sockets, clamps, rails) are mostly lost.",
     "Its tiles are {size:g} m wide: what a part is for, where that is seen from farther away alone, it guesses.",
-    "Confidence is calibrated on {picked} bridges of ours; how far it can be trusted on other scans is not known.",
+    "Confidence is calibrated on {picked} of our bridges; how far it can be trusted on other scans is not known.",
     "The scan must say its unit, or be given `--unit`, and stand with z up, or be given `--up`.",
 )
 

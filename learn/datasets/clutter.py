@@ -241,7 +241,7 @@ def _put_line(land: _Land, rng: np.random.Generator) -> None:
         land.add(np.column_stack([start + along[:, None] * ahead, base + high * rng.random(count)]), "fence")
         return
     high = rng.uniform(4.0, 14.0)
-    count = rng.integers(4, 40)
+    count = int(rng.integers(4, 40))
     land.add(np.column_stack([np.tile(start, (count, 1)), base + high * rng.random(count)]), "pole")
     for _ in range(rng.integers(0, 4)):
         along = rng.uniform(0.0, 40.0, rng.integers(5, 60))

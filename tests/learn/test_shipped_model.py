@@ -14,6 +14,7 @@ from benchmarks.selection import judge, overlapping
 from benchmarks.selection import page as selection_page
 from benchmarks.shipped_card import card_text
 from benchmarks.shipped_lean import choose, lean_model, leaning, measure, surroundings
+from benchmarks.shipped_mean import mean_model
 from benchmarks.shipped_model import (
     STRIDE,
     bridge_of,
@@ -31,7 +32,8 @@ from learn.datasets.layout import read_facts, read_piece
 from learn.datasets.patch import Scaling, make_sample
 from learn.metrics import scores
 from learn.predict.trained_model import read_trained_model
-from learn.trained import WEIGHTS, read_weights
+from learn.trained import WEIGHTS, read_weights, write_model
+from learn.trained import read_facts as read_model_facts
 from tests.learn.toy_bridge import toy_cloud, write_toy
 
 
@@ -137,6 +139,12 @@ def test_what_is_far_from_a_bridge_is_counted_apart(made: Path, tmp_path: Path) 
     far = ((found.place[:, :2] < low[:2]) | (found.place[:, :2] > high[:2])).any(axis=1)
     assert count == far.sum() > 500
     assert false == (found.found["falsework"][far] != 0).sum()
+    near = judge(model, 1.25, [cloud], 20.0)
+    assert near.apart["mesh"] == (0, 0)
+    assert 0 < near.matrices["mesh"]["kim2023"].sum() < len(found.place)
+    assert "scans of\nbridges that training held back, up to 20 m round each, labelled" in selection_page(
+        {"a": near}, 1, 20.0
+    )
 
 
 def test_a_model_that_leans_says_what_was_measured(made: Path, tmp_path: Path) -> None:
@@ -178,3 +186,21 @@ def test_what_a_model_began_with_is_not_forgotten(made: Path, tmp_path: Path) ->
     with pytest.raises(InputError, match="has learnt from it"):
         check_unseen(tmp_path / "model", ["train"])
     check_unseen(tmp_path / "model", ["test"])
+
+
+def test_a_mean_lies_between_two_models(made: Path, tmp_path: Path) -> None:
+    """Every weight a quarter of the way; with all of the second it is the second; another network is refused."""
+    lean_model(made / "model", 2.0, tmp_path / "other")
+    mean_model(made / "model", tmp_path / "other", 0.25, tmp_path / "mean")
+    mean_model(made / "model", tmp_path / "other", 1.0, tmp_path / "whole")
+    first, second, mean = (read_weights(path) for path in (made / "model", tmp_path / "other", tmp_path / "mean"))
+    for name, value in mean.items():
+        if value.is_floating_point():
+            np.testing.assert_allclose(value, 0.75 * first[name] + 0.25 * second[name], rtol=1e-5, atol=1e-7)
+        assert value.dtype == second[name].dtype
+    assert not np.allclose(mean["head.2.bias"], second["head.2.bias"])
+    whole = read_weights(tmp_path / "whole")
+    assert all(np.array_equal(whole[name], value) for name, value in second.items())
+    write_model(tmp_path / "net", replace(read_model_facts(made / "model"), channels=("x",)), first)
+    with pytest.raises(InputError, match="another model"):
+        mean_model(made / "model", tmp_path / "net", 0.5, tmp_path / "no")
