@@ -1,6 +1,6 @@
 """How true the clouds are: every family, road and rail, close and whole flights, sparse and dense, class by class.
 
-Usage: python -m benchmarks.accuracy WORK [--only NAME…] [--page]
+Usage: python -m benchmarks.accuracy WORK [--only NAME…] [--page] [--note TEXT]
 
 Makes a bridge for every row, flies, renders and reconstructs it, and writes `docs/benchmarks/accuracy.md`. WORK keeps
 what was made: a second call goes on. `--page` writes the page of what is there. Some six processor minutes a row.
@@ -227,11 +227,12 @@ def class_lines(clouds: Sequence[Judged]) -> list[str]:
     return lines
 
 
-def accuracy_page(found: Mapping[Row, Mapping[str, Judged]]) -> str:
+def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], note: str = "") -> str:
     """Write the page.
 
     Args:
         found: For each row its clouds by mode.
+        note: A line of its own, such as which code made the clouds; empty for none.
     """
     lines = [
         "# How true the clouds are",
@@ -243,6 +244,7 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]]) -> str:
         "a point that is 20 mm off lies nearer to the neighbor of what its photographs show. *Center*: median error of",
         "camera centers. An *instance* is right",
         f"where {ALL_RIGHT:.0%} of its near points have its class; those with fewer than {FEWEST} do not count.",
+        *(["", note] if note else []),
         "",
         "| family | service | flight | cloud | cameras | center [mm] | points | near | right | clearly wrong "
         "| instances right |",
@@ -265,13 +267,15 @@ def main() -> None:
     parser.add_argument("work", type=Path)
     parser.add_argument("--only", nargs="+", default=[row.name for row in ROWS], metavar="NAME")
     parser.add_argument("--page", action="store_true", help="make nothing more")
+    parser.add_argument("--note", default="", help="a line for the page")
     given = parser.parse_args()
     for number, row in enumerate(ROWS, 4001):
         if row.name in given.only and not given.page:
             with ConsoleProgress() as progress:
                 outcome = falsework.run(scenario_of_row(row, number), given.work / row.name, progress=progress)
             sys.stdout.write(f"{row.name}: {outcome.made} made\n")
-    write_text(PAGE, accuracy_page({row: clouds for row in ROWS if (clouds := _clouds(given.work / row.name))}))
+    found = {row: clouds for row in ROWS if (clouds := _clouds(given.work / row.name))}
+    write_text(PAGE, accuracy_page(found, given.note))
 
 
 def _clouds(run: Path) -> dict[str, Judged]:
