@@ -4,13 +4,12 @@ import ctypes
 import errno
 import json
 import os
-import pickle
 import secrets
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from groundwork.canonical import canonical_json, file_digest
 from groundwork.errors import InputError, OutOfSpaceError
@@ -75,18 +74,21 @@ def _write(path: Path, data: bytes, durable: bool) -> None:
         os.close(handle)
 
 
-def write_pickle(path: Path, content: object) -> None:
-    """Write objects for another process of ours, array by array: the bytes of all would take as much memory once more.
+@contextmanager
+def writing(path: Path) -> Iterator[BinaryIO]:
+    """Open a file to be written piece by piece, where the bytes of all would take as much memory once more.
 
     Args:
-        path: A new file in a folder that nobody else reads.
-        content: What to write.
+        path: A new file in a folder that nobody else reads: a kill leaves it half written.
+
+    Yields:
+        The open file.
 
     Raises:
         OutOfSpaceError: The disk is full.
     """
     with space_errors(path), path.open("wb") as file:
-        pickle.dump(content, file, pickle.HIGHEST_PROTOCOL)
+        yield file
 
 
 def write_text(path: Path, text: str) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from groundwork.child import answer_parent, run_child
-from groundwork.files import write_pickle
+from groundwork.files import writing
 from groundwork.progress import Progress
 from render.detail.surveyed_scene import SurveyedScene, survey_scene
 from render.light.light_volume import LightVolume, cast_light_volume
@@ -52,7 +52,7 @@ def cast_volume_apart(*work: Any) -> LightVolume:
 def _apart(task: str, arguments: tuple[Any, ...], progress: Progress) -> Any:
     with tempfile.TemporaryDirectory() as scratch:
         work, answer = Path(scratch) / "work", Path(scratch) / "answer"
-        write_pickle(work, arguments)
+        _write(work, arguments)
         request = {"task": task, "work": str(work), "answer": str(answer)}
         run_child(_CHILD, request, time_limit=_TIME_LIMIT, memory_limit=_MEMORY_LIMIT, progress=progress)
         with answer.open("rb") as file:
@@ -70,7 +70,12 @@ def _serve(request: dict[str, Any], progress: Progress) -> None:
 
         path, survey, triangle_budget, choices = arguments
         result = survey_scene(load_scene(path, survey=survey, choices=choices), triangle_budget)
-    write_pickle(Path(request["answer"]), result)
+    _write(Path(request["answer"]), result)
+
+
+def _write(path: Path, content: object) -> None:
+    with writing(path) as file:
+        pickle.dump(content, file, pickle.HIGHEST_PROTOCOL)
 
 
 if __name__ == "__main__":

@@ -290,7 +290,7 @@ def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="2 of 2 control points"):
         placed(GroundControl(FILE, local, points[:2]))
     row = marked(np.array([[12.0 * x, 20.0 - 2.0 * x, 0.0] for x in range(5)]), true, 0.3)
-    with pytest.raises(InputError, match=r"control points fix no frame \((tilt|two ways)"):
+    with pytest.raises(InputError, match=r"control points fix no coordinate frame \((tilt|two ways)"):
         placed(GroundControl(FILE, local, row))
 
 
