@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from benchmarks.robustness import near_bridge
 from benchmarks.scan_scores import TABLES, Scan, read_labelled_scan
 from benchmarks.selection import APART, within
-from learn.datasets.class_tables import BACKGROUND_CLASS, class_table
+from learn.datasets.class_tables import class_table, is_background
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
 from learn.metrics import confusion, scores
 from learn.predict.class_sum import sum_classes
@@ -30,26 +30,12 @@ from learn.predict.predict import vote
 from learn.predict.trained_model import TrainedModel, read_trained_model
 from learn.scoring.table import table
 from learn.trained import read_facts, read_weights, write_model
-from usd_schemas.components import component_classes
 
 F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
 
 LEANS = tuple(0.5 * number for number in range(11))  # of the logits [1]
 ENOUGH = 0.02  # share of the points far from a bridge that may be called a part of one [1]
-
-
-def surroundings(classes: Sequence[str]) -> NDArray[np.bool_]:
-    """Tell which classes are no part of a bridge.
-
-    Args:
-        classes: Component kinds, or classes of the base table.
-
-    Returns:
-        Whether each is, shape (C,), bool.
-    """
-    kinds = component_classes()
-    return np.array([kinds.get(name, name) == BACKGROUND_CLASS for name in classes])
 
 
 def leaning(told: F32, rest: NDArray[np.bool_], lean: float) -> F32:
@@ -78,7 +64,7 @@ def measure(model: TrainedModel, scans: Sequence[Scan]) -> list[tuple[float, flo
         For each of `LEANS`: itself, the share of the points far from a bridge that is called a part of one, and the
         mean IoU in each table [1].
     """
-    rest = surroundings(model.classes)
+    rest = is_background(model.classes)
     sizes = {name: len(class_table(name).names) for name in TABLES}
     matrices = {(lean, name): np.zeros((size, size), np.int64) for lean in LEANS for name, size in sizes.items()}
     false, count = dict.fromkeys(LEANS, 0), 0
@@ -126,7 +112,7 @@ def lean_model(folder: Path, lean: float, out: Path) -> None:
     facts, weights = read_facts(folder), read_weights(folder)
     name = max((key for key in weights if key.startswith("head.")), key=lambda key: int(key.split(".")[1]))
     bias = name.rsplit(".", 1)[0] + ".bias"
-    shift = torch.from_numpy(surroundings(facts.classes).astype(np.float32)) * (lean * facts.temperature)
+    shift = torch.from_numpy(is_background(facts.classes).astype(np.float32)) * (lean * facts.temperature)
     leant = {**weights, bias: weights[bias] + shift}
     write_model(out, replace(facts, training={**(facts.training or {}), "lean": lean}), leant)
 

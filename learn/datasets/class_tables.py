@@ -1,6 +1,6 @@
 """The classes that a data set has, and how the labels of a cloud of ours become their numbers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +42,19 @@ class ClassTable:
             name: Class name.
         """
         return self.names.index(name) if name in self.names else UNLABELLED
+
+
+def is_background(classes: Sequence[str]) -> NDArray[np.bool_]:
+    """Tell which classes are no part of a bridge.
+
+    Args:
+        classes: Component kinds, or classes of the base table.
+
+    Returns:
+        Whether each is, shape (C,), bool.
+    """
+    kinds = component_classes()
+    return np.array([kinds.get(name, name) == BACKGROUND_CLASS for name in classes])
 
 
 def class_table(name: str, noisy: bool = False) -> ClassTable:

@@ -11,7 +11,7 @@ from pydantic import Field
 from groundwork.settings import Settings
 from learn.datasets import clutter
 from learn.datasets.augment import draw_change
-from learn.datasets.class_tables import BACKGROUND_CLASS
+from learn.datasets.class_tables import is_background
 from learn.datasets.draws import random_draw
 from learn.datasets.ground import estimate_ground
 from learn.datasets.layout import PieceRow, read_piece
@@ -89,9 +89,7 @@ class VariedSplit:
     @cached_property
     def _surroundings(self) -> I64:
         """Labels of what is no part of a bridge, and of points without one."""
-        kinds = component_classes()
-        rest = [i for i, name in enumerate(self.classes) if kinds.get(name, name) == BACKGROUND_CLASS]
-        return np.array([*rest, UNLABELLED])
+        return np.array([*np.flatnonzero(is_background(self.classes)), UNLABELLED])
 
     @cached_property
     def _plants(self) -> I64:

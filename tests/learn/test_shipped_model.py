@@ -13,7 +13,7 @@ from benchmarks.scan_scores import label_scan, read_labelled_scan
 from benchmarks.selection import judge, overlapping
 from benchmarks.selection import page as selection_page
 from benchmarks.shipped_card import card_text
-from benchmarks.shipped_lean import choose, lean_model, leaning, measure, surroundings
+from benchmarks.shipped_lean import choose, lean_model, leaning, measure
 from benchmarks.shipped_mean import mean_model
 from benchmarks.shipped_model import (
     STRIDE,
@@ -28,6 +28,7 @@ from benchmarks.shipped_model import (
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import write_json
+from learn.datasets.class_tables import is_background
 from learn.datasets.layout import read_facts, read_piece
 from learn.datasets.patch import Scaling, make_sample
 from learn.metrics import scores
@@ -151,7 +152,7 @@ def test_a_model_that_leans_says_what_was_measured(made: Path, tmp_path: Path) -
     """The summand in the bias multiplies the odds of the surroundings by what was asked for, at every point."""
     lean_model(made / "model", 1.5, tmp_path / "leant")
     plain, leant = overlapping(made / "model"), overlapping(tmp_path / "leant")
-    rest = surroundings(plain.classes)
+    rest = is_background(plain.classes)
     patch = read_piece(made / "dataset", read_facts(made / "dataset").pieces[0], ())
     sample = make_sample(patch, np.arange(len(patch))[:4096], ("z",), Scaling("constant", 10.0))
     before, after = plain.probabilities([sample])[0], leant.probabilities([sample])[0]
