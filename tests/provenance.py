@@ -20,6 +20,8 @@ HASHED = (*ROOMS, "tests", "benchmarks")
 # Reached by everything that starts a verb, and of no weight for what a proof measures.
 _NOT_FOLLOWED = frozenset({"falsework.cli"})
 
+_ALWAYS = "*"  # stands for a fixture that every test gets, asked for or not
+
 
 def reached(files: list[Path], root: Path = ROOT) -> list[Path]:
     """List the modules that some files reach by imports, inside functions too, and by names of modules in strings.
@@ -69,9 +71,33 @@ def _data_files(folder: Path) -> list[Path]:
 
 
 def _conftests(file: Path, root: Path) -> list[Path]:
-    """List the conftest files that pytest gives to a test, the common one left out: it only counts and writes."""
+    """List the conftest files whose fixtures a test asks for, the common one left out: it only counts and writes."""
     folders = [folder for folder in file.parents if folder != root / "tests" and root in folder.parents]
-    return [folder / "conftest.py" for folder in folders if (folder / "conftest.py").is_file()]
+    found: list[Path] = []
+    asked, _ = _fixtures(file)
+    for conftest in (folder / "conftest.py" for folder in folders):  # the nearest first: it may ask for those above
+        if conftest.is_file():
+            asks, gives = _fixtures(conftest)
+            if _ALWAYS in gives or asked & gives:
+                found.append(conftest)
+                asked |= asks
+    return found
+
+
+def _fixtures(file: Path) -> tuple[set[str], set[str]]:
+    """Name the fixtures that the functions of a file may ask for, and those that it gives; `_ALWAYS` where unasked."""
+    asks: set[str] = set()
+    gives: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef):
+            asks |= {argument.arg for argument in (*node.args.args, *node.args.kwonlyargs)}
+            for decorator in node.decorator_list:
+                words = ast.unparse(decorator)
+                if words.startswith("pytest.fixture"):
+                    gives |= {node.name, *([_ALWAYS] if "autouse" in words else [])}
+                if "usefixtures" in words:
+                    asks |= {part.value for part in ast.walk(decorator) if isinstance(part, ast.Constant)}
+    return asks, gives
 
 
 @cache

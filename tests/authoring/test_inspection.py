@@ -6,20 +6,19 @@ import numpy as np
 import pytest
 
 from authoring.families.registry import FAMILIES
-from authoring.settings import AuthoringSettings
 from authoring.streams import stream
 from authoring.surveys.camera_models import calibration, camera_models
 from authoring.surveys.framing import eye_of
 from authoring.surveys.free_places import free_places
 from authoring.surveys.inspection import fly_inspection
 from authoring.surveys.registry import plan_survey
-from authoring.surveys.settings import GlobalSettings, GridSettings, InspectionSettings, MixSettings
+from authoring.surveys.settings import AnySurvey, GlobalSettings, GridSettings, InspectionSettings, MixSettings
 from authoring.surveys.sight import sight_of
 from authoring.surveys.targets import cut_targets
 from authoring.surveys.turning import angle_between, pitch_of
 from benchmarks.inspection import VIEWS, Drawn, count_views, draw_bridge, shown_by
 from groundwork.errors import InputError
-from groundwork.settings import parse_settings
+from groundwork.settings import Settings, parse_settings
 from tests.authoring.flight_views import visible_pixels
 from tests.authoring.test_random_surveys import true_clearance
 from tests.conftest import Count, RecordProof
@@ -171,11 +170,17 @@ def test_an_eye_frames_local_points_as_world_points() -> None:
     np.testing.assert_array_equal(eye.framed(points, pose), eye.framed_local(points - pose[:3, 3]))
 
 
+class Surveys(Settings):
+    """The section of a scenario that holds flights."""
+
+    survey: tuple[AnySurvey, ...]
+
+
 def test_a_leg_of_no_known_kind_is_told_the_kinds_of_legs() -> None:
     """The error lists what a leg may be, not what a survey may be."""
     survey = [{"kind": "mix", "legs": [{"kind": "stage"}]}]
     with pytest.raises(InputError) as caught:
-        parse_settings(AuthoringSettings, {"survey": survey}, "test")
+        parse_settings(Surveys, {"survey": survey}, "test")
     assert "legs" in str(caught.value)
     assert "allowed: global, local, grid, inspection" in str(caught.value)
     assert "inspection, mix" not in str(caught.value)

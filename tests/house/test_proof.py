@@ -110,6 +110,31 @@ def test_stale_runs_only_what_speaks_of_other_code(project: Path) -> None:
     assert run(project, "--proof", "--stale").startswith("1 passed, 2 deselected")
 
 
+def test_only_fixtures_that_are_asked_for_count(project: Path) -> None:
+    """What a conftest imports is spoken of where a test asks for its fixtures, through another conftest too."""
+    inner = project / "tests" / "room" / "inner"
+    inner.mkdir(parents=True)
+    test = inner / "test_room.py"
+    (inner.parent / "conftest.py").write_text(
+        "import pytest\n\nfrom learn import counting\n\n\n@pytest.fixture\ndef counted():\n    return counting\n"
+    )
+    test.write_text("def test_nothing(tmp_path):\n    assert tmp_path\n")
+    code = project / "learn" / "counting.py"
+
+    def speaks_of_it() -> bool:
+        code.write_text(CODE)
+        before = digest_of(test, project)
+        code.write_text(CODE.replace("return 1", "return 22"))
+        return digest_of(test, project) != before
+
+    assert not speaks_of_it()
+    test.write_text("def test_it(counted):\n    assert counted\n")
+    assert speaks_of_it()
+    (inner / "conftest.py").write_text("import pytest\n\n\n@pytest.fixture\ndef twice(counted):\n    return counted\n")
+    test.write_text("def test_it(twice):\n    assert twice\n")
+    assert speaks_of_it()
+
+
 def test_states_of_rows(project: Path) -> None:
     """A row whose test is gone, and one that never said its code, are told apart from fresh and stale ones."""
     codes: dict[str, str] = {}

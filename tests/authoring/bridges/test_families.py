@@ -7,8 +7,7 @@ import pytest
 
 from authoring.families.bridge_settings import draw_layout
 from authoring.families.registry import FAMILIES
-from authoring.settings import AuthoringSettings
-from authoring.site.site import draw_site
+from authoring.site.site import SiteSettings, draw_site
 from authoring.streams import stream
 from tests.authoring.bridges import invariants, structure
 from tests.authoring.bridges.built import STRAIGHT, build_on, make_bridge, settings_of
@@ -103,7 +102,7 @@ def test_stands_on_its_site(family: str, proof_count: Count, record_proof: Recor
     least = np.inf
     for seed in range(FIXED, FIXED + count):
         layout, drawn = draw_layout(settings_of(family), stream(seed, "bridge"))
-        site = draw_site(AuthoringSettings().site, layout, stream(seed, "site"))
+        site = draw_site(SiteSettings(), layout, stream(seed, "site"))
         bridge = build_on(family, seed, layout, drawn, site.ground)
         wrong = invariants.nothing_floats(bridge)
         for member, points in zip(bridge.members, bridge.bridge_coordinates, strict=True):
