@@ -51,7 +51,7 @@ test-dcc: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view .venv-dcc/.stamp
 
 test-faults: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view
 	$(PYTEST) -m faults $(PARALLEL) --proof -o faulthandler_timeout=3600
-	.venv/bin/python -m benchmarks.faults
+	.venv/bin/python -m benchmarks.checks.faults
 
 bench: .venv/.stamp-dev .venv/.stamp-learn
 	.venv/bin/python -m benchmarks

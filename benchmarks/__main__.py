@@ -3,7 +3,8 @@
 Usage: python -m benchmarks
 """
 
-from benchmarks import bridges, chain, stage, surveys
+from benchmarks.authoring import bridges, stage, surveys
+from benchmarks.falsework import chain
 
 if __name__ == "__main__":
     stage.main()

@@ -23,7 +23,7 @@ NEEDS = {
     "RUN": "folder of falsework demo -o RUN",
     "CLOUD": "a cloud of that run, RUN/scenes/0000/cloud/global",
     "WORK": "a folder that keeps what Cycles drew",
-    "SCANS": "folder with checkouts of the repositories that benchmarks/real_scans.py names",
+    "SCANS": "folder with checkouts of the repositories that benchmarks/shipped/real_scans.py names",
     "WORLD": "a city: falsework background import CITY -o WORLD",
 }
 FAMILIES = ("slab", "beam", "girder", "suspension", "cable_stayed")
@@ -60,9 +60,13 @@ RECIPES = (
     Recipe(("chain.png",), ("docs.picture", "RUN")),
     Recipe(("dense_cloud.png",), ("docs.cloud_picture", "CLOUD")),
     Recipe(("sampling.png",), ("docs.sampling_picture", "RUN")),
-    Recipe(("real_scans.png",), ("benchmarks.real_scans", "SCANS"), "the extra learn; writes its page, too"),
-    Recipe(("bench_scene.jpg",), ("benchmarks.render",), "measures for its page, too: long"),
-    Recipe(("bench_light.jpg",), ("benchmarks.light", "WORK"), "FALSEWORK_BPY_PYTHON, as below; writes its page, too"),
+    Recipe(("real_scans.png",), ("benchmarks.shipped.real_scans", "SCANS"), "the extra learn; writes its page, too"),
+    Recipe(("bench_scene.jpg",), ("benchmarks.render.speed",), "measures for its page, too: long"),
+    Recipe(
+        ("bench_light.jpg",),
+        ("benchmarks.render.light", "WORK"),
+        "FALSEWORK_BPY_PYTHON, as below; writes its page, too",
+    ),
     *(_gallery("gallery", [name], "families", "--family", name, "--count", "3", "--seed", "11") for name in FAMILIES),
     _gallery("gallery", ["arch"], "families", "--family", "arch", "--count", "3", "--seed", "21"),
     *(_gallery("worlds", [name], "worlds", "--world", name, "--count", "4", "--seed", "0") for name in WORLDS),

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.scan_scores import TABLES, Labelled, label_scan, read_labelled_scan
+from benchmarks.shipped.scan_scores import TABLES, Labelled, label_scan, read_labelled_scan
 from docs.sampling_picture import GAP, PANEL, draw
 from groundwork.files import write_bytes
 from learn.datasets.class_tables import class_table

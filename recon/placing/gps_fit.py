@@ -251,7 +251,7 @@ def _likeness(whitened: F64) -> float:
     """Estimate how far the error of a fix repeats that of the one before it.
 
     A fit takes away what varies slowly, and with it some of the likeness; what is added for it is tuned by simulation
-    (`benchmarks.gps_scale`).
+    (`benchmarks.recon.gps_scale`).
     """
     if len(whitened) < _LONG:
         return _USUAL

@@ -16,7 +16,7 @@ from authoring.surveys.settings import AnySurvey, GlobalSettings, GridSettings, 
 from authoring.surveys.sight import sight_of
 from authoring.surveys.targets import cut_targets
 from authoring.surveys.turning import angle_between, pitch_of
-from benchmarks.inspection import VIEWS, Drawn, count_views, draw_bridge, shown_by
+from benchmarks.authoring.inspection import VIEWS, Drawn, count_views, draw_bridge, shown_by
 from groundwork.errors import InputError
 from groundwork.settings import Settings, parse_settings
 from tests.authoring.flight_views import visible_pixels

@@ -19,7 +19,7 @@ from authoring.scenes.manifest import changed_files, refresh_manifest
 from authoring.scenes.validate import validate_scene
 from authoring.settings import AuthoringSettings
 from authoring.variants.add import LOCK, set_choices, write_variant
-from benchmarks.stage import measure
+from benchmarks.authoring.stage import measure
 from groundwork.errors import InputError
 from groundwork.locks import BusyError, hold_lock
 from groundwork.marks import TEMPORARY

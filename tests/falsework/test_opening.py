@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.reports import PAGE, VERBS, Opened, asked, open_once, page_lines
+from benchmarks.falsework.reports import PAGE, VERBS, Opened, asked, open_once, page_lines
 from falsework.cli import all_verbs
 from falsework.report.survey_page import write_survey_page
 from groundwork.errors import InputError

@@ -176,7 +176,7 @@ def test_a_camera_that_cannot_be_flown(scene: Path, tmp_path: Path, capsys: pyte
 @pytest.mark.slow
 def test_predicted_share_ranks_flights_as_reconstructions_do(tmp_path: Path, record_proof: RecordProof) -> None:
     """Over good and deliberately bad flights, those that are predicted to hang together are those that do."""
-    from benchmarks.registration import measure, rank_correlation
+    from benchmarks.recon.registration import measure, rank_correlation
 
     rows = measure(tmp_path)
     assert len(rows) >= 20

@@ -1,4 +1,4 @@
-"""Which faults `benchmarks.mutants` puts into a line, by the rules that its docstring states."""
+"""Which faults `benchmarks.checks.mutants` puts into a line, by the rules that its docstring states."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ast
 
 import pytest
 
-from benchmarks.mutants import SUBJECTS, _places, draw
+from benchmarks.checks.mutants import SUBJECTS, _places, draw
 from tests.house.house import ROOT
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.real_scans import figures_of
-from benchmarks.scan_scores import Labelled
+from benchmarks.shipped.real_scans import figures_of
+from benchmarks.shipped.scan_scores import Labelled
 from learn.datasets.class_tables import class_table
 
 

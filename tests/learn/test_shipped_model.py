@@ -8,14 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.robustness import page
-from benchmarks.scan_scores import label_scan, read_labelled_scan
-from benchmarks.selection import judge, overlapping
-from benchmarks.selection import page as selection_page
-from benchmarks.shipped_card import card_text
-from benchmarks.shipped_lean import choose, lean_model, leaning, measure
-from benchmarks.shipped_mean import mean_model
-from benchmarks.shipped_model import (
+from benchmarks.shipped.card import card_text
+from benchmarks.shipped.lean import choose, lean_model, leaning, measure
+from benchmarks.shipped.mean import mean_model
+from benchmarks.shipped.model import (
     STRIDE,
     bridge_of,
     check_unseen,
@@ -25,6 +21,10 @@ from benchmarks.shipped_model import (
     ship,
     train_on,
 )
+from benchmarks.shipped.robustness import page
+from benchmarks.shipped.scan_scores import label_scan, read_labelled_scan
+from benchmarks.shipped.selection import judge, overlapping
+from benchmarks.shipped.selection import page as selection_page
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import write_json
@@ -143,7 +143,7 @@ def test_what_is_far_from_a_bridge_is_counted_apart(made: Path, tmp_path: Path) 
     near = judge(model, 1.25, [cloud], 20.0)
     assert near.apart["mesh"] == (0, 0)
     assert 0 < near.matrices["mesh"]["kim2023"].sum() < len(found.place)
-    assert "scans of\nbridges that training held back, up to 20 m round each, labelled" in selection_page(
+    assert "scans of bridges that training held back, up to 20 m round each, labelled" in selection_page(
         {"a": near}, 1, 20.0
     )
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy import CLEAR, ROWS, Judged, accuracy_page, class_lines, instances_right, judge
+from benchmarks.recon.accuracy import CLEAR, ROWS, Judged, accuracy_page, class_lines, instances_right, judge
 from recon.cloud import Cloud, read_cloud
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.gps_flights import Flight, draw_flight, place_flight, true_errors
+from benchmarks.recon.gps_flights import Flight, draw_flight, place_flight, true_errors
 from recon.photos.photo_xmp import camera_up_of
 from recon.placing.align import OK, Target
 from recon.placing.align_gps import align_to_fixes

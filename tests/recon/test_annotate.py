@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.plain_vote import plain_verdict
+from benchmarks.recon.plain_vote import plain_verdict
 from groundwork.errors import InputError
 from recon.points.observations import Observations, median_per_point, select_points
 from recon.sfm.colmap_model import SparseModel

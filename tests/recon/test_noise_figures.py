@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.noise import noise_page
+from benchmarks.recon.noise import noise_page
 from recon.truth.noise_figures import describe_noise
 
 

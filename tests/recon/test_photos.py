@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.photographs import control_errors, figures_of, photographs_page
+from benchmarks.recon.photographs import control_errors, figures_of, photographs_page
 from falsework.commands.verbs import reconstruct_folder
 from groundwork.errors import InputError, MissingError, RejectedSceneError
 from groundwork.progress import SILENT, Silent

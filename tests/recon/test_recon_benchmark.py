@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import recon as benchmark
-from benchmarks.colmap_defaults import Found
-from benchmarks.recon_page import Row, crossing, equally_accurate, exponent, render_page
-from benchmarks.recon_ways import Meter, Run, paid, with_settings
+from benchmarks.recon import sfm as benchmark
+from benchmarks.recon.colmap_defaults import Found
+from benchmarks.recon.sfm_page import Row, crossing, equally_accurate, exponent, render_page
+from benchmarks.recon.sfm_ways import Meter, Run, paid, with_settings
 from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.files import read_json, write_json
 from recon.photos.photos import open_photographs
@@ -155,7 +155,7 @@ def test_what_a_step_cost_stays_with_it(plane_capture: Path, tmp_path: Path, mon
         seen.extend(sorted(path.name for path in work.iterdir()))
         raise RejectedSceneError("no_overlap", "none")
 
-    monkeypatch.setattr("benchmarks.recon_ways.run_sparse", run_nothing)
+    monkeypatch.setattr("benchmarks.recon.sfm_ways.run_sparse", run_nothing)
     found = with_settings(mapper="global")(open_photographs(plane_capture), tmp_path)
     assert seen == ["features-a"]
     assert (found.names, found.pairs, found.seconds) == ((), "no_overlap", {"features": 12.5})

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.sparse_filter import Judged, judge, rules, scene_part
+from benchmarks.recon.sparse_filter import Judged, judge, rules, scene_part
 from recon.cloud import Cloud, read_cloud
 from recon.sfm.colmap_model import read_model
 from render.capture import read_capture, read_truth

@@ -1,0 +1,101 @@
+"""What was killed, filled up, damaged and flipped, how often: `python -m benchmarks.checks.faults`.
+
+Writes `docs/benchmarks/faults.md` from the tests marked `faults` and from the rows that `make test-faults` wrote into
+docs/proof.json. Nothing is run here.
+"""
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from groundwork.files import read_json, write_text
+
+ROOT = Path(__file__).resolve().parents[2]
+PROOF = ROOT / "docs" / "proof.json"
+PAGE = ROOT / "docs" / "benchmarks" / "faults.md"
+MARK = "pytest.mark.faults"
+
+
+@dataclass(frozen=True)
+class FaultTest:
+    """A test that does something bad.
+
+    Attributes:
+        place: `file::name`, as pytest spells it.
+        fact: What it proves, the first line of its docstring.
+        counts: For each count that grows: how many in `make test`, and how many in `make test-faults`.
+    """
+
+    place: str
+    fact: str
+    counts: tuple[tuple[int, int], ...]
+
+
+def main() -> None:
+    """Write the page."""
+    tests = [test for path in sorted((ROOT / "tests").rglob("test_*.py")) for test in fault_tests(path)]
+    write_text(PAGE, page(tests, read_json(PROOF)["rows"]))
+
+
+def fault_tests(path: Path) -> Iterator[FaultTest]:
+    """Find the tests of a module that are marked.
+
+    Args:
+        path: The module.
+    """
+    module = ast.parse(path.read_text(encoding="utf-8"))
+    marks = [ast.unparse(node.value) for node in module.body if isinstance(node, ast.Assign) and _is_mark(node)]
+    whole = any(MARK in mark for mark in marks)
+    for node in module.body:
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+            own = [ast.unparse(decorator) for decorator in node.decorator_list]
+            if whole or any(MARK in one for one in own):
+                fact = (ast.get_docstring(node) or "").partition("\n")[0]
+                yield FaultTest(f"{path.relative_to(ROOT).as_posix()}::{node.name}", fact, tuple(_counts(node)))
+
+
+def page(tests: list[FaultTest], rows: list[dict[str, Any]]) -> str:
+    """Write the page.
+
+    Args:
+        tests: The marked tests.
+        rows: Rows of docs/proof.json.
+    """
+    measured: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        measured.setdefault(str(row.get("test", "")).partition("[")[0], []).append(row)
+    lines = [
+        "# Faults, and how often each was tried",
+        "",
+        "Written by `python -m benchmarks.checks.faults` from the tests marked `faults`. *Quick* is the count in `make "
+        "test`, *full* the one in `make test-faults`; a test without counts tries each of its cases once in both. "
+        "*Measured*: what the last full run wrote into [proof.json](../proof.json), with its commit.",
+        "",
+        "| fact | test | quick | full | measured |",
+        "|---|---|---|---|---|",
+    ]
+    for test in tests:
+        quick, full = (", ".join(str(pair[one]) for pair in test.counts) or "all" for one in (0, 1))
+        done = "; ".join(f"{row['count']:,} ({row['commit'][:7]})" for row in measured.get(test.place, []))
+        name = test.place.removeprefix("tests/")
+        lines.append(f"| {test.fact.replace('|', chr(92) + '|')} | `{name}` | {quick} | {full} | {done} |")
+    return "\n".join(lines) + "\n"
+
+
+def _is_mark(node: ast.Assign) -> bool:
+    return any(isinstance(target, ast.Name) and target.id == "pytestmark" for target in node.targets)
+
+
+def _counts(function: ast.FunctionDef) -> Iterator[tuple[int, int]]:
+    """Find the counts that are written out; one that a test computes is not told."""
+    for node in ast.walk(function):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "proof_count":
+            quick, full = (one.value if isinstance(one, ast.Constant) else None for one in node.args)
+            if isinstance(quick, int) and isinstance(full, int):
+                yield quick, full
+
+
+if __name__ == "__main__":
+    main()

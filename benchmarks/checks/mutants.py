@@ -1,0 +1,388 @@
+"""Would the tests notice? Small faults are put into core modules, one at a time, and their tests must fail.
+
+Usage: python -m benchmarks.checks.mutants [--mutants N] [--seed S] [--only NAME] [--kept FILE] [--page]
+
+Each fault changes one place: a comparison, a sign, an operation, an `and`, a `not`, an axis, or a call that stands
+alone is left out. Where a whole number is written in a comparison, `<` becomes `<=`; between measured values both sides
+are equal in a case that never comes, so that no test could tell the two: there `<` becomes `>=`. The tree is copied, so
+the checkout is never touched. `docs/benchmarks/mutants.md` lists what survived. Half an hour for 150 faults on a core;
+with `--kept FILE` it goes on where it stopped: faults of the same module and the same tests are not tried again.
+"""
+
+import argparse
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from groundwork.canonical import digest
+from groundwork.files import read_json, write_json, write_text
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "benchmarks" / "mutants.md"
+TIME_LIMIT = 600.0  # [s] for the tests of one fault; an endless loop is noticed
+FOLDERS = (
+    "groundwork",
+    "usd_schemas",
+    "authoring",
+    "render",
+    "recon",
+    "learn",
+    "falsework",
+    "tests",
+    "benchmarks",
+    "scenarios",
+    "docs",
+    "typings",
+)
+
+# What is tried: the modules of each subject, and the tests that are there to notice.
+SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "vote": (("recon/truth/annotate.py", "recon/truth/label_margin.py"), ("tests/recon/test_annotate.py",)),
+    "uncertainty": (
+        ("recon/truth/uncertainty.py", "recon/truth/triangle_points.py"),
+        ("tests/recon/test_annotate.py", "tests/recon/test_triangle_points.py", "tests/recon/test_precision.py"),
+    ),
+    "alignment": (
+        ("recon/placing/similarity.py", "recon/placing/align.py", "recon/placing/gps_fit.py"),
+        ("tests/recon/test_align.py", "tests/recon/test_gps_fit.py", "tests/recon/test_align_gps.py"),
+    ),
+    "cameras": (
+        ("usd_schemas/pinhole.py", "usd_schemas/distortion.py"),
+        (
+            "tests/usd_schemas/test_pinhole.py",
+            "tests/usd_schemas/test_distortion.py",
+            "tests/usd_schemas/test_cameras.py",
+        ),
+    ),
+    "cables": (
+        (
+            "authoring/parts/suspension_cables.py",
+            "authoring/parts/stays.py",
+            "authoring/parts/hangers.py",
+            "authoring/parts/fittings.py",
+        ),
+        (
+            "tests/authoring/bridges/test_cables.py",
+            "tests/authoring/bridges/test_fittings.py",
+            "tests/authoring/bridges/test_families.py",
+        ),
+    ),
+    "bearings": (
+        ("authoring/parts/bearings.py",),
+        ("tests/authoring/bridges/test_bearings.py", "tests/authoring/bridges/test_substructure.py"),
+    ),
+    "surveys": (
+        ("authoring/surveys/coverage.py", "authoring/surveys/gps.py", "authoring/surveys/way.py"),
+        (
+            "tests/authoring/test_coverage.py",
+            "tests/authoring/test_ways.py",
+            "tests/authoring/test_surveys.py",
+        ),
+    ),
+    "light": (
+        ("render/light/daylight.py", "render/light/local_lights.py"),
+        ("tests/render/test_light.py", "tests/render/test_local_lights.py"),
+    ),
+    "store": (
+        ("falsework/store/store.py", "falsework/store/artefact.py", "falsework/store/verification.py"),
+        (
+            "tests/falsework/test_store.py",
+            "tests/falsework/test_verification.py",
+            "tests/falsework/test_run_samples.py",
+        ),
+    ),
+    "files": (
+        ("groundwork/files.py", "groundwork/output_swap.py"),
+        (
+            "tests/groundwork/test_files.py",
+            "tests/groundwork/test_output_folder.py",
+            "tests/groundwork/test_output_file.py",
+            "tests/faults/test_output_faults.py",
+        ),
+    ),
+    "scores": (
+        ("learn/metrics.py", "learn/panoptic.py", "learn/losses.py"),
+        ("tests/learn/test_metrics.py", "tests/learn/test_losses.py"),
+    ),
+}
+
+# Between measured values: the other side of the edge.
+_TURNED = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt}
+# Between whole numbers and names: the edge itself.
+_COMPARED = {
+    ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt,
+    ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+}
+_COUNTED = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.BitAnd: ast.BitOr,
+    ast.BitOr: ast.BitAnd,
+}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One fault.
+
+    Attributes:
+        subject: Row of `SUBJECTS`.
+        module: File, from the root of the repository.
+        line: Line of the fault.
+        what: The expression before and after.
+        text: The module with the fault in it.
+    """
+
+    subject: str
+    module: str
+    line: int
+    what: str
+    text: str
+
+
+def mutants_of(subject: str, module: str) -> Iterator[Mutant]:
+    """Give every fault that can be put into a module.
+
+    Args:
+        subject: Row of `SUBJECTS`.
+        module: File, from the root of the repository.
+    """
+    source = (ROOT / module).read_text(encoding="utf-8")
+    places = len(list(_places(ast.parse(source))))
+    for place in range(places):
+        tree = ast.parse(source)
+        node, change = list(_places(tree))[place]
+        before = _shown(node)
+        change()
+        after = _shown(node)
+        yield Mutant(subject, module, getattr(node, "lineno", 0), f"`{before}` → `{after}`", ast.unparse(tree))
+
+
+class TestRunner:
+    """Runs the tests of one subject in a copy of the repository."""
+
+    def __init__(self, subject: str, tree: Path) -> None:
+        """Start the process whose forks run the tests.
+
+        Args:
+            subject: Row of `SUBJECTS`.
+            tree: The copy.
+        """
+        self.tree = tree
+        command = [sys.executable, "-m", "benchmarks.checks.mutant_tests", str(TIME_LIMIT), *SUBJECTS[subject][1]]
+        environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(tree)}
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, cwd=tree, env=environment, stdin=pipe, stdout=pipe, text=True)
+
+    def passes(self) -> bool:
+        """Tell whether all tests pass; an endless loop counts as a failure."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write("\n")
+        self._process.stdin.flush()
+        return self._process.stdout.readline() == "0\n"
+
+    def notices(self, mutant: Mutant) -> bool:
+        """Put a fault into the copy, and tell whether its tests fail; the copy is as it was, afterwards.
+
+        Args:
+            mutant: The fault.
+        """
+        target = self.tree / mutant.module
+        kept = target.read_text(encoding="utf-8")
+        target.write_text(mutant.text, encoding="utf-8")  # not atomic: a copy that goes when we end
+        try:
+            return not self.passes()
+        finally:
+            target.write_text(kept, encoding="utf-8")  # not atomic: as above
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.communicate()
+
+
+def main() -> None:
+    """Try the faults, print each, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--mutants", type=int, default=150)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", choices=SUBJECTS, default=None)
+    parser.add_argument("--kept", type=Path, default=None)
+    parser.add_argument("--page", action="store_true")
+    chosen = parser.parse_args()
+    share = -(-chosen.mutants // len(SUBJECTS))
+    known: dict[str, bool] = read_json(chosen.kept) if chosen.kept and chosen.kept.is_file() else {}
+    found: list[tuple[Mutant, bool]] = []
+    with tempfile.TemporaryDirectory() as scratch:
+        tree = _copied(Path(scratch) / "tree")
+        for subject in [chosen.only] if chosen.only else list(SUBJECTS):
+            found += _judge(draw(subject, share, chosen.seed), tree, known, chosen.kept)
+    if chosen.page:
+        write_text(PAGE, _page(found, chosen.seed))
+
+
+def draw(subject: str, count: int, seed: int) -> list[Mutant]:
+    """Draw faults of a subject, in the order of its modules.
+
+    Args:
+        subject: Row of `SUBJECTS`.
+        count: How many.
+        seed: Each subject has a stream of its own.
+    """
+    every = [mutant for module in SUBJECTS[subject][0] for mutant in mutants_of(subject, module)]
+    rng = np.random.default_rng([seed, list(SUBJECTS).index(subject)])
+    return [every[row] for row in sorted(rng.permutation(len(every))[:count].tolist())]
+
+
+def _judge(drawn: list[Mutant], tree: Path, known: dict[str, bool], kept: Path | None) -> list[tuple[Mutant, bool]]:
+    """Try the faults of one subject that are not known yet, and print all."""
+    subject, found = drawn[0].subject, []
+    runner = TestRunner(subject, tree)
+    if any(_identity(mutant) not in known for mutant in drawn) and not runner.passes():
+        sys.exit(f"the tests of {subject} fail without any fault")  # else every fault would count as noticed
+    for mutant in drawn:
+        identity = _identity(mutant)
+        if identity not in known:
+            known[identity] = runner.notices(mutant)
+            if kept:
+                write_json(kept, known)
+        found.append((mutant, known[identity]))
+        sys.stdout.write(f"{'noticed ' if known[identity] else 'SURVIVED'} {_told(mutant)}\n")
+        sys.stdout.flush()
+    runner.close()
+    return found
+
+
+def _identity(mutant: Mutant) -> str:
+    """Hash a fault and the tests that it is held against."""
+    tests = [(ROOT / test).read_text(encoding="utf-8") for test in SUBJECTS[mutant.subject][1]]
+    return digest([mutant.module, mutant.text, *tests])
+
+
+def _copied(tree: Path) -> Path:
+    for folder in FOLDERS:
+        shutil.copytree(ROOT / folder, tree / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tree)
+    return tree
+
+
+def _places(tree: ast.Module) -> Iterator[tuple[ast.AST, "Change"]]:
+    """Give each place that can be changed, and what changes it; the order is that of the tree."""
+    axes = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg == "axis"}
+    for node in ast.walk(tree):
+        if id(node) in axes:
+            continue  # an axis is exchanged for another: -1 and +1 are often the same
+        if isinstance(node, ast.Compare) and type(node.ops[0]) in _COMPARED:
+            table = _COMPARED if _is_counted(node) else {**_COMPARED, **_TURNED}
+            yield node, Change(node, "ops", [table[type(node.ops[0])](), *node.ops[1:]])
+        elif isinstance(node, ast.BinOp) and type(node.op) in _COUNTED and not _is_annotation(node):
+            yield node, Change(node, "op", _COUNTED[type(node.op)]())
+        elif isinstance(node, ast.BoolOp):
+            yield node, Change(node, "op", ast.Or() if isinstance(node.op, ast.And) else ast.And())
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not):
+            yield node, Change(node, "op", ast.UAdd() if isinstance(node.op, ast.USub) else _Nothing())
+        elif isinstance(node, ast.keyword) and node.arg == "axis" and ast.unparse(node.value) in ("0", "1", "-1"):
+            yield node, Change(node, "value", ast.Constant(0 if ast.unparse(node.value) != "0" else 1))
+        elif isinstance(node, ast.If):
+            yield node, Change(node, "test", ast.UnaryOp(ast.Not(), node.test))
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
+            yield node, Change(node, "value", ast.Constant(None))
+
+
+class _Nothing(ast.Not):
+    """Stands for `not not`: the operand as it is."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One change of a syntax tree.
+
+    Attributes:
+        node: What is changed.
+        field: Its field.
+        value: What the field becomes.
+    """
+
+    node: ast.AST
+    field: str
+    value: object
+
+    def __call__(self) -> None:
+        """Make the change."""
+        if isinstance(self.value, _Nothing) and isinstance(self.node, ast.UnaryOp):
+            self.node.operand = ast.UnaryOp(ast.Not(), self.node.operand)
+        else:
+            setattr(self.node, self.field, self.value)
+
+
+def _is_counted(node: ast.Compare) -> bool:
+    """Tell whether a whole number, or the number of things, is written on one side of a comparison."""
+    sides = (node.left, *node.comparators)
+    return any(
+        (isinstance(side, ast.Constant) and type(side.value) is int)
+        or (isinstance(side, ast.Call) and ast.unparse(side.func) == "len")
+        for side in sides
+    )
+
+
+def _is_annotation(node: ast.BinOp) -> bool:
+    """Tell whether `|` joins types, such as `Path | None`."""
+    leaves = list(ast.walk(node))
+    has_none = any(isinstance(leaf, ast.Constant) and leaf.value is None for leaf in leaves)
+    has_type = any(isinstance(leaf, ast.Name) and leaf.id[:1].isupper() for leaf in leaves)
+    return isinstance(node.op, ast.BitOr) and (has_none or has_type)
+
+
+def _shown(node: ast.AST) -> str:
+    """Spell what changes: of a branch, its condition."""
+    return ast.unparse(node.test if isinstance(node, ast.If) else node)
+
+
+def _told(mutant: Mutant) -> str:
+    return f"{mutant.subject}: {mutant.module}:{mutant.line}: {mutant.what[:160]}"
+
+
+def _page(found: list[tuple[Mutant, bool]], seed: int) -> str:
+    lines = [
+        "# Would the tests notice?",
+        "",
+        "Written by `python -m benchmarks.checks.mutants --page`.",
+        f"{len(found)} small faults, drawn with seed {seed}, one at a time; their tests must fail.",
+        "",
+        "| subject | faults | noticed |",
+        "|---|---|---|",
+    ]
+    for subject in dict.fromkeys(mutant.subject for mutant, _ in found):
+        judged = [noticed for mutant, noticed in found if mutant.subject == subject]
+        lines.append(f"| {subject} | {len(judged)} | {sum(judged)} |")
+    judged = [noticed for _, noticed in found]
+    lines += [
+        f"| **all** | {len(judged)} | {sum(judged)} ({100 * sum(judged) / max(len(judged), 1):.1f} %) |",
+        "",
+        "## Not noticed",
+        "",
+    ]
+    lines += [f"- {_told(mutant)}" for mutant, noticed in found if not noticed] or ["None."]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    main()

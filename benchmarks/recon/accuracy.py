@@ -1,0 +1,296 @@
+"""How true the clouds are: every family, road and rail, close and whole flights, sparse and dense, class by class.
+
+Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--note TEXT]
+
+Makes a bridge for every row, flies, renders and reconstructs it, and writes `docs/benchmarks/accuracy.md`. WORK keeps
+what was made: a second call goes on. `--page` writes the page of what is there. Some six processor minutes a row.
+The same bridges are sampled on their mesh and by a tripod's laser, for `benchmarks.compare`.
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import falsework
+from falsework.commands.console import ConsoleProgress
+from groundwork.files import read_json, write_text
+from recon.cloud import Cloud, read_cloud
+from recon.sampling.scene_surface import lay_out
+from recon.truth.statistics import NEAR
+from recon.truth.triangle_points import nearest_on_triangles
+from usd_schemas.raycast import RayScene
+from usd_schemas.reading.scene_cache import load_scene
+
+Bools = NDArray[np.bool_]
+F64 = NDArray[np.float64]
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks" / "accuracy.md"
+FAMILIES = ("slab", "beam", "girder", "arch", "suspension", "cable_stayed")
+SERVICES = {"road": "road", "rail": "rail_double"}
+SURVEYS: Mapping[str, Mapping[str, Any]] = {
+    "local": {"kind": "local", "length": 20.0, "images": [50, 70]},
+    "global": {"kind": "global", "images": 80},
+}
+MODES = ("sparse", "dense")
+SAMPLES: tuple[Mapping[str, Any], ...] = (  # as in scenarios/learning.toml
+    {"kind": "mesh", "density": 120.0, "reach": 12.0, "voxel": 0.05},
+    {"kind": "mesh", "id": "visible", "density": 120.0, "reach": 12.0, "voxel": 0.05, "min_views": 3},
+    {"kind": "terrestrial", "id": "tls", "reach": 40.0, "angular_step": 0.35, "voxel": 0.05},
+)
+CLEAR = 0.03  # [m] a point that its own class is no farther from than the nearest surface and this lies at a border
+FEWEST, ALL_RIGHT = 20, 0.95  # points of an instance that counts, and share of them that makes it right [1]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A bridge and a flight.
+
+    Attributes:
+        family: Family of the bridge.
+        service: road or rail, a key of `SERVICES`.
+        survey: A key of `SURVEYS`.
+    """
+
+    family: str
+    service: str
+    survey: str
+
+    @property
+    def name(self) -> str:
+        """Name of its folder, and of it on the command line."""
+        return f"{self.survey}-{self.family}-{self.service}"
+
+
+ROWS = tuple(
+    Row(family, service, survey)
+    for survey in SURVEYS
+    for family in FAMILIES
+    for service in (SERVICES if survey == "local" else ("road",))
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What is known of the points of a cloud.
+
+    Attributes:
+        cloud: The cloud.
+        near: Whether each point is on the true surface, shape (N,), bool.
+        right: Whether each is there and has the class of that surface, shape (N,), bool.
+        clear: Whether each is there, has another class, and the nearest surface of its own class lies more than
+            `CLEAR` farther than that one, shape (N,), bool.
+    """
+
+    cloud: Cloud
+    near: Bools
+    right: Bools
+    clear: Bools
+
+    @property
+    def classes(self) -> dict[int, str]:
+        """Name of each class by its number."""
+        return {row.id: row.name for row in self.cloud.classes}
+
+
+def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
+    """Write the scenario of a row.
+
+    Args:
+        row: Bridge and flight.
+        seed: Seed of the scene.
+    """
+    return {
+        "seed": seed,
+        "bridge": {"family": row.family, "service": SERVICES[row.service]},
+        "background": {"name": "countryside"},
+        "look": {"name": "random", "texels": 1024},
+        "survey": [{**SURVEYS[row.survey], "width": 960, "height": 720}],
+        "sample": [dict(sample) for sample in SAMPLES],
+        "sensor": {"noise": True},
+        "recon": {"mode": "both", "quality": "medium"},
+        "keep": ["stage", "cloud"],
+    }
+
+
+def judge(cloud: Cloud, corners: F64, labels: NDArray[np.uint8]) -> Judged:
+    """Compare a cloud with its truth.
+
+    Args:
+        cloud: A cloud of a capture with truth.
+        corners: Triangles of its stage [m], shape (T, 3, 3), float64.
+        labels: Class of each, shape (T,), uint8.
+    """
+    columns = cloud.columns
+    near = columns["surface_distance"] <= NEAR
+    right = near & (columns["segment"] == columns["surface_class"])
+    wrong = np.flatnonzero(near & ~right)
+    own = distance_to_class(columns["coord"][wrong].astype(np.float64), columns["segment"][wrong], corners, labels)
+    clear = np.zeros(len(near), bool)
+    clear[wrong] = own - columns["surface_distance"][wrong] > CLEAR
+    return Judged(cloud, near, right, clear)
+
+
+def distance_to_class(points: F64, classes: NDArray[np.uint8], corners: F64, labels: NDArray[np.uint8]) -> F64:
+    """Measure how far the nearest surface of its own class is from each point.
+
+    Args:
+        points: World positions [m], shape (N, 3), float64.
+        classes: Class of each, shape (N,), uint8.
+        corners: Triangles [m], shape (T, 3, 3), float64.
+        labels: Class of each, shape (T,), uint8.
+
+    Returns:
+        Distances [m], infinite where the class has no surface, shape (N,), float64.
+    """
+    found = np.full(len(points), np.inf)
+    for number in np.unique(classes):
+        mine, rows = corners[labels == number], np.flatnonzero(classes == number)
+        if len(mine):
+            _, nearest = RayScene(mine, np.zeros(len(mine), np.uint32)).nearest(points[rows])
+            foot = nearest_on_triangles(points[rows], mine, nearest)
+            found[rows] = np.linalg.norm(points[rows] - foot, axis=1)
+    return found
+
+
+def instances_right(judged: Judged, within: Bools | None = None) -> tuple[int, int]:
+    """Count instances that are labelled right, as a whole.
+
+    Args:
+        judged: The cloud.
+        within: Points to look at, shape (N,), bool; all when None.
+
+    Returns:
+        Instances of which at least `ALL_RIGHT` of the points on the surface have its class, and instances with
+        `FEWEST` such points.
+    """
+    taken = judged.near if within is None else judged.near & within
+    instance = judged.cloud.columns["instance"]
+    named = taken & (instance > 0)
+    _, which, count = np.unique(instance[named], return_inverse=True, return_counts=True)
+    share = np.bincount(which, weights=judged.right[named], minlength=len(count)) / np.maximum(count, 1)
+    counts = count >= FEWEST
+    return int((counts & (share >= ALL_RIGHT)).sum()), int(counts.sum())
+
+
+def row_line(row: Row, mode: str, judged: Judged) -> str:
+    """Write the line of a cloud.
+
+    Args:
+        row: Bridge and flight.
+        mode: sparse or dense.
+        judged: The cloud.
+    """
+    figures = judged.cloud.statistics
+    right, instances = instances_right(judged)
+    cells = [
+        row.family,
+        row.service,
+        row.survey,
+        mode,
+        f"{figures['valid']} of {figures['images']}",
+        f"{1000 * (figures['center_error_median'] or np.nan):.1f}",
+        f"{len(judged.near):,}",
+        _share(judged.near.sum(), len(judged.near)),
+        _share(judged.right.sum(), judged.near.sum()),
+        _share(judged.clear.sum(), judged.near.sum()),
+        f"{right} of {instances}",
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def class_lines(clouds: Sequence[Judged]) -> list[str]:
+    """Write a line for each class: of all clouds of one mode.
+
+    Args:
+        clouds: Clouds that share a class table.
+    """
+    lines = []
+    for number, name in (clouds[0].classes if clouds else {}).items():
+        mine = [judged.cloud.columns["segment"] == number for judged in clouds]
+        points = sum(int(one.sum()) for one in mine)
+        if not points or name == "unlabelled":
+            continue
+        near = sum(int((one & judged.near).sum()) for one, judged in zip(mine, clouds, strict=True))
+        right = sum(int((one & judged.right).sum()) for one, judged in zip(mine, clouds, strict=True))
+        clear = sum(int((one & judged.clear).sum()) for one, judged in zip(mine, clouds, strict=True))
+        whole = [instances_right(judged, one) for one, judged in zip(mine, clouds, strict=True)]
+        good, counted = sum(a for a, _ in whole), sum(b for _, b in whole)
+        instances = f"{good} of {counted}" if counted else ""
+        shares = [_share(near, points), _share(right, near), _share(clear, near)]
+        lines.append(f"| {' | '.join([name, f'{points:,}', *shares, instances])} |")
+    return lines
+
+
+def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], note: str = "") -> str:
+    """Write the page.
+
+    Args:
+        found: For each row its clouds by mode.
+        note: A line of its own, such as which code made the clouds; empty for none.
+    """
+    lines = [
+        "# How true the clouds are",
+        "",
+        "Written by `python -m benchmarks.recon.accuracy WORK`. One bridge a row, 960 x 720 px, sensor noise,",
+        f"countryside, quality `medium`; both clouds come from one model. *Near*: within {NEAR:g} m of the true",
+        "surface. *Right*: of these, with the class of that surface. *Clearly wrong*: with another class, and the",
+        f"nearest surface of their own lies more than {1000 * CLEAR:.0f} mm farther: where rails and sleepers are a",
+        "few centimeters high, a point that is 20 mm off lies nearer to the neighbor of what its photographs show.",
+        "*Center*: median error of camera centers. An *instance* is right",
+        f"where {ALL_RIGHT:.0%} of its near points have its class; those with fewer than {FEWEST} do not count.",
+        *(["", note] if note else []),
+        "",
+        "| family | service | flight | cloud | cameras | center [mm] | points | near | right | clearly wrong "
+        "| instances right |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+        *(row_line(row, mode, clouds[mode]) for row, clouds in found.items() for mode in MODES if mode in clouds),
+    ]
+    missing = [row.name for row in ROWS if row not in found]
+    if missing:
+        lines += ["", f"Not made: {', '.join(missing)}."]
+    head = "| class | points | near | right | clearly wrong | instances right |"
+    for mode in MODES:
+        lines += ["", f"## By class, {mode}", "", head]
+        lines += ["|---|---|---|---|---|---|", *class_lines([by[mode] for by in found.values() if mode in by])]
+    return "\n".join([*lines, ""])
+
+
+def main() -> None:
+    """Make what is missing, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("work", type=Path)
+    parser.add_argument("--only", nargs="+", default=[row.name for row in ROWS], metavar="NAME")
+    parser.add_argument("--page", action="store_true", help="make nothing more")
+    parser.add_argument("--note", default="", help="a line for the page")
+    given = parser.parse_args()
+    for number, row in enumerate(ROWS, 4001):
+        if row.name in given.only and not given.page:
+            with ConsoleProgress() as progress:
+                outcome = falsework.run(scenario_of_row(row, number), given.work / row.name, progress=progress)
+            sys.stdout.write(f"{row.name}: {outcome.made} made\n")
+    found = {row: clouds for row in ROWS if (clouds := _clouds(given.work / row.name))}
+    write_text(PAGE, accuracy_page(found, given.note))
+
+
+def _clouds(run: Path) -> dict[str, Judged]:
+    found: dict[str, Judged] = {}
+    for record in sorted(run.glob("scenes/*/cloud/*/cloud.json")):
+        mode = str(read_json(record)["source"]).removeprefix("sfm-")
+        if mode in MODES:  # the others are samples
+            surface = lay_out(load_scene(record.parents[2] / "stage" / "scene.usda"))
+            found[mode] = judge(read_cloud(record.parent), surface.corners, surface.labels)
+    return found
+
+
+def _share(part: float, whole: float) -> str:
+    return f"{part / whole:.1%}" if whole else ""
+
+
+if __name__ == "__main__":
+    main()
