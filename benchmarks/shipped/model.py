@@ -36,9 +36,9 @@ from learn.training.train import TrainingData, train_network
 
 CHANNELS = ("z",)
 VARIED = {  # shares of the samples, and how much leaves are shaken
-    "alone": 0.1,  # nothing but a bridge, as scans that were cut out
-    "empty": 0.15,  # nothing of a bridge
-    "clutter": 0.3,  # made up land without a bridge
+    "alone": 0.15,  # nothing but a bridge, as scans that were cut out
+    "empty": 0.1,  # nothing of a bridge
+    "clutter": 0.2,  # made up land without a bridge
     "rustle": 0.4,  # [m]
 }
 SAMPLES, HELD_SAMPLES = 800, 128  # of an epoch, and of its validation
