@@ -43,6 +43,27 @@ def interpolate(values: Tensor, index: Tensor, coord: Tensor, known: Tensor, pow
     return (gather(values, index) * weights[..., None]).sum(2)
 
 
+def of_neighbors(layer: nn.Module, features: Tensor, offset: Tensor, index: Tensor) -> Tensor:
+    """Apply the linear part of a layer, without its bias, to the offset and the features of each neighbor.
+
+    The features of a point go through the layer once, not once in every neighborhood that holds it.
+
+    Args:
+        layer: A `Shared` one of 3 + C inputs: the offset comes first.
+        features: Shape (B, N, C).
+        offset: From the centers to their neighbors, shape (B, M, K, 3).
+        index: Rows of the neighbors, shape (B, M, K), int64.
+
+    Returns:
+        Shape (B, M, K, outputs).
+    """
+    assert isinstance(layer, Shared)
+    weight = layer.linear.weight
+    points = gather(functional.linear(features, weight[:, 3:]), index)
+    added = torch.addmm(points.flatten(0, 2), offset.flatten(0, 2), weight[:, :3].t())
+    return added.view(points.shape)
+
+
 class Shared(nn.Module):
     """One layer of a shared MLP: linear, batch normalisation, activation, the same for every point."""
 
@@ -70,28 +91,40 @@ class Shared(nn.Module):
         Returns:
             Shape (…, outputs).
         """
+        return self.behind(functional.linear(values, self.linear.weight))
+
+    def behind(self, values: Tensor) -> Tensor:
+        """Finish what the linear part, without its bias, has begun.
+
+        In training the bias is left out: normalisation takes it away with the mean of the batch. It moves the running
+        mean alone, and its gradient is nought. To write it to every row and to sum its gradient up takes a tenth of
+        a step.
+
+        Args:
+            values: Shape (…, outputs).
+
+        Returns:
+            Shape (…, outputs).
+        """
         rows = values.reshape(-1, values.shape[-1])
-        flat = _normalized(rows, self.linear, self.norm) if self.norm.training else self.norm(self.linear(rows))
-        if self.activation is not None:
-            flat = self.activation(flat)
-        return flat.view(*values.shape[:-1], flat.shape[-1])
+        bias = self.linear.bias
+        if self.norm.training:
+            rows = _normalized(rows, bias, self.norm)
+        else:
+            rows = self.norm(rows if bias is None else rows + bias)
+        return (rows if self.activation is None else self.activation(rows)).view(values.shape)
 
 
-def _normalized(rows: Tensor, linear: nn.Linear, norm: nn.BatchNorm1d) -> Tensor:
-    """Apply a layer in training, its bias left out: normalisation takes a bias away with the mean of the batch.
-
-    It moves the running mean alone, and its gradient is nought. To write it to every row and to sum its gradient up
-    takes a tenth of a step.
-    """
-    if linear.bias is None:
-        return norm(linear(rows))
+def _normalized(rows: Tensor, bias: Tensor | None, norm: nn.BatchNorm1d) -> Tensor:
+    """Normalise in training as if a bias had been added to the rows."""
+    if bias is None:
+        return norm(rows)
     assert norm.running_mean is not None
     assert norm.num_batches_tracked is not None
-    bias = linear.bias.detach()
-    mean = norm.running_mean - bias
-    after = norm.bias + 0.0 * linear.bias  # so that the bias has its gradient of nought
+    mean = norm.running_mean - bias.detach()
+    after = norm.bias + 0.0 * bias  # so that the bias has its gradient of nought
     found = functional.batch_norm(
-        functional.linear(rows, linear.weight),
+        rows,
         mean,
         norm.running_var,
         norm.weight,
@@ -100,6 +133,6 @@ def _normalized(rows: Tensor, linear: nn.Linear, norm: nn.BatchNorm1d) -> Tensor
         norm.momentum or 0.0,
         norm.eps,
     )
-    norm.running_mean.copy_(mean + bias)
+    norm.running_mean.copy_(mean + bias.detach())
     norm.num_batches_tracked += 1
     return found

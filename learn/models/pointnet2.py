@@ -10,7 +10,7 @@ from torch import Tensor, cat, nn
 
 from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
-from learn.models.gather import Shared, gather, interpolate
+from learn.models.gather import Shared, gather, interpolate, of_neighbors
 from learn.models.pooled import pooled
 from learn.neighbourhoods.pyramids import Indices, farthest_pyramid
 
@@ -109,7 +109,7 @@ class PointNet2(nn.Module):
                 index = geometry[f"ball{level}_{ring}"]
                 offset = gather(coords[-1], index) - centers[:, :, None]
                 assert isinstance(mlp, nn.Sequential)
-                found.append(pooled(mlp, cat([offset, gather(levels[-1], index)], dim=-1)))
+                found.append(pooled(mlp, of_neighbors(mlp[0], levels[-1], offset, index)))
             coords.append(centers)
             levels.append(cat(found, dim=-1))
         values = levels[-1]

@@ -10,7 +10,7 @@ from torch import Tensor, cat, nn
 
 from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
-from learn.models.gather import Shared, gather, interpolate
+from learn.models.gather import Shared, gather, interpolate, of_neighbors
 from learn.models.pooled import pooled
 from learn.neighbourhoods.pyramids import Indices, add_own_balls, farthest_pyramid
 
@@ -152,8 +152,8 @@ class SetAbstraction(nn.Module):
         Returns:
             Features, shape (B, M, outputs).
         """
-        values = _around(features, coord, gather(coord, kept), ball, self.radius)
-        values = pooled(self.mlp, values)
+        offset = _offset(coord, gather(coord, kept), ball, self.radius)
+        values = pooled(self.mlp, of_neighbors(self.mlp[0], features, offset, ball))
         if self.shortcut is None:
             return values
         return (values + self.shortcut(gather(features, kept))).relu()
@@ -180,13 +180,13 @@ class InvertedResidual(nn.Module):
         Returns:
             Features, shape (B, N, width).
         """
-        values = self.local(_around(features, coord, coord, ball, self.radius)).max(dim=2).values
+        offset = _offset(coord, coord, ball, self.radius)
+        values = pooled([self.local], of_neighbors(self.local, features, offset, ball))
         return (self.narrow(self.widen(values)) + features).relu()
 
 
-def _around(features: Tensor, coord: Tensor, centers: Tensor, ball: Tensor, radius: float) -> Tensor:
-    offset = (gather(coord, ball) - centers[:, :, None]) / radius
-    return cat([offset, gather(features, ball)], dim=-1)
+def _offset(coord: Tensor, centers: Tensor, ball: Tensor, radius: float) -> Tensor:
+    return (gather(coord, ball) - centers[:, :, None]) / radius
 
 
 def _layer(inputs: int, outputs: int, *, active: bool = True) -> Shared:

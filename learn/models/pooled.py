@@ -1,5 +1,6 @@
 """The last layer over a neighbourhood and its maximum: in training what is not the maximum is never normalised."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import torch
@@ -8,29 +9,29 @@ from torch import Tensor, nn
 from learn.models.gather import Shared
 
 
-def pooled(layers: nn.Sequential, values: Tensor) -> Tensor:
-    """Apply a shared MLP to neighbourhoods, and take the maximum over each.
+def pooled(layers: Iterable[nn.Module], begun: Tensor) -> Tensor:
+    """Apply a shared MLP to neighborhoods, and take the maximum over each.
 
     Normalisation and activation rise or fall with their input, so that the maximum may be taken before them, which
     saves time in training. Elsewhere, and under autocast, everything is done in turn.
 
     Args:
         layers: Of `Shared` layers, at least one; the last one is active by ReLU or not at all.
-        values: Shape (B, M, K, inputs).
+        begun: What the linear part of the first layer gave, as `of_neighbors` does, shape (B, M, K, outputs).
 
     Returns:
         Shape (B, M, outputs).
     """
-    *former, last = layers
-    assert isinstance(last, Shared)
-    for layer in former:
-        values = layer(values)
-    if not last.norm.training or torch.is_autocast_enabled(values.device.type):
-        return last(values).max(dim=2).values
+    last, *others = (layer for layer in layers if isinstance(layer, Shared))
+    for layer in others:
+        begun = nn.functional.linear(last.behind(begun), layer.linear.weight)
+        last = layer
+    if not last.norm.training or torch.is_autocast_enabled(begun.device.type):
+        return last.behind(begun).max(dim=2).values
     norm, linear = last.norm, last.linear
     assert norm.running_mean is not None
     assert norm.num_batches_tracked is not None
-    rows = nn.functional.linear(values, linear.weight).flatten(0, 1)
+    rows = begun.flatten(0, 1)
     bias, shift = norm.bias, torch.zeros_like(norm.running_mean)
     if linear.bias is not None:  # as in `Shared`: it moves the running mean alone
         bias, shift = norm.bias + 0.0 * linear.bias, linear.bias.detach()
@@ -38,7 +39,7 @@ def pooled(layers: nn.Sequential, values: Tensor) -> Tensor:
     found: Tensor = _PooledNorm.apply(rows, norm.weight, bias, mean, norm.running_var, norm.momentum, norm.eps)
     norm.running_mean.copy_(mean + shift)
     norm.num_batches_tracked += 1
-    found = found.view(*values.shape[:2], -1)
+    found = found.view(*begun.shape[:2], -1)
     return found if last.activation is None else last.activation(found)
 
 
