@@ -17,9 +17,8 @@ from falsework.commands.report_verb import kind_of, way_to
 from falsework.execution import chain
 from falsework.execution.run_facts import run_facts
 from falsework.pipeline import run_scenario
-from falsework.report import dataset_page
 from falsework.report.comparison_page import write_comparison_page
-from falsework.report.dataset_page import class_rows_of, write_dataset_page
+from falsework.report.dataset_page import write_dataset_page
 from falsework.report.page import file_link, settings_rows
 from falsework.report.report import write_report
 from falsework.report.residuals import image_rows, overlap_map, reprojection_residuals
@@ -30,7 +29,6 @@ from falsework.stages import STAGES
 from falsework.view.saved import save_view
 from falsework.view.subject import Subject
 from groundwork.errors import FalseworkError
-from groundwork.files import write_json
 from groundwork.progress import SILENT
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.settings import dataset_settings
@@ -295,61 +293,6 @@ def test_overlap_counts_different_images() -> None:
         expected[place] = len(images)
     assert np.mean(counts == expected) > 0.99  # rounding may move a point on an edge
     assert counts.sum() == pytest.approx(expected.sum(), rel=0.02)
-
-
-def test_confusion_stands_under_its_names(tmp_path: Path) -> None:
-    """Classes that do not come by the alphabet, read from a file that sorts its keys: each row is that of its class."""
-    names, absent = ("water", "arch", "deck"), "bearing"
-    truth, found = np.array([0] * 6 + [1] * 2 + [2] * 4), np.array([0] * 3 + [2] * 3 + [1] * 2 + [2] * 4)
-    likely = np.eye(4, dtype=np.float32)[found]
-    cloud = ScoredCloud(
-        bridge="b1",
-        coord=np.zeros((12, 3)),
-        truth=truth,
-        probabilities=likely,
-        votes=np.ones(12, np.int64),
-        uncertainty=np.zeros(12, np.float32),
-        instance=truth + 1,
-    )
-    record = whole_record({"b1": tally_cloud(cloud, 4, (), 0.5, 1)}, (*names, absent), 0.5)
-    write_json(tmp_path / "scores.json", record)
-    model = write_model(tmp_path / "model", "m")
-    facts = json.loads((model / "model.json").read_text())
-    facts["training"]["validation_bridges"] = ["b1"]
-    (model / "model.json").write_text(json.dumps(facts))
-    write_training_page(tmp_path / "page.html", {"m": model}, {"scores": tmp_path / "scores.json"})
-    page = (tmp_path / "page.html").read_text()
-    matrix = page[page.index('<table class="matrix">') :].partition("</table>")[0]
-    heads = re.findall(r"<span>(\w+)</span>", matrix)
-    rows = {
-        name: re.findall(r"<td[^>]*>(\d*)</td>", cells)
-        for name, cells in re.findall(r"<tr><th>(\w+)</th>(.*)</tr>", matrix)
-    }
-    assert heads == list(names)
-    assert rows == {"water": ["50", "", "50"], "arch": ["", "100", ""], "deck": ["", "", "100"]}
-    text = " ".join(" ".join(elements_of(tmp_path / "page.html").text).split())
-    for words in (
-        "Neither there nor predicted: bearing.",
-        "water deck 3 50.0%",
-        "50.0% accuracy of always saying water",
-        "mean IoU of the 3 classes there",
-        "Model m picked its epoch by b1: its scores there are too good.",
-    ):
-        assert words in text, words
-
-
-def test_a_data_set_says_what_training_lacks() -> None:
-    """A class that is held out alone is named; sizes with a long tail have a logarithmic axis with whole numbers."""
-    rows = class_rows_of(("ground", "rail", "arch_rib"))
-    counts = {"train": np.array([5, 0, 0] + [0] * 253), "test": np.array([5, 2, 0] + [0] * 253)}
-    assert dataset_page._unlearnt(rows, counts, ["train", "test"]) == "rail"
-    assert dataset_page._unlearnt(rows, counts, ["test"]) == ""
-    shares = dataset_page._share_figure(rows, counts, ["train", "test"]).to_dict()
-    assert [list(bar["y"]) for bar in shares["data"]] == [["ground", "rail"]] * 2
-    assert shares["layout"]["yaxis"]["dtick"] == 1  # no name is left out
-    assert dataset_page._log_axis(90.0, 1200.0)["ticktext"] == ["100", "200", "500", "1,000"]
-    many = class_rows_of(tuple(f"kind{k}" for k in range(40)))
-    assert len({row.color for row in many}) == 40
 
 
 def test_settings_and_links_are_spelt() -> None:
