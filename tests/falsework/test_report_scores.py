@@ -5,14 +5,16 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from falsework.report import dataset_page
+from falsework.report.comparison_page import write_comparison_page
 from falsework.report.dataset_page import class_rows_of
 from falsework.report.training_page import write_training_page
 from groundwork.files import write_json
 from learn.scoring.record import tally_cloud, whole_record
 from learn.scoring.votes import ScoredCloud
-from tests.falsework.test_report_pages import elements_of, write_model
+from tests.falsework.test_report_pages import comparison, elements_of, write_model
 
 
 def test_confusion_stands_under_its_names(tmp_path: Path) -> None:
@@ -68,3 +70,28 @@ def test_a_data_set_says_what_training_lacks() -> None:
     assert dataset_page._log_axis(90.0, 1200.0)["ticktext"] == ["100", "200", "500", "1,000"]
     many = class_rows_of(tuple(f"kind{k}" for k in range(40)))
     assert len({row.color for row in many}) == 40
+
+
+@pytest.mark.parametrize("several", [False, True], ids=["one model", "two models"])
+def test_columns_of_equal_words_are_left_out(several: bool, tmp_path: Path) -> None:
+    """One model, one group of windows: no column for either; of two, each row says which. Rows fit their heads."""
+    record = comparison("deck one")
+    if several:
+        record["groups"].append(["x", "y"])
+        for key in ("scores", "differences"):
+            record[key] += [{**row, "model": "forest", "group": ["x", "y"]} for row in record[key]]
+        record["losses"] += [{**row, "group": ["x", "y"]} for row in record["losses"]]
+    write_json(tmp_path / "comparison.json", record)
+    write_comparison_page(tmp_path / "page.html", tmp_path)
+    page = (tmp_path / "page.html").read_text()
+    tables = re.findall(r"<table>(.*?)</table>", page, re.S)
+    heads = [re.findall(r"<th[^>]*>(.*?)</th>", table) for table in tables]
+    for table, head in zip(tables, heads, strict=True):
+        rows = [row for row in table.split("<tr>") if "<td" in row]
+        assert rows
+        assert {row.count("<td") for row in rows} == {len(head)}
+    assert len(heads) == 5
+    assert [("model" in head) or ("group" in head) for head in heads] == [several] * 5
+    assert page.count('<table class="matrix">') == len(record["scores"])
+    assert "trained on b" in page
+    assert ("forest, trained on b (x · y), tested on deck one" in page) is several
